@@ -1,0 +1,95 @@
+"""Geometry, energy and natural lengths of the triangular tensegrity prism.
+
+Two equilateral triangles of base strings, the upper one raised by the height and turned by
+the twist, joined by three bars and three cross strings without thickness.  The geometry is
+typed once, as the positions of six nodes; lengths, energy and natural lengths follow.
+Source: seeds/000, part III, "Compatibility equations" and "Elastic problem".
+"""
+
+from functools import cache
+
+import sympy as sp
+from sympy.simplify.fu import TR8
+
+base, height, circumradius = sp.symbols("l h a", positive=True)
+twist = sp.Symbol("phi", real=True)
+k_cross, k_base, k_bar = sp.symbols("k_1 k_2 k_3", positive=True)
+natural_cross, natural_base, natural_bar = sp.symbols("s_N l_N b_N", positive=True)
+reference_height = sp.Symbol("h_0", positive=True)
+prestrain = sp.Symbol("p_0", nonnegative=True)
+
+REFERENCE_TWIST = 5 * sp.pi / 6
+"""Twist of the self-stressed state in which strings pull and bars push."""
+
+CIRCUMRADIUS = base / sp.sqrt(3)
+
+
+def nodes(height=height, twist=twist, radius=CIRCUMRADIUS):
+    """Positions of the three lower and of the three upper nodes, as two lists of vectors."""
+
+    def triangle(turn, level):
+        angles = [turn + 2 * sp.pi * i / 3 for i in range(3)]
+        return [sp.Matrix([radius * sp.cos(t), radius * sp.sin(t), level]) for t in angles]
+
+    return triangle(0, 0), triangle(twist, height)
+
+
+def _squared_distance(start, end):
+    difference = end - start
+    return sp.expand(TR8(sp.expand(difference.dot(difference))))  # products of sines to sums
+
+
+@cache
+def bar_length_squared(radius=CIRCUMRADIUS):
+    """b^2: a bar joins a lower node to the upper node turned away from it by the twist."""
+    lower, upper = nodes(radius=radius)
+    return _squared_distance(lower[0], upper[0])
+
+
+@cache
+def cross_length_squared(radius=CIRCUMRADIUS):
+    """s^2: a cross string joins a lower node to the upper node that follows it."""
+    lower, upper = nodes(radius=radius)
+    return _squared_distance(lower[0], upper[2])
+
+
+def bar_length():
+    """b(l, phi, h) [m]."""
+    return sp.sqrt(bar_length_squared())
+
+
+def cross_length():
+    """s(l, phi, h) [m]."""
+    return sp.sqrt(cross_length_squared())
+
+
+def energy():
+    """Elastic energy of 3 cross strings, 6 base strings and 3 bars, U(l, phi, h) [J]."""
+    return (
+        sp.Rational(3, 2) * k_cross * (cross_length() - natural_cross) ** 2
+        + 3 * k_base * (base - natural_base) ** 2
+        + sp.Rational(3, 2) * k_bar * (bar_length() - natural_bar) ** 2
+    )
+
+
+def at_reference(expression):
+    """An expression at the self-stressed state: twist 5 pi/6, height h0."""
+    return expression.subs({twist: REFERENCE_TWIST, height: reference_height})
+
+
+@cache
+def natural_lengths():
+    """Natural lengths (s_N, l_N, b_N) [m] that put the unloaded prism at twist 5 pi/6, height h0.
+
+    The prestrain p0 = (s0 - s_N)/s_N gives s_N; l_N and b_N follow because U is stationary
+    there in all three coordinates: three equations for the two unknowns, which can be met
+    at this twist and at phi = -pi/6 only.
+    """
+    cross = at_reference(cross_length()) / (1 + prestrain)
+    gradient = [at_reference(sp.diff(energy(), q)) for q in (base, twist, height)]
+    residual = [g.subs(natural_cross, cross) for g in gradient]
+    solutions = sp.linsolve(residual, [natural_base, natural_bar])
+    if len(solutions) != 1:
+        raise ArithmeticError("the reference state has no unique self-stress")
+    base_length, bar = next(iter(solutions))
+    return cross, sp.apart(sp.factor(base_length), k_base), sp.apart(sp.factor(bar), k_bar)

@@ -1,0 +1,235 @@
+"""Axial response of a prism with rigid bases and bars: one degree of freedom, in closed form.
+
+With l and b fixed the height determines the twist, so only the cross strings store energy.
+The plain forms follow the talk (seeds/000, part III, "Rigid-elastic model"): phi(h), V(h) and
+its derivatives.  Two further forms of the same function serve the numbers:
+
+* `energy()`, the energy relative to a loaded height h1, whose error shrinks with the
+  elongation r;
+* `tension()`, its derivative with two square roots and a single division, free of
+  cancellation at the reference and at both locking ends.
+
+Both come from V by a change of variable, the turn delta = phi - phi1 from a known state.
+Compatibility reads h^2 - h1^2 = 2 a^2 (cos phi - cos phi1), a quadratic in tan(delta/2).
+"""
+
+from functools import cache
+
+import sympy as sp
+
+from derivations import prism
+from derivations.prism import circumradius, k_cross, natural_cross, twist
+
+height, bar = sp.symbols("h b", positive=True)
+reference_height, loaded_height = sp.symbols("h_0 h_1", positive=True)
+elongation, preload = sp.symbols("r F_0", real=True)
+prestrain = prism.prestrain
+
+
+# --- the plain forms: everything as a function of the height ---------------------------------
+
+
+@cache
+def cos_twist():
+    """cos phi from b = const."""
+    cosine = sp.Symbol("c")
+    compatibility = prism.bar_length_squared(circumradius).subs(sp.cos(twist), cosine)
+    return sp.solve(compatibility - bar**2, cosine)[0]
+
+
+@cache
+def cross_length():
+    """s(h): the twist eliminated, on the branch 0 < phi < pi."""
+    squared = sp.expand_trig(prism.cross_length_squared(circumradius))
+    sine = sp.sqrt(1 - cos_twist() ** 2)
+    return sp.sqrt(squared.subs({sp.sin(twist): sine, sp.cos(twist): cos_twist()}))
+
+
+def potential_energy():
+    """V(h) = 3/2 k1 (s - s_N)^2 [J]."""
+    return sp.Rational(3, 2) * k_cross * (cross_length() - natural_cross) ** 2
+
+
+def force(order=1):
+    """d^order V / dh^order: 1 is the axial force [N], tension > 0; 2 the stiffness; 3 its slope."""
+    return sp.diff(potential_energy(), height, order)
+
+
+# --- the forms that run: relative to a state of known twist ----------------------------------
+
+delta, twist_1 = sp.symbols("delta phi_1", real=True)  # turn from the known state, its twist
+gain = sp.Symbol("z")  # h^2 - h1^2
+area = sp.Symbol("A")  # a^2
+root, root_1 = sp.symbols("rho rho_1")  # 2 a^2 sin phi, now and in the known state
+
+
+@cache
+def turn():
+    """(sin delta, 1 - cos delta) as rational functions of z and rho, free of cancellation.
+
+    Compatibility, z = 2 a^2 (cos(phi1 + delta) - cos phi1), is a quadratic in tan(delta/2).
+    Of its roots the one that vanishes with z is -z/(rho + rho1) in conjugate form.
+    """
+    t = -gain / (root + root_1)
+    return sp.cancel(2 * t / (1 + t**2)), sp.cancel(2 * t**2 / (1 + t**2))
+
+
+@cache
+def cross_gain():
+    """s^2 - s1^2 in terms of delta, with h eliminated by b = const."""
+    squared = prism.cross_length_squared(circumradius) - prism.bar_length_squared(circumradius)
+    difference = squared.subs(twist, twist_1 + delta) - squared.subs(twist, twist_1)
+    return sp.expand(sp.expand_trig(difference)).subs(circumradius**2, area)
+
+
+def height_rate():
+    """d phi/d h along b = const, with rho = 2 a^2 sin phi."""
+    squared = prism.bar_length_squared(circumradius)
+    rate = -sp.diff(squared, prism.height) / sp.diff(squared, twist)
+    return rate.subs(sp.sin(twist), root / (2 * circumradius**2)).subs(prism.height, height)
+
+
+stiffness = sp.Symbol("k_1")
+shift, far_shift = sp.symbols("d_1 d_2")  # h1 - h0, h1 + h0
+lock, far_lock, no_lock = sp.symbols("p_1 p_2 p_3")  # (r + p1)(r + p2) + p3 = h^2 - h_lock^2
+stroke, far_stroke = sp.symbols("e_1 e_2")  # (e1 - r)(e2 + r) = b^2 - h^2
+length_at_rest = sp.Symbol("h_1")
+natural = sp.Symbol("s_N")
+squared_0, surplus = sp.symbols("S_0 G")  # s0^2, s0^2 - s_N^2
+length_1, extension_1 = sp.symbols("s_1 x_1")  # s1, s1 - s_N
+versine_gain, sine_gain = sp.symbols("alpha beta")  # s^2 - s1^2 per (1 - cos delta), per sin delta
+
+PARAMETERS = (
+    stiffness, preload, length_at_rest, shift, far_shift, lock, far_lock, no_lock, stroke, far_stroke,
+    area, natural, squared_0, surplus, root_1, length_1, extension_1, versine_gain, sine_gain,
+)  # fmt: skip
+
+
+above_lock, below_stretch = sp.symbols("X Y")  # h^2 - h_lock^2, b^2 - h^2
+
+
+THROUGH = (
+    (gain, (elongation + shift) * (elongation + far_shift), 2 * (length_at_rest + elongation)),
+    (
+        above_lock,
+        (elongation + lock) * (elongation + far_lock) + no_lock,
+        2 * (length_at_rest + elongation),
+    ),
+    (
+        below_stretch,
+        (stroke - elongation) * (far_stroke + elongation),
+        -2 * (length_at_rest + elongation),
+    ),
+)
+"""Squares through which `tension` depends on r: (symbol, value, derivative).
+
+The values are products of distances, exact next to their zeros.  The derivatives are not the
+sums of those distances: 2 h stays exact down to h = 0, where a thick prism lies flat.
+"""
+
+
+@cache
+def energy():
+    """V(r) = U(h1 + r) - U(h1) + F0 r [J], its error proportional to r however small r is."""
+    sine, versine = turn()
+    gained = versine_gain * versine + sine_gain * sine
+    extended = gained / (sp.sqrt(length_1**2 + gained) + length_1)
+    value = sp.Rational(3, 2) * stiffness * extended * (extended + 2 * extension_1)
+    value = value.subs(gain, elongation * (elongation + 2 * length_at_rest))
+    value = value.subs(root, sp.sqrt(above_lock * below_stretch))
+    return value.subs({symbol: form for symbol, form, _ in THROUGH}) + preload * elongation
+
+
+@cache
+def tension():
+    """V'(r) = dU/dh + F0 [N] with two square roots and one division, in r and `THROUGH`.
+
+    The known state is the self-stressed one: rho1 = a^2 and s^2 - s0^2 ~ 1 - cos delta.  With
+    rho^2 eliminated the denominator in `turn` is 2 a^2 M, M = a^2 + rho + sqrt(3) z, and
+    s = T/M.  Where s - s_N appears, its conjugate (s^2 - s_N^2)/(s + s_N) does not cancel.
+    """
+    m, t = sp.symbols("M T")
+    cosine = sp.cos(prism.REFERENCE_TWIST) + gain / (2 * area)
+    root_squared = sp.expand(4 * area**2 * (1 - cosine**2))
+
+    def at_reference(fraction):
+        numerator, denominator = sp.fraction(fraction.subs(root_1, area))
+        denominator = sp.factor(sp.expand(denominator).subs(root**2, root_squared))
+        return sp.factor(numerator) / denominator.subs(m_of_gain, m)
+
+    m_of_gain = area + root + sp.sqrt(3) * gain
+    sine, versine = (at_reference(x) for x in turn())
+    gained = cross_gain().subs(twist_1, prism.REFERENCE_TWIST)
+    slope = sp.diff(gained, delta).subs(sp.sin(delta), sine)
+    gained = sp.expand(gained.subs(sp.cos(delta), 1 - versine))
+
+    squared_times_m = sp.expand((squared_0 + gained) * m)
+    surplus_times_m = sp.expand((surplus + gained) * m)
+    extended = t / m - natural
+    conjugate = surplus_times_m / (m * (t / m + natural))
+    rate = height_rate().subs(circumradius**2, area)
+    force = sp.Rational(3, 2) * stiffness * extended * (m / t) * slope * rate
+    force = sp.factor(sp.cancel(force / extended) * sp.together(conjugate))
+
+    force = force.subs(t, sp.sqrt(squared_times_m * m)).subs(m, m_of_gain)
+    current = {height: length_at_rest + elongation, root: sp.sqrt(above_lock * below_stretch)}
+    return force.subs(current) + preload
+
+
+# --- what the numbers are, in terms of the prism ---------------------------------------------
+
+
+@cache
+def locking_height_squared():
+    """h^2 at twist pi, where the bars meet on the axis; negative if they never do."""
+    square = sp.Symbol("H")
+    squared = prism.bar_length_squared()
+    at_lock = squared.subs({twist: sp.pi, prism.height**2: square})
+    return sp.solve(at_lock - prism.at_reference(squared), square)[0]
+
+
+@cache
+def parameter_expressions():
+    """The `PARAMETERS` in terms of l, h0, p0, k1, the loaded height h1 and F0.
+
+    Returns
+    -------
+    dict of Symbol to Expr
+        For a prism that locks; where `locking_height_squared` is negative, p1 = p2 = h1 and
+        p3 = -h_lock^2 keep rho real.
+    """
+    radius_squared = prism.CIRCUMRADIUS**2
+    bar_squared = prism.at_reference(prism.bar_length_squared())
+    cosine = cos_twist().subs({circumradius**2: radius_squared, bar: sp.sqrt(bar_squared)})
+    cosine = sp.expand(cosine).subs(height, loaded_height)
+    sine = sp.sqrt(1 - cosine**2)
+    known = {sp.cos(twist_1): cosine, sp.sin(twist_1): sine, area: radius_squared}
+    cross_squared = sp.expand_trig(prism.cross_length_squared()).subs(
+        {sp.cos(twist): cosine, sp.sin(twist): sine, prism.height: loaded_height}
+    )
+    cross_squared_0 = prism.at_reference(prism.cross_length_squared())
+    natural_length = sp.sqrt(cross_squared_0) / (1 + prestrain)
+    # cross_gain = versine_gain (1 - cos delta) + sine_gain sin delta
+    half = cross_gain().subs(delta, sp.pi) / 2
+    lock_height = sp.sqrt(locking_height_squared())
+    return {
+        stiffness: k_cross,
+        preload: preload,
+        length_at_rest: loaded_height,
+        shift: loaded_height - reference_height,
+        far_shift: loaded_height + reference_height,
+        lock: loaded_height - lock_height,
+        far_lock: loaded_height + lock_height,
+        no_lock: sp.Integer(0),
+        stroke: sp.sqrt(bar_squared) - loaded_height,
+        far_stroke: sp.sqrt(bar_squared) + loaded_height,
+        area: radius_squared,
+        natural: natural_length,
+        squared_0: cross_squared_0,
+        surplus: cross_squared_0 - natural_length**2,
+        root_1: (2 * area * sp.sin(twist_1)).subs(known),
+        length_1: sp.sqrt(cross_squared),
+        extension_1: sp.sqrt(cross_squared) - natural_length,
+        versine_gain: half.subs(known),
+        sine_gain: (cross_gain().subs(delta, sp.pi / 2) - half).subs(known),
+    }

@@ -1,0 +1,1 @@
+"""Granular crystals on the engine of `tensegrity`: contact laws, chains and guides to come."""

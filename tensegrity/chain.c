@@ -1,0 +1,102 @@
+/* One compiled loop for every chain and every splitting method.
+
+   Included behind the generated laws.  For each law K the generated text provides
+   energy_K, tension_K, stiffness_K, slope_K and head_K of (elongation, parameters) and tail_K of
+   (elongation, head, parameters); further the macro
+   LAWS(X), which lists X(0) X(1) ..., and PARAMETERS, the largest number of parameters.
+
+   A stage is a kick v += a w (tension right - tension left) followed by a drift u += b v, done
+   in one pass over the chain in blocks that stay in the nearest cache.  In each block the
+   innermost square root (head) has a loop of its own: what limits a processor here is the
+   longest chain of slow operations that fits its window, not their number alone. */
+
+#define BLOCK 32
+
+typedef struct {
+    real *u, *v;                     /* displacement, velocity (sites) */
+    const real *w;                   /* inverse mass; 0 holds a site */
+    const real *parameters;          /* (segments, PARAMETERS) */
+    const real *kicks, *drifts;      /* dt times the coefficients (stages + 1), (stages) */
+    real *range;                     /* (segments, 2) smallest and largest elongation met */
+    const integer *first;            /* (segments + 1) first bond of each segment of one law */
+    const integer *law;              /* (segments) */
+    integer segments, stages, closing; /* closing: the method ends with a kick */
+} chain;
+
+#define EACH _Pragma("GCC ivdep") for (integer i = 0; i < n; i++)
+
+#define SEGMENT(K)                                                                          \
+    __attribute__((flatten)) static void stage_##K(                                         \
+        const chain *c, integer s, real a, real b, real *left)                              \
+    {                                                                                       \
+        real p[PARAMETERS + 1], r[BLOCK], h[BLOCK], f[BLOCK + 1], low[BLOCK], high[BLOCK];  \
+        real *restrict u = c->u, *restrict v = c->v;                                        \
+        const real *restrict w = c->w;                                                      \
+        real *range = c->range + 2 * s;                                                     \
+        integer last = c->first[s + 1];                                                     \
+        for (int i = 0; i < PARAMETERS; i++) p[i] = c->parameters[s * PARAMETERS + i];      \
+        for (int i = 0; i < BLOCK; i++) low[i] = range[0], high[i] = range[1];              \
+        f[0] = *left;                                                                       \
+        for (integer j = c->first[s], n; j < last; j += n, f[0] = f[n]) {                   \
+            n = last - j < BLOCK ? last - j : BLOCK;                                        \
+            EACH {                                                                          \
+                r[i] = u[j + i + 1] - u[j + i];                                             \
+                low[i] = r[i] < low[i] ? r[i] : low[i];                                     \
+                high[i] = r[i] > high[i] ? r[i] : high[i];                                  \
+                h[i] = head_##K(r[i], p);                                                   \
+            }                                                                               \
+            EACH f[i + 1] = tail_##K(r[i], h[i], p);                                        \
+            EACH {                                                                          \
+                v[j + i] += a * w[j + i] * (f[i + 1] - f[i]);                               \
+                u[j + i] += b * v[j + i];                                                   \
+            }                                                                               \
+        }                                                                                   \
+        *left = f[0];                                                                       \
+        for (int i = 0; i < BLOCK; i++) {                                                   \
+            range[0] = low[i] < range[0] ? low[i] : range[0];                               \
+            range[1] = high[i] > range[1] ? high[i] : range[1];                             \
+        }                                                                                   \
+    }
+LAWS(SEGMENT)
+
+static void stage(const chain *c, real a, real b)
+{
+    real left = 0;
+    for (integer s = 0; s < c->segments; s++)
+        switch (c->law[s]) {
+#define CASE(K) case K: stage_##K(c, s, a, b, &left); break;
+            LAWS(CASE)
+        }
+    integer end = c->first[c->segments];
+    c->v[end] -= a * c->w[end] * left;
+    c->u[end] += b * c->v[end];
+}
+
+/* `steps` steps; the closing kick of a step and the first of the next are one. */
+void advance(const chain *c, integer steps)
+{
+    real closing = c->closing ? c->kicks[c->stages] : 0;
+    for (integer k = 0; k < steps; k++)
+        for (integer i = 0; i < c->stages; i++)
+            stage(c, c->kicks[i] + (k > 0 && i == 0 ? closing : 0), c->drifts[i]);
+    if (steps > 0 && c->closing) stage(c, closing, 0);
+}
+
+#define EVALUATE(K)                                                                         \
+    case K:                                                                                 \
+        switch (order) {                                                                    \
+        case 0: for (integer i = 0; i < n; i++) out[i] = energy_##K(r[i], p); break;        \
+        case 1: for (integer i = 0; i < n; i++) out[i] = tension_##K(r[i], p); break;       \
+        case 2: for (integer i = 0; i < n; i++) out[i] = stiffness_##K(r[i], p); break;     \
+        case 3: for (integer i = 0; i < n; i++) out[i] = slope_##K(r[i], p); break;         \
+        }                                                                                   \
+        break;
+
+/* The order-th derivative of one law's energy at n elongations. */
+void evaluate(integer law, integer order, integer n, const real *parameters, const real *restrict r,
+              real *restrict out)
+{
+    real p[PARAMETERS + 1];
+    for (int i = 0; i < PARAMETERS; i++) p[i] = parameters[i];
+    switch (law) { LAWS(EVALUATE) }
+}

@@ -1,0 +1,189 @@
+"""From a symbolic energy to CasADi functions and to C text.
+
+A `Law` is a scalar energy of one elongation with named parameters.  CasADi differentiates it
+(unless the law brings its own form of the tension) and writes the C; the text is used as
+CasADi writes it, between `prelude.c` and `chain.c`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import sympy as sp
+
+DERIVATIVES = ("energy", "tension", "stiffness", "slope")
+
+
+@dataclass(frozen=True)
+class Law:
+    """Energy V(r; parameters) of a bond, and optionally a better form of its tension.
+
+    Attributes
+    ----------
+    energy : sympy.Expr
+        Energy [J] as a function of `elongation` [m] and `parameters`.
+    elongation : sympy.Symbol
+    parameters : tuple of sympy.Symbol
+        Values are given at run time, so that one compiled kernel serves them all.
+    tension : sympy.Expr, optional
+        A form of dV/dr [N] preferred to automatic differentiation of the energy.
+    through : tuple of (symbol, value, derivative), optional
+        Quantities by which `tension` depends on the elongation, besides directly, each with
+        its value and a form of its derivative preferred to automatic differentiation.
+    """
+
+    energy: sp.Expr
+    elongation: sp.Symbol
+    parameters: tuple[sp.Symbol, ...] = ()
+    tension: sp.Expr | None = None
+    through: tuple[tuple[sp.Symbol, sp.Expr, sp.Expr], ...] = ()
+
+
+def _to_casadi(expression, symbols):
+    """A SymPy expression as a function of CasADi SX symbols, common subexpressions kept."""
+    import casadi as ca
+    import sympy as sp
+
+    names = {
+        "Max": lambda *x: ca.fmax(*x),
+        "Min": lambda *x: ca.fmin(*x),
+        "Abs": ca.fabs,
+        "Heaviside": lambda x, *_: x > 0,
+        "ln": ca.log,
+    }
+    return sp.lambdify(symbols, expression, modules=[names, ca], cse=True)
+
+
+@cache
+def functions(law):
+    """CasADi functions of a law.
+
+    Returns
+    -------
+    dict of casadi.Function
+        "energy", "tension", "stiffness", "slope": (r, parameters) -> value, each the
+        derivative of the one before it; and the tension in two parts for the compiled loop,
+        "head": (r, parameters) -> h, an innermost square root of it, and
+        "tail": (r, h, parameters) -> tension.
+    """
+    import casadi as ca
+
+    r, p = ca.SX.sym("r"), ca.SX.sym("p", len(law.parameters))
+    symbols = (law.elongation, *law.parameters)
+    values = (r, *ca.vertsplit(p)) if law.parameters else (r,)
+    passed = [symbol for symbol, _, _ in law.through]
+    y = ca.SX.sym("y", len(passed))
+
+    def sx(expression):
+        known = (*values, *ca.vertsplit(y)) if passed else values
+        return ca.SX(_to_casadi(expression, (*symbols, *passed))(*known))
+
+    y_of_r = ca.vertcat(*(sx(value) for _, value, _ in law.through))
+    y_rate = ca.vertcat(*(sx(rate) for _, _, rate in law.through))
+
+    def rate(value):
+        return ca.gradient(value, r) + (ca.dot(ca.gradient(value, y), y_rate) if passed else 0)
+
+    energy = sx(law.energy)
+    tension = rate(energy) if law.tension is None else sx(law.tension)
+    stiffness = rate(tension)
+    forms = (energy, tension, stiffness, rate(stiffness))
+    result = {
+        name: ca.Function(name, [r, p], [ca.substitute(form, y, y_of_r) if passed else form])
+        for name, form in zip(DERIVATIVES, forms, strict=True)
+    }
+
+    h = ca.SX.sym("h")
+    head, tail = _split_at_root(result["tension"], r, h, p)
+    result["head"] = ca.Function("head", [r, p], [head])
+    result["tail"] = ca.Function("tail", [r, h, p], [tail])
+    return result
+
+
+def interpret(function, inputs, kind, visit=lambda operation, value: value):
+    """Run the instructions of an SX function on expressions of another kind.
+
+    Parameters
+    ----------
+    function : casadi.Function
+        With scalar output, made of SX.
+    inputs : sequence of sequences
+        For each input of the function its entries, as expressions of `kind`.
+    kind : type
+        casadi.SX or casadi.MX; an MX entry may be a vector, all operations being elementwise.
+    visit : callable (operation, value) -> value
+        Sees, and may replace, each result.
+    """
+    import casadi as ca
+
+    work, output = {}, None
+    for k in range(function.n_instructions()):
+        operation = function.instruction_id(k)
+        source, target = function.instruction_input(k), function.instruction_output(k)
+        if operation == ca.OP_CONST:
+            work[target[0]] = kind(function.instruction_constant(k))
+        elif operation == ca.OP_INPUT:
+            work[target[0]] = inputs[source[0]][source[1]]
+        elif operation == ca.OP_OUTPUT:
+            output = work[source[0]]
+        else:
+            apply = kind.unary if len(source) == 1 else kind.binary
+            value = apply(operation, *(work[i] for i in source))
+            work[target[0]] = visit(operation, value)
+    return output
+
+
+def _split_at_root(tension, r, h, p):
+    """The first square root met that depends on r, and the tension in terms of it as h.
+
+    Computed in a loop of its own it halves the longest chain of slow operations, which
+    otherwise is what the processor waits for, rather than their number.
+    """
+    import casadi as ca
+
+    roots = []
+
+    def visit(operation, value):
+        if not roots and operation == ca.OP_SQRT and ca.depends_on(value, r):
+            roots.append(value)
+            return h
+        return value
+
+    tail = interpret(tension, [[r], ca.vertsplit(p) if p.numel() else []], ca.SX, visit)
+    return (roots[0] if roots else ca.SX(0)), tail
+
+
+def c_text(laws):
+    """C source of the chain loop for bonds of the given laws, numbered in their order."""
+    import casadi as ca
+
+    generator = ca.CodeGenerator("laws.c")
+    hooks = []
+    for number, law in enumerate(laws):
+        for name, function in functions(law).items():
+            unique = f"law{number}_{name}"
+            sx = function.sx_in()
+            generator.add(ca.Function(unique, sx, [function(*sx)]))
+            takes = ("real r, real h" if name == "tail" else "real r") + ", const real *p"
+            gives = "&r, &h, p" if name == "tail" else "&r, p"
+            hooks.append(
+                f"static inline real {name}_{number}({takes}) {{ real y; const real *arg[] = "
+                f"{{{gives}}}; real *res[] = {{&y}}; {unique}(arg, res, 0, 0, 0); return y; }}"
+            )
+    listed = " ".join(f"X({number})" for number in range(len(laws)))
+    count = max(len(law.parameters) for law in laws)
+    here = files(__package__)
+    return "\n".join(
+        [
+            here.joinpath("prelude.c").read_text(),
+            generator.dump(),
+            *hooks,
+            f"#define PARAMETERS {count}",
+            f"#define LAWS(X) {listed}",
+            here.joinpath("chain.c").read_text(),
+        ]
+    )

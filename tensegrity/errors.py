@@ -1,0 +1,35 @@
+"""The errors a user can meet; each message names the quantity, its value and its bound."""
+
+
+class TensegrityError(ValueError):
+    """Base of all errors raised by this toolkit."""
+
+
+class LockingError(TensegrityError):
+    """An elongation reached the end of a spring's domain, where bars touch or line up.
+
+    Raised by a run, it carries the recorded part in `run` (None elsewhere).
+    """
+
+    run = None
+
+
+class NoLocking(TensegrityError):
+    """The prism is so thick that it collapses flat before its bars meet."""
+
+
+class StabilityError(TensegrityError):
+    """The time step is beyond the stability limit of the method.
+
+    Raised by a run, it carries the recorded part in `run` (None elsewhere).
+    """
+
+    run = None
+
+
+class ResolutionError(TensegrityError):
+    """A grid is too coarse for what was asked."""
+
+
+class EquilibriumError(TensegrityError):
+    """No equilibrium state carries the load that was asked for."""

@@ -1,0 +1,231 @@
+"""The loop that advances a chain, compiled where there is a compiler, else on CasADi's machine.
+
+Both engines offer the same two things: `evaluate` for a law at many elongations, and `bind`,
+which prepares a chain's arrays once so that `advance(steps)` costs no more than a call.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import warnings
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from tensegrity import codegen
+from tensegrity.native import CompilerError, library
+
+
+@dataclass(frozen=True)
+class Segments:
+    """Bonds of a chain in runs of equal law and parameters.
+
+    Attributes
+    ----------
+    laws : tuple of Law
+        The different laws that occur.
+    first : ndarray of int, (segments + 1,)
+        First bond of each segment; the last entry is the number of bonds.
+    law : ndarray of int, (segments,)
+        Index into `laws`.
+    parameters : ndarray, (segments, most parameters of any law)
+    """
+
+    laws: tuple
+    first: np.ndarray
+    law: np.ndarray
+    parameters: np.ndarray
+
+
+class _Chain(ctypes.Structure):
+    _arrays = ("u", "v", "w", "parameters", "kicks", "drifts", "range", "first", "law")
+    _fields_ = [(name, ctypes.c_void_p) for name in _arrays] + [
+        (name, ctypes.c_longlong) for name in ("segments", "stages", "closing")
+    ]
+
+
+class Compiled:
+    """The laws and the loop as machine code.
+
+    Parameters
+    ----------
+    laws : tuple of Law
+    extended : bool
+        Compile the same text in the platform's long double, as a reference for tests.
+    """
+
+    name = "compiled"
+
+    def __init__(self, laws, extended=False):
+        self.dtype = np.dtype(np.longdouble if extended else np.float64)
+        found = library(codegen.c_text(laws), ["-DEXTENDED"] if extended else [])
+        self._advance = found.advance
+        self._advance.argtypes = [ctypes.c_void_p, ctypes.c_longlong]
+        self._evaluate = found.evaluate
+        self._evaluate.argtypes = [ctypes.c_longlong] * 3 + [ctypes.c_void_p] * 3
+        self._advance.restype = self._evaluate.restype = None
+
+    def evaluate(self, law, order, parameters, r):
+        """The order-th derivative of law number `law`, elementwise on a contiguous array."""
+        p = np.array(parameters, dtype=self.dtype)
+        out = np.empty_like(r)
+        self._evaluate(law, order, r.size, p.ctypes.data, r.ctypes.data, out.ctypes.data)
+        return out
+
+    def bind(self, u, v, inverse_mass, segments, kicks, drifts):
+        """Prepare a chain; `u` and `v` are advanced in place."""
+        return _BoundCompiled(self, u, v, inverse_mass, segments, kicks, drifts)
+
+
+class _BoundCompiled:
+    def __init__(self, kernel, u, v, inverse_mass, segments, kicks, drifts):
+        def real(array):
+            return np.ascontiguousarray(array, dtype=kernel.dtype)
+
+        count = len(segments.law)
+        self.range = np.empty((count, 2), dtype=kernel.dtype)
+        self.forget_range()
+        self._arrays = [  # kept: the structure holds bare addresses
+            u,
+            v,
+            real(inverse_mass),
+            real(segments.parameters),
+            real(kicks),
+            real(drifts),
+            self.range,
+            np.ascontiguousarray(segments.first, dtype=np.int64),
+            np.ascontiguousarray(segments.law, dtype=np.int64),
+        ]
+        closing = int(kicks[-1] != 0)
+        self._structure = _Chain(
+            *(a.ctypes.data for a in self._arrays), count, len(drifts), closing
+        )
+        self._address = ctypes.addressof(self._structure)
+        self._advance = kernel._advance
+
+    def forget_range(self):
+        """Start anew to record the smallest and the largest elongation of each segment."""
+        self.range[:, 0], self.range[:, 1] = np.inf, -np.inf
+
+    def advance(self, steps):
+        """Advance u and v by whole steps."""
+        self._advance(self._address, steps)
+
+
+class Interpreted:
+    """The same on CasADi's virtual machine: no compiler needed, 10 to 30 times slower."""
+
+    name = "interpreted"
+    dtype = np.dtype(np.float64)
+    FOLD = 50  # steps done in one call of the machine
+
+    def __init__(self, laws):
+        self._laws = laws
+
+    def evaluate(self, law, order, parameters, r):
+        """The order-th derivative of law number `law`, elementwise on a contiguous array."""
+        function = codegen.functions(self._laws[law])[codegen.DERIVATIVES[order]]
+        count = len(self._laws[law].parameters)
+        p = np.asarray(parameters, dtype=float)[:count]
+        return np.array(function(r.reshape(1, -1), p.reshape(-1, 1))).reshape(r.shape)
+
+    def bind(self, u, v, inverse_mass, segments, kicks, drifts):
+        """Prepare a chain; `u` and `v` are advanced in place."""
+        return _BoundInterpreted(self, u, v, inverse_mass, segments, kicks, drifts)
+
+
+class _BoundInterpreted:
+    def __init__(self, kernel, u, v, inverse_mass, segments, kicks, drifts):
+        self._u, self._v = u, v
+        self.range = np.empty((len(segments.law), 2))
+        self.forget_range()
+        pairs = list(zip(kicks[:-1], drifts, strict=True))
+        merged = [(kicks[0] + kicks[-1], drifts[0]), *pairs[1:]]
+        passes = _Passes(kernel._laws, inverse_mass, segments)
+        self._first = passes("first", pairs)
+        self._repeat = passes("repeat", merged)
+        self._many = self._repeat.fold(kernel.FOLD)
+        self._fold = kernel.FOLD
+        self._last = passes("last", [(kicks[-1], 0.0)]) if kicks[-1] else None
+
+    def forget_range(self):
+        """Start anew to record the smallest and the largest elongation of each segment."""
+        self.range[:, 0], self.range[:, 1] = np.inf, -np.inf
+
+    def advance(self, steps):
+        """Advance u and v by whole steps."""
+        if steps == 0:
+            return
+        state = np.concatenate([self._u, self._v, *self.range.T])
+        state = self._first(state)
+        for _ in range((steps - 1) // self._fold):
+            state = self._many(state)
+        for _ in range((steps - 1) % self._fold):
+            state = self._repeat(state)
+        if self._last is not None:
+            state = self._last(state)
+        state = np.array(state).ravel()
+        sites, segments = len(self._u), len(self.range)
+        self._u[:], self._v[:] = state[:sites], state[sites : 2 * sites]
+        self.range[:] = state[2 * sites :].reshape(2, segments).T
+
+
+class _Passes:
+    """CasADi functions that do given (kick, drift) pairs on the state [u, v, low, high]."""
+
+    def __init__(self, laws, inverse_mass, segments):
+        import casadi as ca
+
+        self._tensions = [codegen.functions(law)["tension"] for law in laws]
+        self._weights = ca.DM(np.asarray(inverse_mass, dtype=float))
+        self._segments = segments
+
+    def __call__(self, name, pairs):
+        import casadi as ca
+
+        sites, segments = self._weights.numel(), len(self._segments.law)
+        ends = np.cumsum([0, sites, sites, segments, segments]).tolist()
+        state = ca.MX.sym("state", ends[-1])
+        u, v, low, high = ca.vertsplit(state, ends)
+        for kick, drift in pairs:
+            f, lowest, highest = self._tension(u[1:] - u[:-1])
+            low, high = ca.fmin(low, lowest), ca.fmax(high, highest)
+            v = v + kick * self._weights * (ca.vertcat(f, 0) - ca.vertcat(0, f))
+            u = u + drift * v
+        return ca.Function(name, [state], [ca.vertcat(u, v, low, high)])
+
+    def _tension(self, r):
+        """Tension of every bond, smallest and largest elongation of every segment."""
+        import casadi as ca
+
+        parts = ca.vertsplit(r, self._segments.first.tolist())
+        forces = []
+        for part, law, values in zip(
+            parts, self._segments.law, self._segments.parameters, strict=True
+        ):
+            inputs = [[part], [ca.MX(value) for value in values]]
+            forces.append(codegen.interpret(self._tensions[law], inputs, ca.MX))
+        lows, highs = ([end(part) for part in parts] for end in (ca.mmin, ca.mmax))
+        return ca.vertcat(*forces), ca.vertcat(*lows), ca.vertcat(*highs)
+
+
+@cache
+def kernel(laws):
+    """The engine for a tuple of laws: compiled, or interpreted with one warning."""
+    try:
+        return Compiled(laws)
+    except CompilerError as error:
+        _warn_slow(str(error))
+        return Interpreted(laws)
+
+
+@cache
+def _warn_slow(reason):
+    warnings.warn(
+        "chains run on CasADi's virtual machine, 10 to 30 times slower than compiled, because "
+        f"of the C compiler: {reason}. Install gcc or clang, or the Python package ziglang, or "
+        "set CC",
+        RuntimeWarning,
+        stacklevel=4,
+    )

@@ -1,0 +1,209 @@
+"""Scalar potentials of a bond: energy, tension and stiffness against elongation.
+
+A potential is a law (what is compiled) with numbers for its parameters.  It is measured from
+an equilibrium: V(0) = V'(0) = 0, the preload included.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tensegrity import check
+from tensegrity.codegen import Law
+from tensegrity.errors import LockingError, TensegrityError
+from tensegrity.kernel import kernel
+
+
+class Potential:
+    """Energy of a spring as a function of its elongation.
+
+    Parameters
+    ----------
+    energy : sympy.Expr
+        V(r) [J], in `elongation` and the symbols in `parameters`.
+    elongation : sympy.Symbol
+        r [m], extension > 0.
+    parameters : dict, optional
+        Numbers for the other symbols of `energy`: {Symbol or its name: float}.  Chains that
+        differ in these numbers only share one compiled kernel.
+    length : float, optional
+        Length [m] at r = 0: the lattice spacing, by which strains are taken.
+    domain : (float, float), optional
+        Lowest and highest elongation [m] the spring can reach.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> r, k = sp.symbols("r k")
+    >>> toda = Potential(k * (sp.exp(-r) + r - 1), r, {k: 2.0})
+    >>> float(toda.stiffness(0.0))
+    2.0
+    """
+
+    def __init__(
+        self, energy, elongation, parameters=None, length=None, domain=(-math.inf, math.inf)
+    ):
+        import sympy as sp
+
+        if not isinstance(elongation, sp.Symbol):
+            raise TensegrityError(f"elongation {elongation!r} is not a SymPy symbol")
+        energy = sp.sympify(energy) if isinstance(energy, (int, float)) else energy
+        if not isinstance(energy, sp.Expr):
+            raise TensegrityError(f"energy {energy!r} is not a SymPy expression")
+        given = {str(key): value for key, value in (parameters or {}).items()}
+        symbols = sorted(energy.free_symbols - {elongation}, key=str)
+        missing = [str(s) for s in symbols if str(s) not in given]
+        if missing:
+            raise TensegrityError(f"no value for the parameter {', '.join(missing)} of the energy")
+        values = [check.number(f"parameter {s}", given[str(s)]) for s in symbols]
+        self._set(Law(energy, elongation, tuple(symbols)), values, length, domain)
+
+    def _set(self, law, values, length, domain, ends=("lowest", "highest")):
+        self._law = law
+        self._values = np.array(values, dtype=float)
+        self._length = None if length is None else check.number("length", length, above=0, unit="m")
+        low, high = (check.number("domain end", x, finite=False) for x in domain)
+        if not low < 0 < high:
+            raise TensegrityError(f"domain ({low:g}, {high:g}) m must contain 0 m inside")
+        self._domain = low, high
+        self._ends = ends
+
+    @classmethod
+    def _from_law(cls, law, values, length, domain, ends):
+        """A potential from a law that brings more than its energy."""
+        potential = cls.__new__(cls)
+        potential._set(law, values, length, domain, ends)
+        return potential
+
+    @property
+    def length(self):
+        """Length at r = 0 [m], or None where none was given."""
+        return self._length
+
+    @property
+    def domain(self):
+        """(lowest, highest) elongation [m]."""
+        return self._domain
+
+    @property
+    def parameters(self):
+        """Numbers of the law's parameters, {name: float}."""
+        names = (str(s) for s in self._law.parameters)
+        return dict(zip(names, self._values.tolist(), strict=True))
+
+    def energy(self, r):
+        """Energy V [J] at elongations r [m] of any shape, the ends of the domain included."""
+        return self._evaluate(0, r, closed=True)
+
+    def tension(self, r):
+        """Tension dV/dr at given elongations.
+
+        Parameters
+        ----------
+        r : array_like, any shape
+            Elongation from the (preloaded) equilibrium [m]; extension > 0.
+
+        Returns
+        -------
+        ndarray, shape of r
+            Force [N]; tension > 0.
+
+        Raises
+        ------
+        LockingError
+            If any r lies outside `domain`, or at an end of it.
+        """
+        return self._evaluate(1, r)
+
+    def stiffness(self, r):
+        """Tangent stiffness d2V/dr2 [N/m] at elongations r [m] of any shape."""
+        return self._evaluate(2, r)
+
+    def stiffness_slope(self, r):
+        """Third derivative d3V/dr3 [N/m^2] at elongations r [m] of any shape."""
+        return self._evaluate(3, r)
+
+    def _evaluate(self, order, r, closed=False):
+        r = np.asarray(r, dtype=float)
+        if np.isnan(r).any():
+            raise TensegrityError("elongation nan m is not a number")
+        low, high = self._domain
+        inside = (r >= low) & (r <= high) if closed else (r > low) & (r < high)
+        if not inside.all():
+            worst = float(r[~inside].flat[0]) if r.ndim else float(r)
+            raise LockingError(self.end_message(worst))
+        flat = np.ascontiguousarray(r).reshape(-1)
+        out = kernel((self._law,)).evaluate(0, order, self._values, flat)
+        return out.reshape(r.shape)
+
+    def end_message(self, r):
+        """Words for an elongation at or beyond an end of the domain."""
+        side = int(r > 0)
+        bound, way = self._domain[side], ("at or below", "at or above")[side]
+        return f"elongation {r:.6g} m is {way} {bound:.6g} m, where {self._ends[side]}"
+
+    def __eq__(self, other):
+        if not isinstance(other, Potential):
+            return NotImplemented
+        return self._key() == other._key()
+
+    def __hash__(self):
+        return hash(self._key())
+
+    def _key(self):
+        return self._law, self._values.tobytes(), self._length, self._domain
+
+    def __repr__(self):
+        given = ", ".join(f"{k}={v:g}" for k, v in self.parameters.items())
+        low, high = self._domain
+        return (
+            f"{type(self).__name__}({given}; length={self._length}, domain=({low:g}, {high:g}) m)"
+        )
+
+
+class PowerLaw(Potential):
+    """Contact-like spring that pushes only: tension(r) = -stiffness max(-r, 0)^exponent.
+
+    With a preload the elongation is measured from the precompressed equilibrium, and
+    tension(r) = preload - stiffness max(r0 - r, 0)^exponent with r0 = (preload/stiffness)^(1/n).
+
+    Parameters
+    ----------
+    stiffness : float
+        [N/m^exponent], > 0.
+    exponent : float
+        n > 0; 3/2 is Hertz's contact of spheres.
+    preload : float, optional
+        Compressive force at rest [N], >= 0.
+    length : float, optional
+        Distance of the masses at r = 0 [m].
+
+    Source: seeds/000, part II, "Hertz interaction potentials".
+    """
+
+    def __init__(self, stiffness, exponent, preload=0.0, length=None):
+        stiffness = check.number("stiffness", stiffness, above=0, unit="N/m^n")
+        exponent = check.number("exponent", exponent, above=0)
+        preload = check.number("preload", preload, least=0, unit="N")
+        overlap = (preload / stiffness) ** (1 / exponent)
+        values = [stiffness, preload, overlap]
+        domain = (-math.inf, math.inf)
+        self._set(_power_law(exponent), values, length, domain)
+        self.exponent = exponent
+
+
+def _power_law(exponent):
+    import sympy as sp
+
+    r = sp.Symbol("r", real=True)
+    stiffness, preload, overlap = sp.symbols("stiffness preload overlap", real=True)
+    n = sp.nsimplify(exponent, rational=True)
+
+    def stored(x):
+        return stiffness / (n + 1) * x ** (n + 1)
+
+    pressed = sp.Max(overlap - r, 0)
+    energy = stored(pressed) - stored(overlap) + preload * r
+    return Law(energy, r, (stiffness, preload, overlap))

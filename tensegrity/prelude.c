@@ -1,0 +1,40 @@
+/* Goes in front of the C that CasADi generates, so that it can stay as generated.
+
+   Compilers do not vectorise the library's pow, fmax and fmin: powers with a constant exponent
+   that is a multiple of 1/4 become products and square roots (decided after inlining), and the
+   extrema become plain comparisons. */
+
+#ifdef EXTENDED /* the same text in extended precision is the oracle of the tests */
+#include <tgmath.h>
+#define real long double
+#else
+#include <math.h>
+#define real double
+#endif
+#define casadi_real real
+typedef long long integer;
+
+static inline real library_power(real x, real y) { return pow(x, y); }
+
+static inline __attribute__((always_inline)) real power(real x, real y)
+{
+    real quarters = 4 * y;
+    if (!__builtin_constant_p(y) || quarters != (int)quarters || y < 0 || y > 8)
+        return library_power(x, y);
+    int n = (int)quarters;
+    real half = n % 4 ? sqrt(x) : x, result = 1;
+    if (n % 4 >= 2) result *= half;
+    if (n % 2) result *= sqrt(half);
+    for (int i = 0; i < n / 4; i++) result *= x;
+    return result;
+}
+
+static inline real larger(real x, real y) { return x > y ? x : y; }
+static inline real smaller(real x, real y) { return x < y ? x : y; }
+
+#undef pow
+#undef fmax
+#undef fmin
+#define pow power
+#define fmax larger
+#define fmin smaller
