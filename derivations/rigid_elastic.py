@@ -97,11 +97,12 @@ length_at_rest = sp.Symbol("h_1")
 natural = sp.Symbol("s_N")
 squared_0, surplus = sp.symbols("S_0 G")  # s0^2, s0^2 - s_N^2
 length_1, extension_1 = sp.symbols("s_1 x_1")  # s1, s1 - s_N
-versine_gain, sine_gain = sp.symbols("alpha beta")  # s^2 - s1^2 per (1 - cos delta), per sin delta
+versine_gain, sine_gain = sp.symbols("alpha beta")  # of s^2 - s1^2 in 1 - cos, sin delta
 
 PARAMETERS = (
-    stiffness, preload, length_at_rest, shift, far_shift, lock, far_lock, no_lock, stroke, far_stroke,
-    area, natural, squared_0, surplus, root_1, length_1, extension_1, versine_gain, sine_gain,
+    stiffness, preload, length_at_rest, shift, far_shift, lock, far_lock, no_lock,
+    stroke, far_stroke, area, natural, squared_0, surplus, root_1, length_1, extension_1,
+    versine_gain, sine_gain,
 )  # fmt: skip
 
 

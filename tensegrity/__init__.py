@@ -8,17 +8,25 @@ from tensegrity.errors import (
     StabilityError,
     TensegrityError,
 )
+from tensegrity.integrate import Run, simulate
+from tensegrity.lattice import Chain, State
 from tensegrity.potential import Potential, PowerLaw
 from tensegrity.prism import Prism
+from tensegrity.record import Record
 
 __all__ = [
+    "Chain",
     "EquilibriumError",
     "LockingError",
     "NoLocking",
     "Potential",
     "PowerLaw",
     "Prism",
+    "Record",
     "ResolutionError",
+    "Run",
     "StabilityError",
+    "State",
     "TensegrityError",
+    "simulate",
 ]

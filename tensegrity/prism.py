@@ -67,9 +67,9 @@ class Prism:
         for name in ("k_base", "k_bar"):
             self._check(name, above=0, finite=False, unit="N/m")
         if self.natural_lengths().base <= 0:
-            q = self.prestrain / (1 + self.prestrain)
+            least = self.k_cross * self.prestrain / (1 + self.prestrain) / math.sqrt(3)
             raise TensegrityError(
-                f"k_base {self.k_base:g} N/m must be above {self.k_cross * q / math.sqrt(3):g} N/m, "
+                f"k_base {self.k_base:g} N/m must be above {least:g} N/m, "
                 "below which the natural length of the base strings is not positive"
             )
 
@@ -168,6 +168,7 @@ class Prism:
 def _numeric(derive):
     """The expressions that `derive()` gives, in a fixed order, as one function for mpmath."""
     import sympy as sp
+
     from derivations import prism as p
     from derivations import rigid_elastic as r
 

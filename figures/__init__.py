@@ -1,0 +1,33 @@
+"""The pictures: one module each, made from the public interface only.
+
+A module with a NAME is a picture.  It belongs to a GROUP; `data()` computes its numbers, as
+tables {table: {column: array}}; `draw(figure, tables)` draws them and computes nothing.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+
+
+def pictures():
+    """{name: module} of all pictures, in the order of their names."""
+    found = {}
+    for module in pkgutil.iter_modules(__path__):
+        if not module.name.startswith("_"):
+            loaded = importlib.import_module(f"{__name__}.{module.name}")
+            found[loaded.NAME] = loaded
+    return dict(sorted(found.items()))
+
+
+def chosen(names):
+    """The pictures of the given names or groups; all where none is given."""
+    everything = pictures()
+    if not names:
+        return everything
+    groups = {module.GROUP for module in everything.values()}
+    unknown = sorted(set(names) - set(everything) - groups)
+    if unknown:
+        known = ", ".join([*everything, *sorted(groups)])
+        raise ValueError(f"unknown picture {', '.join(unknown)}; there are {known}")
+    return {n: m for n, m in everything.items() if n in names or m.GROUP in names}

@@ -1,0 +1,206 @@
+"""Masses in a row, joined by springs: the scene that `simulate` runs.
+
+Model: point masses with one coordinate each, neighbours joined by a bond whose force depends
+on its elongation u[j+1] - u[j] only; ends free or held.  A free end of a preloaded chain
+carries the constant preload, because potentials are measured from the loaded equilibrium.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from tensegrity import check
+from tensegrity.errors import TensegrityError
+from tensegrity.kernel import Segments, kernel
+from tensegrity.potential import Potential
+
+ENDS = ("free", "fixed")
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Displacements and velocities of all sites.
+
+    Parameters
+    ----------
+    u : ndarray of float64, (sites,)
+        Displacement [m], > 0 towards higher sites.
+    v : ndarray of float64, (sites,)
+        Velocity [m/s].
+    """
+
+    u: np.ndarray
+    v: np.ndarray
+
+    def __post_init__(self):
+        shape = np.shape(self.u)
+        if len(shape) != 1:
+            raise TensegrityError(f"displacement has {len(shape)} dimensions, must have 1")
+        object.__setattr__(self, "u", check.vector("displacement", self.u, shape))
+        object.__setattr__(self, "v", check.vector("velocity", self.v, shape))
+
+    def reversed(self):
+        """The state from which time runs backwards."""
+        return State(self.u.copy(), -self.v)
+
+
+class Chain:
+    """A chain of masses and springs.
+
+    Parameters
+    ----------
+    spring : Potential or sequence of Potential
+        One for all bonds, or `sites - 1` of them; bond j joins sites j and j + 1.
+    sites : int
+        Number of masses, at least 2.
+    mass : float or array_like (sites,), optional
+        [kg], > 0.
+    ends : (str, str), optional
+        "free" or "fixed" for the first and the last site; a fixed site is held at u = 0.
+    """
+
+    def __init__(
+        self,
+        spring: Potential | Sequence[Potential],
+        sites: int,
+        mass: float | Sequence[float] = 1.0,
+        ends: tuple[str, str] = ("free", "free"),
+    ):
+        self.sites = check.whole("sites", sites, least=2)
+        self.springs = self._springs(spring)
+        self.mass = self._masses(mass)
+        if isinstance(ends, str) or len(ends) != 2 or any(end not in ENDS for end in ends):
+            raise TensegrityError(f"ends {ends!r} must be two of {ENDS}")
+        self.ends = tuple(ends)
+
+    def _springs(self, spring):
+        if isinstance(spring, Potential):
+            return (spring,) * (self.sites - 1)
+        springs = tuple(spring)
+        if len(springs) != self.sites - 1:
+            raise TensegrityError(f"{len(springs)} springs for {self.sites - 1} bonds")
+        for number, one in enumerate(springs):
+            if not isinstance(one, Potential):
+                raise TensegrityError(f"spring {number} is {one!r}, not a Potential")
+        return springs
+
+    def _masses(self, mass):
+        given = np.asarray(mass, dtype=float)
+        if given.ndim and given.shape != (self.sites,):
+            raise TensegrityError(f"mass has shape {given.shape}, must be ({self.sites},)")
+        masses = np.broadcast_to(given, (self.sites,)).copy()
+        bad = ~(np.isfinite(masses) & (masses > 0))
+        if bad.any():
+            site = int(np.flatnonzero(bad)[0])
+            raise TensegrityError(f"mass {masses[site]:g} kg of site {site} must be above 0")
+        masses.flags.writeable = False
+        return masses
+
+    @property
+    def held(self):
+        """Numbers of the sites that are held."""
+        return [s for s, end in zip((0, self.sites - 1), self.ends, strict=True) if end == "fixed"]
+
+    @cached_property
+    def inverse_mass(self):
+        """1/m [1/kg], 0 for a held site; (sites,)."""
+        w = 1 / self.mass
+        w[self.held] = 0
+        return w
+
+    @cached_property
+    def segment_springs(self):
+        """The spring of each run of equal bonds, and the first bond of each run."""
+        first = [0] + [j for j in range(1, len(self.springs)) if self._differs(j)]
+        return [self.springs[j] for j in first], [*first, len(self.springs)]
+
+    def _differs(self, bond):
+        left, right = self.springs[bond - 1], self.springs[bond]
+        return left is not right and left != right
+
+    @cached_property
+    def segments(self):
+        """Bonds as the kernel takes them."""
+        springs, first = self.segment_springs
+        laws = tuple(dict.fromkeys(spring._law for spring in springs))
+        width = max(len(spring._values) for spring in springs)
+        parameters = np.zeros((len(springs), width))
+        for row, spring in zip(parameters, springs, strict=True):
+            row[: len(spring._values)] = spring._values
+        law = np.array([laws.index(spring._law) for spring in springs])
+        return Segments(laws, np.array(first), law, parameters)
+
+    def at_rest(self, velocity: Mapping[int, float] | None = None) -> State:
+        """The undeformed state, some sites given a velocity [m/s]: {site: velocity}."""
+        v = np.zeros(self.sites)
+        for site, value in (velocity or {}).items():
+            site = check.whole("site", site, least=0)
+            if site >= self.sites:
+                raise TensegrityError(f"site {site} must be below {self.sites}")
+            v[site] = check.number(f"velocity of site {site}", value, unit="m/s")
+        state = State(np.zeros(self.sites), v)
+        self.check(state)
+        return state
+
+    def check(self, state):
+        """Refuse a state of another size, one that moves a held site, or one out of domain."""
+        if not isinstance(state, State):
+            raise TensegrityError(f"state is {type(state).__name__}, not a State")
+        if state.u.shape != (self.sites,):
+            raise TensegrityError(f"state has {state.u.size} sites, the chain has {self.sites}")
+        for site in self.held:
+            if state.u[site] or state.v[site]:
+                raise TensegrityError(
+                    f"site {site} is fixed, but has displacement {state.u[site]:g} m and "
+                    f"velocity {state.v[site]:g} m/s"
+                )
+        self.bond_energy(state.u)
+
+    def elongation(self, u):
+        """r_j = u[j+1] - u[j] [m] along the last axis."""
+        return np.diff(u, axis=-1)
+
+    def bond_energy(self, u):
+        """Energy of each bond [J]; u of shape (..., sites) gives (..., sites - 1)."""
+        return self._per_bond("energy", u)
+
+    def bond_tension(self, u):
+        """Tension of each bond [N]; u of shape (..., sites) gives (..., sites - 1)."""
+        return self._per_bond("tension", u)
+
+    def _per_bond(self, name, u):
+        r = self.elongation(np.asarray(u, dtype=float))
+        springs, first = self.segment_springs
+        parts = [
+            getattr(spring, name)(r[..., start:stop])
+            for spring, start, stop in zip(springs, first[:-1], first[1:], strict=True)
+        ]
+        return np.concatenate(parts, axis=-1)
+
+    def energy(self, state):
+        """Total energy [J]."""
+        return float(0.5 * np.sum(self.mass * state.v**2) + np.sum(self.bond_energy(state.u)))
+
+    def site_energy(self, u, v):
+        """Kinetic energy of each site and half that of its bonds [J]; (..., sites)."""
+        half = self.bond_energy(u) / 2
+        edge = np.zeros((*half.shape[:-1], 1))
+        left, right = np.concatenate([edge, half], -1), np.concatenate([half, edge], -1)
+        return 0.5 * self.mass * v**2 + left + right
+
+    def momentum(self, state):
+        """Total momentum [kg m/s], > 0 towards higher sites."""
+        return float(np.sum(self.mass * state.v))
+
+    def bind(self, u, v, kicks, drifts):
+        """This chain in the compiled loop, advancing `u` and `v` in place."""
+        engine = kernel(self.segments.laws)
+        return engine.bind(u, v, self.inverse_mass, self.segments, kicks, drifts)
+
+    def __repr__(self):
+        kinds = len(self.segment_springs[0])
+        return f"Chain({self.sites} sites, {kinds} run(s) of equal springs, ends {self.ends})"
