@@ -6,9 +6,10 @@ import numpy as np
 
 from tensegrity import Chain, LockingError, Record, simulate
 from tensegrity.asymptotics import sech2, sound_speed, tent
-from tensegrity.observables import crest, speed, width
+from tensegrity.observables import arrival, crest, speed, width
 
 TOLERANCE = 1e-6  # of the runs
+PIECES = 60  # of the time sound takes: how finely the arrival is looked for
 
 
 def launch(spring, struck, velocity, sites, travel):
@@ -21,11 +22,18 @@ def launch(spring, struck, velocity, sites, travel):
     """
     chain = Chain(spring, sites)
     state = chain.at_rest(dict.fromkeys(range(struck), velocity))
-    fastest = sound_speed(spring)
-    probe = simulate(chain, state, 0.25 * travel / fastest, record=Record(every=4))
-    place, _ = crest(chain.elongation(probe.final.u))
-    t_end = probe.t[-1] * travel / max(place, 1.0)
+    piece = travel / sound_speed(spring) / PIECES
+    probe, t_end = state, 0.0
+    while crest_place(chain, probe) < travel:
+        probe = simulate(chain, probe, piece).final
+        t_end += piece
     return simulate(chain, state, t_end, tol=TOLERANCE, record=Record(every=2))
+
+
+def crest_place(chain, state):
+    """Bond that the leading crest has reached; 0 before there is one."""
+    r = chain.elongation(state.u)
+    return crest(r)[0] if np.argmax(np.abs(r)) > 1 else 0.0
 
 
 def tuned(spring, ratio, struck, sites, travel, bracket):
@@ -110,15 +118,14 @@ def comparison(spring, ratio, struck, sites, travel, bracket, around):
 
 def _profile(run, spring, measured, travel, around):
     """Strain against distance from the crest, from the instants that span one site of travel."""
-    chain = run.scene
-    r = chain.elongation(run.u)
-    places = np.array([crest(row)[0] if np.any(row) else 0.0 for row in r])
-    chosen = np.flatnonzero(np.abs(places - 0.9 * travel) <= 1.5)
-    t_mean, place_mean = run.t[chosen].mean(), places[chosen].mean()
-    centre = place_mean + measured * (run.t[chosen] - t_mean)
+    bond = int(0.9 * travel)
+    passing = run.t - arrival(run, bond)
+    chosen = np.abs(passing) * measured <= 1.5
+    centre = bond + measured * passing[chosen]
+    r = run.scene.elongation(run.u[chosen])
     bonds = np.arange(r.shape[1])
     x = bonds[None, :] - centre[:, None]
-    strain = r[chosen] / spring.length
+    strain = r / spring.length
     near = np.abs(x) <= around + 1
     order = np.argsort(x[near])
     return x[near][order], strain[near][order]

@@ -11,7 +11,7 @@ CREST = 0.5  # an extremum counts as the pulse if it is this part of the largest
 NEIGHBOURS = 4  # recorded instants on either side that locate a crest
 
 
-def arrival(t, elongation, rate):
+def passage(t, elongation, rate):
     """Instant at which the first large extremum of an elongation passes.
 
     Parameters
@@ -29,38 +29,38 @@ def arrival(t, elongation, rate):
 
     size = np.abs(elongation)
     large = size >= CREST * size.max()
-    turns = np.flatnonzero(
-        (rate[:-1] * rate[1:] <= 0) & (large[:-1] | large[1:]) & (size.max() > 0)
-    )
-    if turns.size == 0:
+    turns = (rate[:-1] * rate[1:] <= 0) & (large[:-1] | large[1:]) & (size.max() > 0)
+    if not turns.any():
         raise TensegrityError("no crest passes this bond within the run")
-    first = int(turns[0])
+    first = int(np.argmax(turns))
     part = slice(max(first - NEIGHBOURS, 0), first + NEIGHBOURS + 2)
     roots = CubicSpline(t[part], rate[part]).roots(extrapolate=False)
     middle = (t[first] + t[first + 1]) / 2
     return float(roots[np.argmin(np.abs(roots - middle))])
 
 
-def speed(run, bonds):
-    """Speed of the leading pulse between two bonds, in sites per second.
+def arrival(run, bond):
+    """Instant [s] at which the crest of the leading pulse passes a bond.
 
     Parameters
     ----------
     run : Run
-        With the sites of both bonds recorded often enough to resolve the pulse.
-    bonds : (int, int)
+        With both sites of the bond recorded often enough to resolve the pulse.
+    bond : int
         Bond j joins sites j and j + 1.
     """
-    first, second = (check.whole("bond", b, least=0) for b in bonds)
-    return (second - first) / (_arrival(run, second) - _arrival(run, first))
-
-
-def _arrival(run, bond):
+    bond = check.whole("bond", bond, least=0)
     try:
         left, right = run.sites.index(bond), run.sites.index(bond + 1)
     except ValueError:
         raise TensegrityError(f"sites {bond} and {bond + 1} of bond {bond} not recorded") from None
-    return arrival(run.t, run.u[:, right] - run.u[:, left], run.v[:, right] - run.v[:, left])
+    return passage(run.t, run.u[:, right] - run.u[:, left], run.v[:, right] - run.v[:, left])
+
+
+def speed(run, bonds):
+    """Speed of the leading pulse between two bonds of a run, in sites per second."""
+    first, second = bonds
+    return (second - first) / (arrival(run, second) - arrival(run, first))
 
 
 def crest(elongation):

@@ -1,0 +1,39 @@
+# `make figures` and `make test` need Python 3.11 or newer, a C compiler and make; they set up
+# .venv themselves, keep it while pyproject.toml is unchanged and rebuild it when it is not.
+
+PYTHON := $(shell for p in python3.11 python3.12 python3.13 python3; do \
+	$$p -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && \
+	echo $$p && break; done)
+BIN = .venv/bin
+READY = .venv/ready
+
+.PHONY: figures test test-slow bench lint clean
+
+figures: $(READY)
+	$(BIN)/python -m figures
+
+test: $(READY)
+	$(BIN)/python -m pytest -m "not slow"
+
+test-slow: $(READY)
+	$(BIN)/python -m pytest -m slow
+
+bench: $(READY)
+	$(BIN)/python -m pip install --quiet --editable '.[bench]'
+	$(BIN)/python -m benchmarks
+
+lint: $(READY)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+# The copy of pyproject.toml says for which one the environment was made: comparing content, a
+# fresh checkout of the same file costs nothing.
+$(READY): pyproject.toml
+	@if cmp -s pyproject.toml $(READY); then touch $(READY); else \
+		test -n "$(PYTHON)" || { echo "Python 3.11 or newer, with venv, not found"; exit 1; }; \
+		echo "setting up .venv"; rm -rf .venv && $(PYTHON) -m venv .venv && \
+		$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test]' && \
+		cp pyproject.toml $(READY); fi
+
+clean:
+	rm -rf .venv build *.egg-info

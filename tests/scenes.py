@@ -1,0 +1,38 @@
+"""Scenes that several tests share, and runs in extended precision as their reference."""
+
+import numpy as np
+
+from tensegrity import Chain, Prism
+from tensegrity.kernel import Compiled
+from tensegrity.methods import METHODS
+
+
+def prism_chain(sites=64, ends=("free", "free")):
+    """A chain of stiffening prisms."""
+    return Chain(Prism(1.0, 0.8, 0.02, 1.0).potential(), sites, ends=ends)
+
+
+def smooth_blow(chain, speed=0.03):
+    """The first four masses pushed."""
+    return chain.at_rest(dict.fromkeys(range(4), speed))
+
+
+def extended(chain, state, method, dt, steps):
+    """u and v after some steps of the same generated text, compiled in long double."""
+    method = METHODS[method]
+    u, v = state.u.astype(np.longdouble), state.v.astype(np.longdouble)
+    kicks = np.multiply(method.kicks, dt, dtype=np.longdouble)
+    drifts = np.multiply(method.drifts, dt, dtype=np.longdouble)
+    engine = Compiled(chain.segments.laws, extended=True)
+    engine.bind(u, v, chain.inverse_mass, chain.segments, kicks, drifts).advance(steps)
+    return u, v
+
+
+def plain_forces(chain, u):
+    """Forces on the sites, bond by bond in plain Python."""
+    f = np.zeros(len(u))
+    for j, spring in enumerate(chain.springs):
+        tension = float(spring.tension(u[j + 1] - u[j]))
+        f[j] += tension
+        f[j + 1] -= tension
+    return f

@@ -1,0 +1,298 @@
+"""Runs: orders, invariants, recording, and where the methods fail."""
+
+import math
+
+import numpy as np
+import pytest
+import sympy as sp
+from scenes import extended, prism_chain, smooth_blow
+
+from tensegrity import (
+    Chain,
+    LockingError,
+    Potential,
+    PowerLaw,
+    Record,
+    StabilityError,
+    TensegrityError,
+    integrate,
+    simulate,
+)
+from tensegrity.methods import METHODS
+
+DURATION = 24.0
+REFINEMENTS = [("verlet", (400, 800, 1600)), ("rkn6", (60, 90, 135))]
+
+
+def fitted_order(errors, dts):
+    return np.polyfit(np.log(dts), np.log(errors), 1)[0]
+
+
+@pytest.mark.needs_extended
+@pytest.mark.parametrize(
+    ("name", "counts"), [("verlet", (400, 800, 1600)), ("rkn6", (60, 90, 135))]
+)
+def test_order_against_extended_precision(name, counts):
+    chain = prism_chain()
+    state = smooth_blow(chain)
+    exact, _ = extended(chain, state, "rkn6", DURATION / 3000, 3000)
+    errors = []
+    for n in counts:
+        run = simulate(chain, state, DURATION, method=name, dt=DURATION / n)
+        errors.append(float(np.max(np.abs(run.final.u - exact))))
+    order = fitted_order(errors, [DURATION / n for n in counts])
+    assert abs(order - METHODS[name].order) < 0.2
+
+
+@pytest.mark.parametrize(
+    ("name", "counts"), [("verlet", (400, 800, 1600)), ("rkn6", (60, 90, 135))]
+)
+def test_order_by_self_refinement(name, counts):
+    chain = prism_chain()
+    state = smooth_blow(chain)
+
+    def final(n):
+        return simulate(chain, state, DURATION, method=name, dt=DURATION / n).final.u
+
+    errors = [np.max(np.abs(final(n) - final(2 * n))) for n in counts]
+    order = fitted_order(errors, [DURATION / n for n in counts])
+    assert abs(order - METHODS[name].order) < 0.2
+
+
+@pytest.mark.needs_extended
+@pytest.mark.parametrize("name", METHODS)
+def test_steps_are_symplectic(name):
+    """J^T Omega J = Omega, J by differences in extended precision."""
+    chain = prism_chain(6)
+    n, h = chain.sites, np.longdouble(1e-4)
+    start = smooth_blow(chain)
+    start.v[5] = -0.02
+
+    def flow(x):
+        state = type("", (), {"u": x[:n], "v": x[n:]})
+        return np.concatenate(extended(chain, state, name, 0.3, 7))
+
+    x = np.concatenate([start.u, start.v]).astype(np.longdouble)
+    columns = []
+    for i in range(2 * n):
+        e = np.zeros(2 * n, dtype=np.longdouble)
+        e[i] = h
+        one, two = flow(x + e) - flow(x - e), flow(x + 2 * e) - flow(x - 2 * e)
+        three = flow(x + 3 * e) - flow(x - 3 * e)
+        columns.append((45 * one - 9 * two + three) / (60 * h))
+    jacobian = np.stack(columns, axis=1)
+    zero, unit = np.zeros((n, n)), np.eye(n)
+    omega = np.block([[zero, unit], [-unit, zero]])
+    assert np.max(np.abs(jacobian.T @ omega @ jacobian - omega)) < 1e-12
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_time_reversal_returns_to_the_start(name):
+    chain = prism_chain()
+    start = smooth_blow(chain)
+    there = simulate(chain, start, 30.0, method=name, dt=0.05)
+    back = simulate(chain, there.final.reversed(), 30.0, method=name, dt=0.05)
+    np.testing.assert_allclose(back.final.u, start.u, atol=1e-13)
+    np.testing.assert_allclose(back.final.v, -start.v, atol=1e-13)
+
+
+def test_momentum_is_kept_to_round_off():
+    chain = prism_chain()
+    start = smooth_blow(chain)
+    run = simulate(chain, start, 100.0, method="verlet", dt=0.02)
+    assert abs(chain.momentum(run.final) - chain.momentum(start)) < 1e-14
+
+
+def test_energy_error_has_no_trend_over_a_million_steps():
+    chain = prism_chain(16)
+    steps, dt = 1_000_000, 0.1
+    run = simulate(chain, smooth_blow(chain), steps * dt, dt=dt, record=Record(every=1000))
+    deviation = run.energy / run.energy[0] - 1
+    trend, _ = np.polyfit(np.linspace(0, 1, len(deviation)), deviation, 1)
+    assert run.steps == steps
+    assert abs(trend) < 0.05 * np.ptp(deviation)  # over the whole run, of its oscillation
+    assert np.ptp(deviation) < 5e-3
+
+
+def test_recorded_rows_are_the_asked_steps_and_sites():
+    chain = prism_chain(20)
+    every = simulate(chain, smooth_blow(chain), 1.0, dt=0.1, record=Record(every=1))
+    some = simulate(chain, smooth_blow(chain), 1.0, dt=0.1, record=Record(every=4, sites=[7, 0]))
+    np.testing.assert_allclose(some.t, [0, 0.4, 0.8, 1.0], atol=1e-15)
+    np.testing.assert_allclose(some.u, every.u[[0, 4, 8, 10]][:, [7, 0]], rtol=1e-14)
+    np.testing.assert_allclose(some.v, every.v[[0, 4, 8, 10]][:, [7, 0]], rtol=1e-14)
+    np.testing.assert_allclose(some.energy, every.energy[[0, 4, 8, 10]], rtol=1e-14)
+    assert some.sites == (7, 0)
+    assert some.dt == pytest.approx(0.1)
+
+
+def test_no_time_gives_the_initial_row():
+    chain = prism_chain(5)
+    for options in ({}, {"dt": 0.1}, {"tol": 1e-6}):
+        run = simulate(chain, smooth_blow(chain), 0.0, **options)
+        assert run.t.tolist() == [0.0]
+        assert np.array_equal(run.final.v, smooth_blow(chain).v)
+
+
+@pytest.mark.parametrize(
+    ("options", "name"),
+    [
+        ({"t_end": -1.0}, "t_end"),
+        ({"t_end": math.nan}, "t_end"),
+        ({"dt": 0.0}, "dt"),
+        ({"dt": -0.1}, "dt"),
+        ({"dt": math.nan}, "dt"),
+        ({"tol": 0.0}, "tol"),
+        ({"dt": 0.1, "tol": 1e-3}, "exclude"),
+        ({"method": "euler"}, "method"),
+        ({"record": Record(sites=[0, 99])}, "site 99"),
+    ],
+)
+def test_impossible_runs_are_refused(options, name):
+    chain = prism_chain(5)
+    with pytest.raises(TensegrityError, match=name):
+        simulate(chain, smooth_blow(chain), **{"t_end": 1.0, **options})
+
+
+@pytest.mark.parametrize("bad", [{"every": 0}, {"every": 1.5}, {"sites": []}, {"sites": [-1]}])
+def test_impossible_records_are_refused(bad):
+    with pytest.raises(TensegrityError):
+        Record(**bad)
+
+
+def fastest_mode(sites=200):
+    """A linear chain with fixed ends in its fastest mode, and that mode's frequency."""
+    r = sp.Symbol("r")
+    chain = Chain(Potential(r**2 / 2, r), sites, ends=("fixed", "fixed"))
+    numbers = np.arange(sites)
+    state = chain.at_rest()
+    state.u[1:-1] = (1e-3 * (-1.0) ** numbers * np.sin(np.pi * numbers / (sites - 1)))[1:-1]
+    return chain, state, 2 * np.cos(np.pi / (2 * (sites - 1)))
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_stability_limit_on_both_sides(name):
+    chain, state, omega = fastest_mode()
+    method = METHODS[name]
+    limit = method.stability_limit / omega
+    run = simulate(chain, state, 3000 * limit, method=name, dt=0.998 * limit)
+    assert np.max(np.abs(run.final.u)) < 0.1
+    with pytest.raises(StabilityError, match=r"dt .* is beyond .* s, the stability limit"):
+        simulate(chain, state, 10 * limit, method=name, dt=1.001 * limit)
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_above_the_stability_limit_the_bare_loop_grows(name):
+    """Right above it the fastest mode grows at the rate that the trace of a step predicts."""
+    chain, state, omega = fastest_mode()
+    method = METHODS[name]
+    z = method.stability_limit * np.linspace(1, 1.02, 20001)[1:]
+    worst = z[np.argmax(np.abs(method._trace(z)))]
+    rate = float(np.arccosh(np.abs(method._trace(worst)) / 2))
+    u, v, dt = state.u.copy(), state.v.copy(), worst / omega
+    bound = chain.bind(u, v, np.multiply(method.kicks, dt), np.multiply(method.drifts, dt))
+    bound.advance(int(8 / rate))
+    early = np.max(np.abs(u))
+    bound.advance(int(5 / rate))
+    assert np.log(np.max(np.abs(u)) / early) == pytest.approx(5, rel=0.1)
+
+
+def test_a_step_that_becomes_too_coarse_is_noticed_with_time_and_site():
+    """At rest V'' = 0 and every step seems fine; the blow itself makes the contact stiff."""
+    chain = Chain(PowerLaw(1.0, 3.0), 10)
+    with pytest.raises(StabilityError, match=r"t = .* s between sites 0 and 1") as caught:
+        simulate(chain, chain.at_rest({0: 4.0}), 20.0, dt=0.4)
+    run = caught.value.run
+    assert not run.complete
+    assert np.isfinite(run.u).all()
+
+
+def test_a_blow_that_locks_ends_the_run_and_keeps_what_was_recorded():
+    chain = prism_chain()
+    with pytest.raises(LockingError, match=r"bars meet.*between sites 0 and 1.*t = 0.2") as caught:
+        simulate(chain, chain.at_rest({0: 0.3}), 60.0, dt=0.001, record=Record(every=10))
+    run = caught.value.run
+    assert 0.19 < run.t[-1] < 0.21
+    assert len(run.t) > 15
+    assert np.isfinite(run.u).all()
+    assert np.isfinite(run.energy).all()
+
+
+def test_a_pull_that_straightens_the_bars_ends_the_run():
+    chain = prism_chain(3)
+    with pytest.raises(LockingError, match="twist 0"):
+        simulate(chain, chain.at_rest({0: -3.0}), 60.0)
+
+
+def test_a_step_over_the_end_is_not_called_locking_where_the_energy_cannot_reach_it():
+    chain = prism_chain()
+    with pytest.raises(StabilityError, match="too coarse"):
+        simulate(chain, chain.at_rest({0: 0.15}), 60.0, dt=0.9)
+
+
+@pytest.mark.parametrize("speed", [1e-6, 0.03, 0.12])
+def test_the_default_step_keeps_the_energy(speed):
+    chain = prism_chain()
+    run = simulate(chain, chain.at_rest({0: speed}), 50.0)
+    assert run.method == "rkn6"
+    assert run.energy_error < 1e-6
+
+
+def test_a_chain_at_rest_in_a_vacuum_stays_at_rest():
+    chain = Chain(PowerLaw(1.0, 1.5), 10)
+    run = simulate(chain, chain.at_rest(), 5.0)
+    assert not run.u.any()
+    run = simulate(chain, chain.at_rest({0: 1.0}), 30.0)
+    assert run.energy_error < 1e-4
+
+
+@pytest.mark.parametrize("tol", [1e-2, 1e-4, 1e-7, 1e-10])
+def test_tolerance_is_kept(tol):
+    chain = prism_chain()
+    state = smooth_blow(chain)
+    exact = simulate(
+        chain, state, DURATION, method="rkn6", dt=DURATION / 4000, record=Record(every=500)
+    )
+    run = simulate(chain, state, DURATION, tol=tol)
+    error = max(
+        np.max(np.abs(run.final.u - exact.final.u)) / np.max(np.abs(exact.u)),
+        np.max(np.abs(run.final.v - exact.final.v)) / np.max(np.abs(exact.v)),
+    )
+    assert error < tol
+    assert run.error_estimate < tol
+    assert run.method == ("verlet" if tol >= 1e-3 else "rkn6")
+
+
+def test_interrupt_returns_what_was_done(monkeypatch):
+    chain = prism_chain()
+    calls = []
+    advance = integrate._Watch.advance
+
+    def interrupted(self, steps):
+        if len(calls) == 7:
+            raise KeyboardInterrupt
+        calls.append(steps)
+        advance(self, steps)
+
+    monkeypatch.setattr(integrate._Watch, "advance", interrupted)
+    run = simulate(chain, smooth_blow(chain), 10.0, dt=0.1, record=Record(every=2))
+    assert not run.complete
+    assert run.steps == 14
+    assert run.t[-1] == pytest.approx(1.4)
+    monkeypatch.undo()
+    whole = simulate(chain, smooth_blow(chain), 10.0, dt=0.1, record=Record(every=2))
+    np.testing.assert_array_equal(run.u[: len(run.t) - 1], whole.u[: len(run.t) - 1])
+    assert "incomplete" in str(run)
+
+
+def test_a_run_says_what_it_is():
+    chain = prism_chain()
+    text = str(simulate(chain, smooth_blow(chain), 5.0, tol=1e-6))
+    for word in ("rkn6", "dt =", "steps", "energy", "estimated", "wall time"):
+        assert word in text
+
+
+def test_runs_are_reproducible_bit_for_bit():
+    chain = prism_chain(100)
+    one, two = (simulate(chain, smooth_blow(chain), 40.0) for _ in range(2))
+    assert one.u.tobytes() == two.u.tobytes()

@@ -1,0 +1,95 @@
+"""Chains: what they refuse, and their forces, energies and ends."""
+
+import math
+
+import numpy as np
+import pytest
+from scenes import plain_forces, prism_chain, smooth_blow
+
+from tensegrity import Chain, PowerLaw, Prism, State, TensegrityError, simulate
+
+SPRING = PowerLaw(1.0, 1.5, preload=0.1)
+
+
+@pytest.mark.parametrize("sites", [0, 1, -3, 2.0, True, None])
+def test_too_few_sites_are_refused(sites):
+    with pytest.raises(TensegrityError, match="sites"):
+        Chain(SPRING, sites)
+
+
+def test_impossible_chains_are_refused():
+    for mass in (0.0, -1.0, math.nan, [1.0, 2.0], [1, 0, 1]):
+        with pytest.raises(TensegrityError, match="mass"):
+            Chain(SPRING, 3, mass=mass)
+    with pytest.raises(TensegrityError, match="springs"):
+        Chain([SPRING] * 3, 3)
+    with pytest.raises(TensegrityError, match="not a Potential"):
+        Chain([SPRING, "spring"], 3)
+    for ends in ("free", ("free", "loose"), ("free",)):
+        with pytest.raises(TensegrityError, match="ends"):
+            Chain(SPRING, 3, ends=ends)
+
+
+@pytest.mark.parametrize(
+    ("u", "why"),
+    [
+        (np.zeros(4, dtype=int), "dtype"),
+        (np.zeros(4, dtype=np.float32), "dtype"),
+        (np.zeros(8)[::2], "contiguous"),
+        (np.array([0, math.nan, 0, 0]), "finite"),
+        (np.zeros((2, 2)), "dimension"),
+    ],
+)
+def test_unusable_arrays_are_refused(u, why):
+    with pytest.raises(TensegrityError, match=why):
+        State(u, np.zeros(4))
+    if u.ndim == 1:
+        with pytest.raises(TensegrityError, match=why):
+            State(np.zeros(4), u)
+
+
+def test_states_of_another_chain_are_refused():
+    chain = Chain(SPRING, 5, ends=("fixed", "free"))
+    with pytest.raises(TensegrityError, match="sites"):
+        simulate(chain, State(np.zeros(4), np.zeros(4)), 1.0)
+    with pytest.raises(TensegrityError, match="not a State"):
+        simulate(chain, np.zeros(5), 1.0)
+    with pytest.raises(TensegrityError, match="fixed"):
+        chain.at_rest({0: 1.0})
+    for site in (5, -1, 1.5):
+        with pytest.raises(TensegrityError, match="site"):
+            chain.at_rest({site: 1.0})
+    with pytest.raises(TensegrityError, match="velocity"):
+        chain.at_rest({1: math.nan})
+
+
+def test_a_state_out_of_the_domain_is_refused():
+    chain = prism_chain(3)
+    with pytest.raises(TensegrityError, match="bars meet"):
+        simulate(chain, State(np.array([0, -0.1, 0.0]), np.zeros(3)), 1.0)
+
+
+@pytest.mark.parametrize("ends", [("free", "free"), ("fixed", "free"), ("fixed", "fixed")])
+def test_mixed_chain_follows_newton(ends, rng):
+    """Acceleration of a chain of five laws and random masses against bond-by-bond forces."""
+    prism = Prism(1.0, 0.8, 0.05, 1.0)
+    kinds = [SPRING, prism.potential(), prism.potential(0.1), PowerLaw(2.0, 2.0, preload=0.3)]
+    springs = [kinds[k] for k in rng.integers(0, 4, 120)] + [kinds[0]] * 40 + [kinds[1]] * 39
+    chain = Chain(springs, 200, mass=rng.uniform(0.5, 2, 200), ends=ends)
+    u = rng.uniform(-0.01, 0.01, 200)
+    u[chain.held] = 0
+    dt = 1e-3
+    run = simulate(chain, State(u, np.zeros(200)), dt, dt=dt, method="verlet")
+    acceleration = plain_forces(chain, u) * chain.inverse_mass
+    np.testing.assert_allclose(run.final.u, u + dt**2 / 2 * acceleration, rtol=0, atol=1e-17)
+    later = plain_forces(chain, run.final.u) * chain.inverse_mass
+    np.testing.assert_allclose(run.final.v, dt / 2 * (acceleration + later), rtol=0, atol=1e-17)
+    assert np.all(run.final.u[chain.held] == 0)
+
+
+def test_energy_of_the_chain_is_that_of_its_sites():
+    chain = prism_chain(30)
+    run = simulate(chain, smooth_blow(chain), 20.0)
+    sites = chain.site_energy(run.u, run.v)
+    np.testing.assert_allclose(sites.sum(axis=1), run.energy, rtol=1e-13)
+    assert math.isclose(chain.energy(run.final), run.energy[-1], rel_tol=1e-14)

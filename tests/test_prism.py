@@ -1,0 +1,151 @@
+"""What a user describes: prisms, their potentials, and the errors for impossible ones."""
+
+import math
+import pickle
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from tensegrity import (
+    EquilibriumError,
+    LockingError,
+    NoLocking,
+    Potential,
+    PowerLaw,
+    Prism,
+    TensegrityError,
+)
+
+GOOD = {"base": 1.0, "height": 0.7, "prestrain": 0.01, "k_cross": 1.0}
+
+
+NOT_POSITIVE = (0, -1, math.nan, math.inf)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        *((name, bad) for name in ("base", "height", "k_cross") for bad in NOT_POSITIVE),
+        *(("prestrain", bad) for bad in (-1e-9, math.nan, math.inf)),
+        *((name, bad) for name in ("k_base", "k_bar") for bad in NOT_POSITIVE[:3]),
+        ("base", "wide"),
+        ("k_base", 1e-3),
+    ],
+)
+def test_impossible_prisms_are_refused_by_name(name, value):
+    with pytest.raises(TensegrityError, match=name):
+        Prism(**{**GOOD, name: value})
+
+
+def test_softest_base_that_is_allowed():
+    least = 1.0 * (0.2 / 1.2) / math.sqrt(3)
+    with pytest.raises(TensegrityError, match="k_base"):
+        Prism(1, 1, 0.2, 1, k_base=0.999 * least)
+    assert 0 < Prism(1, 1, 0.2, 1, k_base=1.001 * least).natural_lengths().base < 0.01
+
+
+def test_locking_height_is_where_the_bars_meet():
+    prism = Prism(**GOOD)
+    a, bar = prism.base / math.sqrt(3), prism.natural_lengths().bar
+    assert math.isclose(prism.locking_height(), math.sqrt(bar**2 - 4 * a**2), rel_tol=1e-14)
+
+
+def test_a_thick_prism_is_valid_but_never_locks():
+    edge = math.sqrt((2 - math.sqrt(3)) / 3)
+    with pytest.raises(NoLocking, match="collapses flat"):
+        Prism(1, edge * (1 - 1e-12), 0.1, 1).locking_height()
+    assert 0 < Prism(1, edge * (1 + 1e-12), 0.1, 1).locking_height() < 1e-5
+    thick = Prism(1, 0.25, 0.1, 1)
+    assert thick.potential().domain[0] == -0.25
+    assert thick.axial_stiffness() > 0
+
+
+def test_tension_outside_the_domain_names_the_end():
+    spring = Prism(**GOOD).potential()
+    low, high = spring.domain
+    with pytest.raises(LockingError, match="twist pi"):
+        spring.tension([0.0, low])
+    with pytest.raises(LockingError, match="twist 0"):
+        spring.tension(high)
+    assert np.isfinite(spring.tension([low * (1 - 1e-15), high * (1 - 1e-15)])).all()
+    assert np.isfinite(spring.energy([low, high])).all()  # the energy at locking is finite
+    with pytest.raises(TensegrityError, match="nan"):
+        spring.energy(math.nan)
+
+
+def test_preload_shifts_to_the_loaded_equilibrium():
+    free, loaded = Prism(**GOOD).potential(), Prism(**GOOD).potential(preload=0.3)
+    shift = loaded.length - free.length
+    assert abs(loaded.tension(0.0)) < 1e-14
+    assert loaded.energy(0.0) == 0
+    r = np.linspace(0.9 * loaded.domain[0], 0.5, 31)
+    np.testing.assert_allclose(loaded.tension(r), free.tension(r + shift) + 0.3, atol=1e-12)
+    np.testing.assert_allclose(loaded.stiffness(r), free.stiffness(r + shift), rtol=1e-10)
+
+
+def test_preload_up_to_the_limit_point_of_a_thick_prism():
+    thick = Prism(1, 0.25, 0.1, 1)
+    spring = thick.potential()
+    heights = np.linspace(-0.2499, 0, 200_001)
+    limit = -spring.tension(heights).min()
+    with pytest.raises(EquilibriumError, match="largest axial load"):
+        thick.potential(preload=limit * (1 + 1e-6))
+    assert thick.potential(preload=limit * (1 - 1e-6)).stiffness(0.0) > 0
+
+
+@pytest.mark.parametrize("preload", [-1, math.nan, math.inf])
+def test_impossible_preloads_are_refused(preload):
+    with pytest.raises(TensegrityError, match="preload"):
+        Prism(**GOOD).potential(preload)
+
+
+def test_without_prestrain_the_reference_is_a_sonic_vacuum():
+    """V'' = 0 there; the force grows with the cube of the elongation."""
+    spring = Prism(1, 0.8, 0.0, 1).potential()
+    assert spring.stiffness(0.0) == 0
+    r = np.array([1e-4, 1e-3])
+    order = np.log10(spring.tension(r[1]) / spring.tension(r[0]))
+    assert abs(order - 3) < 0.02
+
+
+def test_a_readers_own_energy():
+    r, k = sp.symbols("r k")
+    toda = Potential(k * (sp.exp(-r) + r - 1), r, {"k": 2.0}, length=1.0)
+    x = np.linspace(-1, 1, 11)
+    np.testing.assert_allclose(toda.tension(x), 2 * (1 - np.exp(-x)), rtol=1e-14)
+    np.testing.assert_allclose(toda.stiffness_slope(x), -2 * np.exp(-x), rtol=1e-14)
+    assert toda == Potential(k * (sp.exp(-r) + r - 1), r, {k: 2.0}, length=1.0)
+    with pytest.raises(TensegrityError, match="parameter k"):
+        Potential(k * r**2, r)
+    with pytest.raises(TensegrityError, match="parameter k"):
+        Potential(k * r**2, r, {k: math.nan})
+    with pytest.raises(TensegrityError, match="not a SymPy"):
+        Potential("r**2", r)
+    with pytest.raises(TensegrityError, match="domain"):
+        Potential(r**2, r, domain=(0.1, 1))
+
+
+@pytest.mark.parametrize("exponent", [0.5, 1.5, 2, 3.3])
+def test_power_law_pushes_only(exponent):
+    law = PowerLaw(3.0, exponent)
+    r = np.array([-0.3, -0.1, 0.0, 0.2])
+    np.testing.assert_allclose(law.tension(r), -3 * np.maximum(-r, 0) ** exponent, rtol=1e-14)
+    loaded = PowerLaw(3.0, exponent, preload=0.4)
+    overlap = (0.4 / 3) ** (1 / exponent)
+    expected = 0.4 - 3 * np.maximum(overlap - r, 0) ** exponent
+    np.testing.assert_allclose(loaded.tension(r), expected, atol=1e-15)
+    assert abs(loaded.energy(0.0)) < 1e-16
+
+
+@pytest.mark.parametrize("bad", [(0, 1.5), (1, 0), (1, -1), (math.nan, 1), (1, 1.5, -1)])
+def test_impossible_power_laws_are_refused(bad):
+    with pytest.raises(TensegrityError):
+        PowerLaw(*bad)
+
+
+def test_potentials_survive_pickling():
+    for spring in (Prism(**GOOD).potential(0.1), PowerLaw(1.0, 1.5)):
+        copy = pickle.loads(pickle.dumps(spring))
+        assert copy == spring
+        assert copy.tension(-0.01) == spring.tension(-0.01)
