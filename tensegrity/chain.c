@@ -6,11 +6,12 @@
    LAWS(X), which lists X(0) X(1) ..., and PARAMETERS, the largest number of parameters.
 
    A stage is a kick v += a w (tension right - tension left) followed by a drift u += b v, done
-   in one pass over the chain in blocks that stay in the nearest cache.  In each block the
-   innermost square root (head) has a loop of its own: what limits a processor here is the
-   longest chain of slow operations that fits its window, not their number alone. */
+   in one pass over the chain in blocks that stay in the nearest cache.  The innermost square root
+   of a law (head) is computed in the loop that updates the block before, apart from the rest
+   (tail): what limits a processor here is the longest chain of slow operations that fits its
+   window, not their number alone. */
 
-#define BLOCK 32
+#define BLOCK 64
 
 typedef struct {
     real *u, *v;                     /* displacement, velocity (sites) */
@@ -23,7 +24,17 @@ typedef struct {
     integer segments, stages, closing; /* closing: the method ends with a kick */
 } chain;
 
-#define EACH _Pragma("GCC ivdep") for (integer i = 0; i < n; i++)
+#define EACH(n) _Pragma("GCC ivdep") for (integer i = 0; i < (n); i++)
+
+#define HEAD(K, j)                                                                          \
+    r[i] = u[(j) + i + 1] - u[(j) + i];                                                     \
+    low[i] = r[i] < low[i] ? r[i] : low[i];                                                 \
+    high[i] = r[i] > high[i] ? r[i] : high[i];                                              \
+    h[i] = head_##K(r[i], p);
+
+#define UPDATE(j)                                                                           \
+    v[(j) + i] += a * w[(j) + i] * (f[i + 1] - f[i]);                                       \
+    u[(j) + i] += b * v[(j) + i];
 
 #define SEGMENT(K)                                                                          \
     __attribute__((flatten)) static void stage_##K(                                         \
@@ -33,23 +44,28 @@ typedef struct {
         real *restrict u = c->u, *restrict v = c->v;                                        \
         const real *restrict w = c->w;                                                      \
         real *range = c->range + 2 * s;                                                     \
-        integer last = c->first[s + 1];                                                     \
+        integer j = c->first[s], last = c->first[s + 1];                                    \
         for (int i = 0; i < PARAMETERS; i++) p[i] = c->parameters[s * PARAMETERS + i];      \
         for (int i = 0; i < BLOCK; i++) low[i] = range[0], high[i] = range[1];              \
         f[0] = *left;                                                                       \
-        for (integer j = c->first[s], n; j < last; j += n, f[0] = f[n]) {                   \
-            n = last - j < BLOCK ? last - j : BLOCK;                                        \
-            EACH {                                                                          \
-                r[i] = u[j + i + 1] - u[j + i];                                             \
-                low[i] = r[i] < low[i] ? r[i] : low[i];                                     \
-                high[i] = r[i] > high[i] ? r[i] : high[i];                                  \
-                h[i] = head_##K(r[i], p);                                                   \
+        integer odd = (last - j) % BLOCK;                                                   \
+        if (odd) {                                                                          \
+            EACH(odd) { HEAD(K, j) }                                                        \
+            EACH(odd) f[i + 1] = tail_##K(r[i], h[i], p);                                   \
+            EACH(odd) { UPDATE(j) }                                                         \
+            f[0] = f[odd];                                                                  \
+            j += odd;                                                                       \
+        }                                                                                   \
+        if (j < last) {                                                                     \
+            EACH(BLOCK) { HEAD(K, j) }                                                      \
+            for (; j + BLOCK < last; j += BLOCK) {                                          \
+                EACH(BLOCK) f[i + 1] = tail_##K(r[i], h[i], p);                             \
+                EACH(BLOCK) { HEAD(K, j + BLOCK) UPDATE(j) }                                \
+                f[0] = f[BLOCK];                                                            \
             }                                                                               \
-            EACH f[i + 1] = tail_##K(r[i], h[i], p);                                        \
-            EACH {                                                                          \
-                v[j + i] += a * w[j + i] * (f[i + 1] - f[i]);                               \
-                u[j + i] += b * v[j + i];                                                   \
-            }                                                                               \
+            EACH(BLOCK) f[i + 1] = tail_##K(r[i], h[i], p);                                 \
+            EACH(BLOCK) { UPDATE(j) }                                                       \
+            f[0] = f[BLOCK];                                                                \
         }                                                                                   \
         *left = f[0];                                                                       \
         for (int i = 0; i < BLOCK; i++) {                                                   \

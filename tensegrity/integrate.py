@@ -17,7 +17,7 @@ import numpy as np
 from tensegrity import check, methods, stepping
 from tensegrity.errors import LockingError, StabilityError, TensegrityError
 from tensegrity.lattice import State
-from tensegrity.record import Record, Rows
+from tensegrity.record import Record
 
 MARGIN = 2.0  # a default step may be this much larger, at the stiffness met, than meant
 TRIAL = 0.5  # first step over the stability limit where a tolerance decides
@@ -139,7 +139,7 @@ def simulate(scene, state, t_end, *, method=None, dt=None, tol=None, record=None
         raise TensegrityError(f"dt {dt!r} s and tol {tol!r} exclude each other: give one")
     method = methods.find(method or methods.default(dt, tol))
     record = record or Record()
-    record.columns(scene.sites)
+    record.check(scene.sites)
     problem = _Problem(scene, state, t_end, method, record)
     if dt is not None:
         run = _fixed_step(problem, check.number("dt", dt, above=0, unit="s"))
@@ -215,7 +215,8 @@ def _to_tolerance(problem, tol):
     steps = CHECKPOINTS * math.ceil(_steps(problem, TRIAL, SHARE) / CHECKPOINTS)
     if steps == 0:
         return _march(problem, 0, 1.0)[0]
-    coarse_run, coarse = _refined(problem, steps, 1.0, CHECKPOINTS)
+    trial = replace(problem, record=Record(every=steps, sites=(0,)))
+    coarse_run, coarse = _refined(trial, steps, 1.0, CHECKPOINTS)
     steps, last = coarse_run.steps, None
     while True:
         run, fine = _refined(problem, 2 * steps, 1.0, CHECKPOINTS)
@@ -234,7 +235,7 @@ def _to_tolerance(problem, tol):
             steps, coarse = run.steps, fine
         else:
             steps = CHECKPOINTS * math.ceil(run.steps * factor / 2 / CHECKPOINTS)
-            coarse = _refined(problem, steps, 1.0, CHECKPOINTS)[1]
+            coarse = _refined(trial, steps, 1.0, CHECKPOINTS)[1]
 
 
 def _difference(coarse, fine):
@@ -262,14 +263,20 @@ def _march(problem, steps, allowed, checkpoints=0):
     watch = _Watch(problem, u, v, dt, allowed)
     recorded = problem.record.steps(steps)
     checked = np.arange(checkpoints + 1) * (steps // checkpoints) if checkpoints else []
+    to_record, to_check = set(recorded.tolist()), set(map(int, checked))
     columns = problem.record.columns(scene.sites)
     kept = tuple(np.arange(scene.sites)[columns].tolist())
-    rows, checks = Rows(len(recorded) + 1, len(kept)), Rows(len(checked), scene.sites)
+    rows = problem.record.rows(len(recorded) + 1, len(kept))
+    checks = Record().rows(len(checked), scene.sites)
     largest = max(1, BLOCK // ((scene.sites - 1) * problem.method.stages))
 
     def keep():
         u, v, done = watch.sound
         rows.add(done * dt, scene.energy(State(u, v)), u[columns], v[columns])
+
+    def keep_last():
+        if watch.sound[2] not in to_record:
+            keep()
 
     def result(complete):
         u, v, done = watch.sound
@@ -279,7 +286,6 @@ def _march(problem, steps, allowed, checkpoints=0):
             problem.method.name, dt, done, kept, complete,
         )  # fmt: skip
 
-    to_record, to_check = set(recorded.tolist()), set(map(int, checked))
     with _progress(steps) as bar:
         try:
             for stop in sorted(to_record | to_check):
@@ -291,10 +297,10 @@ def _march(problem, steps, allowed, checkpoints=0):
                 if stop in to_check:
                     checks.add(stop * dt, 0.0, *watch.sound[:2])
         except KeyboardInterrupt:
-            keep()  # the last sound instant
+            keep_last()
             return result(complete=False), checks.finished()
         except (LockingError, StabilityError) as error:
-            keep()
+            keep_last()
             error.run = result(complete=False)
             raise
     return result(complete=True), checks.finished()

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import io
+import os
+import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -24,10 +28,15 @@ class Record:
         instants are kept, whatever the number of steps.
     sites : sequence of int, optional
         Sites to keep, in that order; by default all.
+    path : str or path, optional
+        A new .npy file for the rows, which then need no memory.  It is whole after every row,
+        also if the process is killed: numpy.load(path, mmap_mode="r") gives a structured array
+        with fields t, energy, u, v.
     """
 
     every: int | None = None
     sites: Sequence[int] | None = None
+    path: str | os.PathLike | None = None
 
     def __post_init__(self):
         if self.every is not None:
@@ -37,6 +46,25 @@ class Record:
             if not kept:
                 raise TensegrityError("sites is empty: nothing to record")
             object.__setattr__(self, "sites", kept)
+        if self.path is not None:
+            object.__setattr__(self, "path", Path(self.path))
+
+    def check(self, sites):
+        """Refuse sites that a scene does not have, and a path that cannot be a new file."""
+        self.columns(sites)
+        if self.path is None:
+            return
+        if self.path.exists():
+            raise TensegrityError(f"record path {self.path} exists; delete it or choose another")
+        if not self.path.parent.is_dir():
+            raise TensegrityError(f"record path {self.path}: there is no folder {self.path.parent}")
+
+    def rows(self, instants, sites):
+        """Room for that many rows of that many sites, in memory or in the file."""
+        kind = np.dtype([("t", float), ("energy", float), ("u", float, sites), ("v", float, sites)])
+        if self.path is None:
+            return Rows(instants, kind)
+        return FileRows(self.path, instants, kind)
 
     def columns(self, sites):
         """Numbers of the recorded sites of a scene, or a slice of all."""
@@ -53,11 +81,28 @@ class Record:
         return kept if kept[-1] == total else np.append(kept, total)
 
 
-class Rows:
-    """Recorded rows: time, energy, and u and v of the kept sites."""
+def _refuse_more(size, room, what):
+    if size > room:
+        raise TensegrityError(
+            f"record of {size / 1e9:.3g} GB exceeds the {room / 1e9:.3g} GB of {what}: keep fewer "
+            "steps or sites" + (", or give a path" if what == "memory" else "")
+        )
 
-    def __init__(self, instants, sites):
-        kind = [("t", float), ("energy", float), ("u", float, (sites,)), ("v", float, (sites,))]
+
+def _free_memory():
+    """Memory that can be had without swapping [bytes]."""
+    try:
+        lines = Path("/proc/meminfo").read_text().splitlines()
+        return next(int(x.split()[1]) * 1024 for x in lines if x.startswith("MemAvailable"))
+    except (OSError, StopIteration):
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+
+
+class Rows:
+    """Rows in memory: time, energy, and u and v of the kept sites."""
+
+    def __init__(self, instants, kind):
+        _refuse_more(instants * kind.itemsize, _free_memory(), "memory")
         self._rows = np.zeros(instants, dtype=kind)
         self._count = 0
 
@@ -69,3 +114,38 @@ class Rows:
     def finished(self):
         """The rows written so far, as a structured array with fields t, energy, u, v."""
         return self._rows[: self._count]
+
+
+class FileRows:
+    """Rows in a .npy file whose header counts only rows that are written in full."""
+
+    def __init__(self, path, instants, kind):
+        _refuse_more(instants * kind.itemsize, shutil.disk_usage(path.parent).free, "disk space")
+        self._path, self._kind, self._count = path, kind, 0
+        self._row = np.zeros(1, dtype=kind)
+        self._file = open(path, "wb", buffering=0)  # noqa: SIM115, closed by finished()
+        self._write_header()
+
+    def _write_header(self):
+        """NumPy pads the header so that a growing count always fits its place."""
+        header = io.BytesIO()
+        descr = np.lib.format.dtype_to_descr(self._kind)
+        shape = {"descr": descr, "fortran_order": False, "shape": (self._count,)}
+        np.lib.format.write_array_header_2_0(header, shape)
+        self._file.seek(0)
+        self._file.write(header.getvalue())
+        self._file.seek(0, os.SEEK_END)
+
+    def add(self, t, energy, u, v):
+        """Append a row: first its bytes, then the count that makes it visible."""
+        self._row[0] = t, energy, u, v
+        self._file.write(self._row.tobytes())
+        self._count += 1
+        self._write_header()
+
+    def finished(self):
+        """The rows written so far, mapped from the file."""
+        self._file.close()
+        if self._count == 0:
+            return np.zeros(0, dtype=self._kind)
+        return np.load(self._path, mmap_mode="r")

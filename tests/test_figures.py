@@ -1,0 +1,76 @@
+"""The pictures: their numbers make the claims, their files are whole."""
+
+import csv
+
+import numpy as np
+import pytest
+
+from figures import chosen, constitutive_rigid, pictures, wave_near_sonic, wave_supersonic
+from figures.__main__ import main
+
+
+@pytest.fixture(scope="module")
+def near_sonic():
+    return wave_near_sonic.data()
+
+
+@pytest.fixture(scope="module")
+def supersonic():
+    return wave_supersonic.data()
+
+
+def numbers(tables, key="numbers"):
+    return dict(zip(tables[key]["quantity"], tables[key]["value"], strict=True))
+
+
+def test_wave_at_1_05_sound_speed_spans_about_eight_prisms(near_sonic):
+    found = numbers(near_sonic, "1.05_numbers")
+    assert found["speed over sound speed"] == pytest.approx(1.05, abs=1e-6)
+    assert 7 < found["width at 5 % of the peak [sites]"] < 8.5
+
+
+def test_sech2_gets_better_towards_the_sound_speed(near_sonic):
+    """Its error over the peak falls with gamma^2: five times from 1.05 to 1.01."""
+    name = "sech^2: largest deviation over peak"
+    far, near = (numbers(near_sonic, f"{c}_numbers")[name] for c in (1.05, 1.01))
+    assert near < 0.06
+    assert 4 < far / near < 7
+
+
+def test_wave_at_12_16_sound_speed_nearly_is_the_tent(supersonic):
+    found = numbers(supersonic)
+    assert found["speed over sound speed"] == pytest.approx(12.16, abs=1e-3)
+    assert found["tent: largest deviation over peak"] < 0.1
+    assert found["width at 5 % of the peak [sites]"] < 2.3
+    assert 0.9 < found["peak over locking stroke"] < 1
+
+
+def test_constitutive_curves_show_locking_and_collapse():
+    tables = constitutive_rigid.data()
+    locks, flat = tables["h0.7_p0.1"], tables["h0.25_p0.1"]
+    assert np.isfinite(locks["locking_height"][0])
+    assert locks["load"].max() > 10
+    assert np.isnan(flat["locking_height"][0])
+    top = int(np.argmax(flat["load"]))
+    assert 0 < flat["height"][top] < 0.25  # a limit point on the way to lying flat
+    for table in tables.values():
+        assert np.isfinite(table["load"]).all()
+
+
+def test_pictures_are_written_with_their_tables(tmp_path, capsys):
+    assert main(["constitutive_rigid", "--output", str(tmp_path)]) == 0
+    assert (tmp_path / "constitutive_rigid.png").read_bytes().startswith(b"\x89PNG")
+    with open(tmp_path / "constitutive_rigid_h0.7_p0.1.csv") as file:
+        rows = list(csv.DictReader(file))
+    assert float(rows[0]["height"]) > 0
+    assert len(rows) > 400
+    assert not list(tmp_path.glob("tmp*"))
+
+
+def test_names_groups_and_mistakes(capsys):
+    assert set(chosen(["waves"])) >= {"wave_near_sonic", "wave_supersonic"}
+    assert set(chosen([])) == set(pictures())
+    assert main(["--list"]) == 0
+    assert "constitutive_rigid" in capsys.readouterr().out
+    with pytest.raises(SystemExit):
+        main(["no_such_picture"])

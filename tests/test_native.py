@@ -1,0 +1,203 @@
+"""The cache of compiled kernels under every fault that is expected of it."""
+
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+import time
+import warnings
+
+import pytest
+
+from tensegrity import native
+
+pytestmark = pytest.mark.needs_compiler
+TEXT = "double answer(void) { return 42; }"
+
+
+@pytest.fixture
+def cache(tmp_path, monkeypatch):
+    """An empty cache of its own."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    native.cache_folder.cache_clear()
+    yield tmp_path / "tensegrity"
+    native.cache_folder.cache_clear()
+
+
+def entries(folder):
+    return [e for e in folder.iterdir() if not e.name.startswith(("build-", "damaged-"))]
+
+
+def answer(text=TEXT):
+    import ctypes
+
+    function = native.library(text).answer
+    function.restype = ctypes.c_double
+    return function()
+
+
+def test_folder_is_private_and_the_second_load_compiles_nothing(cache, monkeypatch):
+    assert answer() == 42
+    assert cache.stat().st_mode & 0o777 == 0o700
+    assert len(entries(cache)) == 1
+    monkeypatch.setattr(native, "_build", lambda *_: pytest.fail("compiled again"))
+    assert answer() == 42
+
+
+def test_another_text_or_flag_gets_another_entry(cache):
+    answer()
+    answer(TEXT.replace("42", "43"))
+    native.library(TEXT, ["-DSOMETHING"])
+    assert len(entries(cache)) == 3
+
+
+@pytest.mark.parametrize("damage", ["truncated", "changed", "no digest", "no library", "empty"])
+def test_a_damaged_entry_is_noticed_and_rebuilt(cache, damage):
+    """Seen from a new process: this one has the sound library mapped."""
+    answer()
+    (entry,) = entries(cache)
+    library = entry / native.LIBRARY
+    content = library.read_bytes()
+    library.unlink()
+    if damage == "truncated":
+        library.write_bytes(content[: len(content) // 2])
+    elif damage == "changed":
+        library.write_bytes(content[:-100] + bytes(100))
+    elif damage == "empty":
+        library.write_bytes(b"")
+    elif damage == "no digest":
+        library.write_bytes(content)
+        (entry / native.DIGEST).unlink()
+    code = f"from test_native import answer; assert answer({TEXT!r}) == 42"
+    subprocess.run([sys.executable, "-c", code], check=True, env=_environment())
+    assert native._intact(entry)
+
+
+def _environment():
+    here = os.path.dirname(__file__)
+    paths = [here, os.path.dirname(here), os.environ.get("PYTHONPATH", "")]
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
+
+
+def _ask(barrier, results):
+    barrier.wait()
+    results.put(answer())
+
+
+def test_sixteen_processes_asking_at_once_get_one_good_kernel(cache):
+    context = multiprocessing.get_context("fork")
+    barrier, results = context.Barrier(16), context.Queue()
+    workers = [context.Process(target=_ask, args=(barrier, results)) for _ in range(16)]
+    for worker in workers:
+        worker.start()
+    assert [results.get(timeout=60) for _ in workers] == [42.0] * 16
+    for worker in workers:
+        worker.join()
+        assert worker.exitcode == 0
+    (entry,) = entries(cache)
+    assert native._intact(entry)
+    assert len(list(cache.iterdir())) == 1  # nothing left beside it
+
+
+def test_a_kill_in_the_middle_of_a_build_leaves_nothing_that_is_taken_for_a_kernel(
+    cache, tmp_path, monkeypatch
+):
+    """The compiler writes half a library and hangs; the process is killed; the next one builds."""
+    slow = tmp_path / "slowcc"
+    slow.write_text(
+        '#!/bin/sh\n[ "$1" = --version ] && echo slow && exit\n'
+        'while [ "$1" != -o ]; do shift; done\nprintf half > "$2"; sleep 60\n'
+    )
+    slow.chmod(0o755)
+    code = f"from test_native import answer; answer({TEXT!r})"
+    builder = subprocess.Popen(
+        [sys.executable, "-c", code], env={**_environment(), "CC": str(slow)}, process_group=0
+    )
+    until = time.monotonic() + 30
+    while not list(cache.glob("build-*/" + native.LIBRARY)) and time.monotonic() < until:
+        time.sleep(0.02)
+    os.killpg(builder.pid, signal.SIGKILL)
+    builder.wait()
+    assert list(cache.glob("build-*"))
+    assert entries(cache) == []
+    assert answer() == 42
+
+
+def test_a_folder_that_others_can_write_is_refused(cache):
+    cache.mkdir(mode=0o700)
+    cache.chmod(0o777)
+    with pytest.warns(RuntimeWarning, match="others can write"):
+        assert answer() == 42
+    assert list(cache.iterdir()) == []
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="needs users")
+def test_a_folder_of_somebody_else_is_refused(cache, monkeypatch):
+    cache.mkdir(mode=0o700)
+    monkeypatch.setattr(os, "getuid", lambda: os.stat(cache).st_uid + 1)
+    with pytest.warns(RuntimeWarning, match="others can write"):
+        assert answer() == 42
+
+
+def test_without_a_usable_folder_a_temporary_one_serves(cache, tmp_path):
+    cache.write_text("a file where the folder should be")
+    with pytest.warns(RuntimeWarning, match="cache folder cannot be used"):
+        assert answer() == 42
+
+
+def test_a_failing_compiler_says_its_last_lines(cache, tmp_path, monkeypatch):
+    failing = tmp_path / "failcc"
+    failing.write_text('#!/bin/sh\n[ "$1" = --version ] && exit\necho "no such luck" >&2; exit 3\n')
+    failing.chmod(0o755)
+    monkeypatch.setenv("CC", str(failing))
+    with pytest.raises(native.CompilerError, match=r"failed \(3\): no such luck"):
+        native.library(TEXT)
+    assert list(cache.iterdir()) == []
+
+
+def test_a_text_that_does_not_compile_is_refused_with_the_reason(cache):
+    with pytest.raises(native.CompilerError, match="error"):
+        native.library("this is not C;")
+
+
+def test_a_compiler_that_is_not_there(cache, monkeypatch):
+    monkeypatch.setenv("CC", "/nowhere/cc")
+    with pytest.raises(native.CompilerError, match="/nowhere/cc cannot be run"):
+        native.library(TEXT)
+
+
+RUN = """
+import warnings
+from tensegrity import Chain, Prism, simulate
+chain = Chain(Prism(1.0, 0.8, 0.02, 1.0).potential(), 20)
+with warnings.catch_warnings(record=True) as seen:
+    warnings.simplefilter("always")
+    simulate(chain, chain.at_rest({0: 0.03}), 1.0)
+    simulate(chain, chain.at_rest({0: 0.03}), 1.0)
+print(len(seen), *(w.message for w in seen))
+"""
+
+
+@pytest.mark.parametrize("compiler", ["/nowhere/cc", "false"])
+def test_without_a_compiler_the_same_calls_run_with_one_warning(cache, compiler):
+    answer = subprocess.run(
+        [sys.executable, "-c", RUN],
+        env={**_environment(), "CC": compiler},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert answer.stdout.startswith("1 chains run on CasADi's virtual machine")
+    for word in ("slower", "ziglang", "set CC"):
+        assert word in answer.stdout
+
+
+def test_compiled_code_leaves_the_arithmetic_of_the_process_alone(cache):
+    """-ffast-math would flush subnormal numbers to zero in the whole process."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        answer()
+    tiny = sys.float_info.min / 4
+    assert tiny > 0
+    assert tiny / 2 * 2 == tiny

@@ -1,0 +1,27 @@
+"""What an installed wheel holds."""
+
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+
+
+def test_wheel_holds_the_three_packages_only(tmp_path):
+    pip = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", tmp_path]
+    tracked = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True)
+    source = tmp_path / "source"
+    for name in tracked.stdout.split("\0")[:-1]:
+        copy = source / name
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        copy.write_bytes((ROOT / name).read_bytes())
+    subprocess.run([*map(str, pip), str(source)], check=True, timeout=300)
+    (wheel,) = tmp_path.glob("*.whl")
+    names = zipfile.ZipFile(wheel).namelist()
+    top = {name.split("/")[0] for name in names if ".dist-info" not in name}
+    assert top == {"tensegrity", "granular", "derivations"}
+    for package in top:
+        assert f"{package}/py.typed" in names
+    assert "tensegrity/chain.c" in names
+    assert "tensegrity/prelude.c" in names

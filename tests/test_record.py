@@ -1,0 +1,119 @@
+"""Recording to a file: whole after every row, whatever happens to the process."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from scenes import prism_chain, smooth_blow
+
+from tensegrity import LockingError, Record, TensegrityError, record, simulate
+
+
+def test_a_file_holds_the_same_rows_as_memory(tmp_path):
+    chain, path = prism_chain(20), tmp_path / "run.npy"
+    options = {"dt": 0.1, "method": "verlet"}
+    memory = simulate(chain, smooth_blow(chain), 120.0, **options, record=Record(1, [3, 7]))
+    file = simulate(chain, smooth_blow(chain), 120.0, **options, record=Record(1, [3, 7], path))
+    rows = np.load(path, allow_pickle=False)
+    assert len(rows) == len(memory.t) == 1201  # the count's digits grew on the way
+    for name in ("t", "energy", "u", "v"):
+        assert np.array_equal(rows[name], getattr(memory, name))
+        assert np.array_equal(rows[name], getattr(file, name))
+
+
+def test_a_tolerance_leaves_the_rows_of_the_run_it_returns(tmp_path):
+    chain, path = prism_chain(20), tmp_path / "run.npy"
+    run = simulate(chain, smooth_blow(chain), 10.0, tol=1e-8, record=Record(path=path))
+    rows = np.load(path)
+    assert np.array_equal(rows["u"], run.u)
+    assert rows["t"][-1] == 10.0
+
+
+def test_a_locked_run_leaves_its_rows_in_the_file(tmp_path):
+    chain, path = prism_chain(), tmp_path / "run.npy"
+    with pytest.raises(LockingError) as caught:
+        simulate(chain, chain.at_rest({0: 0.3}), 9.0, dt=0.001, record=Record(10, path=path))
+    assert np.array_equal(np.load(path)["t"], caught.value.run.t)
+
+
+def test_paths_that_cannot_be_written_are_refused_before_any_work(tmp_path):
+    chain, path = prism_chain(5), tmp_path / "run.npy"
+    path.write_text("precious")
+    with pytest.raises(TensegrityError, match="exists"):
+        simulate(chain, smooth_blow(chain), 1.0, record=Record(path=path))
+    assert path.read_text() == "precious"
+    with pytest.raises(TensegrityError, match="no folder"):
+        simulate(chain, smooth_blow(chain), 1.0, record=Record(path=tmp_path / "x" / "run.npy"))
+
+
+def test_a_record_beyond_memory_is_refused_with_its_size(monkeypatch):
+    chain = prism_chain(1000)
+    monkeypatch.setattr(record, "_free_memory", lambda: 10_000_000)
+    with pytest.raises(TensegrityError, match=r"0\.16\d* GB exceeds the 0.01 GB of memory"):
+        simulate(chain, smooth_blow(chain), 10.0, dt=0.001, record=Record(every=1))
+
+
+def test_a_record_beyond_the_disk_is_refused_with_its_size(tmp_path, monkeypatch):
+    chain = prism_chain(1000)
+    usage = type("", (), {"free": 1_000_000})
+    monkeypatch.setattr(record.shutil, "disk_usage", lambda _: usage)
+    wanted = Record(every=1, path=tmp_path / "run.npy")
+    with pytest.raises(TensegrityError, match="disk space"):
+        simulate(chain, smooth_blow(chain), 10.0, dt=0.001, record=wanted)
+
+
+RUN = """
+import sys
+from scenes import prism_chain, smooth_blow
+from tensegrity import Record, simulate
+chain = prism_chain(64)
+simulate(chain, smooth_blow(chain), 1e6, dt=0.1, record=Record(every=1, path=sys.argv[1]))
+"""
+
+
+@pytest.mark.parametrize("patience", [0.0, 0.1, 0.37])
+def test_a_killed_run_leaves_every_row_it_had_written(tmp_path, patience):
+    path = tmp_path / "run.npy"
+    here = os.path.dirname(__file__)
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([here, os.path.dirname(here)])}
+    running = subprocess.Popen([sys.executable, "-c", RUN, str(path)], env=environment)
+    until = time.monotonic() + 60
+    while (not path.exists() or path.stat().st_size < 50_000) and time.monotonic() < until:
+        time.sleep(0.005)
+    time.sleep(patience)
+    size = path.stat().st_size
+    running.send_signal(signal.SIGKILL)
+    running.wait()
+    rows = np.load(path, allow_pickle=False)
+    row = rows.dtype.itemsize
+    assert len(rows) * row >= size - 4096 - row
+    np.testing.assert_allclose(rows["t"], 0.1 * np.arange(len(rows)), rtol=1e-12)
+    chain = prism_chain(64)
+    last = 0.1 * (len(rows) - 1)
+    again = simulate(chain, smooth_blow(chain), last, dt=0.1, method="verlet")
+    np.testing.assert_allclose(rows["u"][-1], again.final.u, rtol=1e-6, atol=1e-6)
+
+
+def test_interrupt_by_signal_returns_the_partial_run(tmp_path):
+    """Ctrl-C, as the process receives it."""
+    code = """
+import os, signal, threading
+from scenes import prism_chain, smooth_blow
+from tensegrity import simulate
+chain = prism_chain(64)
+simulate(chain, smooth_blow(chain), 1.0)
+threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
+run = simulate(chain, smooth_blow(chain), 1e6, dt=0.1)
+assert not run.complete and 0 < run.t[-1] < 1e6, run
+print("partial")
+"""
+    here = os.path.dirname(__file__)
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([here, os.path.dirname(here)])}
+    answer = subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=60
+    )
+    assert answer.stdout.strip() == "partial", answer.stderr
