@@ -208,8 +208,8 @@ def _to_tolerance(problem, tol):
     """Refine the step until a run and one with half its step agree well enough.
 
     Their largest difference at common instants, over 2^order - 1, estimates the error of the
-    finer one.  It is taken for an estimate only where it shrank about as fast as the order
-    promises since the last refinement; else (contacts that open) the difference itself is.
+    finer one, once it was seen to shrink about as fast as the order promises.  Before that, and
+    where it does not (contacts that open), less is trusted: see `_gain`.
     """
     order = problem.method.order
     steps = CHECKPOINTS * math.ceil(_steps(problem, TRIAL, SHARE) / CHECKPOINTS)
@@ -221,8 +221,7 @@ def _to_tolerance(problem, tol):
     while True:
         run, fine = _refined(problem, 2 * steps, 1.0, CHECKPOINTS)
         difference = _difference(coarse, fine)
-        regular = last is None or last[1] >= difference * 0.5 * (2 * steps / last[0]) ** order
-        estimate = difference / (2**order - 1) if regular else difference
+        estimate = difference / _gain(order, last, 2 * steps, difference)
         if estimate <= SAFETY * tol or difference < ROUND_OFF:
             return replace(run, error_estimate=estimate)
         if run.steps > MOST_STEPS:
@@ -236,6 +235,17 @@ def _to_tolerance(problem, tol):
         else:
             steps = CHECKPOINTS * math.ceil(run.steps * factor / 2 / CHECKPOINTS)
             coarse = _refined(trial, steps, 1.0, CHECKPOINTS)[1]
+
+
+def _gain(order, last, steps, difference):
+    """By how much the finer run may be taken to be better than its difference from the coarser.
+
+    `last` holds steps and difference of the refinement before, or None.
+    """
+    if last is None:
+        return 2 ** (order / 2)
+    expected = last[1] * (last[0] / steps) ** order
+    return 2**order - 1 if difference <= 2 * expected else 1
 
 
 def _difference(coarse, fine):

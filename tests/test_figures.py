@@ -1,12 +1,18 @@
 """The pictures: their numbers make the claims, their files are whole."""
 
 import csv
+import os
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from figures import chosen, constitutive_rigid, pictures, wave_near_sonic, wave_supersonic
 from figures.__main__ import main
+
+ROOT = Path(__file__).parent.parent
 
 
 @pytest.fixture(scope="module")
@@ -23,12 +29,14 @@ def numbers(tables, key="numbers"):
     return dict(zip(tables[key]["quantity"], tables[key]["value"], strict=True))
 
 
+@pytest.mark.needs_compiler  # minutes without
 def test_wave_at_1_05_sound_speed_spans_about_eight_prisms(near_sonic):
     found = numbers(near_sonic, "1.05_numbers")
     assert found["speed over sound speed"] == pytest.approx(1.05, abs=1e-6)
     assert 7 < found["width at 5 % of the peak [sites]"] < 8.5
 
 
+@pytest.mark.needs_compiler  # minutes without
 def test_sech2_gets_better_towards_the_sound_speed(near_sonic):
     """Its error over the peak falls with gamma^2: five times from 1.05 to 1.01."""
     name = "sech^2: largest deviation over peak"
@@ -37,6 +45,7 @@ def test_sech2_gets_better_towards_the_sound_speed(near_sonic):
     assert 4 < far / near < 7
 
 
+@pytest.mark.needs_compiler  # minutes without
 def test_wave_at_12_16_sound_speed_nearly_is_the_tent(supersonic):
     found = numbers(supersonic)
     assert found["speed over sound speed"] == pytest.approx(12.16, abs=1e-3)
@@ -74,3 +83,19 @@ def test_names_groups_and_mistakes(capsys):
     assert "constitutive_rigid" in capsys.readouterr().out
     with pytest.raises(SystemExit):
         main(["no_such_picture"])
+
+
+@pytest.mark.needs_compiler
+def test_the_second_start_compiles_nothing(tmp_path):
+    """With the kernels of the first in the cache, a start that may not build succeeds."""
+    code = (
+        "import sys; from tensegrity import native; from figures.__main__ import main\n"
+        "if sys.argv[1] == 'second': native._build = None\n"
+        "main(['constitutive_rigid', '--output', sys.argv[2]])"
+    )
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
+    for start in ("first", "second"):
+        command = [sys.executable, "-c", code, start, str(tmp_path)]
+        answer = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True)
+        assert answer.returncode == 0, answer.stderr
+        assert "virtual machine" not in answer.stderr

@@ -102,6 +102,7 @@ def test_interrupt_by_signal_returns_the_partial_run(tmp_path):
     """Ctrl-C, as the process receives it."""
     code = """
 import os, signal, threading
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have ignored it
 from scenes import prism_chain, smooth_blow
 from tensegrity import simulate
 chain = prism_chain(64)
