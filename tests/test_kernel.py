@@ -42,8 +42,8 @@ def test_engine_against_plain_python(engine):
     state = smooth_blow(chain)
     u, v, _ = advanced(engine(chain.segments.laws), chain, state, "verlet", 0.05, 60)
     plain_u, plain_v = plain_verlet(chain, state, 0.05, 60)
-    np.testing.assert_allclose(u, plain_u, atol=1e-15)
-    np.testing.assert_allclose(v, plain_v, atol=1e-15)
+    np.testing.assert_allclose(u, plain_u, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(v, plain_v, rtol=0, atol=1e-15)
 
 
 @pytest.mark.needs_compiler
@@ -57,7 +57,7 @@ def test_engines_agree_to_the_growth_of_round_off(chain, method):
     eps = np.finfo(float).eps
     assert np.max(np.abs(u - other_u)) < steps * eps * np.max(np.abs(u))
     assert np.max(np.abs(v - other_v)) < steps * eps * np.max(np.abs(v))
-    np.testing.assert_allclose(met, other_met, atol=1e-14)
+    np.testing.assert_allclose(met, other_met, rtol=0, atol=1e-14)
 
 
 @pytest.mark.needs_compiler
@@ -87,6 +87,6 @@ def test_blocks_of_any_length(sites):
         f = np.concatenate([[0], spring.tension(r), [0]])
         y += (0.05 if k in (0, 5) else 0.1) * np.diff(f)
         x += (0.1 if k < 5 else 0) * y
-    np.testing.assert_allclose(u, x, atol=1e-15)
-    np.testing.assert_allclose(v, y, atol=1e-15)
+    np.testing.assert_allclose(u, x, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(v, y, rtol=0, atol=1e-15)
     assert met[0, 0] == pytest.approx(low, abs=1e-15)
