@@ -1,8 +1,6 @@
-"""Axial response of a prism with rigid bases and bars: one degree of freedom, in closed form.
+"""The rigid-elastic prism as the compiled code evaluates it: the same potential, without cancellation.
 
-With l and b fixed the height determines the twist, so only the cross strings store energy.
-The plain forms follow the talk (seeds/000, part III, "Rigid-elastic model"): phi(h), V(h) and
-its derivatives.  Two further forms of the same function serve the numbers:
+Two forms of V(h) of `derivations.rigid_response` serve the numbers:
 
 * `energy()`, the energy relative to a loaded height h1, whose error shrinks with the
   elongation r;
@@ -18,42 +16,25 @@ from functools import cache
 import sympy as sp
 
 from derivations import prism
-from derivations.prism import circumradius, k_cross, natural_cross, twist
+from derivations.prism import circumradius, k_cross, natural_cross, prestrain, twist
+from derivations.rigid_response import (
+    bar,
+    cos_twist,
+    elongation,
+    force,
+    height,
+    loaded_height,
+    locking_height_squared,
+    potential_energy,
+    preload,
+    reference_height,
+)
 
-height, bar = sp.symbols("h b", positive=True)
-reference_height, loaded_height = sp.symbols("h_0 h_1", positive=True)
-elongation, preload = sp.symbols("r F_0", real=True)
-prestrain = prism.prestrain
-
-
-# --- the plain forms: everything as a function of the height ---------------------------------
-
-
-@cache
-def cos_twist():
-    """cos phi from b = const."""
-    cosine = sp.Symbol("c")
-    compatibility = prism.bar_length_squared(circumradius).subs(sp.cos(twist), cosine)
-    return sp.solve(compatibility - bar**2, cosine)[0]
-
-
-@cache
-def cross_length():
-    """s(h): the twist eliminated, on the branch 0 < phi < pi."""
-    squared = sp.expand_trig(prism.cross_length_squared(circumradius))
-    sine = sp.sqrt(1 - cos_twist() ** 2)
-    return sp.sqrt(squared.subs({sp.sin(twist): sine, sp.cos(twist): cos_twist()}))
-
-
-def potential_energy():
-    """V(h) = 3/2 k1 (s - s_N)^2 [J]."""
-    return sp.Rational(3, 2) * k_cross * (cross_length() - natural_cross) ** 2
-
-
-def force(order=1):
-    """d^order V / dh^order: 1 is the axial force [N], tension > 0; 2 the stiffness; 3 its slope."""
-    return sp.diff(potential_energy(), height, order)
-
+__all__ = [
+    "PARAMETERS", "THROUGH", "bar", "circumradius", "cos_twist", "elongation", "energy", "force",
+    "height", "k_cross", "loaded_height", "locking_height_squared", "natural_cross",
+    "parameter_expressions", "potential_energy", "preload", "tension",
+]  # fmt: skip
 
 # --- the forms that run: relative to a state of known twist ----------------------------------
 
@@ -177,15 +158,6 @@ def tension():
 
 
 # --- what the numbers are, in terms of the prism ---------------------------------------------
-
-
-@cache
-def locking_height_squared():
-    """h^2 at twist pi, where the bars meet on the axis; negative if they never do."""
-    square = sp.Symbol("H")
-    squared = prism.bar_length_squared()
-    at_lock = squared.subs({twist: sp.pi, prism.height**2: square})
-    return sp.solve(at_lock - prism.at_reference(squared), square)[0]
 
 
 @cache
