@@ -23,14 +23,13 @@ wave_number, time = sp.symbols("k t", positive=True)
 
 @cache
 def equation_of_motion():
-    """m u'' of a middle mass, by Lagrange from T - V + W; W_i is the work of external forces."""
+    """m u'' of a middle mass, by Lagrange from T - V; W_i are potentials of external forces."""
     u = [sp.Function(f"u_{j}")(time) for j in (0, 1, 2)]
     spring = sp.Function("V")
-    works = [sp.Function(f"W_{j}") for j in (0, 1, 2)]
+    external = [sp.Function(f"W_{j}") for j in (0, 1, 2)]
     kinetic = mass / 2 * sum(sp.diff(x, time) ** 2 for x in u)
-    potential = sum(spring(u[j + 1] - u[j]) for j in (0, 1)) - sum(
-        w(x) for w, x in zip(works, u, strict=True)
-    )
+    potential = sum(spring(u[j + 1] - u[j]) for j in (0, 1))
+    potential += sum(w(x) for w, x in zip(external, u, strict=True))
     lagrangian = kinetic - potential
     momentum = sp.diff(lagrangian, sp.diff(u[1], time))
     balance = sp.diff(momentum, time) - sp.diff(lagrangian, u[1])
@@ -133,8 +132,8 @@ def largest_speed():
 def argument():
     strain = sp.Symbol("epsilon")
     return [
-        Step("Lagrange's equation of a middle mass; W is the work of the external forces (gravity "
-             "m g u; a precompression F0 adds F0 r to each V).", equation_of_motion()),
+        Step("Lagrange's equation of a middle mass; W are potentials of external forces (gravity: "
+             "-m g u along the chain; a precompression F0 on both ends adds F0 r to each V).", equation_of_motion()),
         Step("A plane wave in the linear lattice gives the dispersion relation (k per site)",
              sp.Eq(sp.Symbol("omega") ** 2, dispersion())),
         Step("and, for long waves, the sound speed", sp.Eq(sound, sound_speed())),
