@@ -76,12 +76,12 @@ def string_hessian():
 
 @cache
 def axial_stiffness():
-    """K_h0/k1 in eta0, q and the compliances in units of 1/k1: c2 = k1/k2, c3 = k1/k3.
+    """K_h0/k1 in eta0, q and the compliances in units of 1/k1: c2 = k1/k2, c3 = k1/k3."""
+    return condensed(string_hessian())
 
-    Base strings add 6/c2 and bars 3/c3 to the diagonal of the string Hessian.  Eliminating l
-    and b leaves a fraction whose denominator is (6 + c2 H_ll)(3 + c3 H_bb) - c2 c3 H_lb^2.
-    """
-    h = string_hessian()
+
+def condensed(h):
+    """A string Hessian in (l, b, h) with 6/c2 and 3/c3 added to its diagonal, l and b eliminated."""
     soft_base, soft_bar = base_compliance, bar_compliance
     ll, bb, hh = (h[i, i] for i in range(3))
     lb, lh, bh = h[0, 1], h[0, 2], h[1, 2]
@@ -124,6 +124,8 @@ def argument():
     g1, g2, g3 = equations()
     symbols = sp.symbols("H_ll H_bb H_hh H_lb H_lh H_bh")
     hessian = string_hessian()
+    ll, bb, hh, lb, lh, bh = symbols
+    symbolic = sp.Matrix([[ll, lb, lh], [lb, bb, bh], [lh, bh, hh]])
     pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
     return [
         Step("Energy of 3 cross strings, 6 base strings and 3 bars:", prism.energy()),
@@ -143,16 +145,15 @@ def argument():
         Step(
             "Bases and bars add 6 k2 and 3 k3 to the diagonal; eliminating l and b, with "
             "c2 = k1/k2 and c3 = k1/k3:",
-            sp.Eq(sp.Symbol("K_h0") / k_cross, axial_stiffness()),
+            sp.Eq(sp.Symbol("K_h0") / k_cross, condensed(symbolic)),
         ),
-        Step(
-            "Rigid bases:", sp.Eq(sp.Symbol("K_h0") / k_cross, limit(base=0))
-        ),
+        Step("Rigid bases:", sp.Eq(sp.Symbol("K_h0") / k_cross, limit(base=0))),
         Step("Rigid bars:", sp.Eq(sp.Symbol("K_h0") / k_cross, limit(bar=0))),
         Step("Both rigid:", sp.Eq(sp.Symbol("K_h0") / k_cross, limit(base=0, bar=0))),
         Step(
             "The stiffness vanishes with the prestrain, in proportion to q:",
-            sp.Eq(sp.Limit(sp.Symbol("K_h0") / (k_cross * extension), extension, 0),
-                  small_prestrain()),
+            sp.Eq(
+                sp.Limit(sp.Symbol("K_h0") / (k_cross * extension), extension, 0), small_prestrain()
+            ),
         ),
     ]

@@ -7,6 +7,7 @@ stiffness.  Source: seeds/000, part III, "Equilibrium problem".
 """
 
 from functools import cache
+from itertools import pairwise
 
 import sympy as sp
 
@@ -102,10 +103,10 @@ def taut_range():
     ends = sorted(zeros, key=float)
     good = [
         (low, high)
-        for low, high in zip(ends[:-1], ends[1:], strict=True)
+        for low, high in pairwise(ends)
         if all(ratio.subs(twist, (low + high) / 2).evalf() > 0 for ratio in ratios())
     ]
-    if good[0][0] == 0 or any(a[1] != b[0] for a, b in zip(good[:-1], good[1:], strict=True)):
+    if good[0][0] == 0 or any(a[1] != b[0] for a, b in pairwise(good)):
         raise ArithmeticError("the taut twists are not one interval")
     return good[0][0], good[-1][1]
 
@@ -121,9 +122,7 @@ def argument():
     upper = residuals()[3]
     steps = [
         Step("The forces on an upper node must vanish, in the three directions:", *upper),
-        Step(
-            "Three equations, three unknowns. The determinant of the system is", determinant()
-        ),
+        Step("Three equations, three unknowns. The determinant of the system is", determinant()),
         Step(
             "Solving them at this node gives a state that balances all six nodes:",
             *(sp.Eq(x, value) for x, value in zip(densities, force_densities(), strict=True)),
@@ -156,4 +155,3 @@ def argument():
         ),
     ]
     return steps
-

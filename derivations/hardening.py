@@ -25,7 +25,8 @@ turn = sp.Symbol("delta", real=True)  # phi - 5 pi/6
 @cache
 def path():
     """(h^2 - h0^2, s^2 - s0^2) as functions of the turn, a = 1: the geometry on b = const."""
-    bars, strings = prism.bar_length_squared(sp.Integer(1)), prism.cross_length_squared(sp.Integer(1))
+    one = sp.Integer(1)
+    bars, strings = prism.bar_length_squared(one), prism.cross_length_squared(one)
     gained = [-bars, strings - bars]
     here = [sp.expand_trig(x.subs(twist, prism.REFERENCE_TWIST + turn)) for x in gained]
     first, second = (sp.expand(x - x.subs(turn, 0)) for x in here)
@@ -115,9 +116,30 @@ def convexity_coefficients():
     claim = claim.subs(cosine, -(1 - t**2) / (1 + t**2))
     least = hardening_slenderness_squared() - locking_slenderness_squared()
     claim = sp.simplify(claim.subs(lock_square, least + y))
-    numerator, denominator = sp.fraction(sp.cancel(claim, extension=sp.sqrt(3)))
+    numerator, _ = sp.fraction(sp.cancel(claim, extension=sp.sqrt(3)))  # over 48 t^3 > 0
     numerator = numerator.subs(t, (2 - sp.sqrt(3)) / (1 + z)) * (1 + z) ** 6
-    return sp.Poly(sp.cancel(numerator, extension=sp.sqrt(3)), y, z).coeffs(), denominator
+    return sp.Poly(sp.cancel(numerator, extension=sp.sqrt(3)), y, z).coeffs()
+
+
+def prove_hardening():
+    """H3 for eta0^2 > sqrt3/6: three bounds, each from its own argument, and they must agree.
+
+    With g as in `string_gain`, V(3) = (1 - s_N/s) g(3) + (3 s_N/(2 s^3)) g(1) (g(2) - g(1)^2/(2 s^2))
+    times (3/2) k1, the numbers counting derivatives; g(1) < 0 in compression.
+    """
+    bound = hardening_slenderness_squared()
+    (critical,) = sp.solve(third_derivative_sign(), lock_square)  # rises with C on (-1, 0)
+    start = sp.cos(prism.REFERENCE_TWIST)
+    if sp.expand(critical.subs(cosine, start) + locking_slenderness_squared() - bound) != 0:
+        raise ArithmeticError("the third derivative of g changes sign elsewhere than that of V")
+    rising = sp.factor(sp.diff(critical, cosine))  # (1 - C^2)/C^2
+    if sp.simplify(rising - (1 - cosine**2) / cosine**2) != 0:
+        raise ArithmeticError("the bound on h_lock is not largest at the reference")
+    if any(c <= 0 for c in convexity_coefficients()):
+        raise ArithmeticError("the convexity of s(h) is not shown by positive coefficients")
+    if sp.expand(sp.limit(stroke_condition(), turn, 0) - bound) != 0:
+        raise ArithmeticError("the strokes compare at another slenderness")
+    return bound
 
 
 def stroke_condition():
@@ -170,20 +192,21 @@ def argument():
              sp.Eq(eta * radius * names[1] / names[0], curvature_ratio())),
         Step("so V''' < 0 there exactly above the slenderness",
              sp.Eq(eta**2, hardening_slenderness_squared())),
-        Step("H3 on all of (-d, 0]: V''' is a positive multiple of (1 - s_N/s) g''' plus a positive "
-             "multiple of g' (g'' - g'^2/(2 s^2)), and g' < 0. The sign of g''' is that of",
+        Step("H3 on all of (-d, 0]: V''' is a positive multiple of (1 - s_N/s) g''' plus a "
+             "positive multiple of g' (g'' - g'^2/(2 s^2)), and g' < 0. The sign of g''' is that of",
              third_derivative_sign()),
-        Step("negative for X_l > (1 + C)^2/(-C), at most its value at C = -sqrt3/2: the same bound. "
-             "The bracket is positive: with tan((pi - phi)/2) = (2 - sqrt3)/(1 + z) and "
-             "eta0^2 = sqrt3/6 + y it is a polynomial with these coefficients, all positive:",
-             sp.Tuple(*convexity_coefficients()[0])),
-        Step("H3, V(r) < V(-r): true for every turn exactly if eta0^2 exceeds the following, whose "
-             "supremum (delta to 0) is the same bound again. So H3 holds entirely above it.",
+        Step("negative for X_l > (1 + C)^2/(-C), at most its value at C = -sqrt3/2: the same "
+             "bound. The bracket is positive: with tan((pi - phi)/2) = (2 - sqrt3)/(1 + z) and "
+             f"eta0^2 = sqrt3/6 + y it is a polynomial of {len(convexity_coefficients())} terms, "
+             "all positive; the least coefficient is",
+             sp.Eq(min(convexity_coefficients()), min(convexity_coefficients()).evalf(4))),
+        Step("H3, V(r) < V(-r): true for every turn exactly if eta0^2 exceeds the following, "
+             "whose supremum (delta to 0) is the same bound again. So H3 holds entirely above it.",
              stroke_condition()),
         Step("Below this slenderness the bars never meet:",
              sp.Eq(eta**2, locking_slenderness_squared())),
         Step("Without prestrain V'' and V''' vanish and a cubic force remains, a sonic vacuum:",
              sp.Eq(sp.Symbol("F"), cubic_stiffness() * sp.Symbol("r") ** 3)),
-        Step("V'' and V''' shrink like q, V'''' does not. The first correction to the sech^2 wave is "
-             "of relative size gamma^2 V'' V''''/V'''^2, so gamma^2 must stay well below q."),
+        Step("V'' and V''' shrink like q, V'''' does not. The first correction to the sech^2 wave "
+             "is of relative size gamma^2 V'' V''''/V'''^2, so gamma^2 must stay well below q."),
     ]  # fmt: skip

@@ -48,7 +48,8 @@ stiffness_numerator = 36 * k1 * eta0**2 * (
     (3 + 2 * root3 + root3 * eta0**2) * k1 * k2
     + (-2 + root3 - eta0**2) * k1 * k1 * q
     - 6 * k2 * k1 * q
-    + k3 * (2 * root3 * k1 + (-3 + 2 * root3 + root3 * eta0**2) * k2 - (2 + root3 + eta0**2) * k1 * q)
+    + k3 * (2 * root3 * k1 + (-3 + 2 * root3 + root3 * eta0**2) * k2
+            - (2 + root3 + eta0**2) * k1 * q)
 )  # fmt: skip
 stiffness_denominator = (
     6 * k1 * q * (root3 * (1 + 8 * eta0**2 + 2 * eta0**4) * k2 - 2 * eta0**4 * k1 * q)
@@ -87,21 +88,23 @@ def _rigid_load(in_twist):
     """Load (compression > 0) of the rigid-elastic prism."""
     if not in_twist:
         return -rigid_response.force()
-    tension = rigid_response.force_of_twist().subs(sp.Symbol("s", positive=True), prism.cross_length())
+    tension = rigid_response.force_of_twist().subs(s, prism.cross_length())
     at_height = sp.sqrt(sp.solve(prism.bar_length_squared() - b**2, h**2)[0])
     return -tension.subs(h, at_height)
 
 
-def _newton(function, turn=sp.Symbol("t")):
+Dh, Df, h_old, f_old, step, t = sp.symbols("Dh Df h_old f_old step t")
+
+
+def _newton(function):
     """First-order change of a function of (h, f) along (Dh, Df)."""
-    Dh, Df = sp.symbols("Dh Df")
-    return sp.diff(function.subs({h: h + turn * Dh, f: f + turn * Df}), turn).subs(turn, 0)
+    return sp.diff(function.subs({h: h + t * Dh, f: f + t * Df}), t).subs(t, 0)
 
 
-Dh, Df, h_old, f_old, step = sp.symbols("Dh Df h_old f_old step")
 g3 = elastic.equations()[2]
 arc = (h - h_old) ** 2 + (f - f_old) ** 2 - step**2
-COMPAT, BALANCE = 'talk, part III, "Compatibility equations"', 'talk, part III, "Equilibrium problem"'
+COMPAT = 'talk, part III, "Compatibility equations"'
+BALANCE = 'talk, part III, "Equilibrium problem"'
 ELASTIC, RIGID = 'talk, part III, "Elastic problem"', 'talk, part III, "Rigid-elastic model"'
 CONV, SLIP, NO_DATA = Verdict.CONVENTION, Verdict.SLIP, Verdict.NO_DATA
 

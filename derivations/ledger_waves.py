@@ -60,6 +60,7 @@ def _growth():
 
 def _third_derivative():
     """Sign of V''' on the compression side: along the path by exact differentiation."""
+    hardening.prove_hardening()
     delta = hardening.turn
     eta, q = hardening.eta, hardening.extension
     gained, strings = hardening.path()
@@ -83,6 +84,7 @@ def _asymmetry(kind):
     """V(r) and V(-r) at equal strokes: the turn back is found from the turn on."""
     import mpmath
 
+    hardening.prove_hardening()
     cases = []
     for p in hardening.samples(kind, 10):
         eta = p[hardening.eta]

@@ -105,7 +105,8 @@ def argument():
     rises = sp.solve(squared[0] - members[0] ** 2, height)
     rest = (natural_cross, natural_base, natural_bar)
     return [
-        Step("Positions of the three lower and the three upper nodes:", *nodes()[0], *nodes()[1]),
+        Step("Positions of the three lower and the three upper nodes:",
+             *(sp.Matrix.hstack(*triangle) for triangle in nodes())),
         Step("A bar joins a lower node to the upper one turned away by the twist, a cross string "
              "to the one that follows it:",
              *(sp.Eq(x**2, length) for x, length in zip(members, squared, strict=True))),

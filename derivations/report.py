@@ -3,6 +3,8 @@
 Each derivation is printed as its argument, followed by the ledger entries it decides.
 """
 
+# ruff: noqa: RUF001 (Greek letters are meant)
+import re
 from html import escape
 
 import sympy as sp
@@ -15,6 +17,7 @@ body { font: 1.05rem/1.5 Georgia, 'DejaVu Serif', serif; max-width: 60rem; margi
   padding: 0 1rem; color: #1a1a1a; background: #fff; }
 h1, h2, h3 { line-height: 1.25; } h2 { margin-top: 2.5rem; border-bottom: 1px solid #bbb; }
 a { color: #1d4f91; }
+math { font-family: 'STIX Two Math', 'Latin Modern Math', 'Cambria Math', math; }
 .formula { overflow-x: auto; overflow-y: hidden; margin: .5rem 0 .5rem 1.5rem; padding: .2rem 0; }
 .entry { border-left: .3rem solid #2e7d32; padding: .1rem 0 .1rem .8rem; margin: 1rem 0;
   break-inside: avoid; }
@@ -28,14 +31,39 @@ table { border-collapse: collapse; } th, td { border: 1px solid #bbb; padding: .
   .formula { overflow: visible; } }
 """
 
+LONGEST = 200  # operations of a derived form that still fits on a line
+TYPOGRAPHY = {
+    "<mo>-</mo>": "<mo>&#x2212;</mo>",
+    "<mo>&InvisibleTimes;</mo>": '<mspace width="0.17em"></mspace>',
+    "<mo>&#xB7;</mo>": '<mspace width="0.17em"></mspace>',
+}
+"""What SymPy writes, and what reads better."""
+
+WORDS = {
+    r"\^2": "²", r"\^4": "⁴", r"\^6": "⁶", r"\beta0": "η₀", r"\beta0²": "η₀²", r"\bh0\b": "h₀",
+    r"\bsqrt ?3": "√3", r"\bphi": "φ", r"\bpi\b": "π", r"\bgamma\b": "γ", r"\bdelta": "δ",
+    r"\btheta\b": "θ", r"\balpha\b": "α", r"\brho\b": "ρ", r"\bepsilon\b": "ε", r"\bnu\b": "ν",
+    r"\beta\b": "η", r">=": "≥", r"<=": "≤", r" - ": " − ",
+    r"\b([A-Za-zφ])_([0-9A-Za-zφ])\b": r"\1<sub>\2</sub>",
+    r"\b([A-Zxcskgpa])([0-3])\b": r"\1<sub>\2</sub>",
+}  # fmt: skip
+"""Plain words and signs of the sources, as they are set on the page."""
+
+
+def prose(text):
+    """Plain text as HTML, with Greek letters, exponents and indices."""
+    for plain, better in WORDS.items():
+        text = re.sub(plain, better, text)
+    return re.sub(r"&lt;(/?sub)&gt;", r"<\1>", escape(text, quote=False))
+
 
 def mathml(expression):
     """One formula as a displayed MathML element."""
     if isinstance(expression, str):
         return f"<p>{escape(expression)}</p>"
-    if isinstance(expression, sp.MatrixBase) and expression.cols == 1:
-        expression = sp.Matrix(expression)
-    body = sp.mathml(expression, printer="presentation", mul_symbol_mathml_numbers="&#xB7;")
+    body = sp.mathml(expression, printer="presentation")
+    for plain, better in TYPOGRAPHY.items():
+        body = body.replace(plain, better)
     return (
         '<div class="formula"><math xmlns="http://www.w3.org/1998/Math/MathML" display="block">'
         f"{body}</math></div>"
@@ -45,9 +73,9 @@ def mathml(expression):
 def _argument(name):
     module = derivation(name)
     parts = [f'<section id="{name}"><h2>{escape(module.TITLE)}</h2>']
-    parts += [f"<p>{escape(' '.join(p.split()))}</p>" for p in module.__doc__.split("\n\n")]
+    parts += [f"<p>{prose(' '.join(p.split()))}</p>" for p in module.__doc__.split("\n\n")]
     for step in module.argument():
-        parts.append(f"<p>{escape(step.text)}</p>")
+        parts.append(f"<p>{prose(step.text)}</p>")
         parts += [mathml(formula) for formula in step.formulas]
     return "\n".join(parts)
 
@@ -71,9 +99,11 @@ def _entry(check):
         _equation(entry.left, entry.printed),
     ]
     found = ledger.derived(entry) if entry.derive else None
-    if isinstance(found, sp.Basic | sp.MatrixBase):
+    if isinstance(found, sp.Basic) and found.count_ops() > LONGEST:
+        parts.append("<p>As derived: see the argument above.</p>")
+    elif isinstance(found, sp.Basic):
         parts += ["<p>As derived:</p>", _equation(entry.left, found)]
-    note = f" {escape(entry.note)}." if entry.note else ""
+    note = f" {prose(entry.note)}." if entry.note else ""
     parts.append(
         f'<p><span class="verdict">{escape(verdict[0].upper() + verdict[1:])}.</span>{note} '
         f'<span class="place">({escape(check.how)})</span></p></div>'
@@ -84,7 +114,7 @@ def _entry(check):
 def _signs():
     head = "<tr><th>printed</th><th>where</th><th>counts as positive</th><th>here</th></tr>"
     rows = "".join(
-        "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>"
+        "<tr>" + "".join(f"<td>{prose(cell)}</td>" for cell in row) + "</tr>"
         for row in ledger.SIGNS
     )
     return f'<section id="signs"><h2>Sign conventions</h2><table>{head}{rows}</table></section>'
@@ -94,7 +124,7 @@ def _summary(checks):
     exceptions = [c for c in checks if c.entry.verdict.name in ("CONVENTION", "SLIP")]
     rows = "".join(
         f'<tr><td><a href="#{c.entry.name}">{c.entry.name}</a></td>'
-        f"<td>{escape(c.entry.verdict.value)}</td><td>{escape(c.entry.note)}</td></tr>"
+        f"<td>{escape(c.entry.verdict.value)}</td><td>{prose(c.entry.note)}</td></tr>"
         for c in exceptions
     )
     counts = ", ".join(

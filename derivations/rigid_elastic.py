@@ -1,4 +1,4 @@
-"""The rigid-elastic prism as the compiled code evaluates it: the same potential, without cancellation.
+"""The rigid-elastic potential as compiled code evaluates it, without cancellation.
 
 Two forms of V(h) of `derivations.rigid_response` serve the numbers:
 
@@ -81,8 +81,8 @@ length_1, extension_1 = sp.symbols("s_1 x_1")  # s1, s1 - s_N
 versine_gain, sine_gain = sp.symbols("alpha beta")  # s^2 - s1^2 per (1 - cos delta), per sin delta
 
 PARAMETERS = (
-    stiffness, preload, length_at_rest, shift, far_shift, lock, far_lock, no_lock, stroke, far_stroke,
-    area, natural, squared_0, surplus, root_1, length_1, extension_1, versine_gain, sine_gain,
+    stiffness, preload, length_at_rest, shift, far_shift, lock, far_lock, no_lock, stroke,
+    far_stroke, area, natural, squared_0, surplus, root_1, length_1, extension_1, versine_gain, sine_gain,
 )  # fmt: skip
 
 

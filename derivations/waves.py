@@ -11,7 +11,7 @@ import sympy as sp
 
 from derivations.argument import Step
 
-TITLE = "Waves: sound speed, dispersion, sech^2 and its correction, tent, largest speed"
+TITLE = "Waves: sound speed, dispersion, sech² and its correction, tent, largest speed"
 
 mass, spacing, gamma, speed, sound = sp.symbols("m h_0 gamma c c_s", positive=True)
 stiffness = sp.Symbol("a", positive=True)  # V''(0)
@@ -23,7 +23,7 @@ wave_number, time = sp.symbols("k t", positive=True)
 
 @cache
 def equation_of_motion():
-    """m u'' of a middle mass, by Lagrange from T - V; W_i are potentials of external forces."""
+    """Force m u'' on a middle mass, by Lagrange from T - V; W of external forces."""
     u = [sp.Function(f"u_{j}")(time) for j in (0, 1, 2)]
     spring = sp.Function("V")
     external = [sp.Function(f"W_{j}") for j in (0, 1, 2)]
@@ -33,7 +33,12 @@ def equation_of_motion():
     lagrangian = kinetic - potential
     momentum = sp.diff(lagrangian, sp.diff(u[1], time))
     balance = sp.diff(momentum, time) - sp.diff(lagrangian, u[1])
-    return sp.Eq(mass * sp.diff(u[1], time, 2), mass * sp.diff(u[1], time, 2) - balance.doit())
+    right = (mass * sp.diff(u[1], time, 2) - balance).doit()
+    tension, force = sp.Function("V'"), sp.Function("W'")
+    right = right.replace(sp.Subs, lambda form, old, new: tension(new[0]))
+    right = right.subs(sp.diff(external[1](u[1]), u[1]), force(u[1]))
+    places = sp.symbols("u_0:3")
+    return sp.expand(right.subs(dict(zip(u, places, strict=True))))
 
 
 @cache
@@ -50,7 +55,7 @@ def sound_speed():
 
 
 def speed_of_decay():
-    """c/cs of the tail exp(-gamma x) of a travelling wave: the dispersion relation at k = i gamma."""
+    """c/cs of the tail exp(-gamma x) of a travelling wave: the dispersion at k = i gamma."""
     squared = (-dispersion() / wave_number**2).subs(wave_number, sp.I * gamma)
     limit = sp.limit(dispersion() / wave_number**2, wave_number, 0)
     return sp.sqrt(sp.simplify(-squared.rewrite(sp.cosh) / limit).rewrite(sp.cosh))
@@ -91,7 +96,7 @@ def profiles():
     found = sp.solve(rest, [p2, q2])
     wave = sp.sech(gamma * position / (2 * spacing)) ** 2
     first_profile = (p1_value * s).subs(s, wave)
-    return first_profile, sp.factor((found[p2] * s + found[q2] * s**2)).subs(s, wave)
+    return first_profile, sp.factor(found[p2] * s + found[q2] * s**2).subs(s, wave)
 
 
 def sech_strain():
@@ -133,7 +138,8 @@ def argument():
     strain = sp.Symbol("epsilon")
     return [
         Step("Lagrange's equation of a middle mass; W are potentials of external forces (gravity: "
-             "-m g u along the chain; a precompression F0 on both ends adds F0 r to each V).", equation_of_motion()),
+             "-m g u along the chain; a precompression F0 on both ends adds F0 r to each V).",
+             sp.Eq(mass * sp.Symbol("u_1''"), equation_of_motion())),
         Step("A plane wave in the linear lattice gives the dispersion relation (k per site)",
              sp.Eq(sp.Symbol("omega") ** 2, dispersion())),
         Step("and, for long waves, the sound speed", sp.Eq(sound, sound_speed())),
