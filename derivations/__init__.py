@@ -1,1 +1,1 @@
-"""Symbolic derivations: energies and geometric relations, typed once, and what follows from them."""
+"""Symbolic derivations: energies and geometric relations, typed once, and what follows."""

@@ -90,7 +90,7 @@ def long_wave():
     odd = [2 * power.coeff(h, k) for k in (1, 3)]  # (forward - backward) force, even ones cancel
     correction = sp.Symbol("p") * u[1] ** 2 / u[0] ** 2 + sp.Symbol("q") * u[2] / u[0]
     ansatz = sp.diff(u[0] ** n * correction, x).doit()
-    mismatch = sp.expand(sp.simplify((ansatz / u[0] ** n - odd[1])).doit())
+    mismatch = sp.expand(sp.simplify(ansatz / u[0] ** n - odd[1]).doit())
     v = sp.symbols("v_0:4")
     for k in (3, 2, 1, 0):
         mismatch = mismatch.subs(u[k], v[k])

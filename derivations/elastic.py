@@ -81,7 +81,7 @@ def axial_stiffness():
 
 
 def condensed(h):
-    """A string Hessian in (l, b, h) with 6/c2 and 3/c3 added to its diagonal, l and b eliminated."""
+    """A string Hessian in (l, b, h), 6/c2 and 3/c3 added to its diagonal, without l and b."""
     soft_base, soft_bar = base_compliance, bar_compliance
     ll, bb, hh = (h[i, i] for i in range(3))
     lb, lh, bh = h[0, 1], h[0, 2], h[1, 2]

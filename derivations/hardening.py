@@ -124,8 +124,8 @@ def convexity_coefficients():
 def prove_hardening():
     """H3 for eta0^2 > sqrt3/6: three bounds, each from its own argument, and they must agree.
 
-    With g as in `string_gain`, V(3) = (1 - s_N/s) g(3) + (3 s_N/(2 s^3)) g(1) (g(2) - g(1)^2/(2 s^2))
-    times (3/2) k1, the numbers counting derivatives; g(1) < 0 in compression.
+    With g as in `string_gain`, V(3) = (1 - s_N/s) g(3)
+    + (3 s_N/(2 s^3)) g(1) (g(2) - g(1)^2/(2 s^2)) times (3/2) k1, the numbers counting derivatives; g(1) < 0 in compression.
     """
     bound = hardening_slenderness_squared()
     (critical,) = sp.solve(third_derivative_sign(), lock_square)  # rises with C on (-1, 0)
@@ -159,19 +159,6 @@ def cubic_stiffness():
     return sp.factor(derivatives()[2].subs(extension, 0) / 6)
 
 
-def samples(slender, count=50, digits=30, seed=1):
-    """Random admissible prisms with, or without, eta0^2 > sqrt3/6: {eta0, q, a, k1} at random."""
-    from random import Random
-
-    random = Random(seed)
-    bound = hardening_slenderness_squared() if slender else locking_slenderness_squared()
-    width = 2 if slender else hardening_slenderness_squared() - locking_slenderness_squared()
-    for _ in range(count):
-        square_ = bound + width * sp.Rational(random.randint(1, 999), 1000)
-        values = {eta: sp.sqrt(square_), extension: sp.Rational(random.randint(1, 500), 1000)}
-        yield {x: v.evalf(digits) for x, v in values.items()} | {radius: 1, k_cross: 1}
-
-
 def argument():
     second, third, fourth = derivatives()
     names = [sp.Symbol("V" + "'" * k) for k in (2, 3, 4)]
@@ -193,7 +180,8 @@ def argument():
         Step("so V''' < 0 there exactly above the slenderness",
              sp.Eq(eta**2, hardening_slenderness_squared())),
         Step("H3 on all of (-d, 0]: V''' is a positive multiple of (1 - s_N/s) g''' plus a "
-             "positive multiple of g' (g'' - g'^2/(2 s^2)), and g' < 0. The sign of g''' is that of",
+             "positive multiple of g' (g'' - g'^2/(2 s^2)), and g' < 0. The "
+             "sign of g''' is that of",
              third_derivative_sign()),
         Step("negative for X_l > (1 + C)^2/(-C), at most its value at C = -sqrt3/2: the same "
              "bound. The bracket is positive: with tan((pi - phi)/2) = (2 - sqrt3)/(1 + z) and "

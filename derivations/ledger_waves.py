@@ -1,5 +1,7 @@
 """Ledger of the talk (seeds/000), part III from "Properties of the elastic potential" on."""
 
+from random import Random
+
 import sympy as sp
 
 from derivations import hardening, prism, rigid_response, waves
@@ -15,6 +17,23 @@ gamma, c, c_s, x = waves.gamma, waves.speed, waves.sound, waves.position
 locks = ((prism.reference_height, (0.6, 2.0)), (prism.base, (0.5, 1.0)))
 
 
+def _samples(slender, count=50, digits=30, seed=1):
+    """Random admissible prisms with, or without, eta0^2 > sqrt3/6: {eta0, q, a, k1} at random."""
+    random = Random(seed)
+    hard, locks = hardening.hardening_slenderness_squared(), hardening.locking_slenderness_squared()
+    bound, width = (hard, 2) if slender else (locks, hard - locks)
+    for _ in range(count):
+        square_ = bound + width * sp.Rational(random.randint(1, 999), 1000)
+        values = {
+            hardening.eta: sp.sqrt(square_),
+            hardening.extension: sp.Rational(random.randint(1, 500), 1000),
+        }
+        yield {x: v.evalf(digits) for x, v in values.items()} | {
+            hardening.radius: 1,
+            prism.k_cross: 1,
+        }
+
+
 def _turned(values, turns):
     """V - V(0) per (3/2) k1 a^2 at some turns of a sampled prism."""
     eta, q = values[hardening.eta], values[hardening.extension]
@@ -28,16 +47,16 @@ def _turned(values, turns):
 
 def _never_negative():
     turns = [sp.Rational(k, 10) for k in range(-20, 6)]
-    return [({V: value}, True) for p in hardening.samples(True, 10) for value in _turned(p, turns)]
+    return [({V: value}, True) for p in _samples(True, 10) for value in _turned(p, turns)]
 
 
 def _zero_at_rest():
-    return [({V_0: next(_turned(p, [0]))}, True) for p in hardening.samples(True)]
+    return [({V_0: next(_turned(p, [0]))}, True) for p in _samples(True)]
 
 
 def _curvature():
     second = hardening.derivatives()[0]
-    cases = [({V_2: second.subs(p), stressed: True}, True) for p in hardening.samples(True)]
+    cases = [({V_2: second.subs(p), stressed: True}, True) for p in _samples(True)]
     return [*cases, ({V_2: second.subs(hardening.extension, 0), stressed: False}, True)]
 
 
@@ -73,10 +92,10 @@ def _third_derivative():
     value = sp.lambdify((delta, eta, q), energy, "mpmath", cse=True)
     turns = [sp.Rational(k, 10) for k in range(1, 6)]
     cases = [({V_3: value(t, p[eta], p[q]), slender: True}, True)
-             for p in hardening.samples(True, 10) for t in turns]  # fmt: skip
+             for p in _samples(True, 10) for t in turns]  # fmt: skip
     first = hardening.derivatives()[1]
     for kind in (True, False):
-        cases += [({V_3: first.subs(p), slender: kind}, True) for p in hardening.samples(kind)]
+        cases += [({V_3: first.subs(p), slender: kind}, True) for p in _samples(kind)]
     return cases
 
 
@@ -86,7 +105,7 @@ def _asymmetry(kind):
 
     hardening.prove_hardening()
     cases = []
-    for p in hardening.samples(kind, 10):
+    for p in _samples(kind, 10):
         eta = p[hardening.eta]
         rise = sp.lambdify(hardening.turn, hardening.path()[0], "mpmath")
         for turn in (0.001, 0.1, 0.3, 0.5) if kind else (0.001,):

@@ -1,12 +1,8 @@
 """The rigid-elastic potential as compiled code evaluates it, without cancellation.
 
-Two forms of V(h) of `derivations.rigid_response` serve the numbers:
-
-* `energy()`, the energy relative to a loaded height h1, whose error shrinks with the
-  elongation r;
-* `tension()`, its derivative with two square roots and a single division, free of
-  cancellation at the reference and at both locking ends.
-
+Two forms of V(h) of `rigid_response` serve the numbers: `energy()`, relative to a loaded height
+h1, whose error shrinks with the elongation r; and `tension()`, its derivative with two square
+roots and a single division, free of cancellation at the reference and at both locking ends.
 Both come from V by a change of variable, the turn delta = phi - phi1 from a known state.
 Compatibility reads h^2 - h1^2 = 2 a^2 (cos phi - cos phi1), a quadratic in tan(delta/2).
 """
@@ -28,6 +24,7 @@ from derivations.rigid_response import (
     potential_energy,
     preload,
     reference_height,
+    turn_rate,
 )
 
 __all__ = [
@@ -65,9 +62,7 @@ def cross_gain():
 
 def height_rate():
     """d phi/d h along b = const, with rho = 2 a^2 sin phi."""
-    squared = prism.bar_length_squared(circumradius)
-    rate = -sp.diff(squared, prism.height) / sp.diff(squared, twist)
-    return rate.subs(sp.sin(twist), root / (2 * circumradius**2)).subs(prism.height, height)
+    return turn_rate().subs(sp.sin(twist), root / (2 * circumradius**2)).subs(prism.height, height)
 
 
 stiffness = sp.Symbol("k_1")
@@ -82,12 +77,11 @@ versine_gain, sine_gain = sp.symbols("alpha beta")  # s^2 - s1^2 per (1 - cos de
 
 PARAMETERS = (
     stiffness, preload, length_at_rest, shift, far_shift, lock, far_lock, no_lock, stroke,
-    far_stroke, area, natural, squared_0, surplus, root_1, length_1, extension_1, versine_gain, sine_gain,
+    far_stroke, area, natural, squared_0, surplus, root_1, length_1, extension_1, versine_gain,
+    sine_gain,
 )  # fmt: skip
 
-
 above_lock, below_stretch = sp.symbols("X Y")  # h^2 - h_lock^2, b^2 - h^2
-
 
 THROUGH = (
     (gain, (elongation + shift) * (elongation + far_shift), 2 * (length_at_rest + elongation)),

@@ -58,12 +58,17 @@ def locking_height_squared():
 # --- the same force in the twist, and both ends of the range ---------------------------------
 
 
+def turn_rate():
+    """d phi/d h along b = const."""
+    squared = prism.bar_length_squared(circumradius)
+    return -sp.diff(squared, prism.height) / sp.diff(squared, twist)
+
+
 @cache
 def force_of_twist():
     """F = dV/dh in terms of h, s and phi: the cross strings pull along the path b = const [N]."""
-    squared, bars = prism.cross_length_squared(circumradius), prism.bar_length_squared(circumradius)
-    turn = -sp.diff(bars, prism.height) / sp.diff(bars, twist)
-    slope = sp.diff(squared, prism.height) + sp.diff(squared, twist) * turn
+    squared = prism.cross_length_squared(circumradius)
+    slope = sp.diff(squared, prism.height) + sp.diff(squared, twist) * turn_rate()
     length = sp.Symbol("s", positive=True)
     factor = sp.apart(sp.expand(slope / (2 * prism.height)), sp.sin(twist))
     return 3 * k_cross * (length - natural_cross) * prism.height / length * factor
