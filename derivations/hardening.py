@@ -124,8 +124,8 @@ def convexity_coefficients():
 def prove_hardening():
     """H3 for eta0^2 > sqrt3/6: three bounds, each from its own argument, and they must agree.
 
-    With g as in `string_gain`, V(3) = (1 - s_N/s) g(3)
-    + (3 s_N/(2 s^3)) g(1) (g(2) - g(1)^2/(2 s^2)) times (3/2) k1, the numbers counting derivatives; g(1) < 0 in compression.
+    With g of `string_gain` and (k) for the k-th derivative, V(3) is (3/2) k1 times
+    (1 - s_N/s) g(3) + (3 s_N/(2 s^3)) g(1) (g(2) - g(1)^2/(2 s^2)), and g(1) < 0.
     """
     bound = hardening_slenderness_squared()
     (critical,) = sp.solve(third_derivative_sign(), lock_square)  # rises with C on (-1, 0)

@@ -138,7 +138,7 @@ def _components(form):
 
 def _agrees_at_points(form, other, domain):
     symbols = sorted(form.free_symbols | other.free_symbols, key=str)
-    if form.atoms(sp.core.function.AppliedUndef) or form.has(sp.oo, sp.nan, sp.zoo):
+    if form.atoms(sp.core.function.AppliedUndef):
         return False
     function = sp.lambdify(symbols, [form, other], "mpmath")
     random = Random(7)
@@ -151,6 +151,8 @@ def _agrees_at_points(form, other, domain):
             try:
                 a, b = function(*point)
             except ZeroDivisionError:
+                return False
+            if not (mpmath.isfinite(a) and mpmath.isfinite(b)):
                 return False
             tolerance = mpmath.mpf(10) ** -DIGITS * (abs(a) + abs(b)) + NEGLIGIBLE
             if not abs(a - b) <= tolerance:
