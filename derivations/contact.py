@@ -155,7 +155,7 @@ def argument():
     lam, kappa, power = nesterenko()
     profile = wave * sp.cos(kappa * position) ** power
     return [
-        Step("A half space under the pressure p_m sqrt(1 - rho^2/A^2) sinks, times its plane "
+        Step("A half space under the pressure p_m √(1 - rho^2/A^2) sinks, times its plane "
              "modulus E/(1 - nu^2), by", sinking()),
         Step("Two spheres: the sum of both equals overlap minus gap rho^2/(2R) for every rho. So",
              sp.Eq(overlap, hertz()[0]), sp.Eq(sp.Symbol("F"), hertz()[1])),

@@ -74,7 +74,8 @@ def profiles():
     """(R1, R2): r = gamma^2 R1 + gamma^4 R2, polynomials in S = sech^2(X/2), X = gamma x.
 
     The travelling wave c^2 m r'' = V'(r+) - 2 V'(r) + V'(r-), divided by D^2 = d^2/dx^2, is
-    m c^2 r = (1 + D^2/12 + D^4/360 + ...) V'(r), with c = cs (1 + gamma^2/24).
+    m c^2 r = (1 + D^2/12 + D^4/360 + ...) V'(r).  Here gamma is the rate of decay itself; with
+    the speed's gamma, c = cs (1 + gamma^2/24), the tail would add a term x S' to R2.
     """
     s, p1, p2, q2 = sp.symbols("S p_1 p_2 q_2")
 
@@ -88,15 +89,15 @@ def profiles():
     d4 = gamma**4 * second(second(tension))
     series = sp.series(2 * (sp.cosh(gamma) - 1), gamma, 0, 8).removeO()
     c4, c6 = (series.coeff(gamma, k) for k in (4, 6))
-    balance = stiffness * (1 + gamma**2 / 24) ** 2 * r - tension - c4 * d2 - c6 * d4
-    balance = sp.expand(balance)
+    speed_squared = 1 + c4 * gamma**2 + c6 * gamma**4  # m c^2/a, as in `speed_of_decay`
+    balance = sp.expand(stiffness * speed_squared * r - tension - c4 * d2 - c6 * d4)
     first = sp.Poly(balance.coeff(gamma, 4), s).coeffs()
     (p1_value,) = {v for (v,) in sp.solve(first, [p1]) if v != 0}
     rest = sp.Poly(sp.expand(balance.coeff(gamma, 6).subs(p1, p1_value)), s).coeffs()
-    found = sp.solve(rest, [p2, q2])
+    ((p2_value, q2_value),) = sp.linsolve(rest, [p2, q2])
     wave = sp.sech(gamma * position / (2 * spacing)) ** 2
     first_profile = (p1_value * s).subs(s, wave)
-    return first_profile, sp.factor(found[p2] * s + found[q2] * s**2).subs(s, wave)
+    return first_profile, sp.factor(p2_value * s + q2_value * s**2).subs(s, wave)
 
 
 def sech_strain():

@@ -73,7 +73,9 @@ def test_every_entry_is_on_the_page(read):
 
 def test_no_source_is_visible(read):
     text = " ".join(read.words)
-    found = re.findall(r"sqrt\(|\*\*|\\frac|<lambda|Derivative|Subs\(|\bpi\b|\bphi\b|subs\(|nan\b", text)
+    found = re.findall(
+        r"sqrt\(|\*\*|\\frac|<lambda|Derivative|Subs\(|\bpi\b|\bphi\b|subs\(|nan\b", text
+    )
     assert found == []
 
 

