@@ -172,5 +172,5 @@ def argument():
              "V ~ I^t with", *scalings()),
         Step("and for spheres", *(s.subs(exponent, sp.Rational(3, 2)) for s in scalings())),
         Step("Effective mass P^2/(2E) in masses of a bead:",
-             sp.Eq(effective_mass(), effective_mass().evalf(5))),
+             sp.Eq(effective_mass(), effective_mass().evalf(5), evaluate=False)),
     ]  # fmt: skip

@@ -187,7 +187,7 @@ def argument():
              "bound. The bracket is positive: with tan((pi - phi)/2) = (2 - sqrt3)/(1 + z) and "
              f"eta0^2 = sqrt3/6 + y it is a polynomial of {len(convexity_coefficients())} terms, "
              "all positive; the least coefficient is",
-             sp.Eq(min(convexity_coefficients()), min(convexity_coefficients()).evalf(4))),
+             min(convexity_coefficients())),
         Step("H3, V(r) < V(-r): true for every turn exactly if eta0^2 exceeds the following, "
              "whose supremum (delta to 0) is the same bound again. So H3 holds entirely above it.",
              stroke_condition()),

@@ -66,8 +66,8 @@ def argument():
              *(sp.Eq(x, v)
                for x, v in zip((reflected, transmitted), at_thirty_degrees(), strict=True))),
         Step("With one wave a branch and F ~ I^(6/5), the force ratios incident to transmitted and "
-             "incident to reflected are", sp.Eq(to_branch, to_branch.evalf(4)),
-             sp.Eq(to_stem, to_stem.evalf(4))),
+             "incident to reflected are", sp.Eq(to_branch, to_branch.evalf(4), evaluate=False),
+             sp.Eq(to_stem, to_stem.evalf(4), evaluate=False)),
         Step("The reflected wave vanishes, for one wave a branch, at the half-angle",
              sp.Eq(half_angle, no_reflection())),
     ]  # fmt: skip

@@ -8,6 +8,7 @@ import re
 from html import escape
 
 import sympy as sp
+from sympy.printing.mathml import MathMLPresentationPrinter
 
 from derivations import ledger
 from derivations.argument import NAMES, derivation
@@ -40,12 +41,12 @@ TYPOGRAPHY = {
 """What SymPy writes, and what reads better."""
 
 WORDS = {
-    r"\^2": "²", r"\^4": "⁴", r"\^6": "⁶", r"\beta0": "η₀", r"\beta0²": "η₀²", r"\bh0\b": "h₀",
-    r"\bsqrt ?3": "√3", r"\bphi": "φ", r"\bpi\b": "π", r"\bgamma\b": "γ", r"\bdelta": "δ",
-    r"\btheta\b": "θ", r"\balpha\b": "α", r"\brho\b": "ρ", r"\bepsilon\b": "ε", r"\bnu\b": "ν",
-    r"\beta\b": "η", r">=": "≥", r"<=": "≤", r" - ": " − ",
+    r"\beta0\b": "η₀", r"\bsqrt ?3": "√3", r"\bphi": "φ", r"\bpi\b": "π", r"\bgamma\b": "γ",
+    r"\bdelta": "δ", r"\btheta\b": "θ", r"\balpha\b": "α", r"\brho\b": "ρ", r"\bepsilon\b": "ε",
+    r"\bnu\b": "ν", r"\beta\b": "η", r">=": "≥", r"<=": "≤", r" - ": " − ",
     r"\b([A-Za-zφ])_([0-9A-Za-zφ])\b": r"\1<sub>\2</sub>",
-    r"\b([A-Zxcskgpa])([0-3])\b": r"\1<sub>\2</sub>",
+    r"\b([A-GI-Zhxcskgpa])([0-3])\b": r"\1<sub>\2</sub>",
+    r"\^(\w+|\([^)]*\))": r"<sup>\1</sup>",
 }  # fmt: skip
 """Plain words and signs of the sources, as they are set on the page."""
 
@@ -54,14 +55,41 @@ def prose(text):
     """Plain text as HTML, with Greek letters, exponents and indices."""
     for plain, better in WORDS.items():
         text = re.sub(plain, better, text)
-    return re.sub(r"&lt;(/?sub)&gt;", r"<\1>", escape(text, quote=False))
+    return re.sub(r"&lt;(/?su[bp])&gt;", r"<\1>", escape(text, quote=False))
+
+
+class _Printer(MathMLPresentationPrinter):
+    """Cases as a table behind a brace, which SymPy writes as a call."""
+
+    def _print_Piecewise(self, expression):
+        def element(name, *children):
+            made = self.dom.createElement(name)
+            for child in children:
+                made.appendChild(child)
+            return made
+
+        def text(name, words):
+            return element(name, self.dom.createTextNode(words))
+
+        rows = [
+            element(
+                "mtr",
+                element("mtd", self._print(value)),
+                element(
+                    "mtd",
+                    text("mtext", " otherwise") if condition is sp.true else self._print(condition),
+                ),
+            )
+            for value, condition in expression.args
+        ]
+        return element("mrow", text("mo", "{"), element("mtable", *rows))
 
 
 def mathml(expression):
     """One formula as a displayed MathML element."""
     if isinstance(expression, str):
         return f"<p>{escape(expression)}</p>"
-    body = sp.mathml(expression, printer="presentation")
+    body = _Printer().doprint(expression)
     for plain, better in TYPOGRAPHY.items():
         body = body.replace(plain, better)
     return (

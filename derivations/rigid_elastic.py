@@ -69,8 +69,7 @@ stiffness = sp.Symbol("k_1")
 shift, far_shift = sp.symbols("d_1 d_2")  # h1 - h0, h1 + h0
 lock, far_lock, no_lock = sp.symbols("p_1 p_2 p_3")  # (r + p1)(r + p2) + p3 = h^2 - h_lock^2
 stroke, far_stroke = sp.symbols("e_1 e_2")  # (e1 - r)(e2 + r) = b^2 - h^2
-length_at_rest = sp.Symbol("h_1")
-natural = sp.Symbol("s_N")
+length_at_rest, natural = sp.symbols("h_1 s_N")
 squared_0, surplus = sp.symbols("S_0 G")  # s0^2, s0^2 - s_N^2
 length_1, extension_1 = sp.symbols("s_1 x_1")  # s1, s1 - s_N
 versine_gain, sine_gain = sp.symbols("alpha beta")  # s^2 - s1^2 per (1 - cos delta), per sin delta

@@ -188,9 +188,11 @@ def test_long_wave_equation_is_that_of_the_chain(n):
 
 
 def test_effective_mass_by_quadrature():
+    from scipy.integrate import trapezoid
+
     x = np.linspace(-np.pi / 2, np.pi / 2, 20001) / (np.sqrt(10) / 5)
     xi = np.cos(np.sqrt(10) / 5 * x) ** 4
-    momentum, kinetic = np.trapezoid(xi, x), np.trapezoid(xi**2, x) / 2
+    momentum, kinetic = trapezoid(xi, x), trapezoid(xi**2, x) / 2
     energy = kinetic * 9 / 5  # virial: 2 T = (n + 1) V
     assert float(contact.effective_mass()) == pytest.approx(momentum**2 / (2 * energy), rel=1e-6)
 
