@@ -130,7 +130,7 @@ def _prism_derivative(order):
     values = {rigid_response.bar: sp.sqrt(bars), rigid_response.circumradius: 1,
               rigid_response.natural_cross: (1 - q) * sp.sqrt(strings)}  # fmt: skip
     value = rigid_response.force(order).subs(values).subs(rigid_response.height, eta)
-    return value / radius ** (order - 2)
+    return sp.simplify(value / radius ** (order - 2))
 
 
 strain = -a / (b * h_0) * (gamma / 2 * sp.sech(gamma * x / (2 * h_0))) ** 2
