@@ -7,10 +7,13 @@ PYTHON := $(shell for p in python3.11 python3.12 python3.13 python3; do \
 BIN = .venv/bin
 READY = .venv/ready
 
-.PHONY: figures test test-slow bench lint clean
+.PHONY: figures derivations test test-slow bench lint clean
 
 figures: $(READY)
 	$(BIN)/python -m figures
+
+derivations: $(READY)
+	$(BIN)/python -m derivations
 
 test: $(READY)
 	$(BIN)/python -m pytest -m "not slow"

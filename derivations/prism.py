@@ -11,6 +11,10 @@ from functools import cache
 import sympy as sp
 from sympy.simplify.fu import TR8
 
+from derivations.argument import Step
+
+TITLE = "The prism: geometry, energy, natural lengths"
+
 base, height, circumradius = sp.symbols("l h a", positive=True)
 twist = sp.Symbol("phi", real=True)
 k_cross, k_base, k_bar = sp.symbols("k_1 k_2 k_3", positive=True)
@@ -93,3 +97,21 @@ def natural_lengths():
         raise ArithmeticError("the reference state has no unique self-stress")
     base_length, bar = next(iter(solutions))
     return cross, sp.apart(sp.factor(base_length), k_base), sp.apart(sp.factor(bar), k_bar)
+
+
+def argument():
+    squared = [bar_length_squared(), cross_length_squared()]
+    members = sp.symbols("b s", positive=True)
+    rises = sp.solve(squared[0] - members[0] ** 2, height)
+    rest = (natural_cross, natural_base, natural_bar)
+    return [
+        Step("Positions of the three lower and the three upper nodes:",
+             *(sp.Matrix.hstack(*triangle) for triangle in nodes())),
+        Step("A bar joins a lower node to the upper one turned away by the twist, a cross string "
+             "to the one that follows it:",
+             *(sp.Eq(x**2, length) for x, length in zip(members, squared, strict=True))),
+        Step("so the height is", sp.Eq(height, rises[-1])),
+        Step("Elastic energy of 3 cross strings, 6 base strings and 3 bars, U =", energy()),
+        Step("Natural lengths for which U is stationary at twist 5 pi/6 and height h0:",
+             *(sp.Eq(x, value) for x, value in zip(rest, natural_lengths(), strict=True))),
+    ]  # fmt: skip

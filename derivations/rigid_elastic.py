@@ -1,14 +1,8 @@
-"""Axial response of a prism with rigid bases and bars: one degree of freedom, in closed form.
+"""The rigid-elastic potential as compiled code evaluates it, without cancellation.
 
-With l and b fixed the height determines the twist, so only the cross strings store energy.
-The plain forms follow the talk (seeds/000, part III, "Rigid-elastic model"): phi(h), V(h) and
-its derivatives.  Two further forms of the same function serve the numbers:
-
-* `energy()`, the energy relative to a loaded height h1, whose error shrinks with the
-  elongation r;
-* `tension()`, its derivative with two square roots and a single division, free of
-  cancellation at the reference and at both locking ends.
-
+Two forms of V(h) of `rigid_response` serve the numbers: `energy()`, relative to a loaded height
+h1, whose error shrinks with the elongation r; and `tension()`, its derivative with two square
+roots and a single division, free of cancellation at the reference and at both locking ends.
 Both come from V by a change of variable, the turn delta = phi - phi1 from a known state.
 Compatibility reads h^2 - h1^2 = 2 a^2 (cos phi - cos phi1), a quadratic in tan(delta/2).
 """
@@ -18,42 +12,26 @@ from functools import cache
 import sympy as sp
 
 from derivations import prism
-from derivations.prism import circumradius, k_cross, natural_cross, twist
+from derivations.prism import circumradius, k_cross, natural_cross, prestrain, twist
+from derivations.rigid_response import (
+    bar,
+    cos_twist,
+    elongation,
+    force,
+    height,
+    loaded_height,
+    locking_height_squared,
+    potential_energy,
+    preload,
+    reference_height,
+    turn_rate,
+)
 
-height, bar = sp.symbols("h b", positive=True)
-reference_height, loaded_height = sp.symbols("h_0 h_1", positive=True)
-elongation, preload = sp.symbols("r F_0", real=True)
-prestrain = prism.prestrain
-
-
-# --- the plain forms: everything as a function of the height ---------------------------------
-
-
-@cache
-def cos_twist():
-    """cos phi from b = const."""
-    cosine = sp.Symbol("c")
-    compatibility = prism.bar_length_squared(circumradius).subs(sp.cos(twist), cosine)
-    return sp.solve(compatibility - bar**2, cosine)[0]
-
-
-@cache
-def cross_length():
-    """s(h): the twist eliminated, on the branch 0 < phi < pi."""
-    squared = sp.expand_trig(prism.cross_length_squared(circumradius))
-    sine = sp.sqrt(1 - cos_twist() ** 2)
-    return sp.sqrt(squared.subs({sp.sin(twist): sine, sp.cos(twist): cos_twist()}))
-
-
-def potential_energy():
-    """V(h) = 3/2 k1 (s - s_N)^2 [J]."""
-    return sp.Rational(3, 2) * k_cross * (cross_length() - natural_cross) ** 2
-
-
-def force(order=1):
-    """d^order V / dh^order: 1 is the axial force [N], tension > 0; 2 the stiffness; 3 its slope."""
-    return sp.diff(potential_energy(), height, order)
-
+__all__ = [
+    "PARAMETERS", "THROUGH", "bar", "circumradius", "cos_twist", "elongation", "energy", "force",
+    "height", "k_cross", "loaded_height", "locking_height_squared", "natural_cross",
+    "parameter_expressions", "potential_energy", "preload", "tension",
+]  # fmt: skip
 
 # --- the forms that run: relative to a state of known twist ----------------------------------
 
@@ -84,30 +62,25 @@ def cross_gain():
 
 def height_rate():
     """d phi/d h along b = const, with rho = 2 a^2 sin phi."""
-    squared = prism.bar_length_squared(circumradius)
-    rate = -sp.diff(squared, prism.height) / sp.diff(squared, twist)
-    return rate.subs(sp.sin(twist), root / (2 * circumradius**2)).subs(prism.height, height)
+    return turn_rate().subs(sp.sin(twist), root / (2 * circumradius**2)).subs(prism.height, height)
 
 
 stiffness = sp.Symbol("k_1")
 shift, far_shift = sp.symbols("d_1 d_2")  # h1 - h0, h1 + h0
 lock, far_lock, no_lock = sp.symbols("p_1 p_2 p_3")  # (r + p1)(r + p2) + p3 = h^2 - h_lock^2
 stroke, far_stroke = sp.symbols("e_1 e_2")  # (e1 - r)(e2 + r) = b^2 - h^2
-length_at_rest = sp.Symbol("h_1")
-natural = sp.Symbol("s_N")
+length_at_rest, natural = sp.symbols("h_1 s_N")
 squared_0, surplus = sp.symbols("S_0 G")  # s0^2, s0^2 - s_N^2
 length_1, extension_1 = sp.symbols("s_1 x_1")  # s1, s1 - s_N
 versine_gain, sine_gain = sp.symbols("alpha beta")  # of s^2 - s1^2 in 1 - cos, sin delta
 
 PARAMETERS = (
-    stiffness, preload, length_at_rest, shift, far_shift, lock, far_lock, no_lock,
-    stroke, far_stroke, area, natural, squared_0, surplus, root_1, length_1, extension_1,
-    versine_gain, sine_gain,
+    stiffness, preload, length_at_rest, shift, far_shift, lock, far_lock, no_lock, stroke,
+    far_stroke, area, natural, squared_0, surplus, root_1, length_1, extension_1, versine_gain,
+    sine_gain,
 )  # fmt: skip
 
-
 above_lock, below_stretch = sp.symbols("X Y")  # h^2 - h_lock^2, b^2 - h^2
-
 
 THROUGH = (
     (gain, (elongation + shift) * (elongation + far_shift), 2 * (length_at_rest + elongation)),
@@ -178,15 +151,6 @@ def tension():
 
 
 # --- what the numbers are, in terms of the prism ---------------------------------------------
-
-
-@cache
-def locking_height_squared():
-    """h^2 at twist pi, where the bars meet on the axis; negative if they never do."""
-    square = sp.Symbol("H")
-    squared = prism.bar_length_squared()
-    at_lock = squared.subs({twist: sp.pi, prism.height**2: square})
-    return sp.solve(at_lock - prism.at_reference(squared), square)[0]
 
 
 @cache

@@ -107,13 +107,11 @@ class Prism:
     def axial_stiffness(self):
         """Stiffness K_h0 of the total axial force at the reference state [N/m], > 0.
 
-        Zero where the prestrain is zero: the reference is then a sonic vacuum.
+        Zero where the prestrain is zero: the reference is then a sonic vacuum.  Closed form,
+        with rigid members as those of no compliance (seeds/000, part III, "Axial stiffness").
         """
-        if not self.is_rigid:
-            raise TensegrityError(
-                "the axial stiffness of a prism with elastic bases or bars is not available"
-            )
-        return float(self.potential().stiffness(0.0))
+        (stiffness,) = _exact(_axial_stiffness, self)
+        return float(stiffness)
 
     def potential(self, preload=0.0):
         """Potential of the prism as a spring of a chain.
@@ -199,6 +197,12 @@ def _locking_height_squared():
     from derivations import rigid_elastic as derived
 
     return [derived.locking_height_squared()]
+
+
+def _axial_stiffness():
+    from derivations import elastic as derived
+
+    return [derived.axial_stiffness_of_prism()]
 
 
 def _parameters():

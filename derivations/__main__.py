@@ -1,0 +1,60 @@
+"""`python -m derivations`: write the report, or check the ledger."""
+
+import argparse
+import sys
+import time
+from functools import partial
+from pathlib import Path
+
+from tqdm import tqdm
+
+from derivations import ledger, report
+from derivations.argument import NAMES
+
+OUTPUT = Path("derivations") / "output"
+
+
+def check(progress):
+    """Re-derive and hold every entry of the ledger; the number of disagreements."""
+    start, checks = time.perf_counter(), []
+    for entry in progress(ledger.entries()):
+        checks.append(ledger.check(entry))
+        tqdm.write(str(checks[-1]), file=sys.stdout)
+    failed = [c for c in checks if not c.confirmed]
+    for verdict in (ledger.Verdict.SLIP, ledger.Verdict.CONVENTION):
+        print(f"\n{verdict.value}:")
+        for c in checks:
+            if c.entry.verdict is verdict:
+                print(f"  {c.entry.name}: {c.entry.note}")
+    print(
+        f"\n{len(checks)} entries, {len(checks) - len(failed)} decided, {len(failed)} disagree, "
+        f"{time.perf_counter() - start:.0f} s"
+    )
+    return len(failed)
+
+
+def main(arguments=None):
+    """Run the command; returns its exit status."""
+    parser = argparse.ArgumentParser(prog="python -m derivations", description=__doc__)
+    parser.add_argument("name", nargs="?", choices=NAMES, help="this derivation only")
+    parser.add_argument("--check", action="store_true", help="check the ledger, write nothing")
+    parser.add_argument("--output", type=Path, help="file or folder of the page")
+    given = parser.parse_args(arguments)
+    progress = partial(tqdm, disable=None, file=sys.stderr)
+    if given.check:
+        if given.name or given.output:
+            parser.error("--check takes neither a name nor --output")
+        return 1 if check(progress) else 0
+    names = (given.name,) if given.name else NAMES
+    target = given.output or OUTPUT
+    if not target.suffix:
+        target = target / f"{given.name or 'derivations'}.html"
+    text = report.page(names, progress)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    target.write_text(text, encoding="utf-8")
+    print(target)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,159 @@
+"""The fully elastic prism: equilibrium equations and axial stiffness in closed form.
+
+The equations are the gradient of the energy.  For the stiffness the elongations themselves
+are the coordinates, (l, b, h) instead of (l, phi, h): bases and bars then add only to the
+diagonal of the Hessian, their stiffnesses enter as compliances, and rigid members are the
+value at zero instead of a limit.  Source: seeds/000, part III, "Elastic problem", "Axial
+stiffness".
+"""
+
+from functools import cache
+
+import sympy as sp
+
+from derivations import prism
+from derivations.argument import Step
+from derivations.prism import base, height, k_bar, k_base, k_cross, prestrain, twist
+
+TITLE = "The elastic prism: equilibrium equations and axial stiffness"
+
+third_load = sp.Symbol("f", real=True)  # a third of the axial load, compression > 0
+slenderness, extension = sp.symbols("eta_0 q", positive=True)  # h0/a, p0/(1 + p0)
+base_compliance, bar_compliance = sp.symbols("c_2 c_3", nonnegative=True)  # 1/k2, 1/k3
+bar = sp.Symbol("b", positive=True)
+
+
+def equations():
+    """(g1, g2, g3): gradient of U + 3 f h, each with the normalisation of the talk."""
+    energy = prism.energy() + 3 * third_load * height
+    g1 = sp.diff(energy, base) / (2 * sp.sqrt(3))
+    g2 = -sp.diff(energy, twist) / (sp.sqrt(3) * base)
+    g3 = -sp.diff(energy, height) / 3
+    return g1, g2, g3
+
+
+@cache
+def cross_length_squared():
+    """s^2(l, b, h): the twist eliminated by the bar, on the branch 0 < phi < pi."""
+    cosine = sp.Symbol("c")
+    compatibility = prism.bar_length_squared().subs(sp.cos(twist), cosine) - bar**2
+    (cos_twist,) = sp.solve(compatibility, cosine)
+    squared = sp.expand_trig(prism.cross_length_squared())
+    return squared.subs({sp.sin(twist): sp.sqrt(1 - cos_twist**2), sp.cos(twist): cos_twist})
+
+
+@cache
+def _reference():
+    """The reference state in units of the circumradius: a = 1, l = sqrt 3, h = eta0."""
+    lengths = {base: sp.sqrt(3), height: slenderness}
+    squared = prism.bar_length_squared().subs({twist: prism.REFERENCE_TWIST, **lengths})
+    return {**lengths, bar: sp.sqrt(sp.expand(squared))}
+
+
+def _at_reference(expression):
+    """An expression in l, b, h at the reference, expanded so that its root 3 are collected."""
+    return sp.expand(sp.radsimp(sp.expand(expression.subs(_reference()))))
+
+
+@cache
+def string_hessian():
+    """Hessian in (l, b, h) of the energy of the three cross strings, at the reference, k1 = 1.
+
+    With s^2 = S and force density q, half k (s - sN)^2 has the second derivatives
+    (1 - q)/(4 S) S_i S_j + (q/2) S_ij.
+    """
+    squared, coordinates = cross_length_squared(), (base, bar, height)
+    length_squared = _at_reference(squared)
+    slope = [_at_reference(sp.diff(squared, x)) for x in coordinates]
+
+    def entry(i, j):
+        curvature = _at_reference(sp.diff(squared, coordinates[i], coordinates[j]))
+        outer = (1 - extension) / (4 * length_squared) * sp.expand(slope[i] * slope[j])
+        return 3 * (outer + extension / 2 * curvature)
+
+    return sp.Matrix(3, 3, entry)
+
+
+@cache
+def axial_stiffness():
+    """K_h0/k1 in eta0, q and the compliances in units of 1/k1: c2 = k1/k2, c3 = k1/k3."""
+    return condensed(string_hessian())
+
+
+def condensed(h):
+    """A string Hessian in (l, b, h), 6/c2 and 3/c3 added to its diagonal, without l and b."""
+    soft_base, soft_bar = base_compliance, bar_compliance
+    ll, bb, hh = (h[i, i] for i in range(3))
+    lb, lh, bh = h[0, 1], h[0, 2], h[1, 2]
+    eliminated = (
+        soft_base * (3 + soft_bar * bb) * lh**2
+        + soft_bar * (6 + soft_base * ll) * bh**2
+        - 2 * soft_base * soft_bar * lb * lh * bh
+    )
+    determinant = (6 + soft_base * ll) * (3 + soft_bar * bb) - soft_base * soft_bar * lb**2
+    return hh - eliminated / determinant
+
+
+def axial_stiffness_of_prism():
+    """K_h0 [N/m] in l, h0, p0, k1, k2, k3; an infinite k2 or k3 is a compliance of zero."""
+    return k_cross * axial_stiffness().subs(
+        {
+            slenderness: prism.reference_height / prism.CIRCUMRADIUS,
+            extension: prestrain / (1 + prestrain),
+            base_compliance: k_cross / k_base,
+            bar_compliance: k_cross / k_bar,
+        },
+        simultaneous=True,
+    )
+
+
+def limit(**compliances):
+    """K_h0/k1 for rigid bases (`base=0`), rigid bars (`bar=0`) or both, simplified."""
+    symbols = {"base": base_compliance, "bar": bar_compliance}
+    value = axial_stiffness().subs({symbols[name]: c for name, c in compliances.items()})
+    return sp.cancel(sp.together(value), extension=sp.sqrt(3))
+
+
+def small_prestrain():
+    """Limit of K_h0/(k1 q) as the prestrain vanishes, for any compliances."""
+    value = sp.together(axial_stiffness() / extension).subs(extension, 0)
+    return sp.cancel(value, extension=sp.sqrt(3))
+
+
+def argument():
+    g1, g2, g3 = equations()
+    symbols = sp.symbols("H_ll H_bb H_hh H_lb H_lh H_bh")
+    hessian = string_hessian()
+    ll, bb, hh, lb, lh, bh = symbols
+    symbolic = sp.Matrix([[ll, lb, lh], [lb, bb, bh], [lh, bh, hh]])
+    pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+    return [
+        Step("Energy of 3 cross strings, 6 base strings and 3 bars:", prism.energy()),
+        Step(
+            "Equilibrium under the load F = 3f: the gradient of U + F h vanishes. With the talk's "
+            "normalisation (U_l/(2 sqrt 3), -U_phi/(sqrt 3 l), -f - U_h/3):",
+            *(sp.Eq(sp.Symbol(f"g_{i}"), g) for i, g in enumerate((g1, g2, g3), 1)),
+        ),
+        Step(
+            "For the stiffness take l, b, h as coordinates. The bar eliminates the twist:",
+            sp.Eq(sp.Symbol("s") ** 2, cross_length_squared()),
+        ),
+        Step(
+            "Hessian of the cross strings at the reference, with k1 = a = 1 and q = p0/(1 + p0):",
+            *(sp.Eq(name, hessian[i, j]) for name, (i, j) in zip(symbols, pairs, strict=True)),
+        ),
+        Step(
+            "Bases and bars add 6 k2 and 3 k3 to the diagonal; eliminating l and b, with "
+            "c2 = k1/k2 and c3 = k1/k3:",
+            sp.Eq(sp.Symbol("K_h0") / k_cross, condensed(symbolic)),
+        ),
+        Step("Rigid bases:", sp.Eq(sp.Symbol("K_h0") / k_cross, limit(base=0))),
+        Step("Rigid bars:", sp.Eq(sp.Symbol("K_h0") / k_cross, limit(bar=0))),
+        Step("Both rigid:", sp.Eq(sp.Symbol("K_h0") / k_cross, limit(base=0, bar=0))),
+        Step(
+            "The stiffness vanishes with the prestrain, in proportion to q:",
+            sp.Eq(
+                sp.Limit(sp.Symbol("K_h0") / (k_cross * extension), extension, 0), small_prestrain()
+            ),
+        ),
+    ]

@@ -1,0 +1,157 @@
+"""Equilibrium of the six nodes: member forces under axial load, self-stress, taut range.
+
+Unknowns are force densities, force over length: x1 of the cross strings and x2 of the base
+strings in tension, x3 of the bars in compression.  The load F is the total axial one,
+compression > 0, shared equally by the three nodes of each base.  Nothing is assumed about
+stiffness.  Source: seeds/000, part III, "Equilibrium problem".
+"""
+
+from functools import cache
+from itertools import pairwise
+
+import sympy as sp
+
+from derivations import prism
+from derivations.argument import Step
+from derivations.prism import twist
+
+TITLE = "Equilibrium of the nodes: force densities, self-stress, taut range"
+
+densities = x1, x2, x3 = sp.symbols("x_1 x_2 x_3", real=True)
+load = sp.Symbol("F", real=True)
+
+
+@cache
+def residuals():
+    """Total force on each of the six nodes, as one list of vectors (three lower, three upper)."""
+    lower, upper = prism.nodes()
+    positions = [*lower, *upper]
+    members = [(i, 3 + i, -x3) for i in range(3)]  # bars push
+    members += [(i, 3 + (i + 2) % 3, x1) for i in range(3)]
+    members += [(i + k, (i + 1) % 3 + k, x2) for i in range(3) for k in (0, 3)]
+    up = sp.Matrix([0, 0, load / 3])
+    forces = [up] * 3 + [-up] * 3
+    for i, j, density in members:
+        pull = density * (positions[j] - positions[i])
+        forces[i], forces[j] = forces[i] + pull, forces[j] - pull
+    return [force.applyfunc(lambda f: sp.expand(sp.expand_trig(f))) for force in forces]
+
+
+def _reduced(expression):
+    """Polynomial in cos(phi) and sin(phi), the latter at most to the first power."""
+    expanded = sp.expand(expression)
+    return sp.expand(expanded.subs(sp.sin(twist) ** 2, 1 - sp.cos(twist) ** 2))
+
+
+@cache
+def matrix():
+    """Coefficients of x1, x2, x3 in the three equations of one upper node."""
+    return residuals()[3].jacobian(densities)
+
+
+@cache
+def determinant():
+    """Its determinant: no load can be carried, and self-stress is possible, where it vanishes."""
+    return sp.factor(_reduced(matrix().det()))
+
+
+@cache
+def force_densities():
+    """x1, x2, x3 under the axial load F: from one node, and then found to hold on all six."""
+    adjugate = matrix().adjugate() * sp.Matrix([0, 0, load / 3])
+    solution = [sp.cancel(_reduced(x) / determinant()) for x in adjugate]
+    at_solution = dict(zip(densities, solution, strict=True))
+    for residual in residuals():
+        for component in residual.subs(at_solution):
+            if _reduced(sp.numer(sp.together(component))) != 0:
+                raise ArithmeticError("the solution of one node fails on another")
+    return tuple(solution)
+
+
+@cache
+def self_stress():
+    """{twist: (x2/x1, x3/x1)}: the twists at which the unloaded prism can be prestressed."""
+    singular = sp.solveset(determinant(), twist, sp.Interval.Lopen(-sp.pi, sp.pi))
+    found = {}
+    for value in singular:
+        for state in matrix().subs(twist, value).nullspace():
+            state = (state / state[0]).applyfunc(sp.radsimp)
+            found[value] = (state[1], state[2])
+    return found
+
+
+def tensegrity_twist():
+    """The one twist of `self_stress` at which all strings pull while the bars push."""
+    (value,) = [t for t, ratios in self_stress().items() if all(r > 0 for r in ratios)]
+    return value
+
+
+@cache
+def ratios():
+    """x2/x1 and x3/x1 under any load: functions of the twist alone."""
+    first, second, third = force_densities()
+    return tuple(sp.cancel(x / first) for x in (second, third))
+
+
+@cache
+def taut_range():
+    """Open interval of twists in which the three force densities have one sign, and its ends."""
+    zeros = {sp.Integer(0), 2 * sp.pi}
+    for ratio in ratios():
+        for part in sp.fraction(sp.together(ratio)):
+            zeros |= set(sp.solveset(part, twist, sp.Interval(0, 2 * sp.pi)))
+    ends = sorted(zeros, key=float)
+    good = [
+        (low, high)
+        for low, high in pairwise(ends)
+        if all(ratio.subs(twist, (low + high) / 2).evalf() > 0 for ratio in ratios())
+    ]
+    if good[0][0] == 0 or any(a[1] != b[0] for a, b in pairwise(good)):
+        raise ArithmeticError("the taut twists are not one interval")
+    return good[0][0], good[-1][1]
+
+
+def unloaded_at_low_end():
+    """Load in terms of x1 where base strings and bars unload together."""
+    (value,) = sp.solve(force_densities()[0].subs(twist, taut_range()[0]) - x1, load)
+    return value
+
+
+def argument():
+    low, high = taut_range()
+    upper = residuals()[3]
+    steps = [
+        Step("The forces on an upper node must vanish, in the three directions:", *upper),
+        Step("Three equations, three unknowns. The determinant of the system is", determinant()),
+        Step(
+            "Solving them at this node gives a state that balances all six nodes:",
+            *(sp.Eq(x, value) for x, value in zip(densities, force_densities(), strict=True)),
+        ),
+        Step(
+            "Without load a non-zero state needs the determinant to vanish. Null vectors there:",
+            *(
+                sp.And(sp.Eq(twist, t), sp.Eq(x2 / x1, r2), sp.Eq(x3 / x1, r3), evaluate=False)
+                for t, (r2, r3) in self_stress().items()
+            ),
+        ),
+        Step(
+            "Only at the following twist do all strings pull while the bars push; at the other "
+            "one the base strings would have to push whenever the cross strings pull.",
+            sp.Eq(twist, tensegrity_twist()),
+        ),
+        Step(
+            "Under load the ratios depend on the twist alone:",
+            sp.Eq(x2 / x1, ratios()[0]),
+            sp.Eq(x3 / x1, ratios()[1]),
+        ),
+        Step(
+            "They are positive together in one interval of the full turn:",
+            sp.And(low < twist, twist < high),
+        ),
+        Step(
+            "At its upper end the cross strings unload (the load stays finite), at its lower end "
+            "base strings and bars unload together, and the load is then",
+            sp.Eq(load, unloaded_at_low_end()),
+        ),
+    ]
+    return steps

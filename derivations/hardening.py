@@ -1,0 +1,200 @@
+"""Is the rigid-elastic potential of the kind that localises waves?  H1, H2 and H3, decided.
+
+All lengths here in units of the circumradius.  On the compression side the twist phi runs
+from 5 pi/6 to pi; X = h^2 and C = cos phi are then polynomials of one another, and
+g = s^2 - s0^2 is elementary in C.  The proofs reduce each claim to the sign of a polynomial.
+Source: seeds/000, part III, "Properties of the elastic potential of rigid-elastic prisms".
+"""
+
+from functools import cache
+
+import sympy as sp
+
+from derivations import prism
+from derivations.argument import Step
+from derivations.prism import k_cross, twist
+from derivations.rigid_response import lock_order
+
+TITLE = "Hardening: H1, H2, H3, and the limit of no prestrain"
+
+eta, extension, radius = sp.symbols("eta_0 q a", positive=True)  # h0/a, p0/(1 + p0), l/sqrt 3
+square, lock_square, cosine = sp.symbols("X X_l C", real=True)  # h^2, h_lock^2, cos phi
+turn = sp.Symbol("delta", real=True)  # phi - 5 pi/6
+
+
+@cache
+def path():
+    """(h^2 - h0^2, s^2 - s0^2) as functions of the turn, a = 1: the geometry on b = const."""
+    one = sp.Integer(1)
+    bars, strings = prism.bar_length_squared(one), prism.cross_length_squared(one)
+    gained = [-bars, strings - bars]
+    here = [sp.expand_trig(x.subs(twist, prism.REFERENCE_TWIST + turn)) for x in gained]
+    first, second = (sp.expand(x - x.subs(turn, 0)) for x in here)
+    return first, second
+
+
+@cache
+def derivatives(highest=4):
+    """[V'', V''', ...] at the reference in eta0, q, a, k1: V as a power series in the turn."""
+    order = highest + 1
+    gained = [sp.series(x, turn, 0, order).removeO() for x in path()]
+    r = sp.Symbol("r")
+    unknown = sp.symbols(f"t_1:{highest}")
+    guess = sum(t * r**k for k, t in enumerate(unknown, 1))
+    compatibility = sp.expand((eta + r) ** 2 - eta**2 - gained[0].subs(turn, guess))
+    for k, t in enumerate(unknown, 1):  # turn(r), one coefficient after the other
+        (value,) = sp.solve(compatibility.coeff(r, k), t)
+        compatibility = sp.expand(compatibility.subs(t, value))
+        guess = guess.subs(t, value)
+    gain, rest = sp.symbols("g S", positive=True)  # s^2 - s0^2 = O(r^2), s0^2
+    extended = sp.sqrt(rest + gain) - sp.sqrt(rest) + extension * sp.sqrt(rest)
+    energy = sp.series(sp.Rational(3, 2) * k_cross * sp.expand(extended**2), gain, 0, 3)
+    g = sp.expand(gained[1].subs(turn, guess))
+    at_rest = prism.at_reference(prism.cross_length_squared(sp.Integer(1)))
+    at_rest = sp.expand(at_rest.subs(prism.reference_height, eta))
+    linear, quadratic = (sp.expand(energy.removeO()).coeff(gain, k) for k in (1, 2))
+    return [
+        sp.factorial(k) * radius ** (2 - k) * sp.expand(
+            linear * g.coeff(r, k) + quadratic.subs(rest, at_rest) * sp.expand(g**2).coeff(r, k)
+        )
+        for k in range(2, highest + 1)
+    ]  # fmt: skip
+
+
+def curvature_ratio():
+    """h0 V'''/V'': free of the prestrain."""
+    second, third = derivatives()[:2]
+    return sp.expand(sp.cancel(eta * radius * third / second))
+
+
+def hardening_slenderness_squared():
+    """eta0^2 at which V''' changes sign."""
+    (value,) = sp.solve(derivatives()[1].subs(eta, sp.sqrt(square)) / square, square)
+    return sp.nsimplify(value, [sp.sqrt(3)])
+
+
+def locking_slenderness_squared():
+    """eta0^2 below which the bars never meet: h_lock = 0."""
+    (value,) = sp.solve(square + path()[0].subs(turn, sp.pi - prism.REFERENCE_TWIST), square)
+    return sp.expand(value)
+
+
+@cache
+def string_gain():
+    """g(X) by C = cos phi = (X - X_l)/2 - 1: (C, g) with g up to a constant, sin phi > 0."""
+    bars = prism.bar_length_squared(sp.Integer(1)).subs(sp.cos(twist), cosine)
+    level = sp.expand(bars - bars.subs(cosine, -1))  # b^2 - h^2 against its value at phi = pi
+    (as_cosine,) = sp.solve(lock_square - level.subs(prism.height, 0) - square, cosine)
+    strings = sp.expand_trig(prism.cross_length_squared(sp.Integer(1)))
+    g = strings.subs({sp.sin(twist): sp.sqrt(1 - cosine**2), sp.cos(twist): cosine})
+    return as_cosine, g.subs(prism.height, sp.sqrt(square)).subs(cosine, as_cosine)
+
+
+def third_derivative_sign():
+    """(s^2)''' divided by positive factors: a polynomial in C = cos phi and X_l = h_lock^2."""
+    as_cosine, g = string_gain()
+    third = 2 * square * sp.diff(g, square, 3) + 3 * sp.diff(g, square, 2)  # (s^2)'''/(4 h)
+    third = third.subs(square, sp.solve(as_cosine - cosine, square)[0])
+    positive = sp.Rational(3, 4) * sp.sqrt(3) * (1 - cosine**2) ** sp.Rational(-5, 2)
+    return sp.collect(sp.expand(sp.simplify(third / positive)), lock_square)
+
+
+@cache
+def convexity_coefficients():
+    """2 s^2 g'' - g'^2 > 0 (s is convex) for eta0^2 >= sqrt3/6, as a polynomial's coefficients.
+
+    phi runs from 5 pi/6 to pi as z from 0 to infinity, tan((pi - phi)/2) = (2 - sqrt3)/(1 + z),
+    and eta0^2 = sqrt3/6 + y: all coefficients in y >= 0 and z >= 0 are to be positive.
+    """
+    _, g = string_gain()
+    t, y, z = sp.symbols("t y z", nonnegative=True)
+    first, second = sp.diff(g, square), sp.diff(g, square, 2)
+    claim = 2 * g * (4 * square * second + 2 * first) - 4 * square * first**2
+    height_squared = lock_square + 2 * (1 + cosine)
+    sine = sp.sqrt(1 - cosine**2)
+    claim = sp.expand(sp.powsimp(claim.subs(square, height_squared))).subs(sine, 2 * t / (1 + t**2))
+    claim = claim.subs(cosine, -(1 - t**2) / (1 + t**2))
+    least = hardening_slenderness_squared() - locking_slenderness_squared()
+    claim = sp.simplify(claim.subs(lock_square, least + y))
+    numerator, _ = sp.fraction(sp.cancel(claim, extension=sp.sqrt(3)))  # over 48 t^3 > 0
+    numerator = numerator.subs(t, (2 - sp.sqrt(3)) / (1 + z)) * (1 + z) ** 6
+    return sp.Poly(sp.cancel(numerator, extension=sp.sqrt(3)), y, z).coeffs()
+
+
+def prove_hardening():
+    """H3 for eta0^2 > sqrt3/6: three bounds, each from its own argument, and they must agree.
+
+    With g of `string_gain` and (k) for the k-th derivative, V(3) is (3/2) k1 times
+    (1 - s_N/s) g(3) + (3 s_N/(2 s^3)) g(1) (g(2) - g(1)^2/(2 s^2)), and g(1) < 0.
+    """
+    bound = hardening_slenderness_squared()
+    (critical,) = sp.solve(third_derivative_sign(), lock_square)  # rises with C on (-1, 0)
+    start = sp.cos(prism.REFERENCE_TWIST)
+    if sp.expand(critical.subs(cosine, start) + locking_slenderness_squared() - bound) != 0:
+        raise ArithmeticError("the third derivative of g changes sign elsewhere than that of V")
+    rising = sp.factor(sp.diff(critical, cosine))  # (1 - C^2)/C^2
+    if sp.simplify(rising - (1 - cosine**2) / cosine**2) != 0:
+        raise ArithmeticError("the bound on h_lock is not largest at the reference")
+    if any(c <= 0 for c in convexity_coefficients()):
+        raise ArithmeticError("the convexity of s(h) is not shown by positive coefficients")
+    if sp.expand(sp.limit(stroke_condition(), turn, 0) - bound) != 0:
+        raise ArithmeticError("the strokes compare at another slenderness")
+    return bound
+
+
+def stroke_condition():
+    """eta0^2 above which turning back by delta takes more height than turning on by it.
+
+    V grows with |delta| alone, so V(r) < V(-r) means h(delta) + h(-delta) > 2 h0: squared
+    twice, 4 even eta0^2 > odd^2, the even and the odd part in delta of h^2 - h0^2.
+    """
+    gained = path()[0]
+    back = gained.subs(turn, -turn)
+    even, odd = sp.expand((gained + back) / 2), sp.expand((gained - back) / 2)
+    return sp.simplify(odd**2 / (4 * even))
+
+
+def cubic_stiffness():
+    """Force over r^3 at the reference when the prestrain vanishes [N/m^3]."""
+    return sp.factor(derivatives()[2].subs(extension, 0) / 6)
+
+
+def argument():
+    second, third, fourth = derivatives()
+    names = [sp.Symbol("V" + "'" * k) for k in (2, 3, 4)]
+    force_order, energy_order = lock_order()
+    gap = sp.Symbol("r") + sp.Symbol("d")
+    return [
+        Step("With the turn delta = phi - 5 pi/6 the geometry reads, a = 1:",
+             sp.Eq(square - eta**2, path()[0]),
+             sp.Eq(sp.Symbol("s") ** 2 - sp.Symbol("s_0") ** 2, path()[1])),
+        Step("Expanding delta(r) and then V gives, at the reference,",
+             *(sp.Eq(n, v) for n, v in zip(names, (second, third, fourth), strict=True))),
+        Step("H1 holds on (-d, b - h0), not up to infinity: V grows with |delta|, vanishes at 0 "
+             "only, and V'' > 0 there exactly when the prestrain is positive."),
+        Step("H2 fails: near locking the force and the energy behave like the powers below, the "
+             "energy stays finite, and (r + d) V tends to 0. What holds is V >= c0 there.",
+             gap**force_order, sp.Symbol("V_lock") - gap**energy_order),
+        Step("H3, curvature at the reference, whatever the prestrain:",
+             sp.Eq(eta * radius * names[1] / names[0], curvature_ratio())),
+        Step("so V''' < 0 there exactly above the slenderness",
+             sp.Eq(eta**2, hardening_slenderness_squared())),
+        Step("H3 on all of (-d, 0]: V''' is a positive multiple of (1 - s_N/s) g''' plus a "
+             "positive multiple of g' (g'' - g'^2/(2 s^2)), and g' < 0. The "
+             "sign of g''' is that of",
+             third_derivative_sign()),
+        Step("negative for X_l > (1 + C)^2/(-C), at most its value at C = -sqrt3/2: the same "
+             "bound. The bracket is positive: with tan((pi - phi)/2) = (2 - sqrt3)/(1 + z) and "
+             f"eta0^2 = sqrt3/6 + y it is a polynomial of {len(convexity_coefficients())} terms, "
+             "all positive; the least coefficient is",
+             min(convexity_coefficients())),
+        Step("H3, V(r) < V(-r): true for every turn exactly if eta0^2 exceeds the following, "
+             "whose supremum (delta to 0) is the same bound again. So H3 holds entirely above it.",
+             stroke_condition()),
+        Step("Below this slenderness the bars never meet:",
+             sp.Eq(eta**2, locking_slenderness_squared())),
+        Step("Without prestrain V'' and V''' vanish and a cubic force remains, a sonic vacuum:",
+             sp.Eq(sp.Symbol("F"), cubic_stiffness() * sp.Symbol("r") ** 3)),
+        Step("V'' and V''' shrink like q, V'''' does not. The first correction to the sech^2 wave "
+             "is of relative size gamma^2 V'' V''''/V'''^2, so gamma^2 must stay well below q."),
+    ]  # fmt: skip

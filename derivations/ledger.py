@@ -1,0 +1,184 @@
+"""The ledger: every formula printed in the two sources, held against the derived one.
+
+An entry carries the printed form as SymPy; what it should say is derived anew at each check.
+`reading` says how a printed form is to be read (a sign convention, a slip put right): read so
+it must agree with the derived one, and unread it must not, or the verdict is wrong as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+from functools import cache
+from random import Random
+
+import mpmath
+import sympy as sp
+
+POINTS, DIGITS = 50, 30
+EXPANDED_BELOW, SIMPLIFIED_BELOW = 400, 120  # operations beyond which points alone decide
+NEGLIGIBLE = mpmath.mpf(10) ** -40  # of numbers of order one, of which some points are zeros
+
+
+class Verdict(Enum):
+    """What became of a printed formula."""
+
+    HOLDS = "holds"
+    CONVENTION = "holds under a convention"
+    SLIP = "slip"
+    NO_DATA = "no data in the seed"
+
+
+def as_printed(form):
+    """The reading of a form that needs none."""
+    return form
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A printed formula or claim.
+
+    Attributes
+    ----------
+    name : str
+        "talk." or "paper." and a word.
+    place : str
+        Where it is printed.
+    derivation : str
+        Module that derives it.
+    left : sympy.Basic or str
+        Its left side, for display.
+    printed : sympy.Basic or None
+        The printed right side (expression or tuple of them), or a printed relation; None for
+        a claim without formula.
+    derive : callable () -> sympy.Basic
+        The derived right side; for a relation a list of (values, expected truth): cases in
+        which the relation as read must be true or false.
+    verdict : Verdict
+    note : str
+        The convention, or what is wrong and where.
+    reading : callable (printed) -> form
+    domain : dict of Symbol to (low, high)
+        Where random points are taken; others lie in (1/2, 2).
+    """
+
+    name: str
+    place: str
+    derivation: str
+    left: object
+    printed: object = None
+    derive: Callable | None = None
+    verdict: Verdict = Verdict.HOLDS
+    note: str = ""
+    reading: Callable = as_printed
+    domain: tuple = ()
+
+
+@dataclass(frozen=True)
+class Check:
+    """Outcome for one entry: whether its verdict is confirmed, and by what."""
+
+    entry: Entry
+    confirmed: bool
+    how: str
+
+    def __str__(self):
+        state = self.entry.verdict.value if self.confirmed else "DISAGREES"
+        return f"{self.entry.name:32} {state:26} {self.how}"
+
+
+@cache
+def derived(entry):
+    """The derived form of an entry, computed once a process."""
+    return entry.derive()
+
+
+def check(entry, printed=None):
+    """Hold an entry, or another `printed` form in its place, against the derivation."""
+    printed = entry.printed if printed is None else printed
+    if printed is None:
+        return Check(entry, entry.verdict is Verdict.NO_DATA, "a claim without formula")
+    agree = _relation_agrees if isinstance(derived(entry), list) else _form_agrees
+    how = agree(entry.reading(printed), derived(entry), dict(entry.domain))
+    if not how:
+        return Check(entry, False, "the printed form is not the derived one")
+    needs_reading = entry.verdict in (Verdict.CONVENTION, Verdict.SLIP)
+    if needs_reading and agree(printed, derived(entry), dict(entry.domain)):
+        return Check(entry, False, "no convention or correction is needed")
+    return Check(entry, entry.verdict is not Verdict.NO_DATA, how)
+
+
+def _relation_agrees(relation, cases, domain):
+    """How a relation was confirmed on its cases, or "" if one of them contradicts it."""
+    for values, truth in cases:
+        if bool(relation.subs(values)) is not truth:
+            return ""
+    return f"true and false as it must be in {len(cases)} cases"
+
+
+def _form_agrees(form, other, domain):
+    """How two forms were found equal, or "" if they are not."""
+    pairs = list(zip(_components(form), _components(other), strict=True))
+    differences = [sp.sympify(a - b).doit() for a, b in pairs]
+    if all(d.count_ops() < EXPANDED_BELOW for d in differences):
+        differences = [sp.expand(d) for d in differences]
+    if all(d == 0 for d in differences):
+        return "symbolic"
+    if not all(_agrees_at_points(sp.sympify(a), sp.sympify(b), domain) for a, b in pairs):
+        return ""
+    if all(d.count_ops() < SIMPLIFIED_BELOW and sp.simplify(d) == 0 for d in differences):
+        return "symbolic"
+    return f"{POINTS} points, {DIGITS} digits"
+
+
+def _components(form):
+    return list(form) if isinstance(form, (sp.Tuple, tuple, sp.MatrixBase)) else [form]
+
+
+def _agrees_at_points(form, other, domain):
+    symbols = sorted(form.free_symbols | other.free_symbols, key=str)
+    if form.atoms(sp.core.function.AppliedUndef):
+        return False
+    function = sp.lambdify(symbols, [form, other], "mpmath")
+    random = Random(7)
+    with mpmath.workdps(DIGITS + 15):
+        for _ in range(POINTS):
+            point = []
+            for symbol in symbols:
+                low, high = domain.get(symbol, (0.5, 2.0))
+                point.append(mpmath.mpf(random.uniform(low, high)))
+            try:
+                a, b = function(*point)
+            except ZeroDivisionError:
+                return False
+            if not (mpmath.isfinite(a) and mpmath.isfinite(b)):
+                return False
+            tolerance = mpmath.mpf(10) ** -DIGITS * (abs(a) + abs(b)) + NEGLIGIBLE
+            if not abs(a - b) <= tolerance:
+                return False
+    return True
+
+
+SIGNS = (
+    ("F", "force densities (talk, III)", "compression", "load; total of the three nodes"),
+    ("F", "rigid-elastic model (talk, III)", "tension", "tension; F = dU/dh"),
+    ("f", "g3 of the elastic problem (talk, III)", "compression", "load/3"),
+    ("x_1, x_2", "equilibrium and elastic problem (talk, III)", "tension", "force density"),
+    ("x_3", "equilibrium problem (talk, III)", "compression", "force density of the bars"),
+    ("x_3", "elastic problem (talk, III)", "tension", "-(force density of the bars)"),
+    ("delta", "particle strains (talk, II)", "gap (dilatation)", "-overlap"),
+    ("delta", "eq. (1) (paper)", "overlap", "overlap"),
+    ("F_ij", "interaction forces (talk, II)", "compression", "contact_force"),
+    ("epsilon", "strain waves (talk, III)", "compression", "-strain"),
+    ("I_1", "eq. (7) (paper)", "backwards along the stem", "-momentum"),
+)
+"""Printed quantity, where, what it counts as positive, and its name here."""
+
+
+@cache
+def entries():
+    """All entries, in the order of the sources."""
+    from derivations import ledger_paper, ledger_talk, ledger_waves
+
+    return (*ledger_talk.ENTRIES, *ledger_waves.ENTRIES, *ledger_paper.ENTRIES)

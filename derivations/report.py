@@ -1,0 +1,207 @@
+"""The report: one page of HTML with MathML, no script, nothing fetched.
+
+Each derivation is printed as its argument, followed by the ledger entries it decides.
+"""
+
+# ruff: noqa: RUF001 (Greek letters are meant)
+import re
+from html import escape
+
+import sympy as sp
+from sympy.printing.mathml import MathMLPresentationPrinter
+
+from derivations import ledger
+from derivations.argument import NAMES, derivation
+
+STYLE = """
+body { font: 1.05rem/1.5 Georgia, 'DejaVu Serif', serif; max-width: 60rem; margin: 2rem auto;
+  padding: 0 1rem; color: #1a1a1a; background: #fff; }
+h1, h2, h3 { line-height: 1.25; } h2 { margin-top: 2.5rem; border-bottom: 1px solid #bbb; }
+a { color: #1d4f91; }
+math { font-family: 'STIX Two Math', 'Latin Modern Math', 'Cambria Math', math; }
+.formula { overflow-x: auto; overflow-y: hidden; margin: .5rem 0 .5rem 1.5rem; padding: .2rem 0; }
+.entry { border-left: .3rem solid #2e7d32; padding: .1rem 0 .1rem .8rem; margin: 1rem 0;
+  break-inside: avoid; }
+.entry.slip, .entry.failed { border-color: #b3261e; }
+.entry.convention { border-color: #a86400; }
+.entry.no_data { border-color: #777; }
+.entry p { margin: .2rem 0; } .verdict { font-weight: bold; } .place { color: #555; }
+table { border-collapse: collapse; } th, td { border: 1px solid #bbb; padding: .25rem .6rem;
+  text-align: left; vertical-align: top; }
+@media print { body { max-width: none; margin: 0; font-size: 10pt; } a { color: inherit; }
+  .formula { overflow: visible; } }
+"""
+
+LONGEST = 200  # operations of a derived form that still fits on a line
+TYPOGRAPHY = {
+    "<mo>-</mo>": "<mo>&#x2212;</mo>",
+    "<mo>&InvisibleTimes;</mo>": '<mspace width="0.17em"></mspace>',
+    "<mo>&#xB7;</mo>": '<mspace width="0.17em"></mspace>',
+}
+"""What SymPy writes, and what reads better."""
+
+WORDS = {
+    r"\beta0\b": "η₀", r"\bsqrt ?3": "√3", r"\bphi": "φ", r"\bpi\b": "π", r"\bgamma\b": "γ",
+    r"\bdelta": "δ", r"\btheta\b": "θ", r"\balpha\b": "α", r"\brho\b": "ρ", r"\bepsilon\b": "ε",
+    r"\bnu\b": "ν", r"\beta\b": "η", r">=": "≥", r"<=": "≤", r" - ": " − ",
+    r"\b([A-Za-zφ])_([0-9A-Za-zφ])\b": r"\1<sub>\2</sub>",
+    r"\b([A-GI-Zhxcskgpa])([0-3])\b": r"\1<sub>\2</sub>",
+    r"\^(\w+|\([^)]*\))": r"<sup>\1</sup>",
+}  # fmt: skip
+"""Plain words and signs of the sources, as they are set on the page."""
+
+
+def prose(text):
+    """Plain text as HTML, with Greek letters, exponents and indices."""
+    for plain, better in WORDS.items():
+        text = re.sub(plain, better, text)
+    return re.sub(r"&lt;(/?su[bp])&gt;", r"<\1>", escape(text, quote=False))
+
+
+class _Printer(MathMLPresentationPrinter):
+    """Cases as a table behind a brace, which SymPy writes as a call."""
+
+    def _print_Piecewise(self, expression):
+        def element(name, *children):
+            made = self.dom.createElement(name)
+            for child in children:
+                made.appendChild(child)
+            return made
+
+        def text(name, words):
+            return element(name, self.dom.createTextNode(words))
+
+        rows = [
+            element(
+                "mtr",
+                element("mtd", self._print(value)),
+                element(
+                    "mtd",
+                    text("mtext", " otherwise") if condition is sp.true else self._print(condition),
+                ),
+            )
+            for value, condition in expression.args
+        ]
+        return element("mrow", text("mo", "{"), element("mtable", *rows))
+
+
+def mathml(expression):
+    """One formula as a displayed MathML element."""
+    if isinstance(expression, str):
+        return f"<p>{escape(expression)}</p>"
+    body = _Printer().doprint(expression)
+    for plain, better in TYPOGRAPHY.items():
+        body = body.replace(plain, better)
+    return (
+        '<div class="formula"><math xmlns="http://www.w3.org/1998/Math/MathML" display="block">'
+        f"{body}</math></div>"
+    )
+
+
+def _argument(name):
+    module = derivation(name)
+    parts = [f'<section id="{name}"><h2>{escape(module.TITLE)}</h2>']
+    parts += [f"<p>{prose(' '.join(p.split()))}</p>" for p in module.__doc__.split("\n\n")]
+    for step in module.argument():
+        parts.append(f"<p>{prose(step.text)}</p>")
+        parts += [mathml(formula) for formula in step.formulas]
+    return "\n".join(parts)
+
+
+def _equation(left, right):
+    if isinstance(left, str) and isinstance(right, sp.Basic):
+        return mathml(right)
+    if right is None:
+        return mathml(left)
+    return mathml(sp.Eq(left, right, evaluate=False))
+
+
+def _entry(check):
+    entry = check.entry
+    kind = entry.verdict.name.lower() if check.confirmed else "failed"
+    verdict = entry.verdict.value if check.confirmed else "does not agree"
+    parts = [
+        f'<div class="entry {kind}" id="{entry.name}"><p><code>{entry.name}</code> '
+        f'<span class="place">{escape(entry.place)}</span></p>',
+        "<p>As printed:</p>" if entry.printed is not None else "<p>As claimed:</p>",
+        _equation(entry.left, entry.printed),
+    ]
+    found = ledger.derived(entry) if entry.derive else None
+    if isinstance(found, sp.Basic) and found.count_ops() > LONGEST:
+        parts.append("<p>As derived: see the argument above.</p>")
+    elif isinstance(found, sp.Basic):
+        parts += ["<p>As derived:</p>", _equation(entry.left, found)]
+    note = f" {prose(entry.note)}." if entry.note else ""
+    parts.append(
+        f'<p><span class="verdict">{escape(verdict[0].upper() + verdict[1:])}.</span>{note} '
+        f'<span class="place">({escape(check.how)})</span></p></div>'
+    )
+    return "\n".join(parts)
+
+
+def _signs():
+    head = "<tr><th>printed</th><th>where</th><th>counts as positive</th><th>here</th></tr>"
+    rows = "".join(
+        "<tr>" + "".join(f"<td>{prose(cell)}</td>" for cell in row) + "</tr>"
+        for row in ledger.SIGNS
+    )
+    return f'<section id="signs"><h2>Sign conventions</h2><table>{head}{rows}</table></section>'
+
+
+def _summary(checks):
+    exceptions = [c for c in checks if c.entry.verdict.name in ("CONVENTION", "SLIP")]
+    rows = "".join(
+        f'<tr><td><a href="#{c.entry.name}">{c.entry.name}</a></td>'
+        f"<td>{escape(c.entry.verdict.value)}</td><td>{prose(c.entry.note)}</td></tr>"
+        for c in exceptions
+    )
+    counts = ", ".join(
+        f"{sum(c.entry.verdict is v for c in checks)} {v.value}" for v in ledger.Verdict
+    )
+    return (
+        f'<section id="summary"><h2>What the ledger found</h2><p>{len(checks)} entries: {counts}.'
+        f"</p><table><tr><th>entry</th><th>verdict</th><th>why</th></tr>{rows}</table></section>"
+    )
+
+
+def page(names=NAMES, progress=iter):
+    """The page of some derivations, as text.
+
+    Parameters
+    ----------
+    names : sequence of str
+        From `argument.NAMES`.
+    progress : callable (iterable) -> iterable, optional
+        Wraps the loop over derivations and ledger entries.
+    """
+    work = [(name, None) for name in names]
+    work += [(name, e) for name in names for e in ledger.entries() if e.derivation == name]
+    arguments, checks = {}, []
+    for name, entry in progress(work):
+        if entry is None:
+            arguments[name] = _argument(name)
+        else:
+            checks.append(ledger.check(entry))
+    links = [(name, derivation(name).TITLE) for name in names]
+    links += [("signs", "Sign conventions"), ("summary", "What the ledger found")]
+    contents = "".join(f'<li><a href="#{key}">{escape(text)}</a></li>' for key, text in links)
+    sections = []
+    for name in names:
+        ledger_part = "\n".join(_entry(c) for c in checks if c.entry.derivation == name)
+        sections.append(f"{arguments[name]}\n<h3>Printed formulas</h3>\n{ledger_part}\n</section>")
+    return "\n".join(
+        [
+            '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8">',
+            '<meta name="viewport" content="width=device-width, initial-scale=1">',
+            '<link rel="icon" href="data:,">',
+            f"<title>Derivations</title><style>{STYLE}</style></head><body>",
+            "<h1>Derivations</h1><p>Tensegrity prisms and granular chains as nonlinear-wave media: "
+            "every formula of the two sources, derived from energies and geometry by program, and "
+            "the printed forms held against what was derived.</p>",
+            f"<nav><h2>Contents</h2><ol>{contents}</ol></nav>",
+            *sections,
+            _signs(),
+            _summary(checks),
+            "</body></html>\n",
+        ]
+    )

@@ -1,0 +1,130 @@
+"""Axial response of a prism with rigid bases and bars: one degree of freedom, in closed form.
+
+With l and b fixed the height determines the twist, so only the cross strings store energy:
+phi(h), V(h), its derivatives, and both ends of the range.  The plain forms follow the talk
+(seeds/000, part III, "Rigid-elastic model").
+"""
+
+from functools import cache
+
+import sympy as sp
+
+from derivations import prism
+from derivations.argument import Step
+from derivations.prism import circumradius, k_cross, natural_cross, prestrain, twist
+
+TITLE = "The rigid-elastic prism: twist, force, locking"
+
+height, bar = sp.symbols("h b", positive=True)
+reference_height, loaded_height = sp.symbols("h_0 h_1", positive=True)
+elongation, preload = sp.symbols("r F_0", real=True)
+
+
+@cache
+def cos_twist():
+    """cos phi from b = const."""
+    cosine = sp.Symbol("c")
+    compatibility = prism.bar_length_squared(circumradius).subs(sp.cos(twist), cosine)
+    return sp.solve(compatibility - bar**2, cosine)[0]
+
+
+@cache
+def cross_length():
+    """s(h): the twist eliminated, on the branch 0 < phi < pi."""
+    squared = sp.expand_trig(prism.cross_length_squared(circumradius))
+    sine = sp.sqrt(1 - cos_twist() ** 2)
+    return sp.sqrt(squared.subs({sp.sin(twist): sine, sp.cos(twist): cos_twist()}))
+
+
+def potential_energy():
+    """V(h) = 3/2 k1 (s - s_N)^2 [J]."""
+    return sp.Rational(3, 2) * k_cross * (cross_length() - natural_cross) ** 2
+
+
+def force(order=1):
+    """d^order V / dh^order: 1 is the axial force [N], tension > 0; 2 the stiffness; 3 its slope."""
+    return sp.diff(potential_energy(), height, order)
+
+
+@cache
+def locking_height_squared():
+    """h^2 at twist pi, where the bars meet on the axis; negative if they never do."""
+    square = sp.Symbol("H")
+    squared = prism.bar_length_squared()
+    at_lock = squared.subs({twist: sp.pi, prism.height**2: square})
+    return sp.solve(at_lock - prism.at_reference(squared), square)[0]
+
+
+# --- the same force in the twist, and both ends of the range ---------------------------------
+
+
+def turn_rate():
+    """d phi/d h along b = const."""
+    squared = prism.bar_length_squared(circumradius)
+    return -sp.diff(squared, prism.height) / sp.diff(squared, twist)
+
+
+@cache
+def force_of_twist():
+    """F = dV/dh in terms of h, s and phi: the cross strings pull along the path b = const [N]."""
+    squared = prism.cross_length_squared(circumradius)
+    slope = sp.diff(squared, prism.height) + sp.diff(squared, twist) * turn_rate()
+    length = sp.Symbol("s", positive=True)
+    factor = sp.apart(sp.expand(slope / (2 * prism.height)), sp.sin(twist))
+    return 3 * k_cross * (length - natural_cross) * prism.height / length * factor
+
+
+def stretched_height():
+    """h at twist 0, where the bars stand upright: the other locking end."""
+    return sp.sqrt(prism.at_reference(prism.bar_length_squared()))
+
+
+@cache
+def lock_force():
+    """Leading term of dV/dh above the locking height H, in g = h - H.
+
+    There s has a root-like term: s^2 = s_lock^2 - kappa g^(1/2) + O(g).
+    """
+    gap, lock = sp.symbols("g H", positive=True)
+    length = sp.Symbol("s_lock", positive=True)
+    at_lock = {bar: sp.sqrt(lock**2 + 4 * circumradius**2), height: lock + gap}
+    slope = sp.diff(cross_length() ** 2, height).subs(at_lock)
+    kappa = sp.limit(sp.simplify(slope) * sp.sqrt(gap), gap, 0, "+")
+    return sp.Rational(3, 2) * k_cross * (1 - natural_cross / length) * kappa / sp.sqrt(gap)
+
+
+def lock_order():
+    """Exponent of the distance to locking in the force, and in the energy stored on the way."""
+    gap = sp.Symbol("g", positive=True)
+    exponent = lock_force().as_coeff_exponent(gap)[1]
+    return exponent, max(exponent + 1, sp.Integer(0))
+
+
+@cache
+def locking_energy():
+    """V between the reference and locking [J], finite: both string lengths are."""
+    at_lock = prism.cross_length_squared().subs({twist: sp.pi})
+    at_lock = sp.expand(at_lock.subs(prism.height**2, locking_height_squared()))
+    at_rest = sp.sqrt(prism.at_reference(prism.cross_length_squared()))
+    natural = at_rest / (1 + prestrain)
+    stored = [(length - natural) ** 2 for length in (sp.sqrt(at_lock), at_rest)]
+    return sp.Rational(3, 2) * k_cross * (stored[0] - stored[1])
+
+
+def argument():
+    locked, other = sp.Symbol("h_lock"), sp.Symbol("h_stretch")
+    return [
+        Step("With l and b fixed, the bar length gives the twist:",
+             sp.Eq(sp.cos(twist), cos_twist())),
+        Step("Only the cross strings store energy, V(h) =", potential_energy()),
+        Step("Its derivative, with the twist back in place of the roots:",
+             sp.Eq(sp.Symbol("F"), force_of_twist())),
+        Step("In compression the bars meet on the axis at phi = pi, at the height",
+             sp.Eq(locked**2, locking_height_squared())),
+        Step("which exists for prisms slender enough; near it, with g = h - H > 0, the force is",
+             lock_force()),
+        Step("an inverse square root, so the energy stays finite. From the reference to locking:",
+             sp.Eq(sp.Symbol("V_lock"), locking_energy())),
+        Step("In extension the bars stand upright at phi = 0 and lock as well, at",
+             sp.Eq(other, stretched_height())),
+    ]  # fmt: skip

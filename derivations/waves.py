@@ -1,0 +1,158 @@
+"""Waves on a lattice of masses and springs: sound, dispersion, sech^2, tent, largest speed.
+
+Masses m, springs V(r) with V(0) = V'(0) = 0, sites one spacing h0 apart; x counts sites
+unless a formula shows h0.  Source: seeds/000, part III, "Properties of the elastic potential"
+(after Friesecke & Pego 1999, Friesecke & Matthies 2002).
+"""
+
+from functools import cache
+
+import sympy as sp
+
+from derivations.argument import Step
+
+TITLE = "Waves: sound speed, dispersion, sech² and its correction, tent, largest speed"
+
+mass, spacing, gamma, speed, sound = sp.symbols("m h_0 gamma c c_s", positive=True)
+stiffness = sp.Symbol("a", positive=True)  # V''(0)
+slope, bend = sp.symbols("b e", real=True)  # V'''(0), V''''(0)
+elongation, position = sp.symbols("r x", real=True)
+stroke, locking_energy = sp.symbols("d V_lock", positive=True)
+wave_number, time = sp.symbols("k t", positive=True)
+
+
+@cache
+def equation_of_motion():
+    """Force m u'' on a middle mass, by Lagrange from T - V; W of external forces."""
+    u = [sp.Function(f"u_{j}")(time) for j in (0, 1, 2)]
+    spring = sp.Function("V")
+    external = [sp.Function(f"W_{j}") for j in (0, 1, 2)]
+    kinetic = mass / 2 * sum(sp.diff(x, time) ** 2 for x in u)
+    potential = sum(spring(u[j + 1] - u[j]) for j in (0, 1))
+    potential += sum(w(x) for w, x in zip(external, u, strict=True))
+    lagrangian = kinetic - potential
+    momentum = sp.diff(lagrangian, sp.diff(u[1], time))
+    balance = sp.diff(momentum, time) - sp.diff(lagrangian, u[1])
+    right = (mass * sp.diff(u[1], time, 2) - balance).doit()
+    tension, force = sp.Function("V'"), sp.Function("W'")
+    right = right.replace(sp.Subs, lambda form, old, new: tension(new[0]))
+    right = right.subs(sp.diff(external[1](u[1]), u[1]), force(u[1]))
+    places = sp.symbols("u_0:3")
+    return sp.expand(right.subs(dict(zip(u, places, strict=True))))
+
+
+@cache
+def dispersion():
+    """omega^2(k), k per site: a plane wave in the linear lattice m u'' = a (u+ - 2 u + u-)."""
+    shift = sp.exp(sp.I * wave_number)
+    symbol = stiffness * (shift - 2 + 1 / shift) / mass
+    return sp.simplify(-symbol.rewrite(sp.cos))
+
+
+def sound_speed():
+    """h0 times the long-wave limit of omega/k."""
+    return spacing * sp.sqrt(sp.limit(dispersion() / wave_number**2, wave_number, 0))
+
+
+def speed_of_decay():
+    """c/cs of the tail exp(-gamma x) of a travelling wave: the dispersion at k = i gamma."""
+    squared = (-dispersion() / wave_number**2).subs(wave_number, sp.I * gamma)
+    limit = sp.limit(dispersion() / wave_number**2, wave_number, 0)
+    return sp.sqrt(sp.simplify(-squared.rewrite(sp.cosh) / limit).rewrite(sp.cosh))
+
+
+def gamma_squared():
+    """Leading term of gamma^2 in c/cs - 1."""
+    ratio = sp.Symbol("y", positive=True)
+    series = sp.series(sp.simplify(speed_of_decay() ** 2), gamma, 0, 4).removeO()
+    leading = sp.expand(series - 1).coeff(gamma, 2) / 2  # c/cs = 1 + half of it gamma^2
+    return sp.solve(leading * ratio - (speed - sound) / sound, ratio)[0]
+
+
+@cache
+def profiles():
+    """(R1, R2): r = gamma^2 R1 + gamma^4 R2, polynomials in S = sech^2(X/2), X = gamma x.
+
+    The travelling wave c^2 m r'' = V'(r+) - 2 V'(r) + V'(r-), divided by D^2 = d^2/dx^2, is
+    m c^2 r = (1 + D^2/12 + D^4/360 + ...) V'(r).  Here gamma is the rate of decay itself; with
+    the speed's gamma, c = cs (1 + gamma^2/24), the tail would add a term x S' to R2.
+    """
+    s, p1, p2, q2 = sp.symbols("S p_1 p_2 q_2")
+
+    def second(f):  # d^2/dX^2, with S'^2 = S^2 - S^3 and S'' = S - 3/2 S^2
+        first_squared, curvature = s**2 - s**3, s - sp.Rational(3, 2) * s**2
+        return sp.expand(sp.diff(f, s, 2) * first_squared + sp.diff(f, s) * curvature)
+
+    r = gamma**2 * p1 * s + gamma**4 * (p2 * s + q2 * s**2)
+    tension = sp.expand(stiffness * r + slope * r**2 / 2 + bend * r**3 / 6)
+    d2 = gamma**2 * second(tension)
+    d4 = gamma**4 * second(second(tension))
+    series = sp.series(2 * (sp.cosh(gamma) - 1), gamma, 0, 8).removeO()
+    c4, c6 = (series.coeff(gamma, k) for k in (4, 6))
+    speed_squared = 1 + c4 * gamma**2 + c6 * gamma**4  # m c^2/a, as in `speed_of_decay`
+    balance = sp.expand(stiffness * speed_squared * r - tension - c4 * d2 - c6 * d4)
+    first = sp.Poly(balance.coeff(gamma, 4), s).coeffs()
+    (p1_value,) = {v for (v,) in sp.solve(first, [p1]) if v != 0}
+    rest = sp.Poly(sp.expand(balance.coeff(gamma, 6).subs(p1, p1_value)), s).coeffs()
+    ((p2_value, q2_value),) = sp.linsolve(rest, [p2, q2])
+    wave = sp.sech(gamma * position / (2 * spacing)) ** 2
+    first_profile = (p1_value * s).subs(s, wave)
+    return first_profile, sp.factor(p2_value * s + q2_value * s**2).subs(s, wave)
+
+
+def sech_strain():
+    """Leading strain r/h0, extension > 0."""
+    return gamma**2 * profiles()[0] / spacing
+
+
+def error_order():
+    """Power of gamma in the error of `sech_strain`: that of the first correction, not zero."""
+    corrections = enumerate(profiles()[1:], 2)
+    return next(2 * k for k, profile in corrections if sp.simplify(profile) != 0)
+
+
+@cache
+def tent():
+    """Strain of the fast limit, extension > 0: V' acts on a bond only at its shortest, x = 0.
+
+    Then m c^2 r'' = J (delta(x + 1) - 2 delta(x) + delta(x - 1)), and r(0) = -d gives J.
+    """
+    impulse = sp.Symbol("J", real=True)
+    ramp = [sp.Abs(position + 1), -2 * sp.Abs(position), sp.Abs(position - 1)]
+    r = impulse * sum(ramp) / 2  # |x|'' = 2 delta(x); it vanishes beyond one site
+    (value,) = sp.solve(r.subs(position, 0) + stroke, impulse)
+    return (r.subs(impulse, value) / spacing).subs(position, position / spacing)
+
+
+def largest_speed():
+    """Estimate of the largest speed [sites/s]: masses meet one by one and lose c d in the bond.
+
+    In the tent a mass moves with velocity c d while its neighbour rests; the energy of their
+    relative motion, reduced mass m/2, is what the bond stores before its bars meet.
+    """
+    relative = mass / 2 * (speed * stroke) ** 2 / 2
+    return sp.solve(relative - locking_energy, speed)[0]
+
+
+def argument():
+    strain = sp.Symbol("epsilon")
+    return [
+        Step("Lagrange's equation of a middle mass; W are potentials of external forces (gravity: "
+             "-m g u along the chain; a precompression F0 on both ends adds F0 r to each V).",
+             sp.Eq(mass * sp.Symbol("u_1''"), equation_of_motion())),
+        Step("A plane wave in the linear lattice gives the dispersion relation (k per site)",
+             sp.Eq(sp.Symbol("omega") ** 2, dispersion())),
+        Step("and, for long waves, the sound speed", sp.Eq(sound, sound_speed())),
+        Step("A travelling wave decays like exp(-gamma x) where k = i gamma:",
+             sp.Eq(speed / sound, speed_of_decay())),
+        Step("so near the sound speed", sp.Eq(gamma**2, gamma_squared())),
+        Step("With r = gamma^2 R1 + gamma^4 R2 + ..., the order gamma^4 of the travelling wave's "
+             "equation gives (a, b, e the second to fourth derivative of V)",
+             sp.Eq(sp.Symbol("R_1"), profiles()[0])),
+        Step("and the order gamma^6 the next correction, so the error is O(gamma^4):",
+             sp.Eq(sp.Symbol("R_2"), profiles()[1])),
+        Step("Fast waves: the bond force is an impulse, and the strain tends to the tent",
+             sp.Eq(strain, tent())),
+        Step("An estimate of the largest speed before locking, in sites per second, from the "
+             "energy a bond can take:", sp.Eq(speed, largest_speed())),
+    ]  # fmt: skip

@@ -1,0 +1,54 @@
+"""One potential, three evaluations: CasADi's machine, compiled C and SymPy at 50 digits."""
+
+import mpmath
+import numpy as np
+import pytest
+import sympy as sp
+
+from derivations import prism, rigid_response
+from tensegrity import Prism
+from tensegrity.codegen import functions
+from tensegrity.kernel import Compiled
+from tensegrity.native import CompilerError
+
+EPS = np.finfo(float).eps
+ORDERS = ("energy", "tension", "stiffness")
+
+
+@pytest.fixture(scope="module")
+def exact():
+    """V, V', V'', V''' of (h, l, h0, p0) with k1 = 1, by SymPy, for mpmath."""
+    bar = sp.sqrt(prism.at_reference(prism.bar_length_squared()))
+    values = {
+        rigid_response.bar: bar,
+        rigid_response.circumradius: prism.CIRCUMRADIUS,
+        rigid_response.natural_cross: prism.natural_lengths()[0],
+        rigid_response.k_cross: 1,
+    }
+    arguments = (rigid_response.height, prism.base, prism.reference_height, prism.prestrain)
+    forms = [rigid_response.potential_energy(), *(rigid_response.force(k) for k in (1, 2, 3))]
+    return [sp.lambdify(arguments, f.subs(values), "mpmath", cse=True) for f in forms]
+
+
+@pytest.mark.parametrize("order", range(3), ids=ORDERS)
+def test_casadi_c_and_sympy_agree_on_the_same_points(exact, order, rng):
+    for _ in range(5):
+        fields = rng.uniform(0.5, 2), rng.uniform(0.4, 2), 10 ** rng.uniform(-5, -0.5)
+        potential = Prism(*fields, 1.0).potential()
+        r = rng.uniform(*potential.domain, 8) * 0.98
+        law, values = potential._law, potential._values
+        results = {"casadi": functions(law)[ORDERS[order]](r.reshape(1, -1), values).full().ravel()}
+        try:
+            results["c"] = Compiled((law,)).evaluate(0, order, values, r)
+        except CompilerError:
+            pytest.skip("no C compiler here")
+        with mpmath.workdps(50):
+            known = [mpmath.mpf(x) for x in fields]
+            for k, x in enumerate(r):
+                height = known[1] + mpmath.mpf(float(x))
+                value, slope = exact[order](height, *known), exact[order + 1](height, *known)
+                if order == 0:
+                    value -= exact[0](known[1], *known)
+                bound = 32 * EPS * (abs(value) + abs(height * slope))
+                for engine, found in results.items():
+                    assert abs(float(found[k]) - value) <= bound, engine

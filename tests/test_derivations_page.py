@@ -1,0 +1,143 @@
+"""The page: self-contained, complete, and rendered by a browser without complaint."""
+
+import re
+import shutil
+import subprocess
+import sys
+from html.parser import HTMLParser
+
+import pytest
+
+from derivations import argument, ledger
+from derivations.__main__ import main
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+VOID = {"meta", "link", "br", "img", "hr"}
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    path = tmp_path_factory.mktemp("page") / "all.html"
+    assert main(["--output", str(path)]) == 0
+    return path
+
+
+class _Reader(HTMLParser):
+    """Collects tags, addresses, anchors and visible text, and checks that tags close."""
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.tags, self.addresses, self.anchors = [], [], [], set()
+        self.words = []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        for name, value in attrs:
+            if name in ("href", "src", "action", "data"):
+                self.addresses.append(value)
+            if name == "id":
+                self.anchors.add(value)
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if "style" not in self.open:
+            self.words.append(data)
+
+
+@pytest.fixture(scope="module")
+def read(page):
+    reader = _Reader()
+    reader.feed(page.read_text(encoding="utf-8"))
+    return reader
+
+
+def test_page_fetches_nothing_and_runs_nothing(read):
+    assert read.open == []
+    assert "script" not in read.tags
+    assert all(a.startswith("#") or a == "data:," for a in read.addresses)
+
+
+def test_contents_lead_to_every_part(read):
+    linked = {a[1:] for a in read.addresses if a.startswith("#")}
+    assert set(argument.NAMES) <= linked
+    assert linked <= read.anchors
+
+
+def test_every_entry_is_on_the_page(read):
+    assert {entry.name for entry in ledger.entries()} <= read.anchors
+
+
+def test_no_source_is_visible(read):
+    text = " ".join(read.words)
+    found = re.findall(
+        r"sqrt\(|\*\*|\\frac|<lambda|Derivative|Subs\(|\bpi\b|\bphi\b|subs\(|nan\b|False|True", text
+    )
+    assert found == []
+
+
+def test_one_derivation_has_its_own_page(tmp_path):
+    assert main(["junction", "--output", str(tmp_path)]) == 0
+    text = (tmp_path / "junction.html").read_text(encoding="utf-8")
+    assert 'id="paper.eq7_reflected"' in text
+    assert 'id="prism"' not in text
+
+
+def test_unknown_derivation_is_refused():
+    with pytest.raises(SystemExit):
+        main(["no-such-thing"])
+    with pytest.raises(ValueError, match="no-such-thing"):
+        argument.derivation("no-such-thing")
+
+
+def test_derivations_stay_short():
+    for name in argument.NAMES:
+        path = argument.derivation(name).__file__
+        with open(path, encoding="utf-8") as source:
+            assert sum(1 for _ in source) <= 200, name
+
+
+PROBE = """<script>
+window.addEventListener("load", () => {
+  const bad = [...document.querySelectorAll("math")].filter(m => {
+    const box = m.getBoundingClientRect();
+    return box.width < 3 || box.height < 5 || m.querySelector("merror");
+  });
+  const parts = [...document.querySelectorAll("math *")].filter(e => e instanceof MathMLElement);
+  document.title = "maths " + document.querySelectorAll("math").length + " bad " + bad.length
+    + " parts " + parts.length;
+});
+</script></body>"""
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no chromium here")
+def test_browser_renders_every_formula(page, tmp_path):
+    """A probe is added to a copy of the page; the page itself has no script."""
+    probed = tmp_path / "probed.html"
+    text = page.read_text(encoding="utf-8")
+    probed.write_text(text.replace("</body>", PROBE), encoding="utf-8")
+    flags = [
+        "--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking",
+        "--disable-component-update", "--disable-sync", "--no-first-run", "--enable-logging=stderr",
+        "--v=0", f"--user-data-dir={tmp_path / 'profile'}", "--dump-dom",
+    ]  # fmt: skip
+    run = subprocess.run(
+        [CHROMIUM, *flags, probed.as_uri()], capture_output=True, text=True, timeout=120, check=True
+    )
+    assert "CONSOLE" not in run.stderr
+    formulas = re.findall(r"<math .*?</math>", text, re.DOTALL)
+    count, parts = len(formulas), sum(len(re.findall(r"<[a-z]", f)) - 1 for f in formulas)
+    assert f"<title>maths {count} bad 0 parts {parts}</title>" in run.stdout
+    assert count > 150
+
+
+def test_command_shows_its_figures(tmp_path):
+    run = subprocess.run(
+        [sys.executable, "-m", "derivations", "junction", "--output", str(tmp_path / "j.html")],
+        capture_output=True, text=True, timeout=120, check=True,
+    )  # fmt: skip
+    assert run.stdout.strip() == str(tmp_path / "j.html")
+    assert run.stderr == ""
