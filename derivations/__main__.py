@@ -1,6 +1,7 @@
 """`python -m derivations`: write the report, or check the ledger."""
 
 import argparse
+import os
 import sys
 import time
 from functools import partial
@@ -51,7 +52,9 @@ def main(arguments=None):
         target = target / f"{given.name or 'derivations'}.html"
     text = report.page(names, progress)
     target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_text(text, encoding="utf-8")
+    beside = target.with_name(f".{target.name}.{os.getpid()}")
+    beside.write_text(text, encoding="utf-8")
+    os.replace(beside, target)
     print(target)
     return 0
 
