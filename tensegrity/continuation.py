@@ -1,0 +1,663 @@
+"""Branches of g(z; p) = 0 with one unknown more than equations, followed by arc length.
+
+Pseudo-arclength predictor-corrector (Keller 1977; Allgower & Georg 1990): a cubic through the
+last two points and their tangents predicts, Newton's method bordered by the old tangent
+corrects.  How far the predictor misses measures the fourth derivative of the branch, and so the
+error of cubic interpolation between the rows: that sets the step.  A point counts only if the
+residual is at round-off, the corrector moved little and the tangent turned little, else the step
+is shortened: this keeps the branch.  Folds are located on the extended system (Moore & Spence
+1980) and roots of user functions on the system bordered by them; interpolation only starts both.
+
+One call of a CasADi function does predictor, corrector, tangent and event functions of a step.
+A `Problem` is what is solved, `Settings` how, a `Branch` what came out.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from tensegrity import check
+from tensegrity.errors import TensegrityError
+
+ITERATIONS = 3  # Newton iterations in a step
+START_ITERATIONS = 50
+POLISH = 20  # iterations that locate an event
+SETTLED = 1e-7  # largest move of a step's last iteration; the next one would square it
+BISECTIONS = 45
+AT_START = 1e-10  # event functions this small belong to the first point
+
+
+class ContinuationError(TensegrityError):
+    """A branch could not be followed; `branch` holds the points found so far (or None)."""
+
+    branch = None
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Equations of a branch, as CasADi SX expressions of the same symbols.
+
+    Attributes
+    ----------
+    unknowns : tuple of str
+        Names of the m unknowns; the last is the parameter by which a start is held.
+    z, p : casadi.SX, (m,), (k,)
+        Symbols of the unknowns and of the numbers given at each trace.
+    residual : casadi.SX, (m - 1,)
+    scale : sequence of float, (m,), optional
+        Sizes of the unknowns (metres, radians and newtons side by side).
+    size : casadi.SX, (m - 1,), optional
+        Size of the terms of each equation, by which its residual is judged; 1 by default.
+    roots, folds : dict of str to casadi.SX
+        Functions of (z, p): an event where one vanishes, an event where one is stationary along
+        the branch.  By default the fold in the last unknown.
+    values : dict of str to casadi.SX
+        Functions of (z, p) to be tabulated beside the unknowns.
+    """
+
+    unknowns: tuple[str, ...]
+    z: object
+    p: object
+    residual: object
+    scale: tuple[float, ...] | None = None
+    size: object = None
+    roots: dict = field(default_factory=dict)
+    folds: dict | None = None
+    values: dict = field(default_factory=dict)
+
+    def __post_init__(self):
+        m, n = len(self.unknowns), self.residual.numel()
+        if self.z.numel() != m or n != m - 1:
+            raise TensegrityError(
+                f"{n} equations and {self.z.numel()} symbols do not suit {m} unknowns, "
+                f"must be {m - 1} and {m}"
+            )
+        scale = tuple(
+            check.number(f"scale of {name}", s, above=0)
+            for name, s in zip(self.unknowns, self.scale or (1.0,) * m, strict=True)
+        )
+        object.__setattr__(self, "scale", scale)
+        if self.folds is None:
+            object.__setattr__(self, "folds", {"fold": self.z[m - 1]})
+
+    @cached_property
+    def _machine(self):
+        return _Machine(self)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a branch is followed; lengths are in scaled unknowns.
+
+    Attributes
+    ----------
+    tolerance : float
+        Error of cubic interpolation between rows, relative to 1 + |unknown|.
+    residual : float
+        Largest scaled residual of a row.
+    first, smallest, largest : float
+        Steps.
+    turn : float
+        Largest angle between the tangents of neighbouring rows [rad].
+    points : int
+        Most rows.
+    """
+
+    tolerance: float = 1e-6
+    residual: float = 1e-12
+    first: float = 1e-2
+    smallest: float = 1e-10
+    largest: float = math.inf
+    turn: float = 0.3
+    points: int = 20000
+
+    def __post_init__(self):
+        for name in ("tolerance", "residual", "first", "smallest", "turn"):
+            check.number(name, getattr(self, name), above=0)
+        check.number("largest step", self.largest, above=0, finite=False)
+        if self.smallest > min(self.first, self.largest):
+            raise TensegrityError(
+                f"smallest step {self.smallest:g} must be at most {min(self.first, self.largest):g}"
+            )
+        check.whole("points", self.points, least=2)
+
+
+@dataclass(frozen=True)
+class Event:
+    """A located point of a branch; the columns of the table are attributes of it too.
+
+    Attributes
+    ----------
+    kind : str
+    row : int
+        The last row before it (or at it).
+    at : dict of str to float
+        Value of each column.
+    """
+
+    kind: str
+    row: int
+    at: dict = field(repr=False)
+
+    def __getattr__(self, name):
+        if not name.startswith("_") and name in self.at:
+            return self.at[name]
+        raise AttributeError(f"event has no {name!r}, only {', '.join(self.at)}")
+
+    def __str__(self):
+        return f"{self.kind}: " + ", ".join(f"{k} {v:.6g}" for k, v in self.at.items())
+
+
+class Table:
+    """Columns of equal length along a curve, and the events on it.
+
+    Columns are attributes; `table[3]` is a row (a dict), a slice is a table, `len` counts rows.
+
+    Attributes
+    ----------
+    columns : dict of str to ndarray, (rows,)
+    events : tuple of Event
+    end : str
+        Why the curve ends there.
+    """
+
+    def __init__(self, columns, events, end):
+        self.columns, self.events, self.end = dict(columns), tuple(events), end
+
+    def __getattr__(self, name):
+        columns = self.__dict__.get("columns", {})
+        if name in columns:
+            return columns[name]
+        raise AttributeError(f"no column {name!r}, only {', '.join(columns)}")
+
+    def __len__(self):
+        return len(next(iter(self.columns.values())))
+
+    def __getitem__(self, key):
+        if not isinstance(key, slice):
+            return {name: column[key] for name, column in self.columns.items()}
+        rows = range(len(self))[key]
+        kept = {row: number for number, row in enumerate(rows)}
+        part = object.__new__(type(self))
+        part.__dict__.update(self.__dict__)
+        part.columns = {name: column[key] for name, column in self.columns.items()}
+        part.events = tuple(replace(e, row=kept[e.row]) for e in self.events if e.row in kept)
+        return part
+
+    def __iter__(self):
+        return (self[row] for row in range(len(self)))
+
+    def __str__(self):
+        first, last = (
+            ", ".join(f"{name} {value:.6g}" for name, value in self[row].items())
+            for row in (0, len(self) - 1)
+        )
+        story = [f"{len(self)} rows", f"  from {first}", *(f"  {e}" for e in self.events)]
+        return "\n".join([*story, f"  to {last}", f"  ends: {self.end}"])
+
+    def __repr__(self):
+        kinds = ", ".join(e.kind for e in self.events) or "no events"
+        return f"{type(self).__name__}({len(self)} rows; {kinds})"
+
+    def to_csv(self, path):
+        """Write the columns with 17 digits, one header line."""
+        table = np.column_stack([np.asarray(c, dtype=float) for c in self.columns.values()])
+        header = ",".join(self.columns)
+        np.savetxt(path, table, fmt="%.17g", delimiter=",", header=header, comments="")
+
+    def plot(self, x, y, axes=None, labels=None):
+        """Draw one column against another with the events marked; returns the axes."""
+        if axes is None:
+            import matplotlib.pyplot as plt
+
+            axes = plt.figure().add_subplot()
+        axes.plot(self.columns[x], self.columns[y], "-", lw=1.5)
+        for kind in dict.fromkeys(e.kind for e in self.events):
+            found = [e.at for e in self.events if e.kind == kind]
+            axes.plot([e[x] for e in found], [e[y] for e in found], "o", ms=5, label=kind)
+        if self.events:
+            axes.legend(frameon=False)
+        axes.set(xlabel=(labels or {}).get(x, x), ylabel=(labels or {}).get(y, y))
+        return axes
+
+
+class Branch(Table):
+    """A traced branch: a table of unknowns and values, with what the tracing knew.
+
+    Attributes
+    ----------
+    z, tangent : ndarray, (rows, m)
+        Unknowns, and unit tangents in scaled unknowns.
+    arc : ndarray, (rows,)
+        Length of the branch from its start, in scaled unknowns.
+    residual : ndarray, (rows,)
+        Largest scaled residual.
+    """
+
+    def __init__(self, columns, events, end, z, tangent, arc, residual):
+        super().__init__(columns, events, end)
+        self.z, self.tangent, self.arc, self.residual = z, tangent, arc, residual
+
+    def __getitem__(self, key):
+        part = super().__getitem__(key)
+        if isinstance(key, slice):
+            for name in ("z", "tangent", "arc", "residual"):
+                setattr(part, name, getattr(self, name)[key])
+        return part
+
+
+class _Machine:
+    """The CasADi functions of a problem, in scaled unknowns."""
+
+    def __init__(self, problem):
+        import casadi as ca
+
+        m, p, scale = len(problem.unknowns), problem.p, ca.DM(problem.scale)
+        z = ca.SX.sym("z", m)
+
+        def scaled(expression):
+            return ca.substitute(ca.SX(expression), problem.z, scale * z)
+
+        g = scaled(problem.residual)
+        jacobian = ca.jacobian(g, z)
+        size = scaled(problem.size) if problem.size is not None else ca.SX.ones(m - 1)
+        roots = ca.vertcat(*(scaled(e) for e in problem.roots.values()))
+        folds = [scaled(e) for e in problem.folds.values()]
+        values = ca.vertcat(*(scaled(e) for e in problem.values.values()))
+        slopes = [ca.gradient(f, z) / (ca.norm_2(ca.gradient(f, z)) + 1e-300) for f in folds]
+        self.m, self.roots, self.folds = m, tuple(problem.roots), tuple(problem.folds)
+        self.values = ca.Function("values", [z, p], [values])
+        self.linear = ca.Function("linear", [z, p], [g, jacobian])
+        self.judge = ca.Function("judge", [z, p], [g / size, roots, *slopes])
+        self._advance = _buffered(_advance(m, p, self.linear, self.judge))
+        self.kinds = (*self.roots, *self.folds)
+        self._polish = {}
+        for name, root in zip(self.roots, ca.vertsplit(roots) if problem.roots else [], strict=True):
+            system = ca.vertcat(g, root)
+            step = z - ca.solve(ca.jacobian(system, z), system)
+            self._polish[name] = ca.Function("root", [z, ca.SX.sym("c", m), p], [step])
+        tangent, normal = ca.SX.sym("tangent", m), ca.SX.sym("normal", m)
+        both = ca.vertcat(z, tangent)
+        for name, slope in zip(self.folds, slopes, strict=True):
+            system = ca.vertcat(
+                g, jacobian @ tangent, ca.dot(slope, tangent), ca.dot(normal, tangent) - 1
+            )
+            step = both - ca.solve(ca.jacobian(system, both), system)
+            self._polish[name] = ca.Function("fold", [both, normal, p], [step])
+
+    def advance(self, before, here, step, p):
+        """The point `step` beyond `here`, and the figures by which it is judged."""
+        m = self.m
+        arg = self._advance.arguments[0]
+        arg[:m], arg[m : 2 * m] = before.z, before.tangent
+        arg[2 * m : 3 * m], arg[3 * m : 4 * m] = here.z, here.tangent
+        arg[4 * m], arg[4 * m + 1] = here.length, step
+        self._advance.arguments[1][:] = p
+        self._advance.call()
+        out = self._advance.result
+        z, tangent = out[:m].copy(), out[m : 2 * m].copy()
+        missed, moved, last, residual, cosine, length, *tests = out[2 * m :].tolist()
+        return _Point(z, tangent, length, residual, tests), (missed, moved, last, cosine)
+
+    def at(self, z, tangent, p):
+        """The point of the branch next to z in the plane normal to `tangent`."""
+        here = _Point(z, tangent, 1.0, 0.0, [])
+        return self.advance(_virtual(here), here, 0.0, p)[0]
+
+    def determinants(self, points, p):
+        """Signs of the Jacobians bordered by the tangents: a change is a simple bifurcation."""
+        m = self.m
+        jacobians = np.array(self.linear(np.array([x.z for x in points]).T, p)[1])
+        jacobians = jacobians.reshape(m - 1, len(points), m).transpose(1, 0, 2)
+        borders = np.array([x.tangent for x in points])[:, None, :]
+        return np.sign(np.linalg.det(np.concatenate([jacobians, borders], axis=1)))
+
+    def polish(self, kind, z, tangent, p):
+        """Newton's method on the system extended by an event; the point, or None."""
+        fold = kind in self.folds
+        x = np.concatenate([z, tangent]) if fold else z
+        previous = math.inf
+        for _ in range(POLISH):
+            new = np.array(self._polish[kind](x, tangent, p)).ravel()
+            moved = float(np.max(np.abs(new - x) / (1 + np.abs(new))))
+            if not math.isfinite(moved):
+                return None
+            x = new
+            if moved <= 1e-15 or (moved < 1e-11 and moved >= previous / 4):
+                return x[: self.m]
+            previous = moved
+        return None
+
+
+@dataclass
+class _Point:
+    """A point of a branch, with the length of the step to it and its event functions."""
+
+    z: np.ndarray
+    tangent: np.ndarray
+    length: float
+    residual: float
+    tests: list
+
+
+@dataclass
+class _Buffered:
+    """A CasADi function that reads and writes fixed arrays: 0.5 us a call instead of 20."""
+
+    arguments: list
+    result: np.ndarray
+    buffer: object  # owns what `call` points to: the process dies without it
+    call: object
+
+
+def _buffered(function):
+    buffer, call = function.buffer()
+    arguments = [np.zeros(max(function.numel_in(i), 1)) for i in range(function.n_in())]
+    result = np.zeros(function.numel_out(0))
+    for i, argument in enumerate(arguments):
+        buffer.set_arg(i, memoryview(argument))
+    buffer.set_res(0, memoryview(result))
+    return _Buffered(arguments, result, buffer, call)
+
+
+def _advance(m, p, at, judge):
+    """Predict, correct, tangent and tests as one function of (two points and steps, p)."""
+    import casadi as ca
+
+    given = ca.SX.sym("given", 4 * m + 2)
+    old, old_tangent, here, tangent = (given[i * m : (i + 1) * m] for i in range(4))
+    length, step = given[4 * m], given[4 * m + 1]
+
+    # Hermite's cubic through both points, continued to `step` beyond the second
+    t = step / length
+    slope = (here - old) / length
+    curve = tangent - slope
+    bend = (tangent + old_tangent - 2 * slope) * (1 + t)
+    guess = here + step * (tangent + t * (curve + bend))
+
+    z, moves = guess, []
+    border = ca.horzcat(tangent).T
+    for _ in range(ITERATIONS):
+        g, jacobian = at(z, p)
+        move = ca.solve(ca.vertcat(jacobian, border), ca.vertcat(g, ca.dot(tangent, z - guess)))
+        z = z - move
+        moves.append(ca.norm_inf(move / (1 + ca.fabs(z))))
+    g, jacobian = at(z, p)
+    new = ca.solve(ca.vertcat(jacobian, border), ca.vertcat(ca.SX.zeros(m - 1), 1))
+    new = new / ca.norm_2(new)
+    scaled, roots, *slopes = judge(z, p)
+    cosine = ca.dot(new, tangent)
+    missed = ca.norm_inf((z - guess) / (1 + ca.fabs(z)))
+    arc = ca.norm_2(z - here) * (1 + (1 - cosine) / 12)  # chord to arc of a circle, order 4
+    tests = [roots, *(ca.dot(s, new) for s in slopes)]
+    out = ca.vertcat(
+        z, new, missed, ca.norm_2(z - guess), moves[-1], ca.norm_inf(scaled), cosine, arc, *tests
+    )
+    return ca.Function("advance", [given, p], [out])
+
+
+def trace(problem, start, parameters=(), settings=None, direction=1, stop=()):
+    """Follow the branch through a given point.
+
+    Parameters
+    ----------
+    problem : Problem
+    start : array_like, (m,)
+        A point on or near the branch.
+    parameters : array_like, (k,)
+    settings : Settings, optional
+    direction : {1, -1}
+        Sense in which the last unknown first goes; on a fold, that of the largest component.
+    stop : collection of str
+        Kinds of event at which to end; the last row is then that event.
+
+    Returns
+    -------
+    Branch
+        It ends at the first event in `stop`; simple bifurcations on the way are events too.
+
+    Raises
+    ------
+    ContinuationError
+        If the start is not near a solution, the step falls below the smallest one or `points`
+        rows do not reach an end; its `branch` holds the rows so far.
+    """
+    settings, machine = settings or Settings(), problem._machine
+    start, p = _checked(problem, start, parameters, direction, stop)
+    here = _first_point(problem, start, p, settings, direction)
+    step = min(settings.first, settings.largest)
+    rows, events = [here], []
+    before, here = _virtual(here, step), replace(here, length=step)
+    signs = here.tests
+    while True:
+        try:
+            if len(rows) >= settings.points:
+                raise ContinuationError(f"{settings.points} rows do not reach an end")
+            before, (here, step) = here, _step(machine, before, here, step, p, settings)
+        except ContinuationError as error:
+            where = _shown(problem, rows[-1].z)
+            failure = ContinuationError(f"{error}; last good point {where}")
+            failure.branch = _branch(problem, rows, events, p, "failed")
+            raise failure from None
+        if len(rows) == 1:
+            signs = _leave_start(machine, rows[0], here, p, events)
+        for kind, point in _located(machine, before, here, signs, p):
+            events.append((kind, len(rows) - (kind not in stop), point.z))
+            if kind in stop:
+                return _branch(problem, [*rows, point], events, p, kind)
+        rows.append(here)
+        signs = [new or old for new, old in zip(here.tests, signs, strict=True)]
+
+
+def fold_problem(problem, fold, free):
+    """The curve of a fold in one more parameter, as a problem of its own.
+
+    Parameters
+    ----------
+    problem : Problem
+    fold : str
+        One of `problem.folds`.
+    free : int
+        Index of the number in `problem.p` that becomes an unknown, the last one.
+
+    Returns
+    -------
+    Problem
+        Unknowns: those of `problem`, their tangent ("d name"), and the freed number; the
+        parameters stay, that entry unused.
+    """
+    import casadi as ca
+
+    m, p = len(problem.unknowns), problem.p
+    tangent, freed = ca.SX.sym("tangent", m), ca.SX.sym("free")
+
+    def released(expression):
+        return ca.substitute(ca.SX(expression), p[free], freed)
+
+    g = released(problem.residual)
+    function = released(problem.folds[fold])
+    scaled = tangent * ca.DM(problem.scale)
+    system = ca.vertcat(
+        g,
+        ca.jtimes(g, problem.z, scaled),
+        ca.jtimes(function, problem.z, scaled),
+        ca.dot(tangent, tangent) - 1,
+    )
+    return Problem(
+        (*problem.unknowns, *(f"d {name}" for name in problem.unknowns), "free"),
+        ca.vertcat(problem.z, tangent, freed),
+        p,
+        system,
+        (*problem.scale, *(1.0,) * m, 1.0),
+        values={name: released(value) for name, value in problem.values.items()},
+    )
+
+
+def _checked(problem, start, parameters, direction, stop):
+    p = np.asarray(parameters, dtype=float).ravel()
+    start = np.asarray(start, dtype=float).ravel()
+    m, k = len(problem.unknowns), problem.p.numel()
+    if p.size != k or start.size != m:
+        raise TensegrityError(
+            f"{start.size} start values and {p.size} parameters do not suit the problem, must be "
+            f"{m} and {k}"
+        )
+    if not np.isfinite(start).all() or np.isnan(p).any():
+        raise TensegrityError("start or parameters hold a value that is not finite")
+    if direction not in (1, -1):
+        raise TensegrityError(f"direction {direction!r} must be 1 or -1")
+    for kind in stop:
+        if kind not in problem._machine.kinds:
+            raise TensegrityError(f"stop {kind!r} is not among {problem._machine.kinds}")
+    return start / np.array(problem.scale), p
+
+
+def _shown(problem, z):
+    values = zip(problem.unknowns, z * np.array(problem.scale), strict=True)
+    return ", ".join(f"{name} {value:.9g}" for name, value in values)
+
+
+def _virtual(point, step=1.0):
+    """A point before the first one, such that the cubic becomes the tangent."""
+    return replace(point, z=point.z - step * point.tangent, length=step)
+
+
+def _first_point(problem, z, p, settings, direction):
+    """Nearest solution by least-norm Newton steps, which work at a fold as elsewhere."""
+    machine = problem._machine
+    for _ in range(START_ITERATIONS):
+        g, jacobian = (np.array(x) for x in machine.linear(z, p))
+        if not (np.isfinite(g).all() and np.isfinite(jacobian).all()):
+            break
+        move = np.linalg.lstsq(jacobian, g.ravel(), rcond=None)[0]
+        z = z - move
+        if np.max(np.abs(move) / (1 + np.abs(z))) < 1e-15:
+            break
+    residual = float(np.max(np.abs(np.array(machine.judge(z, p)[0]))))
+    if not residual <= settings.residual:
+        raise ContinuationError(
+            f"no solution near the start: residual {residual:.3g} at {_shown(problem, z)} is "
+            f"above {settings.residual:g}"
+        )
+    tangent = np.linalg.svd(jacobian)[2][-1]
+    lead = tangent[-1] if abs(tangent[-1]) > 1e-8 else tangent[np.argmax(np.abs(tangent))]
+    return machine.at(z, tangent * math.copysign(1.0, lead * direction), p)
+
+
+def _step(machine, before, here, step, p, settings):
+    """The next point and the step to try after it; shorter steps until one is good."""
+    while step >= settings.smallest:
+        point, (missed, moved, last, cosine) = machine.advance(before, here, step, p)
+        # interpolation over this step against extrapolation to it, errors of one cubic
+        error = missed * (step / (step + here.length)) ** 2 / 16
+        turned = math.acos(min(cosine, 1.0)) if cosine > 0 else math.inf
+        good = (
+            point.residual <= settings.residual
+            and last <= SETTLED
+            and moved <= step / 2
+            and turned <= settings.turn
+            and error <= 2 * settings.tolerance
+        )
+        wanted = 0.9 * (settings.tolerance / (error + 1e-300)) ** 0.25
+        wanted = min(wanted, 0.8 * settings.turn / (turned + 1e-300))
+        if good:
+            return point, min(step * min(max(wanted, 0.3), 2.0), settings.largest)
+        step *= min(max(wanted, 0.1), 0.5) if wanted == wanted else 0.5
+    raise ContinuationError(f"the step fell below {settings.smallest:g}")
+
+
+def _leave_start(machine, start, here, p, events):
+    """Signs of the event functions after a start; those that vanish there are events on it."""
+    back = machine.advance(_virtual(start), replace(start, length=1.0), -here.length, p)[0]
+    signs = list(start.tests)
+    for i, kind in enumerate(machine.kinds):
+        if abs(start.tests[i]) <= AT_START:
+            signs[i] = here.tests[i]
+            if kind in machine.roots or back.tests[i] * here.tests[i] < 0:
+                events.append((kind, 0, start.z))
+    return signs
+
+
+def _located(machine, before, here, signs, p):
+    """Events between two points, in their order: (kind, point)."""
+    found = []
+    for i, kind in enumerate(machine.kinds):
+        if signs[i] * here.tests[i] < 0:
+            found.append((kind, _locate(machine, before, here, i, signs[i], p)))
+    return sorted(found, key=lambda one: np.dot(one[1].z - before.z, before.tangent))
+
+
+def _between(machine, before, here, part, p):
+    """The point at a given part (0 to 1) of the way, from the cubic through both."""
+    length = here.length
+    u, w = part, 1 - part
+    z = w * w * (1 + 2 * u) * before.z + u * u * (1 + 2 * w) * here.z
+    z = z + length * u * w * (w * before.tangent - u * here.tangent)
+    tangent = w * before.tangent + u * here.tangent
+    return machine.at(z, tangent / np.linalg.norm(tangent), p)
+
+
+def _locate(machine, before, here, index, sign, p):
+    """The point where event function number `index` vanishes between two points."""
+    low, high = (0.0, before.tests[index] or sign * AT_START), (1.0, here.tests[index])
+    kind = machine.kinds[index]
+    for _ in range(BISECTIONS):
+        part = low[0] + (high[0] - low[0]) * low[1] / (low[1] - high[1])
+        guess = _between(machine, before, here, part, p)
+        z = machine.polish(kind, guess.z, guess.tangent, p)
+        near = (high[0] - low[0]) * here.length + 1e-12
+        if z is not None and np.linalg.norm(z - guess.z) <= near:
+            return replace(machine.at(z, guess.tangent, p), z=z, length=_chord(before, z))
+        part = (low[0] + high[0]) / 2
+        middle = _between(machine, before, here, part, p)
+        if middle.tests[index] * sign > 0:
+            low = part, middle.tests[index]
+        else:
+            high = part, middle.tests[index]
+    return replace(middle, length=_chord(before, middle.z))
+
+
+def _chord(before, z):
+    return float(np.linalg.norm(z - before.z))
+
+
+def _bifurcations(machine, rows, p):
+    """Simple bifurcations: (kind, row, z) where the bordered determinant changes its sign."""
+    signs = machine.determinants(rows, p)
+    found = []
+    for row in np.flatnonzero(signs[:-1] * signs[1:] < 0).tolist():
+        low, high = 0.0, 1.0
+        for _ in range(BISECTIONS):
+            point = _between(machine, rows[row], rows[row + 1], (low + high) / 2, p)
+            if machine.determinants([point], p)[0] == signs[row]:
+                low = (low + high) / 2
+            else:
+                high = (low + high) / 2
+        found.append(("bifurcation", row, point.z))
+    return found
+
+
+def _branch(problem, rows, events, p, end):
+    machine, scale = problem._machine, np.array(problem.scale)
+    found = sorted([*events, *_bifurcations(machine, rows, p)], key=lambda one: one[1])
+    names = (*problem.unknowns, *problem.values)
+
+    def columns(z):
+        z = np.array(z)
+        values = np.array(machine.values(z.T, p)).reshape(-1, len(z)) if problem.values else []
+        return dict(zip(names, (*(z * scale).T, *values), strict=True))
+
+    at = columns([z for _, _, z in found]) if found else {}
+    listed = [
+        Event(kind, row, {name: float(column[i]) for name, column in at.items()})
+        for i, (kind, row, _) in enumerate(found)
+    ]
+    z = np.array([x.z for x in rows])
+    arc = np.cumsum([0.0, *(x.length for x in rows[1:])])
+    residual = np.array([x.residual for x in rows])
+    tangent = np.array([x.tangent for x in rows])
+    return Branch(columns(z), listed, end, z * scale, tangent, arc, residual)
