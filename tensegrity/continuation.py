@@ -28,7 +28,7 @@ START_ITERATIONS = 50
 POLISH = 20  # iterations that locate an event
 SETTLED = 1e-7  # largest move of a step's last iteration; the next one would square it
 BISECTIONS = 45
-AT_START = 1e-10  # event functions this small belong to the first point
+ROOT_AT_START, FOLD_AT_START = 1e-14, 1e-8  # event functions that vanish at the first point
 
 
 class ContinuationError(TensegrityError):
@@ -49,7 +49,9 @@ class Problem:
         Symbols of the unknowns and of the numbers given at each trace.
     residual : casadi.SX, (m - 1,)
     scale : sequence of float, (m,), optional
-        Sizes of the unknowns (metres, radians and newtons side by side).
+        Sizes of the unknowns (metres, radians and newtons side by side).  Lengths are measured
+        in asinh(unknown/scale): beyond its size an unknown counts by its relative change, so
+        that forces may grow by orders of magnitude on the way.
     size : casadi.SX, (m - 1,), optional
         Size of the terms of each equation, by which its residual is judged; 1 by default.
     roots, folds : dict of str to casadi.SX
@@ -96,7 +98,7 @@ class Settings:
     Attributes
     ----------
     tolerance : float
-        Error of cubic interpolation between rows, relative to 1 + |unknown|.
+        Error of cubic interpolation between rows.
     residual : float
         Largest scaled residual of a row.
     first, smallest, largest : float
@@ -251,7 +253,7 @@ class Branch(Table):
 
 
 class _Machine:
-    """The CasADi functions of a problem, in scaled unknowns."""
+    """The CasADi functions of a problem, in scaled unknowns asinh(unknown/scale)."""
 
     def __init__(self, problem):
         import casadi as ca
@@ -260,7 +262,7 @@ class _Machine:
         z = ca.SX.sym("z", m)
 
         def scaled(expression):
-            return ca.substitute(ca.SX(expression), problem.z, scale * z)
+            return ca.substitute(ca.SX(expression), problem.z, scale * ca.sinh(z))
 
         g = scaled(problem.residual)
         jacobian = ca.jacobian(g, z)
@@ -385,13 +387,13 @@ def _advance(m, p, at, judge):
         g, jacobian = at(z, p)
         move = ca.solve(ca.vertcat(jacobian, border), ca.vertcat(g, ca.dot(tangent, z - guess)))
         z = z - move
-        moves.append(ca.norm_inf(move / (1 + ca.fabs(z))))
+        moves.append(ca.norm_inf(move))
     g, jacobian = at(z, p)
     new = ca.solve(ca.vertcat(jacobian, border), ca.vertcat(ca.SX.zeros(m - 1), 1))
     new = new / ca.norm_2(new)
     scaled, roots, *slopes = judge(z, p)
     cosine = ca.dot(new, tangent)
-    missed = ca.norm_inf((z - guess) / (1 + ca.fabs(z)))
+    missed = ca.norm_inf(z - guess)
     arc = ca.norm_2(z - here) * (1 + (1 - cosine) / 12)  # chord to arc of a circle, order 4
     tests = [roots, *(ca.dot(s, new) for s in slopes)]
     out = ca.vertcat(
@@ -513,11 +515,11 @@ def _checked(problem, start, parameters, direction, stop):
     for kind in stop:
         if kind not in problem._machine.kinds:
             raise TensegrityError(f"stop {kind!r} is not among {problem._machine.kinds}")
-    return start / np.array(problem.scale), p
+    return np.arcsinh(start / np.array(problem.scale)), p
 
 
 def _shown(problem, z):
-    values = zip(problem.unknowns, z * np.array(problem.scale), strict=True)
+    values = zip(problem.unknowns, np.sinh(z) * np.array(problem.scale), strict=True)
     return ", ".join(f"{name} {value:.9g}" for name, value in values)
 
 
@@ -575,9 +577,10 @@ def _leave_start(machine, start, here, p, events):
     back = machine.advance(_virtual(start), replace(start, length=1.0), -here.length, p)[0]
     signs = list(start.tests)
     for i, kind in enumerate(machine.kinds):
-        if abs(start.tests[i]) <= AT_START:
+        root = kind in machine.roots
+        if abs(start.tests[i]) <= (ROOT_AT_START if root else FOLD_AT_START):
             signs[i] = here.tests[i]
-            if kind in machine.roots or back.tests[i] * here.tests[i] < 0:
+            if root or back.tests[i] * here.tests[i] < 0:
                 events.append((kind, 0, start.z))
     return signs
 
@@ -603,7 +606,7 @@ def _between(machine, before, here, part, p):
 
 def _locate(machine, before, here, index, sign, p):
     """The point where event function number `index` vanishes between two points."""
-    low, high = (0.0, before.tests[index] or sign * AT_START), (1.0, here.tests[index])
+    low, high = (0.0, before.tests[index] or sign * ROOT_AT_START), (1.0, here.tests[index])
     kind = machine.kinds[index]
     for _ in range(BISECTIONS):
         part = low[0] + (high[0] - low[0]) * low[1] / (low[1] - high[1])
@@ -649,7 +652,7 @@ def _branch(problem, rows, events, p, end):
     def columns(z):
         z = np.array(z)
         values = np.array(machine.values(z.T, p)).reshape(-1, len(z)) if problem.values else []
-        return dict(zip(names, (*(z * scale).T, *values), strict=True))
+        return dict(zip(names, (*(np.sinh(z) * scale).T, *values), strict=True))
 
     at = columns([z for _, _, z in found]) if found else {}
     listed = [
@@ -660,4 +663,4 @@ def _branch(problem, rows, events, p, end):
     arc = np.cumsum([0.0, *(x.length for x in rows[1:])])
     residual = np.array([x.residual for x in rows])
     tangent = np.array([x.tangent for x in rows])
-    return Branch(columns(z), listed, end, z * scale, tangent, arc, residual)
+    return Branch(columns(z), listed, end, np.sinh(z) * scale, tangent, arc, residual)
