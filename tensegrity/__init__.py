@@ -10,9 +10,11 @@ from tensegrity.errors import (
 )
 from tensegrity.potential import Potential, PowerLaw
 from tensegrity.prism import Prism
+from tensegrity.response import EquilibriumPath, equilibrium_path
 
 __all__ = [
     "EquilibriumError",
+    "EquilibriumPath",
     "LockingError",
     "NoLocking",
     "Potential",
@@ -21,4 +23,5 @@ __all__ = [
     "ResolutionError",
     "StabilityError",
     "TensegrityError",
+    "equilibrium_path",
 ]

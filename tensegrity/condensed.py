@@ -27,6 +27,7 @@ ROUND_OFF = 1e-13
 def _forms(rigid_base):
     """What `derivations.elastic` gives, as CasADi expressions of unknowns z and parameters p."""
     import casadi as ca
+
     from derivations import elastic as derived
 
     z, p = ca.SX.sym("z", 4 - rigid_base), ca.SX.sym("p", 6)
@@ -117,7 +118,11 @@ def _tangent(rigid_base):
         rows, columns = [softness * form["base"], *rows], [1 / softness, *columns]
         order = [0, 2, 1, 3]
     matrix = ca.jacobian(ca.vertcat(*rows), z)[:, order] @ ca.diag(ca.vertcat(*columns))
-    return ca.Function("tangent", [z, p], [matrix])
+    # the equations take b from its tension; the energy takes it from the coordinates
+    multiplier = matrix[-2, :]
+    share = multiplier.T * form["bar_pull"] / (3 * form["bar_length"])
+    share[-2] = 0
+    return ca.Function("tangent", [z, p], [matrix - share @ multiplier])
 
 
 def stable(z, p, rigid_base):
@@ -184,19 +189,19 @@ class ElasticPotential(Potential):
         self._prism, self._preload = prism, preload
         self._rigid_base = math.isinf(prism.k_base)
         self._p = numbers(prism)
-        self._at_rest = self._loaded() if preload else np.zeros(4 - self._rigid_base)
+        self._at_rest = self._loaded() if preload else self._zero()
         rise, self._nodes, self._rates, end = self._traced()
         self._rise = rise
         base, start = prism.base, self._at_rest[-1]
-        self._length = prism.height + start * base
-        self._domain = (rise[0] - start) * base, (rise[-1] - start) * base
+        self._length = float(prism.height + start * base)
+        self._domain = tuple(float(x - start) * base for x in (rise[0], rise[-1]))
         self._ends = end, "base strings and bars are unloaded (twist 2 pi/3)"
 
     def _loaded(self):
         """Unknowns under the preload, on the branch of the reference up to its first fold."""
         p = numbers(self._prism, load=self._preload)
         stop = ("load", "fold", "contact", "flat")
-        branch = trace(problem(self._rigid_base), 0 * self._zero(), p, direction=-1, stop=stop)
+        branch = trace(problem(self._rigid_base), self._zero(), p, direction=-1, stop=stop)
         if branch.end != "load":
             largest = branch.load[-1] * self._prism.k_cross * self._prism.base
             raise EquilibriumError(

@@ -5,8 +5,9 @@ last two points and their tangents predicts, Newton's method bordered by the old
 corrects.  How far the predictor misses measures the fourth derivative of the branch, and so the
 error of cubic interpolation between the rows: that sets the step.  A point counts only if the
 residual is at round-off, the corrector moved little and the tangent turned little, else the step
-is shortened: this keeps the branch.  Folds are located on the extended system (Moore & Spence
-1980) and roots of user functions on the system bordered by them; interpolation only starts both.
+is shortened; also where the bordered determinant changes its sign, as it does between a branch
+and a neighbour that nearly meets it.  Folds are located on the extended system (Moore & Spence
+1980), roots of user functions on the system bordered by them; interpolation only starts both.
 
 One call of a CasADi function does predictor, corrector, tangent and event functions of a step.
 A `Problem` is what is solved, `Settings` how, a `Branch` what came out.
@@ -27,7 +28,9 @@ ITERATIONS = 3  # Newton iterations in a step
 START_ITERATIONS = 50
 POLISH = 20  # iterations that locate an event
 SETTLED = 1e-7  # largest move of a step's last iteration; the next one would square it
+TWINS = 1e-6  # branches nearer than this are taken to meet
 BISECTIONS = 45
+TINY = 1e-300  # keeps quotients of zeros finite
 ROOT_AT_START, FOLD_AT_START = 1e-14, 1e-8  # event functions that vanish at the first point
 
 
@@ -98,7 +101,7 @@ class Settings:
     Attributes
     ----------
     tolerance : float
-        Error of cubic interpolation between rows.
+        Estimated error of cubic interpolation between rows.
     residual : float
         Largest scaled residual of a row.
     first, smallest, largest : float
@@ -139,11 +142,14 @@ class Event:
         The last row before it (or at it).
     at : dict of str to float
         Value of each column.
+    note : str
+        What happens there, in words.
     """
 
     kind: str
     row: int
     at: dict = field(repr=False)
+    note: str = ""
 
     def __getattr__(self, name):
         if not name.startswith("_") and name in self.at:
@@ -188,6 +194,8 @@ class Table:
         part.__dict__.update(self.__dict__)
         part.columns = {name: column[key] for name, column in self.columns.items()}
         part.events = tuple(replace(e, row=kept[e.row]) for e in self.events if e.row in kept)
+        if len(self) - 1 not in kept:
+            part.end = "cut here"
         return part
 
     def __iter__(self):
@@ -270,7 +278,7 @@ class _Machine:
         roots = ca.vertcat(*(scaled(e) for e in problem.roots.values()))
         folds = [scaled(e) for e in problem.folds.values()]
         values = ca.vertcat(*(scaled(e) for e in problem.values.values()))
-        slopes = [ca.gradient(f, z) / (ca.norm_2(ca.gradient(f, z)) + 1e-300) for f in folds]
+        slopes = [ca.gradient(f, z) / (ca.norm_2(ca.gradient(f, z)) + TINY) for f in folds]
         self.m, self.roots, self.folds = m, tuple(problem.roots), tuple(problem.folds)
         self.values = ca.Function("values", [z, p], [values])
         self.linear = ca.Function("linear", [z, p], [g, jacobian])
@@ -278,8 +286,8 @@ class _Machine:
         self._advance = _buffered(_advance(m, p, self.linear, self.judge))
         self.kinds = (*self.roots, *self.folds)
         self._polish = {}
-        for name, root in zip(self.roots, ca.vertsplit(roots) if problem.roots else [], strict=True):
-            system = ca.vertcat(g, root)
+        for name, root in problem.roots.items():
+            system = ca.vertcat(g, scaled(root))
             step = z - ca.solve(ca.jacobian(system, z), system)
             self._polish[name] = ca.Function("root", [z, ca.SX.sym("c", m), p], [step])
         tangent, normal = ca.SX.sym("tangent", m), ca.SX.sym("normal", m)
@@ -302,21 +310,13 @@ class _Machine:
         self._advance.call()
         out = self._advance.result
         z, tangent = out[:m].copy(), out[m : 2 * m].copy()
-        missed, moved, last, residual, cosine, length, *tests = out[2 * m :].tolist()
-        return _Point(z, tangent, length, residual, tests), (missed, moved, last, cosine)
+        missed, moved, last, residual, cosine, length, side, *tests = out[2 * m :].tolist()
+        return _Point(z, tangent, length, residual, side, tests), (missed, moved, last, cosine)
 
     def at(self, z, tangent, p):
         """The point of the branch next to z in the plane normal to `tangent`."""
-        here = _Point(z, tangent, 1.0, 0.0, [])
+        here = _Point(z, tangent, 1.0, 0.0, 0.0, [])
         return self.advance(_virtual(here), here, 0.0, p)[0]
-
-    def determinants(self, points, p):
-        """Signs of the Jacobians bordered by the tangents: a change is a simple bifurcation."""
-        m = self.m
-        jacobians = np.array(self.linear(np.array([x.z for x in points]).T, p)[1])
-        jacobians = jacobians.reshape(m - 1, len(points), m).transpose(1, 0, 2)
-        borders = np.array([x.tangent for x in points])[:, None, :]
-        return np.sign(np.linalg.det(np.concatenate([jacobians, borders], axis=1)))
 
     def polish(self, kind, z, tangent, p):
         """Newton's method on the system extended by an event; the point, or None."""
@@ -337,12 +337,17 @@ class _Machine:
 
 @dataclass
 class _Point:
-    """A point of a branch, with the length of the step to it and its event functions."""
+    """A point of a branch, with the length of the step to it and its event functions.
+
+    `side` is the determinant of the Jacobian bordered by a tangent.  It changes its sign at a
+    simple bifurcation, and between a branch and one that nearly meets it.
+    """
 
     z: np.ndarray
     tangent: np.ndarray
     length: float
     residual: float
+    side: float
     tests: list
 
 
@@ -395,11 +400,26 @@ def _advance(m, p, at, judge):
     cosine = ca.dot(new, tangent)
     missed = ca.norm_inf(z - guess)
     arc = ca.norm_2(z - here) * (1 + (1 - cosine) / 12)  # chord to arc of a circle, order 4
+    side = _determinant(ca.vertcat(jacobian, border))
+    moved, residual = ca.norm_2(z - guess), ca.norm_inf(scaled)
     tests = [roots, *(ca.dot(s, new) for s in slopes)]
-    out = ca.vertcat(
-        z, new, missed, ca.norm_2(z - guess), moves[-1], ca.norm_inf(scaled), cosine, arc, *tests
-    )
+    out = ca.vertcat(z, new, missed, moved, moves[-1], residual, cosine, arc, side, *tests)
     return ca.Function("advance", [given, p], [out])
+
+
+def _determinant(matrix):
+    """Determinant of an SX matrix by Householder reflections."""
+    import casadi as ca
+
+    matrix, size, product = ca.SX(matrix), matrix.shape[0], 1
+    for k in range(size - 1):
+        mirror = matrix[k:, k]
+        diagonal = -ca.if_else(mirror[0] < 0, -1, 1) * ca.norm_2(mirror)
+        mirror[0] -= diagonal
+        share = 2 / (ca.dot(mirror, mirror) + TINY)
+        matrix[k:, k:] -= mirror @ (share * (mirror.T @ matrix[k:, k:]))
+        product = -product * diagonal
+    return product * matrix[size - 1, size - 1]
 
 
 def trace(problem, start, parameters=(), settings=None, direction=1, stop=()):
@@ -554,18 +574,19 @@ def _step(machine, before, here, step, p, settings):
     """The next point and the step to try after it; shorter steps until one is good."""
     while step >= settings.smallest:
         point, (missed, moved, last, cosine) = machine.advance(before, here, step, p)
-        # interpolation over this step against extrapolation to it, errors of one cubic
-        error = missed * (step / (step + here.length)) ** 2 / 16
+        # errors of cubics: 1/16 times this for interpolation by extrapolation, and a margin of 2
+        error = missed * (step / (step + here.length)) ** 2 / 8
         turned = math.acos(min(cosine, 1.0)) if cosine > 0 else math.inf
         good = (
             point.residual <= settings.residual
             and last <= SETTLED
             and moved <= step / 2
             and turned <= settings.turn
-            and error <= 2 * settings.tolerance
+            and error <= settings.tolerance
+            and (point.side * here.side > 0 or step <= TWINS)
         )
-        wanted = 0.9 * (settings.tolerance / (error + 1e-300)) ** 0.25
-        wanted = min(wanted, 0.8 * settings.turn / (turned + 1e-300))
+        wanted = 0.9 * (settings.tolerance / (error + TINY)) ** 0.25
+        wanted = min(wanted, 0.8 * settings.turn / (turned + TINY))
         if good:
             return point, min(step * min(max(wanted, 0.3), 2.0), settings.largest)
         step *= min(max(wanted, 0.1), 0.5) if wanted == wanted else 0.5
@@ -591,6 +612,8 @@ def _located(machine, before, here, signs, p):
     for i, kind in enumerate(machine.kinds):
         if signs[i] * here.tests[i] < 0:
             found.append((kind, _locate(machine, before, here, i, signs[i], p)))
+    if before.side * here.side < 0:
+        found.append(("bifurcation", _bifurcation(machine, before, here, p)))
     return sorted(found, key=lambda one: np.dot(one[1].z - before.z, before.tangent))
 
 
@@ -628,25 +651,20 @@ def _chord(before, z):
     return float(np.linalg.norm(z - before.z))
 
 
-def _bifurcations(machine, rows, p):
-    """Simple bifurcations: (kind, row, z) where the bordered determinant changes its sign."""
-    signs = machine.determinants(rows, p)
-    found = []
-    for row in np.flatnonzero(signs[:-1] * signs[1:] < 0).tolist():
-        low, high = 0.0, 1.0
-        for _ in range(BISECTIONS):
-            point = _between(machine, rows[row], rows[row + 1], (low + high) / 2, p)
-            if machine.determinants([point], p)[0] == signs[row]:
-                low = (low + high) / 2
-            else:
-                high = (low + high) / 2
-        found.append(("bifurcation", row, point.z))
-    return found
+def _bifurcation(machine, before, here, p):
+    """The point where the bordered determinant changes its sign between two points."""
+    low, high = 0.0, 1.0
+    for _ in range(BISECTIONS):
+        point = _between(machine, before, here, (low + high) / 2, p)
+        if point.side * before.side > 0:
+            low = (low + high) / 2
+        else:
+            high = (low + high) / 2
+    return replace(point, length=_chord(before, point.z))
 
 
 def _branch(problem, rows, events, p, end):
     machine, scale = problem._machine, np.array(problem.scale)
-    found = sorted([*events, *_bifurcations(machine, rows, p)], key=lambda one: one[1])
     names = (*problem.unknowns, *problem.values)
 
     def columns(z):
@@ -654,10 +672,10 @@ def _branch(problem, rows, events, p, end):
         values = np.array(machine.values(z.T, p)).reshape(-1, len(z)) if problem.values else []
         return dict(zip(names, (*(np.sinh(z) * scale).T, *values), strict=True))
 
-    at = columns([z for _, _, z in found]) if found else {}
+    at = columns([z for _, _, z in events]) if events else {}
     listed = [
         Event(kind, row, {name: float(column[i]) for name, column in at.items()})
-        for i, (kind, row, _) in enumerate(found)
+        for i, (kind, row, _) in enumerate(events)
     ]
     z = np.array([x.z for x in rows])
     arc = np.cumsum([0.0, *(x.length for x in rows[1:])])
