@@ -230,6 +230,8 @@ class ElasticPotential(Potential):
         up = trace(of, self._zero(), self._p, settings, direction=1, stop=("unloaded",))
         z = np.concatenate([down.z[:0:-1], up.z])
         tangents = np.concatenate([-down.tangent[:0:-1], up.tangent])
+        if down.end == "flat":
+            z[0, -1] = -self._p[0]  # exactly
         tangents[:, -1] *= np.sqrt(1 + z[:, -1] ** 2)
         return z[:, -1], np.arcsinh(z), tangents[:, :-1] / tangents[:, -1:], end
 
@@ -284,6 +286,8 @@ class ElasticPotential(Potential):
         inside = (r >= low - slack) & (r <= high + slack)
         if not inside.all():
             raise LockingError(self.end_message(float(r[~inside].flat[0])))
+        if r.size == 0:
+            return np.empty(r.shape)
         flat = r.reshape(-1)
         value = _inner(self._rigid_base)[1][order]
         result = np.array(value(self.states(flat).T, self._p)).reshape(r.shape)

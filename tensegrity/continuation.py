@@ -607,14 +607,32 @@ def _leave_start(machine, start, here, p, events):
 
 
 def _located(machine, before, here, signs, p):
-    """Events between two points, in their order: (kind, point)."""
-    found = []
-    for i, kind in enumerate(machine.kinds):
-        if signs[i] * here.tests[i] < 0:
-            found.append((kind, _locate(machine, before, here, i, signs[i], p)))
+    """Events between two points, in their order: (kind, point).
+
+    A root may be passed twice in a step that holds a fold: the fold divides it.
+    """
+    roots = len(machine.roots)
+
+    def passed(start, end, signs, numbers):
+        return [
+            (machine.kinds[i], _locate(machine, start, end, i, signs[i], p))
+            for i in numbers
+            if signs[i] * end.tests[i] < 0
+        ]
+
+    def place(one):
+        return np.dot(one[1].z - before.z, before.tangent)
+
+    found = sorted(passed(before, here, signs, range(roots, len(machine.kinds))), key=place)
+    ends = [*(point for _, point in found), here]
+    start = before
+    for end in ends:
+        part = replace(end, length=_chord(start, end.z)) if len(ends) > 1 else end
+        found += passed(start, part, signs, range(roots))
+        start, signs = end, [new or old for new, old in zip(end.tests, signs, strict=True)]
     if before.side * here.side < 0:
         found.append(("bifurcation", _bifurcation(machine, before, here, p)))
-    return sorted(found, key=lambda one: np.dot(one[1].z - before.z, before.tangent))
+    return [(kind, replace(x, length=_chord(before, x.z))) for kind, x in sorted(found, key=place)]
 
 
 def _between(machine, before, here, part, p):
@@ -637,14 +655,14 @@ def _locate(machine, before, here, index, sign, p):
         z = machine.polish(kind, guess.z, guess.tangent, p)
         near = (high[0] - low[0]) * here.length + 1e-12
         if z is not None and np.linalg.norm(z - guess.z) <= near:
-            return replace(machine.at(z, guess.tangent, p), z=z, length=_chord(before, z))
+            return replace(machine.at(z, guess.tangent, p), z=z)
         part = (low[0] + high[0]) / 2
         middle = _between(machine, before, here, part, p)
         if middle.tests[index] * sign > 0:
             low = part, middle.tests[index]
         else:
             high = part, middle.tests[index]
-    return replace(middle, length=_chord(before, middle.z))
+    return middle
 
 
 def _chord(before, z):
@@ -660,7 +678,7 @@ def _bifurcation(machine, before, here, p):
             low = (low + high) / 2
         else:
             high = (low + high) / 2
-    return replace(point, length=_chord(before, point.z))
+    return point
 
 
 def _branch(problem, rows, events, p, end):

@@ -244,6 +244,18 @@ def test_fold_continued_in_a_second_parameter_draws_the_cusp():
     assert branch.force[-1] < 0  # both sides of the cusp
 
 
+def test_root_passed_twice_within_one_step_is_found_on_both_sides_of_the_fold():
+    below = 1e-9
+    problem = planar(
+        lambda v, c, p: v**2 + c**2 - p,
+        roots={"near": lambda v, c, p: c - (1 - below) + 0 * v, "end": lambda v, c, p: v + 0.9},
+    )
+    branch = trace(problem, [1.0, 0.0], [1.0], direction=1, stop=("end",))
+    assert [e.kind for e in branch.events] == ["near", "fold", "near", "end"]
+    exact = np.sqrt(1 - (1 - below) ** 2)
+    assert np.allclose([branch.events[0].v, branch.events[2].v], [exact, -exact], rtol=1e-7)
+
+
 # --- the table -------------------------------------------------------------------------------
 
 

@@ -2,7 +2,7 @@
 
 Two oracles know nothing of the unknowns in which the paths are computed.  The scalar one: at
 given twist, equilibrium fixes the ratios of the force densities, so that all natural lengths
-meet in one equation of one force density.  The plain one: gradient and Hessian of U(l, phi, h).
+meet in one equation of one force density.  The plain one: gradient and Hessian of U(side, phi, h).
 """
 
 import math
@@ -89,12 +89,12 @@ def load_at_twist(scalar, natural, fields, twist, height):
         )
 
     def compatible(x):
-        s, l, b = lengths(x)
-        return s**2 - b**2 - l**2 * (mpmath.cos(twist) - mpmath.sin(twist) / mpmath.sqrt(3))
+        s, side, b = lengths(x)
+        return s**2 - b**2 - side**2 * (mpmath.cos(twist) - mpmath.sin(twist) / mpmath.sqrt(3))
 
     def load(x):
-        _, l, b = lengths(x)
-        h = mpmath.sqrt(b**2 - mpmath.mpf(2) / 3 * l**2 * (1 - mpmath.cos(twist)))
+        _, side, b = lengths(x)
+        h = mpmath.sqrt(b**2 - mpmath.mpf(2) / 3 * side**2 * (1 - mpmath.cos(twist)))
         return -3 * h * x * (1 + per_bar), h
 
     guess = -mpmath.mpf(height[1]) / (3 * mpmath.mpf(height[0]) * (1 + per_bar))
@@ -133,17 +133,17 @@ def test_every_row_is_in_equilibrium(name, natural, gradient):
             h = mpmath.mpf(float(path.height[i]))
             if h == 0:
                 continue
-            l, phi = mpmath.findroot(
-                lambda l, phi, h=h: gradient(l, phi, h, *given)[:2],
+            side, phi = mpmath.findroot(
+                lambda side, phi, h=h: gradient(side, phi, h, *given)[:2],
                 (float(path.base[i]), float(path.twist[i])),
                 tol=1e-60,
             )
-            load = -gradient(l, phi, h, *given)[2]
+            load = -gradient(side, phi, h, *given)[2]
             close = -gradient(*mpmath.findroot(
-                lambda l, phi, h=h: gradient(l, phi, h * (1 + mpmath.eps**0.5), *given)[:2],
-                (l, phi), tol=1e-60), h * (1 + mpmath.eps**0.5), *given)[2]  # fmt: skip
+                lambda side, phi, h=h: gradient(side, phi, h * (1 + mpmath.eps**0.5), *given)[:2],
+                (side, phi), tol=1e-60), h * (1 + mpmath.eps**0.5), *given)[2]  # fmt: skip
             condition = abs((close - load) / mpmath.eps**0.5)  # |h dF/dh|
-            assert abs(path.base[i] - l) <= 1e-13 * l
+            assert abs(path.base[i] - side) <= 1e-13 * side
             assert abs(path.load[i] - load) <= 1e-13 * (abs(load) + condition)
 
 
@@ -158,9 +158,9 @@ def test_fold_agrees_with_a_singular_hessian_at_fifty_digits(name, natural, grad
         given = (*numbers[3:], *natural(*numbers))
         for fold in folds:
 
-            def system(l, phi, h):
-                matrix = hessian(l, phi, h, *given)
-                return [*gradient(l, phi, h, *given)[:2], mpmath.det(matrix) / matrix[0, 0]]
+            def system(side, phi, h):
+                matrix = hessian(side, phi, h, *given)
+                return [*gradient(side, phi, h, *given)[:2], mpmath.det(matrix) / matrix[0, 0]]
 
             start = (fold.base, fold.twist, fold.height)
             state = mpmath.findroot(system, start, tol=1e-50)
@@ -173,7 +173,7 @@ def test_fold_agrees_with_a_singular_hessian_at_fifty_digits(name, natural, grad
 @pytest.mark.parametrize("name", PRISMS)
 @pytest.mark.parametrize("past_contact", [False, True])
 def test_stability_is_that_of_the_plain_hessian(name, past_contact, natural, hessian):
-    """Positive definite in (l, phi, h) under given load, in (l, phi) under given height."""
+    """Positive definite in (side, phi, h) under given load, in (side, phi) under given height."""
     fields = PRISMS[name]
     path = equilibrium_path(Prism(*fields), past_contact=past_contact)
     with mpmath.workdps(DIGITS):
