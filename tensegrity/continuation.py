@@ -484,13 +484,13 @@ def fold_problem(problem, fold, free):
     fold : str
         One of `problem.folds`.
     free : int
-        Index of the number in `problem.p` that becomes an unknown, the last one.
+        Index of the number in `problem.p` that becomes an unknown, the last one, "free".
 
     Returns
     -------
     Problem
-        Unknowns: those of `problem`, their tangent ("d name"), and the freed number; the
-        parameters stay, that entry unused.
+        Unknowns: those of `problem`, their tangent ("d name") and the freed number.  The
+        parameters stay; entry `free` is where the event "end" lies.
     """
     import casadi as ca
 
@@ -500,8 +500,7 @@ def fold_problem(problem, fold, free):
     def released(expression):
         return ca.substitute(ca.SX(expression), p[free], freed)
 
-    g = released(problem.residual)
-    function = released(problem.folds[fold])
+    g, function = released(problem.residual), released(problem.folds[fold])
     scaled = tangent * ca.DM(problem.scale)
     system = ca.vertcat(
         g,
@@ -509,14 +508,28 @@ def fold_problem(problem, fold, free):
         ca.jtimes(function, problem.z, scaled),
         ca.dot(tangent, tangent) - 1,
     )
+    size = ca.SX.ones(m - 1) if problem.size is None else released(problem.size)
     return Problem(
         (*problem.unknowns, *(f"d {name}" for name in problem.unknowns), "free"),
         ca.vertcat(problem.z, tangent, freed),
         p,
         system,
         (*problem.scale, *(1.0,) * m, 1.0),
+        size=ca.vertcat(size, 1 + size, 1 + ca.norm_2(ca.gradient(function, problem.z)), 1),
+        roots={"end": freed - p[free]},
         values={name: released(value) for name, value in problem.values.items()},
     )
+
+
+def fold_start(problem, event, parameters, free):
+    """A start of `fold_problem` at a fold found by `trace` with these parameters."""
+    import casadi as ca
+
+    p = np.asarray(parameters, dtype=float)
+    z = np.array([event.at[name] for name in problem.unknowns])
+    jacobian = ca.Function("j", [problem.z, problem.p], [ca.jacobian(problem.residual, problem.z)])
+    scaled = np.array(jacobian(z, p)) * np.array(problem.scale)
+    return np.concatenate([z, np.linalg.svd(scaled)[2][-1], [p[free]]])
 
 
 def _checked(problem, start, parameters, direction, stop):

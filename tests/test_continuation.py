@@ -1,5 +1,7 @@
 """Arc-length continuation on branches known in closed form."""
 
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from tensegrity.continuation import (
     Problem,
     Settings,
     fold_problem,
+    fold_start,
     trace,
 )
 
@@ -229,19 +232,18 @@ def test_stiff_spring_does_not_snap_back():
 
 def test_fold_continued_in_a_second_parameter_draws_the_cusp():
     z, p = ca.SX.sym("z", 2), ca.SX.sym("p", 1)
-    cubic = z[0] ** 3 - p[0] * z[0] - z[1]
-    problem = Problem(("v", "force"), z, p, cubic)
-    curve = fold_problem(problem, "fold", 0)
-    z, p = curve.z, curve.p
-    ending = Problem(
-        curve.unknowns, z, p, curve.residual, roots={"end": z[-1] - 2}, folds={"cusp": z[-1]}
+    problem = Problem(
+        ("v", "force"), z, p, z[0] ** 3 - p[0] * z[0] - z[1], roots={"over": z[0] - 1}
     )
-    start = [-np.sqrt(1 / 3), 2 / 27**0.5, 1, 0, 1.0]
-    branch = trace(ending, start, [0.0], direction=-1, stop=("end",))
+    first = trace(problem, [-1.0, 0.0], [1.0], direction=1, stop=("fold", "over"))
+    start = fold_start(problem, first.events[-1], [1.0], 0)
+    curve = replace(fold_problem(problem, "fold", 0), folds=None)
+    branch = trace(curve, start, [2.0], direction=-1, stop=("end",))
     assert np.allclose(branch.force**2, 4 / 27 * branch.free**3, atol=1e-13)
-    (cusp,) = (e for e in branch.events if e.kind == "cusp")
+    (cusp,) = (e for e in branch.events if e.kind == "fold")
     assert max(abs(cusp.v), abs(cusp.force), abs(cusp.free)) < 1e-12
-    assert branch.force[-1] < 0  # both sides of the cusp
+    assert branch.free[-1] == pytest.approx(2, rel=1e-14)
+    assert branch.force[0] * branch.force[-1] < 0  # both sides of the cusp
 
 
 def test_root_passed_twice_within_one_step_is_found_on_both_sides_of_the_fold():

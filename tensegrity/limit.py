@@ -1,0 +1,70 @@
+"""The limit load of a prism as its prestrain varies: the fold itself followed as a branch.
+
+Source: seeds/000, part III, "Effects of element rigidity and internal prestress".
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import numpy as np
+
+from tensegrity import check
+from tensegrity.condensed import numbers, problem
+from tensegrity.continuation import Settings, Table, fold_problem, fold_start, trace
+from tensegrity.errors import TensegrityError
+
+PRESTRAIN = 1  # its place in the parameters of `condensed.problem`
+SETTINGS = Settings(tolerance=1e-7, largest=0.05)
+
+
+@cache
+def _folds(rigid_base):
+    return fold_problem(problem(rigid_base), "fold", PRESTRAIN)
+
+
+def limit_load(prism, prestrain):
+    """Limit load from the prism's own prestrain to another one, by continuation of the fold.
+
+    Parameters
+    ----------
+    prism : Prism
+        With elastic bases or bars, and a fold of its load.
+    prestrain : float
+        Where to end, >= 0.
+
+    Returns
+    -------
+    Table
+        Columns prestrain, height [m], twist [rad], base [m] and load [N] (compression > 0) at
+        the first fold.  It follows the smooth energy: a fold may lie beyond contact (twist pi).
+
+    Raises
+    ------
+    TensegrityError
+        If the prism is rigid or has no fold.
+    """
+    prestrain = check.number("prestrain", prestrain, least=0)
+    if prism.is_rigid:
+        raise TensegrityError("limit_load needs elastic bases or bars: k_base, k_bar are inf")
+    if prestrain == prism.prestrain:
+        raise TensegrityError(f"prestrain {prestrain:g} must differ from that of the prism")
+    rigid_base, p = math.isinf(prism.k_base), numbers(prism)
+    of = problem(rigid_base)
+    start = np.zeros(len(of.unknowns))
+    first = trace(of, start, p, direction=-1, stop=("fold", "flat"))
+    if first.end != "fold":
+        raise TensegrityError(f"{prism} has no limit load")
+    start = fold_start(of, first.events[-1], p, PRESTRAIN)
+    direction = 1 if prestrain > prism.prestrain else -1
+    p[PRESTRAIN] = prestrain
+    branch = trace(_folds(rigid_base), start, p, SETTINGS, direction, ("end",))
+    columns = {
+        "prestrain": branch.free,
+        "height": branch.height * prism.base,
+        "twist": branch.twist,
+        "base": branch.base * prism.base,
+        "load": branch.load * prism.k_cross * prism.base,
+    }
+    return Table(columns, (), "the prestrain asked for")
