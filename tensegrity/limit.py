@@ -12,7 +12,7 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.condensed import numbers, problem
-from tensegrity.continuation import Settings, Table, fold_problem, fold_start, trace
+from tensegrity.continuation import Settings, Table, fold_problem, fold_start, refined_fold, trace
 from tensegrity.errors import TensegrityError
 
 PRESTRAIN = 1  # its place in the parameters of `condensed.problem`
@@ -22,6 +22,16 @@ SETTINGS = Settings(tolerance=1e-7, largest=0.05)
 @cache
 def _folds(rigid_base):
     return fold_problem(problem(rigid_base), "fold", PRESTRAIN)
+
+
+@cache
+def _values(rigid_base):
+    """Height, twist, base and load as a function of (unknowns, parameters)."""
+    import casadi as ca
+
+    of = problem(rigid_base)
+    values = [of.values[name] for name in ("height", "twist", "base", "load")]
+    return ca.Function("values", [of.z, of.p], [ca.vertcat(*values)])
 
 
 def limit_load(prism, prestrain):
@@ -56,15 +66,22 @@ def limit_load(prism, prestrain):
     first = trace(of, start, p, direction=-1, stop=("fold", "flat"))
     if first.end != "fold":
         raise TensegrityError(f"{prism} has no limit load")
-    start = fold_start(of, first.events[-1], p, PRESTRAIN)
+    on_fold = fold_start(of, first.events[-1], p, PRESTRAIN)
     direction = 1 if prestrain > prism.prestrain else -1
     p[PRESTRAIN] = prestrain
-    branch = trace(_folds(rigid_base), start, p, SETTINGS, direction, ("end",))
+    branch = trace(_folds(rigid_base), on_fold, p, SETTINGS, direction, ("end",))
+    states = []
+    for state, freed in zip(branch.z, branch.free, strict=True):
+        p[PRESTRAIN] = freed
+        states.append((refined_fold(of, "fold", state[: len(start)], p), list(p)))
+    height, twist, base, load = np.hstack(
+        [np.array(_values(rigid_base)(*state)) for state in states]
+    )
     columns = {
         "prestrain": branch.free,
-        "height": branch.height * prism.base,
-        "twist": branch.twist,
-        "base": branch.base * prism.base,
-        "load": branch.load * prism.k_cross * prism.base,
+        "height": height * prism.base,
+        "twist": twist,
+        "base": base * prism.base,
+        "load": load * prism.k_cross * prism.base,
     }
     return Table(columns, (), "the prestrain asked for")
