@@ -171,7 +171,8 @@ def _elastic_path(prism, min_height, max_load, max_height, past_contact):
     down, events = _branch(prism, numbers(prism, level, max_load), -1, stop)
     parts, rows, begin = [_columns(prism, down)], 0, ""
     if max_height is not None:
-        stop = ("height", *(() if past_contact else ("unloaded",)))
+        goes_slack = not past_contact and not math.isinf(prism.k_base)
+        stop = ("height", *(("unloaded",) if goes_slack else ()))
         up, above = _branch(prism, numbers(prism, max_height), 1, stop)
         tension = {name: column[:0:-1] for name, column in _columns(prism, up).items()}
         parts, rows = [tension, *parts], len(up) - 1

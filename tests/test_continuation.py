@@ -96,6 +96,13 @@ def test_arc_length_is_that_of_the_curve_to_fourth_order():
     assert branch.arc[-1] == pytest.approx(np.pi / 2 * radius, rel=2e-6)
 
 
+@pytest.mark.parametrize("turn", [0.05, 0.2])
+def test_tangents_of_neighbouring_rows_turn_no_more_than_asked(turn):
+    tangents = circle(tolerance=1e3, turn=turn).tangent
+    angles = np.arccos(np.clip((tangents[1:] * tangents[:-1]).sum(axis=1), -1, 1))
+    assert 0.5 * turn < angles.max() <= turn * (1 + 1e-9)
+
+
 def test_start_on_a_fold_is_an_event_there_and_no_hindrance():
     branch = trace(CIRCLE, [0.0, 1.0], [1.0], direction=-1, stop=("below",))
     assert branch.events[0].kind == "fold"
