@@ -285,23 +285,34 @@ class _Machine:
         self.m, self.roots, self.folds = m, tuple(problem.roots), tuple(problem.folds)
         self.values = ca.Function("values", [z, p], [values])
         linear = ca.Function("linear", [z, p], [g, jacobian])
-        self.judge = ca.Function("judge", [z, p], [g / size, roots, *slopes])
-        self._advance = _Fast("advance", *_advance(m, p, linear, self.judge), compiled=True)
+        judge = ca.Function("judge", [z, p], [g / size, roots, *slopes])
+        self._advance = _Fast("advance", *_advance(m, p, linear, judge), compiled=True)
         self._linear = _Fast("linear", [z, p], ca.vertcat(g, ca.vec(ca.densify(jacobian))))
         self.kinds = (*self.roots, *self.folds)
-        self._polish = {}
-        for name, root in problem.roots.items():
-            system = ca.vertcat(g, scaled(root))
-            step = z - ca.solve(ca.jacobian(system, z), system)
-            self._polish[name] = _Fast("root", [z, p], step)
+        self._systems = (
+            {
+                name: ([z], ca.vertcat(g, root))
+                for name, root in zip(self.roots, ca.vertsplit(roots), strict=True)
+            }
+            if self.roots
+            else {}
+        )
         tangent, normal = ca.SX.sym("tangent", m), ca.SX.sym("normal", m)
-        both = ca.vertcat(z, tangent)
+        stretched = ca.dot(normal, tangent) - 1
         for name, slope in zip(self.folds, slopes, strict=True):
-            system = ca.vertcat(
-                g, jacobian @ tangent, ca.dot(slope, tangent), ca.dot(normal, tangent) - 1
-            )
-            step = both - ca.solve(ca.jacobian(system, both), system)
-            self._polish[name] = _Fast("fold", [both, normal, p], step)
+            system = ca.vertcat(g, jacobian @ tangent, ca.dot(slope, tangent), stretched)
+            self._systems[name] = ([ca.vertcat(z, tangent), normal], system)
+        self._p, self._newton = p, {}
+
+    def _newton_step(self, kind):
+        """One Newton step on the system of an event, made when it is first needed."""
+        import casadi as ca
+
+        if kind not in self._newton:
+            (x, *normal), system = self._systems[kind]
+            step = x - ca.solve(ca.jacobian(system, x), system)
+            self._newton[kind] = _Fast("newton", [x, *normal, self._p], step, compiled=True)
+        return self._newton[kind]
 
     def advance(self, before, here, step, p):
         """The point `step` beyond `here`, and the figures by which it is judged."""
@@ -330,11 +341,11 @@ class _Machine:
 
     def polish(self, kind, z, tangent, p):
         """Newton's method on the system extended by an event; the point, or None."""
-        fold, normal = kind in self.folds, tangent
-        x = np.concatenate([z, tangent]) if fold else z
+        step, normal = self._newton_step(kind), [tangent] if kind in self.folds else []
+        x = np.concatenate([z, *normal])
         previous = math.inf
         for _ in range(POLISH):
-            new = self._polish[kind](x, *([normal] if fold else []), p).copy()
+            new = step(x, *normal, p).copy()
             moved = float(np.max(np.abs(new - x) / (1 + np.abs(new))))
             if not math.isfinite(moved):
                 return None
@@ -624,17 +635,19 @@ def _first_point(problem, z, p, settings, direction):
             break
         move = np.linalg.lstsq(jacobian, g, rcond=None)[0]
         z = z - move
-        if np.max(np.abs(move) / (1 + np.abs(z))) < 1e-15:
+        if (np.abs(move) <= 1e-15 * (1 + np.abs(z))).all():
             break
-    residual = float(np.max(np.abs(np.array(machine.judge(z, p)[0]))))
+    finite = np.isfinite(jacobian).all()
+    point = machine.at(z, np.linalg.svd(jacobian)[2][-1], p) if finite else None
+    residual = point.residual if finite else math.nan
     if not residual <= settings.residual:
         raise ContinuationError(
             f"no solution near the start: residual {residual:.3g} at {_shown(problem, z)} is "
             f"above {settings.residual:g}"
         )
-    tangent = np.linalg.svd(jacobian)[2][-1]
+    tangent = point.tangent
     lead = tangent[-1] if abs(tangent[-1]) > 1e-8 else tangent[np.argmax(np.abs(tangent))]
-    return machine.at(z, tangent * math.copysign(1.0, lead * direction), p)
+    return point if lead * direction > 0 else machine.at(point.z, -tangent, p)
 
 
 def _step(machine, before, here, step, p, settings):
@@ -753,19 +766,16 @@ def _bifurcation(machine, before, here, p):
 def _branch(problem, rows, events, p, end):
     machine, scale = problem._machine, np.array(problem.scale)
     names = (*problem.unknowns, *problem.values)
-
-    def columns(z):
-        z = np.array(z)
-        values = np.array(machine.values(z.T, p)).reshape(-1, len(z)) if problem.values else []
-        return dict(zip(names, (*(np.sinh(z) * scale).T, *values), strict=True))
-
-    at = columns([z for _, _, z in events]) if events else {}
+    z = np.array([*(x.z for x in rows), *(z for _, _, z in events)])
+    values = np.array(machine.values(z.T, p)) if problem.values else np.empty((0, len(z)))
+    table = np.vstack([(np.sinh(z) * scale).T, values])
+    count = len(rows)
     listed = [
-        Event(kind, row, {name: float(column[i]) for name, column in at.items()})
+        Event(kind, row, dict(zip(names, table[:, count + i].tolist(), strict=True)))
         for i, (kind, row, _) in enumerate(events)
     ]
-    z = np.array([x.z for x in rows])
+    columns = dict(zip(names, table[:, :count], strict=True))
     arc = np.cumsum([0.0, *(x.length for x in rows[1:])])
     residual = np.array([x.residual for x in rows])
     tangent = np.array([x.tangent for x in rows])
-    return Branch(columns(z), listed, end, np.sinh(z) * scale, tangent, arc, residual)
+    return Branch(columns, listed, end, np.sinh(z[:count]) * scale, tangent, arc, residual)
