@@ -12,8 +12,9 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.condensed import numbers, problem
-from tensegrity.continuation import Settings, Table, fold_problem, fold_start, refined_fold, trace
+from tensegrity.continuation import Settings, fold_problem, fold_start, refined_fold, trace
 from tensegrity.errors import TensegrityError
+from tensegrity.table import Table
 
 PRESTRAIN = 1  # its place in the parameters of `condensed.problem`
 SETTINGS = Settings(tolerance=1e-7, largest=0.05)

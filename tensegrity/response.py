@@ -17,8 +17,9 @@ import numpy as np
 from tensegrity import check
 from tensegrity.codegen import to_casadi
 from tensegrity.condensed import numbers, problem, stable
-from tensegrity.continuation import Event, Settings, Table, trace
+from tensegrity.continuation import Settings, trace
 from tensegrity.errors import NoLocking, TensegrityError
+from tensegrity.table import Event, Table
 
 ROWS = 200  # of a rigid prism, and of the part where base strings are slack
 SETTINGS = Settings(tolerance=1e-8, largest=0.05)

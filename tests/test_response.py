@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from derivations import prism as derived
 from tensegrity import Prism, TensegrityError, condensed, equilibrium_path, response
 from tensegrity.condensed import problem, stable
-from tensegrity.continuation import trace
+from tensegrity.continuation import Settings, trace
 
 INF = math.inf
 DIGITS = 50
@@ -317,6 +317,29 @@ def test_without_prestrain_the_path_starts_slack(stiffness):
     assert (path.load[1:] > 0).all()
     assert path.stable_load[0]  # no stiffness, but the least energy
     assert "without prestrain" in str(path)
+
+
+def test_contact_within_the_first_step_is_found():
+    p = condensed.numbers(Prism(*PRISMS["contact"]))
+    whole = trace(problem(), np.zeros(4), p, direction=-1, stop=("contact",))
+    near = 0.99 * whole.z[-1] + 0.01 * whole.z[-2]
+    late = trace(problem(), near, p, Settings(first=0.1), -1, ("contact",))
+    assert len(late) == 2
+    assert late.events[0].load == pytest.approx(whole.events[0].load, rel=1e-13)
+
+
+@pytest.mark.parametrize("largest", [0.5, 3.0])
+def test_steps_far_too_coarse_are_shortened_to_the_same_events(monkeypatch, largest):
+    coarse = Settings(tolerance=1e4, first=largest, largest=largest, turn=1.5)
+    for fields in PRISMS.values():
+        path = equilibrium_path(Prism(*fields))
+        with monkeypatch.context() as patch:
+            patch.setattr(response, "SETTINGS", coarse)
+            rough = equilibrium_path(Prism(*fields))
+        assert len(rough) < len(path) / 3
+        assert kinds(rough) == kinds(path)
+        for one, other in zip(path.events, rough.events, strict=True):
+            assert one.load == pytest.approx(other.load, rel=1e-10)
 
 
 # --- bounds ----------------------------------------------------------------------------------
