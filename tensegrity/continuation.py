@@ -21,8 +21,8 @@ from functools import cached_property
 import numpy as np
 
 from tensegrity import check
+from tensegrity.arclength import TINY, Machine, virtual_start
 from tensegrity.errors import TensegrityError
-from tensegrity.step import TINY, Machine, virtual_start
 from tensegrity.table import Event, Table
 
 START_ITERATIONS = 50
