@@ -1,6 +1,6 @@
 """Prisms with elastic bases or bars: their equilibria at given height, and their potential.
 
-The equations of `derivations.elastic` as a problem for `tensegrity.continuation`, in units of
+The equations of `derivations.mixed` as a problem for `tensegrity.continuation`, in units of
 the base and of k_cross times base: one set of CasADi functions serves every prism.  The
 potential eliminates tensions and twist at given height by Newton's method, started from a
 traced branch.
@@ -25,10 +25,10 @@ ROUND_OFF = 1e-13
 
 @cache
 def _forms(rigid_base):
-    """What `derivations.elastic` gives, as CasADi expressions of unknowns z and parameters p."""
+    """What `derivations.mixed` gives, as CasADi expressions of unknowns z and parameters p."""
     import casadi as ca
 
-    from derivations import elastic as derived
+    from derivations import mixed as derived
 
     z, p = ca.SX.sym("z", 4 - rigid_base), ca.SX.sym("p", 6)
     unknowns = (ca.SX(0), *ca.vertsplit(z)) if rigid_base else ca.vertsplit(z)

@@ -9,7 +9,7 @@ import sympy as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from derivations import elastic, prism
+from derivations import mixed, prism
 from tensegrity import EquilibriumError, LockingError, Prism, TensegrityError, equilibrium_path
 from tensegrity.condensed import ElasticPotential
 
@@ -42,11 +42,11 @@ def test_mixed_equations_are_the_gradient_of_the_plain_energy(numbers):
     given = dict(zip(elastic.PARAMETERS, (h0, p0, c2, c3), strict=True))
     half, rise, width = sp.Float("0.07", 40), sp.Float("-0.05", 40), sp.Float("0.2", 40)
     known = given | {elastic.half_turn: half, elastic.rise: rise, elastic.base_tension: width}
-    compatible = elastic.bar_compatibility().subs(known)
+    compatible = mixed.bar_compatibility().subs(known)
     known[elastic.bar_tension] = sp.nsolve(compatible, elastic.bar_tension, 0, prec=40)
 
     coordinates = {
-        prism.base: elastic.lengths()[1].subs(known),
+        prism.base: mixed.lengths()[1].subs(known),
         prism.twist: prism.REFERENCE_TWIST + 2 * sp.atan(half),
         prism.height: h0 + rise,
     }
@@ -58,31 +58,31 @@ def test_mixed_equations_are_the_gradient_of_the_plain_energy(numbers):
         for symbol, length in zip(symbols, prism.natural_lengths(), strict=True)
     }
     for plain, mixed in (
-        (prism.base, elastic.base_equilibrium()),
-        (prism.twist, elastic.twist_equilibrium()),
-        (prism.height, -elastic.load()),
+        (prism.base, mixed.base_equilibrium()),
+        (prism.twist, mixed.twist_equilibrium()),
+        (prism.height, -mixed.load()),
     ):
         exact = sp.diff(prism.energy(), plain).subs(natural | constants).subs(coordinates)
         assert abs(sp.N(exact - mixed.subs(known), 40)) < 1e-35
     start = {prism.base: 1, prism.twist: prism.REFERENCE_TWIST, prism.height: h0}
     energy = prism.energy().subs(natural | constants)
     gained = energy.subs(coordinates) - energy.subs(start)
-    assert abs(sp.N(gained - elastic.stored_energy().subs(known), 40)) < 1e-35
+    assert abs(sp.N(gained - mixed.stored_energy().subs(known), 40)) < 1e-35
 
 
 def test_equations_hold_at_the_reference_for_any_prism():
     zero = dict.fromkeys(elastic.UNKNOWNS, 0)
     forms = (
-        elastic.base_equilibrium(),
-        elastic.twist_equilibrium(),
-        elastic.bar_compatibility(),
-        elastic.load(),
+        mixed.base_equilibrium(),
+        mixed.twist_equilibrium(),
+        mixed.bar_compatibility(),
+        mixed.load(),
     )
     assert [sp.simplify(form.subs(zero)) for form in forms] == [0, 0, 0, 0]
 
 
 def test_equations_hold_no_trigonometry():
-    forms = (elastic.base_equilibrium(), elastic.twist_equilibrium(), elastic.load())
+    forms = (mixed.base_equilibrium(), mixed.twist_equilibrium(), mixed.load())
     assert not any(form.has(sp.sin, sp.cos, sp.atan) for form in forms)
 
 
