@@ -150,6 +150,15 @@ def tension():
     return force.subs(current) + preload
 
 
+@cache
+def half_turn():
+    """tan(delta/2) from the self-stressed state, in r and `PARAMETERS` without preload."""
+    sine, versine = turn()
+    tangent = sp.cancel(sine / (2 - versine))
+    tangent = tangent.subs(root, sp.sqrt(sp.Max(above_lock * below_stretch, 0)))
+    return tangent.subs({symbol: form for symbol, form, _ in THROUGH})
+
+
 # --- what the numbers are, in terms of the prism ---------------------------------------------
 
 

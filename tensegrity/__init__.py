@@ -13,10 +13,12 @@ from tensegrity.lattice import Chain, State
 from tensegrity.potential import Potential, PowerLaw
 from tensegrity.prism import Prism
 from tensegrity.record import Record
+from tensegrity.response import EquilibriumPath, equilibrium_path
 
 __all__ = [
     "Chain",
     "EquilibriumError",
+    "EquilibriumPath",
     "LockingError",
     "NoLocking",
     "Potential",
@@ -28,5 +30,6 @@ __all__ = [
     "StabilityError",
     "State",
     "TensegrityError",
+    "equilibrium_path",
     "simulate",
 ]

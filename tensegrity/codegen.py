@@ -43,7 +43,7 @@ class Law:
     through: tuple[tuple[sp.Symbol, sp.Expr, sp.Expr], ...] = ()
 
 
-def _to_casadi(expression, symbols):
+def to_casadi(expression, symbols):
     """A SymPy expression as a function of CasADi SX symbols, common subexpressions kept."""
     import casadi as ca
     import sympy as sp
@@ -80,7 +80,7 @@ def functions(law):
 
     def sx(expression):
         known = (*values, *ca.vertsplit(y)) if passed else values
-        return ca.SX(_to_casadi(expression, (*symbols, *passed))(*known))
+        return ca.SX(to_casadi(expression, (*symbols, *passed))(*known))
 
     y_of_r = ca.vertcat(*(sx(value) for _, value, _ in law.through))
     y_rate = ca.vertcat(*(sx(rate) for _, _, rate in law.through))

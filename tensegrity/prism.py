@@ -126,18 +126,18 @@ class Prism:
         Potential
             V(r) = U(h1 + r) - U(h1) + F0 r about the loaded height h1, which is its `length`.
             Its domain ends where the bars meet (twist pi) or the prism is flat (height 0), and
-            where it is stretched to twist 0.
+            where it is stretched to twist 0; with elastic members see `ElasticPotential`.
 
         Raises
         ------
         EquilibriumError
             If no equilibrium on the branch of the reference state carries the preload.
         """
-        if not self.is_rigid:
-            raise TensegrityError(
-                "the potential of a prism with elastic bases or bars is not available"
-            )
         preload = check.number("preload", preload, least=0, unit="N")
+        if not self.is_rigid:
+            from tensegrity.condensed import ElasticPotential
+
+            return ElasticPotential(self, preload)
         unloaded = self._potential_at(self.height, 0.0)
         if preload == 0:
             return unloaded

@@ -1,0 +1,349 @@
+"""A whole force-displacement curve with its fold, against AUTO-07p and plain loops.
+
+The prism that collapses flat, from its reference down to a low height.  Every method gives rows
+(height, load); one cubic spline through them is compared with the potential on a fine grid of
+heights, so that a method may take as few points as its curve needs.  Each is run over a range of
+its own step control: time against interpolated error.  AUTO-07p gets its equations and their
+Jacobian as Fortran written from the same energy; it runs where `auto-07p` and gfortran are found.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from tensegrity import Prism
+from tensegrity.condensed import numbers, problem
+from tensegrity.continuation import Settings, trace
+
+PRISM = Prism(1.0, 0.5, 0.4, 1.0, 2.0, 20.0)
+LOWEST = 0.05
+TOLERANCES = 10.0 ** -np.arange(4.0, 13.0)
+STEPS = (0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002)
+EQUAL = 1e-7  # interpolated error, relative to the largest load, at which times are compared
+ROUNDS = 7
+AUTO = Path("/usr/lib/auto-07p")
+
+
+def error(height, load):
+    """Largest error of a cubic spline through the rows, over the largest load."""
+    from scipy.interpolate import CubicSpline
+
+    order = np.argsort(height)
+    height, load = np.asarray(height)[order], np.asarray(load)[order]
+    kept = np.concatenate([[True], np.diff(height) > 0])
+    dense = np.linspace(LOWEST, PRISM.height, 4001)
+    exact = -PRISM.potential().tension(dense - PRISM.height)
+    return np.abs(CubicSpline(height[kept], load[kept])(dense) - exact).max() / exact.max()
+
+
+def ours(tolerance):
+    p = numbers(PRISM, LOWEST)
+    settings = Settings(tolerance=tolerance)
+    branch = trace(problem(), np.zeros(4), p, settings, direction=-1, stop=("height",))
+    return branch.height, branch.load
+
+
+# --- plain loops in (l, phi, h, load): tangent predictor, fixed steps ------------------------
+
+
+def _plain():
+    """Gradient of U(l, phi, h) plus load, and its Jacobian, as SymPy expressions of numbers."""
+    import sympy as sp
+
+    from derivations import prism as derived
+
+    load = sp.Symbol("F")
+    unknowns = (derived.base, derived.twist, derived.height, load)
+    cross, base, bar = PRISM.natural_lengths()
+    energy = derived.energy().subs(
+        {
+            derived.k_cross: PRISM.k_cross, derived.k_base: PRISM.k_base,
+            derived.k_bar: PRISM.k_bar, derived.natural_cross: cross,
+            derived.natural_base: base, derived.natural_bar: bar,
+        }
+    )  # fmt: skip
+    gradient = sp.Matrix([sp.diff(energy, x) for x in unknowns[:3]]) + sp.Matrix([0, 0, load])
+    return unknowns, gradient, gradient.jacobian(unknowns)
+
+
+START = np.array([PRISM.base, 5 * np.pi / 6, PRISM.height, 0.0])
+
+
+def scipy_loop(equations, step):
+    """One call of scipy.optimize.root a point, exact Jacobian."""
+    from scipy.optimize import root
+
+    g, jacobian = equations
+    z, tangent = START, np.array([0.0, 0.0, -1.0, 0.0])
+    rows = [z]
+    while z[2] > LOWEST:
+        matrix = np.vstack([jacobian(*z), tangent])
+        tangent = np.linalg.solve(matrix, [0, 0, 0, 1])
+        tangent /= np.linalg.norm(tangent)
+        guess = z + step * tangent
+        z = root(
+            lambda x, t=tangent, y=guess: np.append(g(*x), t @ (x - y)), guess,
+            jac=lambda x, t=tangent: np.vstack([jacobian(*x), t]), tol=1e-12,
+        ).x  # fmt: skip
+        rows.append(z)
+    rows = np.array(rows)
+    return rows[:, 2], rows[:, 3]
+
+
+def casadi_loop(functions, step):
+    """Newton in NumPy, residual and Jacobian from CasADi's machine by ordinary calls."""
+    z, tangent = START, np.array([0.0, 0.0, -1.0, 0.0])
+    rows = [z]
+    while z[2] > LOWEST:
+        matrix = np.vstack([np.array(functions(z)[1]), tangent])
+        tangent = np.linalg.solve(matrix, [0, 0, 0, 1])
+        tangent /= np.linalg.norm(tangent)
+        guess = z = z + step * tangent
+        for _ in range(10):
+            g, jacobian = (np.array(x) for x in functions(z))
+            system = np.append(g.ravel(), tangent @ (z - guess))
+            move = np.linalg.solve(np.vstack([jacobian, tangent]), system)
+            z = z - move
+            if np.abs(move).max() < 1e-12:
+                break
+        rows.append(z)
+    rows = np.array(rows)
+    return rows[:, 2], rows[:, 3]
+
+
+def plain_functions():
+    import casadi as ca
+    import sympy as sp
+
+    from tensegrity.codegen import to_casadi
+
+    unknowns, gradient, jacobian = _plain()
+    g = sp.lambdify(unknowns, list(gradient), "math", cse=True)
+    dg = sp.lambdify(unknowns, jacobian.tolist(), "math", cse=True)
+    z = ca.SX.sym("z", 4)
+    residual = ca.vertcat(*to_casadi(list(gradient), unknowns)(*ca.vertsplit(z)))
+    vm = ca.Function("plain", [z], [residual, ca.jacobian(residual, z)])
+    return (lambda *x: np.array(g(*x)), lambda *x: np.array(dg(*x))), vm
+
+
+# --- AUTO-07p --------------------------------------------------------------------------------
+
+SOURCE = """
+      SUBROUTINE FUNC(NDIM,U,ICP,PAR,IJAC,F,DFDU,DFDP)
+      IMPLICIT NONE
+      INTEGER, INTENT(IN) :: NDIM, ICP(*), IJAC
+      DOUBLE PRECISION, INTENT(IN) :: U(NDIM), PAR(*)
+      DOUBLE PRECISION, INTENT(OUT) :: F(NDIM)
+      DOUBLE PRECISION, INTENT(INOUT) :: DFDU(NDIM,NDIM), DFDP(NDIM,*)
+      DOUBLE PRECISION {locals}
+{residual}
+      IF (IJAC.EQ.0) RETURN
+{jacobian}
+      IF (IJAC.EQ.1) RETURN
+      DFDP(1,1) = 0
+      DFDP(2,1) = 0
+      DFDP(3,1) = 1
+      END SUBROUTINE FUNC
+
+      SUBROUTINE STPNT(NDIM,U,PAR,T)
+      IMPLICIT NONE
+      INTEGER, INTENT(IN) :: NDIM
+      DOUBLE PRECISION, INTENT(INOUT) :: U(NDIM), PAR(*)
+      DOUBLE PRECISION, INTENT(IN) :: T
+      PAR(1) = 0
+      PAR(2) = {height!r}D0
+      U(1) = {base!r}D0
+      U(2) = {twist!r}D0
+      U(3) = {height!r}D0
+      END SUBROUTINE STPNT
+
+      SUBROUTINE PVLS(NDIM,U,PAR)
+      IMPLICIT NONE
+      INTEGER, INTENT(IN) :: NDIM
+      DOUBLE PRECISION, INTENT(IN) :: U(NDIM)
+      DOUBLE PRECISION, INTENT(INOUT) :: PAR(*)
+      PAR(2) = U(3)
+      END SUBROUTINE PVLS
+
+      SUBROUTINE BCND
+      END SUBROUTINE BCND
+      SUBROUTINE ICND
+      END SUBROUTINE ICND
+      SUBROUTINE FOPT
+      END SUBROUTINE FOPT
+"""
+
+CONSTANTS = """NDIM = 3
+IPS = 1
+IRS = 0
+ILP = 1
+ICP = [1, 2]
+NTST = 1
+NCOL = 4
+IAD = 3
+ISP = 0
+ISW = 1
+IPLT = 0
+NBC = 0
+NINT = 0
+NMX = 5000
+NPR = 5000
+MXBF = 0
+IID = 0
+ITMX = 8
+ITNW = 7
+NWTN = 3
+JAC = 1
+EPSL = 1e-10
+EPSU = 1e-10
+EPSS = 1e-8
+DS = {first}
+DSMIN = 1e-7
+DSMAX = {largest}
+IADS = 1
+NPAR = 2
+THL = {{1: 1.0}}
+THU = {{}}
+RL0 = -10
+RL1 = 10
+A0 = 0
+A1 = 100
+UZSTOP = {{2: {lowest}}}
+"""
+
+
+def build_auto(folder):
+    """Compile AUTO with these equations; the program's path."""
+    import sympy as sp
+
+    unknowns, gradient, jacobian = _plain()
+    shared, forms = sp.cse([*gradient, *jacobian[:, :3]])
+    names = {symbol: sp.Symbol(f"U({i + 1})") for i, symbol in enumerate(unknowns[:3])}
+    names[unknowns[3]] = sp.Symbol("PAR(1)")
+
+    def line(target, expression):
+        expression = expression.subs(names).subs(sp.pi, sp.Float(np.pi, 17))
+        text = sp.fcode(expression, source_format="free", standard=95, precision=17)
+        return f"      {target} = {text}"
+
+    def needed(expressions):
+        """The shared terms that some expressions use, in order."""
+        wanted, found = set().union(*(e.free_symbols for e in expressions)), []
+        for symbol, term in reversed(shared):
+            if symbol in wanted:
+                wanted |= term.free_symbols
+                found.append((symbol, term))
+        return found[::-1]
+
+    first = needed(forms[:3])
+    later = [pair for pair in needed(forms[3:]) if pair not in first]
+    residual = [line(s, t) for s, t in first]
+    residual += [line(f"F({i + 1})", form) for i, form in enumerate(forms[:3])]
+    rest = [line(s, t) for s, t in later]
+    rest += [line(f"DFDU({i // 3 + 1},{i % 3 + 1})", form) for i, form in enumerate(forms[3:])]
+    text = SOURCE.format(
+        locals=", ".join(str(s) for s, _ in shared),
+        residual="\n".join(residual),
+        jacobian="\n".join(rest),
+        base=PRISM.base,
+        height=PRISM.height,
+        twist=float(START[1]),
+    )
+    (folder / "prism.f90").write_text(text)
+    objects = sorted(str(x) for x in (AUTO / "lib").glob("*.o"))
+    flags = ["-O3", "-march=native", "-fopenmp", "-w", "-ffree-line-length-none"]
+    command = ["gfortran", *flags, "prism.f90", *objects, "-o", "prism"]
+    subprocess.run(command, cwd=folder, check=True, capture_output=True, text=True)
+    return folder / "prism"
+
+
+def run_auto(program, largest):
+    """Rows, and seconds: as a process, and inside the program as it prints them."""
+    folder = program.parent
+    first = min(0.01, largest)
+    constants = CONSTANTS.format(first=first, largest=largest, lowest=LOWEST)
+    (folder / "fort.2").write_text(constants)
+    environment = os.environ | {"AUTO_DIR": str(AUTO), "OMP_NUM_THREADS": "1"}
+    started = time.perf_counter()
+    answer = subprocess.run(
+        [str(program)], cwd=folder, check=True, capture_output=True, text=True, env=environment
+    )
+    whole = time.perf_counter() - started
+    inside = float(re.search(r"Total Time\s+([\d.E+-]+)", answer.stdout).group(1))
+    rows = [x.split() for x in (folder / "fort.7").read_text().splitlines()]
+    rows = np.array([[float(x) for x in row] for row in rows if row and row[0] != "0"])
+    return (rows[:, 8], rows[:, 4]), inside, whole
+
+
+# --- the comparison --------------------------------------------------------------------------
+
+
+def best(call, rounds=ROUNDS):
+    """Shortest of several calls [s], and what the last one returned."""
+    times = []
+    for _ in range(rounds):
+        started = time.perf_counter()
+        result = call()
+        times.append(time.perf_counter() - started)
+    return min(times), result
+
+
+def at_equal_error(rows):
+    """Shortest time with an error of at most `EQUAL`; nan where none is that good."""
+    return min((row[3] for row in rows if row[2] <= EQUAL), default=float("nan"))
+
+
+def measure():
+    """{method: rows of (setting, points, interpolated error, seconds)}."""
+    scipy_functions, vm = plain_functions()
+    loops = {
+        "this": (ours, TOLERANCES),
+        "casadi machine + numpy": (lambda step: casadi_loop(vm, step), STEPS),
+        "scipy root": (lambda step: scipy_loop(scipy_functions, step), STEPS),
+    }
+    found = {}
+    for name, (method, settings) in loops.items():
+        found[name] = []
+        method(settings[0])
+        for setting in settings:
+            seconds, rows = best(lambda m=method, s=setting: m(s), ROUNDS if name == "this" else 2)
+            found[name].append((setting, len(rows[0]), error(*rows), seconds))
+    if shutil.which("auto-07p") and shutil.which("gfortran"):
+        with tempfile.TemporaryDirectory() as folder:
+            program = build_auto(Path(folder))
+            found["auto-07p inside"], found["auto-07p process"] = [], []
+            for setting in STEPS:
+                runs = [run_auto(program, setting) for _ in range(ROUNDS)]
+                rows = runs[-1][0]
+                for name, k in (("auto-07p inside", 1), ("auto-07p process", 2)):
+                    seconds = min(run[k] for run in runs)
+                    found[name].append((setting, len(rows[0]), error(*rows), seconds))
+    return found
+
+
+def main():
+    """Print time and interpolated error of every method, and times at equal error."""
+    found = measure()
+    print(
+        "one curve with its fold; time is the best of a few runs, on a machine that may be shared"
+    )
+    for name, rows in found.items():
+        print(f"\n{name}\n{'setting':>10}{'points':>8}{'error':>10}{'ms':>9}{'us/point':>10}")
+        for setting, points, wrong, seconds in rows:
+            each = seconds / points * 1e6
+            print(f"{setting:10.1e}{points:8d}{wrong:10.1e}{seconds * 1e3:9.3f}{each:10.1f}")
+    mine = at_equal_error(found["this"])
+    print(f"\nat an interpolated error of at most {EQUAL:g} of the largest load")
+    for name, rows in found.items():
+        seconds = at_equal_error(rows)
+        print(f"{name:>24}: {seconds * 1e3:8.3f} ms, {seconds / mine:6.2f} times this")
+    if "auto-07p inside" not in found:
+        print("auto-07p: not measured, it needs the programs auto-07p and gfortran")

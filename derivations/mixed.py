@@ -1,0 +1,160 @@
+"""Equilibrium of a prism with elastic bases or bars, in unknowns that suit any stiffness.
+
+The tension k (length - natural length) of a stiff member is lost to round-off when it is taken
+from coordinates.  So the tensions themselves are unknowns and the lengths follow from them,
+l = l0 + (change of tension)/k2 and b = b0 + (change of tension)/k3; at rigid members the
+compliance 1/k is zero and nothing else changes.  The twist enters by the tangent of half the
+turn from the reference, which leaves no trigonometry.  All unknowns are changes from the
+self-stressed state, and constants that cancel there are cancelled by the program.
+
+Lengths are in units of the base l0, forces in units of k1 l0.  The equations are the gradient of
+`prism.energy()` at fixed height (seeds/000, part III, "Elastic problem": g1 = g2 = 0) and the
+compatibility of the bars; the load is -dU/dh.
+"""
+
+from functools import cache
+
+import sympy as sp
+
+from derivations import prism
+from derivations.prism import base, height, twist
+
+base_tension, bar_tension = sp.symbols("y_2 y_3", real=True)  # changes of tension
+half_turn = sp.Symbol("tau", real=True)  # tan((phi - 5 pi/6)/2)
+rise = sp.Symbol("eta", real=True)  # h - h0
+UNKNOWNS = (base_tension, bar_tension, half_turn, rise)
+
+reference_height, prestrain = prism.reference_height, prism.prestrain
+base_compliance, bar_compliance = sp.symbols("c_2 c_3", nonnegative=True)  # k1/k2, k1/k3
+PARAMETERS = (reference_height, prestrain, base_compliance, bar_compliance)
+
+_pull_1, _pull_2, _pull_3 = sp.symbols("t_1 t_2 t_3", real=True)  # tensions of one member
+_cross, _bar = sp.symbols("s b", positive=True)
+_UNITS = {prism.k_cross: 1}
+
+
+def _turned(expression):
+    """With the twist written as the reference plus a turn, in terms of tan of half of it."""
+    turn = sp.Symbol("delta", real=True)
+    sine, versine = sp.symbols("sigma nu", real=True)
+    expression = sp.expand(sp.expand_trig(expression.subs(twist, prism.REFERENCE_TWIST + turn)))
+    expression = expression.subs({sp.cos(turn): 1 - versine, sp.sin(turn): sine})
+    square = 1 + half_turn**2
+    return sp.expand(expression), {sine: 2 * half_turn / square, versine: 2 * half_turn**2 / square}
+
+
+@cache
+def gain(squared):
+    """A squared length less its reference value, every term small where the unknowns are."""
+    wider, higher = sp.symbols("Lambda Z", real=True)  # l^2 - 1, h^2 - h0^2
+    expression, turned = _turned(squared)
+    expression = expression.subs({base**2: 1 + wider, height**2: reference_height**2 + higher})
+    reference = prism.at_reference(squared).subs(base, 1)
+    widened = base_compliance * base_tension
+    known = {wider: widened * (2 + widened), higher: rise * (2 * reference_height + rise)}
+    return sp.expand(expression - reference).subs(known | turned)
+
+
+def reference_length(squared):
+    return sp.sqrt(prism.at_reference(squared).subs(base, 1))
+
+
+@cache
+def reference_tensions():
+    """(cross, base, bar) tensions of one member in the self-stressed state; no stiffness left."""
+    cross, base_length, bar = prism.natural_lengths()
+    lengths = (prism.cross_length(), base, prism.bar_length())
+    pulls = (
+        k * (prism.at_reference(length) - natural)
+        for k, length, natural in zip(
+            (prism.k_cross, prism.k_base, prism.k_bar),
+            lengths,
+            (cross, base_length, bar),
+            strict=True,
+        )
+    )
+    return tuple(sp.factor(sp.expand(pull)).subs(_UNITS | {base: 1}) for pull in pulls)
+
+
+@cache
+def _gradient(coordinate):
+    """dU/d(coordinate) with each natural length replaced by length less tension over stiffness."""
+    s, b = prism.cross_length(), prism.bar_length()
+    derivative = sp.diff(prism.energy(), coordinate).subs(
+        {
+            prism.natural_cross: s - _pull_1 / prism.k_cross,
+            prism.natural_base: base - _pull_2 / prism.k_base,
+            prism.natural_bar: b - _pull_3 / prism.k_bar,
+        }
+    )
+    return sp.expand(sp.expand(derivative).subs({s: _cross, b: _bar}))
+
+
+def lengths():
+    """(cross, base, bar) in terms of the unknowns; the bar's from its tension."""
+    cross = prism.cross_length_squared()
+    return (
+        sp.sqrt(reference_length(cross) ** 2 + gain(cross)),
+        1 + base_compliance * base_tension,
+        reference_length(prism.bar_length_squared()) + bar_compliance * bar_tension,
+    )
+
+
+def tension_changes():
+    """(cross, base, bar) tensions less those of the self-stressed state."""
+    squared = prism.cross_length_squared()
+    return (
+        gain(squared) / (lengths()[0] + reference_length(squared)),
+        base_tension,
+        bar_tension,
+    )
+
+
+def tensions():
+    """(cross, base, bar) tension of one member."""
+    return tuple(
+        start + change
+        for start, change in zip(reference_tensions(), tension_changes(), strict=True)
+    )
+
+
+def _in_unknowns(derivative):
+    expression, turned = _turned(derivative)
+    cross, width, bar = lengths()
+    known = dict(zip((_pull_1, _pull_2, _pull_3), tensions(), strict=True))
+    known |= {_cross: cross, _bar: bar, base: width, height: reference_height + rise}
+    return expression.subs(known | turned)
+
+
+def base_equilibrium():
+    """dU/dl."""
+    return _in_unknowns(_gradient(base))
+
+
+def twist_equilibrium():
+    """dU/d phi."""
+    return _in_unknowns(_gradient(twist))
+
+
+def bar_compatibility():
+    """b^2 from the coordinates less b^2 from the bar's tension."""
+    longer = bar_compliance * bar_tension
+    bar = reference_length(prism.bar_length_squared())
+    return gain(prism.bar_length_squared()) - longer * (2 * bar + longer)
+
+
+def load():
+    """Total axial load -dU/dh, compression > 0."""
+    return -_in_unknowns(_gradient(height))
+
+
+def stored_energy():
+    """U - U0, of the tensions and their changes so that its error vanishes with them."""
+    members = zip(
+        (3, 6, 3),
+        (1, base_compliance, bar_compliance),
+        tension_changes(),
+        reference_tensions(),
+        strict=True,
+    )
+    return sum(n * c * change * (change + 2 * start) / 2 for n, c, change, start in members)

@@ -1,0 +1,239 @@
+"""One step of a continuation as fast functions: predict, correct, tangent, event functions.
+
+The expressions of a problem become CasADi functions in scaled unknowns asinh(unknown/scale).  A
+step is one function, compiled where there is a compiler; the Newton step on the system of an
+event is made when it is first needed.  The arrays these functions work on are fixed: two threads
+must not trace the same problem at once.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tensegrity.native import CompilerError, library
+
+ITERATIONS = 3  # Newton iterations in a step
+POLISH = 20  # iterations that locate an event
+TINY = 1e-300  # keeps quotients of zeros finite
+
+
+class Machine:
+    """The CasADi functions of a problem, in scaled unknowns asinh(unknown/scale)."""
+
+    def __init__(self, problem):
+        import casadi as ca
+
+        m, p, scale = len(problem.unknowns), problem.p, ca.DM(problem.scale)
+        z = ca.SX.sym("z", m)
+
+        def scaled(expression):
+            return ca.substitute(ca.SX(expression), problem.z, scale * ca.sinh(z))
+
+        g = scaled(problem.residual)
+        jacobian = ca.jacobian(g, z)
+        size = scaled(problem.size) if problem.size is not None else ca.SX.ones(m - 1)
+        roots = ca.vertcat(*(scaled(e) for e in problem.roots.values()))
+        folds = [scaled(e) for e in problem.folds.values()]
+        values = ca.vertcat(*(scaled(e) for e in problem.values.values()))
+        slopes = [ca.gradient(f, z) / (ca.norm_2(ca.gradient(f, z)) + TINY) for f in folds]
+        self.m, self.roots, self.folds = m, tuple(problem.roots), tuple(problem.folds)
+        self.values = ca.Function("values", [z, p], [values])
+        linear = ca.Function("linear", [z, p], [g, jacobian])
+        judge = ca.Function("judge", [z, p], [g / size, roots, *slopes])
+        self._advance = _Fast("advance", *_advance(m, p, linear, judge), compiled=True)
+        self._linear = _Fast("linear", [z, p], ca.vertcat(g, ca.vec(ca.densify(jacobian))))
+        self.kinds = (*self.roots, *self.folds)
+        self._systems = (
+            {
+                name: ([z], ca.vertcat(g, root))
+                for name, root in zip(self.roots, ca.vertsplit(roots), strict=True)
+            }
+            if self.roots
+            else {}
+        )
+        tangent, normal = ca.SX.sym("tangent", m), ca.SX.sym("normal", m)
+        stretched = ca.dot(normal, tangent) - 1
+        for name, slope in zip(self.folds, slopes, strict=True):
+            system = ca.vertcat(g, jacobian @ tangent, ca.dot(slope, tangent), stretched)
+            self._systems[name] = ([ca.vertcat(z, tangent), normal], system)
+        self._p, self._newton = p, {}
+
+    def _newton_step(self, kind):
+        """One Newton step on the system of an event, made when it is first needed."""
+        import casadi as ca
+
+        if kind not in self._newton:
+            (x, *normal), system = self._systems[kind]
+            step = x - ca.solve(ca.jacobian(system, x), system)
+            self._newton[kind] = _Fast("newton", [x, *normal, self._p], step, compiled=True)
+        return self._newton[kind]
+
+    def advance(self, before, here, step, p):
+        """The point `step` beyond `here`, and the figures by which it is judged."""
+        m = self.m
+        given, numbers = self._advance.arguments
+        given[:m], given[m : 2 * m] = before.z, before.tangent
+        given[2 * m : 3 * m], given[3 * m : 4 * m] = here.z, here.tangent
+        given[4 * m], given[4 * m + 1] = here.length, step
+        numbers[: len(p)] = p
+        self._advance._call()
+        out = self._advance.result
+        z, tangent = out[:m].copy(), out[m : 2 * m].copy()
+        missed, moved, last, residual, cosine, length, side, *tests = out[2 * m :].tolist()
+        return Point(z, tangent, length, residual, side, tests), (missed, moved, last, cosine)
+
+    def at(self, z, tangent, p):
+        """The point of the branch next to z in the plane normal to `tangent`."""
+        here = Point(z, tangent, 1.0, 0.0, 0.0, [])
+        return self.advance(virtual_start(here), here, 0.0, p)[0]
+
+    def linearised(self, z, p):
+        """Residual and Jacobian."""
+        values = self._linear(z, p)
+        m = self.m
+        return values[: m - 1], values[m - 1 :].reshape(m, m - 1).T
+
+    def polish(self, kind, z, tangent, p):
+        """Newton's method on the system extended by an event; the point, or None."""
+        step, normal = self._newton_step(kind), [tangent] if kind in self.folds else []
+        x = np.concatenate([z, *normal])
+        previous = math.inf
+        for _ in range(POLISH):
+            new = step(x, *normal, p).copy()
+            moved = float(np.max(np.abs(new - x) / (1 + np.abs(new))))
+            if not math.isfinite(moved):
+                return None
+            x = new
+            if moved <= 1e-15 or (moved < 1e-11 and moved >= previous / 4):
+                return x[: self.m]
+            previous = moved
+        return None
+
+
+@dataclass
+class Point:
+    """A point of a branch, with the length of the step to it and its event functions.
+
+    `side` is the determinant of the Jacobian bordered by a tangent.  It changes its sign at a
+    simple bifurcation, and between a branch and one that nearly meets it.
+    """
+
+    z: np.ndarray
+    tangent: np.ndarray
+    length: float
+    residual: float
+    side: float
+    tests: list
+
+
+class _Fast:
+    """A function of vectors with one vector as its result, called in about a microsecond.
+
+    It reads and writes fixed arrays, compiled or, without a compiler, on CasADi's machine; an
+    ordinary call of a CasADi function takes 20 us.
+    """
+
+    def __init__(self, name, inputs, output, compiled=False):
+        import casadi as ca
+
+        function = ca.Function(name, inputs, [ca.densify(output)])
+        self.arguments = [np.zeros(max(function.numel_in(i), 1)) for i in range(function.n_in())]
+        self.result = np.zeros(function.numel_out(0))
+        try:
+            self._call = self._compiled(function) if compiled else self._interpreted(function)
+        except CompilerError:
+            self._call = self._interpreted(function)
+
+    def _interpreted(self, function):
+        self._buffer, call = function.buffer()  # kept: the process dies without it
+        for i, argument in enumerate(self.arguments):
+            self._buffer.set_arg(i, memoryview(argument))
+        self._buffer.set_res(0, memoryview(self.result))
+        return call
+
+    def _compiled(self, function):
+        import casadi as ca
+
+        generator = ca.CodeGenerator("step.c")
+        generator.add(function)
+        call = library(generator.dump())[function.name()]
+        call.argtypes = [ctypes.c_void_p] * 4 + [ctypes.c_int]
+        addresses = [x.ctypes.data for x in self.arguments]
+        self._arguments = (ctypes.c_void_p * len(addresses))(*addresses)
+        self._results = (ctypes.c_void_p * 1)(self.result.ctypes.data)
+        self._work = np.zeros(function.sz_w() + 1), np.zeros(function.sz_iw() + 1, dtype=np.int64)
+        given = (
+            ctypes.addressof(self._arguments),
+            ctypes.addressof(self._results),
+            self._work[1].ctypes.data,
+            self._work[0].ctypes.data,
+            0,
+        )
+        return lambda: call(*given)
+
+    def __call__(self, *values):
+        """The result, in an array that the next call overwrites."""
+        for argument, value in zip(self.arguments, values, strict=True):
+            argument[: len(value)] = value
+        self._call()
+        return self.result
+
+
+def _advance(m, p, at, judge):
+    """Predict, correct, tangent and tests as one function of (two points and steps, p)."""
+    import casadi as ca
+
+    given = ca.SX.sym("given", 4 * m + 2)
+    old, old_tangent, here, tangent = (given[i * m : (i + 1) * m] for i in range(4))
+    length, step = given[4 * m], given[4 * m + 1]
+
+    # Hermite's cubic through both points, continued to `step` beyond the second
+    t = step / length
+    slope = (here - old) / length
+    curve = tangent - slope
+    bend = (tangent + old_tangent - 2 * slope) * (1 + t)
+    guess = here + step * (tangent + t * (curve + bend))
+
+    z, moves = guess, []
+    border = ca.horzcat(tangent).T
+    for _ in range(ITERATIONS):
+        g, jacobian = at(z, p)
+        move = ca.solve(ca.vertcat(jacobian, border), ca.vertcat(g, ca.dot(tangent, z - guess)))
+        z = z - move
+        moves.append(ca.norm_inf(move))
+    g, jacobian = at(z, p)
+    new = ca.solve(ca.vertcat(jacobian, border), ca.vertcat(ca.SX.zeros(m - 1), 1))
+    new = new / ca.norm_2(new)
+    scaled, roots, *slopes = judge(z, p)
+    cosine = ca.dot(new, tangent)
+    missed = ca.norm_inf(z - guess)
+    arc = ca.norm_2(z - here) * (1 + (1 - cosine) / 12)  # chord to arc of a circle, order 4
+    side = _determinant(ca.vertcat(jacobian, border))
+    moved, residual = ca.norm_2(z - guess), ca.norm_inf(scaled)
+    tests = [roots, *(ca.dot(s, new) for s in slopes)]
+    out = ca.vertcat(z, new, missed, moved, moves[-1], residual, cosine, arc, side, *tests)
+    return [given, p], out
+
+
+def _determinant(matrix):
+    """Determinant of an SX matrix by Householder reflections."""
+    import casadi as ca
+
+    matrix, size, product = ca.SX(matrix), matrix.shape[0], 1
+    for k in range(size - 1):
+        mirror = matrix[k:, k]
+        diagonal = -ca.if_else(mirror[0] < 0, -1, 1) * ca.norm_2(mirror)
+        mirror[0] -= diagonal
+        share = 2 / (ca.dot(mirror, mirror) + TINY)
+        matrix[k:, k:] -= mirror @ (share * (mirror.T @ matrix[k:, k:]))
+        product = -product * diagonal
+    return product * matrix[size - 1, size - 1]
+
+
+def virtual_start(point, step=1.0):
+    """A point before the first one, such that the cubic becomes the tangent."""
+    return replace(point, z=point.z - step * point.tangent, length=step)

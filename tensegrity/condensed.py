@@ -1,0 +1,301 @@
+"""Prisms with elastic bases or bars: their equilibria at given height, and their potential.
+
+The equations of `derivations.mixed` as a problem for `tensegrity.continuation`, in units of
+the base and of k_cross times base: one set of CasADi functions serves every prism.  The
+potential eliminates tensions and twist at given height by Newton's method, started from a
+traced branch.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import numpy as np
+
+from tensegrity.codegen import to_casadi
+from tensegrity.continuation import Problem, Settings, trace
+from tensegrity.errors import EquilibriumError, LockingError, TensegrityError
+from tensegrity.potential import Potential
+
+UNKNOWNS = ("base tension", "bar tension", "half turn", "rise")
+ITERATIONS = 20
+ROUND_OFF = 1e-13
+
+
+@cache
+def _forms(rigid_base):
+    """What `derivations.mixed` gives, as CasADi expressions of unknowns z and parameters p."""
+    import casadi as ca
+
+    from derivations import mixed as derived
+
+    z, p = ca.SX.sym("z", 4 - rigid_base), ca.SX.sym("p", 6)
+    unknowns = (ca.SX(0), *ca.vertsplit(z)) if rigid_base else ca.vertsplit(z)
+    symbols = (*derived.UNKNOWNS, *derived.PARAMETERS)
+    forms = {
+        "base": derived.base_equilibrium(),
+        "twist": derived.twist_equilibrium(),
+        "bar": derived.bar_compatibility(),
+        "load": derived.load(),
+        "energy": derived.stored_energy(),
+    }
+    forms |= dict(zip(("cross_pull", "base_pull", "bar_pull"), derived.tensions(), strict=True))
+    forms |= dict(zip(("cross_length", "width", "bar_length"), derived.lengths(), strict=True))
+    values = to_casadi(list(forms.values()), symbols)(*unknowns, *ca.vertsplit(p)[:4])
+    found = {name: ca.SX(value) for name, value in zip(forms, values, strict=True)}
+    return z, p, found | {"half_turn": unknowns[2], "rise": unknowns[3]}
+
+
+@cache
+def problem(rigid_base=False):
+    """Equilibria of a prism as a branch, parametrised by the rise h - h0.
+
+    Unknowns: changes of the tension of a base string (absent if the bases are rigid) and of a
+    bar, tangent of half the turn, rise.  With rigid bars the bar's tension is the multiplier of
+    its constant length.  Parameters: h0, p0, k1/k2, k1/k3, and a height and a load at which to
+    end.  Events: contact (the cross strings unload at twist pi), unloaded (base strings and bars
+    unload at twist 2 pi/3), flat, height, load; fold, turn.
+    """
+    import casadi as ca
+
+    z, p, form = _forms(rigid_base)
+    pulls = ca.vertcat(form["cross_pull"], form["base_pull"], form["bar_pull"])
+    force = ca.norm_2(pulls) + 1e-300
+    names = ("twist", "bar") if rigid_base else ("base", "twist", "bar")
+    sizes = {"base": force, "twist": force, "bar": form["bar_length"] ** 2}
+    height = p[0] + form["rise"]
+    return Problem(
+        UNKNOWNS[rigid_base:],
+        z,
+        p,
+        ca.vertcat(*(form[name] for name in names)),
+        size=ca.vertcat(*(sizes[name] for name in names)),
+        roots={
+            "contact": form["cross_pull"],
+            "unloaded": form["bar_pull"] if rigid_base else form["base_pull"],
+            "flat": height,
+            "height": height - p[4],
+            "load": form["load"] - p[5],
+        },
+        folds={"fold": form["load"], "turn": form["rise"]},
+        values={
+            "height": height,
+            "twist": math.radians(150) + 2 * ca.atan(form["half_turn"]),
+            "base": form["width"],
+            "load": form["load"],
+        },
+    )
+
+
+def numbers(prism, height=-1.0, load=math.inf):
+    """Parameters of `problem` for a prism, with the height [m] and the load [N] at which to end."""
+    return [
+        prism.height / prism.base,
+        prism.prestrain,
+        prism.k_cross / prism.k_base,
+        prism.k_cross / prism.k_bar,
+        height / prism.base,
+        load / (prism.k_cross * prism.base),
+    ]
+
+
+@cache
+def _tangent(rigid_base):
+    """Symmetric tangent of the energy in (base, twist, bar tension, height).
+
+    The bar's tension is the multiplier of its compatibility, so one negative eigenvalue belongs
+    to it (Hellinger-Reissner); the base counts by its tension times the root of its stiffness.
+    """
+    import casadi as ca
+
+    z, p, form = _forms(rigid_base)
+    softness = ca.sqrt(p[2])
+    rows = [form["twist"], 3 * form["bar"] / (2 * form["bar_length"]), -form["load"]]
+    columns = [(1 + form["half_turn"] ** 2) / 2, 1, 1]
+    order = [1, 0, 2]  # columns of z: bar tension, half turn, rise
+    if not rigid_base:
+        rows, columns = [softness * form["base"], *rows], [1 / softness, *columns]
+        order = [0, 2, 1, 3]
+    matrix = ca.jacobian(ca.vertcat(*rows), z)[:, order] @ ca.diag(ca.vertcat(*columns))
+    # the equations take b from its tension; the energy takes it from the coordinates
+    multiplier = matrix[-2, :]
+    share = multiplier.T * form["bar_pull"] / (3 * form["bar_length"])
+    share[-2] = 0
+    return ca.Function("tangent", [z, p], [matrix - share @ multiplier])
+
+
+def stable(z, p, rigid_base):
+    """Whether equilibria are stable under given load, and under given height.
+
+    Parameters
+    ----------
+    z : ndarray, (rows, m)
+    p : sequence of float, (6,)
+    rigid_base : bool
+
+    Returns
+    -------
+    tuple of two ndarrays of bool, (rows,)
+    """
+    rows, m = z.shape
+    matrices = np.array(_tangent(rigid_base)(z.T, p)).reshape(m, rows, m).transpose(1, 0, 2)
+
+    def only_multiplier(part):
+        values = np.linalg.eigvalsh((part + part.transpose(0, 2, 1)) / 2)
+        return (values < -ROUND_OFF).sum(axis=1) == 1
+
+    return only_multiplier(matrices), only_multiplier(matrices[:, :-1, :-1])
+
+
+@cache
+def _inner(rigid_base):
+    """Newton step at given height, and energy with its derivatives in the height."""
+    import casadi as ca
+
+    z, p, form = _forms(rigid_base)
+    g = problem(rigid_base).residual
+    v, rise = z[:-1], z[-1]
+    move = ca.solve(ca.jacobian(g, v), g)
+    rate = ca.vertcat(-ca.solve(ca.jacobian(g, v), ca.jacobian(g, rise)), 1)
+    orders = [form["energy"], -form["load"]]
+    for _ in range(2):
+        orders.append(ca.jtimes(orders[-1], z, rate))
+    return (
+        ca.Function("step", [z, p], [ca.vertcat(v - move, rise)]),
+        [ca.Function("value", [z, p], [order]) for order in orders],
+    )
+
+
+class ElasticPotential(Potential):
+    """Potential of a prism with elastic bases or bars, twist and lengths in equilibrium.
+
+    Parameters
+    ----------
+    prism : Prism
+        With finite `k_base` or `k_bar`.
+    preload : float, optional
+        Axial load F0 at rest [N], compression > 0, >= 0.
+
+    The domain ends where the bars meet (twist pi), the prism is flat (height 0) or equilibrium
+    at given height turns unstable, and where base strings and bars unload (twist 2 pi/3).  The
+    tension is finite at these ends, so they belong to the domain.
+
+    Source: seeds/000, part III, "Elastic problem".
+    """
+
+    def __init__(self, prism, preload=0.0):
+        self._key_of = (prism, preload)
+        self._prism, self._preload = prism, preload
+        self._rigid_base = math.isinf(prism.k_base)
+        self._p = numbers(prism)
+        self._at_rest = self._loaded() if preload else self._zero()
+        rise, self._nodes, self._rates, end = self._traced()
+        self._rise = rise
+        base, start = prism.base, self._at_rest[-1]
+        self._length = float(prism.height + start * base)
+        self._domain = tuple(float(x - start) * base for x in (rise[0], rise[-1]))
+        self._ends = end, "base strings and bars are unloaded (twist 2 pi/3)"
+
+    def _loaded(self):
+        """Unknowns under the preload, on the branch of the reference up to its first fold."""
+        p = numbers(self._prism, load=self._preload)
+        stop = ("load", "fold", "contact", "flat")
+        branch = trace(problem(self._rigid_base), self._zero(), p, direction=-1, stop=stop)
+        if branch.end != "load":
+            largest = branch.load[-1] * self._prism.k_cross * self._prism.base
+            raise EquilibriumError(
+                f"preload {self._preload:g} N is beyond {largest:g} N, the largest axial load of "
+                f"this prism (at height {branch.height[-1] * self._prism.base:g} m)"
+            )
+        return branch.z[-1]
+
+    def _zero(self):
+        return np.zeros(4 - self._rigid_base)
+
+    def _traced(self):
+        """Rises in ascending order, asinh of the unknowns there, their rates, and the low end."""
+        of, settings = problem(self._rigid_base), Settings(tolerance=1e-7, largest=0.2)
+        stop = ("contact", "flat", "turn")
+        down = trace(of, self._zero(), self._p, settings, direction=-1, stop=stop)
+        reasons = {
+            "contact": "the bars meet (twist pi)",
+            "flat": "the prism is flat (height 0)",
+            "turn": "equilibrium at given height is lost",
+        }
+        end = reasons[down.end]
+        lost = [e.row for e in down.events if e.kind == "bifurcation"]
+        if lost:
+            down, end = down[: lost[0] + 1], "equilibrium at given height turns unstable"
+        up = trace(of, self._zero(), self._p, settings, direction=1, stop=("unloaded",))
+        z = np.concatenate([down.z[:0:-1], up.z])
+        tangents = np.concatenate([-down.tangent[:0:-1], up.tangent])
+        if down.end == "flat":
+            z[0, -1] = -self._p[0]  # exactly
+        tangents[:, -1] *= np.sqrt(1 + z[:, -1] ** 2)
+        return z[:, -1], np.arcsinh(z), tangents[:, :-1] / tangents[:, -1:], end
+
+    @property
+    def _law(self):
+        raise TensegrityError(
+            "the compiled chain loop takes no prism with elastic bases or bars: k_base and k_bar "
+            "must be inf there"
+        )
+
+    @property
+    def parameters(self):
+        """The prism's fields and the preload, {name: float}."""
+        names = ("base", "height", "prestrain", "k_cross", "k_base", "k_bar")
+        return {name: getattr(self._prism, name) for name in names} | {"preload": self._preload}
+
+    def states(self, r):
+        """Unknowns of the equilibria at elongations r [m], (r.size, m)."""
+        rise = self._at_rest[-1] + np.clip(r, *self._domain) / self._prism.base
+        rise = np.clip(rise, self._rise[0], self._rise[-1])
+        z = self._guess(rise).T
+        step, previous = _inner(self._rigid_base)[0], math.inf
+        for _ in range(ITERATIONS):
+            new = np.array(step(z, self._p)).reshape(z.shape)
+            moved = np.max(np.abs(new - z) / (1 + np.abs(z)), initial=0.0)
+            z = new
+            if moved <= 1e-15 or (moved <= 1e-11 and moved >= previous / 4):
+                return z.T
+            previous = moved
+        raise EquilibriumError(
+            f"no equilibrium found at heights {self._length + np.min(r):g} to "
+            f"{self._length + np.max(r):g} m: the last iteration moved {moved:.3g}"
+        )
+
+    def _guess(self, rise):
+        """Cubic interpolation of the traced branch."""
+        at = np.clip(np.searchsorted(self._rise, rise, side="right"), 1, len(self._rise) - 1)
+        length = self._rise[at] - self._rise[at - 1]
+        u = ((rise - self._rise[at - 1]) / length)[:, None]
+        w, length = 1 - u, length[:, None]
+        z = self._nodes[:, :-1]
+        z = w * w * (1 + 2 * u) * z[at - 1] + u * u * (1 + 2 * w) * z[at]
+        z = z + length * u * w * (w * self._rates[at - 1] - u * self._rates[at])
+        return np.column_stack([np.sinh(z), rise])
+
+    def _evaluate(self, order, r, closed=False):
+        r = np.asarray(r, dtype=float)
+        if np.isnan(r).any():
+            raise TensegrityError("elongation nan m is not a number")
+        low, high = self._domain
+        slack = 4 * np.finfo(float).eps * max(self._length, self._prism.height)
+        inside = (r >= low - slack) & (r <= high + slack)
+        if not inside.all():
+            raise LockingError(self.end_message(float(r[~inside].flat[0])))
+        if r.size == 0:
+            return np.empty(r.shape)
+        flat = r.reshape(-1)
+        value = _inner(self._rigid_base)[1][order]
+        result = np.array(value(self.states(flat).T, self._p)).reshape(r.shape)
+        result = result * self._prism.k_cross * self._prism.base ** (2 - order)
+        if order == 0:
+            rest = float(value(self._at_rest, self._p))
+            result = result - rest * self._prism.k_cross * self._prism.base**2 + self._preload * r
+        return result + self._preload if order == 1 else result
+
+    def _key(self):
+        return self._key_of

@@ -1,0 +1,111 @@
+"""Curves as tables: columns of equal length, and the events located on them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Event:
+    """A located point of a branch; the columns of the table are attributes of it too.
+
+    Attributes
+    ----------
+    kind : str
+    row : int
+        The last row before it (or at it).
+    at : dict of str to float
+        Value of each column.
+    note : str
+        What happens there, in words.
+    """
+
+    kind: str
+    row: int
+    at: dict = field(repr=False)
+    note: str = ""
+
+    def __getattr__(self, name):
+        if not name.startswith("_") and name in self.at:
+            return self.at[name]
+        raise AttributeError(f"event has no {name!r}, only {', '.join(self.at)}")
+
+    def __str__(self):
+        return f"{self.kind}: " + ", ".join(f"{k} {v:.6g}" for k, v in self.at.items())
+
+
+class Table:
+    """Columns of equal length along a curve, and the events on it.
+
+    Columns are attributes; `table[3]` is a row (a dict), a slice is a table, `len` counts rows.
+
+    Attributes
+    ----------
+    columns : dict of str to ndarray, (rows,)
+    events : tuple of Event
+    end : str
+        Why the curve ends there.
+    """
+
+    def __init__(self, columns, events, end):
+        self.columns, self.events, self.end = dict(columns), tuple(events), end
+
+    def __getattr__(self, name):
+        columns = self.__dict__.get("columns", {})
+        if name in columns:
+            return columns[name]
+        raise AttributeError(f"no column {name!r}, only {', '.join(columns)}")
+
+    def __len__(self):
+        return len(next(iter(self.columns.values())))
+
+    def __getitem__(self, key):
+        if not isinstance(key, slice):
+            return {name: column[key] for name, column in self.columns.items()}
+        rows = range(len(self))[key]
+        kept = {row: number for number, row in enumerate(rows)}
+        part = object.__new__(type(self))
+        part.__dict__.update(self.__dict__)
+        part.columns = {name: column[key] for name, column in self.columns.items()}
+        part.events = tuple(replace(e, row=kept[e.row]) for e in self.events if e.row in kept)
+        if len(self) - 1 not in kept:
+            part.end = "cut here"
+        return part
+
+    def __iter__(self):
+        return (self[row] for row in range(len(self)))
+
+    def __str__(self):
+        first, last = (
+            ", ".join(f"{name} {value:.6g}" for name, value in self[row].items())
+            for row in (0, len(self) - 1)
+        )
+        story = [f"{len(self)} rows", f"  from {first}", *(f"  {e}" for e in self.events)]
+        return "\n".join([*story, f"  to {last}", f"  ends: {self.end}"])
+
+    def __repr__(self):
+        kinds = ", ".join(e.kind for e in self.events) or "no events"
+        return f"{type(self).__name__}({len(self)} rows; {kinds})"
+
+    def to_csv(self, path):
+        """Write the columns with 17 digits, one header line."""
+        table = np.column_stack([np.asarray(c, dtype=float) for c in self.columns.values()])
+        header = ",".join(self.columns)
+        np.savetxt(path, table, fmt="%.17g", delimiter=",", header=header, comments="")
+
+    def plot(self, x, y, axes=None, labels=None):
+        """Draw one column against another with the events marked; returns the axes."""
+        if axes is None:
+            import matplotlib.pyplot as plt
+
+            axes = plt.figure().add_subplot()
+        axes.plot(self.columns[x], self.columns[y], "-", lw=1.5)
+        for kind in dict.fromkeys(e.kind for e in self.events):
+            found = [e.at for e in self.events if e.kind == kind]
+            axes.plot([e[x] for e in found], [e[y] for e in found], "o", ms=5, label=kind)
+        if self.events:
+            axes.legend(frameon=False)
+        axes.set(xlabel=(labels or {}).get(x, x), ylabel=(labels or {}).get(y, y))
+        return axes
