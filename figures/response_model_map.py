@@ -54,4 +54,6 @@ def draw(figure, tables):
         ylabel="prestrain of the cross strings",
     )  # fmt: skip
     figure.colorbar(marks, label="load at first tilt / largest load of the symmetric path")
-    axes.legend(loc="lower left", fontsize=8, frameon=True)
+    figure.legend(loc="outside upper left", ncols=2, fontsize=8)
+    axes.set_xticks([0.3, 0.5, 1, 2, 3], ["0.3", "0.5", "1", "2", "3"], minor=False)
+    axes.set_xticks([], minor=True)

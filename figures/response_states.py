@@ -31,6 +31,7 @@ def data(progress=iter):
 
 def draw(figure, tables):
     """Bars thick, strings thin, slack strings dashed."""
+    figure.set_size_inches(10, 3)
     table = tables["states"]
     for index, name in enumerate(STATES):
         height, twist, base, load = (table[x][index] for x in ("height", "twist", "base", "load"))

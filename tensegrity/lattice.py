@@ -76,6 +76,7 @@ class Chain:
         if isinstance(ends, str) or len(ends) != 2 or any(end not in ENDS for end in ends):
             raise TensegrityError(f"ends {ends!r} must be two of {ENDS}")
         self.ends = tuple(ends)
+        _ = self.segments  # refuses springs that the compiled loop cannot take
 
     def _springs(self, spring):
         if isinstance(spring, Potential):
