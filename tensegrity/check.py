@@ -39,7 +39,10 @@ def vector(name, value, shape):
     silent copy would hide that the loop does not work on the caller's memory.
     """
     if not isinstance(value, np.ndarray):
-        value = np.array(value, dtype=float)
+        try:
+            value = np.array(value, dtype=float)
+        except (TypeError, ValueError):
+            raise TensegrityError(f"{name} is not an array of numbers") from None
     if value.dtype != np.float64:
         raise TensegrityError(f"{name} has dtype {value.dtype}, must be float64")
     if value.shape != shape:

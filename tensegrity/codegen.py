@@ -12,6 +12,8 @@ from functools import cache
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
+from tensegrity.errors import TensegrityError
+
 if TYPE_CHECKING:
     import sympy as sp
 
@@ -44,18 +46,55 @@ class Law:
 
 
 def to_casadi(expression, symbols):
-    """A SymPy expression as a function of CasADi SX symbols, common subexpressions kept."""
+    """A SymPy expression, or a list of them, as a function of CasADi SX symbols.
+
+    Common subexpressions are kept.
+    """
     import casadi as ca
     import sympy as sp
 
+    choose, signum = sp.Function("choose"), sp.Function("signum")
+
+    def branches(*pairs):
+        result = sp.Integer(0)
+        for value, condition in reversed(pairs):
+            result = value if condition == True else choose(condition, value, result)  # noqa: E712
+        return result
+
+    own = [sp.Dummy(f"x{k}") for k in range(len(symbols))]  # a symbol may be called exp
+    renamed = dict(zip(symbols, own, strict=True))
+
+    def prepared(one):
+        one = sp.sympify(one).replace(sp.Piecewise, branches).replace(sp.sign, signum)
+        return one.xreplace(renamed)
+
+    if isinstance(expression, (list, tuple)):
+        expression = [prepared(one) for one in expression]
+    else:
+        expression = prepared(expression)
     names = {
         "Max": lambda *x: ca.fmax(*x),
         "Min": lambda *x: ca.fmin(*x),
         "Abs": ca.fabs,
         "Heaviside": lambda x, *_: x > 0,
         "ln": ca.log,
+        "choose": ca.if_else,
+        "signum": ca.sign,
     }
-    return sp.lambdify(symbols, expression, modules=[names, ca], cse=True)
+    return sp.lambdify(own, expression, modules=[names, ca], cse=True)
+
+
+def check_law(law):
+    """Refuse a law that cannot be translated, saying why."""
+    import sympy as sp
+
+    for constant in (sp.nan, sp.oo, -sp.oo, sp.zoo, sp.I):
+        if law.energy.has(constant):
+            raise TensegrityError(f"energy {law.energy} contains {constant}")
+    try:
+        functions(law)
+    except Exception as error:  # whatever SymPy's printer or CasADi raises at what it cannot do
+        raise TensegrityError(f"energy {law.energy} cannot be translated: {error}") from error
 
 
 @cache

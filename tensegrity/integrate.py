@@ -24,10 +24,12 @@ TRIAL = 0.5  # first step over the stability limit where a tolerance decides
 SHARE = 0.25  # of the energy, in one bond, for that first step
 REFINEMENTS = 8  # how often a step chosen here is refined
 BLOCK = 2_000_000  # bonds x stages x steps in one call of the loop: about 5 ms
-CHECKPOINTS = 16  # instants at which two runs are compared to estimate an error
+CHECKPOINTS = 17  # instants at which two runs are compared to estimate an error
 SAFETY = 0.5  # aim at this part of a tolerance
+FASTEST = 16.0  # largest refinement at once
 ROUND_OFF = 1e-14  # differences below this say nothing
-MOST_STEPS = 10**9
+MOST_STEPS = 10**12
+STUCK = 3  # refinements in a row that bring nothing: round-off is reached
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,18 +135,22 @@ def simulate(scene, state, t_end, *, method=None, dt=None, tol=None, record=None
         A spring reached an end of its domain; with `.run`, the part done.
     """
     started = time.perf_counter()
+    if not hasattr(scene, "check"):
+        raise TensegrityError(f"scene {scene!r} is not a scene, such as a Chain")
     scene.check(state)
     t_end = check.number("t_end", t_end, least=0, unit="s")
     if dt is not None and tol is not None:
         raise TensegrityError(f"dt {dt!r} s and tol {tol!r} exclude each other: give one")
-    method = methods.find(method or methods.default(dt, tol))
-    record = record or Record()
+    method = methods.find(methods.default(dt, tol) if method is None else method)
+    record = Record() if record is None else record
+    if not isinstance(record, Record):
+        raise TensegrityError(f"record {record!r} is not a Record")
     record.check(scene.sites)
     problem = _Problem(scene, state, t_end, method, record)
     if dt is not None:
         run = _fixed_step(problem, check.number("dt", dt, above=0, unit="s"))
     elif tol is not None:
-        run = _to_tolerance(problem, check.number("tol", tol, above=0))
+        run = _to_tolerance(problem, check.number("tol", tol, least=ROUND_OFF))
     else:
         run = _default_step(problem)
     return replace(run, wall_time=time.perf_counter() - started)
@@ -171,8 +177,7 @@ def _fixed_step(problem, dt):
             f"dt {dt:.6g} s is beyond {limit:.6g} s, the stability limit of "
             f"{problem.method.name} in the initial state"
         )
-    steps = math.ceil(problem.t_end / dt * (1 - 1e-12)) if problem.t_end else 0
-    return _march(problem, steps, allowed=1.0)[0]
+    return _march(problem, _count(problem, dt), allowed=1.0)[0]
 
 
 def _default_step(problem):
@@ -187,7 +192,18 @@ def _steps(problem, fraction, share=1.0):
     if not problem.t_end:
         return 0
     limit = problem.largest_step(stepping.expected_ranges(problem.scene, problem.state, share))
-    return max(math.ceil(problem.t_end / (fraction * limit)), CHECKPOINTS)
+    return max(_count(problem, fraction * limit), CHECKPOINTS)
+
+
+def _count(problem, dt):
+    """Number of steps, the largest not above dt; refused where no run could end."""
+    steps = problem.t_end / dt * (1 - 1e-12) if dt > 0 else math.inf
+    if steps > MOST_STEPS:
+        raise StabilityError(
+            f"t_end {problem.t_end:g} s takes {steps:.3g} steps of {dt:.3g} s, more than "
+            f"{MOST_STEPS:.0e}"
+        )
+    return math.ceil(steps)
 
 
 def _refined(problem, steps, allowed, checkpoints=0):
@@ -215,26 +231,32 @@ def _to_tolerance(problem, tol):
     steps = CHECKPOINTS * math.ceil(_steps(problem, TRIAL, SHARE) / CHECKPOINTS)
     if steps == 0:
         return _march(problem, 0, 1.0)[0]
-    trial = replace(problem, record=Record(every=steps, sites=(0,)))
+    trial = replace(problem, record=Record(sites=problem.record.sites))
     coarse_run, coarse = _refined(trial, steps, 1.0, CHECKPOINTS)
-    steps, last = coarse_run.steps, None
-    while True:
+    steps, last, stuck = coarse_run.steps, None, 0
+    run = coarse_run
+    while run.complete and coarse_run.complete:
         run, fine = _refined(problem, 2 * steps, 1.0, CHECKPOINTS)
-        difference = _difference(coarse, fine)
+        if not run.complete:
+            break
+        difference = _difference(coarse, fine, run)
         estimate = difference / _gain(order, last, 2 * steps, difference)
         if estimate <= SAFETY * tol or difference < ROUND_OFF:
             return replace(run, error_estimate=estimate)
-        if run.steps > MOST_STEPS:
+        stuck = stuck + 1 if last and difference > last[1] / 2 else 0
+        if stuck == STUCK:
             raise TensegrityError(
-                f"tol {tol:g} is below {estimate:.1e}, the error estimated with {run.steps} steps"
+                f"tol {tol:g} is below {difference:.1e}, the difference of two runs that "
+                f"{run.steps} steps, and fewer, do not make smaller"
             )
-        factor = (estimate / (SAFETY * tol)) ** (1 / order)
+        factor = min((estimate / (SAFETY * tol)) ** (1 / order), 2.0 if stuck else FASTEST)
         last = 2 * steps, difference
         if factor <= 2:  # the run just made serves as the coarse one
             steps, coarse = run.steps, fine
         else:
             steps = CHECKPOINTS * math.ceil(run.steps * factor / 2 / CHECKPOINTS)
-            coarse = _refined(trial, steps, 1.0, CHECKPOINTS)[1]
+            coarse_run, coarse = _refined(trial, steps, 1.0, CHECKPOINTS)
+    return run if coarse_run.complete else coarse_run
 
 
 def _gain(order, last, steps, difference):
@@ -248,11 +270,11 @@ def _gain(order, last, steps, difference):
     return 2**order - 1 if difference <= 2 * expected else 1
 
 
-def _difference(coarse, fine):
-    """Largest difference of two runs in u and in v, each over its own largest value."""
+def _difference(coarse, fine, run):
+    """Largest difference of two runs in u and in v, each over its own largest value in the run."""
     parts = []
     for name in ("u", "v"):
-        largest = np.max(np.abs(fine[name]))
+        largest = max(np.max(np.abs(fine[name])), np.max(np.abs(getattr(run, name))))
         gap = np.max(np.abs(coarse[name] - fine[name]))
         parts.append(gap / largest if largest else gap)
     return float(max(parts))

@@ -19,6 +19,7 @@ from tensegrity.kernel import Segments, kernel
 from tensegrity.potential import Potential
 
 ENDS = ("free", "fixed")
+SMALLEST_MASS = 1e-300  # kg: its inverse is still a number
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +74,7 @@ class Chain:
         self.sites = check.whole("sites", sites, least=2)
         self.springs = self._springs(spring)
         self.mass = self._masses(mass)
-        if isinstance(ends, str) or len(ends) != 2 or any(end not in ENDS for end in ends):
+        if not isinstance(ends, (tuple, list)) or len(ends) != 2 or not set(ends) <= set(ENDS):
             raise TensegrityError(f"ends {ends!r} must be two of {ENDS}")
         self.ends = tuple(ends)
         _ = self.segments  # refuses springs that the compiled loop cannot take
@@ -81,6 +82,8 @@ class Chain:
     def _springs(self, spring):
         if isinstance(spring, Potential):
             return (spring,) * (self.sites - 1)
+        if not isinstance(spring, Sequence):
+            raise TensegrityError(f"spring {spring!r} is not a Potential or a sequence of them")
         springs = tuple(spring)
         if len(springs) != self.sites - 1:
             raise TensegrityError(f"{len(springs)} springs for {self.sites - 1} bonds")
@@ -90,14 +93,19 @@ class Chain:
         return springs
 
     def _masses(self, mass):
-        given = np.asarray(mass, dtype=float)
+        try:
+            given = np.asarray(mass, dtype=float)
+        except (TypeError, ValueError):
+            raise TensegrityError(f"mass {mass!r} is not a number or a sequence of them") from None
         if given.ndim and given.shape != (self.sites,):
             raise TensegrityError(f"mass has shape {given.shape}, must be ({self.sites},)")
         masses = np.broadcast_to(given, (self.sites,)).copy()
-        bad = ~(np.isfinite(masses) & (masses > 0))
+        bad = ~(np.isfinite(masses) & (masses >= SMALLEST_MASS))
         if bad.any():
             site = int(np.flatnonzero(bad)[0])
-            raise TensegrityError(f"mass {masses[site]:g} kg of site {site} must be above 0")
+            raise TensegrityError(
+                f"mass {masses[site]:g} kg of site {site} must be at least {SMALLEST_MASS:g}"
+            )
         masses.flags.writeable = False
         return masses
 
@@ -137,6 +145,8 @@ class Chain:
 
     def at_rest(self, velocity: Mapping[int, float] | None = None) -> State:
         """The undeformed state, some sites given a velocity [m/s]: {site: velocity}."""
+        if not isinstance(velocity or {}, Mapping):
+            raise TensegrityError(f"velocity {velocity!r} must be a dict {{site: velocity}}")
         v = np.zeros(self.sites)
         for site, value in (velocity or {}).items():
             site = check.whole("site", site, least=0)
@@ -159,7 +169,9 @@ class Chain:
                     f"site {site} is fixed, but has displacement {state.u[site]:g} m and "
                     f"velocity {state.v[site]:g} m/s"
                 )
-        self.bond_energy(state.u)
+        energy = self.energy(state)  # refuses elongations out of domain
+        if not np.isfinite(energy):
+            raise TensegrityError(f"energy {energy} J of the state must be finite")
 
     def elongation(self, u):
         """r_j = u[j+1] - u[j] [m] along the last axis."""
@@ -184,7 +196,9 @@ class Chain:
 
     def energy(self, state):
         """Total energy [J]."""
-        return float(0.5 * np.sum(self.mass * state.v**2) + np.sum(self.bond_energy(state.u)))
+        with np.errstate(over="ignore"):  # to inf, which `check` refuses
+            kinetic = 0.5 * np.sum(self.mass * state.v**2)
+        return float(kinetic + np.sum(self.bond_energy(state.u)))
 
     def site_energy(self, u, v):
         """Kinetic energy of each site and half that of its bonds [J]; (..., sites)."""

@@ -48,8 +48,12 @@ class CompilerError(RuntimeError):
 
 def compilers():
     """Commands to try, in order: $CC alone where it is set, else cc, gcc, clang, zig's."""
-    if os.environ.get("CC"):
-        return (tuple(shlex.split(os.environ["CC"])),)
+    given = os.environ.get("CC", "").strip()
+    if given:
+        try:
+            return (tuple(shlex.split(given)),)
+        except ValueError as error:
+            raise CompilerError(f"CC {given!r}: {error}") from None
     found = tuple((path,) for name in ("cc", "gcc", "clang") if (path := shutil.which(name)))
     if not found and _has_zig():
         found = ((sys.executable, "-m", "ziglang", "cc"),)
@@ -67,11 +71,11 @@ def _identity(command):
     """What `command --version` says, or None where it cannot be run."""
     try:
         answer = subprocess.run(
-            [*command, "--version"], capture_output=True, text=True, timeout=60, check=True
+            [*command, "--version"], capture_output=True, timeout=60, check=True
         )
     except (OSError, subprocess.SubprocessError):
         return None
-    return answer.stdout
+    return answer.stdout.decode(errors="replace")
 
 
 @cache
@@ -166,14 +170,17 @@ def _load(text, command, identity, flags):
     entry = cache_folder() / key
     if not _intact(entry):
         _build(text, command, flags, entry)
-    return ctypes.CDLL(str(entry / LIBRARY))
+    try:
+        return ctypes.CDLL(str(entry / LIBRARY))
+    except OSError as error:
+        raise CompilerError(f"{shlex.join(command)} made what cannot be loaded: {error}") from error
 
 
 def _intact(entry):
     """Whether an entry is there and its library is the one that was built."""
     try:
         digest = hashlib.sha256((entry / LIBRARY).read_bytes()).hexdigest()
-        return digest == (entry / DIGEST).read_text()
+        return digest.encode() == (entry / DIGEST).read_bytes()
     except OSError:
         return False
 

@@ -1,17 +1,18 @@
 """Scalar potentials of a bond: energy, tension and stiffness against elongation.
 
-A potential is a law (what is compiled) with numbers for its parameters.  It is measured from
-an equilibrium: V(0) = V'(0) = 0, the preload included.
+A potential is a law (what is compiled) with numbers for its parameters.  Prisms and power laws
+are measured from their equilibrium under the preload: V(0) = V'(0) = 0.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
 from tensegrity import check
-from tensegrity.codegen import Law
+from tensegrity.codegen import Law, check_law
 from tensegrity.errors import LockingError, TensegrityError
 from tensegrity.kernel import kernel
 
@@ -22,7 +23,8 @@ class Potential:
     Parameters
     ----------
     energy : sympy.Expr
-        V(r) [J], in `elongation` and the symbols in `parameters`.
+        V(r) [J], in `elongation` and the symbols in `parameters`.  It is taken as given: for
+        a chain to be at rest at r = 0, V'(0) must be 0.
     elongation : sympy.Symbol
         r [m], extension > 0.
     parameters : dict, optional
@@ -52,18 +54,30 @@ class Potential:
         energy = sp.sympify(energy) if isinstance(energy, (int, float)) else energy
         if not isinstance(energy, sp.Expr):
             raise TensegrityError(f"energy {energy!r} is not a SymPy expression")
+        if not isinstance(parameters or {}, Mapping):
+            raise TensegrityError(f"parameters {parameters!r} must be a dict of numbers")
         given = {str(key): value for key, value in (parameters or {}).items()}
         symbols = sorted(energy.free_symbols - {elongation}, key=str)
-        missing = [str(s) for s in symbols if str(s) not in given]
+        names = [str(s) for s in symbols]
+        unknown = sorted(set(given) - set(names))
+        if unknown or len(set(names)) < len(names):
+            raise TensegrityError(
+                f"parameters {', '.join(unknown or names)}: each must name one symbol of the energy"
+            )
+        missing = [name for name in names if name not in given]
         if missing:
             raise TensegrityError(f"no value for the parameter {', '.join(missing)} of the energy")
         values = [check.number(f"parameter {s}", given[str(s)]) for s in symbols]
-        self._set(Law(energy, elongation, tuple(symbols)), values, length, domain)
+        law = Law(energy, elongation, tuple(symbols))
+        check_law(law)
+        self._set(law, values, length, domain)
 
     def _set(self, law, values, length, domain, ends=("lowest", "highest")):
         self._law = law
         self._values = np.array(values, dtype=float)
         self._length = None if length is None else check.number("length", length, above=0, unit="m")
+        if not isinstance(domain, (tuple, list, np.ndarray)) or len(domain) != 2:
+            raise TensegrityError(f"domain {domain!r} must be (lowest, highest) elongation")
         low, high = (check.number("domain end", x, finite=False) for x in domain)
         if not low < 0 < high:
             raise TensegrityError(f"domain ({low:g}, {high:g}) m must contain 0 m inside")
@@ -180,6 +194,11 @@ class PowerLaw(Potential):
     length : float, optional
         Distance of the masses at r = 0 [m].
 
+    Notes
+    -----
+    For n < 1 the stiffness has no bound where the contact opens: a run with a default step that
+    opens it keeps its energy to about 1e-3 only; ask for a `tol`.
+
     Source: seeds/000, part II, "Hertz interaction potentials".
     """
 
@@ -187,11 +206,18 @@ class PowerLaw(Potential):
         stiffness = check.number("stiffness", stiffness, above=0, unit="N/m^n")
         exponent = check.number("exponent", exponent, above=0)
         preload = check.number("preload", preload, least=0, unit="N")
-        overlap = (preload / stiffness) ** (1 / exponent)
+        try:
+            overlap = (preload / stiffness) ** (1 / exponent)
+        except OverflowError:
+            overlap = math.inf
+        overlap = check.number("overlap under the preload", overlap, unit="m")
         values = [stiffness, preload, overlap]
         domain = (-math.inf, math.inf)
         self._set(_power_law(exponent), values, length, domain)
         self.exponent = exponent
+
+
+SMALLEST = 1e-100  # overlap [m] from which a contact counts as closed
 
 
 def _power_law(exponent):
@@ -200,10 +226,8 @@ def _power_law(exponent):
     r = sp.Symbol("r", real=True)
     stiffness, preload, overlap = sp.symbols("stiffness preload overlap", real=True)
     n = sp.nsimplify(exponent, rational=True)
-
-    def stored(x):
-        return stiffness / (n + 1) * x ** (n + 1)
-
-    pressed = sp.Max(overlap - r, 0)
-    energy = stored(pressed) - stored(overlap) + preload * r
+    # The power never sees 0, where its higher derivatives are infinite: 0 times inf is no number.
+    closed = sp.Heaviside(overlap - r - SMALLEST)
+    pressed = closed * sp.Max(overlap - r, SMALLEST) ** (n + 1)
+    energy = stiffness / (n + 1) * (pressed - overlap ** (n + 1)) + preload * r
     return Law(energy, r, (stiffness, preload, overlap))

@@ -42,11 +42,15 @@ class Record:
         if self.every is not None:
             check.whole("every", self.every, least=1)
         if self.sites is not None:
-            kept = tuple(check.whole("site", int(s) if s == s else s, least=0) for s in self.sites)
+            if isinstance(self.sites, str) or not hasattr(self.sites, "__iter__"):
+                raise TensegrityError(f"sites {self.sites!r} must be a sequence of site numbers")
+            kept = tuple(check.whole("site", s, least=0) for s in self.sites)
             if not kept:
                 raise TensegrityError("sites is empty: nothing to record")
             object.__setattr__(self, "sites", kept)
         if self.path is not None:
+            if not isinstance(self.path, (str, os.PathLike)):
+                raise TensegrityError(f"path {self.path!r} is not a path")
             object.__setattr__(self, "path", Path(self.path))
 
     def check(self, sites):
@@ -77,6 +81,7 @@ class Record:
     def steps(self, total):
         """Numbers of the recorded steps of a run of `total` steps."""
         every = self.every or max(1, -(-total // INSTANTS))
+        _refuse_more(8 * (total // every + 2), _free_memory(), "memory")
         kept = np.arange(0, total + 1, every)
         return kept if kept[-1] == total else np.append(kept, total)
 

@@ -10,6 +10,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from tensegrity.errors import StabilityError
+
 DECADES = 16  # how far the search for the reachable elongations looks, up and down
 
 
@@ -52,7 +54,12 @@ def largest_stiffness(spring, low, high):
     close = np.logspace(-DECADES, 0, 20 * DECADES + 1)
     even = np.linspace(0, 1, 201)
     r = np.concatenate([low * close, low * even, high * close, high * even])
-    return max(float(np.max(spring.stiffness(r))), 0.0)
+    largest = float(np.max(spring.stiffness(r)))
+    if not np.isfinite(largest):
+        raise StabilityError(
+            f"stiffness {largest} N/m between elongations {low:g} m and {high:g} m must be finite"
+        )
+    return max(largest, 0.0)
 
 
 def frequency(chain, ranges):

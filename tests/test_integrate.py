@@ -12,6 +12,7 @@ from tensegrity import (
     LockingError,
     Potential,
     PowerLaw,
+    Prism,
     Record,
     StabilityError,
     TensegrityError,
@@ -145,6 +146,8 @@ def test_no_time_gives_the_initial_row():
         ({"tol": 0.0}, "tol"),
         ({"dt": 0.1, "tol": 1e-3}, "exclude"),
         ({"method": "euler"}, "method"),
+        ({"method": ""}, "method"),
+        ({"record": "run.npy"}, "not a Record"),
         ({"record": Record(sites=[0, 99])}, "site 99"),
     ],
 )
@@ -154,7 +157,14 @@ def test_impossible_runs_are_refused(options, name):
         simulate(chain, smooth_blow(chain), **{"t_end": 1.0, **options})
 
 
-@pytest.mark.parametrize("bad", [{"every": 0}, {"every": 1.5}, {"sites": []}, {"sites": [-1]}])
+BAD_RECORDS = [
+    *({"every": bad} for bad in (0, 1.5)),
+    *({"sites": bad} for bad in ([], [-1], [1.7], 3, "ab", ["a"])),
+    {"path": 5},
+]
+
+
+@pytest.mark.parametrize("bad", BAD_RECORDS)
 def test_impossible_records_are_refused(bad):
     with pytest.raises(TensegrityError):
         Record(**bad)
@@ -261,6 +271,81 @@ def test_tolerance_is_kept(tol):
     assert error < tol
     assert run.error_estimate < tol
     assert run.method == ("verlet" if tol >= 1e-3 else "rkn6")
+
+
+@pytest.mark.parametrize("periods", [3, 8, 16])
+def test_tolerance_where_all_checkpoints_could_fall_on_zeros(periods):
+    """A two-mass oscillator is at u = 0 at every quarter of a whole number of periods."""
+    r = sp.Symbol("r")
+    chain = Chain(Potential(r**2 / 2, r), 2)
+    t_end = periods * 2 * np.pi / np.sqrt(2)
+    run = simulate(chain, chain.at_rest({0: 1.0, 1: -1.0}), t_end, tol=1e-6, record=Record(10**9))
+    np.testing.assert_allclose(run.final.v, [1, -1], rtol=0, atol=1e-6)
+
+
+def test_tolerance_below_round_off_is_refused():
+    chain = prism_chain(5)
+    with pytest.raises(TensegrityError, match=r"tol 1e-16 must be at least"):
+        simulate(chain, smooth_blow(chain), 1.0, tol=1e-16)
+    with pytest.raises(TensegrityError, match=r"tol 3e-14 is below"):
+        simulate(prism_chain(16), smooth_blow(prism_chain(16)), 300.0, tol=3e-14)
+
+
+def test_tolerance_is_kept_on_random_blows(rng):
+    """Also by the first two runs, which could agree better than either is right."""
+    for _ in range(30):
+        prism = Prism(1.0, rng.uniform(0.5, 1.2), 10 ** rng.uniform(-3, -1), 1.0)
+        spring = prism.potential()
+        chain = Chain(spring, int(rng.integers(20, 120)))
+        energy = rng.uniform(0.05, 0.9) * float(spring.energy(spring.domain[0]))
+        blow = {int(rng.integers(0, chain.sites)): np.sqrt(2 * energy) * rng.choice([-1, 1])}
+        t_end = rng.uniform(10, 50) / (2 * np.sqrt(prism.axial_stiffness()))
+        run, exact = (simulate(chain, chain.at_rest(blow), t_end, tol=t) for t in (1e-6, 1e-10))
+        for name in ("u", "v"):
+            found, true = getattr(run.final, name), getattr(exact.final, name)
+            assert np.max(np.abs(found - true)) < 1e-6 * np.max(np.abs(getattr(exact, name)))
+
+
+@pytest.mark.parametrize("at", [1, 2, 5, 20, 60])
+def test_interrupt_while_a_tolerance_is_sought(monkeypatch, at):
+    chain = prism_chain()
+    calls = []
+    advance = integrate._Watch.advance
+
+    def interrupted(self, steps):
+        calls.append(steps)
+        if len(calls) == at:
+            raise KeyboardInterrupt
+        advance(self, steps)
+
+    monkeypatch.setattr(integrate._Watch, "advance", interrupted)
+    run = simulate(chain, smooth_blow(chain), 10.0, tol=1e-9, record=Record(sites=[3, 1]))
+    assert not run.complete
+    assert run.sites == (3, 1)
+    assert len(calls) == at  # nothing was begun after it
+
+
+def test_a_stiffness_without_bound_is_no_licence_for_any_step():
+    """n < 1: at the opening of the contact the stiffness is infinite."""
+    chain = Chain(PowerLaw(1.0, 0.5, preload=1.0), 20)
+    opened = simulate(chain, chain.at_rest({0: -3.0}), 400.0)
+    assert opened.energy_error < 0.01
+    closed = simulate(chain, chain.at_rest({0: 0.1}), 40.0)
+    assert closed.energy_error < 1e-6
+
+
+def test_numbers_that_overflow_are_refused():
+    chain = prism_chain(5)
+    loose = Chain(PowerLaw(1.0, 3.0), 5)
+    with pytest.raises(TensegrityError, match="energy"):
+        simulate(loose, loose.at_rest({0: 1e200}), 1.0)
+    with pytest.raises(TensegrityError, match="mass"):
+        Chain(PowerLaw(1.0, 3.0), 5, mass=1e-310)
+    for options in ({"dt": 1e-320}, {"dt": 1e-13}):
+        with pytest.raises(StabilityError, match="steps"):
+            simulate(chain, smooth_blow(chain), 1.0, **options)
+    with pytest.raises(TensegrityError, match="GB"):
+        simulate(chain, smooth_blow(chain), 1.0, dt=2e-12, record=Record(every=1))
 
 
 def test_interrupt_returns_what_was_done(monkeypatch):

@@ -18,14 +18,17 @@ def test_too_few_sites_are_refused(sites):
 
 
 def test_impossible_chains_are_refused():
-    for mass in (0.0, -1.0, math.nan, [1.0, 2.0], [1, 0, 1]):
+    for mass in (0.0, -1.0, math.nan, [1.0, 2.0], [1, 0, 1], "heavy", 1j, [[1], [2, 3]]):
         with pytest.raises(TensegrityError, match="mass"):
             Chain(SPRING, 3, mass=mass)
     with pytest.raises(TensegrityError, match="springs"):
         Chain([SPRING] * 3, 3)
     with pytest.raises(TensegrityError, match="not a Potential"):
         Chain([SPRING, "spring"], 3)
-    for ends in ("free", ("free", "loose"), ("free",)):
+    for spring in (None, 5.0):
+        with pytest.raises(TensegrityError, match="not a Potential"):
+            Chain(spring, 3)
+    for ends in ("free", ("free", "loose"), ("free",), None):
         with pytest.raises(TensegrityError, match="ends"):
             Chain(SPRING, 3, ends=ends)
 
@@ -59,8 +62,11 @@ def test_states_of_another_chain_are_refused():
     for site in (5, -1, 1.5):
         with pytest.raises(TensegrityError, match="site"):
             chain.at_rest({site: 1.0})
-    with pytest.raises(TensegrityError, match="velocity"):
-        chain.at_rest({1: math.nan})
+    for bad in ({1: math.nan}, [0.3], 0.3):
+        with pytest.raises(TensegrityError, match="velocity"):
+            chain.at_rest(bad)
+    with pytest.raises(TensegrityError, match="not a scene"):
+        simulate(None, chain.at_rest(), 1.0)
 
 
 def test_a_state_out_of_the_domain_is_refused():

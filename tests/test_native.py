@@ -52,7 +52,10 @@ def test_another_text_or_flag_gets_another_entry(cache):
     assert len(entries(cache)) == 3
 
 
-@pytest.mark.parametrize("damage", ["truncated", "changed", "no digest", "no library", "empty"])
+DAMAGES = ["truncated", "changed", "no digest", "binary digest", "no library", "empty"]
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
 def test_a_damaged_entry_is_noticed_and_rebuilt(cache, damage):
     """Seen from a new process: this one has the sound library mapped."""
     answer()
@@ -66,6 +69,9 @@ def test_a_damaged_entry_is_noticed_and_rebuilt(cache, damage):
         library.write_bytes(content[:-100] + bytes(100))
     elif damage == "empty":
         library.write_bytes(b"")
+    elif damage == "binary digest":
+        library.write_bytes(content)
+        (entry / native.DIGEST).write_bytes(b"\377\376")
     elif damage == "no digest":
         library.write_bytes(content)
         (entry / native.DIGEST).unlink()
@@ -154,6 +160,24 @@ def test_a_failing_compiler_says_its_last_lines(cache, tmp_path, monkeypatch):
     with pytest.raises(native.CompilerError, match=r"failed \(3\): no such luck"):
         native.library(TEXT)
     assert list(cache.iterdir()) == []
+
+
+def test_a_compiler_that_makes_what_cannot_be_loaded(cache, tmp_path, monkeypatch):
+    lying = tmp_path / "liecc"
+    lying.write_text(
+        '#!/bin/sh\n[ "$1" = --version ] && printf "\\377" && exit\n'
+        'while [ "$1" != -o ]; do shift; done\necho no library > "$2"\n'
+    )
+    lying.chmod(0o755)
+    monkeypatch.setenv("CC", str(lying))
+    with pytest.raises(native.CompilerError, match="cannot be loaded"):
+        native.library(TEXT)
+
+
+def test_a_command_with_an_open_quote(cache, monkeypatch):
+    monkeypatch.setenv("CC", '"unclosed')
+    with pytest.raises(native.CompilerError, match="quotation"):
+        native.library(TEXT)
 
 
 def test_a_text_that_does_not_compile_is_refused_with_the_reason(cache):

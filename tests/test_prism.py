@@ -138,7 +138,18 @@ def test_power_law_pushes_only(exponent):
     assert abs(loaded.energy(0.0)) < 1e-16
 
 
-@pytest.mark.parametrize("bad", [(0, 1.5), (1, 0), (1, -1), (math.nan, 1), (1, 1.5, -1)])
+BAD_LAWS = [
+    (0, 1.5),
+    (1, 0),
+    (1, -1),
+    (math.nan, 1),
+    (1, 1.5, -1),
+    (1e-3, 1e-3, 1),
+    (1e-300, 1.5, 1e300),
+]
+
+
+@pytest.mark.parametrize("bad", BAD_LAWS)
 def test_impossible_power_laws_are_refused(bad):
     with pytest.raises(TensegrityError):
         PowerLaw(*bad)
@@ -149,3 +160,44 @@ def test_potentials_survive_pickling():
         copy = pickle.loads(pickle.dumps(spring))
         assert copy == spring
         assert copy.tension(-0.01) == spring.tension(-0.01)
+
+
+@pytest.mark.parametrize("exponent", [0.5, 1.37, 1.5, 3])
+@pytest.mark.parametrize("preload", [0.0, 0.4])
+def test_an_open_contact_has_no_stiffness(exponent, preload):
+    law = PowerLaw(3.0, exponent, preload)
+    opening = (preload / 3) ** (1 / exponent)
+    r = opening + np.array([0.0, 1e-200, 1e-9, 0.5])
+    for derivative in (law.stiffness, law.stiffness_slope):
+        assert np.array_equal(derivative(r), np.zeros(4))
+
+
+def test_energies_in_pieces_and_with_signs():
+    r, k = sp.symbols("r k")
+    bilinear = Potential(sp.Piecewise((k * r**2, r < 0), (k * r**2 / 2, True)), r, {k: 3.0})
+    np.testing.assert_allclose(bilinear.tension([-0.5, 0.5]), [-3.0, 1.5])
+    np.testing.assert_allclose(Potential(sp.sign(r) * r**3 / 3, r).tension([-2.0, 2.0]), [-4, 4])
+
+
+@pytest.mark.parametrize(
+    ("energy", "why"),
+    [
+        (sp.Function("f")(sp.Symbol("r")), "cannot be translated"),
+        (sp.LambertW(sp.Symbol("r")), "cannot be translated"),
+        (sp.I * sp.Symbol("r") ** 2, "contains I"),
+        (sp.oo * sp.Symbol("r") ** 2, "contains"),
+    ],
+)
+def test_energies_that_cannot_run_are_refused_when_made(energy, why):
+    with pytest.raises(TensegrityError, match=why):
+        Potential(energy, sp.Symbol("r"))
+
+
+def test_parameters_of_any_name():
+    r, exp, keyword = sp.symbols("r exp lambda")
+    spring = Potential(exp * sp.exp(r) + keyword * r**2, r, {"exp": 2.0, "lambda": np.float64(3)})
+    np.testing.assert_allclose(spring.tension(0.5), 2 * np.exp(0.5) + 3)
+    with pytest.raises(TensegrityError, match="parameters kk"):
+        Potential(exp * r**2, r, {"exp": 1.0, "kk": 2.0})
+    with pytest.raises(TensegrityError, match="each must name one symbol"):
+        Potential(sp.Symbol("a") * r**2 + sp.Symbol("a", positive=True), r, {"a": 1.0})
