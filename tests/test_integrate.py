@@ -381,3 +381,10 @@ def test_runs_are_reproducible_bit_for_bit():
     chain = prism_chain(100)
     one, two = (simulate(chain, smooth_blow(chain), 40.0) for _ in range(2))
     assert one.u.tobytes() == two.u.tobytes()
+
+
+def test_how_much_an_error_estimate_trusts_the_order():
+    """Half of it before it was seen to hold, all of it then, nothing where it does not hold."""
+    assert integrate._gain(6, None, 34, 1e-6) == 2**3
+    assert integrate._gain(6, (34, 1e-6), 68, 1e-6 / 2**6) == 2**6 - 1
+    assert integrate._gain(6, (34, 1e-6), 68, 1e-6 / 2**3) == 1
