@@ -90,9 +90,9 @@ class Machine:
         self._advance.arguments[1][: len(p)] = p
         self._advance._call()
         out, m = self._advance.result, self.judged
-        missed, moved, last, cosine, residual, length, side, *tests = out[m:].tolist()
+        error, moved, last, cosine, residual, length, side, *tests = out[m:].tolist()
         point = Point(self.m, out[:m].copy(), residual, length, side, tests)
-        return point, (missed, moved, last, cosine)
+        return point, (error, moved, last, cosine)
 
     def linearised(self, z, p):
         """Residual and Jacobian."""
@@ -116,7 +116,7 @@ class Machine:
         return None
 
 
-@dataclass
+@dataclass(slots=True)
 class Point:
     """A point of a branch, with the length of the step to it and its event functions.
 
@@ -221,12 +221,13 @@ def _advance(m, p, at, judge):
     new = new / ca.norm_2(new)
     values, scaled, roots, *slopes = judge(z, p)
     cosine = ca.dot(new, tangent)
-    missed = ca.norm_inf(z - guess)
+    # errors of cubics: 1/16 times this for interpolation by extrapolation, and a margin of 2
+    error = ca.norm_inf(z - guess) * (step / (step + length)) ** 2 / 8
     arc = ca.norm_2(z - here) * (1 + (1 - cosine) / 12)  # chord to arc of a circle, order 4
     side = _determinant(ca.vertcat(jacobian, border))
     moved, residual = ca.norm_2(z - guess), ca.norm_inf(scaled)
     tests = [roots, *(ca.dot(s, new) for s in slopes)]
-    figures = (missed, moved, moves[-1], cosine, residual, arc, side, *tests)
+    figures = (error, moved, moves[-1], cosine, residual, arc, side, *tests)
     return [given, p], ca.vertcat(z, new, values, *figures)
 
 

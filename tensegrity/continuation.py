@@ -305,7 +305,8 @@ def _first_point(problem, z, p, settings, direction):
     machine = problem._machine
     for _ in range(START_ITERATIONS):
         g, jacobian = machine.linearised(z, p)
-        if not (np.isfinite(g).all() and np.isfinite(jacobian).all()):
+        finite = np.isfinite(g).all() and np.isfinite(jacobian).all()
+        if not finite:
             break
         left, sizes, right = np.linalg.svd(jacobian)
         kept = sizes > 1e-15 * sizes[0]
@@ -314,7 +315,7 @@ def _first_point(problem, z, p, settings, direction):
         if (np.abs(move) <= 1e-15 * (1 + np.abs(z))).all():
             break
     residual = math.nan
-    if np.isfinite(jacobian).all():
+    if finite:
         lead = tangent[-1] if abs(tangent[-1]) > 1e-8 else tangent[np.argmax(np.abs(tangent))]
         point = machine.at(z, tangent if lead * direction > 0 else -tangent, p)
         residual = point.residual
@@ -329,9 +330,7 @@ def _first_point(problem, z, p, settings, direction):
 def _step(machine, before, here, step, p, settings):
     """The next point and the step to try after it; shorter steps until one is good."""
     while step >= settings.smallest:
-        point, (missed, moved, last, cosine) = machine.advance(before, here, step, p)
-        # errors of cubics: 1/16 times this for interpolation by extrapolation, and a margin of 2
-        error = missed * (step / (step + here.length)) ** 2 / 8
+        point, (error, moved, last, cosine) = machine.advance(before, here, step, p)
         turned = math.acos(min(cosine, 1.0)) if cosine > 0 else math.inf
         good = (
             point.residual <= settings.residual
@@ -393,14 +392,14 @@ def _located(machine, before, here, signs, p):
     return [(kind, replace(x, length=_chord(before, x.z))) for kind, x in sorted(found, key=place)]
 
 
-def _between(machine, before, here, part, p):
-    """The point at a given part (0 to 1) of the way, from the cubic through both."""
-    m, u, w = machine.m, part, 1 - part
+def _between(before, here, part):
+    """z and unit tangent at a given part (0 to 1) of the way, from the cubic through both."""
+    m, u, w = before.m, part, 1 - part
     ends = np.concatenate([before.data[: 2 * m], here.data[: 2 * m]]).reshape(4, m)
     rise = here.length * u * w
     cubic = [w * w * (1 + 2 * u), rise * w, u * u * (1 + 2 * w), -rise * u]
     z, tangent = np.array([cubic, [0, w, 0, u]]) @ ends
-    return machine.at(z, tangent / np.linalg.norm(tangent), p)
+    return z, tangent / np.linalg.norm(tangent)
 
 
 def _locate(machine, before, here, index, sign, p):
@@ -409,15 +408,15 @@ def _locate(machine, before, here, index, sign, p):
     kind = machine.kinds[index]
     for _ in range(BISECTIONS):
         part = low[0] + (high[0] - low[0]) * low[1] / (low[1] - high[1])
-        guess = _between(machine, before, here, part, p)
-        z = machine.polish(kind, guess.z, guess.tangent, p)
+        guess, tangent = _between(before, here, part)
+        z = machine.polish(kind, guess, tangent, p)
         near = (high[0] - low[0]) * here.length + 1e-12
-        if z is not None and np.linalg.norm(z - guess.z) <= near:
-            point = machine.at(z, guess.tangent, p)
+        if z is not None and np.linalg.norm(z - guess) <= near:
+            point = machine.at(z, tangent, p)
             point.data[: machine.m] = z
             return point
         part = (low[0] + high[0]) / 2
-        middle = _between(machine, before, here, part, p)
+        middle = machine.at(*_between(before, here, part), p)
         if middle.tests[index] * sign > 0:
             low = part, middle.tests[index]
         else:
@@ -433,7 +432,7 @@ def _bifurcation(machine, before, here, p):
     """The point where the bordered determinant changes its sign between two points."""
     low, high = 0.0, 1.0
     for _ in range(BISECTIONS):
-        point = _between(machine, before, here, (low + high) / 2, p)
+        point = machine.at(*_between(before, here, (low + high) / 2), p)
         if point.side * before.side > 0:
             low = (low + high) / 2
         else:
