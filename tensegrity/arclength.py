@@ -46,6 +46,7 @@ class Machine:
         judge = ca.Function("judge", [z, p], [values, g / size, roots, *slopes])
         self._advance = _Fast("advance", *_advance(m, p, linear, judge), compiled=True)
         self._linear = _Fast("linear", [z, p], ca.vertcat(g, ca.vec(ca.densify(jacobian))))
+        self._values = _Fast("values", [z, p], ca.vertcat(z, values))
         self.kinds = (*self.roots, *self.folds)
         self._systems = (
             {
@@ -93,6 +94,12 @@ class Machine:
         error, moved, last, cosine, residual, length, side, *tests = out[m:].tolist()
         point = Point(self.m, out[:m].copy(), residual, length, side, tests)
         return point, (error, moved, last, cosine)
+
+    def exactly_at(self, z, tangent, p):
+        """The point of the branch at a z that is known to round-off already."""
+        point = self.at(z, tangent, p)
+        point.data[: self.m], point.data[2 * self.m :] = z, self._values(z, p)[self.m :]
+        return point
 
     def linearised(self, z, p):
         """Residual and Jacobian."""

@@ -412,9 +412,7 @@ def _locate(machine, before, here, index, sign, p):
         z = machine.polish(kind, guess, tangent, p)
         near = (high[0] - low[0]) * here.length + 1e-12
         if z is not None and np.linalg.norm(z - guess) <= near:
-            point = machine.at(z, tangent, p)
-            point.data[: machine.m] = z
-            return point
+            return machine.exactly_at(z, tangent, p)
         part = (low[0] + high[0]) / 2
         middle = machine.at(*_between(before, here, part), p)
         if middle.tests[index] * sign > 0:
