@@ -3,8 +3,9 @@
 The prism that collapses flat, from its reference down to a low height.  Every method gives rows
 (height, load); one cubic spline through them is compared with the potential on a fine grid of
 heights, so that a method may take as few points as its curve needs.  Each is run over a range of
-its own step control: time against interpolated error.  AUTO-07p gets its equations and their
-Jacobian as Fortran written from the same energy; it runs where `auto-07p` and gfortran are found.
+its own step control: time against interpolated error, printed and charted.  AUTO-07p gets its
+equations and their Jacobian as Fortran written from the same energy; it runs where `auto-07p`
+and gfortran are found.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
+from figures.__main__ import OUTPUT, STYLE, write, write_table
 from tensegrity import Prism
 from tensegrity.condensed import numbers, problem
 from tensegrity.continuation import Settings, trace
@@ -329,8 +331,37 @@ def measure():
     return found
 
 
+def chart(found, folder=OUTPUT):
+    """Time against interpolated error of every method, as PNG and CSV; the files written."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    rows = [(name, *row) for name, several in found.items() for row in several]
+    names = ("method", "setting", "points", "relative_error", "seconds")
+    picture, table = (folder / f"benchmark_continuation.{kind}" for kind in ("png", "csv"))
+    folder.mkdir(parents=True, exist_ok=True)
+    write_table(table, dict(zip(names, zip(*rows, strict=True), strict=True)))
+    with plt.rc_context(STYLE):
+        figure = plt.figure(layout="constrained")
+        axes = figure.subplots()
+        for (name, several), mark in zip(found.items(), "os^Dv", strict=False):
+            _, _, errors, seconds = zip(*several, strict=True)
+            axes.loglog(errors, [1e3 * s for s in seconds], mark + "-", ms=5, label=name)
+        axes.set(
+            xlabel="largest error of the interpolated curve, over the largest load [1]",
+            ylabel="time of a curve with its fold [ms]",
+        )
+        axes.invert_xaxis()
+        axes.legend(fontsize=8)
+        write(picture, figure.savefig)
+        plt.close(figure)
+    return picture, table
+
+
 def main():
-    """Print time and interpolated error of every method, and times at equal error."""
+    """Print and chart time and interpolated error of every method, and times at equal error."""
     found = measure()
     print(
         "one curve with its fold; time is the best of a few runs, on a machine that may be shared"
@@ -347,3 +378,4 @@ def main():
         print(f"{name:>24}: {seconds * 1e3:8.3f} ms, {seconds / mine:6.2f} times this")
     if "auto-07p inside" not in found:
         print("auto-07p: not measured, it needs the programs auto-07p and gfortran")
+    print(*chart(found), sep="\n")

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import ctypes
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -41,11 +41,12 @@ class Machine:
         values = ca.vertcat(*(scaled(e) for e in problem.values.values()))
         slopes = [ca.gradient(f, z) / (ca.norm_2(ca.gradient(f, z)) + TINY) for f in folds]
         self.m, self.roots, self.folds = m, tuple(problem.roots), tuple(problem.folds)
-        self.values = ca.Function("values", [z, p], [values])
+        self.judged = 2 * m + values.numel()  # where the figures of a step begin
         linear = ca.Function("linear", [z, p], [g, jacobian])
-        judge = ca.Function("judge", [z, p], [g / size, roots, *slopes])
+        judge = ca.Function("judge", [z, p], [values, g / size, roots, *slopes])
         self._advance = _Fast("advance", *_advance(m, p, linear, judge), compiled=True)
         self._linear = _Fast("linear", [z, p], ca.vertcat(g, ca.vec(ca.densify(jacobian))))
+        self._values = _Fast("values", [z, p], ca.vertcat(z, values))
         self.kinds = (*self.roots, *self.folds)
         self._systems = (
             {
@@ -68,28 +69,37 @@ class Machine:
 
         if kind not in self._newton:
             (x, *normal), system = self._systems[kind]
-            step = x - ca.solve(ca.jacobian(system, x), system)
+            new = x - ca.solve(ca.jacobian(system, x), system)
+            step = ca.vertcat(new, ca.norm_2((new - x) / (1 + ca.fabs(new))))
             self._newton[kind] = _Fast("newton", [x, *normal, self._p], step, compiled=True)
         return self._newton[kind]
 
     def advance(self, before, here, step, p):
         """The point `step` beyond `here`, and the figures by which it is judged."""
         m = self.m
-        given, numbers = self._advance.arguments
-        given[:m], given[m : 2 * m] = before.z, before.tangent
-        given[2 * m : 3 * m], given[3 * m : 4 * m] = here.z, here.tangent
+        given = self._advance.arguments[0]
+        given[: 2 * m], given[2 * m : 4 * m] = before.data[: 2 * m], here.data[: 2 * m]
         given[4 * m], given[4 * m + 1] = here.length, step
-        numbers[: len(p)] = p
-        self._advance._call()
-        out = self._advance.result
-        z, tangent = out[:m].copy(), out[m : 2 * m].copy()
-        missed, moved, last, residual, cosine, length, side, *tests = out[2 * m :].tolist()
-        return Point(z, tangent, length, residual, side, tests), (missed, moved, last, cosine)
+        return self._point(p)
 
     def at(self, z, tangent, p):
         """The point of the branch next to z in the plane normal to `tangent`."""
-        here = Point(z, tangent, 1.0, 0.0, 0.0, [])
-        return self.advance(virtual_start(here), here, 0.0, p)[0]
+        self._advance.arguments[0][:] = np.concatenate([z - tangent, tangent, z, tangent, [1, 0]])
+        return self._point(p)[0]
+
+    def _point(self, p):
+        self._advance.arguments[1][: len(p)] = p
+        self._advance._call()
+        out, m = self._advance.result, self.judged
+        error, moved, last, cosine, residual, length, side, *tests = out[m:].tolist()
+        point = Point(self.m, out[:m].copy(), residual, length, side, tests)
+        return point, (error, moved, last, cosine)
+
+    def exactly_at(self, z, tangent, p):
+        """The point of the branch at a z that is known to round-off already."""
+        point = self.at(z, tangent, p)
+        point.data[: self.m], point.data[2 * self.m :] = z, self._values(z, p)[self.m :]
+        return point
 
     def linearised(self, z, p):
         """Residual and Jacobian."""
@@ -103,31 +113,39 @@ class Machine:
         x = np.concatenate([z, *normal])
         previous = math.inf
         for _ in range(POLISH):
-            new = step(x, *normal, p).copy()
-            moved = float(np.max(np.abs(new - x) / (1 + np.abs(new))))
+            *new, moved = step(x, *normal, p).tolist()
             if not math.isfinite(moved):
                 return None
-            x = new
+            x = np.array(new)
             if moved <= 1e-15 or (moved < 1e-11 and moved >= previous / 4):
                 return x[: self.m]
             previous = moved
         return None
 
 
-@dataclass
+@dataclass(slots=True)
 class Point:
     """A point of a branch, with the length of the step to it and its event functions.
 
-    `side` is the determinant of the Jacobian bordered by a tangent.  It changes its sign at a
-    simple bifurcation, and between a branch and one that nearly meets it.
+    `data` is z, the tangent and the values to tabulate.  `side` is the determinant of the
+    Jacobian bordered by a tangent.  It changes its sign at a simple bifurcation, and between a
+    branch and one that nearly meets it.
     """
 
-    z: np.ndarray
-    tangent: np.ndarray
-    length: float
+    m: int
+    data: np.ndarray
     residual: float
+    length: float
     side: float
     tests: list
+
+    @property
+    def z(self):
+        return self.data[: self.m]
+
+    @property
+    def tangent(self):
+        return self.data[self.m : 2 * self.m]
 
 
 class _Fast:
@@ -208,15 +226,16 @@ def _advance(m, p, at, judge):
     g, jacobian = at(z, p)
     new = ca.solve(ca.vertcat(jacobian, border), ca.vertcat(ca.SX.zeros(m - 1), 1))
     new = new / ca.norm_2(new)
-    scaled, roots, *slopes = judge(z, p)
+    values, scaled, roots, *slopes = judge(z, p)
     cosine = ca.dot(new, tangent)
-    missed = ca.norm_inf(z - guess)
+    # errors of cubics: 1/16 times this for interpolation by extrapolation, and a margin of 2
+    error = ca.norm_inf(z - guess) * (step / (step + length)) ** 2 / 8
     arc = ca.norm_2(z - here) * (1 + (1 - cosine) / 12)  # chord to arc of a circle, order 4
     side = _determinant(ca.vertcat(jacobian, border))
     moved, residual = ca.norm_2(z - guess), ca.norm_inf(scaled)
     tests = [roots, *(ca.dot(s, new) for s in slopes)]
-    out = ca.vertcat(z, new, missed, moved, moves[-1], residual, cosine, arc, side, *tests)
-    return [given, p], out
+    figures = (error, moved, moves[-1], cosine, residual, arc, side, *tests)
+    return [given, p], ca.vertcat(z, new, values, *figures)
 
 
 def _determinant(matrix):
@@ -236,4 +255,5 @@ def _determinant(matrix):
 
 def virtual_start(point, step=1.0):
     """A point before the first one, such that the cubic becomes the tangent."""
-    return replace(point, z=point.z - step * point.tangent, length=step)
+    data = np.concatenate([point.z - step * point.tangent, point.tangent])
+    return Point(point.m, data, 0.0, step, 0.0, [])

@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from operator import mul
 
 import numpy as np
 
@@ -200,7 +201,7 @@ def trace(problem, start, parameters=(), settings=None, direction=1, stop=()):
         if len(rows) == 1:
             signs = _leave_start(machine, rows[0], here, p, events)
         for kind, point in _located(machine, before, here, signs, p):
-            events.append((kind, len(rows) - (kind not in stop), point.z))
+            events.append((kind, len(rows) - (kind not in stop), point))
             if kind in stop:
                 return _branch(problem, [*rows, point], events, p, kind)
         rows.append(here)
@@ -304,31 +305,32 @@ def _first_point(problem, z, p, settings, direction):
     machine = problem._machine
     for _ in range(START_ITERATIONS):
         g, jacobian = machine.linearised(z, p)
-        if not (np.isfinite(g).all() and np.isfinite(jacobian).all()):
+        finite = np.isfinite(g).all() and np.isfinite(jacobian).all()
+        if not finite:
             break
-        move = np.linalg.lstsq(jacobian, g, rcond=None)[0]
-        z = z - move
+        left, sizes, right = np.linalg.svd(jacobian)
+        kept = sizes > 1e-15 * sizes[0]
+        move = ((g @ left)[kept] / sizes[kept]) @ right[:-1][kept]
+        tangent, z = right[-1], z - move
         if (np.abs(move) <= 1e-15 * (1 + np.abs(z))).all():
             break
-    finite = np.isfinite(jacobian).all()
-    point = machine.at(z, np.linalg.svd(jacobian)[2][-1], p) if finite else None
-    residual = point.residual if finite else math.nan
+    residual = math.nan
+    if finite:
+        lead = tangent[-1] if abs(tangent[-1]) > 1e-8 else tangent[np.argmax(np.abs(tangent))]
+        point = machine.at(z, tangent if lead * direction > 0 else -tangent, p)
+        residual = point.residual
     if not residual <= settings.residual:
         raise ContinuationError(
             f"no solution near the start: residual {residual:.3g} at {_shown(problem, z)} is "
             f"above {settings.residual:g}"
         )
-    tangent = point.tangent
-    lead = tangent[-1] if abs(tangent[-1]) > 1e-8 else tangent[np.argmax(np.abs(tangent))]
-    return point if lead * direction > 0 else machine.at(point.z, -tangent, p)
+    return point
 
 
 def _step(machine, before, here, step, p, settings):
     """The next point and the step to try after it; shorter steps until one is good."""
     while step >= settings.smallest:
-        point, (missed, moved, last, cosine) = machine.advance(before, here, step, p)
-        # errors of cubics: 1/16 times this for interpolation by extrapolation, and a margin of 2
-        error = missed * (step / (step + here.length)) ** 2 / 8
+        point, (error, moved, last, cosine) = machine.advance(before, here, step, p)
         turned = math.acos(min(cosine, 1.0)) if cosine > 0 else math.inf
         good = (
             point.residual <= settings.residual
@@ -355,7 +357,7 @@ def _leave_start(machine, start, here, p, events):
         if abs(start.tests[i]) <= (ROOT_AT_START if root else FOLD_AT_START):
             signs[i] = here.tests[i]
             if root or back.tests[i] * here.tests[i] < 0:
-                events.append((kind, 0, start.z))
+                events.append((kind, 0, start))
     return signs
 
 
@@ -364,7 +366,7 @@ def _located(machine, before, here, signs, p):
 
     A root may be passed twice in a step that holds a fold: the fold divides it.
     """
-    if min([x * y for x, y in zip(signs, here.tests, strict=True)]) >= 0 < before.side * here.side:
+    if min(map(mul, signs, here.tests)) >= 0 < before.side * here.side:
         return []
     roots = len(machine.roots)
 
@@ -390,14 +392,14 @@ def _located(machine, before, here, signs, p):
     return [(kind, replace(x, length=_chord(before, x.z))) for kind, x in sorted(found, key=place)]
 
 
-def _between(machine, before, here, part, p):
-    """The point at a given part (0 to 1) of the way, from the cubic through both."""
-    length = here.length
-    u, w = part, 1 - part
-    z = w * w * (1 + 2 * u) * before.z + u * u * (1 + 2 * w) * here.z
-    z = z + length * u * w * (w * before.tangent - u * here.tangent)
-    tangent = w * before.tangent + u * here.tangent
-    return machine.at(z, tangent / np.linalg.norm(tangent), p)
+def _between(before, here, part):
+    """z and unit tangent at a given part (0 to 1) of the way, from the cubic through both."""
+    m, u, w = before.m, part, 1 - part
+    ends = np.concatenate([before.data[: 2 * m], here.data[: 2 * m]]).reshape(4, m)
+    rise = here.length * u * w
+    cubic = [w * w * (1 + 2 * u), rise * w, u * u * (1 + 2 * w), -rise * u]
+    z, tangent = np.array([cubic, [0, w, 0, u]]) @ ends
+    return z, tangent / np.linalg.norm(tangent)
 
 
 def _locate(machine, before, here, index, sign, p):
@@ -406,13 +408,13 @@ def _locate(machine, before, here, index, sign, p):
     kind = machine.kinds[index]
     for _ in range(BISECTIONS):
         part = low[0] + (high[0] - low[0]) * low[1] / (low[1] - high[1])
-        guess = _between(machine, before, here, part, p)
-        z = machine.polish(kind, guess.z, guess.tangent, p)
+        guess, tangent = _between(before, here, part)
+        z = machine.polish(kind, guess, tangent, p)
         near = (high[0] - low[0]) * here.length + 1e-12
-        if z is not None and np.linalg.norm(z - guess.z) <= near:
-            return replace(machine.at(z, guess.tangent, p), z=z)
+        if z is not None and np.linalg.norm(z - guess) <= near:
+            return machine.exactly_at(z, tangent, p)
         part = (low[0] + high[0]) / 2
-        middle = _between(machine, before, here, part, p)
+        middle = machine.at(*_between(before, here, part), p)
         if middle.tests[index] * sign > 0:
             low = part, middle.tests[index]
         else:
@@ -428,7 +430,7 @@ def _bifurcation(machine, before, here, p):
     """The point where the bordered determinant changes its sign between two points."""
     low, high = 0.0, 1.0
     for _ in range(BISECTIONS):
-        point = _between(machine, before, here, (low + high) / 2, p)
+        point = machine.at(*_between(before, here, (low + high) / 2), p)
         if point.side * before.side > 0:
             low = (low + high) / 2
         else:
@@ -437,18 +439,16 @@ def _bifurcation(machine, before, here, p):
 
 
 def _branch(problem, rows, events, p, end):
-    machine, scale = problem._machine, np.array(problem.scale)
+    m, count = len(problem.unknowns), len(rows)
     names = (*problem.unknowns, *problem.values)
-    z = np.array([*(x.z for x in rows), *(z for _, _, z in events)])
-    values = np.array(machine.values(z.T, p)) if problem.values else np.empty((0, len(z)))
-    table = np.vstack([(np.sinh(z) * scale).T, values])
-    count = len(rows)
+    data = np.array([x.data for x in (*rows, *(point for _, _, point in events))])
+    data[:, :m] = np.sinh(data[:, :m]) * np.array(problem.scale)
+    table = np.hstack([data[:, :m], data[:, 2 * m :]])
     listed = [
-        Event(kind, row, dict(zip(names, table[:, count + i].tolist(), strict=True)))
-        for i, (kind, row, _) in enumerate(events)
+        Event(kind, row, dict(zip(names, at, strict=True)))
+        for (kind, row, _), at in zip(events, table[count:].tolist(), strict=True)
     ]
-    columns = dict(zip(names, table[:, :count], strict=True))
+    columns = dict(zip(names, table[:count].T.copy(), strict=True))
     arc = np.cumsum([0.0, *(x.length for x in rows[1:])])
     residual = np.array([x.residual for x in rows])
-    tangent = np.array([x.tangent for x in rows])
-    return Branch(columns, listed, end, np.sinh(z[:count]) * scale, tangent, arc, residual)
+    return Branch(columns, listed, end, data[:count, :m], data[:count, m : 2 * m], arc, residual)

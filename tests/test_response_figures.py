@@ -10,12 +10,19 @@ import matplotlib.pyplot as plt
 from figures import (
     response_limit_load,
     response_model_map,
+    response_outside,
     response_prestrain,
     response_rigidity,
     response_states,
 )
 
-MODULES = (response_limit_load, response_prestrain, response_rigidity, response_states)
+MODULES = (
+    response_limit_load,
+    response_outside,
+    response_prestrain,
+    response_rigidity,
+    response_states,
+)
 
 
 @pytest.mark.parametrize("module", MODULES, ids=lambda m: m.NAME)
