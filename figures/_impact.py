@@ -140,7 +140,8 @@ def draw(axes, side, tables, title):
     axes.set(xlabel="distance from the crest [sites]", ylabel="compressive strain")
     axes.set_title(title)
     peak = np.max(-measured["strain"])
-    axes.set_ylim(-0.05 * peak, 1.45 * max(peak, np.max(-asymptotic["sech2"] * (peak < 0.06))))
+    crests = [np.max(-asymptotic[name]) for name in ("sech2", "tent")]
+    axes.set_ylim(-0.05 * peak, 1.3 * max([peak, *(c for c in crests if c < 2 * peak)]))
     axes.legend(loc="upper right", fontsize=8)
     side.axis("off")
     numbers = tables["numbers"]
