@@ -14,6 +14,7 @@ from tensegrity.potential import Potential, PowerLaw
 from tensegrity.prism import Prism
 from tensegrity.record import Record
 from tensegrity.response import EquilibriumPath, equilibrium_path
+from tensegrity.solitary import SolitaryWave, solitary_wave
 
 __all__ = [
     "Chain",
@@ -27,9 +28,11 @@ __all__ = [
     "Record",
     "ResolutionError",
     "Run",
+    "SolitaryWave",
     "StabilityError",
     "State",
     "TensegrityError",
     "equilibrium_path",
     "simulate",
+    "solitary_wave",
 ]

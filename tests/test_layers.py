@@ -10,7 +10,8 @@ PACKAGES = ("derivations", "tensegrity", "granular", "figures", "benchmarks")
 ORDER = [  # inside tensegrity: each may import what stands before it
     "errors", "check", "codegen", "native", "kernel", "table", "arclength", "continuation",
     "potential", "condensed", "prism", "response", "nodes", "limit", "lattice", "methods",
-    "stepping", "record", "plotting", "integrate", "asymptotics", "observables", "solitary",
+    "stepping", "record", "plotting", "integrate", "asymptotics", "observables", "travelling",
+    "solitary",
 ]  # fmt: skip
 
 
