@@ -2,6 +2,8 @@
 
 A module with a NAME is a picture.  It belongs to a GROUP; `data()` computes its numbers, as
 tables {table: {column: array}}; `draw(figure, tables)` draws them and computes nothing.
+Where the module has them, `table(tables)` gives rows {column: text} of the table that is printed
+for the group, and `animate(figure, tables)` an animation and its writer.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Draw pictures: `python -m figures [NAME...] [--list] [--output FOLDER]`."""
+"""Draw pictures: `python -m figures [NAME...] [--list] [--output FOLDER]`.
+
+Behind the pictures of a group their rows are printed as one table, also kept as CSV.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,7 @@ import csv
 import os
 import sys
 import tempfile
+from collections import defaultdict
 from itertools import zip_longest
 from pathlib import Path
 
@@ -52,8 +56,20 @@ def write_table(path, columns):
     write(path, save)
 
 
+def print_rows(group, rows, folder):
+    """Rows {column: text} of a group as a table with aligned columns, and as CSV."""
+    columns = list(rows[0])
+    path = folder / f"{group}_table.csv"
+    write_table(path, {name: [row[name] for row in rows] for name in columns})
+    lines = [columns, *([str(row[name]) for name in columns] for row in rows)]
+    widths = [max(len(line[k]) for line in lines) for k in range(len(columns))]
+    print(f"\n{group}, also in {path}")
+    for line in lines:
+        print("  ".join(x.ljust(w) for x, w in zip(line, widths, strict=True)).rstrip())
+
+
 def render(name, module, folder):
-    """Compute and draw one picture; returns the files written."""
+    """Compute and draw one picture; returns the files written and the rows of its table."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -71,7 +87,14 @@ def render(name, module, folder):
         path = folder / f"{name}.png"
         write(path, figure.savefig)
         plt.close(figure)
-    return [path, *files]
+        if hasattr(module, "animate"):
+            figure = plt.figure(layout="constrained")
+            animation, writer = module.animate(figure, tables)
+            files.append(folder / f"{name}.gif")
+            write(files[-1], lambda beside: animation.save(beside, writer=writer))
+            plt.close(figure)
+    rows = module.table(tables) if hasattr(module, "table") else []
+    return [path, *files], rows
 
 
 def main(arguments=None):
@@ -90,15 +113,21 @@ def main(arguments=None):
             print(f"{name:24} {module.GROUP:14} {module.__doc__.splitlines()[0]}")
         return 0
     options.output.mkdir(parents=True, exist_ok=True)
+    rows = defaultdict(list)
     try:
         with tqdm(found.items(), unit="picture", disable=None) as bar:
             for name, module in bar:
                 bar.set_description(name)
-                for path in render(name, module, options.output):
+                files, found_rows = render(name, module, options.output)
+                rows[module.GROUP] += found_rows
+                for path in files:
                     tqdm.write(f"{path}", file=sys.stdout)
     except KeyboardInterrupt:
         print("interrupted; the pictures named above are complete", file=sys.stderr)
         return 130
+    finally:
+        for group in filter(rows.get, rows):
+            print_rows(group, rows[group], options.output)
     return 0
 
 

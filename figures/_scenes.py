@@ -1,0 +1,54 @@
+"""The wave scenes: small pure functions that return a chain, its state and how long to follow it.
+
+Base, cross strings and masses are those of the units: base 1 m, k_cross 1 N/m, mass 1 kg, unless
+a scene says otherwise.  Sources: seeds/000, part III.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+from figures._measure import Scene
+from tensegrity import Chain, PowerLaw, Prism, solitary_wave
+
+
+@cache
+def rigid(height, prestrain, preload=0.0, k_cross=1.0):
+    """Spring of a prism with rigid bases and bars."""
+    return Prism(1.0, height, prestrain, k_cross).potential(preload)
+
+
+@cache
+def softening(preload=0.05):
+    """Spring of a thick elastic prism that softens up to a limit point."""
+    return Prism(1.0, 0.5, 0.4, 1.0, k_base=2.0, k_bar=20.0).potential(preload)
+
+
+def launched(wave, sites, at, travel):
+    """An exact wave on a chain of its own springs."""
+    chain = Chain(wave.potential, sites, mass=wave.mass)
+    return Scene(chain, wave.launch(chain, at=at), travel / wave.speed)
+
+
+def impact(spring, sites, speeds, duration, ends=("free", "free"), mass=1.0):
+    """Sites given a velocity: {site: velocity}."""
+    chain = Chain(spring, sites, mass, ends)
+    return Scene(chain, chain.at_rest(speeds), duration)
+
+
+def collision(spring, speed_ratio, meeting, distance=40, travel=120, other=None):
+    """Two exact waves head-on that meet at `meeting`, counted from a mass in the middle."""
+    right = solitary_wave(spring, speed_ratio=speed_ratio)
+    left = right if other is None else solitary_wave(spring, speed_ratio=other)
+    sites = 2 * (travel + distance) // 2 * 2 + 1
+    chain = Chain(spring, sites)
+    middle = sites // 2 + meeting
+    state = right.launch(chain, middle - distance) + left.launch(
+        chain, middle + distance * left.speed / right.speed, direction=-1
+    )
+    return Scene(chain, state, (distance + travel) / right.speed)
+
+
+def power(exponent, preload=0.0):
+    """Spring of a power law; precompressed by 1 m under a preload of 1 N."""
+    return PowerLaw(1.0, exponent, preload, length=1.0)

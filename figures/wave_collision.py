@@ -1,0 +1,150 @@
+"""Two solitary waves head-on: what the collision leaves behind, and where the waves are later."""
+
+from __future__ import annotations
+
+import math
+
+from figures import _measure, _scenes
+from tensegrity import LockingError, simulate, solitary_wave
+from tensegrity.observables import arrival
+
+NAME = "wave_collision"
+GROUP = "waves"
+
+PRISM = (0.8, 0.02)  # height, prestrain
+SPEEDS = (1.1, 1.3, 1.6, 2.0)
+MEETINGS = (0.0, 0.125, 0.25, 0.375, 0.5)  # sites from a mass
+SHOWN = (1.6, 0.25)
+TOO_FAST = 2.5
+NEAR_AND_FAR = (0.65, 0.9)  # of the way behind the collision: where the waves are timed
+WINDOW = 1e-6  # of the crest is left where the energy of a wave is cut off
+
+
+def outcome(run, scene, wave, meeting, distance):
+    """Numbers of one collision of two equal waves.
+
+    Returns
+    -------
+    dict
+        residue: share of the energy in neither wave, in windows around the crests; exchange:
+        share that the right-going one has more than the other; shift: how far the right-going
+        wave is ahead of an undisturbed one [sites], extrapolated to the instant of meeting;
+        window: change of the residue where the windows are wider.
+    """
+    middle, travel = scene.chain.sites // 2, wave.speed * scene.duration - distance
+    energy = scene.chain.site_energy(run.final.u, run.final.v)
+    places = []
+    for side in (-1, 1):
+        near, far = (middle + side * int(part * travel) for part in NEAR_AND_FAR)
+        passed = [arrival(_behind(run, wave, distance), bond) for bond in (near, far)]
+        speed = (far - near) / (passed[1] - passed[0])
+        places.append(far + 0.5 + speed * (run.t[-1] - passed[1]))
+    met = far + 0.5 + speed * (distance / wave.speed - passed[1])  # of the right-going one
+
+    def windows(tail):
+        reach = wave.reach(tail)
+        return [energy[_around(place, reach)].sum() / energy.sum() for place in places]
+
+    left, right = windows(WINDOW)
+    return {
+        "residue": 1 - left - right,
+        "exchange": right - left,
+        "shift": met - middle - meeting,
+        "window": left + right - sum(windows(WINDOW / 10)),
+    }
+
+
+def _around(place, reach):
+    return slice(math.floor(place - reach), math.ceil(place + reach) + 1)
+
+
+class _behind:
+    """The rows of a run from the instant of meeting on."""
+
+    def __init__(self, run, wave, distance):
+        later = run.t > distance / wave.speed
+        self.t, self.u, self.v, self.sites = run.t[later], run.u[later], run.v[later], run.sites
+
+
+def collide(spring, speed_ratio, meeting, distance=40, travel=120):
+    """One collision, twice resolved; the run and its numbers."""
+    scene = _scenes.collision(spring, speed_ratio, meeting, distance, travel)
+    wave = solitary_wave(spring, speed_ratio=speed_ratio)
+    return _measure.resolved(
+        scene, lambda run: outcome(run, scene, wave, meeting, distance), 0.1 / wave.speed
+    )
+
+
+def too_fast():
+    """What is said of waves so fast that the bars meet."""
+    scene = _scenes.collision(_scenes.rigid(*PRISM), TOO_FAST, 0.5, 20, 20)
+    try:
+        simulate(*scene)
+    except LockingError as error:
+        return str(error)
+    return "the bars do not meet"
+
+
+def data():
+    """Residue, exchange and shift over speed and place of meeting; one density; the locking."""
+    spring = _scenes.rigid(*PRISM)
+    tables = {name: {"meeting": MEETINGS} for name in ("residue", "exchange", "shift")}
+    energy_error = 0.0
+    for ratio in SPEEDS:
+        for meeting in MEETINGS:
+            run, found = collide(spring, ratio, meeting)
+            for name, columns in tables.items():
+                columns.setdefault(f"{ratio}", []).append(found[name].value)
+                columns.setdefault(f"{ratio} error", []).append(found[name].error)
+            window = abs(found["window"].value)
+            tables["residue"].setdefault(f"{ratio} window", []).append(window)
+            energy_error = max(energy_error, found["energy error"].value)
+            if (ratio, meeting) == SHOWN:
+                tables["density"] = _measure.density(run)
+    tables["energy"] = {"largest relative error": [energy_error]}
+    tables["locking"] = {"speed ratio": [TOO_FAST], "message": [too_fast()]}
+    return tables
+
+
+def draw(figure, tables):
+    """Density beside residue and shift."""
+    figure.set_size_inches(12, 4.2)
+    axes = figure.subplots(1, 3, width_ratios=(1.2, 1, 1))
+    ratio, meeting = SHOWN
+    _measure.draw_density(axes[0], tables["density"], f"{ratio} c$_s$, meeting at {meeting}")
+    for k, speed in enumerate(SPEEDS):
+        for ax, name in zip(axes[1:], ("residue", "shift"), strict=True):
+            table = tables[name]
+            ax.plot(table["meeting"], table[f"{speed}"], f"C{k}o-", label=f"{speed} c$_s$")
+    axes[1].set(yscale="log", ylabel="share of the energy in neither wave")
+    axes[2].set(ylabel="ahead of an undisturbed wave [sites]")
+    for ax in axes[1:]:
+        ax.set_xlabel("meeting place [sites from a mass]")
+        ax.legend(fontsize=8)
+
+
+def table(tables):
+    """Rows for the table of the group."""
+    claim = "solitons emerge unchanged but for a phase (part I)"
+    rows = []
+    for ratio in (1.3, 2.0):
+        residue, shift, exchange = (tables[n] for n in ("residue", "shift", "exchange"))
+        for k in (0, 2, 4):
+            rows.append(
+                _measure.row(
+                    f"collision {ratio} cs at {MEETINGS[k]:g}",
+                    claim,
+                    f"left {residue[f'{ratio}'][k]:.3e}, exchanged "
+                    f"{exchange[f'{ratio}'][k]:+.1e} of the energy, shift "
+                    f"{shift[f'{ratio}'][k]:+.5f} sites: not exactly",
+                    max(
+                        t[f"{ratio} error"][k] for t in (residue, shift, exchange)
+                    ),
+                )
+            )
+    rows.append(
+        _measure.row(
+            f"collision {TOO_FAST} cs", claim, tables["locking"]["message"][0], "no number"
+        )
+    )
+    return rows
