@@ -124,7 +124,7 @@ class _Watch:
         self._dt, self._allowed = dt, allowed
         self._energy = scene.energy(problem.state)
         self._loop = scene.bind(u, v, np.multiply(method.kicks, dt), np.multiply(method.drifts, dt))
-        self._domains = np.array([s.domain for s in scene.segment_springs[0]])
+        self._domains = np.array([s.reach for s in scene.segment_springs[0]])
         self._safe = np.zeros_like(self._domains)  # ranges of elongation known to be allowed
         self._limit = math.inf  # stability limit within them [s]
         self.sound = u.copy(), v.copy(), 0  # last sound state, and the steps done by then
@@ -174,16 +174,17 @@ class _Watch:
         for s, side in np.argwhere(np.stack([met[:, 0] <= low, met[:, 1] >= high], axis=1)):
             part = r[first[s] : first[s + 1]]
             bond = int(first[s] + (np.argmax(part) if side else np.argmin(part)))
-            barrier = float(springs[s].energy(springs[s].domain[side]))
+            barrier = float(springs[s].energy(springs[s].reach[side]))
             if self._energy < barrier:
                 return StabilityError(
                     f"dt {self._dt:.6g} s is too coarse: the spring between sites {bond} and "
                     f"{bond + 1} passed the end of its domain at t = {t:.6g} s, which takes "
                     f"{barrier:.6g} J, with {self._energy:.6g} J in the whole scene"
                 )
-            return LockingError(
-                f"{springs[s].end_message(met[s, side])}: the spring between sites {bond} and "
-                f"{bond + 1} got there at t = {t:.6g} s"
+            error = springs[s].beyond(met[s, side])
+            return type(error)(
+                f"{error}: the spring between sites {bond} and {bond + 1} got there at "
+                f"t = {t:.6g} s"
             )
         bond = int(np.argmax(np.abs(r)))
         return StabilityError(
