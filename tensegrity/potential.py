@@ -107,6 +107,11 @@ class Potential:
         return self._domain
 
     @property
+    def force(self):
+        """What a run computes the tension by."""
+        return "exact"
+
+    @property
     def parameters(self):
         """Numbers of the law's parameters, {name: float}."""
         names = (str(s) for s in self._law.parameters)
