@@ -10,6 +10,10 @@ from functools import cache
 
 from figures._measure import Scene
 from tensegrity import Chain, PowerLaw, Prism, solitary_wave
+from tensegrity.asymptotics import sound_speed
+from tensegrity.polynomial import Polynomial
+
+VISITED = 0.6, 0.9  # of the domain of the softening prism that a polynomial covers
 
 
 @cache
@@ -19,9 +23,21 @@ def rigid(height, prestrain, preload=0.0, k_cross=1.0):
 
 
 @cache
-def softening(preload=0.05):
+def softening_exact(preload=0.05):
     """Spring of a thick elastic prism that softens up to a limit point."""
     return Prism(1.0, 0.5, 0.4, 1.0, k_base=2.0, k_bar=20.0).potential(preload)
+
+
+@cache
+def softening(preload=0.05):
+    """The same as a polynomial over most of its domain: an order of magnitude cheaper to run."""
+    exact = softening_exact(preload)
+    return Polynomial(exact, VISITED[0] * exact.domain[0], VISITED[1] * exact.domain[1])
+
+
+def sound(preload=0.05):
+    """Speed of sound in the softening chain [sites/s]."""
+    return sound_speed(softening(preload))
 
 
 def launched(wave, sites, at, travel):

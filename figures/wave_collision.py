@@ -137,9 +137,7 @@ def table(tables):
                     f"left {residue[f'{ratio}'][k]:.3e}, exchanged "
                     f"{exchange[f'{ratio}'][k]:+.1e} of the energy, shift "
                     f"{shift[f'{ratio}'][k]:+.5f} sites: not exactly",
-                    max(
-                        t[f"{ratio} error"][k] for t in (residue, shift, exchange)
-                    ),
+                    max(t[f"{ratio} error"][k] for t in (residue, shift, exchange)),
                 )
             )
     rows.append(

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from figures import _measure, _scenes
-from tensegrity import TensegrityError, simulate, solitary_wave
+from figures._measure import Number
+from tensegrity import LockingError, Record, TensegrityError, simulate, solitary_wave
 from tensegrity.asymptotics import sound_speed
-from tensegrity.observables import arrival, passage
+from tensegrity.budget import beyond
+from tensegrity.observables import passage
 
 NAME = "wave_softening"
 GROUP = "waves"
@@ -15,8 +18,8 @@ GROUP = "waves"
 PRELOAD = 0.05  # N
 SITES, DURATION = 600, 450.0  # s: sound goes 540 sites
 SENSORS = (300, 500)  # bonds
-NOISE = 1e-3  # of the crest: the oscillations behind begin there
-SUPERSONIC = 1e-3  # least excess over sound, and closeness to the exact wave's, of a soliton
+STEP = 0.1  # s
+CLOSE = 1e-3  # least excess over sound, and closeness to the exact wave's speed, of a soliton
 HARD = 0.15  # m/s, the blow that is shown
 SPEEDS = (0.05, 0.1, 0.15, 0.2)  # m/s
 
@@ -30,6 +33,15 @@ BLOWS = {  # velocities of the sites per speed of the blow, held first site or n
     "free end, five masses pushed": (dict.fromkeys(range(5), 1.0), "free", 1.0),
 }
 
+SHOWN = {"held": "held end, next mass pushed", "free": "free end pushed"}
+MARKS = {  # colour and symbol of what leads
+    "soliton": ("C1o",),
+    "forming": ("C4d",),
+    "compression": ("C0s",),
+    "none": ("C7x",),
+    "collapse": ("C3v",),
+}
+
 
 def struck(blow, speed, sites=SITES, duration=DURATION):
     """The scene of one blow."""
@@ -41,31 +53,157 @@ def struck(blow, speed, sites=SITES, duration=DURATION):
 
 
 def leading(run, sensors=SENSORS):
-    """Speed, crest and energy of the first pulse, and the speed of the tail behind it.
+    """Speed and crest of the first pulse, and the speed of the tail behind it.
 
     The tail's front is its first large extremum of the other sign.
+
+    Returns
+    -------
+    dict
+        speed, tail: over the speed of sound; crest: elongation [m].
     """
     near, far = sensors
-    numbers, behind = {}, []
+    arrived, behind = [], []
     for bond in sensors:
         left = run.sites.index(bond)
-        r, rate = np.diff(run.u[:, left : left + 2])[:, 0], np.diff(run.v[:, left : left + 2])[:, 0]
-        crest = passage(run.t, r, rate)
-        first = int(np.searchsorted(run.t, crest))
-        numbers["crest"] = float(np.interp(crest, run.t, r))
-        other = first + int(np.argmax(r[first:] * numbers["crest"] < 0))
-        turned = np.minimum(r[other:] * np.sign(numbers["crest"]), 0)
+        r, rate = (np.diff(x[:, left : left + 2])[:, 0] for x in (run.u, run.v))
+        arrived.append(passage(run.t, r, rate))
+        crest = float(CubicHermiteSpline(run.t, r, rate)(arrived[-1]))
+        first = int(np.searchsorted(run.t, arrived[-1]))
+        other = first + int(np.argmax(r[first:] * crest < 0))
+        turned = np.minimum(r[other:] * np.sign(crest), 0)
         behind.append(passage(run.t[other:], turned, rate[other:]))
     sound = sound_speed(run.scene.springs[-1], run.scene.mass[-1])
-    numbers["speed"] = (far - near) / (arrival(run, far) - arrival(run, near)) / sound
-    numbers["tail"] = (far - near) / (behind[1] - behind[0]) / sound
-    return numbers
+    return {
+        "speed": (far - near) / (arrived[1] - arrived[0]) / sound,
+        "tail": (far - near) / (behind[1] - behind[0]) / sound,
+        "crest": crest,
+    }
 
 
-def is_soliton(numbers, exact_ratio):
-    """Whether the first pulse is a rarefaction wave that runs as the exact wave of its crest."""
-    return (
-        numbers["crest"] > 0
-        and numbers["speed"] > 1 + SUPERSONIC
-        and abs(numbers["speed"] - exact_ratio) < SUPERSONIC
-    )
+def kind(blow, speed):
+    """What leads after one blow, and its numbers.
+
+    Returns
+    -------
+    word : str
+        "soliton": a rarefaction wave that is supersonic and as fast as the exact wave of its
+        crest; "forming": a rarefaction that is not (yet); "compression", "none"; "collapse": a
+        prism softened past its limit point and left the range that is followed.
+    speed : float
+        Over the speed of sound; 0 where nothing was measured.
+    """
+    sensors = [site for bond in SENSORS for site in (bond, bond + 1)]
+    record = Record(every=1, sites=sensors)
+    try:
+        found = leading(simulate(*struck(blow, speed), method="rkn6", dt=STEP, record=record))
+    except LockingError:
+        return "collapse", 0.0
+    except TensegrityError:
+        return "none", 0.0
+    if found["crest"] < 0:
+        return "compression", found["speed"]
+    exact = solitary_wave(_scenes.softening(PRELOAD), amplitude=found["crest"]).speed_ratio
+    formed = found["speed"] > 1 + CLOSE and abs(found["speed"] - exact) < CLOSE
+    return ("soliton" if formed else "forming"), found["speed"]
+
+
+def measured(blow, speed):
+    """Numbers of one blow with their errors, and the finer run."""
+    run, found = _measure.resolved(struck(blow, speed), leading, 2 * STEP)
+    budget = beyond(run, 0)
+    found["momentum error"] = Number(budget.momentum_error, budget.energy_error)
+    if found["crest"].value > 0:
+        wave = solitary_wave(_scenes.softening(PRELOAD), amplitude=found["crest"].value)
+        found["exact speed"] = Number(wave.speed_ratio, wave.residual)
+        found["share"] = Number(wave.energy / run.energy[0], 2 * found["crest"].error)
+    return run, found
+
+
+def data():
+    """The map of blows; numbers, density and last instant of the blows that are shown."""
+    words = {blow: [kind(blow, speed) for speed in SPEEDS] for blow in BLOWS}
+    tables = {
+        "map": {
+            "blow [m/s]": SPEEDS,
+            **{blow: [word for word, _ in row] for blow, row in words.items()},
+            **{f"{blow}: c/cs": [speed for _, speed in row] for blow, row in words.items()},
+        }
+    }
+    for name, blow in SHOWN.items():
+        run, found = measured(blow, HARD)
+        tables[name] = _measure.as_table(found)
+        tables[f"{name}_density"] = _measure.density(run)
+        r = run.scene.elongation(run.final.u)
+        tables[f"{name}_last"] = {"bond": np.arange(r.size), "elongation": r}
+    return tables
+
+
+def draw(figure, tables):
+    """Densities of two blows, the front of one at the end, and the map."""
+    figure.set_size_inches(12, 8.5)
+    axes = figure.subplots(2, 2)
+    for ax, name in zip(axes[0], SHOWN, strict=True):
+        _measure.draw_density(ax, tables[f"{name}_density"], f"{SHOWN[name]}, {HARD} m/s")
+    last, ax = tables["held_last"], axes[1, 0]
+    front = _scenes.sound(PRELOAD) * DURATION
+    near = np.abs(last["bond"] - front) < 60
+    ax.plot(last["bond"][near], last["elongation"][near], "C0.-", ms=3, lw=0.8)
+    ax.axvline(front, color="0.5", lw=0.8, label="sound")
+    ax.set(xlabel="bond", ylabel="elongation [m]", title="held end, last instant")
+    ax.legend(fontsize=8)
+    ax = axes[1, 1]
+    for y, blow in enumerate(BLOWS):
+        for x, word in enumerate(tables["map"][blow]):
+            ax.plot(x, y, *MARKS[word], ms=9, label=word)
+            speed = tables["map"][f"{blow}: c/cs"][x]
+            if speed:
+                ax.annotate(f"{speed:.4f}", (x, y), (8, -3), textcoords="offset points", fontsize=8)
+    ax.set(xlabel="speed of the blow [m/s]", xlim=(-0.5, 3.8), ylim=(len(BLOWS) - 0.5, -1.6))
+    ax.set_xticks(range(len(SPEEDS)), SPEEDS)
+    ax.set_yticks(range(len(BLOWS)), BLOWS, fontsize=8)
+    named = dict(zip(*ax.get_legend_handles_labels()[::-1], strict=True))
+    ax.legend(named.values(), named, fontsize=8, ncol=3, loc="upper center")
+    ax.set_title("what leads, and its speed over sound", fontsize=10)
+
+
+def table(tables):
+    """Rows for the table of the group."""
+    held, free = (_measure.from_table(tables[name]) for name in SHOWN)
+    scene = f"softening chain, {SHOWN['held']}, {HARD} m/s"
+    solitons = [b for b in BLOWS if "soliton" in tables["map"][b]]
+    exact = abs(held["speed"].value - held["exact speed"].value)
+    return [
+        _measure.row(
+            scene,
+            "leading rarefaction soliton, supersonic",
+            f"{held['speed'].value:.6f} cs with {held['share'].value:.3f} of the energy; the exact "
+            f"wave of that crest {held['exact speed'].value:.6f} cs (off by {exact:.0e}: the pulse "
+            "still sheds its tail)",
+            held["speed"].error,
+        ),
+        _measure.row(
+            scene,
+            "oscillatory tail, subsonic",
+            f"{held['tail'].value:.6f} cs, first extremum behind the wave",
+            held["tail"].error,
+        ),
+        _measure.row(
+            f"softening chain, {SHOWN['free']}, {HARD} m/s",
+            "compressive disturbance becomes a rarefaction wave",
+            f"does not: compression leads, {free['speed'].value:.6f} cs",
+            free["speed"].error,
+        ),
+        _measure.row(
+            f"softening chain, {len(BLOWS)} blows at {len(SPEEDS)} speeds",
+            "compressive disturbance becomes a rarefaction wave",
+            f"only with: {'; '.join(solitons)}",
+            f"closer than {CLOSE:g} to the exact wave",
+        ),
+        _measure.row(
+            scene,
+            "energy, and momentum with the force at the end",
+            f"close to {held['energy error'].value:.0e} and {held['momentum error'].value:.0e}",
+            "quadrature of the force",
+        ),
+    ]

@@ -12,7 +12,7 @@ ORDER = [  # inside tensegrity: each may import what stands before it
     "arclength", "continuation", "potential", "polynomial", "condensed", "prism", "response",
     "nodes", "limit", "stepping", "lattice", "network_loop", "walls", "clearance", "network",
     "record", "plotting", "run", "march", "tolerance", "integrate", "asymptotics", "observables",
-    "travelling", "solitary",
+    "budget", "tuning", "travelling", "solitary",
 ]  # fmt: skip
 
 

@@ -1,0 +1,246 @@
+"""Springs changed while a wave travels: "on the fly".
+
+The springs of a chain depend on time: `spring_at(t)` gives the Potential of all bonds at an
+instant, such as prisms whose cross strings are drawn in.  Whoever changes them does work on the
+chain at the rate dV/dt at given elongation, summed over the bonds.
+
+Time is taken as one more coordinate, driven at rate 1: a splitting method then advances it with
+its drifts, uses the springs of that instant in each kick, and keeps its order; the work is the
+change of time's conjugate momentum, summed with the method's own kicks.  Total energy minus work
+is what stays constant, and so checks the run.  The parameters of the springs are Chebyshev
+series in time, fitted to round-off, and the rate of V comes from them by automatic
+differentiation of the law.  Source: seeds/000, "adjusted on the fly, through suitable control of
+prestress".
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from tensegrity import check, methods
+from tensegrity.errors import LockingError, ResolutionError, StabilityError, TensegrityError
+from tensegrity.kernel import kernel
+from tensegrity.lattice import Chain, State
+from tensegrity.potential import Potential
+from tensegrity.record import Record
+
+DEGREES = (32, 64, 128, 256, 512)  # of the series in time
+TAIL = 1e-12  # of the largest coefficient, left at the end of a series
+
+
+@dataclass(frozen=True, eq=False)
+class TunedRun:
+    """A run with springs that changed.
+
+    Attributes
+    ----------
+    t : ndarray, (T,)
+        Recorded instants [s].
+    u, v : ndarray, (T, sites)
+        Displacement [m] and velocity [m/s] of the recorded sites.
+    energy, work : ndarray, (T,)
+        Total energy, in the springs of that instant, and the work done on the chain by changing
+        them [J].  Energies are counted from the unstretched chain at every instant: the work
+        that the change takes in a chain at rest is left out.
+    final : State
+    scene : Chain
+        With the springs of the last instant.
+    dt : float
+        [s]
+    sites : tuple of int
+    """
+
+    t: np.ndarray
+    u: np.ndarray
+    v: np.ndarray
+    energy: np.ndarray
+    work: np.ndarray
+    final: State
+    scene: Chain
+    dt: float
+    sites: tuple[int, ...]
+
+    @property
+    def energy_error(self):
+        """Largest deviation of energy - work from its first value, over that value."""
+        return float(np.abs(self.energy - self.work - self.energy[0]).max() / self.energy[0])
+
+
+def simulate_tuned(chain, state, t_end, spring_at, *, dt, method="rkn6", record=None) -> TunedRun:
+    """Advance a chain whose springs change in time.
+
+    Parameters
+    ----------
+    chain : Chain
+        Masses and ends; its springs must be those of the first instant.
+    state : State
+    t_end : float
+        [s]
+    spring_at : callable
+        spring_at(t) gives the Potential of all bonds at an instant [s].  All must be of one law
+        and one length, so that r = 0 is the same shape at all times (rigid prisms without
+        preload keep it; the rest length of others depends on the prestress), and change
+        smoothly.
+    dt : float
+        Step [s]; the step used is the largest not above it that divides `t_end` evenly.
+    method : str
+        A splitting method.
+    record : Record, optional
+
+    Raises
+    ------
+    TensegrityError
+        Bad input, springs of another law or length.
+    ResolutionError
+        The springs change too abruptly.
+    StabilityError
+        The step is beyond the method's stability limit.
+    LockingError
+        A spring reached an end of its domain.
+    """
+    if not isinstance(chain, Chain):
+        raise TensegrityError(f"chain is {type(chain).__name__}, not a Chain")
+    chain.check(state)
+    t_end = check.number("t_end", t_end, above=0, unit="s")
+    dt = check.number("dt", dt, above=0, unit="s")
+    method = methods.find(method)
+    if not isinstance(method, methods.Splitting):
+        raise TensegrityError(f"method {method.name!r} is not a splitting of kicks and drifts")
+    record = record or Record()
+    record.check(chain.sites)
+    springs = _Springs(chain, spring_at, t_end)
+    steps = math.ceil(t_end / dt * (1 - 1e-12))
+    dt = t_end / steps
+    u, v, work = state.u.copy(), state.v.copy(), 0.0
+    recorded = record.steps(steps)
+    columns = record.columns(chain.sites)
+    sites = tuple(np.arange(chain.sites)[columns].tolist())
+    rows, works = record.rows(len(recorded), len(sites)), []
+    wanted = set(recorded.tolist())
+    for step in range(steps + 1):
+        now = step * dt
+        if step in wanted:
+            springs.watch(now, u, dt, method)
+            kinetic = 0.5 * np.sum(chain.mass * v**2)
+            energy = kinetic + np.sum(springs.value(0, now, np.diff(u)))
+            rows.add(now, energy, u[columns], v[columns])
+            works.append(work)
+        if step == steps:
+            break
+        for kick, drift in zip(method.kicks, (*method.drifts, 0.0), strict=True):
+            if kick:
+                r = np.diff(u)
+                pull = np.diff(springs.value(1, now, r), prepend=0.0, append=0.0)
+                v += kick * dt * chain.inverse_mass * pull
+                work += kick * dt * springs.power(now, r)
+            u += drift * dt * v
+            now += drift * dt
+        if not springs.contains(u):
+            raise LockingError(springs.at(now).beyond(springs.extreme(u)).args[0])
+    table = rows.finished()
+    last = Chain(spring_at(t_end), chain.sites, chain.mass, chain.ends)
+    return TunedRun(
+        table["t"], table["u"], table["v"], table["energy"], np.array(works), State(u, v), last,
+        dt, sites,
+    )  # fmt: skip
+
+
+class _Springs:
+    """One law whose parameters are Chebyshev series in time."""
+
+    def __init__(self, chain, spring_at, t_end):
+        self.chain, self._at, self._t_end = chain, spring_at, t_end
+        first = self.at(0.0)
+        if any(s is not first and s != first for s in chain.segment_springs[0]):
+            raise TensegrityError("the springs of the chain differ from spring_at(0)")
+        self._law, self._length = first._law, first.length
+        self._engine = kernel((self._law,))
+        self._series = self._fit()
+        self._rates = np.polynomial.chebyshev.chebder(self._series)
+        self._scale = np.abs(self._series).sum(axis=0).max()
+
+    def at(self, t):
+        spring = self._at(t)
+        if not isinstance(spring, Potential):
+            raise TensegrityError(f"spring_at({t:g}) is {spring!r}, not a Potential")
+        return spring
+
+    def _fit(self):
+        """Coefficients (degree + 1, parameters) and, on the way, the domain common to all times."""
+        from numpy.polynomial import chebyshev
+
+        for degree in DEGREES:
+            x = np.cos(np.pi * (np.arange(degree + 1) + 0.5) / (degree + 1))
+            springs = [self.at(self._t_end * (1 + one) / 2) for one in x]
+            for spring, one in zip(springs, x, strict=True):
+                self._compare(spring, self._t_end * (1 + one) / 2)
+            values = np.array([spring._values for spring in springs])
+            series = chebyshev.chebfit(x, values, degree)
+            largest = np.abs(series).max(axis=0)
+            if np.all(np.abs(series[-4:]).max(axis=0) <= TAIL * np.maximum(largest, 1e-3)):
+                domains = np.array([spring.domain for spring in springs])
+                self._domain = domains[:, 0].max(), domains[:, 1].min()
+                return series
+        raise ResolutionError(
+            f"the springs change too abruptly for a series of degree {DEGREES[-1]} over "
+            f"{self._t_end:g} s: make the change smoother or longer, or run it in parts"
+        )
+
+    def _compare(self, spring, t):
+        if spring._law != self._law:
+            raise TensegrityError(f"spring_at({t:g}) is of another law than spring_at(0)")
+        if spring.length != self._length:
+            raise TensegrityError(
+                f"spring_at({t:g}) has length {spring.length:.12g} m at rest, spring_at(0) "
+                f"{self._length:.12g} m: elongations would count from another shape"
+            )
+
+    def _parameters(self, series, t):
+        x = min(max(2 * t / self._t_end - 1, -1.0), 1.0)
+        return np.cos(np.arange(len(series)) * math.acos(x)) @ series
+
+    def value(self, order, t, r):
+        """A derivative of V at the instant t."""
+        return self._engine.evaluate(0, order, self._parameters(self._series, t), r)
+
+    def power(self, t, r):
+        """Sum over the bonds of dV/dt at given elongation [W]."""
+        rates = self._parameters(self._rates, t) * (2 / self._t_end)
+        if np.abs(rates).max() * self._t_end <= TAIL * self._scale:
+            return 0.0
+        values = self._parameters(self._series, t)
+        return float(np.sum(np.array(_change(self._law)(r[None, :], values, rates))))
+
+    def contains(self, u):
+        r = np.diff(u)
+        return bool(r.min() > self._domain[0] and r.max() < self._domain[1])
+
+    def extreme(self, u):
+        """The elongation farthest beyond an end of the domain."""
+        r = np.diff(u)
+        return float(r.min() if not r.min() > self._domain[0] else r.max())
+
+    def watch(self, t, u, dt, method):
+        """Refuse a step beyond the stability limit at the present stiffness."""
+        stiffness = self.value(2, t, np.append(np.diff(u), 0.0)).max()
+        w = self.chain.inverse_mass
+        omega = math.sqrt(2 * max(stiffness, 0.0) * (w[1:] + w[:-1]).max())
+        if dt * omega > method.stability_limit:
+            raise StabilityError(
+                f"dt {dt:.6g} s is beyond {method.stability_limit / omega:.6g} s, the stability "
+                f"limit of {method.name} at the stiffness met at t = {t:.6g} s"
+            )
+
+
+@cache
+def _change(law):
+    """(r, parameters, their rates) -> dV/dt, by automatic differentiation."""
+    import casadi as ca
+
+    r, p, forms = law.forms()
+    rates = ca.SX.sym("rates", p.numel())
+    return ca.Function("change", [r, p, rates], [ca.jtimes(forms[0], p, rates)])
