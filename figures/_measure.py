@@ -5,8 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from tensegrity import Chain, Record, State, simulate
+from tensegrity.observables import passage, speed
 
 SHOWN_SITES, SHOWN_INSTANTS = 200, 200  # at most, of a space-time density
 FAINTEST = 1e-5  # of the largest energy of a site: below it is shown as that
@@ -137,3 +139,23 @@ def from_table(table):
     """Back from `as_table`."""
     rows = zip(table["quantity"], table["value"], table["error"], strict=True)
     return {name: Number(float(value), float(error)) for name, value, error in rows}
+
+
+def passing_width(run, bond, level=0.05):
+    """Width in sites of the wave that passes a bond: its speed times the time above a level."""
+    left = run.sites.index(bond)
+    r, rate = (np.diff(x[:, left : left + 2])[:, 0] for x in (run.u, run.v))
+    crest = float(CubicHermiteSpline(run.t, r, rate)(passage(run.t, r, rate)))
+    above = CubicHermiteSpline(run.t, r / crest - level, rate / crest).roots(extrapolate=False)
+    return (above[-1] - above[0]) * speed(run, (bond - 20, bond))
+
+
+def launched_width(wave, travel=60):
+    """Width at 5 % of an exact wave that has run along a chain, with its error."""
+    reach = int(wave.reach()) + 2
+    bond = 2 * reach + travel
+    scene = Scene(chain := Chain(wave.potential, bond + 2 * reach + 2, wave.mass),
+                  wave.launch(chain, at=reach), (bond + reach) / wave.speed)  # fmt: skip
+    sites = [bond - 20, bond - 19, bond, bond + 1]
+    return resolved(scene, lambda run: {"width": passing_width(run, bond)}, 0.02 / wave.speed,
+                    sites)[1]["width"]  # fmt: skip
