@@ -39,12 +39,15 @@ ROUGH = 1e-4  # residual while a wave is sought
 FIRST_POINTS, MOST_POINTS = 192, 32768
 ROUGH_TAIL, TAIL = 1e-8, 1e-17  # of the crest, expected at the end of the grid
 TAIL_LEFT = 1e-14  # of the crest, found there
+NO_TAIL = 1e-2  # of the crest, left at the end of the longest grid: it is no solitary wave
+LONGEST = 8  # half-length over what the linear tail needs, while a wave is sought
 CORE = 3.0  # sites in which a wave has fallen to its linear tail
 SLOWEST_DECAY = 6.0  # per site: faster tails are over within the core
 FRONT = 1 - 1e-6  # part of the size of a front
 STROKE = 0.9995  # part of the stroke to the end of the domain that a wave is looked for in
 CLOSE = 0.03  # relative distance from which Newton's method is trusted to reach the target
 SEARCHES = 60
+LAST, NODES = 0.032, 6  # stroke left, halved from wave to wave, from which a limit is taken
 FACTOR = 4.0  # largest change of amplitude/(stroke left) in a step of the search
 
 
@@ -316,6 +319,42 @@ def _smooth_at_rest(potential):
     return float(potential.stiffness(0.0)) > 0
 
 
+def largest_speed(potential, mass=1.0, family=None):
+    """The speed that the waves of a family approach but do not reach.
+
+    Parameters
+    ----------
+    potential, mass, family
+        As for `solitary_wave`.
+
+    Returns
+    -------
+    float
+        [sites/s]: where the spring locks, the limit of waves that use up its stroke; where it
+        softens, the speed of a front; where its domain ends at a finite force, the speed of the
+        wave that gets there.
+
+    Raises
+    ------
+    TensegrityError
+        If no such wave exists, or there is no bound.
+
+    Notes
+    -----
+    The force near locking grows with the inverse root of the stroke left, and so the speed has
+    a series in that root; it is extrapolated, to about 1e-5 of its value.
+    """
+    if not isinstance(potential, Potential):
+        raise TensegrityError(f"potential {potential!r} is not a Potential")
+    mass = check.number("mass", mass, above=0, unit="kg")
+    side = _Side(potential, _sign(potential, family, None))
+    if math.isfinite(side.front[1]):
+        return math.sqrt(side.front[1] / mass)
+    if math.isinf(side.end):
+        raise TensegrityError("no largest speed: the spring does not lock (its domain is open)")
+    return math.sqrt(side.stiffness_at_end() / mass)
+
+
 class _Side:
     """The waves of one sign: a family, ordered by the size a > 0 [m] of the crest's elongation."""
 
@@ -330,7 +369,8 @@ class _Side:
         self._check_existence()
 
     def _table(self):
-        """Sizes up to the end of the domain, as far as all is finite, and |V'|, V, V'' there."""
+        """Sizes up to the end of the domain, |V'|, V and V'' there, while the spring resists and
+        all is finite; (4, n)."""
         if math.isinf(self.end):
             sizes = np.logspace(-15, 9, 481)
         else:
@@ -338,10 +378,15 @@ class _Side:
             sizes = self.end * np.sort(np.concatenate([near, far[far > 0.1]]))
         r = self.sign * sizes
         with np.errstate(all="ignore"):
-            rows = [sizes, np.abs(self.potential.tension(r)), self.potential.energy(r)]
+            rows = [sizes, self.sign * self.potential.tension(r), self.potential.energy(r)]
             rows = np.array([*rows, self.potential.stiffness(r)])
-        finite = (np.abs(rows) < HUGE).all(axis=0)
-        return rows[:, : len(sizes) if finite.all() else int(np.argmin(finite))]
+            good = (np.abs(rows) < HUGE).all(axis=0) & (rows[1] > 0)
+        rows = rows[:, : len(sizes) if good.all() else int(np.argmin(good))]
+        if rows.shape[1] < 2:
+            raise TensegrityError(
+                f"no solitary wave of {self.name}: this spring does not resist {self.name}"
+            )
+        return rows
 
     def _excess(self):
         """|V'| - V''(0) a [N], and m c^2 - V''(0) [N/m] of the long-wave equation, at `sizes` a.
@@ -361,27 +406,31 @@ class _Side:
 
         first = extra(self.tension - rest * a, gain, rest * a)
         second = extra(a * self.tension - self.energy - rest * a**2 / 2, a * gain, rest * a**2 / 2)
-        return first, (2 * rest * (a * first - second) + first**2) / (rest * a**2 + 2 * second)
+        twice = rest * a**2 + 2 * second  # 2 (r T - V): not positive where the spring gives way
+        excess = 2 * rest * (a * first - second) + first**2
+        good = (twice > 0) & (first > 0)
+        return first, np.where(good, excess / np.where(good, twice, 1.0), -rest)
 
     def _check_existence(self):
         """A wave needs V'(r)/r > V''(0) at its crest: m c^2 |r| = |K V'| is at most max |V'| there,
         and c > cs for a tail that decays."""
         secant = self.rest + self.excess / self.sizes
-        if not secant.max() > secant[0] * (1 + 1e-9):
-            why = "falls below" if secant[-1] < secant[0] * (1 - 1e-9) else "stays at"
+        grows = secant.max() > secant[0] * (1 + 1e-9)
+        if not (grows and self.long_wave.max() > 1e-9 * self.rest):
             raise TensegrityError(
-                f"no solitary wave of {self.name}: V'(r)/r {why} its value at rest, "
-                f"{secant[0]:g} N/m, but a wave whose tail decays needs more at its crest"
+                f"no solitary wave of {self.name}: V'(r)/r does not rise above its value at rest, "
+                f"{secant[0]:g} N/m (beyond, it is {secant[-1]:g} N/m), but a wave whose tail "
+                "decays needs more at its crest"
             )
 
     @cached_property
     def rough_tension(self):
-        """|V'| [N] at sizes from 0 to the largest, interpolated."""
+        """|V'| [N] as a function of the size, interpolated in logarithms; positive."""
         from scipy.interpolate import CubicHermiteSpline
 
-        rows = (self.sizes, self.tension, self.stiffness)
-        starts = (0.0, 0.0, self.rest)
-        return CubicHermiteSpline(*(np.append(s, row) for s, row in zip(starts, rows, strict=True)))
+        slope = self.sizes * self.stiffness / self.tension
+        spline = CubicHermiteSpline(np.log(self.sizes), np.log(self.tension), slope)
+        return lambda size: np.exp(spline(np.log(np.maximum(size, self.sizes[0]))))
 
     def wave(self, size):
         """The wave of that size, roughly resolved."""
@@ -394,8 +443,8 @@ class _Side:
         law = Scaled(self.potential, self.sign * size)
         above = np.interp(math.log(size), np.log(self.sizes), self.long_wave)
         mu = law.rest + above * law.reference / law.force
-        points, length, grid = FIRST_POINTS, 0.0, None
-        while True:
+        points, length = FIRST_POINTS, 0.0
+        while points <= MOST_POINTS:
             if not mu > law.rest:
                 raise NoWave(
                     f"no solitary wave of {self.name} with a crest of {self.sign * size:g} m: it "
@@ -403,27 +452,38 @@ class _Side:
                 )
             needed = _half_length(mu / law.rest if law.rest > 0 else math.inf, ROUGH_TAIL)
             if needed > 1.2 * length:
-                length, grid = needed, Grid(points, needed)
-                decay = -math.log(ROUGH_TAIL) / (needed - CORE)
-                profile = started(law, grid, min(decay, 2.5), self._rough(size))
+                length, decay = needed, -math.log(ROUGH_TAIL) / (needed - CORE)
+                profile = started(law, Grid(points, length), min(decay, 2.5), self._rough(size))
             else:
-                points *= 2
                 profile = profile.on(Grid(points, length))
             profile = solved(profile, amplitude_is(1.0))
             mu = profile.mu
-            if mu > law.rest and profile.tail > 1e-2:
+            if profile.tail > ROUGH and length < LONGEST * needed:
+                length *= 2  # the core is wide, as for a force hardly steeper than linear
+            elif mu > law.rest and profile.tail > NO_TAIL:
                 raise NoWave(f"no localised wave with a crest of {self.sign * size:g} m")
-            if mu > law.rest and profile.residual() < ROUGH:
+            elif mu > law.rest and profile.residual() < ROUGH:
                 return profile
-            if points > MOST_POINTS:
-                raise ResolutionError(
-                    f"{MOST_POINTS} points do not resolve the wave with a crest of "
-                    f"{self.sign * size:.9g} m"
-                )
+            points *= 2
+        raise ResolutionError(
+            f"{MOST_POINTS} points do not resolve the wave with a crest of {self.sign * size:.9g} m"
+        )
 
     def _rough(self, size):
         """f of `Scaled`, interpolated."""
         return lambda rho: self.rough_tension(size * rho) / self.rough_tension(size)
+
+    def stiffness_at_end(self):
+        """Limit of m c^2 [N/m] towards the end of the domain, by Neville's scheme in the root of
+        the stroke left."""
+        left = LAST * 2.0 ** -np.arange(NODES)
+        values = []
+        for part in left.tolist():
+            law = Scaled(self.potential, self.sign * self.end * (1 - part))
+            near = self.wave(abs(law.reference))
+            profile, _ = _refined(near, amplitude_is(1.0))
+            values.append(profile.mu * law.force / law.reference)
+        return extrapolated(np.sqrt(left), values)
 
     def with_stiffness(self, target, mass):
         """A wave near, and the condition, for m c^2 = target [N/m]."""
@@ -478,14 +538,17 @@ class _Side:
         from scipy.optimize import brentq
 
         top = int(np.argmax(self.long_wave))
-        if top == len(self.sizes) - 1:
+        if top in (0, len(self.sizes) - 1):
             return math.inf, math.inf
 
         def surplus(size):
             r = self.sign * size
             return float(r * self.potential.tension(r) - 2 * self.potential.energy(r))
 
-        size = brentq(surplus, self.sizes[top - 1], self.sizes[top + 1], xtol=1e-300, rtol=1e-14)
+        low, high = self.sizes[[top - 1, top + 1]]
+        if not surplus(low) > 0 > surplus(high):
+            return math.inf, math.inf
+        size = brentq(surplus, low, high, xtol=1e-300, rtol=1e-14)
         return size, float(self.potential.tension(self.sign * size)) / (self.sign * size)
 
     def _search(self, excess, start, asked, reached):
@@ -494,6 +557,7 @@ class _Side:
         largest = min(largest, FRONT * end)
         coordinate = _logit(end)
         size, before = min(start, largest), None
+        reason = "the search did not settle"
         low, high = -math.inf, math.inf  # coordinates between which the wave must lie
         for _ in range(SEARCHES):
             here = coordinate(size)
@@ -526,7 +590,14 @@ class _Side:
                 new = (low + high) / 2 if math.isfinite(high - low) else here + step / 8
             before = (here, gap) if gap is not None else None
             size = min(coordinate.size(new), largest)
-        raise TensegrityError(f"{asked}: no solitary wave of {self.name} has it")
+        raise TensegrityError(f"{asked}: no solitary wave of {self.name} found ({reason})")
+
+
+def extrapolated(x, y):
+    """Value at 0 of the polynomial through points (x, y)."""
+    from scipy.interpolate import BarycentricInterpolator
+
+    return float(BarycentricInterpolator(x, y)(0.0))
 
 
 class _logit:
