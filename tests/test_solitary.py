@@ -22,7 +22,7 @@ def toda_elongation(kappa, x):
     return -np.log1p((np.sinh(kappa) / np.cosh(kappa * x)) ** 2)
 
 
-@pytest.mark.parametrize("kappa", [0.1, 0.8, 2.0])
+@pytest.mark.parametrize("kappa", [0.3, 0.8, 2.0])
 def test_toda_soliton_by_speed_is_the_closed_form(kappa):
     wave = solitary_wave(TODA, speed=np.sinh(kappa) / kappa)
     x = np.linspace(-30 / kappa, 30 / kappa, 1001)
