@@ -8,12 +8,13 @@ from tensegrity.errors import (
     StabilityError,
     TensegrityError,
 )
-from tensegrity.integrate import Run, simulate
+from tensegrity.integrate import simulate
 from tensegrity.lattice import Chain, State
 from tensegrity.potential import Potential, PowerLaw
 from tensegrity.prism import Prism
 from tensegrity.record import Record
 from tensegrity.response import EquilibriumPath, equilibrium_path
+from tensegrity.run import Run
 from tensegrity.solitary import SolitaryWave, solitary_wave
 
 __all__ = [

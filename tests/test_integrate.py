@@ -16,8 +16,9 @@ from tensegrity import (
     Record,
     StabilityError,
     TensegrityError,
-    integrate,
+    march,
     simulate,
+    tolerance,
 )
 from tensegrity.methods import METHODS
 
@@ -310,7 +311,7 @@ def test_tolerance_is_kept_on_random_blows(rng):
 def test_interrupt_while_a_tolerance_is_sought(monkeypatch, at):
     chain = prism_chain()
     calls = []
-    advance = integrate._Watch.advance
+    advance = march._Watch.advance
 
     def interrupted(self, steps):
         calls.append(steps)
@@ -318,7 +319,7 @@ def test_interrupt_while_a_tolerance_is_sought(monkeypatch, at):
             raise KeyboardInterrupt
         advance(self, steps)
 
-    monkeypatch.setattr(integrate._Watch, "advance", interrupted)
+    monkeypatch.setattr(march._Watch, "advance", interrupted)
     run = simulate(chain, smooth_blow(chain), 10.0, tol=1e-9, record=Record(sites=[3, 1]))
     assert not run.complete
     assert run.sites == (3, 1)
@@ -351,7 +352,7 @@ def test_numbers_that_overflow_are_refused():
 def test_interrupt_returns_what_was_done(monkeypatch):
     chain = prism_chain()
     calls = []
-    advance = integrate._Watch.advance
+    advance = march._Watch.advance
 
     def interrupted(self, steps):
         if len(calls) == 7:
@@ -359,7 +360,7 @@ def test_interrupt_returns_what_was_done(monkeypatch):
         calls.append(steps)
         advance(self, steps)
 
-    monkeypatch.setattr(integrate._Watch, "advance", interrupted)
+    monkeypatch.setattr(march._Watch, "advance", interrupted)
     run = simulate(chain, smooth_blow(chain), 10.0, dt=0.1, record=Record(every=2))
     assert not run.complete
     assert run.steps == 14
@@ -385,6 +386,6 @@ def test_runs_are_reproducible_bit_for_bit():
 
 def test_how_much_an_error_estimate_trusts_the_order():
     """Half of it before it was seen to hold, all of it then, nothing where it does not hold."""
-    assert integrate._gain(6, None, 34, 1e-6) == 2**3
-    assert integrate._gain(6, (34, 1e-6), 68, 1e-6 / 2**6) == 2**6 - 1
-    assert integrate._gain(6, (34, 1e-6), 68, 1e-6 / 2**3) == 1
+    assert tolerance.gain(6, None, 34, 1e-6) == 2**3
+    assert tolerance.gain(6, (34, 1e-6), 68, 1e-6 / 2**6) == 2**6 - 1
+    assert tolerance.gain(6, (34, 1e-6), 68, 1e-6 / 2**3) == 1

@@ -10,8 +10,8 @@ PACKAGES = ("derivations", "tensegrity", "granular", "figures", "benchmarks")
 ORDER = [  # inside tensegrity: each may import what stands before it
     "errors", "check", "codegen", "native", "kernel", "table", "arclength", "continuation",
     "potential", "condensed", "prism", "response", "nodes", "limit", "lattice", "methods",
-    "stepping", "record", "plotting", "integrate", "asymptotics", "observables", "travelling",
-    "family", "solitary",
+    "stepping", "record", "plotting", "run", "march", "tolerance", "integrate", "asymptotics",
+    "observables", "travelling", "family", "solitary",
 ]  # fmt: skip
 
 

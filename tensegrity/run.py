@@ -1,0 +1,75 @@
+"""What `simulate` returns: recorded rows, the last state, and how they were made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tensegrity.lattice import State
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A finished, interrupted or failed run.
+
+    Attributes
+    ----------
+    t : ndarray, (T,)
+        Recorded instants [s].
+    u, v : ndarray, (T, sites)
+        Displacement [m] and velocity [m/s] of the recorded sites.
+    energy : ndarray, (T,)
+        Total energy of the scene, all sites [J].
+    final : State
+        State at the last instant reached.
+    method : str
+    dt : float
+        Step [s]: the largest not above the one asked for that divides the time evenly.
+    steps : int
+        Steps done.
+    complete : bool
+        False if the run was interrupted or failed; what it had recorded is kept.
+    error_estimate : float or None
+        Estimated max(|du|/max|u|, |dv|/max|v|), where a tolerance was asked for.
+    wall_time : float
+        [s], all trial runs included.
+    """
+
+    scene: object = field(repr=False)
+    t: np.ndarray
+    u: np.ndarray
+    v: np.ndarray
+    energy: np.ndarray
+    final: State
+    method: str
+    dt: float
+    steps: int
+    sites: tuple[int, ...]
+    complete: bool = True
+    error_estimate: float | None = None
+    wall_time: float = 0.0
+
+    @property
+    def energy_error(self):
+        """Largest relative deviation of the total energy from its first value."""
+        deviation = np.max(np.abs(self.energy - self.energy[0]))
+        return float(deviation / abs(self.energy[0])) if self.energy[0] else float(deviation)
+
+    def plot(self, axes=None):
+        """Space-time density of energy; needs all sites recorded. Returns the axes."""
+        from tensegrity.plotting import energy_density
+
+        return energy_density(self, axes)
+
+    def __str__(self):
+        estimate = "" if self.error_estimate is None else f", estimated {self.error_estimate:.1e}"
+        return (
+            f"{self.method}, dt = {self.dt:.4g} s, {self.steps} steps to t = {self.t[-1]:.6g} s"
+            f"{'' if self.complete else ' (incomplete)'}\n"
+            f"{len(self.t)} instants of {len(self.sites)} sites recorded\n"
+            f"error: energy {self.energy_error:.1e}{estimate}\n"
+            f"wall time {self.wall_time:.3g} s"
+        )
+
+    __repr__ = __str__
