@@ -41,7 +41,7 @@ FRONT = 1 - 1e-6  # part of the size of a front
 STROKE = 0.9995  # part of the stroke to the end of the domain that a wave is looked for in
 CLOSE = 0.03  # relative distance from which Newton's method is trusted to reach the target
 SEARCHES = 60
-LAST, NODES = 0.032, 6  # stroke left, halved from wave to wave, from which a limit is taken
+NODES = 6  # waves, the stroke left halved from one to the next, from which a limit is taken
 FACTOR = 4.0  # largest change of amplitude/(stroke left) in a step of the search
 
 
@@ -163,10 +163,10 @@ class Family:
         """f of `Scaled`, interpolated."""
         return lambda rho: self.rough_tension(size * rho) / self.rough_tension(size)
 
-    def stiffness_at_end(self):
+    def stiffness_at_end(self, closest):
         """Limit of m c^2 [N/m] towards the end of the domain, by Neville's scheme in the root of
         the stroke left."""
-        left = LAST * 2.0 ** -np.arange(NODES)
+        left = closest * 2.0 ** np.arange(NODES)
         values = []
         for part in left.tolist():
             law = Scaled(self.potential, self.sign * self.end * (1 - part))

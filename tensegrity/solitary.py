@@ -16,7 +16,7 @@ import numpy as np
 from tensegrity import check
 from tensegrity.asymptotics import sound_speed
 from tensegrity.errors import TensegrityError
-from tensegrity.family import SIGNS, Family, refined
+from tensegrity.family import SIGNS, STROKE, Family, refined
 from tensegrity.lattice import Chain, State
 from tensegrity.potential import Potential
 from tensegrity.travelling import Grid, amplitude_is, cosine_sum
@@ -292,13 +292,15 @@ def _smooth_at_rest(potential):
     return float(potential.stiffness(0.0)) > 0
 
 
-def largest_speed(potential, mass=1.0, family=None):
+def largest_speed(potential, mass=1.0, family=None, closest=1e-3):
     """The speed that the waves of a family approach but do not reach.
 
     Parameters
     ----------
     potential, mass, family
         As for `solitary_wave`.
+    closest : float, optional
+        Part of the stroke that is left to the largest wave computed; 0.0005 to 0.1.
 
     Returns
     -------
@@ -315,17 +317,21 @@ def largest_speed(potential, mass=1.0, family=None):
     Notes
     -----
     The force near locking grows with the inverse root of the stroke left, and so the speed has
-    a series in that root; it is extrapolated, to about 1e-5 of its value.
+    a series in that root; it is extrapolated, to about 1e-5 of its value.  Another `closest`
+    shows how well.
     """
     if not isinstance(potential, Potential):
         raise TensegrityError(f"potential {potential!r} is not a Potential")
     mass = check.number("mass", mass, above=0, unit="kg")
+    closest = check.number("closest", closest, least=1 - STROKE)
+    if closest > 0.1:
+        raise TensegrityError(f"closest {closest:g} must be at most 0.1")
     side = Family(potential, _sign(potential, family, None))
     if math.isfinite(side.front[1]):
         return math.sqrt(side.front[1] / mass)
     if math.isinf(side.end):
         raise TensegrityError("no largest speed: the spring does not lock (its domain is open)")
-    return math.sqrt(side.stiffness_at_end() / mass)
+    return math.sqrt(side.stiffness_at_end(closest) / mass)
 
 
 def _wave(potential, mass, sound, profile, residual):
