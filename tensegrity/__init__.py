@@ -16,6 +16,7 @@ from tensegrity.prism import Prism
 from tensegrity.record import Record
 from tensegrity.response import EquilibriumPath, equilibrium_path
 from tensegrity.run import Run
+from tensegrity.solitary import SolitaryWave, solitary_wave
 
 __all__ = [
     "Chain",
@@ -30,9 +31,11 @@ __all__ = [
     "Record",
     "ResolutionError",
     "Run",
+    "SolitaryWave",
     "StabilityError",
     "State",
     "TensegrityError",
     "equilibrium_path",
     "simulate",
+    "solitary_wave",
 ]

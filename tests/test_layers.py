@@ -11,7 +11,8 @@ ORDER = [  # inside tensegrity: each may import what stands before it
     "errors", "check", "codegen", "enclosure", "native", "kernel", "table", "arclength",
     "continuation", "potential", "polynomial", "condensed", "prism", "response", "nodes", "limit",
     "lattice", "methods", "stepping", "record", "plotting", "run", "march", "tolerance",
-    "integrate", "asymptotics", "observables", "solitary",
+    "integrate", "asymptotics", "observables", "travelling",
+    "solitary",
 ]  # fmt: skip
 
 
