@@ -11,6 +11,7 @@ from tensegrity.errors import (
 )
 from tensegrity.integrate import simulate
 from tensegrity.lattice import Chain, State
+from tensegrity.polynomial import Polynomial
 from tensegrity.potential import Potential, PowerLaw
 from tensegrity.prism import Prism
 from tensegrity.record import Record
@@ -24,6 +25,7 @@ __all__ = [
     "EquilibriumPath",
     "LockingError",
     "NoLocking",
+    "Polynomial",
     "Potential",
     "PowerLaw",
     "Prism",

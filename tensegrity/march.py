@@ -26,13 +26,29 @@ MOST_STEPS = 10**12
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What is to be run, the step apart."""
+    """What is to be run, the step apart.
+
+    `surrogate` is the scene with springs that are fitted to those of `scene`: it is moved, while
+    checks and recorded energies are those of `scene`.
+    """
 
     scene: object
     state: State
     t_end: float
     method: Method
     record: Record
+    surrogate: object = None
+
+    @property
+    def moved(self):
+        """The scene that the loop advances."""
+        return self.scene if self.surrogate is None else self.surrogate
+
+    @property
+    def force(self):
+        """What the tensions of the springs are computed by."""
+        different = dict.fromkeys(spring.force for spring in self.moved.segment_springs[0])
+        return ", ".join(different)
 
     def largest_step(self, ranges):
         """Stability limit [s] for elongations within `ranges`; inf where all V'' vanish."""
@@ -86,7 +102,7 @@ def march(problem, steps, allowed, checkpoints=0):
         table = rows.finished()
         return Run(
             scene, table["t"], table["u"], table["v"], table["energy"], State(u, v),
-            problem.method.name, dt, done, kept, complete,
+            problem.method.name, dt, done, kept, complete, force=problem.force, met=watch.met,
         )  # fmt: skip
 
     with _progress(steps) as bar:
@@ -119,14 +135,15 @@ class _Watch:
     """Advances block by block and refuses a block that left what the step allows."""
 
     def __init__(self, problem, u, v, dt, allowed):
-        scene, method = problem.scene, problem.method
+        scene, method = problem.moved, problem.method
         self._problem, self._u, self._v = problem, u, v
         self._dt, self._allowed = dt, allowed
-        self._energy = scene.energy(problem.state)
+        self._energy = problem.scene.energy(problem.state)
         self._loop = scene.bind(u, v, np.multiply(method.kicks, dt), np.multiply(method.drifts, dt))
         self._domains = np.array([s.reach for s in scene.segment_springs[0]])
         self._safe = np.zeros_like(self._domains)  # ranges of elongation known to be allowed
         self._limit = math.inf  # stability limit within them [s]
+        self.met = np.zeros_like(self._domains)  # smallest and largest elongation, 0 included
         self.sound = u.copy(), v.copy(), 0  # last sound state, and the steps done by then
 
     def advance(self, steps):
@@ -135,7 +152,7 @@ class _Watch:
         self._loop.forget_range()
         self._loop.advance(steps)
         if self._is_sound():
-            self.sound = self._u.copy(), self._v.copy(), done + steps
+            self._keep(done + steps)
             return
         self._u[:], self._v[:] = before_u, before_v
         for k in range(done, done + steps):
@@ -143,8 +160,13 @@ class _Watch:
             self._loop.advance(1)
             if not self._is_sound():
                 raise self._error((k + 1) * self._dt)
-            self.sound = self._u.copy(), self._v.copy(), k + 1
+            self._keep(k + 1)
         raise StabilityError(f"a block of {steps} steps went wrong, but not step by step")
+
+    def _keep(self, done):
+        self.sound = self._u.copy(), self._v.copy(), done
+        self.met[:, 0] = np.minimum(self.met[:, 0], self._loop.range[:, 0])
+        self.met[:, 1] = np.maximum(self.met[:, 1], self._loop.range[:, 1])
 
     def _is_sound(self):
         met = self._loop.range
@@ -167,7 +189,7 @@ class _Watch:
 
     def _error(self, t):
         """What went wrong in the step that ended at t, told from the sound state before it."""
-        scene = self._problem.scene
+        scene = self._problem.moved
         springs, first = scene.segment_springs
         r = scene.elongation(self.sound[0])
         met, (low, high) = self._loop.range, self._domains.T

@@ -35,6 +35,7 @@ LEBESGUE = 2 / math.pi * math.log(NODES) + 1
 ELLIPSES = (1.7, 1.5, 1.35, 1.25, 1.15)  # sums of their semi-axes over half the range
 ROWS = (6, 16)  # of disks across half an ellipse
 DENSE = 10  # points a degree at which an estimate looks
+NARROWEST = 1e-100  # range [m] whose inverse squared is still a number
 UNIT = np.finfo(float).eps / 2
 
 
@@ -117,6 +118,7 @@ class Polynomial(Potential):
         error = check.number("error", error, above=0)
         if not low < 0 < high:
             raise TensegrityError(f"range ({low:g}, {high:g}) m must contain 0 m inside")
+        check.number("width of the range", high - low, least=NARROWEST, unit="m")
         for r in (low, high):
             if not spring.domain[0] <= r <= spring.domain[1]:
                 raise spring.beyond(r)
