@@ -1,31 +1,38 @@
 """Tensegrity prisms as springs, and lattices of masses joined by them."""
 
 from tensegrity.errors import (
+    ContactError,
     EquilibriumError,
     LockingError,
     NoLocking,
+    RangeError,
     ResolutionError,
     StabilityError,
     TensegrityError,
 )
 from tensegrity.integrate import simulate
 from tensegrity.lattice import Chain, State
+from tensegrity.network import Network
 from tensegrity.potential import Potential, PowerLaw
 from tensegrity.prism import Prism
 from tensegrity.record import Record
 from tensegrity.response import EquilibriumPath, equilibrium_path
 from tensegrity.run import Run
 from tensegrity.solitary import SolitaryWave, solitary_wave
+from tensegrity.walls import Wall
 
 __all__ = [
     "Chain",
+    "ContactError",
     "EquilibriumError",
     "EquilibriumPath",
     "LockingError",
+    "Network",
     "NoLocking",
     "Potential",
     "PowerLaw",
     "Prism",
+    "RangeError",
     "Record",
     "ResolutionError",
     "Run",
@@ -33,6 +40,7 @@ __all__ = [
     "StabilityError",
     "State",
     "TensegrityError",
+    "Wall",
     "equilibrium_path",
     "simulate",
     "solitary_wave",

@@ -14,12 +14,25 @@ class LockingError(TensegrityError):
     run = None
 
 
+class RangeError(LockingError):
+    """An elongation left the range on which the force of a run was prepared."""
+
+
 class NoLocking(TensegrityError):
     """The prism is so thick that it collapses flat before its bars meet."""
 
 
 class StabilityError(TensegrityError):
     """The time step is beyond the stability limit of the method.
+
+    Raised by a run, it carries the recorded part in `run` (None elsewhere).
+    """
+
+    run = None
+
+
+class ContactError(TensegrityError):
+    """A contact formed that is not in the scene's list, or a site slid off the end of its wall.
 
     Raised by a run, it carries the recorded part in `run` (None elsewhere).
     """

@@ -12,6 +12,7 @@
 #define real double
 #endif
 #define casadi_real real
+#define CASADI_SYMBOL_EXPORT static /* else each function is compiled once more, for callers outside */
 typedef long long integer;
 
 static inline real library_power(real x, real y) { return pow(x, y); }
@@ -38,3 +39,5 @@ static inline real smaller(real x, real y) { return x < y ? x : y; }
 #define pow power
 #define fmax larger
 #define fmin smaller
+
+#define EACH(n) _Pragma("GCC ivdep") for (integer i = 0; i < (n); i++)
