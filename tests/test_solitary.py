@@ -183,6 +183,10 @@ def test_wave_is_the_same_by_speed_amplitude_and_energy():
         assert wave.speed == pytest.approx(by_speed.speed, rel=1e-12)
         assert wave.energy == pytest.approx(by_speed.energy, rel=1e-12)
         assert wave.amplitude == pytest.approx(by_speed.amplitude, rel=1e-12)
+    chain = Chain(PRISM, 100, mass=0.3)
+    state = by_speed.launch(chain, at=50.2)
+    assert chain.momentum(state) == pytest.approx(by_speed.momentum, rel=1e-12)
+    assert chain.energy(state) == pytest.approx(by_speed.energy, rel=1e-12)
 
 
 def test_one_exact_wave_takes_less_than_a_second():
