@@ -11,10 +11,10 @@ NAME = "solitary_errors"
 GROUP = "waves"
 
 SHAPES = ((0.7, 0.1), (0.7, 0.01), (0.6, 0.001))  # (height, prestrain)
-GAMMAS = np.geomspace(0.05, 2.0, 10)
-STROKES_LEFT = np.geomspace(0.001, 0.3, 11)
-PRESTRAINS = (0.0, *np.geomspace(1e-6, 0.3, 10).tolist())
-HEIGHTS = (0.6, 0.8, 1.2)
+GAMMAS = np.geomspace(0.05, 2.0, 8)
+STROKES_LEFT = np.geomspace(0.001, 0.3, 9)
+PRESTRAINS = (0.0, *np.geomspace(1e-6, 0.3, 8).tolist())
+HEIGHTS = (0.6, 1.2)
 USED = 0.95  # of the stroke, towards no prestrain
 
 

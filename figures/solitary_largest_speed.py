@@ -13,7 +13,7 @@ NAME = "solitary_largest_speed"
 GROUP = "waves"
 
 SLENDERNESS = np.geomspace(0.36, 3.0, 6)
-PRESTRAINS = np.geomspace(1e-4, 0.3, 6)
+PRESTRAINS = np.geomspace(1e-4, 0.3, 5)
 CLOSEST = (4e-3, 8e-3)  # stroke left to the largest wave of each of two extrapolations
 
 

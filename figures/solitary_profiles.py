@@ -48,9 +48,9 @@ def draw(figure, tables):
     for index, one in enumerate(axes.flat):
         height, ratio = numbers["height"][index], numbers["speed_ratio"][index]
         title = f"h$_0$/l = {height}, p$_0$ = {numbers['prestrain'][index]}: {ratio:g} c$_s$"
-        one.set_title(title, fontsize=9)
         table = tables.get(f"h{height:g}_c{ratio:g}")
         if table is None:
+            one.set_title(title, fontsize=9)
             largest = numbers["largest_ratio"][index]
             text = f"none: the bars\nmeet at {largest:.2f} c$_s$"
             one.text(0.5, 0.5, text, ha="center", va="center", transform=one.transAxes)
@@ -61,8 +61,9 @@ def draw(figure, tables):
         one.plot(table["x"], -table["exact"], "C0", label="exact")
         crests = [np.max(-table[name]) for name in ("exact", "sech2", "tent")]
         one.set_ylim(-0.05 * crests[0], 1.1 * max(c for c in crests if c < 4 * crests[0]))
-        text = f"{numbers['stroke_used'][index]:.3f} of the stroke\n{numbers['width'][index]:.2f} "
-        one.text(0.03, 0.95, f"{text}sites at 5 %", va="top", fontsize=8, transform=one.transAxes)
+        used, wide = numbers["stroke_used"][index], numbers["width"][index]
+        title += f"\n{used:.3f} of the stroke, {wide:.2f} sites at 5 %"
+        one.set_title(title, fontsize=9)
     for one in axes[:, 0]:
         one.set_ylabel("compressive strain")
     for one in axes[-1]:

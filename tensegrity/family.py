@@ -29,7 +29,7 @@ SIGNS = {"compression": -1, "rarefaction": 1}  # of the elongation
 TARGET, LARGEST = 2e-13, 1e-12  # residual aimed at, and the largest that is returned
 HUGE = 1e70  # forces, energies whose cubes are still numbers
 NOT_SMALL = 1e-3  # relative excess from which differences of tensions are taken
-ROUGH = 1e-4  # residual while a wave is sought
+ROUGH = 1e-4  # residual, and Newton's last step, while a wave is sought
 FIRST_POINTS, MOST_POINTS = 192, 32768
 ROUGH_TAIL, TAIL = 1e-8, 1e-17  # of the crest, expected at the end of the grid
 TAIL_LEFT = 1e-14  # of the crest, found there
@@ -146,7 +146,7 @@ class Family:
                 profile = started(law, Grid(points, length), min(decay, 2.5), self._rough(size))
             else:
                 profile = profile.on(Grid(points, length))
-            profile = solved(profile, amplitude_is(1.0))
+            profile = solved(profile, amplitude_is(1.0), ROUGH)
             mu = profile.mu
             if profile.tail > ROUGH and length < LONGEST * needed:
                 length *= 2  # the core is wide, as for a force hardly steeper than linear

@@ -183,6 +183,10 @@ def test_wave_is_the_same_by_speed_amplitude_and_energy():
         assert wave.speed == pytest.approx(by_speed.speed, rel=1e-12)
         assert wave.energy == pytest.approx(by_speed.energy, rel=1e-12)
         assert wave.amplitude == pytest.approx(by_speed.amplitude, rel=1e-12)
+    chain = Chain(PRISM, 100, mass=0.3)
+    state = by_speed.launch(chain, at=50.2)
+    assert chain.momentum(state) == pytest.approx(by_speed.momentum, rel=1e-12)
+    assert chain.energy(state) == pytest.approx(by_speed.energy, rel=1e-12)
 
 
 def test_one_exact_wave_takes_less_than_a_second():
@@ -270,7 +274,7 @@ def test_where_no_wave_exists_the_error_says_why(spring, given, message):
 
 def test_a_wave_too_close_to_locking_is_not_resolved():
     with pytest.raises(ResolutionError, match="not resolved"):
-        solitary_wave(PRISM, amplitude=(1 - 1e-5) * PRISM.domain[0])
+        solitary_wave(PRISM, amplitude=(1 - 1e-4) * PRISM.domain[0])
 
 
 def test_preload_beyond_the_limit_point_has_no_potential_to_carry_waves():
@@ -302,7 +306,7 @@ def test_largest_speed_is_the_limit_from_two_sets_of_waves(shape):
     """... and the energy two masses lose in a bond overestimates it by less than a tenth."""
     spring = Prism(1.0, *shape, 1.0).potential()
     limit = largest_speed(spring)
-    assert largest_speed(spring, closest=2e-3) == pytest.approx(limit, rel=2e-5)
+    assert largest_speed(spring, closest=6e-4) == pytest.approx(limit, rel=1e-5)
     values = {
         derived.mass: 1.0,
         derived.stroke: -spring.domain[0],
