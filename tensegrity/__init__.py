@@ -1,6 +1,7 @@
 """Tensegrity prisms as springs, and lattices of masses joined by them."""
 
 from tensegrity.errors import (
+    ContactError,
     EquilibriumError,
     LockingError,
     NoLocking,
@@ -11,6 +12,7 @@ from tensegrity.errors import (
 )
 from tensegrity.integrate import simulate
 from tensegrity.lattice import Chain, State
+from tensegrity.network import Network
 from tensegrity.polynomial import Polynomial
 from tensegrity.potential import Potential, PowerLaw
 from tensegrity.prism import Prism
@@ -18,12 +20,15 @@ from tensegrity.record import Record
 from tensegrity.response import EquilibriumPath, equilibrium_path
 from tensegrity.run import Run
 from tensegrity.solitary import SolitaryWave, solitary_wave
+from tensegrity.walls import Wall
 
 __all__ = [
     "Chain",
+    "ContactError",
     "EquilibriumError",
     "EquilibriumPath",
     "LockingError",
+    "Network",
     "NoLocking",
     "Polynomial",
     "Potential",
@@ -37,6 +42,7 @@ __all__ = [
     "StabilityError",
     "State",
     "TensegrityError",
+    "Wall",
     "equilibrium_path",
     "simulate",
     "solitary_wave",

@@ -17,7 +17,7 @@ class Run:
     ----------
     t : ndarray, (T,)
         Recorded instants [s].
-    u, v : ndarray, (T, sites)
+    u, v : ndarray, (T, sites) or (T, sites, dim)
         Displacement [m] and velocity [m/s] of the recorded sites.
     energy : ndarray, (T,)
         Total energy of the scene, all sites [J].
@@ -39,6 +39,8 @@ class Run:
         Smallest and largest elongation met at any stage [m], 0 included.
     wall_time : float
         [s], all trial runs included.
+    impulse : ndarray, (T, walls, dim), or None
+        What each wall received since the start [N s], where the scene has walls.
     """
 
     scene: object = field(repr=False)
@@ -56,6 +58,7 @@ class Run:
     force: str = "exact"
     met: np.ndarray | None = field(default=None, repr=False)
     wall_time: float = 0.0
+    impulse: np.ndarray | None = None
 
     @property
     def energy_error(self):
