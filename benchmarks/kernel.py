@@ -66,10 +66,8 @@ def contestants(family):
     return found, converged, (low, high)
 
 
-def bound_loop(engine, chain, u, v, dtype=float):
-    method = METHODS["verlet"]
-    kicks, drifts = (np.multiply(c, DT, dtype=dtype) for c in (method.kicks, method.drifts))
-    return engine.bind(u, v, chain.inverse_mass, chain.segments, kicks, drifts)
+def bound_loop(engine, chain, u, v):
+    return engine.bind(u, v, chain.inverse_mass, chain.segments, METHODS["verlet"], DT)
 
 
 def motion(spring, speed, extended=False):
@@ -79,7 +77,7 @@ def motion(spring, speed, extended=False):
     dtype = np.longdouble if extended else float
     state = blow(chain, speed)
     u, v = state.u.astype(dtype), state.v.astype(dtype)
-    bound_loop(engine, chain, u, v, dtype).advance(STEPS)
+    bound_loop(engine, chain, u, v).advance(STEPS)
     return u
 
 

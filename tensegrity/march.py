@@ -103,7 +103,7 @@ def march(problem, steps, allowed, checkpoints=0):
         return Run(
             scene, table["t"], table["u"], table["v"], table["energy"], watch.state(),
             problem.method.name, dt, watch.sound[2], kept, complete,
-            force=problem.force, met=watch.met, impulse=table["impulse"] if walls[0] else None,
+            impulse=table["impulse"] if walls[0] else None, force=problem.force, met=watch.met,
         )  # fmt: skip
 
     with _progress(steps) as bar:
@@ -188,6 +188,11 @@ class _Watch:
             self._keep(k + 1)
         raise StabilityError(f"a block of {steps} steps went wrong, but not step by step")
 
+    def _keep(self, done):
+        self.sound = self._u.copy(), self._v.copy(), done
+        self.met[:, 0] = np.minimum(self.met[:, 0], self._loop.range[:, 0])
+        self.met[:, 1] = np.maximum(self.met[:, 1], self._loop.range[:, 1])
+
     def _is_clear(self, done, steps):
         """Whether no unlisted contact can have formed; says how many steps to take next."""
         u, travel = self._u[: self._problem.scene.sites], self._loop.travel
@@ -202,11 +207,6 @@ class _Watch:
         share = self._tracker.share(travel)
         self._most = max(1, int(min(CAUTION * steps / share, MOST_STEPS))) if share else MOST_STEPS
         return True
-
-    def _keep(self, done):
-        self.sound = self._u.copy(), self._v.copy(), done
-        self.met[:, 0] = np.minimum(self.met[:, 0], self._loop.range[:, 0])
-        self.met[:, 1] = np.maximum(self.met[:, 1], self._loop.range[:, 1])
 
     def _is_sound(self):
         met = self._loop.range

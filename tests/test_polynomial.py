@@ -169,7 +169,7 @@ def test_a_prism_that_softens_to_its_limit_point_is_fitted_over_it():
 # --- disks -----------------------------------------------------------------------------------
 
 
-@settings(deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_disks_contain_the_values_of_their_points(seed):
     rng = np.random.default_rng(seed)
@@ -189,6 +189,14 @@ def test_disks_on_a_cut_or_a_pole_have_no_bound():
     for law in (root, pole):
         assert np.isinf(enclosed(law, [], Disk(-1.9, 0.2)).largest)
         assert np.isfinite(enclosed(law, [], Disk(-1.9, 0.05)).largest)
+
+
+@pytest.mark.parametrize("energy", [(R + 2) ** sp.Rational(3, 2), (R + 2) * sp.log(R + 2)])
+def test_disks_that_meet_only_the_cut_have_no_bound(energy):
+    """Where the principal value jumps, far from the branch point."""
+    law = Potential(energy, R)._law
+    assert np.isinf(enclosed(law, [], Disk(-4 + 0.1j, 0.2)).largest)
+    assert np.isfinite(enclosed(law, [], Disk(-4 + 0.3j, 0.2)).largest)
 
 
 # --- runs ------------------------------------------------------------------------------------
@@ -268,6 +276,17 @@ def test_fits_get_better_with_the_tolerance(monkeypatch):
         run = simulate(chain, state, 20.0, tol=tol, method="rkn6")
         degrees.append(int(run.force.split()[3]))
     assert degrees == sorted(set(degrees))
+
+
+def test_a_fit_whose_error_shows_in_the_motion_is_refined(monkeypatch):
+    monkeypatch.setattr(tolerance, "WORTH", -math.inf)
+    chain = prism_chain()
+    state = smooth_blow(chain)
+    exact = simulate(chain, state, 20.0, method="rkn6", dt=0.02)
+    monkeypatch.setattr(tolerance, "FIRST_ERROR", 1e5)
+    run = simulate(chain, state, 20.0, tol=1e-8)
+    assert int(run.force.split()[3]) > Polynomial(chain.springs[0], *run.met[0], 1e-3).degree
+    assert error_of(run, exact.final.u, exact.final.v) < 1e-8
 
 
 def test_contacts_that_open_stay_exact(monkeypatch):
