@@ -5,6 +5,7 @@ from tensegrity.errors import (
     EquilibriumError,
     LockingError,
     NoLocking,
+    RangeError,
     ResolutionError,
     StabilityError,
     TensegrityError,
@@ -17,6 +18,7 @@ from tensegrity.prism import Prism
 from tensegrity.record import Record
 from tensegrity.response import EquilibriumPath, equilibrium_path
 from tensegrity.run import Run
+from tensegrity.solitary import SolitaryWave, solitary_wave
 from tensegrity.walls import Wall
 
 __all__ = [
@@ -30,13 +32,16 @@ __all__ = [
     "Potential",
     "PowerLaw",
     "Prism",
+    "RangeError",
     "Record",
     "ResolutionError",
     "Run",
+    "SolitaryWave",
     "StabilityError",
     "State",
     "TensegrityError",
     "Wall",
     "equilibrium_path",
     "simulate",
+    "solitary_wave",
 ]

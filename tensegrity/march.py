@@ -128,7 +128,7 @@ class _Watch:
         self._loop = scene.bind(self._u, self._v, problem.method, dt)
         springs, self._rows = scene.watched()
         self._springs = springs
-        self._domains = np.array([s.domain for s in springs]).reshape(-1, 2)[self._rows]
+        self._domains = np.array([s.reach for s in springs]).reshape(-1, 2)[self._rows]
         self._safe = np.zeros_like(self._domains)  # ranges of elongation known to be allowed
         self._limit = math.inf  # stability limit within them [s]
         self._tracker = scene.clearance and scene.clearance.tracker(problem.state.u)
@@ -212,17 +212,15 @@ class _Watch:
         met, (low, high) = self._loop.range, self._domains.T
         for row, side in np.argwhere(np.stack([met[:, 0] <= low, met[:, 1] >= high], axis=1)):
             spring, where = self._springs[self._rows[row]], scene.extreme(row, u, side)
-            barrier = float(spring.energy(spring.domain[side]))
+            barrier = float(spring.energy(spring.reach[side]))
             if self._energy < barrier:
                 return StabilityError(
                     f"dt {self._dt:.6g} s is too coarse: the spring {where} passed the end of "
                     f"its domain at t = {t:.6g} s, which takes {barrier:.6g} J, with "
                     f"{self._energy:.6g} J in the whole scene"
                 )
-            return LockingError(
-                f"{spring.end_message(met[row, side])}: the spring {where} got there at "
-                f"t = {t:.6g} s"
-            )
+            error = spring.beyond(met[row, side])
+            return type(error)(f"{error}: the spring {where} got there at t = {t:.6g} s")
         return StabilityError(
             f"dt {self._dt:.6g} s is beyond {self._allowed * self._limit:.6g} s, "
             f"{self._allowed:g} of the stability limit of {self._problem.method.name} at the "

@@ -213,18 +213,22 @@ def _runs(contacts):
 
     Returns
     -------
-    (first, kind, law) : of the runs, as in network.c
+    (first, kind, law) : of the runs, as in network.c, where kinds count on for runs whose
+        contacts share their parameters
     source : ndarray of int
         The contact at each place, -1 for a filling.
     """
     pair = contacts.law * len(KINDS) + contacts.kind
-    first, source, found = [0], [], np.unique(pair)
+    first, source, found, shared = [0], [], np.unique(pair), []
     for number in found:
         members = np.flatnonzero(pair == number)
+        values = contacts.parameters[members]
+        shared.append(bool(np.all(values == values[0])))
         source += [members, np.full(-len(members) % LANES, -1)]
         first.append(first[-1] + len(members) + len(source[-1]))
     source = np.concatenate(source) if source else np.zeros(0, dtype=int)
-    return (np.array(first), found % len(KINDS), found // len(KINDS)), source
+    kinds = found % len(KINDS) + len(KINDS) * np.array(shared, dtype=int)
+    return (np.array(first), kinds, found // len(KINDS)), source
 
 
 def _last_real(source):
