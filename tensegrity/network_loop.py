@@ -308,7 +308,7 @@ class _BoundInterpreted:
         for run, forces in self._runs:
             first, second = c.first[run], c.second[run]
             w = u[second] if KINDS[c.kind[run[0]]] == "wall" else u[second] - u[first]
-            found = np.array(forces(*w.T))
+            found = forces(*w.T).full()
             r, f = found[:, 0], found[:, 1:]
             np.add.at(force, first, f)
             np.subtract.at(force, second, f)
