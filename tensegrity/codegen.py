@@ -284,7 +284,7 @@ def c_text(laws, loop=("chain.c", "nystrom.c"), helpers=()):
         for number, law in enumerate(laws)
         for name in law.compiled
     )
-    count = max(len(law.parameters) for law in laws)
+    count = max((len(law.parameters) for law in laws), default=0)
     here = files(__package__)
     return "\n".join(
         [
