@@ -122,7 +122,7 @@ void advance(const chain *c, integer steps)
             n = n < BLOCK ? n : BLOCK;                                                      \
             f[0] = *left;                                                                   \
             EACH(n) r[i] = u[j + i + 1] - u[j + i];                                         \
-            EACH(n) f[i + 1] = tail_##K(r[i], head_##K(r[i], p), p);                   \
+            EACH(n) f[i + 1] = tail_##K(r[i], head_##K(r[i], p), p);                                        \
             EACH(n) a[j + i] = c->w[j + i] * (f[i + 1] - f[i]);                             \
             for (integer i = 0; i < n; i++) {                                               \
                 range[0] = r[i] < range[0] ? r[i] : range[0];                               \
