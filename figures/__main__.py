@@ -1,7 +1,4 @@
-"""Draw pictures: `python -m figures [NAME...] [--list] [--output FOLDER]`.
-
-Behind the pictures of a group their rows are printed as one table, also kept as CSV.
-"""
+"""Draw pictures: `python -m figures [NAME...] [--list] [--output FOLDER]`."""
 
 from __future__ import annotations
 
@@ -10,7 +7,6 @@ import csv
 import os
 import sys
 import tempfile
-from collections import defaultdict
 from itertools import zip_longest
 from pathlib import Path
 
@@ -56,20 +52,8 @@ def write_table(path, columns):
     write(path, save)
 
 
-def print_rows(group, rows, folder):
-    """Rows {column: text} of a group as a table with aligned columns, and as CSV."""
-    columns = list(rows[0])
-    path = folder / f"{group}_table.csv"
-    write_table(path, {name: [row[name] for row in rows] for name in columns})
-    lines = [columns, *([str(row[name]) for name in columns] for row in rows)]
-    widths = [max(len(line[k]) for line in lines) for k in range(len(columns))]
-    print(f"\n{group}, also in {path}")
-    for line in lines:
-        print("  ".join(x.ljust(w) for x, w in zip(line, widths, strict=True)).rstrip())
-
-
 def render(name, module, folder):
-    """Compute and draw one picture; returns the files written and the rows of its table."""
+    """Compute and draw one picture; returns the files and its lines of the group's table."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -87,14 +71,27 @@ def render(name, module, folder):
         path = folder / f"{name}.png"
         write(path, figure.savefig)
         plt.close(figure)
+        files.insert(0, path)
         if hasattr(module, "animate"):
-            figure = plt.figure(layout="constrained")
-            animation, writer = module.animate(figure, tables)
-            files.append(folder / f"{name}.gif")
-            write(files[-1], lambda beside: animation.save(beside, writer=writer))
-            plt.close(figure)
-    rows = module.table(tables) if hasattr(module, "table") else []
-    return [path, *files], rows
+            path = folder / f"{name}.gif"
+            write(path, lambda beside: module.animate(tables, beside))
+            plt.close("all")
+            files.insert(1, path)
+    return files, module.table(tables) if hasattr(module, "table") else []
+
+
+def print_table(rows):
+    """Lines of equal keys, with the keys above, in columns as wide as they need."""
+    columns = list(dict.fromkeys(key for row in rows for key in row))
+    cells = [columns, *([shown(row.get(key, "")) for key in columns] for row in rows)]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    for line in cells:
+        print("  ".join(cell.ljust(w) for cell, w in zip(line, widths, strict=True)).rstrip())
+
+
+def shown(value):
+    """A number with six digits, anything else as it is."""
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def main(arguments=None):
@@ -113,21 +110,25 @@ def main(arguments=None):
             print(f"{name:24} {module.GROUP:14} {module.__doc__.splitlines()[0]}")
         return 0
     options.output.mkdir(parents=True, exist_ok=True)
-    rows = defaultdict(list)
+    lines = {}  # of each group's table
     try:
         with tqdm(found.items(), unit="picture", disable=None) as bar:
             for name, module in bar:
                 bar.set_description(name)
-                files, found_rows = render(name, module, options.output)
-                rows[module.GROUP] += found_rows
+                files, rows = render(name, module, options.output)
+                lines.setdefault(module.GROUP, []).extend(rows)
                 for path in files:
                     tqdm.write(f"{path}", file=sys.stdout)
     except KeyboardInterrupt:
         print("interrupted; the pictures named above are complete", file=sys.stderr)
         return 130
-    finally:
-        for group in filter(rows.get, rows):
-            print_rows(group, rows[group], options.output)
+    for group, rows in lines.items():
+        if rows:
+            print(f"\n{group}")
+            print_table(rows)
+            keys = dict.fromkeys(key for row in rows for key in row)
+            columns = {key: [row.get(key, "") for row in rows] for key in keys}
+            write_table(options.output / f"{group}.csv", columns)
     return 0
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from functools import cache
 
 from figures._measure import Scene
-from tensegrity import Chain, PowerLaw, Prism, solitary_wave
+from tensegrity import Chain, Potential, PowerLaw, Prism, solitary_wave
 from tensegrity.asymptotics import sound_speed
 from tensegrity.polynomial import Polynomial
 
@@ -63,6 +63,14 @@ def collision(spring, speed_ratio, meeting, distance=40, travel=120, other=None)
         chain, middle + distance * left.speed / right.speed, direction=-1
     )
     return Scene(chain, state, (distance + travel) / right.speed)
+
+
+def linear(stiffness):
+    """Spring of a linear chain."""
+    import sympy as sp
+
+    r, k = sp.symbols("r k")
+    return Potential(k * r**2 / 2, r, {k: stiffness}, length=1.0)
 
 
 def power(exponent, preload=0.0):

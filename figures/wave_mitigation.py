@@ -1,0 +1,128 @@
+"""Impact mitigation: the peak force at the far wall against the number of units."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from figures import _measure, _scenes
+from tensegrity import Record, simulate
+from tensegrity.asymptotics import sound_speed
+
+NAME = "wave_mitigation"
+GROUP = "waves"
+
+BLOW = 0.06  # m/s, of the first mass: the energy is the same for all
+UNITS = (5, 10, 20, 50, 100, 200, 400, 800, 1000, 1600)
+FITTED = 200  # units from which the exponent is fitted
+UNIT_SIZE, BARRIER = 10e-6, 0.01  # m, the talk's estimate: 1000 units
+SHOWN = 200
+
+
+def springs():
+    """The chains that are compared."""
+    linear = _scenes.linear(1.0)
+    return {
+        "stiffening": _scenes.rigid(0.8, 0.02),
+        "softening": _scenes.softening(),
+        "linear": linear,
+    }
+
+
+def barrier(spring, units):
+    """So many units before a wall, the first mass struck."""
+    duration = 1.25 * units / sound_speed(spring) + 40 / math.sqrt(float(spring.stiffness(0.0)))
+    return _scenes.impact(spring, units + 1, {0: BLOW}, duration, ("free", "fixed"))
+
+
+def at_wall(run):
+    """Peak force on the wall above the preload [N], and how long it is above half of it [s]."""
+    from scipy.interpolate import CubicSpline
+
+    push = CubicSpline(run.t, -run.scene.springs[-1].tension(run.u[:, 1] - run.u[:, 0]))
+    instants = push.derivative().roots(extrapolate=False)
+    peak = float(push(instants).max())
+    halves = push.solve(peak / 2, extrapolate=False)
+    impulse = float(push.integrate(run.t[0], halves[-1]))
+    return {"peak": peak, "spread": halves[-1] - halves[0], "impulse": impulse}
+
+
+def peaks(spring, units):
+    """What reaches the wall behind so many units, with its errors."""
+    scene = barrier(spring, units)
+    return _measure.resolved(scene, at_wall, 0.2 / sound_speed(spring), [units - 1, units])[1]
+
+
+def data():
+    """Peak, spread and impulse at the wall for each chain and number of units; a density."""
+    tables = {}
+    for name, spring in springs().items():
+        columns = {"units": UNITS}
+        for units in UNITS:
+            for key, number in peaks(spring, units).items():
+                columns.setdefault(key, []).append(number.value)
+                columns.setdefault(f"{key} error", []).append(number.error)
+        tables[name] = columns
+        run = simulate(*barrier(spring, SHOWN), method="rkn6", record=Record(sites=None))
+        if name != "linear":
+            tables[f"{name} density"] = _measure.density(run)
+    return tables
+
+
+def exponent(columns):
+    """Exponent of the peak force in the number of units, and how it changes on half the range."""
+    units, peak = np.array(columns["units"], float), np.array(columns["peak"], float)
+    late = units >= FITTED
+    slope = float(np.polyfit(np.log(units[late]), np.log(peak[late]), 1)[0])
+    last = units >= 2 * FITTED
+    return slope, abs(slope - float(np.polyfit(np.log(units[last]), np.log(peak[last]), 1)[0]))
+
+
+def draw(figure, tables):
+    """Peak and spread over the number of units, and both densities."""
+    figure.set_size_inches(12, 8)
+    axes = figure.subplots(2, 2)
+    for name in springs():
+        columns = tables[name]
+        axes[0, 0].loglog(columns["units"], columns["peak"], "o-", label=name)
+        axes[0, 1].loglog(columns["units"], columns["spread"], "o-", label=name)
+    axes[0, 0].axvline(BARRIER / UNIT_SIZE, color="0.5", ls=":", lw=1)
+    axes[0, 0].set(xlabel="units", ylabel="peak force at the wall, above preload [N]")
+    axes[0, 1].set(xlabel="units", ylabel="time above half the peak [s]")
+    for ax in axes[0]:
+        ax.legend(fontsize=8)
+    for ax, name in zip(axes[1], ("stiffening", "softening"), strict=True):
+        _measure.draw_density(ax, tables[f"{name} density"], f"{name}, {SHOWN} units")
+
+
+def table(tables):
+    """Rows for the table of the group."""
+    claim = "softening units mitigate an impact without dissipation, given enough of them"
+    rows = []
+    for name in springs():
+        slope, error = exponent(tables[name])
+        rows.append(
+            _measure.row(
+                f"peak force at the wall, {name}, {FITTED} to {UNITS[-1]} units",
+                claim,
+                f"falls as units^{slope:.4f}",
+                f"{error:.1g} (upper half of the range)",
+            )
+        )
+    units = round(BARRIER / UNIT_SIZE)
+    k = UNITS.index(units)
+    stiff, soft = (tables[n] for n in ("stiffening", "softening"))
+    parts = {n: t["peak"][k] / t["peak"][0] for n, t in (("stiff", stiff), ("soft", soft))}
+    rows.append(
+        _measure.row(
+            f"barrier of {units} units of 10 um, equal energy",
+            "about 1 cm of 10 um units protects",
+            f"peak {soft['peak'][k]:.6f} N against {stiff['peak'][k]:.6f} N of stiffening units: "
+            f"{1 - soft['peak'][k] / stiff['peak'][k]:.1%} less; over that of {UNITS[0]} units "
+            f"{parts['soft']:.3f} (stiffening {parts['stiff']:.3f}); spread over "
+            f"{soft['spread'][k] / stiff['spread'][k]:.0f} times the time",
+            max(soft["peak error"][k], stiff["peak error"][k]),
+        )
+    )
+    return rows
