@@ -1,151 +1,169 @@
-"""A wave launched by an impact at a wanted speed, measured and set beside the asymptotics."""
+"""A wave launched by an impact at a wanted speed, beside the exact wave and the asymptotics."""
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from tensegrity import Chain, LockingError, Record, simulate
+from figures import _measure, _scenes
+from tensegrity import LockingError, Record, simulate, solitary_wave
 from tensegrity.asymptotics import sech2, sound_speed, tent
-from tensegrity.observables import arrival, crest, speed, width
+from tensegrity.observables import arrival, speed
 
-TOLERANCE = 1e-6  # of the runs
-PIECES = 60  # of the time sound takes: how finely the arrival is looked for
-
-
-def launch(spring, struck, velocity, sites, travel):
-    """Strike the first `struck` masses and follow the leading pulse to bond `travel`.
-
-    Returns
-    -------
-    run : Run
-        Recorded at all sites until the crest is a little beyond `travel`.
-    """
-    chain = Chain(spring, sites)
-    state = chain.at_rest(dict.fromkeys(range(struck), velocity))
-    piece = travel / sound_speed(spring) / PIECES
-    probe, t_end = state, 0.0
-    while crest_place(chain, probe) < travel:
-        probe = simulate(chain, probe, piece).final
-        t_end += piece
-    return simulate(chain, state, t_end, tol=TOLERANCE, record=Record(every=2))
+FINE = 0.008  # of its width that the wave goes in a step of the coarser run
+EVERY = 3  # steps between recorded instants
+TIMED = (0.7, 0.9)  # of the way: where the pulse is timed
+SPANNED = 1.0  # sites of travel around the crest from which a profile is assembled
+INSTANTS = 8  # of them
 
 
-def crest_place(chain, state):
-    """Bond that the leading crest has reached; 0 before there is one."""
-    r = chain.elongation(state.u)
-    return crest(r)[0] if np.argmax(np.abs(r)) > 1 else 0.0
+def struck(spring, ratio, velocity, masses, travel):
+    """The first masses struck, followed until a wave of that speed is a little beyond `travel`."""
+    duration = 1.03 * travel / (ratio * sound_speed(spring))
+    return _scenes.impact(spring, travel + 20, dict.fromkeys(range(masses), velocity), duration)
 
 
-def tuned(spring, ratio, struck, sites, travel, bracket):
-    """The impact whose leading pulse runs at `ratio` times the speed of sound.
+def tuned(spring, ratio, masses, travel, bracket):
+    """Velocity of the struck masses [m/s] at which the leading pulse has a wanted speed.
 
-    Returns
-    -------
-    velocity : float
-        Of the struck masses [m/s].
-    run : Run
+    Parameters
+    ----------
+    ratio : float
+        Wanted speed over that of sound.
+    masses : int
+        How many are struck.
+    travel : int
+        Sites after which the speed is taken.
+    bracket : (float, float)
+        Velocities [m/s] between which it is looked for.
     """
     from scipy.optimize import brentq
 
-    target = ratio * sound_speed(spring)
-    runs = {}
+    wave = solitary_wave(spring, speed_ratio=ratio)
+    bonds = _bonds(travel)
+    sites = [site for bond in bonds for site in (bond, bond + 1)]
 
     def excess(velocity):
+        scene = struck(spring, ratio, velocity, masses, travel)
+        record = Record(every=EVERY, sites=sites)
         try:
-            runs[velocity] = launch(spring, struck, velocity, sites, travel)
+            run = simulate(*scene, method="rkn6", dt=step(wave), record=record)
         except LockingError:
-            return target  # too hard a blow: surely too fast
-        return speed(runs[velocity], _sensors(travel)) - target
+            return wave.speed  # too hard a blow: surely too fast
+        return speed(run, bonds) - wave.speed
 
-    velocity = brentq(excess, *bracket, xtol=1e-9, rtol=1e-5)
-    if velocity not in runs:
-        excess(velocity)
-    return velocity, runs[velocity]
+    return brentq(excess, *bracket, xtol=1e-9, rtol=1e-7)
 
 
-def _sensors(travel):
-    return int(0.7 * travel), int(0.9 * travel)
+def step(wave):
+    """A step [s] in which a wave goes a small part of its width."""
+    return FINE * wave.width() / wave.speed
 
 
-def comparison(spring, ratio, struck, sites, travel, bracket, around):
-    """Measured strain profile beside sech^2 and tent, and the numbers read off them.
+def _bonds(travel):
+    return tuple(int(part * travel) for part in TIMED)
 
-    The profile is assembled from several instants, each shifted to its crest, because one
-    instant holds only a few masses.
+
+def comparison(spring, ratio, masses, travel, bracket, around):
+    """Profiles at one speed: exact, launched, emerged from an impact, and both asymptotics.
+
+    Returns
+    -------
+    tables : dict
+        "profiles", "launched", "emerged", "asymptotic": strain (extension > 0) against the
+        distance from the crest; "numbers", with errors.
+    run : Run
+        Of the impact.
     """
-    velocity, run = tuned(spring, ratio, struck, sites, travel, bracket)
-    measured = speed(run, _sensors(travel))
-    x, strain = _profile(run, spring, measured, travel, around)
-    dense = np.linspace(-around, around, 40 * around + 1)
-    even = np.interp(dense, x, strain)
-    first = {
-        "x": x,
-        "strain": strain,
+    velocity = tuned(spring, ratio, masses, travel, bracket)
+    blow = struck(spring, ratio, velocity, masses, travel)
+    interval = EVERY * step(solitary_wave(spring, speed_ratio=ratio))
+    run, found = _measure.resolved(blow, lambda run: _numbers(run, travel), interval)
+    wave = solitary_wave(spring, speed=found["speed"].value)
+    reach = math.ceil(wave.reach()) + 2
+    along = _scenes.launched(wave, travel + 2 * reach, reach, 0.95 * travel)
+    launched, again = _measure.resolved(along, lambda run: _numbers(run, travel), interval)
+    x = np.linspace(-around, around, 40 * around + 1)
+    exact = wave.elongation(x)
+    gaps = {
+        name: float(np.abs(profile - exact).max() / abs(wave.amplitude))
+        for name, profile in (("sech2", sech2(spring, ratio, x)), ("tent", tent(spring, x)))
     }
-    asymptotic = {
-        "x": dense,
-        "sech2": sech2(spring, ratio, dense) / spring.length,
-        "tent": tent(spring, dense) / spring.length,
-    }
+    emerged = profile(run, travel, found["speed"].value, around)
+    off = np.abs(emerged["strain"] * spring.length - wave.elongation(emerged["x"])).max()
     numbers = {
-        "quantity": [
-            "speed over sound speed",
-            "impact velocity [m/s]",
-            "peak strain",
-            "peak over locking stroke",
-            "width at 5 % of the peak [sites]",
-            "sech^2: peak strain",
-            "sech^2: largest deviation over peak",
-            "tent: largest deviation over peak",
-            "relative energy error",
-            "estimated error of the run",
-        ],
-        "value": [
-            measured / sound_speed(spring),
-            velocity,
-            strain[np.argmax(np.abs(strain))],
-            np.abs(strain).max() * spring.length / -spring.domain[0],
-            width(dense, even),
-            asymptotic["sech2"][len(dense) // 2],
-            np.max(np.abs(even - asymptotic["sech2"])) / np.abs(even).max(),
-            np.max(np.abs(even - asymptotic["tent"])) / np.abs(even).max(),
-            run.energy_error,
-            run.error_estimate,
-        ],
+        "speed over sound speed": _of_sound(found["speed"], spring),
+        "impact velocity [m/s]": _measure.Number(velocity, 1e-7 * velocity),
+        "width, launched [sites]": again["width"],
+        "width, emerged [sites]": found["width"],
+        "width, exact [sites]": _measure.Number(wave.width(), wave.residual),
+        "speed of the launched wave over exact - 1": _measure.Number(
+            again["speed"].value / wave.speed - 1, again["speed"].error / wave.speed
+        ),
+        "emerged - exact, over the crest": _measure.Number(
+            float(off / abs(wave.amplitude)), found["crest"].error / abs(wave.amplitude)
+        ),
+        "crest over locking stroke": _measure.Number(
+            wave.amplitude / spring.domain[0], wave.residual
+        ),
+        "sech^2 - exact, over the crest": _measure.Number(gaps["sech2"], wave.residual),
+        "tent - exact, over the crest": _measure.Number(gaps["tent"], wave.residual),
+        "energy error": max(found["energy error"], again["energy error"]),
     }
-    return {"measured": first, "asymptotic": asymptotic, "numbers": numbers}
+    tables = {
+        "curves": {
+            "x": x,
+            "exact": exact / spring.length,
+            "sech2": sech2(spring, ratio, x) / spring.length,
+            "tent": tent(spring, x) / spring.length,
+        },
+        "launched": profile(launched, travel, again["speed"].value, around),
+        "emerged": emerged,
+        "numbers": _measure.as_table(numbers),
+    }
+    return tables, run
 
 
-def _profile(run, spring, measured, travel, around):
-    """Strain against distance from the crest, from the instants that span one site of travel."""
-    bond = int(0.9 * travel)
-    passing = run.t - arrival(run, bond)
-    chosen = np.abs(passing) * measured <= 1.5
-    centre = bond + measured * passing[chosen]
+def _numbers(run, travel):
+    bond = _bonds(travel)[1]
+    pulse = _measure.Passing(run, bond)
+    measured = speed(run, _bonds(travel))
+    return {"speed": measured, "width": measured * pulse.duration(), "crest": pulse.crest}
+
+
+def _of_sound(number, spring):
+    sound = sound_speed(spring)
+    return _measure.Number(number.value / sound, number.error / sound)
+
+
+def profile(run, travel, measured, around):
+    """Strain against distance from the crest, from the instants that span a few sites of travel.
+
+    One instant holds only a few masses of a short wave.
+    """
+    bond = _bonds(travel)[1]
+    passing = (run.t - arrival(run, bond)) * measured
+    span = np.flatnonzero(np.abs(passing) <= SPANNED / 2)
+    chosen = span[:: max(1, len(span) // INSTANTS)]
     r = run.scene.elongation(run.u[chosen])
-    bonds = np.arange(r.shape[1])
-    x = bonds[None, :] - centre[:, None]
-    strain = r / spring.length
-    near = np.abs(x) <= around + 1
+    x = np.arange(r.shape[1]) - bond - passing[chosen][:, None]
+    near = np.abs(x) <= around
     order = np.argsort(x[near])
-    return x[near][order], strain[near][order]
+    return {"x": x[near][order], "strain": r[near][order] / run.scene.springs[0].length}
 
 
-def draw(axes, side, tables, title):
-    """Profile with both asymptotics in one axes; the numbers in another."""
-    measured, asymptotic = tables["measured"], tables["asymptotic"]
-    axes.plot(asymptotic["x"], -asymptotic["sech2"], "C1--", label="sech$^2$")
-    axes.plot(asymptotic["x"], -asymptotic["tent"], "C2:", lw=2, label="tent (locking stroke)")
-    axes.plot(measured["x"], -measured["strain"], "C0.", ms=3, label="chain, after impact")
+def draw(axes, tables, title):
+    """Profiles of one speed."""
+    curves = tables["curves"]
+    axes.plot(curves["x"], -curves["sech2"], "C1--", label="sech$^2$")
+    axes.plot(curves["x"], -curves["tent"], "C2:", lw=2, label="tent (locking stroke)")
+    axes.plot(curves["x"], -curves["exact"], "C7", lw=1, label="exact wave")
+    marks = {"emerged": ("C0.", "chain, after an impact"), "launched": ("C3+", "chain, launched")}
+    for name, (mark, label) in marks.items():
+        axes.plot(tables[name]["x"], -tables[name]["strain"], mark, ms=4, label=label)
     axes.set(xlabel="distance from the crest [sites]", ylabel="compressive strain")
-    axes.set_title(title)
-    peak = np.max(-measured["strain"])
-    crests = [np.max(-asymptotic[name]) for name in ("sech2", "tent")]
-    axes.set_ylim(-0.05 * peak, 1.3 * max([peak, *(c for c in crests if c < 2 * peak)]))
-    axes.legend(loc="upper right", fontsize=8)
-    side.axis("off")
-    numbers = tables["numbers"]
-    lines = [
-        f"{q}\n    {v:.6g}" for q, v in zip(numbers["quantity"], numbers["value"], strict=True)
-    ]
-    side.text(0, 1, "\n".join(lines), va="top", fontsize=8, transform=side.transAxes)
+    axes.set_title(title, fontsize=10)
+    crest = -curves["exact"].min()
+    tops = [-curves[name].min() for name in ("sech2", "tent")]
+    axes.set_ylim(-0.05 * crest, 1.15 * max([crest, *(t for t in tops if t < 3 * crest)]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -29,7 +30,7 @@ class Number(NamedTuple):
     error: float
 
 
-def resolved(scene, read, interval, sites=None):
+def resolved(scene, read, interval, sites=None, step=None):
     """Run a scene twice, the second time with half the step.
 
     Parameters
@@ -42,6 +43,8 @@ def resolved(scene, read, interval, sites=None):
         Largest time between recorded instants of the coarser run [s].
     sites : sequence of int, optional
         To record; by default all.
+    step : float, optional
+        Largest step of the coarser run [s]; by default what `simulate` takes for its first part.
 
     Returns
     -------
@@ -50,9 +53,8 @@ def resolved(scene, read, interval, sites=None):
     numbers : {name: Number}
         The error is the difference of the two runs.
     """
-    dt = default_step(scene)
-    dt = interval / max(round(interval / dt), 1) if dt < interval else interval
-    record = Record(every=max(round(interval / dt), 1), sites=sites)
+    every = math.ceil(interval / (step or default_step(scene)))
+    dt, record = interval / every, Record(every=every, sites=sites)
     coarse = simulate(*scene, method="rkn6", dt=dt, record=record)
     fine = simulate(*scene, method="rkn6", dt=dt / 2, record=record)
     before, now = read(coarse), read(fine)
@@ -67,27 +69,33 @@ def default_step(scene):
 
 
 def density(run):
-    """Space-time density of energy as a table: the time and each shown site's energy.
+    """Space-time density of energy as a table; see `density_table`."""
+    return density_table(run.t, run.scene.site_energy(run.u, run.v))
+
+
+def density_table(t, energy):
+    """Space-time density of energy: the time and each shown site's share of the largest energy.
 
     Parameters
     ----------
-    run : Run
-        With all sites recorded.
+    t : ndarray, (T,)
+        [s]
+    energy : ndarray, (T, sites)
+        [J]
 
     Returns
     -------
     dict
         {"time": (T,), "<site>": (T,), ...}; sites in groups hold the mean of the group.
     """
-    rows = np.unique(np.linspace(0, len(run.t) - 1, SHOWN_INSTANTS).round().astype(int))
-    energy = run.scene.site_energy(run.u[rows], run.v[rows])
+    rows = np.unique(np.linspace(0, len(t) - 1, SHOWN_INSTANTS).round().astype(int))
     group = -(-energy.shape[1] // SHOWN_SITES)
     whole = energy.shape[1] // group * group
-    energy = energy[:, :whole].reshape(len(rows), -1, group).mean(axis=2)
+    energy = energy[rows, :whole].reshape(len(rows), -1, group).mean(axis=2)
     share = np.maximum(energy / energy.max(), FAINTEST)
     places = (np.arange(energy.shape[1]) + 0.5) * group - 0.5
     columns = {f"{x:g}": rounded(column) for x, column in zip(places, share.T, strict=True)}
-    return {"time": rounded(run.t[rows], 6), **columns}
+    return {"time": rounded(t[rows], 6), **columns}
 
 
 def rounded(values, digits=4):
@@ -141,21 +149,57 @@ def from_table(table):
     return {name: Number(float(value), float(error)) for name, value, error in rows}
 
 
-def passing_width(run, bond, level=0.05):
-    """Width in sites of the wave that passes a bond: its speed times the time above a level."""
-    left = run.sites.index(bond)
-    r, rate = (np.diff(x[:, left : left + 2])[:, 0] for x in (run.u, run.v))
-    crest = float(CubicHermiteSpline(run.t, r, rate)(passage(run.t, r, rate)))
-    above = CubicHermiteSpline(run.t, r / crest - level, rate / crest).roots(extrapolate=False)
-    return (above[-1] - above[0]) * speed(run, (bond - 20, bond))
+class Passing:
+    """The leading pulse as it passes a bond.
+
+    Parameters
+    ----------
+    run : Run
+    bond : int
+    sign : int, optional
+        Of its elongation: 1 rarefaction, -1 compression; 0 takes either.
+    after : float, optional
+        Only from this instant on [s].
+
+    Attributes
+    ----------
+    instant : float
+        [s]
+    crest : float
+        Elongation [m].
+    """
+
+    def __init__(self, run, bond, sign=0, after=0.0):
+        left, later = run.sites.index(bond), run.t >= after
+        self._t = run.t[later]
+        self._r, self._rate = (np.diff(x[later, left : left + 2])[:, 0] for x in (run.u, run.v))
+        judged = np.maximum(self._r * sign, 0) if sign else self._r
+        self.instant = passage(self._t, judged, self._rate)
+        self.crest = float(CubicHermiteSpline(self._t, self._r, self._rate)(self.instant))
+
+    def duration(self, level=0.05):
+        """How long the elongation is beyond a level of the crest, around it [s]."""
+        above = CubicHermiteSpline(self._t, self._r / self.crest - level, self._rate / self.crest)
+        crossed = above.roots(extrapolate=False)
+        after = int(np.searchsorted(crossed, self.instant))
+        return float(crossed[after] - crossed[after - 1])
+
+
+def leader(run, bonds, sign=0, after=0.0):
+    """Speed of the leading pulse between two bonds [sites/s, > 0 either way], and its crest [m]."""
+    near, far = (Passing(run, bond, sign, after) for bond in bonds)
+    return abs(bonds[1] - bonds[0]) / (far.instant - near.instant), far.crest
 
 
 def launched_width(wave, travel=60):
     """Width at 5 % of an exact wave that has run along a chain, with its error."""
     reach = int(wave.reach()) + 2
     bond = 2 * reach + travel
-    scene = Scene(chain := Chain(wave.potential, bond + 2 * reach + 2, wave.mass),
-                  wave.launch(chain, at=reach), (bond + reach) / wave.speed)  # fmt: skip
+    chain = Chain(wave.potential, bond + 2 * reach + 2, wave.mass)
+    scene = Scene(chain, wave.launch(chain, at=reach), (bond + reach) / wave.speed)
     sites = [bond - 20, bond - 19, bond, bond + 1]
-    return resolved(scene, lambda run: {"width": passing_width(run, bond)}, 0.02 / wave.speed,
-                    sites)[1]["width"]  # fmt: skip
+
+    def width(run):
+        return {"width": Passing(run, bond).duration() * speed(run, (bond - 20, bond))}
+
+    return resolved(scene, width, 0.02 / wave.speed, sites)[1]["width"]

@@ -88,12 +88,12 @@ def too_fast():
 def data():
     """Residue, exchange and shift over speed and place of meeting; one density; the locking."""
     spring = _scenes.rigid(*PRISM)
-    tables = {name: {"meeting": MEETINGS} for name in ("residue", "exchange", "shift")}
-    energy_error = 0.0
+    measured = {name: {"meeting": MEETINGS} for name in ("residue", "exchange", "shift")}
+    tables, energy_error = dict(measured), 0.0
     for ratio in SPEEDS:
         for meeting in MEETINGS:
             run, found = collide(spring, ratio, meeting)
-            for name, columns in tables.items():
+            for name, columns in measured.items():
                 columns.setdefault(f"{ratio}", []).append(found[name].value)
                 columns.setdefault(f"{ratio} error", []).append(found[name].error)
             window = abs(found["window"].value)

@@ -37,15 +37,29 @@ def barrier(spring, units):
 
 
 def at_wall(run):
-    """Peak force on the wall above the preload [N], and how long it is above half of it [s]."""
-    from scipy.interpolate import CubicSpline
+    """Peak force on the wall above the preload [N], and how long it is about that.
 
-    push = CubicSpline(run.t, -run.scene.springs[-1].tension(run.u[:, 1] - run.u[:, 0]))
-    instants = push.derivative().roots(extrapolate=False)
-    peak = float(push(instants).max())
-    halves = push.solve(peak / 2, extrapolate=False)
-    impulse = float(push.integrate(run.t[0], halves[-1]))
-    return {"peak": peak, "spread": halves[-1] - halves[0], "impulse": impulse}
+    Returns
+    -------
+    dict
+        peak [N]; spread: from the first to the last instant above half of it [s]; impulse: until
+        then [N s].
+    """
+    from scipy.interpolate import CubicSpline
+    from scipy.optimize import brentq
+
+    sampled = -run.scene.springs[-1].tension(run.u[:, 1] - run.u[:, 0])
+    push, t = CubicSpline(run.t, sampled), run.t
+    top = int(np.argmax(sampled))
+    peak = float(push(brentq(push.derivative(), t[top - 1], t[top + 1])))
+    above = np.flatnonzero(sampled > peak / 2)
+
+    def half(low, high):
+        return brentq(lambda instant: float(push(instant)) - peak / 2, t[low], t[high])
+
+    first, last = half(above[0] - 1, above[0]), half(above[-1], above[-1] + 1)
+    impulse = float(push.integrate(t[0], last))
+    return {"peak": peak, "spread": last - first, "impulse": impulse}
 
 
 def peaks(spring, units):

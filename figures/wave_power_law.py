@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
 
 from figures import _measure, _scenes
 from tensegrity import TensegrityError, solitary_wave
 from tensegrity.asymptotics import sound_speed
-from tensegrity.observables import passage, speed
+from tensegrity.observables import speed
 
 NAME = "wave_power_law"
 GROUP = "waves"
@@ -74,10 +73,8 @@ def struck(exponent, blow, sites=180, travel=150):
 
 def leading(run):
     """Speed of the first large pulse over that of sound, and its sign times its size [m]."""
-    at = run.sites.index(TIMED[1])
-    r, rate = (np.diff(x[:, at : at + 2])[:, 0] for x in (run.u, run.v))
-    crest = CubicHermiteSpline(run.t, r, rate)(passage(run.t, r, rate))
-    return {"ratio": speed(run, TIMED) / sound_speed(run.scene.springs[0]), "crest": float(crest)}
+    fast, crest = _measure.leader(run, TIMED)
+    return {"ratio": fast / sound_speed(run.scene.springs[0]), "crest": crest}
 
 
 def data():

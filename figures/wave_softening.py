@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
 
 from figures import _measure, _scenes
 from figures._measure import Number
 from tensegrity import LockingError, Record, TensegrityError, simulate, solitary_wave
 from tensegrity.asymptotics import sound_speed
 from tensegrity.budget import beyond
-from tensegrity.observables import passage
 
 NAME = "wave_softening"
 GROUP = "waves"
@@ -63,20 +61,15 @@ def leading(run, sensors=SENSORS):
     dict
         speed, tail: over the speed of sound; crest: elongation [m].
     """
+    fast, crest = _measure.leader(run, sensors)
     near, far = sensors
-    arrived, behind = [], []
-    for bond in sensors:
-        left = run.sites.index(bond)
-        r, rate = (np.diff(x[:, left : left + 2])[:, 0] for x in (run.u, run.v))
-        arrived.append(passage(run.t, r, rate))
-        crest = float(CubicHermiteSpline(run.t, r, rate)(arrived[-1]))
-        first = int(np.searchsorted(run.t, arrived[-1]))
-        other = first + int(np.argmax(r[first:] * crest < 0))
-        turned = np.minimum(r[other:] * np.sign(crest), 0)
-        behind.append(passage(run.t[other:], turned, rate[other:]))
+    behind = [
+        _measure.Passing(run, bond, -np.sign(crest), _measure.Passing(run, bond).instant).instant
+        for bond in sensors
+    ]
     sound = sound_speed(run.scene.springs[-1], run.scene.mass[-1])
     return {
-        "speed": (far - near) / (arrived[1] - arrived[0]) / sound,
+        "speed": fast / sound,
         "tail": (far - near) / (behind[1] - behind[0]) / sound,
         "crest": crest,
     }

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 
@@ -149,6 +148,35 @@ def simulate_tuned(chain, state, t_end, spring_at, *, dt, method="rkn6", record=
     )  # fmt: skip
 
 
+@dataclass(frozen=True)
+class Change:
+    """Rate of a law's energy in time, at given elongation, as a law of its own.
+
+    Attributes
+    ----------
+    law : Law
+        Its parameters, and then their rates, are those of the change.
+    """
+
+    law: object
+    split = False
+    compiled = ("energy",)
+
+    @property
+    def parameters(self):
+        """Those of the law, and their rates."""
+        return tuple(f"{kind}{k}" for kind in "pq" for k in range(len(self.law.parameters)))
+
+    def forms(self):
+        """The change in CasADi, by automatic differentiation; see `codegen.Law.forms`."""
+        import casadi as ca
+
+        r, p, forms = self.law.forms()
+        rates = ca.SX.sym("rates", p.numel())
+        changes = [ca.jtimes(form, p, rates) for form in forms]
+        return r, ca.vertcat(p, rates), changes
+
+
 class _Springs:
     """One law whose parameters are Chebyshev series in time."""
 
@@ -158,7 +186,7 @@ class _Springs:
         if any(s is not first and s != first for s in chain.segment_springs[0]):
             raise TensegrityError("the springs of the chain differ from spring_at(0)")
         self._law, self._length = first._law, first.length
-        self._engine = kernel((self._law,))
+        self._engine, self._change = kernel((self._law,)), kernel((Change(self._law),))
         self._series = self._fit()
         self._rates = np.polynomial.chebyshev.chebder(self._series)
         self._scale = np.abs(self._series).sum(axis=0).max()
@@ -212,8 +240,8 @@ class _Springs:
         rates = self._parameters(self._rates, t) * (2 / self._t_end)
         if np.abs(rates).max() * self._t_end <= TAIL * self._scale:
             return 0.0
-        values = self._parameters(self._series, t)
-        return float(np.sum(np.array(_change(self._law)(r[None, :], values, rates))))
+        numbers = np.concatenate([self._parameters(self._series, t), rates])
+        return float(np.sum(self._change.evaluate(0, 0, numbers, r)))
 
     def contains(self, u):
         r = np.diff(u)
@@ -234,13 +262,3 @@ class _Springs:
                 f"dt {dt:.6g} s is beyond {method.stability_limit / omega:.6g} s, the stability "
                 f"limit of {method.name} at the stiffness met at t = {t:.6g} s"
             )
-
-
-@cache
-def _change(law):
-    """(r, parameters, their rates) -> dV/dt, by automatic differentiation."""
-    import casadi as ca
-
-    r, p, forms = law.forms()
-    rates = ca.SX.sym("rates", p.numel())
-    return ca.Function("change", [r, p, rates], [ca.jtimes(forms[0], p, rates)])

@@ -1,0 +1,242 @@
+"""Prestress and preload tune a chain: maps, and a change while a wave travels."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from figures import _measure, _scenes
+from figures._measure import Number
+from tensegrity import (
+    EquilibriumError,
+    Prism,
+    Record,
+    TensegrityError,
+    simulate,
+    solitary_wave,
+)
+from tensegrity.asymptotics import sound_speed
+from tensegrity.observables import crest, pulses, speed
+from tensegrity.tuning import simulate_tuned
+
+NAME = "wave_tuning"
+GROUP = "waves"
+
+QUANTITIES = ("sound speed", "wave speed", "width", "impedance")
+UNITS = {"sound speed": "sites/s", "wave speed": "sites/s", "width": "sites", "impedance": "kg/s"}
+MAPS = {  # members besides base 1 m, k_cross 1 N/m; amplitude [m]; prestrains; preloads [N]
+    "stiffening": (
+        {"height": 0.8}, -0.02, np.geomspace(1e-3, 0.3, 8), np.linspace(0, 0.1, 6),
+    ),
+    "softening": (
+        {"height": 0.5, "k_base": 2.0, "k_bar": 20.0}, 0.02,
+        np.linspace(0.1, 0.5, 6), np.linspace(0, 0.12, 6),
+    ),
+}  # fmt: skip
+
+HEIGHT, BEFORE, AFTER = 0.8, 0.02, 0.1  # prestrains between which the cross strings are drawn in
+RATIO = 1.5  # of the wave, over the speed of sound before
+RAMPS = {"slow": 6.0, "quick": 0.5}  # s: the prestrain goes with erf(time/this)
+WINDOW = 11  # of these times, to both sides together: erf is constant outside, to round-off
+START, LEAD = 40, 50.0  # site; s before the change
+AFTERWARDS = 70.0  # s
+TIMED = (55, 80), (60, 110)  # bonds before; bonds from where the crest is after the change
+STEP = 0.1  # s
+
+
+def characteristics(prism, preload, amplitude):
+    """Sound speed, speed and width of the wave of a given crest, impedance; nan where there is none.
+
+    Returns
+    -------
+    tuple
+        In the order of `QUANTITIES`, for masses of 1 kg.
+    """
+    try:
+        spring = prism.potential(preload)
+    except EquilibriumError:
+        return (math.nan,) * 4  # beyond the limit point
+    sound = sound_speed(spring)
+    impedance = math.sqrt(float(spring.stiffness(0.0)))
+    try:
+        wave = solitary_wave(spring, amplitude=amplitude)
+    except TensegrityError:
+        return sound, math.nan, math.nan, impedance
+    return sound, wave.speed, wave.width(), impedance
+
+
+def chart(members, amplitude, prestrains, preloads):
+    """The characteristics over prestrain and preload, as columns."""
+    columns = {name: [] for name in ("prestrain", "preload", *QUANTITIES)}
+    for prestrain in prestrains:
+        prism = Prism(base=1.0, prestrain=prestrain, k_cross=1.0, **members)
+        for preload in preloads:
+            found = characteristics(prism, preload, amplitude)
+            for name, value in zip(columns, (prestrain, preload, *found), strict=True):
+                columns[name].append(float(value))
+    return columns
+
+
+def drawn_in(ramp):
+    """The prism's spring as a function of time, its cross strings drawn in about WINDOW/2 ramps."""
+
+    def spring_at(t):
+        done = (1 + math.erf(t / ramp - WINDOW / 2)) / 2
+        return _scenes.rigid(HEIGHT, BEFORE + (AFTER - BEFORE) * done)
+
+    return spring_at
+
+
+def tuned(ramp, dt):
+    """A wave before, during and after the change: three runs, the middle one with its work."""
+    spring_at = drawn_in(ramp)
+    wave = solitary_wave(spring_at(0.0), speed_ratio=RATIO)
+    fast = 1.6 * wave.speed  # sites/s, more than the wave has after the change
+    sites = round(START + wave.speed * LEAD + fast * (WINDOW * ramp + AFTERWARDS))
+    scene = _scenes.launched(wave, sites, START, 1)
+    record = Record(every=max(1, round(0.2 / dt)))
+    how = {"method": "rkn6", "dt": dt, "record": record}
+    before = simulate(scene.chain, scene.state, LEAD, **how)
+    during = simulate_tuned(scene.chain, before.final, WINDOW * ramp, spring_at, **how)
+    return before, during, simulate(during.scene, during.final, AFTERWARDS, **how)
+
+
+def outcome(before, during, after):
+    """Speeds before and after, and what the largest wave holds at the end.
+
+    Returns
+    -------
+    dict
+        before, after: speeds [sites/s]; share: of the energy at last, in the largest wave; work:
+        done by the change, over the energy at first; momentum: its largest change, relative;
+        energy: largest deviation of energy - work, over the energy at first.
+    """
+    start = int(crest(after.scene.elongation(during.final.u))[0])
+    lead = max(pulses(after.scene, after.final), key=lambda pulse: pulse.energy)
+    first, work = before.energy[0], during.work[-1]
+    momenta = np.concatenate([run.v @ run.scene.mass for run in (before, during, after)])
+    gaps = (before.energy, during.energy - during.work, after.energy - work)
+    return {
+        "before": speed(before, TIMED[0]),
+        "after": speed(after, tuple(start + bond for bond in TIMED[1])),
+        "share": float(lead.energy / after.energy[-1]),
+        "work": float(work / first),
+        "momentum": float(np.abs(momenta / momenta[0] - 1).max()),
+        "energy": float(max(np.abs(gap - first).max() for gap in gaps) / first),
+    }
+
+
+def balance(before, during, after):
+    """Energy and work over time, over the energy at first."""
+    first, last = before.energy[0], during.work[-1]
+    starts = (0.0, LEAD, LEAD + during.t[-1])
+    runs = (before, during, after)
+    work = [np.zeros(len(before.t)), during.work, np.full(len(after.t), last)]
+    return {
+        "time": np.concatenate([start + run.t for start, run in zip(starts, runs, strict=True)]),
+        "energy": np.concatenate([run.energy for run in runs]) / first,
+        "work": np.concatenate(work) / first,
+    }
+
+
+def densities(before, during, after, spring_at):
+    """Density of energy through all three runs, in the springs of each instant."""
+    rows = [before.scene.site_energy(before.u, before.v)]
+    for t, u, v in zip(during.t, during.u, during.v, strict=True):
+        rows.append(during.scene.with_springs([spring_at(t)]).site_energy(u, v)[None])
+    rows.append(after.scene.site_energy(after.u, after.v))
+    t = np.concatenate([before.t, LEAD + during.t, LEAD + during.t[-1] + after.t])
+    return _measure.density_table(t, np.concatenate(rows))
+
+
+def same_momentum():
+    """Speed after the change of the wave that carries the momentum of the one before [sites/s]."""
+    from scipy.optimize import brentq
+
+    before = solitary_wave(_scenes.rigid(HEIGHT, BEFORE), speed_ratio=RATIO)
+    spring = _scenes.rigid(HEIGHT, AFTER)
+
+    def excess(amplitude):
+        return solitary_wave(spring, amplitude=amplitude).momentum - before.momentum
+
+    found = brentq(excess, 0.8 * spring.domain[0], 0.2 * before.amplitude, rtol=1e-12)
+    return solitary_wave(spring, amplitude=found).speed
+
+
+def data():
+    """Maps; numbers and densities of the changes while a wave travels."""
+    tables = {f"{name} map": chart(*given) for name, given in MAPS.items()}
+    for name, ramp in RAMPS.items():
+        coarse, runs = tuned(ramp, STEP), tuned(ramp, STEP / 2)
+        before, now = outcome(*coarse), outcome(*runs)
+        found = {key: Number(now[key], abs(now[key] - before[key])) for key in now}
+        tables[name] = _measure.as_table(found)
+        tables[f"{name} density"] = densities(*runs, drawn_in(ramp))
+        tables[f"{name} energy"] = balance(*runs)
+    return tables | {"same momentum": {"speed": [same_momentum()]}}
+
+
+def draw(figure, tables):
+    """Maps above, changes below."""
+    figure.set_size_inches(16, 11)
+    axes = figure.subplots(3, 4)
+    for row, (name, given) in zip(axes, MAPS.items(), strict=False):
+        columns = tables[f"{name} map"]
+        shape = len(given[2]), len(given[3])
+        for ax, quantity in zip(row, QUANTITIES, strict=True):
+            grid = [np.reshape(columns[key], shape) for key in ("prestrain", "preload", quantity)]
+            image = ax.pcolormesh(*grid, cmap="viridis", shading="nearest")
+            ax.grid(False)
+            ax.set_xscale("log" if name == "stiffening" else "linear")
+            ax.set(xlabel="prestrain", ylabel="preload [N]")
+            ax.set_title(f"{name}: {quantity}", fontsize=10)
+            figure.colorbar(image, ax=ax, label=UNITS[quantity])
+    for ax, name in zip(axes[2, ::2], RAMPS, strict=True):
+        middle = LEAD + WINDOW / 2 * RAMPS[name]
+        _measure.draw_density(ax, tables[f"{name} density"], f"{name} change at {middle:.3g} s")
+    for ax, name in zip(axes[2, 1::2], RAMPS, strict=True):
+        t, energy, work = tables[f"{name} energy"].values()
+        ax.plot(t, energy, label="energy")
+        ax.plot(t, work, label="work of the change")
+        ax.plot(t, energy - work, "k:", label="difference")
+        ax.set(xlabel="time [s]", ylabel="over the energy at first")
+        ax.set_title(f"{name} change: balance", fontsize=10)
+        ax.legend(fontsize=8)
+
+
+def table(tables):
+    """Rows for the table of the group."""
+    rows = []
+    for name, given in MAPS.items():
+        columns = {key: np.array(column) for key, column in tables[f"{name} map"].items()}
+        ranges = ", ".join(
+            f"{q} {np.nanmin(columns[q]):.3f} to {np.nanmax(columns[q]):.3f} {UNITS[q]}"
+            for q in QUANTITIES
+        )
+        none = int(np.isnan(columns["sound speed"]).sum())
+        beyond = f"; {none} of {columns['preload'].size} beyond the limit point" if none else ""
+        rows.append(
+            _measure.row(
+                f"{name} prism, prestrain {given[2][0]:g} to {given[2][-1]:g}, preload 0 to "
+                f"{given[3][-1]:g} N, crest {given[1]:g} m",
+                "wave properties tunable by local and global prestress",
+                ranges + beyond,
+                "residual of the waves, 1e-12",
+            )
+        )
+    predicted = tables["same momentum"]["speed"][0]
+    for name, ramp in RAMPS.items():
+        found = _measure.from_table(tables[name])
+        rows.append(
+            _measure.row(
+                f"prestrain {BEFORE:g} to {AFTER:g} while a wave travels, {name} ({ramp:g} s)",
+                "adjusted on the fly",
+                f"speed {found['before'].value:.6f} to {found['after'].value:.6f} sites/s (wave of "
+                f"the same momentum: {predicted:.6f}), {found['share'].value:.4f} of the energy in "
+                f"one wave, work {found['work'].value:+.4f} of it at first; energy less work closes "
+                f"to {found['energy'].value:.0e}, momentum to {found['momentum'].value:.0e}",
+                max(found["before"].error, found["after"].error),
+            )
+        )
+    return rows
