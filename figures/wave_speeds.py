@@ -89,7 +89,7 @@ def table(tables):
                 "matches near sound",
                 f"off by {off}",
                 errors,
-            )  # fmt: skip
+            )
         )
     for ratio in (2.0, 3.0, 12.16):
         gap = _measure.from_table(tables[f"{ratio:g} numbers"])["tent - exact, over the crest"]
@@ -99,6 +99,6 @@ def table(tables):
                 "almost coincides at 12.16 cs",
                 f"off by {gap.value:.3f} of the crest",
                 errors,
-            )  # fmt: skip
+            )
         )
     return rows

@@ -1,0 +1,243 @@
+"""Waves at the interface of a hard and a soft chain, in both directions."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from figures import _measure, _scenes
+from figures._measure import Number
+from tensegrity import Chain, Potential, Record, TensegrityError, simulate, solitary_wave
+from tensegrity.asymptotics import sound_speed
+from tensegrity.budget import beyond
+from tensegrity.observables import pulses
+
+NAME = "wave_composite"
+GROUP = "waves"
+
+
+class Case(NamedTuple):
+    """Two chains and the wave that comes along the first one."""
+
+    near: Potential
+    far: Potential
+    ratio: float  # speed of the wave over that of sound
+    step: float  # of the coarser run [s]
+    before: int = 560  # bonds of either part: nothing comes back from the ends in time
+    after: int = 1200
+
+
+def cases():
+    """The interfaces that are drawn, by what comes along."""
+    soft = _scenes.softening
+    strong, weak = _scenes.rigid(0.7, 2e-4, 0.001, 20.0), _scenes.rigid(0.8, 0.0026, 0.005, 0.25)
+    stiff, loose = _scenes.rigid(0.8, 0.2, k_cross=10.0), _scenes.rigid(0.8, 0.05)
+    return {
+        "rarefaction, hard to soft (stiff when stretched)": Case(soft(0.001), strong, 1.16, 0.04),
+        "rarefaction, hard to soft (weak)": Case(soft(0.005), weak, 1.03, 0.08),
+        "compression, soft (weak) to hard": Case(weak, soft(0.005), 1.3, 0.08),
+        "rarefaction, soft to hard": Case(soft(0.05), _scenes.rigid(0.8, 0.02, 0.05), 1.04, 0.08),
+        "compression, hard to soft": Case(stiff, loose, 1.01, 0.02, 1100, 400),
+    }
+
+
+TIMED = 380, 500  # bonds before the interface at which a reflected pulse is timed
+PASSED = 70, 120  # and a transmitted one, beyond
+CUT = 1e-10  # of the crest, cut off where the wave is launched
+COUNTED = 0.25  # of the largest elongation beyond: from there a pulse counts
+CLOSED = 60  # bonds beyond, in the densely recorded runs whose interface is balanced
+CLOSE = 1e-3  # a reflected rarefaction this close to the exact wave of its crest is a soliton
+STEP = 0.3  # s, between recorded instants
+
+
+def composite(case, travel=None):
+    """The wave on its way to the interface, at site `before`.
+
+    Parameters
+    ----------
+    case : Case
+    travel : float, optional
+        Bonds that sound goes back from the interface within the run; by default nine tenths of
+        those before it.
+
+    Returns
+    -------
+    wave : SolitaryWave
+    scene : Scene
+    """
+    wave = solitary_wave(case.near, speed_ratio=case.ratio)
+    away = wave.reach(CUT) + 2
+    chain = Chain([case.near] * case.before + [case.far] * case.after, case.before + case.after + 1)
+    state = wave.launch(chain, case.before - away, tail=CUT)
+    travel = 0.9 * case.before if travel is None else travel
+    duration = 1.1 * away / wave.speed + 1.03 * travel / wave.sound_speed
+    return wave, _measure.Scene(chain, state, duration)
+
+
+def met(wave):
+    """When the crest is at the interface [s]."""
+    return (wave.reach(CUT) + 2) / wave.speed
+
+
+def acoustics(case):
+    """Reflected over incident impulse in linear chains: (Z - Z')/(Z + Z')."""
+    z, further = sound_speed(case.near), sound_speed(case.far)
+    return (z - further) / (z + further)
+
+
+def outcome(run, wave, case, timed=TIMED, passed=PASSED):
+    """Numbers of one incidence.
+
+    Returns
+    -------
+    dict
+        energy, impulse: of the near part at last, over incident ones; back, back crest: speed
+        over sound and elongation [m] of the leading reflected pulse; on, on crest: the same of
+        the first large pulse beyond; late: how much later than sound it comes there [s];
+        momentum error: of the whole chain, over that of the wave.
+    """
+    sound, further = wave.sound_speed, sound_speed(case.far)
+    energy = run.scene.site_energy(run.final.u, run.final.v)
+    near, last = (
+        _measure.Passing(run, case.before - bonds, after=met(wave) + 0.9 * bonds / sound)
+        for bonds in timed
+    )
+    first, second = (_measure.Passing(run, case.before + bonds) for bonds in passed)
+    return {
+        "energy": float(energy[: case.before].sum() / energy.sum()),
+        "impulse": float(run.final.v[: case.before].sum() / wave.momentum),
+        "back": (timed[1] - timed[0]) / (last.instant - near.instant) / sound,
+        "back crest": last.crest,
+        "on": (passed[1] - passed[0]) / (second.instant - first.instant) / further,
+        "on crest": second.crest,
+        "late": first.instant - met(wave) - passed[0] / further,
+        "momentum error": float(np.abs(run.v.sum(axis=1) / wave.momentum - 1).max()),
+    }
+
+
+def exact_ratio(spring, crest):
+    """Speed over sound of the exact wave of a crest, with its residual; nan where there is none."""
+    try:
+        wave = solitary_wave(spring, amplitude=crest)
+    except TensegrityError:
+        return Number(math.nan, math.nan)
+    return Number(wave.speed_ratio, wave.residual)
+
+
+def balance(case):
+    """Budget of the part beyond the interface, in a short chain that is densely recorded."""
+    reach = solitary_wave(case.near, speed_ratio=case.ratio).reach(CUT)
+    short = case._replace(before=math.ceil(2 * reach) + 6, after=CLOSED)
+    _, scene = composite(short, 40)
+    run = simulate(*scene, method="rkn6", dt=case.step / 8, record=Record(every=1))
+    return beyond(run, short.before)
+
+
+def train(run, before):
+    """Pulses beyond the interface at the last instant: how many of compression, of rarefaction."""
+    r = np.abs(run.scene.elongation(run.final.u))
+    found = pulses(run.scene, run.final, COUNTED * r[before:].max() / r.max())
+    signs = [pulse.elongation > 0 for pulse in found if pulse.first > before]
+    return signs.count(False), signs.count(True)
+
+
+def over_time(run, wave, before):
+    """Share of energy and impulse beyond the interface, at most 300 instants."""
+    rows = np.unique(np.linspace(0, len(run.t) - 1, 300).round().astype(int))
+    energy = run.scene.site_energy(run.u[rows], run.v[rows])
+    impulse = run.v[rows, before:].sum(axis=1) / wave.momentum
+    share = energy[:, before:].sum(axis=1) / energy.sum(axis=1)
+    return {"time": run.t[rows], "energy": share, "impulse": impulse}
+
+
+def data():
+    """Numbers, densities, shares over time and the last instant of each case."""
+    tables = {}
+    for name, case in cases().items():
+        wave, scene = composite(case)
+        run, found = _measure.resolved(
+            scene, lambda run, w=wave, c=case: outcome(run, w, c), STEP, step=case.step
+        )
+        closed, (pushed, pulled) = balance(case), train(run, case.before)
+        found |= {
+            "acoustics": Number(acoustics(case), 0.0),
+            "exact back": exact_ratio(case.near, found["back crest"].value),
+            "exact on": exact_ratio(case.far, found["on crest"].value),
+            "compression pulses": Number(pushed, 0.0),
+            "rarefaction pulses": Number(pulled, 0.0),
+            "incident crest": Number(wave.amplitude, wave.residual),
+            "energy balance": Number(closed.energy_error, 0.0),
+            "momentum balance": Number(closed.momentum_error, 0.0),
+        }
+        tables[name] = _measure.as_table(found)
+        tables[f"{name} density"] = _measure.density(run)
+        tables[f"{name} shares"] = over_time(run, wave, case.before)
+        r = run.scene.elongation(run.final.u)
+        tables[f"{name} last"] = {"bond": np.arange(r.size), "elongation": r}
+    return tables
+
+
+def draw(figure, tables):
+    """Density, shares over time and last instant; one column a case."""
+    figure.set_size_inches(22, 11)
+    all_cases = cases()
+    for column, (name, case) in zip(
+        figure.subplots(3, len(all_cases)).T, all_cases.items(), strict=True
+    ):
+        _measure.draw_density(column[0], tables[f"{name} density"], name)
+        column[0].axvline(case.before, color="w", lw=0.6, ls=":")
+        shares, ax = tables[f"{name} shares"], column[1]
+        rho = acoustics(case)
+        for what, colour, linear in (("energy", "C0", 1 - rho**2), ("impulse", "C1", 1 - rho)):
+            ax.plot(shares["time"], shares[what], colour, label=f"{what} beyond the interface")
+            ax.axhline(linear, color=colour, ls=":", lw=1, label="acoustics")
+        ax.set(xlabel="time [s]", ylabel="over that of the wave")
+        ax.legend(fontsize=8)
+        last, ax = tables[f"{name} last"], column[2]
+        ax.plot(last["bond"], last["elongation"], "C0", lw=0.7)
+        ax.axvline(case.before, color="0.5", lw=0.8, ls=":")
+        ax.set(xlabel="bond", ylabel="elongation at last [m]")
+
+
+def table(tables):
+    """Rows for the table of the group."""
+    rows = []
+    for name, case in cases().items():
+        found = _measure.from_table(tables[name])
+        value = {key: number.value for key, number in found.items()}
+        ends = f"time {tables[f'{name} shares']['time'][-1]:.0f} s"
+        rows.append(
+            _measure.row(
+                f"composite, {name}: reflection",
+                "anomalous: a reflected solitary rarefaction wave with oscillatory tail",
+                f"{_reflected(value)}; at {ends} energy {value['energy']:.6f} (acoustics "
+                f"{value['acoustics'] ** 2:.4f}), impulse {value['impulse']:+.6f} (acoustics "
+                f"{value['acoustics']:+.4f})",
+                max(found[key].error for key in ("energy", "impulse", "back")),
+            )
+        )
+        kind = "rarefaction" if value["on crest"] > 0 else "compression"
+        rows.append(
+            _measure.row(
+                f"composite, {name}: transmission",
+                "a delayed train of compression pulses",
+                f"{value['compression pulses']:.0f} compression and "
+                f"{value['rarefaction pulses']:.0f} rarefaction pulses above {COUNTED:g} of the "
+                f"largest; first a {kind} at {value['on']:.5f} sound speeds (exact wave of its "
+                f"crest {value['exact on']:.5f}), {value['late']:+.2f} s after sound; interface: "
+                f"energy closes to {value['energy balance']:.0e}, impulse to "
+                f"{value['momentum balance']:.0e}",
+                max(found["on"].error, found["late"].error),
+            )
+        )
+    return rows
+
+
+def _reflected(value):
+    kind = "rarefaction" if value["back crest"] > 0 else "compression"
+    text = f"{kind} leads at {value['back']:.6f} cs"
+    if abs(value["back"] - value["exact back"]) < CLOSE and value["back"] > 1:
+        return f"{text}, a soliton (exact wave of its crest {value['exact back']:.6f})"
+    return f"{text}, no soliton"
