@@ -30,7 +30,7 @@ class Number(NamedTuple):
     error: float
 
 
-def resolved(scene, read, interval, sites=None, step=None):
+def resolved(scene, read, interval, sites=None, step=None, quiet=0.0):
     """Run a scene twice, the second time with half the step.
 
     Parameters
@@ -45,6 +45,8 @@ def resolved(scene, read, interval, sites=None, step=None):
         To record; by default all.
     step : float, optional
         Largest step of the coarser run [s]; by default what `simulate` takes for its first part.
+    quiet : float, optional
+        Time at first that is not recorded [s]; the run that is read counts time from there.
 
     Returns
     -------
@@ -55,11 +57,22 @@ def resolved(scene, read, interval, sites=None, step=None):
     """
     every = math.ceil(interval / (step or default_step(scene)))
     dt, record = interval / every, Record(every=every, sites=sites)
-    coarse = simulate(*scene, method="rkn6", dt=dt, record=record)
-    fine = simulate(*scene, method="rkn6", dt=dt / 2, record=record)
+    coarse, first = _run(scene, dt, record, quiet)
+    fine, second = _run(scene, dt / 2, record, quiet)
     before, now = read(coarse), read(fine)
     numbers = {k: Number(now[k], abs(now[k] - before[k])) for k in now}
-    return fine, numbers | {"energy error": Number(fine.energy_error, coarse.energy_error)}
+    return fine, numbers | {"energy error": Number(second, first)}
+
+
+def _run(scene, dt, record, quiet):
+    """A run of a scene, recorded after the quiet time, and its energy error from the start."""
+    state, head = scene.state, 0.0
+    if quiet:
+        nothing = Record(every=math.ceil(quiet / dt) + 1, sites=[0])
+        skipped = simulate(scene.chain, state, quiet, method="rkn6", dt=dt, record=nothing)
+        state, head = skipped.final, skipped.energy_error
+    run = simulate(scene.chain, state, scene.duration - quiet, method="rkn6", dt=dt, record=record)
+    return run, max(head, run.energy_error)
 
 
 def default_step(scene):
@@ -122,6 +135,25 @@ def draw_density(axes, table, title=None):
     axes.figure.colorbar(image, ax=axes, label="energy per site / largest")
     if title:
         axes.set_title(title, fontsize=10)
+
+
+def animate_density(table, path, title, frames=100):
+    """The energy of each site over time, from the table of `density`, as a GIF."""
+    import matplotlib.pyplot as plt
+    from matplotlib.animation import FuncAnimation, PillowWriter
+
+    names = [name for name in table if name != "time"]
+    sites, energy = np.array(names, dtype=float), np.stack([table[n] for n in names], axis=1)
+    rows = np.linspace(0, len(energy) - 1, frames).round().astype(int)
+    figure, axes = plt.subplots(figsize=(7, 3.2), layout="constrained", dpi=80)
+    (line,) = axes.semilogy(sites, energy[0])
+    axes.set(xlabel="site", ylabel="energy per site / largest", ylim=(FAINTEST, 1.5))
+
+    def show(row):
+        line.set_ydata(energy[row])
+        axes.set_title(f"{title}: {table['time'][row]:6.1f} s", fontsize=10)
+
+    FuncAnimation(figure, show, rows).save(path, PillowWriter(fps=20))
 
 
 def row(scene, claim, measured, error):

@@ -123,6 +123,11 @@ def draw(figure, tables):
         ax.legend(fontsize=8)
 
 
+def animate(tables, path):
+    """The collision that is shown, in motion."""
+    _measure.animate_density(tables["density"], path, f"two waves at {SHOWN[0]} sound speeds")
+
+
 def table(tables):
     """Rows for the table of the group."""
     claim = "solitons emerge unchanged but for a phase (part I)"

@@ -136,10 +136,11 @@ def balance(case):
 
 
 def train(run, before):
-    """Pulses beyond the interface at the last instant: how many of compression, of rarefaction."""
+    """Pulses ahead of sound beyond the interface: how many of compression, of rarefaction."""
     r = np.abs(run.scene.elongation(run.final.u))
+    front = before + sound_speed(run.scene.springs[-1]) * run.t[-1]
     found = pulses(run.scene, run.final, COUNTED * r[before:].max() / r.max())
-    signs = [pulse.elongation > 0 for pulse in found if pulse.first > before]
+    signs = [pulse.elongation > 0 for pulse in found if pulse.place > front]
     return signs.count(False), signs.count(True)
 
 
@@ -204,7 +205,7 @@ def draw(figure, tables):
 def table(tables):
     """Rows for the table of the group."""
     rows = []
-    for name, case in cases().items():
+    for name in cases():
         found = _measure.from_table(tables[name])
         value = {key: number.value for key, number in found.items()}
         ends = f"time {tables[f'{name} shares']['time'][-1]:.0f} s"
@@ -224,9 +225,10 @@ def table(tables):
                 f"composite, {name}: transmission",
                 "a delayed train of compression pulses",
                 f"{value['compression pulses']:.0f} compression and "
-                f"{value['rarefaction pulses']:.0f} rarefaction pulses above {COUNTED:g} of the "
-                f"largest; first a {kind} at {value['on']:.5f} sound speeds (exact wave of its "
-                f"crest {value['exact on']:.5f}), {value['late']:+.2f} s after sound; interface: "
+                f"{value['rarefaction pulses']:.0f} rarefaction pulses ahead of sound, from "
+                f"{COUNTED:g} of the largest; first a {kind} at {value['on']:.5f} sound speeds "
+                f"(exact wave of its crest {value['exact on']:.5f}), {value['late']:+.2f} s after "
+                "sound; interface: "
                 f"energy closes to {value['energy balance']:.0e}, impulse to "
                 f"{value['momentum balance']:.0e}",
                 max(found["on"].error, found["late"].error),
