@@ -17,11 +17,22 @@ MEETINGS = (0.0, 0.125, 0.25, 0.375, 0.5)  # sites from a mass
 SHOWN = (1.6, 0.25)
 TOO_FAST = 2.5
 NEAR_AND_FAR = (0.65, 0.9)  # of the way behind the collision: where the waves are timed
+STEP = 0.02  # sites that the waves go in a step of the coarser run
 WINDOW = 1e-6  # of the crest is left where the energy of a wave is cut off
 
 
-def outcome(run, scene, wave, meeting, distance):
+def outcome(run, wave, middle, meeting, travel):
     """Numbers of one collision of two equal waves.
+
+    Parameters
+    ----------
+    run : Run
+        From the instant on at which undisturbed waves would meet.
+    wave : SolitaryWave
+    middle : int
+        Site counted from which they meet at `meeting`.
+    travel : float
+        Sites that the wave goes in the run.
 
     Returns
     -------
@@ -31,15 +42,13 @@ def outcome(run, scene, wave, meeting, distance):
         wave is ahead of an undisturbed one [sites], extrapolated to the instant of meeting;
         window: change of the residue where the windows are wider.
     """
-    middle, travel = scene.chain.sites // 2, wave.speed * scene.duration - distance
-    energy = scene.chain.site_energy(run.final.u, run.final.v)
+    energy = run.scene.site_energy(run.final.u, run.final.v)
     places = []
-    for side in (-1, 1):
-        near, far = (middle + side * int(part * travel) for part in NEAR_AND_FAR)
-        passed = [arrival(_behind(run, wave, distance), bond) for bond in (near, far)]
+    for near, far in timed(middle, travel):
+        passed = [arrival(run, bond) for bond in (near, far)]
         speed = (far - near) / (passed[1] - passed[0])
         places.append(far + 0.5 + speed * (run.t[-1] - passed[1]))
-    met = far + 0.5 + speed * (distance / wave.speed - passed[1])  # of the right-going one
+    met = far + 0.5 - speed * passed[1]  # of the right-going one
 
     def windows(tail):
         reach = wave.reach(tail)
@@ -54,25 +63,28 @@ def outcome(run, scene, wave, meeting, distance):
     }
 
 
+def timed(middle, travel):
+    """Near and far bond at which the left-going and the right-going wave are timed."""
+    return [[middle + side * int(part * travel) for part in NEAR_AND_FAR] for side in (-1, 1)]
+
+
 def _around(place, reach):
     return slice(math.floor(place - reach), math.ceil(place + reach) + 1)
 
 
-class _behind:
-    """The rows of a run from the instant of meeting on."""
-
-    def __init__(self, run, wave, distance):
-        later = run.t > distance / wave.speed
-        self.t, self.u, self.v, self.sites = run.t[later], run.u[later], run.v[later], run.sites
-
-
 def collide(spring, speed_ratio, meeting, distance=40, travel=120):
-    """One collision, twice resolved; the run and its numbers."""
+    """One collision, twice resolved: its numbers."""
     scene = _scenes.collision(spring, speed_ratio, meeting, distance, travel)
-    wave = solitary_wave(spring, speed_ratio=speed_ratio)
+    wave, middle = solitary_wave(spring, speed_ratio=speed_ratio), scene.chain.sites // 2
+    bonds = [bond for side in timed(middle, travel) for bond in side]
     return _measure.resolved(
-        scene, lambda run: outcome(run, scene, wave, meeting, distance), 0.1 / wave.speed
-    )
+        scene,
+        lambda run: outcome(run, wave, middle, meeting, travel),
+        0.1 / wave.speed,
+        sorted({site for bond in bonds for site in (bond, bond + 1)}),
+        step=STEP / wave.speed,
+        quiet=distance / wave.speed,
+    )[1]
 
 
 def too_fast():
@@ -92,15 +104,15 @@ def data():
     tables, energy_error = dict(measured), 0.0
     for ratio in SPEEDS:
         for meeting in MEETINGS:
-            run, found = collide(spring, ratio, meeting)
+            found = collide(spring, ratio, meeting)
             for name, columns in measured.items():
                 columns.setdefault(f"{ratio}", []).append(found[name].value)
                 columns.setdefault(f"{ratio} error", []).append(found[name].error)
             window = abs(found["window"].value)
             tables["residue"].setdefault(f"{ratio} window", []).append(window)
             energy_error = max(energy_error, found["energy error"].value)
-            if (ratio, meeting) == SHOWN:
-                tables["density"] = _measure.density(run)
+    run = simulate(*_scenes.collision(spring, *SHOWN), method="rkn6")
+    tables["density"] = _measure.density(run)
     tables["energy"] = {"largest relative error": [energy_error]}
     tables["locking"] = {"speed ratio": [TOO_FAST], "message": [too_fast()]}
     return tables

@@ -49,7 +49,7 @@ CUT = 1e-10  # of the crest, cut off where the wave is launched
 COUNTED = 0.25  # of the largest elongation beyond: from there a pulse counts
 CLOSED = 60  # bonds beyond, in the densely recorded runs whose interface is balanced
 CLOSE = 1e-3  # a reflected rarefaction this close to the exact wave of its crest is a soliton
-STEP = 0.3  # s, between recorded instants
+STEP = 0.4  # s, between recorded instants
 
 
 def composite(case, travel=None):

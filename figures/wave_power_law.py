@@ -30,7 +30,7 @@ def run_speed(wave, bonds=(40, 60)):
     sites = [site + reach for bond in bonds for site in (bond, bond + 1)]
     far = tuple(bond + reach for bond in bonds)
     found = _measure.resolved(
-        scene, lambda run: {"speed": speed(run, far)}, 0.05 / wave.speed, sites
+        scene, lambda run: {"speed": speed(run, far)}, 0.1 / wave.speed, sites
     )
     return found[1]["speed"]
 

@@ -88,7 +88,7 @@ def kind(blow, speed):
         Over the speed of sound; 0 where nothing was measured.
     """
     sensors = [site for bond in SENSORS for site in (bond, bond + 1)]
-    record = Record(every=1, sites=sensors)
+    record = Record(every=4, sites=sensors)
     try:
         found = leading(simulate(*struck(blow, speed), method="rkn6", dt=STEP, record=record))
     except LockingError:
@@ -104,7 +104,7 @@ def kind(blow, speed):
 
 def measured(blow, speed):
     """Numbers of one blow with their errors, and the finer run."""
-    run, found = _measure.resolved(struck(blow, speed), leading, 2 * STEP)
+    run, found = _measure.resolved(struck(blow, speed), leading, 4 * STEP)
     short = struck(blow, speed, *CLOSED)
     budget = beyond(simulate(*short, method="rkn6", dt=STEP / 4, record=Record(every=1)), 0)
     found["momentum error"] = Number(budget.momentum_error, budget.energy_error)
