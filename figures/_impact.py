@@ -12,7 +12,7 @@ from tensegrity.asymptotics import sech2, sound_speed, tent
 from tensegrity.observables import arrival, speed
 
 FINE = 0.008  # of its width that the wave goes in a step of the coarser run
-EVERY = 6  # steps between recorded instants
+EVERY = 4  # steps between recorded instants
 TIMED = (0.7, 0.9)  # of the way: where the pulse is timed
 SPANNED = 1.0  # sites of travel around the crest from which a profile is assembled
 INSTANTS = 8  # of them

@@ -132,7 +132,7 @@ def draw(figure, tables):
     axes[2].set(ylabel="ahead of an undisturbed wave [sites]")
     for ax in axes[1:]:
         ax.set_xlabel("meeting place [sites from a mass]")
-        ax.legend(fontsize=8)
+    axes[1].legend(fontsize=8)
 
 
 def animate(tables, path):
