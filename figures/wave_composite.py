@@ -205,8 +205,8 @@ def draw(figure, tables):
         for what, colour, linear in (("energy", "C0", 1 - rho**2), ("impulse", "C1", 1 - rho)):
             ax.plot(shares["time"], shares[what], colour, label=f"{what} beyond the interface")
             ax.axhline(linear, color=colour, ls=":", lw=1, label="acoustics")
-        ax.set(xlabel="time [s]", ylabel="over that of the wave")
-        ax.legend(fontsize=8)
+        ax.set(xlabel="time [s]", ylabel="over that of the wave", ylim=(-0.05, 1.8))
+        ax.legend(fontsize=8, loc="upper right")
         last, ax = tables[f"{name} last"], column[2]
         ax.plot(last["bond"], last["elongation"], "C0", lw=0.7)
         ax.axvline(case.before, color="0.5", lw=0.8, ls=":")
