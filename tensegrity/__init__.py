@@ -14,7 +14,11 @@ from tensegrity.potential import Potential, PowerLaw
 from tensegrity.prism import Prism
 from tensegrity.record import Record
 from tensegrity.response import EquilibriumPath, equilibrium_path
+<<<<<<< HEAD
 from tensegrity.run import Run
+=======
+from tensegrity.solitary import SolitaryWave, solitary_wave
+>>>>>>> 902723facc02bfa55b08691d3ceb0af03ad6c78a
 
 __all__ = [
     "Chain",
@@ -28,9 +32,11 @@ __all__ = [
     "Record",
     "ResolutionError",
     "Run",
+    "SolitaryWave",
     "StabilityError",
     "State",
     "TensegrityError",
     "equilibrium_path",
     "simulate",
+    "solitary_wave",
 ]

@@ -44,6 +44,14 @@ class State:
         object.__setattr__(self, "u", check.vector("displacement", self.u, shape))
         object.__setattr__(self, "v", check.vector("velocity", self.v, shape))
 
+    def __add__(self, other):
+        """Superposition, for waves too far apart to act on each other."""
+        if not isinstance(other, State):
+            return NotImplemented
+        if self.u.shape != other.u.shape:
+            raise TensegrityError(f"states of {self.u.size} and {other.u.size} sites do not add")
+        return State(self.u + other.u, self.v + other.v)
+
     def reversed(self):
         """The state from which time runs backwards."""
         return State(self.u.copy(), -self.v)

@@ -11,7 +11,7 @@ ORDER = [  # inside tensegrity: each may import what stands before it
     "errors", "check", "codegen", "native", "kernel", "table", "arclength", "continuation",
     "potential", "condensed", "prism", "response", "nodes", "limit", "lattice", "methods",
     "stepping", "record", "plotting", "run", "march", "tolerance", "integrate", "asymptotics",
-    "observables", "solitary",
+    "observables", "travelling", "solitary",
 ]  # fmt: skip
 
 
