@@ -110,8 +110,7 @@ def _numba_rival(spring, u, v, steps, **options):
 
 def _ours(engine, chain, u, v, steps):
     method = METHODS["verlet"]
-    kicks, drifts = np.multiply(method.kicks, DT), np.multiply(method.drifts, DT)
-    bound = engine.bind(u, v, chain.inverse_mass, chain.segments, kicks, drifts)
+    bound = engine.bind(u, v, chain.inverse_mass, chain.segments, method, DT)
     return lambda: bound.advance(steps)
 
 

@@ -11,6 +11,7 @@ NAMES = (
     "hardening",
     "waves",
     "contact",
+    "geometry",
     "junction",
 )
 """The derivations, in reading order; each module offers TITLE and argument()."""

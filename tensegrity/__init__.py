@@ -1,6 +1,7 @@
 """Tensegrity prisms as springs, and lattices of masses joined by them."""
 
 from tensegrity.errors import (
+    ContactError,
     EquilibriumError,
     LockingError,
     NoLocking,
@@ -10,21 +11,22 @@ from tensegrity.errors import (
 )
 from tensegrity.integrate import simulate
 from tensegrity.lattice import Chain, State
+from tensegrity.network import Network
 from tensegrity.potential import Potential, PowerLaw
 from tensegrity.prism import Prism
 from tensegrity.record import Record
 from tensegrity.response import EquilibriumPath, equilibrium_path
-<<<<<<< HEAD
 from tensegrity.run import Run
-=======
 from tensegrity.solitary import SolitaryWave, solitary_wave
->>>>>>> 902723facc02bfa55b08691d3ceb0af03ad6c78a
+from tensegrity.walls import Wall
 
 __all__ = [
     "Chain",
+    "ContactError",
     "EquilibriumError",
     "EquilibriumPath",
     "LockingError",
+    "Network",
     "NoLocking",
     "Potential",
     "PowerLaw",
@@ -36,6 +38,7 @@ __all__ = [
     "StabilityError",
     "State",
     "TensegrityError",
+    "Wall",
     "equilibrium_path",
     "simulate",
     "solitary_wave",

@@ -23,8 +23,7 @@ typedef struct {
     const integer *law;              /* (segments) */
     integer segments, stages, closing; /* closing: the method ends with a kick */
 } chain;
-
-#define EACH(n) _Pragma("GCC ivdep") for (integer i = 0; i < (n); i++)
+typedef chain scene;
 
 #define HEAD(K, j)                                                                          \
     r[i] = u[(j) + i + 1] - u[(j) + i];                                                     \
@@ -96,6 +95,41 @@ void advance(const chain *c, integer steps)
         for (integer i = 0; i < c->stages; i++)
             stage(c, c->kicks[i] + (k > 0 && i == 0 ? closing : 0), c->drifts[i]);
     if (steps > 0 && c->closing) stage(c, closing, 0);
+}
+
+#define PULL(K)                                                                             \
+    __attribute__((flatten)) static void pull_##K(                                          \
+        const chain *c, integer s, const real *restrict u, real *restrict a, real *left)    \
+    {                                                                                       \
+        real p[PARAMETERS + 1], r[BLOCK], f[BLOCK + 1];                                     \
+        real *range = c->range + 2 * s;                                                     \
+        for (int i = 0; i < PARAMETERS; i++) p[i] = c->parameters[s * PARAMETERS + i];      \
+        for (integer j = c->first[s], n; j < c->first[s + 1]; j += n) {                     \
+            n = c->first[s + 1] - j;                                                        \
+            n = n < BLOCK ? n : BLOCK;                                                      \
+            f[0] = *left;                                                                   \
+            EACH(n) r[i] = u[j + i + 1] - u[j + i];                                         \
+            EACH(n) f[i + 1] = tension_##K(r[i], p);                                        \
+            EACH(n) a[j + i] = c->w[j + i] * (f[i + 1] - f[i]);                             \
+            for (integer i = 0; i < n; i++) {                                               \
+                range[0] = r[i] < range[0] ? r[i] : range[0];                               \
+                range[1] = r[i] > range[1] ? r[i] : range[1];                               \
+            }                                                                               \
+            *left = f[n];                                                                   \
+        }                                                                                   \
+    }
+LAWS(PULL)
+
+static void acceleration(const chain *c, const real *u, real *a)
+{
+    real left = 0;
+    for (integer s = 0; s < c->segments; s++)
+        switch (c->law[s]) {
+#define PULL_CASE(K) case K: pull_##K(c, s, u, a, &left); break;
+            LAWS(PULL_CASE)
+        }
+    integer end = c->first[c->segments];
+    a[end] = -c->w[end] * left;
 }
 
 #define EVALUATE(K)                                                                         \

@@ -196,8 +196,17 @@ def _split_at_root(tension, r, h, p):
     return (roots[0] if roots else ca.SX(0)), tail
 
 
-def c_text(laws):
-    """C source of the chain loop for bonds of the given laws, numbered in their order."""
+def c_text(laws, loop=("chain.c", "nystrom.c"), helpers=()):
+    """C source of a loop over bonds of the given laws, numbered in their order.
+
+    Parameters
+    ----------
+    laws : sequence of Law
+    loop : sequence of str
+        Files of the loop.
+    helpers : sequence of (casadi.Function, str)
+        What the loop needs besides, and the C by which it is called.
+    """
     import casadi as ca
 
     generator = ca.CodeGenerator("laws.c")
@@ -213,6 +222,9 @@ def c_text(laws):
                 f"static inline real {name}_{number}({takes}) {{ real y; const real *arg[] = "
                 f"{{{gives}}}; real *res[] = {{&y}}; {unique}(arg, res, 0, 0, 0); return y; }}"
             )
+    for function, hook in helpers:
+        generator.add(function)
+        hooks.append(hook)
     listed = " ".join(f"X({number})" for number in range(len(laws)))
     count = max(len(law.parameters) for law in laws)
     here = files(__package__)
@@ -223,6 +235,6 @@ def c_text(laws):
             *hooks,
             f"#define PARAMETERS {count}",
             f"#define LAWS(X) {listed}",
-            here.joinpath("chain.c").read_text(),
+            *(here.joinpath(name).read_text() for name in loop),
         ]
     )

@@ -27,6 +27,15 @@ class StabilityError(TensegrityError):
     run = None
 
 
+class ContactError(TensegrityError):
+    """A contact formed that is not in the scene's list, or a site slid off the end of its wall.
+
+    Raised by a run, it carries the recorded part in `run` (None elsewhere).
+    """
+
+    run = None
+
+
 class ResolutionError(TensegrityError):
     """A grid is too coarse for what was asked."""
 

@@ -13,7 +13,8 @@ from functools import cache
 
 import numpy as np
 
-from tensegrity import codegen
+from tensegrity import codegen, plain
+from tensegrity.methods import Splitting
 from tensegrity.native import CompilerError, library
 
 
@@ -45,6 +46,73 @@ class _Chain(ctypes.Structure):
     ]
 
 
+class _Nystrom(ctypes.Structure):
+    _arrays = ("nodes", "velocities", "matrix", "positions", "dt", "place", "slopes", "travel")
+    _fields_ = [(name, ctypes.c_void_p) for name in _arrays] + [
+        (name, ctypes.c_longlong) for name in ("stages", "count", "moving")
+    ]
+
+
+def advances(found):
+    """The functions of a loaded loop that do steps, for splittings and for Nystrom methods."""
+    found.advance.argtypes = [ctypes.c_void_p, ctypes.c_longlong]
+    found.advance_nystrom.argtypes = [ctypes.c_void_p] * 2 + [ctypes.c_longlong]
+    found.advance.restype = found.advance_nystrom.restype = None
+    return found.advance, found.advance_nystrom
+
+
+def splitting_rows(method, dt, dtype):
+    """Kicks and drifts times dt, number of stages, and whether a kick closes the step."""
+    if not isinstance(method, Splitting):
+        return np.zeros(1, dtype), np.zeros(1, dtype), 0, 0
+    kicks = np.multiply(method.kicks, dt, dtype=dtype)
+    return kicks, np.multiply(method.drifts, dt, dtype=dtype), method.stages, int(kicks[-1] != 0)
+
+
+class Steps:
+    """Steps of a method on a bound scene.
+
+    Parameters
+    ----------
+    functions : pair of foreign functions
+        From `advances`.
+    structure : ctypes.Structure
+        The scene, with the rows of a splitting in it.
+    method : Method
+    dt : float
+        [s]
+    u : ndarray
+        Its displacements, whose type and size scratch arrays take.
+    moving : int
+        Leading entries of `u` that belong to sites.
+    """
+
+    def __init__(self, functions, structure, method, dt, u, moving):
+        self.travel = np.zeros(1, dtype=u.dtype)
+        self._function, self._kept = functions[0], [structure]
+        self._addresses = [ctypes.addressof(structure)]
+        if not isinstance(method, Splitting):
+            dt = np.array([dt], dtype=u.dtype)
+            arrays = [
+                np.multiply(method.nodes, dt),
+                np.multiply(method.velocities, dt),
+                np.multiply(method.matrix, dt**2),
+                np.multiply(method.positions, dt**2),
+                dt,
+                np.zeros(u.size, dtype=u.dtype),
+                np.zeros((method.stages, u.size), dtype=u.dtype),
+                self.travel,
+            ]
+            rows = _Nystrom(*(a.ctypes.data for a in arrays), method.stages, u.size, moving)
+            self._function = functions[1]
+            self._kept += [arrays, rows]
+            self._addresses.append(ctypes.addressof(rows))
+
+    def advance(self, steps):
+        """Do whole steps."""
+        self._function(*self._addresses, steps)
+
+
 class Compiled:
     """The laws and the loop as machine code.
 
@@ -60,11 +128,10 @@ class Compiled:
     def __init__(self, laws, extended=False):
         self.dtype = np.dtype(np.longdouble if extended else np.float64)
         found = library(codegen.c_text(laws), ["-DEXTENDED"] if extended else [])
-        self._advance = found.advance
-        self._advance.argtypes = [ctypes.c_void_p, ctypes.c_longlong]
+        self.advances = advances(found)
         self._evaluate = found.evaluate
         self._evaluate.argtypes = [ctypes.c_longlong] * 3 + [ctypes.c_void_p] * 3
-        self._advance.restype = self._evaluate.restype = None
+        self._evaluate.restype = None
 
     def evaluate(self, law, order, parameters, r):
         """The order-th derivative of law number `law`, elementwise on a contiguous array."""
@@ -73,17 +140,18 @@ class Compiled:
         self._evaluate(law, order, r.size, p.ctypes.data, r.ctypes.data, out.ctypes.data)
         return out
 
-    def bind(self, u, v, inverse_mass, segments, kicks, drifts):
+    def bind(self, u, v, inverse_mass, segments, method, dt):
         """Prepare a chain; `u` and `v` are advanced in place."""
-        return _BoundCompiled(self, u, v, inverse_mass, segments, kicks, drifts)
+        return _BoundCompiled(self, u, v, inverse_mass, segments, method, dt)
 
 
 class _BoundCompiled:
-    def __init__(self, kernel, u, v, inverse_mass, segments, kicks, drifts):
+    def __init__(self, kernel, u, v, inverse_mass, segments, method, dt):
         def real(array):
             return np.ascontiguousarray(array, dtype=kernel.dtype)
 
         count = len(segments.law)
+        kicks, drifts, *counts = splitting_rows(method, dt, kernel.dtype)
         self.range = np.empty((count, 2), dtype=kernel.dtype)
         self.forget_range()
         self._arrays = [  # kept: the structure holds bare addresses
@@ -91,18 +159,14 @@ class _BoundCompiled:
             v,
             real(inverse_mass),
             real(segments.parameters),
-            real(kicks),
-            real(drifts),
+            kicks,
+            drifts,
             self.range,
             np.ascontiguousarray(segments.first, dtype=np.int64),
             np.ascontiguousarray(segments.law, dtype=np.int64),
         ]
-        closing = int(kicks[-1] != 0)
-        self._structure = _Chain(
-            *(a.ctypes.data for a in self._arrays), count, len(drifts), closing
-        )
-        self._address = ctypes.addressof(self._structure)
-        self._advance = kernel._advance
+        self._structure = _Chain(*(a.ctypes.data for a in self._arrays), count, *counts)
+        self._steps = Steps(kernel.advances, self._structure, method, dt, u, u.size)
 
     def forget_range(self):
         """Start anew to record the smallest and the largest elongation of each segment."""
@@ -110,7 +174,7 @@ class _BoundCompiled:
 
     def advance(self, steps):
         """Advance u and v by whole steps."""
-        self._advance(self._address, steps)
+        self._steps.advance(steps)
 
 
 class Interpreted:
@@ -130,14 +194,16 @@ class Interpreted:
         p = np.asarray(parameters, dtype=float)[:count]
         return np.array(function(r.reshape(1, -1), p.reshape(-1, 1))).reshape(r.shape)
 
-    def bind(self, u, v, inverse_mass, segments, kicks, drifts):
+    def bind(self, u, v, inverse_mass, segments, method, dt):
         """Prepare a chain; `u` and `v` are advanced in place."""
-        return _BoundInterpreted(self, u, v, inverse_mass, segments, kicks, drifts)
+        kind = _BoundInterpreted if isinstance(method, Splitting) else _BoundPlain
+        return kind(self, u, v, inverse_mass, segments, method, dt)
 
 
 class _BoundInterpreted:
-    def __init__(self, kernel, u, v, inverse_mass, segments, kicks, drifts):
+    def __init__(self, kernel, u, v, inverse_mass, segments, method, dt):
         self._u, self._v = u, v
+        kicks, drifts, *_ = splitting_rows(method, dt, float)
         self.range = np.empty((len(segments.law), 2))
         self.forget_range()
         pairs = list(zip(kicks[:-1], drifts, strict=True))
@@ -171,6 +237,29 @@ class _BoundInterpreted:
         self.range[:] = state[2 * sites :].reshape(2, segments).T
 
 
+class _BoundPlain:
+    """Methods that are not splittings, step by step in NumPy."""
+
+    def __init__(self, kernel, u, v, inverse_mass, segments, method, dt):
+        self._u, self._v, self._weights = u, v, inverse_mass
+        self._method, self._dt = method, dt
+        self.range = np.empty((len(segments.law), 2))
+        self.forget_range()
+        self._tension = _Passes(kernel._laws, inverse_mass, segments).tension()
+
+    forget_range = _BoundInterpreted.forget_range
+
+    def advance(self, steps):
+        """Advance u and v by whole steps."""
+        plain.advance(self._pull, self._u, self._v, self._method, self._dt, steps, len(self._u))
+
+    def _pull(self, u):
+        f, low, high = (np.array(x).ravel() for x in self._tension(np.diff(u)))
+        self.range[:, 0] = np.fmin(self.range[:, 0], low)
+        self.range[:, 1] = np.fmax(self.range[:, 1], high)
+        return self._weights * np.diff(f, prepend=0.0, append=0.0)
+
+
 class _Passes:
     """CasADi functions that do given (kick, drift) pairs on the state [u, v, low, high]."""
 
@@ -195,6 +284,13 @@ class _Passes:
             u = u + drift * v
         return ca.Function(name, [state], [ca.vertcat(u, v, low, high)])
 
+    def tension(self):
+        """The function r -> what `_tension` gives."""
+        import casadi as ca
+
+        r = ca.MX.sym("r", self._weights.numel() - 1)
+        return ca.Function("tension", [r], self._tension(r))
+
     def _tension(self, r):
         """Tension of every bond, smallest and largest elongation of every segment."""
         import casadi as ca
@@ -216,12 +312,13 @@ def kernel(laws):
     try:
         return Compiled(laws)
     except CompilerError as error:
-        _warn_slow(str(error))
+        warn_slow(str(error))
         return Interpreted(laws)
 
 
 @cache
-def _warn_slow(reason):
+def warn_slow(reason):
+    """Say once that there is no compiler."""
     warnings.warn(
         "chains run on CasADi's virtual machine, 10 to 30 times slower than compiled, because "
         f"of the C compiler: {reason}. Install gcc or clang, or the Python package ziglang, or "

@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from tensegrity import check
+from tensegrity import check, stepping
 from tensegrity.errors import TensegrityError
 from tensegrity.kernel import Segments, kernel
 from tensegrity.potential import Potential
@@ -28,9 +28,9 @@ class State:
 
     Parameters
     ----------
-    u : ndarray of float64, (sites,)
-        Displacement [m], > 0 towards higher sites.
-    v : ndarray of float64, (sites,)
+    u : ndarray of float64, (sites,) or (sites, dim)
+        Displacement [m]; of a chain, > 0 towards higher sites.
+    v : ndarray of float64, shape of u
         Velocity [m/s].
     """
 
@@ -39,8 +39,8 @@ class State:
 
     def __post_init__(self):
         shape = np.shape(self.u)
-        if len(shape) != 1:
-            raise TensegrityError(f"displacement has {len(shape)} dimensions, must have 1")
+        if len(shape) not in (1, 2):
+            raise TensegrityError(f"displacement has {len(shape)} dimensions, must have 1 or 2")
         object.__setattr__(self, "u", check.vector("displacement", self.u, shape))
         object.__setattr__(self, "v", check.vector("velocity", self.v, shape))
 
@@ -170,7 +170,9 @@ class Chain:
         if not isinstance(state, State):
             raise TensegrityError(f"state is {type(state).__name__}, not a State")
         if state.u.shape != (self.sites,):
-            raise TensegrityError(f"state has {state.u.size} sites, the chain has {self.sites}")
+            raise TensegrityError(
+                f"state has shape {state.u.shape}, the chain has ({self.sites},) sites"
+            )
         for site in self.held:
             if state.u[site] or state.v[site]:
                 raise TensegrityError(
@@ -219,10 +221,67 @@ class Chain:
         """Total momentum [kg m/s], > 0 towards higher sites."""
         return float(np.sum(self.mass * state.v))
 
-    def bind(self, u, v, kicks, drifts):
-        """This chain in the compiled loop, advancing `u` and `v` in place."""
+    @property
+    def shape(self):
+        """Shape of the displacements of a state."""
+        return (self.sites,)
+
+    @property
+    def cost(self):
+        """Work of one evaluation of all forces, in bonds."""
+        return self.sites - 1
+
+    def arrays(self, state):
+        """Copies of u and v as the loop advances them."""
+        return state.u.copy(), state.v.copy()
+
+    def bind(self, u, v, method, dt):
+        """This chain in the loop, advancing `u` and `v` in place."""
         engine = kernel(self.segments.laws)
-        return engine.bind(u, v, self.inverse_mass, self.segments, kicks, drifts)
+        return engine.bind(u, v, self.inverse_mass, self.segments, method, dt)
+
+    def watched(self):
+        """The springs whose ranges of elongation the loop keeps, and where each begins.
+
+        Returns
+        -------
+        springs : list of Potential
+        rows : ndarray of int
+            For each range kept by the loop, the number of its spring.
+        """
+        springs, _ = self.segment_springs
+        return springs, np.arange(len(springs))
+
+    def present_ranges(self, u):
+        """Smallest and largest elongation, 0 included, of what the loop keeps ranges of."""
+        r, first = self.elongation(u), self.segment_springs[1][:-1]
+        low, high = (end.reduceat(r, first) for end in (np.minimum, np.maximum))
+        return np.stack([np.minimum(low, 0), np.maximum(high, 0)], axis=1)
+
+    def frequency(self, ranges):
+        """Bound on the largest angular frequency [rad/s] over given ranges of elongation.
+
+        The eigenvalues of M^-1 K are at most max over bonds of 2 k (1/m_left + 1/m_right).
+        """
+        springs, first = self.segment_springs
+        mobility = np.maximum.reduceat(self.inverse_mass[:-1] + self.inverse_mass[1:], first[:-1])
+        stiffness = [
+            stepping.largest_stiffness(spring, low, high)
+            for spring, (low, high) in zip(springs, ranges, strict=True)
+        ]
+        return float(np.sqrt(np.max(2 * np.array(stiffness) * mobility)))
+
+    def extreme(self, row, u, side):
+        """Where an elongation of that row is lowest (side 0) or highest (1), in words."""
+        first = self.segment_springs[1]
+        part = self.elongation(u)[first[row] : first[row + 1]]
+        bond = int(first[row] + (np.argmax(part) if side else np.argmin(part)))
+        return f"between sites {bond} and {bond + 1}"
+
+    def stiffest(self, u, ranges):
+        """Where the stretch is largest, in words."""
+        bond = int(np.argmax(np.abs(self.elongation(u))))
+        return f"between sites {bond} and {bond + 1}"
 
     def __repr__(self):
         kinds = len(self.segment_springs[0])

@@ -13,8 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tensegrity import stepping
-from tensegrity.errors import LockingError, StabilityError
+from tensegrity.errors import ContactError, LockingError, StabilityError
 from tensegrity.lattice import State
 from tensegrity.methods import Method
 from tensegrity.record import Record
@@ -36,7 +35,7 @@ class Problem:
 
     def largest_step(self, ranges):
         """Stability limit [s] for elongations within `ranges`; inf where all V'' vanish."""
-        omega = stepping.frequency(self.scene, ranges)
+        omega = self.scene.frequency(ranges)
         return self.method.stability_limit / omega if omega > 0 else math.inf
 
 
@@ -60,33 +59,34 @@ def march(problem, steps, allowed, checkpoints=0):
     checks : structured ndarray
         All sites at `checkpoints` + 1 evenly spaced instants, which `steps` is a multiple of.
     """
-    scene = problem.scene
+    scene, shape = problem.scene, problem.scene.shape
     dt = problem.t_end / steps if steps else 0.0
-    u, v = problem.state.u.copy(), problem.state.v.copy()
-    watch = _Watch(problem, u, v, dt, allowed)
+    watch = _Watch(problem, dt, allowed)
     recorded = problem.record.steps(steps)
     checked = np.arange(checkpoints + 1) * (steps // checkpoints) if checkpoints else []
     to_record, to_check = set(recorded.tolist()), set(map(int, checked))
     columns = problem.record.columns(scene.sites)
     kept = tuple(np.arange(scene.sites)[columns].tolist())
-    rows = problem.record.rows(len(recorded) + 1, len(kept))
-    checks = Record().rows(len(checked), scene.sites)
-    largest = max(1, BLOCK // ((scene.sites - 1) * problem.method.stages))
+    walls = watch.impulse().shape
+    rows = problem.record.rows(len(recorded) + 1, (len(kept), *shape[1:]), walls)
+    checks = Record().rows(len(checked), shape, walls)
+    largest = max(1, BLOCK // (scene.cost * problem.method.stages))
 
     def keep():
-        u, v, done = watch.sound
-        rows.add(done * dt, scene.energy(State(u, v)), u[columns], v[columns])
+        state = watch.state()
+        u, v = state.u[columns], state.v[columns]
+        rows.add(watch.sound[2] * dt, scene.energy(state), u, v, watch.impulse())
 
     def keep_last():
         if watch.sound[2] not in to_record:
             keep()
 
     def result(complete):
-        u, v, done = watch.sound
         table = rows.finished()
         return Run(
-            scene, table["t"], table["u"], table["v"], table["energy"], State(u, v),
-            problem.method.name, dt, done, kept, complete,
+            scene, table["t"], table["u"], table["v"], table["energy"], watch.state(),
+            problem.method.name, dt, watch.sound[2], kept, complete,
+            impulse=table["impulse"] if walls[0] else None,
         )  # fmt: skip
 
     with _progress(steps) as bar:
@@ -98,11 +98,12 @@ def march(problem, steps, allowed, checkpoints=0):
                 if stop in to_record:
                     keep()
                 if stop in to_check:
-                    checks.add(stop * dt, 0.0, *watch.sound[:2])
+                    state = watch.state()
+                    checks.add(stop * dt, 0.0, state.u, state.v, watch.impulse())
         except KeyboardInterrupt:
             keep_last()
             return result(complete=False), checks.finished()
-        except (LockingError, StabilityError) as error:
+        except (ContactError, LockingError, StabilityError) as error:
             keep_last()
             error.run = result(complete=False)
             raise
@@ -118,16 +119,29 @@ def _progress(steps):
 class _Watch:
     """Advances block by block and refuses a block that left what the step allows."""
 
-    def __init__(self, problem, u, v, dt, allowed):
-        scene, method = problem.scene, problem.method
-        self._problem, self._u, self._v = problem, u, v
-        self._dt, self._allowed = dt, allowed
+    def __init__(self, problem, dt, allowed):
+        scene = problem.scene
+        self._problem, self._dt, self._allowed = problem, dt, allowed
         self._energy = scene.energy(problem.state)
-        self._loop = scene.bind(u, v, np.multiply(method.kicks, dt), np.multiply(method.drifts, dt))
-        self._domains = np.array([s.domain for s in scene.segment_springs[0]])
+        self._u, self._v = scene.arrays(problem.state)
+        self._loop = scene.bind(self._u, self._v, problem.method, dt)
+        springs, self._rows = scene.watched()
+        self._springs = springs
+        self._domains = np.array([s.domain for s in springs]).reshape(-1, 2)[self._rows]
         self._safe = np.zeros_like(self._domains)  # ranges of elongation known to be allowed
         self._limit = math.inf  # stability limit within them [s]
-        self.sound = u.copy(), v.copy(), 0  # last sound state, and the steps done by then
+        self._clearance = getattr(scene, "clearance", None)
+        self.sound = self._u.copy(), self._v.copy(), 0  # last sound arrays, and the steps by then
+
+    def state(self):
+        """The last sound state."""
+        sites = self._problem.scene.sites
+        return State(self.sound[0][:sites], self.sound[1][:sites])
+
+    def impulse(self):
+        """Impulse given to each wall so far, (walls[, dim]); the rows behind the sites."""
+        scene = self._problem.scene
+        return self.sound[1][scene.sites : scene.sites + getattr(scene, "wall_count", 0)]
 
     def advance(self, steps):
         """Advance; or go back to the last sound state and raise what went wrong, where, when."""
@@ -153,12 +167,13 @@ class _Watch:
             return False
         if not (np.isfinite(self._u).all() and np.isfinite(self._v).all()):
             return False
-        if np.all(met[:, 0] >= self._safe[:, 0]) and np.all(met[:, 1] <= self._safe[:, 1]):
+        below, above = met[:, 0] < self._safe[:, 0], met[:, 1] > self._safe[:, 1]
+        if not (below.any() or above.any()):
             return True
         for margin in (0.1, 0.01, 0.0):  # wider than met, so as not to ask again soon
             wider = self._safe.copy()
-            wider[:, 0] = np.minimum(wider[:, 0], _towards(low, met[:, 0], margin))
-            wider[:, 1] = np.maximum(wider[:, 1], _towards(high, met[:, 1], margin))
+            wider[below, 0] = _towards(low[below], met[below, 0], margin)
+            wider[above, 1] = _towards(high[above], met[above, 1], margin)
             self._limit = self._problem.largest_step(wider)
             if self._dt <= self._allowed * self._limit:
                 self._safe = wider
@@ -167,29 +182,25 @@ class _Watch:
 
     def _error(self, t):
         """What went wrong in the step that ended at t, told from the sound state before it."""
-        scene = self._problem.scene
-        springs, first = scene.segment_springs
-        r = scene.elongation(self.sound[0])
+        scene, u = self._problem.scene, self.state().u
         met, (low, high) = self._loop.range, self._domains.T
-        for s, side in np.argwhere(np.stack([met[:, 0] <= low, met[:, 1] >= high], axis=1)):
-            part = r[first[s] : first[s + 1]]
-            bond = int(first[s] + (np.argmax(part) if side else np.argmin(part)))
-            barrier = float(springs[s].energy(springs[s].domain[side]))
+        for row, side in np.argwhere(np.stack([met[:, 0] <= low, met[:, 1] >= high], axis=1)):
+            spring, where = self._springs[self._rows[row]], scene.extreme(row, u, side)
+            barrier = float(spring.energy(spring.domain[side]))
             if self._energy < barrier:
                 return StabilityError(
-                    f"dt {self._dt:.6g} s is too coarse: the spring between sites {bond} and "
-                    f"{bond + 1} passed the end of its domain at t = {t:.6g} s, which takes "
-                    f"{barrier:.6g} J, with {self._energy:.6g} J in the whole scene"
+                    f"dt {self._dt:.6g} s is too coarse: the spring {where} passed the end of "
+                    f"its domain at t = {t:.6g} s, which takes {barrier:.6g} J, with "
+                    f"{self._energy:.6g} J in the whole scene"
                 )
             return LockingError(
-                f"{springs[s].end_message(met[s, side])}: the spring between sites {bond} and "
-                f"{bond + 1} got there at t = {t:.6g} s"
+                f"{spring.end_message(met[row, side])}: the spring {where} got there at "
+                f"t = {t:.6g} s"
             )
-        bond = int(np.argmax(np.abs(r)))
         return StabilityError(
             f"dt {self._dt:.6g} s is beyond {self._allowed * self._limit:.6g} s, "
             f"{self._allowed:g} of the stability limit of {self._problem.method.name} at the "
-            f"stiffness met at t = {t:.6g} s between sites {bond} and {bond + 1}"
+            f"stiffness met at t = {t:.6g} s {scene.stiffest(u, met)}"
         )
 
 

@@ -1,13 +1,15 @@
-"""Integration methods as data: rows of coefficients for one shared loop.
+"""Integration methods as data: rows of coefficients for shared loops.
 
-A step is a sequence of kicks (velocities by kicks[i] dt) and drifts (positions by drifts[i]
-dt), closed by a last kick.  Methods of this kind are explicit, symplectic and, being
-palindromes, time-reversible.
+A step of a `Splitting` is a sequence of kicks (velocities by kicks[i] dt) and drifts (positions
+by drifts[i] dt), closed by a last kick.  Such methods are explicit, symplectic and, being
+palindromes, time-reversible.  A step of a `Nystrom` method evaluates accelerations at points
+inside the step and sums them; it is none of the latter two.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import cached_property
 
 import numpy as np
@@ -15,19 +17,19 @@ import numpy as np
 from tensegrity.errors import TensegrityError
 
 ROUGH = 1e-3  # for tolerances from here on the simplest method is cheapest
+ROUND_OFF = 1e-9  # in the trace of a step's matrix, beyond the bound of a stable one
+GAIN = 1e-12  # in the amplification of a step, beyond 1
 
 
 @dataclass(frozen=True)
 class Method:
-    """A splitting method.
+    """What all methods have.
 
     Attributes
     ----------
     name : str
     order : int
         Global error ~ dt^order on smooth springs.
-    kicks : tuple, (stages + 1,)
-    drifts : tuple, (stages,)
     step : float
         Default dt over the stability limit.
     reference : str
@@ -37,40 +39,118 @@ class Method:
 
     name: str
     order: int
-    kicks: tuple[float, ...]
-    drifts: tuple[float, ...]
     step: float
     reference: str
     when_not: str
+
+    @cached_property
+    def stability_limit(self):
+        """Largest stable dt * omega on the harmonic oscillator, found from the coefficients."""
+        z = np.linspace(0, 2.0 * self.stages + 1, 200_001)[1:]
+        first = int(np.flatnonzero(self._excess(z) > self._slack)[0])
+        low, high = (z[first - 1] if first else 0.0), z[first]
+        for _ in range(60):
+            middle = (low + high) / 2
+            stable = self._excess(np.array(middle)) <= self._bisected
+            low, high = (middle, high) if stable else (low, middle)
+        return float(low)
+
+
+@dataclass(frozen=True)
+class Splitting(Method):
+    """A palindrome of kicks and drifts.
+
+    Attributes
+    ----------
+    kicks : tuple, (stages + 1,)
+    drifts : tuple, (stages,)
+    """
+
+    kicks: tuple[float, ...]
+    drifts: tuple[float, ...]
+    symplectic = True
+    _slack, _bisected = ROUND_OFF, 0.0
 
     @property
     def stages(self):
         """Force evaluations per step."""
         return len(self.drifts)
 
-    @cached_property
-    def stability_limit(self):
-        """Largest stable dt * omega on the harmonic oscillator.
-
-        Found from the coefficients: a step is a 2 x 2 matrix of determinant 1, stable while
-        its trace lies within [-2, 2].
-        """
-        z = np.linspace(0, 2.0 * self.stages + 1, 200_001)[1:]
-        first = int(np.flatnonzero(np.abs(self._trace(z)) > 2 + 1e-9)[0])
-        low, high = (z[first - 1] if first else 0.0), z[first]
-        for _ in range(60):
-            middle = (low + high) / 2
-            low, high = (middle, high) if abs(self._trace(middle)) <= 2 else (low, middle)
-        return float(low)
-
-    def _trace(self, z):
-        """Trace of a step's matrix for (x, v/omega), z = dt * omega."""
+    def step_matrix(self, z):
+        """Entries (xx, xv, vx, vv) of a step's matrix for (x, v/omega), z = dt * omega."""
         one, nil = np.ones_like(z, dtype=float), np.zeros_like(z, dtype=float)
         x, v = [one, nil], [nil, one]  # rows: dependence on the initial (x, v)
         for kick, drift in zip(self.kicks, (*self.drifts, 0.0), strict=True):
             v = [b - kick * z * a for a, b in zip(x, v, strict=True)]
             x = [a + drift * z * b for a, b in zip(x, v, strict=True)]
-        return x[0] + v[1]
+        return *x, *v
+
+    def _excess(self, z):
+        """Beyond stability if positive: the determinant is 1, the trace must be in [-2, 2]."""
+        xx, _, _, vv = self.step_matrix(z)
+        return np.abs(xx + vv) - 2
+
+
+@dataclass(frozen=True)
+class Nystrom(Method):
+    """An explicit Runge-Kutta-Nystrom method.
+
+    Stage i evaluates a_i at u + nodes[i] dt v + dt^2 sum_j matrix[i][j] a_j; then
+    u += dt v + dt^2 sum positions[j] a_j and v += dt sum velocities[j] a_j.
+
+    Attributes
+    ----------
+    nodes, positions, velocities : tuple, (stages,)
+    matrix : tuple of tuples, (stages, stages)
+    """
+
+    nodes: tuple[float, ...]
+    matrix: tuple[tuple[float, ...], ...]
+    positions: tuple[float, ...]
+    velocities: tuple[float, ...]
+    symplectic = False
+    _slack = _bisected = GAIN
+
+    @property
+    def stages(self):
+        """Force evaluations per step."""
+        return len(self.nodes)
+
+    def step_matrix(self, z):
+        """Entries (xx, xv, vx, vv) of a step's matrix for (x, v/omega), z = dt * omega."""
+        entries = []
+        for x, v in ((1.0, 0.0), (0.0, 1.0)):
+            slopes = []
+            for node, row in zip(self.nodes, self.matrix, strict=True):
+                place = x + node * z * v + sum(a * k for a, k in zip(row, slopes, strict=False))
+                slopes.append(-(z**2) * place)
+            moved = sum(b * k for b, k in zip(self.positions, slopes, strict=True))
+            turned = sum(b * k for b, k in zip(self.velocities, slopes, strict=True))
+            entries.append((x + z * v + moved, v + turned / z))
+        (xx, vx), (xv, vv) = entries
+        return xx, xv, vx, vv
+
+    def _excess(self, z):
+        """Beyond stability if positive: both eigenvalues are within the unit circle where the
+        determinant is at most 1 and the trace at most 1 + determinant, in size."""
+        xx, xv, vx, vv = self.step_matrix(z)
+        determinant = xx * vv - xv * vx
+        return np.maximum(np.abs(determinant) - 1, np.abs(xx + vv) - 1 - determinant)
+
+
+def nystrom_of(matrix, weights):
+    """Rows of the Nystrom form of an explicit Runge-Kutta method, on (u, v)' = (v, a(u)).
+
+    Its stages' velocities are v + dt sum_j matrix[i][j] a_j; put into the stages' positions they
+    leave the square of the matrix, and likewise in the sum.
+    """
+    a, b = np.array(matrix, dtype=object), np.array(weights, dtype=object)
+    return {
+        "nodes": tuple(map(float, a.sum(axis=1))),
+        "matrix": tuple(tuple(map(float, row)) for row in a @ a),
+        "positions": tuple(map(float, b @ a)),
+        "velocities": tuple(map(float, b)),
+    }
 
 
 def _palindrome(kicks, drifts):
@@ -97,10 +177,14 @@ _BLANES_MOAN = _palindrome(
     ),
 )
 
+_HALF, _SIXTH = Fraction(1, 2), Fraction(1, 6)
+_CLASSICAL = ((0, 0, 0, 0), (_HALF, 0, 0, 0), (0, _HALF, 0, 0), (0, 0, 1, 0))
+_CLASSICAL_WEIGHTS = (_SIXTH, 2 * _SIXTH, 2 * _SIXTH, _SIXTH)
+
 METHODS = {
     method.name: method
     for method in (
-        Method(
+        Splitting(
             name="verlet",
             order=2,
             kicks=(0.5, 0.5),
@@ -109,7 +193,7 @@ METHODS = {
             reference="L. Verlet, Phys. Rev. 159, 98 (1967)",
             when_not="errors below about 1e-3 are wanted: a method of higher order is cheaper",
         ),
-        Method(
+        Splitting(
             name="rkn6",
             order=6,
             kicks=_BLANES_MOAN[0],
@@ -117,6 +201,15 @@ METHODS = {
             step=0.15,
             reference="S. Blanes, P. C. Moan, J. Comput. Appl. Math. 142, 313 (2002), SRKN 11b",
             when_not="springs whose stiffness jumps (opening contacts): the order falls below 3",
+        ),
+        Nystrom(
+            name="rk4",
+            order=4,
+            **nystrom_of(_CLASSICAL, _CLASSICAL_WEIGHTS),
+            step=0.05,
+            reference="W. Kutta, Z. Math. Phys. 46, 435 (1901)",
+            when_not="long runs, since it loses energy, or where cost counts: rkn6 is cheaper at "
+            "every accuracy; it is here to compare with results that were made with it",
         ),
     )
 }

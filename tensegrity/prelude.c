@@ -38,3 +38,5 @@ static inline real smaller(real x, real y) { return x < y ? x : y; }
 #define pow power
 #define fmax larger
 #define fmin smaller
+
+#define EACH(n) _Pragma("GCC ivdep") for (integer i = 0; i < (n); i++)

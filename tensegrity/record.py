@@ -63,9 +63,13 @@ class Record:
         if not self.path.parent.is_dir():
             raise TensegrityError(f"record path {self.path}: there is no folder {self.path.parent}")
 
-    def rows(self, instants, sites):
-        """Room for that many rows of that many sites, in memory or in the file."""
-        kind = np.dtype([("t", float), ("energy", float), ("u", float, sites), ("v", float, sites)])
+    def rows(self, instants, shape, walls=(0,)):
+        """Room for that many rows, in memory or in the file.
+
+        `shape` is that of u: (sites[, dim]); `walls` that of the impulses: (walls[, dim]).
+        """
+        kind = [("t", float), ("energy", float), ("u", float, shape), ("v", float, shape)]
+        kind = np.dtype(kind + [("impulse", float, walls)] * bool(walls[0]))
         if self.path is None:
             return Rows(instants, kind)
         return FileRows(self.path, instants, kind)
@@ -103,6 +107,11 @@ def _free_memory():
         return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
 
 
+def _row(kind, *fields):
+    """The fields that rows of this kind have: impulses where there are walls."""
+    return fields[: len(kind.names)]
+
+
 class Rows:
     """Rows in memory: time, energy, and u and v of the kept sites."""
 
@@ -111,9 +120,9 @@ class Rows:
         self._rows = np.zeros(instants, dtype=kind)
         self._count = 0
 
-    def add(self, t, energy, u, v):
+    def add(self, t, energy, u, v, impulse=()):
         """Append a row."""
-        self._rows[self._count] = t, energy, u, v
+        self._rows[self._count] = _row(self._rows.dtype, t, energy, u, v, impulse)
         self._count += 1
 
     def finished(self):
@@ -141,9 +150,9 @@ class FileRows:
         self._file.write(header.getvalue())
         self._file.seek(0, os.SEEK_END)
 
-    def add(self, t, energy, u, v):
+    def add(self, t, energy, u, v, impulse=()):
         """Append a row: first its bytes, then the count that makes it visible."""
-        self._row[0] = t, energy, u, v
+        self._row[0] = _row(self._kind, t, energy, u, v, impulse)
         self._file.write(self._row.tobytes())
         self._count += 1
         self._write_header()

@@ -17,7 +17,7 @@ class Run:
     ----------
     t : ndarray, (T,)
         Recorded instants [s].
-    u, v : ndarray, (T, sites)
+    u, v : ndarray, (T, sites) or (T, sites, dim)
         Displacement [m] and velocity [m/s] of the recorded sites.
     energy : ndarray, (T,)
         Total energy of the scene, all sites [J].
@@ -34,6 +34,8 @@ class Run:
         Estimated max(|du|/max|u|, |dv|/max|v|), where a tolerance was asked for.
     wall_time : float
         [s], all trial runs included.
+    impulse : ndarray, (T, walls, dim), or None
+        What each wall received since the start [N s], where the scene has walls.
     """
 
     scene: object = field(repr=False)
@@ -49,6 +51,7 @@ class Run:
     complete: bool = True
     error_estimate: float | None = None
     wall_time: float = 0.0
+    impulse: np.ndarray | None = None
 
     @property
     def energy_error(self):

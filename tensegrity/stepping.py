@@ -1,12 +1,8 @@
-"""How large a step may be: bounds on the frequencies a chain can show.
-
-The eigenvalues of M^-1 K of a chain with bond stiffnesses k_j are at most
-max over j of 2 k_j (1/m_j + 1/m_{j+1}); for equal masses and springs that is 4 k/m.
-"""
+"""How large a step may be: elongations that springs can reach, and how stiff they are there."""
 
 from __future__ import annotations
 
-from itertools import pairwise
+from functools import lru_cache
 
 import numpy as np
 
@@ -15,6 +11,7 @@ from tensegrity.errors import StabilityError
 DECADES = 16  # how far the search for the reachable elongations looks, up and down
 
 
+@lru_cache(maxsize=4096)
 def reachable(spring, energy):
     """Elongations around 0 that a spring can reach with a given energy.
 
@@ -49,57 +46,51 @@ def _crossing(spring, energy, side):
     return float(beyond), False
 
 
+@lru_cache(maxsize=4096)
 def largest_stiffness(spring, low, high):
     """Largest V'' between two elongations [N/m], both inside the domain; at least 0."""
+    return max(_largest("stiffness", spring.stiffness, low, high), 0.0)
+
+
+@lru_cache(maxsize=4096)
+def largest_tension(spring, low, high):
+    """Largest size of V' between two elongations [N], both inside the domain."""
+    return _largest("tension", lambda r: np.abs(spring.tension(r)), low, high)
+
+
+def _largest(name, function, low, high):
     close = np.logspace(-DECADES, 0, 20 * DECADES + 1)
     even = np.linspace(0, 1, 201)
     r = np.concatenate([low * close, low * even, high * close, high * even])
-    largest = float(np.max(spring.stiffness(r)))
+    largest = float(np.max(function(r)))
     if not np.isfinite(largest):
         raise StabilityError(
-            f"stiffness {largest} N/m between elongations {low:g} m and {high:g} m must be finite"
+            f"{name} {largest} between elongations {low:g} m and {high:g} m must be finite"
         )
-    return max(largest, 0.0)
+    return largest
 
 
-def frequency(chain, ranges):
-    """Bound on the largest angular frequency [rad/s] over given ranges of elongation.
-
-    Parameters
-    ----------
-    chain : Chain
-    ranges : sequence of (low, high)
-        For each run of equal bonds, smallest and largest elongation [m].
-    """
-    springs, first = chain.segment_springs
-    mobility = chain.inverse_mass[:-1] + chain.inverse_mass[1:]
-    squared = [
-        2 * largest_stiffness(spring, low, high) * mobility[start:stop].max()
-        for spring, (low, high), start, stop in zip(
-            springs, ranges, first[:-1], first[1:], strict=True
-        )
-    ]
-    return float(np.sqrt(max(squared)))
-
-
-def expected_ranges(chain, state, share=1.0):
-    """Elongations each run of equal bonds can reach if it gets a share of the state's energy.
+def expected_ranges(scene, state, share=1.0):
+    """Elongations each spring of a scene can reach if it gets a share of the state's energy.
 
     Where that is the end of its domain, the stiffness has no bound: half the way is returned,
     and the run itself has to watch.
+
+    Returns
+    -------
+    ndarray, (ranges that the loop keeps, 2)
     """
-    energy = share * chain.energy(state)
+    energy = share * scene.energy(state)
+    springs, rows = scene.watched()
     ranges = []
-    for spring in chain.segment_springs[0]:
+    for spring in springs:
         low, high, locks = reachable(spring, energy)
         if locks:
             low, high = max(low, spring.domain[0] / 2), min(high, spring.domain[1] / 2)
         ranges.append((low, high))
-    return ranges
+    return np.array(ranges)[rows]
 
 
-def present_ranges(chain, state):
-    """Elongations in each run of bonds at this moment, 0 included."""
-    r = chain.elongation(state.u)
-    _, first = chain.segment_springs
-    return [(min(r[a:b].min(), 0.0), max(r[a:b].max(), 0.0)) for a, b in pairwise(first)]
+def present_ranges(scene, state):
+    """Elongations of each spring of a scene at this moment, 0 included."""
+    return scene.present_ranges(state.u)

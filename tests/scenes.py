@@ -21,10 +21,8 @@ def extended(chain, state, method, dt, steps):
     """u and v after some steps of the same generated text, compiled in long double."""
     method = METHODS[method]
     u, v = state.u.astype(np.longdouble), state.v.astype(np.longdouble)
-    kicks = np.multiply(method.kicks, dt, dtype=np.longdouble)
-    drifts = np.multiply(method.drifts, dt, dtype=np.longdouble)
     engine = Compiled(chain.segments.laws, extended=True)
-    engine.bind(u, v, chain.inverse_mass, chain.segments, kicks, drifts).advance(steps)
+    engine.bind(u, v, chain.inverse_mass, chain.segments, method, dt).advance(steps)
     return u, v
 
 

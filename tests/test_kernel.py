@@ -18,8 +18,7 @@ def mixed_chain():
 def advanced(engine, chain, state, method, dt, steps):
     method = METHODS[method]
     u, v = state.u.copy(), state.v.copy()
-    kicks, drifts = np.multiply(method.kicks, dt), np.multiply(method.drifts, dt)
-    bound = engine.bind(u, v, chain.inverse_mass, chain.segments, kicks, drifts)
+    bound = engine.bind(u, v, chain.inverse_mass, chain.segments, method, dt)
     bound.advance(steps)
     return u, v, bound.range.copy()
 

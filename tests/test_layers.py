@@ -8,10 +8,10 @@ from pathlib import Path
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("derivations", "tensegrity", "granular", "figures", "benchmarks")
 ORDER = [  # inside tensegrity: each may import what stands before it
-    "errors", "check", "codegen", "native", "kernel", "table", "arclength", "continuation",
-    "potential", "condensed", "prism", "response", "nodes", "limit", "lattice", "methods",
-    "stepping", "record", "plotting", "run", "march", "tolerance", "integrate", "asymptotics",
-    "observables", "travelling", "solitary",
+    "errors", "check", "codegen", "native", "methods", "plain", "kernel", "table", "arclength",
+    "continuation", "potential", "condensed", "prism", "response", "nodes", "limit", "stepping",
+    "lattice", "network_loop", "walls", "clearance", "network", "record", "plotting", "run",
+    "march", "tolerance", "integrate", "asymptotics", "observables", "travelling", "solitary",
 ]  # fmt: skip
 
 

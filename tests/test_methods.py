@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
 
+from tensegrity import plain
 from tensegrity.errors import TensegrityError
 from tensegrity.methods import METHODS, default, find
 
+SPLITTINGS = [method for method in METHODS.values() if method.symplectic]
 
-@pytest.mark.parametrize("method", METHODS.values(), ids=METHODS)
+
+@pytest.mark.parametrize("method", SPLITTINGS, ids=lambda method: method.name)
 def test_rows_are_consistent_palindromes(method):
     assert len(method.kicks) == len(method.drifts) + 1
     assert method.kicks == method.kicks[::-1]
@@ -23,10 +26,24 @@ def step_matrix(method):
     """A step of the harmonic oscillator, each entry as a polynomial in dt * omega."""
     z = Polynomial([0, 1])
     x, v = [Polynomial([1]), Polynomial([0])], [Polynomial([0]), Polynomial([1])]
+    if not method.symplectic:
+        pairs = [rotated(method, *start, z) for start in zip(x, v, strict=True)]
+        return tuple(zip(*pairs, strict=True))
     for kick, drift in zip(method.kicks, (*method.drifts, 0.0), strict=True):
         v = [b - kick * z * a for a, b in zip(x, v, strict=True)]
         x = [a + drift * z * b for a, b in zip(x, v, strict=True)]
     return x, v
+
+
+def rotated(method, x, v, z):
+    """A step of a Nystrom method from (x, v/omega)."""
+    places = []
+    for node, row in zip(method.nodes, method.matrix, strict=True):
+        inner = sum((a * p for a, p in zip(row, places, strict=False)), Polynomial([0]))
+        places.append(x + node * z * v - z**2 * inner)
+    moved = sum(b * p for b, p in zip(method.positions, places, strict=True))
+    turned = sum(b * p for b, p in zip(method.velocities, places, strict=True))
+    return x + z * v - z**2 * moved, v - z * turned
 
 
 @pytest.mark.parametrize("method", METHODS.values(), ids=METHODS)
@@ -42,6 +59,31 @@ def test_a_step_of_the_oscillator_has_the_series_of_its_rotation(method):
         )
     beyond = abs(xv.coef[method.order + 1 :][:1].sum() - sine[-1]) if method.order % 2 == 0 else 0
     assert beyond > 1e-9  # the order is not higher than said
+
+
+def test_limit_of_the_classical_method_is_the_root_of_its_amplification():
+    """|R|^2 = 1 - z^6/72 + z^8/576 of R = sum (i z)^k/k!, k to 4: both found from the series."""
+    series = sum(Polynomial([0] * k + [1j**k / factorial(k)]) for k in range(5))
+    squared = (series * Polynomial(series.coef.conj())).coef.real
+    (limit,) = {float(x.real) for x in Polynomial(squared - [1, *[0] * 8]).roots()
+                if abs(x.imag) < 1e-6 and x.real > 1}  # fmt: skip
+    assert METHODS["rk4"].stability_limit == pytest.approx(limit, abs=1e-8)
+
+
+def test_the_nystrom_form_does_the_steps_of_the_tableau():
+    """One step of u'' = -sin u against the first-order form with the classical weights."""
+    method, dt, y = METHODS["rk4"], 0.3, np.array([0.7, -0.4])
+
+    def rate(y):
+        return np.array([y[1], -np.sin(y[0])])
+
+    k = [rate(y)]
+    for a in (0.5, 0.5, 1.0):
+        k.append(rate(y + a * dt * k[-1]))
+    expected = y + dt / 6 * (k[0] + 2 * k[1] + 2 * k[2] + k[3])
+    u, v = y[:1].copy(), y[1:].copy()
+    plain.advance(lambda u: -np.sin(u), u, v, method, dt, 1, 1)
+    np.testing.assert_allclose([u[0], v[0]], expected, rtol=1e-15)
 
 
 def test_limit_of_verlet_is_two():

@@ -1,0 +1,80 @@
+"""Elongation of a bond between two points in the plane or in space, and the gap to a plane wall.
+
+A bond joins points at the separation D + w, D its reference and w the difference of the
+displacements.  Elongations are small beside lengths: the plain difference |D + w| - L loses the
+digits that they differ in, so the form for the loop has the difference taken out.
+Source: seeds/001, eqs. (1)-(6), where overlaps of micrometres stand beside millimetres.
+"""
+
+from functools import cache
+
+import sympy as sp
+
+from derivations.argument import Step
+
+TITLE = "Geometry: elongation of a bond in the plane, gap to a wall"
+
+length = sp.Symbol("L", positive=True)
+initial = sp.Symbol("g", real=True)  # |D| - L
+
+
+@cache
+def vectors(dim):
+    """Symbols of the reference separation D and of the difference w of the displacements."""
+    axes = "xyz"[:dim]
+    return sp.symbols([f"D_{a}" for a in axes], real=True), sp.symbols(
+        [f"w_{a}" for a in axes], real=True
+    )
+
+
+@cache
+def plain_elongation(dim):
+    """|D + w| - L."""
+    return _separation(dim) - length
+
+
+def _separation(dim):
+    return sp.sqrt(sum((d + w) ** 2 for d, w in zip(*vectors(dim), strict=True)))
+
+
+@cache
+def elongation(dim):
+    """The same without the difference of like numbers, in g = |D| - L.
+
+    a - L = (a^2 - L^2)/(a + L); in the numerator |D|^2 - L^2 with |D| = L + g is left small.
+    """
+    separation = _separation(dim)
+    reference, relative = vectors(dim)
+    at_rest = sum(d**2 for d in reference)
+    change = sp.expand(separation**2 - at_rest)
+    opening = sp.factor((length + initial) ** 2 - length**2)
+    terms = [sp.factor(sum(t for t in change.args if t.has(w))) for w in relative]
+    return (opening + sum(terms)) / (separation + length)
+
+
+@cache
+def direction(dim):
+    """Gradient of the elongation in w: the unit vector from the first point to the second."""
+    return [sp.simplify(sp.diff(plain_elongation(dim), w)) for w in vectors(dim)[1]]
+
+
+@cache
+def wall_gap(dim):
+    """Gap of a point to a plane of unit normal D, g at w = 0; and its gradient, the normal."""
+    normal, displacement = vectors(dim)
+    gap = initial + sum(n * w for n, w in zip(normal, displacement, strict=True))
+    return gap, [sp.diff(gap, w) for w in displacement]
+
+
+def argument():
+    gap, normal = wall_gap(2)
+    rate = sp.Symbol("r'")
+    return [
+        Step("Two points at the separation D + w, joined by a bond of length L, are too far apart "
+             "by", sp.Eq(sp.Symbol("r"), plain_elongation(2))),
+        Step("Multiplied by the sum over the sum, with |D| = L + g, no difference of like numbers "
+             "is left:", sp.Eq(sp.Symbol("r"), elongation(2))),
+        Step("Its gradient in w is the unit vector along the bond:", sp.Matrix(direction(2))),
+        Step("A plane wall of unit normal D keeps, from the initial gap g, the gap",
+             sp.Eq(sp.Symbol("r"), gap), sp.Eq(rate, sp.Matrix(normal), evaluate=False)),
+    ]  # fmt: skip

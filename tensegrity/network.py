@@ -1,0 +1,470 @@
+"""Masses in the plane or in space, joined by bonds in any pattern: a scene for `simulate`.
+
+Model: point masses with two or three coordinates each; bonds, and contacts with plane walls,
+whose force along the line of contact depends on their elongation only; constant loads.  The
+list of contacts is fixed; where sites have a radius, the run makes sure that no other contact
+formed (see `tensegrity.clearance`).  Source: seeds/001, eqs. (1)-(6).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cache, cached_property
+
+import numpy as np
+
+from tensegrity import check, stepping
+from tensegrity.errors import TensegrityError
+from tensegrity.lattice import SMALLEST_MASS, State
+from tensegrity.network_loop import Contacts, kernel
+from tensegrity.potential import Potential
+from tensegrity.walls import Wall
+
+PAIR, WALL = 0, 1  # as in network_loop.KINDS
+
+
+class Network:
+    """Point masses, bonds and walls.
+
+    Parameters
+    ----------
+    positions : array_like, (sites, dim)
+        Reference places [m], dim 2 or 3; displacements count from them.
+    bonds : array_like of int, (bonds, 2)
+        The two sites of each bond.  Forces at a site are summed in this order.
+    spring : Potential or sequence of Potential
+        One for all bonds or one for each.
+    lengths : float or array_like (bonds,), optional
+        Distance [m] at which a bond's elongation is 0; by default that of the positions.
+    mass : float or array_like (sites,), optional
+        [kg], > 0.
+    walls : sequence of Wall, optional
+    wall_contacts : array_like of int, (wall contacts, 2), optional
+        Site and wall of each contact with a wall; needs `radius`.
+    wall_spring : Potential or sequence of Potential, optional
+        Their law, in the distance from the wall less the radius.
+    wall_gaps : array_like (wall contacts,), optional
+        That distance at the positions [m], where it is known better than from the positions.
+    radius : float or array_like (sites,), optional
+        [m]; with it the run checks that no contact forms that is not listed.
+    loads : array_like (sites, dim), optional
+        Constant forces [N].
+    held : sequence of int, optional
+        Sites that stay at u = 0.
+    """
+
+    def __init__(
+        self,
+        positions,
+        bonds,
+        spring: Potential | Sequence[Potential],
+        lengths=None,
+        mass=1.0,
+        walls: Sequence[Wall] = (),
+        *,
+        wall_contacts=(),
+        wall_spring: Potential | Sequence[Potential] | None = None,
+        wall_gaps=None,
+        radius=None,
+        loads=None,
+        held: Sequence[int] = (),
+    ):
+        self.positions = _numbers("positions", positions)
+        if self.positions.ndim != 2 or self.positions.shape[1] not in (2, 3):
+            raise TensegrityError(
+                f"positions have shape {self.positions.shape}, must be (sites, 2) or (sites, 3)"
+            )
+        self.sites, self.dim = self.positions.shape
+        check.whole("sites", self.sites, least=1)
+        self.bonds = self._pairs(bonds)
+        self.mass = self._per_site("mass", mass, "kg")
+        self.radius = None if radius is None else self._per_site("radius", radius, "m")
+        self.walls = self._walls(walls)
+        self.wall_contacts = self._wall_contacts(wall_contacts)
+        self.springs = _springs(spring, len(self.bonds), "bond")
+        if len(self.wall_contacts) or wall_spring is not None:
+            count = len(self.wall_contacts)
+            self.springs += _springs(wall_spring, count, "wall contact")
+        self.loads = np.zeros(self.shape) if loads is None else _numbers("loads", loads, self.shape)
+        self.held = sorted({self._site("held site", s) for s in held})
+        self._set_geometry(lengths, wall_gaps)
+        _ = self.contacts  # refuses springs that the compiled loop cannot take
+        _ = self.clearance  # refuses contacts that are there but not in the list
+
+    # what is handed in
+
+    def _site(self, name, value):
+        site = check.whole(name, value, least=0)
+        if site >= self.sites:
+            raise TensegrityError(f"{name} {site} must be below {self.sites}")
+        return site
+
+    def _per_site(self, name, value, unit):
+        given = _numbers(name, value)
+        if given.ndim and given.shape != (self.sites,):
+            raise TensegrityError(f"{name} has shape {given.shape}, must be ({self.sites},)")
+        values = np.broadcast_to(given, (self.sites,)).copy()
+        bad = np.flatnonzero(~(values >= SMALLEST_MASS))
+        if bad.size:
+            raise TensegrityError(
+                f"{name} {values[bad[0]]:g} {unit} of site {bad[0]} must be at least "
+                f"{SMALLEST_MASS:g}"
+            )
+        values.flags.writeable = False
+        return values
+
+    def _pairs(self, bonds):
+        bonds = _table("bonds", bonds)
+        for number, (i, j) in enumerate(bonds.tolist()):
+            if not 0 <= min(i, j) <= max(i, j) < self.sites:
+                raise TensegrityError(
+                    f"bond {number} joins sites {i} and {j}, which must be 0 to {self.sites - 1}"
+                )
+            if i == j:
+                raise TensegrityError(f"bond {number} joins site {i} to itself")
+        _refuse_twins("bond", np.sort(bonds, axis=1))
+        return bonds
+
+    def _walls(self, walls):
+        walls = tuple(walls)
+        for number, wall in enumerate(walls):
+            if not isinstance(wall, Wall):
+                raise TensegrityError(f"wall {number} is {wall!r}, not a Wall")
+            if wall.point.size != self.dim:
+                raise TensegrityError(
+                    f"wall {number} has {wall.point.size} coordinates, the sites have {self.dim}"
+                )
+        return walls
+
+    def _wall_contacts(self, contacts):
+        contacts = _table("wall_contacts", contacts)
+        if len(contacts) and self.radius is None:
+            raise TensegrityError(f"{len(contacts)} wall contacts need the radius of the sites")
+        for number, (site, wall) in enumerate(contacts.tolist()):
+            self._site(f"site of wall contact {number}:", site)
+            if not 0 <= wall < len(self.walls):
+                raise TensegrityError(
+                    f"wall contact {number} is with wall {wall}, there are {len(self.walls)}"
+                )
+            beyond = self.walls[wall].overhang(self.positions[site])
+            if beyond > 0:
+                raise TensegrityError(
+                    f"site {site} is {beyond:.3g} m beyond the end of wall {wall}"
+                )
+        _refuse_twins("wall contact", contacts)
+        return contacts
+
+    def _set_geometry(self, lengths, wall_gaps):
+        i, j = self.bonds.T
+        exact = self.positions.astype(np.longdouble)
+        self._reference = (exact[j] - exact[i]).astype(float)
+        distance = np.sqrt(np.sum((exact[j] - exact[i]) ** 2, axis=1))
+        same = np.flatnonzero(distance == 0)
+        if same.size:
+            raise TensegrityError(
+                f"bond {same[0]} joins sites {i[same[0]]} and {j[same[0]]} at the same place"
+            )
+        if lengths is None:
+            lengths = distance.astype(float)
+            opening = np.zeros(len(self.bonds))
+        else:
+            lengths = np.broadcast_to(_numbers("lengths", lengths), (len(self.bonds),)).copy()
+            opening = (distance - lengths).astype(float)
+        bad = np.flatnonzero(~(lengths > 0))
+        if bad.size:
+            raise TensegrityError(f"length {lengths[bad[0]]:g} m of bond {bad[0]} must be above 0")
+        self.lengths = lengths
+        site, wall = self.wall_contacts.T
+        normals = np.array([w.normal for w in self.walls]).reshape(-1, self.dim)[wall]
+        if wall_gaps is None:
+            heights = [self.walls[w].height(exact[s]) for s, w in self.wall_contacts.tolist()]
+            inside = 0 if self.radius is None else self.radius[site]
+            gaps = (np.array(heights, dtype=np.longdouble) - inside).astype(float)
+        else:
+            gaps = _numbers("wall_gaps", wall_gaps, (len(self.wall_contacts),))
+        self._geometry = np.zeros((self.dim + 2, len(self.springs)))
+        self._geometry[: self.dim] = np.concatenate([self._reference, normals]).T
+        self._geometry[self.dim] = np.concatenate([opening, gaps])
+        self._geometry[-1, : len(self.bonds)] = lengths
+
+    # the engine's view
+
+    @cached_property
+    def inverse_mass(self):
+        """1/m [1/kg], 0 for a held site; (sites,)."""
+        w = 1 / self.mass
+        w[self.held] = 0
+        return w
+
+    @cached_property
+    def _groups(self):
+        """The different springs, and for each contact the number of its spring."""
+        numbers, known, group = {}, {}, np.zeros(len(self.springs), dtype=int)
+        for k, spring in enumerate(self.springs):
+            if id(spring) not in known:
+                known[id(spring)] = numbers.setdefault(spring, len(numbers))
+            group[k] = known[id(spring)]
+        return list(numbers), group
+
+    @cached_property
+    def contacts(self):
+        """Contacts as the loop takes them."""
+        springs, group = self._groups
+        laws = tuple(dict.fromkeys(spring._law for spring in springs))
+        width = max((len(spring._values) for spring in springs), default=0)
+        parameters = np.zeros((len(springs), width))
+        for row, spring in zip(parameters, springs, strict=True):
+            row[: len(spring._values)] = spring._values
+        law = np.array([laws.index(spring._law) for spring in springs], dtype=int)
+        kind = np.full(len(self.springs), WALL)
+        kind[: len(self.bonds)] = PAIR
+        return Contacts(
+            laws, kind, law[group],
+            np.concatenate([self.bonds[:, 0], self.sites + self.wall_contacts[:, 1]]),
+            np.concatenate([self.bonds[:, 1], self.wall_contacts[:, 0]]),
+            self._geometry, parameters[group], self.inverse_mass, self.loads, len(self.walls),
+        )  # fmt: skip
+
+    @cached_property
+    def clearance(self):
+        """Watch over the contacts that are not in the list; None without radius and walls."""
+        return None
+
+    @property
+    def shape(self):
+        """Shape of the displacements of a state."""
+        return self.positions.shape
+
+    @property
+    def wall_count(self):
+        """Number of walls."""
+        return len(self.walls)
+
+    @property
+    def cost(self):
+        """Work of one evaluation of all forces, in bonds of a chain."""
+        return 3 * len(self.springs) + self.sites
+
+    def arrays(self, state):
+        """u and v as the loop advances them: sites, walls, and a spare row."""
+        u, v = np.zeros((2, self.contacts.rows, self.dim))
+        u[: self.sites], v[: self.sites] = state.u, state.v
+        return u, v
+
+    def bind(self, u, v, method, dt):
+        """This network in the loop, advancing the rows of `arrays` in place."""
+        return kernel(self.contacts.laws, self.dim).bind(u, v, self.contacts, method, dt)
+
+    def watched(self):
+        """The different springs, and for each contact the number of its spring."""
+        return self._groups
+
+    def present_ranges(self, u):
+        """Smallest and largest elongation of each contact, 0 included; (contacts, 2)."""
+        r = np.concatenate([self.elongation(u), self.wall_gap(u)])
+        return np.stack([np.minimum(r, 0), np.maximum(r, 0)], axis=1)
+
+    def frequency(self, ranges):
+        """Bound on the largest angular frequency [rad/s] over given ranges (contacts, 2).
+
+        Gershgorin's circles of M^-1 K: a bond's block has the eigenvalues V'' along it and
+        V'/distance across it, and stands twice in the rows of a site; a wall's stands once.
+        """
+        springs, group = self._groups
+        low, high = np.full(len(springs), np.inf), np.full(len(springs), -np.inf)
+        np.minimum.at(low, group, ranges[:, 0])
+        np.maximum.at(high, group, ranges[:, 1])
+        ends = list(zip(springs, low.tolist(), high.tolist(), strict=True))
+        k = np.array([stepping.largest_stiffness(*end) for end in ends])[group]
+        t = np.array([stepping.largest_tension(*end) for end in ends])[group]
+        pairs = len(self.bonds)
+        shortest = self.lengths + ranges[:pairs, 0]
+        if np.any(shortest <= 0):
+            return np.inf  # the two sites of a bond coincide
+        k[:pairs] = 2 * np.maximum(k[:pairs], t[:pairs] / shortest)
+        total = np.zeros(self.contacts.rows)
+        np.add.at(total, self.contacts.first, k)
+        np.add.at(total, self.contacts.second, k)
+        return float(np.sqrt(np.max(total[: self.sites] * self.inverse_mass)))
+
+    def extreme(self, row, u, side):
+        """Where the contact of that row is, in words."""
+        if row < len(self.bonds):
+            i, j = self.bonds[row].tolist()
+            return f"between sites {i} and {j}"
+        site, wall = self.wall_contacts[row - len(self.bonds)].tolist()
+        return f"between site {site} and wall {wall}"
+
+    def stiffest(self, u, ranges):
+        """Where the contact is that met the largest stiffness or size, in words."""
+        if not len(self.springs):
+            return ""
+        return self.extreme(int(np.nanargmax(np.max(np.abs(ranges), axis=1))), u, 0)
+
+    # states
+
+    def at_rest(self, velocity: Mapping[int, Sequence[float]] | None = None) -> State:
+        """The undisplaced state, some sites given a velocity [m/s]: {site: (dim,)}."""
+        if not isinstance(velocity or {}, Mapping):
+            raise TensegrityError(f"velocity {velocity!r} must be a dict {{site: velocity}}")
+        v = np.zeros(self.shape)
+        for site, value in (velocity or {}).items():
+            site = self._site("site", site)
+            v[site] = _numbers(f"velocity of site {site}", value, (self.dim,))
+        state = State(np.zeros(self.shape), v)
+        self.check(state)
+        return state
+
+    def check(self, state):
+        """Refuse a state of another shape, one that moves a held site, or one out of domain."""
+        if not isinstance(state, State):
+            raise TensegrityError(f"state is {type(state).__name__}, not a State")
+        if state.u.shape != self.shape:
+            raise TensegrityError(
+                f"state has shape {state.u.shape}, the network has {self.shape} (sites, dim)"
+            )
+        for site in self.held:
+            if state.u[site].any() or state.v[site].any():
+                raise TensegrityError(
+                    f"site {site} is held, but has displacement {state.u[site]} m and velocity "
+                    f"{state.v[site]} m/s"
+                )
+        energy = self.energy(state)  # refuses elongations out of domain
+        if not np.isfinite(energy):
+            raise TensegrityError(f"energy {energy} J of the state must be finite")
+
+    # what is computed from displacements u (..., sites, dim)
+
+    def elongation(self, u):
+        """Elongation of each bond [m]; (..., bonds)."""
+        i, j = self.bonds.T
+        place = self._geometry[:, : len(self.bonds)]
+        w = np.moveaxis(u[..., j, :] - u[..., i, :], -1, 0)
+        return _elongation(self.dim)(*place[: self.dim], *w, *place[self.dim :])
+
+    def direction(self, u):
+        """Unit vector of each bond, from its first site to its second; (..., bonds, dim)."""
+        i, j = self.bonds.T
+        apart = self._reference + u[..., j, :] - u[..., i, :]
+        return apart / np.linalg.norm(apart, axis=-1, keepdims=True)
+
+    def wall_gap(self, u):
+        """Gap of each wall contact [m]: distance from the wall's plane less the radius."""
+        place = self._geometry[:, len(self.bonds) :]
+        return place[self.dim] + np.einsum("...bk,kb->...b", u[..., self.wall_contacts[:, 0], :],
+                                           place[: self.dim])  # fmt: skip
+
+    def bond_energy(self, u):
+        """Energy of each bond [J]; (..., bonds)."""
+        return self._per_contact("energy", self.elongation(_numbers("u", u)), 0)
+
+    def bond_tension(self, u):
+        """Tension of each bond [N]; (..., bonds)."""
+        return self._per_contact("tension", self.elongation(_numbers("u", u)), 0)
+
+    def wall_energy(self, u):
+        """Energy of each wall contact [J]; (..., wall contacts)."""
+        return self._per_contact("energy", self.wall_gap(_numbers("u", u)), len(self.bonds))
+
+    def wall_load(self, u):
+        """Contact force of each wall contact [N], compression > 0; (..., wall contacts)."""
+        return -self._per_contact("tension", self.wall_gap(_numbers("u", u)), len(self.bonds))
+
+    def _per_contact(self, name, r, start):
+        springs, group = self._groups
+        group = group[start : start + r.shape[-1]]
+        values = np.empty_like(r)
+        for number in np.unique(group):
+            members = group == number
+            values[..., members] = getattr(springs[number], name)(r[..., members])
+        return values
+
+    def energy(self, state):
+        """Total energy [J], the potential of the loads included."""
+        with np.errstate(over="ignore"):  # to inf, which `check` refuses
+            kinetic = 0.5 * np.sum(self.mass[:, None] * state.v**2)
+        stored = np.sum(self.bond_energy(state.u)) + np.sum(self.wall_energy(state.u))
+        return float(kinetic + stored - np.sum(self.loads * state.u))
+
+    def site_energy(self, u, v):
+        """Energy of each site [J]: motion, half its bonds, walls, load; (..., sites)."""
+        result = 0.5 * self.mass * np.sum(v**2, axis=-1) - np.sum(self.loads * u, axis=-1)
+        bonds, walls = self.bond_energy(u) / 2, self.wall_energy(u)
+        rows = np.moveaxis(result, -1, 0)  # a view: sites first
+        for sites, energy in (
+            (self.bonds[:, 0], bonds),
+            (self.bonds[:, 1], bonds),
+            (self.wall_contacts[:, 0], walls),
+        ):
+            np.add.at(rows, sites, np.moveaxis(energy, -1, 0))
+        return result
+
+    def momentum(self, state):
+        """Total momentum [kg m/s]; (dim,)."""
+        return self.mass @ state.v
+
+    def angular_momentum(self, state):
+        """Total angular momentum about the origin [kg m^2/s]; a float in the plane, else (3,)."""
+        x, p = self.positions + state.u, self.mass[:, None] * state.v
+        if self.dim == 2:
+            return float(np.sum(x[:, 0] * p[:, 1] - x[:, 1] * p[:, 0]))
+        return np.cross(x, p).sum(axis=0)
+
+    def __repr__(self):
+        return (
+            f"Network({self.sites} sites in {self.dim} dimensions, {len(self.bonds)} bonds, "
+            f"{len(self.walls)} walls with {len(self.wall_contacts)} contacts)"
+        )
+
+
+@cache
+def _elongation(dim):
+    """The elongation of `derivations.geometry` in NumPy: (D, w, g, L) -> r."""
+    import sympy as sp
+
+    from derivations import geometry
+
+    symbols = (*(x for v in geometry.vectors(dim) for x in v), geometry.initial, geometry.length)
+    return sp.lambdify(symbols, geometry.elongation(dim), "numpy", cse=True)
+
+
+def _numbers(name, value, shape=None):
+    """`value` as a finite float array, of a given shape where one is given."""
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        raise TensegrityError(f"{name} {value!r} is not made of numbers") from None
+    return check.vector(name, array, array.shape if shape is None else shape)
+
+
+def _table(name, pairs):
+    """Pairs of whole numbers as an array (n, 2)."""
+    array = np.array(pairs)
+    if array.size == 0:
+        return np.zeros((0, 2), dtype=int)
+    if array.ndim != 2 or array.shape[1] != 2 or array.dtype.kind not in "iu":
+        raise TensegrityError(
+            f"{name} of shape {array.shape} and type {array.dtype} must be pairs of whole numbers"
+        )
+    return array.astype(int)
+
+
+def _refuse_twins(name, pairs):
+    _, back, count = np.unique(pairs, axis=0, return_inverse=True, return_counts=True)
+    if np.any(count > 1):
+        twins = np.flatnonzero(back.ravel() == np.argmax(count > 1))
+        raise TensegrityError(f"{name}s {twins[0]} and {twins[1]} are the same")
+
+
+def _springs(spring, count, name):
+    if isinstance(spring, Potential):
+        return (spring,) * count
+    if not isinstance(spring, Sequence):
+        raise TensegrityError(f"spring {spring!r} of the {name}s is not a Potential, nor a list")
+    springs = tuple(spring)
+    if len(springs) != count:
+        raise TensegrityError(f"{len(springs)} springs for {count} {name}s")
+    for number, one in enumerate(springs):
+        if not isinstance(one, Potential):
+            raise TensegrityError(f"spring of {name} {number} is {one!r}, not a Potential")
+    return springs

@@ -1,0 +1,47 @@
+/* Explicit Runge-Kutta-Nystrom steps for u'' = acceleration(u), one text for every scene.
+
+   Included behind a loop that defines `scene`, with u and v, and acceleration(scene, u, a). */
+
+typedef struct {
+    const real *nodes, *velocities;  /* (stages) dt times the coefficients */
+    const real *matrix, *positions;  /* (stages, stages), (stages) dt^2 times them */
+    const real *dt;
+    real *place, *slopes;            /* scratch: (count), (stages, count) */
+    real *travel;                    /* bound on how far any of the first `moving` entries moved */
+    integer stages, count, moving;   /* count: entries of u */
+} nystrom;
+
+/* place += sum of coefficients times slopes */
+static void combine(const nystrom *t, const real *coefficients, integer stages)
+{
+    real *restrict place = t->place;
+    for (integer j = 0; j < stages; j++) {
+        const real a = coefficients[j], *restrict slope = t->slopes + j * t->count;
+        if (a != 0) EACH(t->count) place[i] += a * slope[i];
+    }
+}
+
+void advance_nystrom(const scene *c, const nystrom *t, integer steps)
+{
+    const integer n = t->count;
+    const real dt = *t->dt;
+    real *restrict u = c->u, *restrict v = c->v, *restrict place = t->place;
+    for (integer k = 0; k < steps; k++) {
+        for (integer s = 0; s < t->stages; s++) {
+            const real node = t->nodes[s];
+            EACH(n) place[i] = u[i] + node * v[i];
+            combine(t, t->matrix + s * t->stages, s);
+            acceleration(c, place, t->slopes + s * n);
+        }
+        real largest = 0;
+        EACH(n) place[i] = dt * v[i];
+        combine(t, t->positions, t->stages);
+        EACH(n) u[i] += place[i];
+        for (integer i = 0; i < t->moving; i++) largest = larger(largest, fabs(place[i]));
+        *t->travel += largest;
+        for (integer j = 0; j < t->stages; j++) {
+            const real b = t->velocities[j], *restrict slope = t->slopes + j * n;
+            EACH(n) v[i] += b * slope[i];
+        }
+    }
+}
