@@ -96,11 +96,17 @@ class BeadChain(Crystal, Chain):
         """Share of each contact's force along the bead's displacement: all of it."""
         return np.ones(len(self.contacts_at(site)))
 
-    def wall_energy(self, u):
-        """Half the energy of the contact with the wall is the wall's [J]; (...)."""
-        if "wall" not in self.parts:
-            return np.zeros(u.shape[:-1])
-        return self.bond_energy(u)[..., -1] / 2
+    def bead_energies(self, u, v):
+        """Energy of each site [J], the contact with the wall apart; (..., sites)."""
+        energies = self.site_energy(u, v)
+        if "wall" in self.parts:
+            energies[..., -2] -= energies[..., -1]
+            energies[..., -1] = 0
+        return energies
+
+    def walls_hold(self, u):
+        """Energy of the contact with the wall [J]; (...)."""
+        return self.bond_energy(u)[..., -1] if "wall" in self.parts else np.zeros(u.shape[:-1])
 
 
 def chain(

@@ -22,6 +22,7 @@ from tensegrity import TensegrityError, check
 TOUCH = 1e-9  # of a diameter: closer than this, beads that should touch do
 SIDE = math.pi / 6  # direction of two first branch beads that touch each other
 OPEN = 1.0  # diameters by which a channel goes on behind its last bead
+ENTRY = 0.25  # and before its first, short enough for a striker of any size
 
 
 @dataclass(frozen=True)
@@ -188,7 +189,7 @@ def y_layout(stem, branch, half_angle, diameter, gap=0.0, through=0.0):
     first, last = positions[parts["stem 1"][0]], positions[parts["branch 1"][-1]]
     bend, ahead = positions[parts["branch 1"][0]], _direction(half_angle)
     far = last + OPEN * diameter * ahead
-    near = first - OPEN * diameter * np.array([1.0, 0.0])
+    near = first - ENTRY * diameter * np.array([1.0, 0.0])
     origin = np.zeros(2)
     knees = [bend] if half_angle < SIDE else []
     width = diameter / 2 + gap
@@ -253,7 +254,7 @@ def diamond_layout(stem, branch, half_angle, diameter, gap=0.0, through=0.0):
         "branch 2": np.concatenate([second, _mirror(down)]),
         "stem 2": exit,
     }
-    near = pieces["stem 1"][0] - [OPEN * diameter, 0.0]
+    near = pieces["stem 1"][0] - [ENTRY * diameter, 0.0]
     far = exit[-1] + [OPEN * diameter, 0.0]
     origin, opening, width = np.zeros(2), exit[0], diameter / 2 + gap
     walls = []

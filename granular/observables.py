@@ -150,18 +150,17 @@ def part_energies(run):
     Returns
     -------
     dict of str to ndarray, (T,)
-        [J]: kinetic, and half that of each contact.  "walls" hold their half of theirs, so that
+        [J]: kinetic, and half that of each contact of two beads.  "walls" hold all of theirs;
         the sum is the total energy.
     """
     scene, u = run.scene, rows(run, range(run.scene.sites))
-    held = scene.wall_energy(u)
-    inside = scene.site_energy(u, run.v)
+    inside = scene.bead_energies(u, run.v)
     energies = {
         part: inside[:, list(sites)].sum(axis=1)
         for part, sites in scene.parts.items()
         if part != "wall"
     }
-    return {**energies, "walls": held}
+    return {**energies, "walls": scene.walls_hold(u)}
 
 
 def overlaps(run, part=None):
