@@ -221,6 +221,9 @@ class Chain:
         """Total momentum [kg m/s], > 0 towards higher sites."""
         return float(np.sum(self.mass * state.v))
 
+    clearance = None  # all contacts are bonds
+    wall_count = 0
+
     @property
     def shape(self):
         """Shape of the displacements of a state."""

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tensegrity.clearance import CAUTION
 from tensegrity.errors import ContactError, LockingError, StabilityError
 from tensegrity.lattice import State
 from tensegrity.methods import Method
@@ -130,7 +131,8 @@ class _Watch:
         self._domains = np.array([s.domain for s in springs]).reshape(-1, 2)[self._rows]
         self._safe = np.zeros_like(self._domains)  # ranges of elongation known to be allowed
         self._limit = math.inf  # stability limit within them [s]
-        self._clearance = getattr(scene, "clearance", None)
+        self._tracker = scene.clearance and scene.clearance.tracker(problem.state.u)
+        self._most = math.inf  # steps that can be done without a look for new contacts
         self.sound = self._u.copy(), self._v.copy(), 0  # last sound arrays, and the steps by then
 
     def state(self):
@@ -141,15 +143,22 @@ class _Watch:
     def impulse(self):
         """Impulse given to each wall so far, (walls[, dim]); the rows behind the sites."""
         scene = self._problem.scene
-        return self.sound[1][scene.sites : scene.sites + getattr(scene, "wall_count", 0)]
+        return self.sound[1][scene.sites : scene.sites + scene.wall_count]
 
     def advance(self, steps):
-        """Advance; or go back to the last sound state and raise what went wrong, where, when."""
+        """Advance, perhaps by fewer steps.
+
+        Or go back to the last sound state and raise what went wrong, where, when.
+        """
         before_u, before_v, done = self.sound
+        steps = min(steps, self._most)
         self._loop.forget_range()
         self._loop.advance(steps)
         if self._is_sound():
-            self.sound = self._u.copy(), self._v.copy(), done + steps
+            if self._tracker is None or self._is_clear(done, steps):
+                self.sound = self._u.copy(), self._v.copy(), done + steps
+            else:
+                self._u[:], self._v[:] = before_u, before_v
             return
         self._u[:], self._v[:] = before_u, before_v
         for k in range(done, done + steps):
@@ -157,8 +166,25 @@ class _Watch:
             self._loop.advance(1)
             if not self._is_sound():
                 raise self._error((k + 1) * self._dt)
+            if self._tracker is not None:
+                self._is_clear(k, 1)
             self.sound = self._u.copy(), self._v.copy(), k + 1
         raise StabilityError(f"a block of {steps} steps went wrong, but not step by step")
+
+    def _is_clear(self, done, steps):
+        """Whether no unlisted contact can have formed; says how many steps to take next."""
+        u, travel = self._u[: self._problem.scene.sites], self._loop.travel
+        share = self._tracker.share(travel)
+        if share >= 1 and steps > 1:
+            self._most = max(1, min(steps // 2, int(CAUTION * steps / share)))
+            return False
+        if share >= 1:
+            self._tracker.judge(u, (done + 1) * self._dt)
+        else:
+            self._tracker.accept(u)
+        share = self._tracker.share(travel)
+        self._most = max(1, int(min(CAUTION * steps / share, MOST_STEPS))) if share else MOST_STEPS
+        return True
 
     def _is_sound(self):
         met = self._loop.range

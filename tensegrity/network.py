@@ -14,6 +14,7 @@ from functools import cache, cached_property
 import numpy as np
 
 from tensegrity import check, stepping
+from tensegrity.clearance import Clearance
 from tensegrity.errors import TensegrityError
 from tensegrity.lattice import SMALLEST_MASS, State
 from tensegrity.network_loop import Contacts, kernel
@@ -89,7 +90,11 @@ class Network:
         self.held = sorted({self._site("held site", s) for s in held})
         self._set_geometry(lengths, wall_gaps)
         _ = self.contacts  # refuses springs that the compiled loop cannot take
-        _ = self.clearance  # refuses contacts that are there but not in the list
+        self._refuse_unlisted(np.zeros(self.shape))
+
+    def _refuse_unlisted(self, u):
+        if self.clearance is not None:
+            self.clearance.check(u)
 
     # what is handed in
 
@@ -227,8 +232,10 @@ class Network:
 
     @cached_property
     def clearance(self):
-        """Watch over the contacts that are not in the list; None without radius and walls."""
-        return None
+        """What watches over the contacts that are not listed; None where sites have no radius."""
+        if self.radius is None:
+            return None
+        return Clearance(self.positions, self.radius, self.bonds, self.walls, self.wall_contacts)
 
     @property
     def shape(self):
@@ -329,6 +336,7 @@ class Network:
                     f"site {site} is held, but has displacement {state.u[site]} m and velocity "
                     f"{state.v[site]} m/s"
                 )
+        self._refuse_unlisted(state.u)
         energy = self.energy(state)  # refuses elongations out of domain
         if not np.isfinite(energy):
             raise TensegrityError(f"energy {energy} J of the state must be finite")
