@@ -9,16 +9,17 @@ from __future__ import annotations
 import numpy as np
 
 from granular import Bead, Striker, bead_of_mass, coated, materials, sensor_force, simulate
-from granular.observables import CLOCK, density
+from granular.observables import CLOCK, density, overlaps, part_energies
 from tensegrity import Record
 
 STEEL = Bead(4.76e-3, materials["steel"], mass=0.45e-3)
 PTFE = Bead(4.76e-3, materials["ptfe"], mass=0.123e-3)
 PARYLENE = coated(STEEL, materials["parylene"], 50e-6)
 HEAVY = bead_of_mass(5.33e-3, materials["steel"])
+STEM, BRANCH = 19, 47  # beads in each
 DT = 0.1e-6  # s: energy to 1e-8 or better in these scenes
-ROWS = 5  # steps between recorded rows
-DIVISIONS = 4  # between two curves
+ROWS = 10  # steps between recorded rows
+DIVISIONS = 5  # between two curves
 
 
 def light(speed):
@@ -32,7 +33,7 @@ def heavy(speed):
 
 
 def followed(scene, t_end, dt=DT, every=ROWS):
-    """A run of all sites with the paper's purposes in mind: fixed step, rows every 0.5 us."""
+    """A run of all sites with the paper's purposes in mind: fixed step, rows every 1 us."""
     return simulate(scene, scene.start(), t_end, method="rkn6", dt=dt, record=Record(every=every))
 
 
@@ -92,6 +93,45 @@ def draw_density(figure, axes, table, breaks, title):
     axes.set(xlabel="site", ylabel="time step of 3 us", title=title)
     axes.grid(False)
     figure.colorbar(image, ax=axes, label="force [N]")
+
+
+def scene_tables(run, sensors, branch):
+    """Curves, density, energies of the parts and some numbers of a run of the full guide."""
+    largest, mean = overlaps(run, f"branch {branch}")
+    return {
+        "curves": curves(run, sensors),
+        "density": density_table(run, branch),
+        "energies": {"t [s]": run.t, **{f"{k} [J]": e for k, e in part_energies(run).items()}},
+        "numbers": {
+            "largest overlap [m]": np.array([largest]),
+            "mean peak overlap [m]": np.array([mean]),
+            "energy error": np.array([run.energy_error]),
+        },
+    }
+
+
+def draw_scene(figure, axes, tables, divisions, titles):
+    """Curves on the left, density on the right."""
+    draw_curves(axes[0], tables["curves"], divisions, titles[0])
+    breaks = [STEM, STEM + BRANCH]
+    draw_density(figure, axes[1], tables["density"], breaks, titles[1])
+
+
+def number(tables, name):
+    """One of the numbers of a scene."""
+    return float(tables["numbers"][name][0])
+
+
+def curve(tables, part, bead):
+    """(t, force) of a sensor of a scene."""
+    return tables["curves"]["t [s]"], tables["curves"][f"{part} {bead} [N]"]
+
+
+def share(tables, part, instant):
+    """Part of the total energy that is in a part of the guide at an instant."""
+    energies = tables["energies"]
+    total = sum(e[0] for name, e in energies.items() if name != "t [s]")
+    return float(np.interp(instant, energies["t [s]"], energies[f"{part} [J]"]) / total)
 
 
 def row(figure, quantity, here, paper="", experiment=""):

@@ -9,6 +9,7 @@ slid off its wall.
 from __future__ import annotations
 
 import math
+from functools import cached_property
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from granular.crystal import Crystal
 from granular.layout import TOUCH, Layout, diamond_layout, y_layout
 from granular.materials import Material, materials
 from tensegrity import Network, State, TensegrityError, Wall
+from tensegrity.clearance import Clearance
 
 
 class Guide(Crystal, Network):
@@ -69,7 +71,6 @@ class Guide(Crystal, Network):
         self.beads = tuple(filled)
         touched = np.add(layout.wall_contacts(), (first, 0))
         solids = [wall if number < sides else end for _, number in touched]
-        gaps = [layout.gap if number < sides else 0.0 for _, number in touched]
         springs, walls = _Springs(law), tuple(_wall(piece) for piece in layout.walls)
         super().__init__(
             positions,
@@ -81,9 +82,14 @@ class Guide(Crystal, Network):
             wall_spring=[
                 springs(self.beads[b], solid) for (b, _), solid in zip(touched, solids, strict=True)
             ],
-            wall_gaps=gaps,
+            wall_gaps=layout.wall_gaps(),
             radius=None if layout.blind else [bead.radius for bead in self.beads],
         )
+
+    @cached_property
+    def clearance(self):
+        """What watches over the contacts that are not listed; None where beads are blind."""
+        return None if self.radius is None else _Clearance(self)
 
     def start(self) -> State:
         """The striker in contact and moving along the axis, all else at rest."""
@@ -139,6 +145,32 @@ class Guide(Crystal, Network):
     def walls_hold(self, u):
         """Energy of all contacts with walls [J]; (...)."""
         return self.wall_energy(u).sum(axis=-1)
+
+
+class _Clearance(Clearance):
+    """Knows that a bead which may touch a bevel does not touch the two walls at their edge.
+
+    Such a bead meets these walls only when its foot comes to stand on them.
+    """
+
+    def __init__(self, guide):
+        listed = guide.wall_contacts
+        super().__init__(guide.positions, guide.radius, guide.bonds, guide.walls, listed)
+        pieces = guide.layout.walls
+        self._behind = {
+            (bead, number)
+            for bead, bevel in listed.tolist()
+            if pieces[bevel].is_bevel
+            for number in (bevel - 1, bevel - 2)
+        }
+
+    def wall_gaps(self, x, pairs):
+        """Gap of each (site, wall) [m], or the way to it where a bevel is before it."""
+        gaps = super().wall_gaps(x, pairs)
+        for row, (site, number) in enumerate(pairs.tolist()):
+            if (site, number) in self._behind:
+                gaps[row] = max(gaps[row], float(self.walls[number].overhang(x[site])))
+        return gaps
 
 
 class _Springs:

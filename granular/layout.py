@@ -6,7 +6,9 @@ angle.  At 30 degrees the first beads of both branches touch each other.  Below,
 the axes without overlap: they stand at 30 degrees, and the branches go on from there at their own
 angle.  In the diamond, the 24th bead of a branch is the corner, and 23 more lead to the junction
 bead that opens stem 2.  Walls are planes one radius (and a gap) off the axes of the channels,
-each ending where it meets the next.
+each ending where it meets the next.  Where two outer walls meet at a junction their edge reaches
+into the channel, 84 um (at 30 degrees) from the junction bead, which comes to touch it in scenes
+without symmetry; the edge is bevelled: a short piece of plane across it.
 """
 
 from __future__ import annotations
@@ -21,6 +23,8 @@ from tensegrity import TensegrityError, check
 
 TOUCH = 1e-9  # of a diameter: closer than this, beads that should touch do
 SIDE = math.pi / 6  # direction of two first branch beads that touch each other
+BEVEL = 0.25  # half length of a bevel, in diameters
+NEAR = 0.2  # diameters: a bead so near to a bevel may touch it during a run
 OPEN = 1.0  # diameters by which a channel goes on behind its last bead
 ENTRY = 0.25  # and before its first, short enough for a striker of any size
 
@@ -39,6 +43,11 @@ class Piece:
     start: tuple[float, float]
     end: tuple[float, float]
     name: str
+
+    @property
+    def is_bevel(self):
+        """Whether it stands across the edge between two others."""
+        return self.name.endswith("bevel")
 
     @property
     def length(self):
@@ -108,14 +117,28 @@ class Layout:
         return np.stack([i, j], axis=1), np.linalg.norm(x[i] - x[j], axis=1)
 
     def wall_contacts(self):
-        """(bead, wall) that touch or would without the gap; (contacts, 2)."""
-        reach = self.diameter / 2 + self.gap + TOUCH * self.diameter
+        """(bead, wall) that touch, would without the gap, or may; (contacts, 2)."""
         found = []
         for number, wall in enumerate(self.walls):
+            room = NEAR if wall.is_bevel else TOUCH
+            reach = self.diameter * (0.5 + room) + self.gap
             distance, along = wall.place(self.positions)
             beside = (along >= 0) & (along <= wall.length) & (abs(distance) <= reach)
             found += [(int(bead), number) for bead in np.flatnonzero(beside)]
         return np.array(sorted(found), dtype=int).reshape(-1, 2)
+
+    def wall_gaps(self):
+        """Gap of each wall contact at rest [m]; (contacts,)."""
+        return np.array(
+            [
+                self.walls[w].place(self.positions[b])[0] - self.diameter / 2
+                if self.walls[w].is_bevel
+                else self.gap
+                if self.walls[w].name.endswith("wall")
+                else 0.0
+                for b, w in self.wall_contacts()
+            ]
+        )
 
     def check(self):
         """Refuse overlapping beads, and beads that reach through a wall."""
@@ -157,7 +180,7 @@ class Layout:
             ahead = (last - before) / self.diameter
             centre, side = last + ahead * self.diameter / 2, np.array([-ahead[1], ahead[0]])
             edges = centre - side * self.diameter, centre + side * self.diameter
-            ends.append(_piece(*edges, f"end wall of {part}"))
+            ends.append(_piece(*edges, f"end of {part}"))
         return replace(self, walls=(*self.walls, *ends))
 
 
@@ -176,7 +199,8 @@ def y_layout(stem, branch, half_angle, diameter, gap=0.0, through=0.0):
         Between beads and side walls [m], >= 0.
     through : float
         How far the outer walls go on behind the line where they meet at a junction [m], >= 0;
-        above 0.27 radii (at 30 degrees) they touch the junction bead.
+        above 0.27 radii (at 30 degrees) they touch the junction bead.  Only without this the
+        edges between them are bevelled.
 
     Returns
     -------
@@ -194,9 +218,9 @@ def y_layout(stem, branch, half_angle, diameter, gap=0.0, through=0.0):
     knees = [bend] if half_angle < SIDE else []
     width = diameter / 2 + gap
     walls = []
-    for side, name in ((1, "upper"), (-1, "lower")):
+    for side in (1, -1):
         line = [near, origin, *knees, far]
-        walls += _outer(line, side, width, name, {1: through})
+        walls += _outer(line, side, width, through, (1,), BEVEL * diameter)
     line = [_mirror(far), *(_mirror(knee) for knee in knees), origin, *knees, far]
     walls += [_piece(a, b, "inner wall") for a, b in _offset(line, width)]
     return Layout(diameter, positions, parts, gap, tuple(walls))
@@ -258,9 +282,9 @@ def diamond_layout(stem, branch, half_angle, diameter, gap=0.0, through=0.0):
     far = exit[-1] + [OPEN * diameter, 0.0]
     origin, opening, width = np.zeros(2), exit[0], diameter / 2 + gap
     walls = []
-    for side, name in ((1, "upper"), (-1, "lower")):
+    for side in (1, -1):
         line = [near, origin, corner, opening, far]
-        walls += _outer(line, side, width, name, {1: through, 3: through})
+        walls += _outer(line, side, width, through, (1, 3), BEVEL * diameter)
     ring = [origin, corner, opening, _mirror(corner)]
     inside = _offset([*ring, *ring, *ring], width)[4:8]
     walls += [_piece(a, b, "inner wall") for a, b in inside]
@@ -310,19 +334,25 @@ def _mirror(points):
     return points * np.array([1.0, -1.0])
 
 
-def _outer(line, side, width, name, through):
-    """Walls on the outer side of the upper (side 1) or lower branch; some go on at their ends.
+def _outer(line, side, width, through, bends, bevel):
+    """Walls on the outer side of the upper (side 1) or lower branch, along a line of points.
 
-    `through` maps the number of a bend of `line` to how far walls run on past it.
+    At the `bends`, numbers of points of the line, walls run on past the edge that they share, or
+    a bevel of that half length stands across it.
     """
+    name, flip = ("upper", np.array) if side > 0 else ("lower", _mirror)
     pieces = []
-    for number, (start, end) in enumerate(_offset(line[::-1], width)[::-1]):
-        along = (end - start) / np.linalg.norm(end - start)  # from the far end to the near one
-        end = end + through.get(number, 0.0) * along
-        start = start - through.get(number + 1, 0.0) * along
-        if side < 0:
-            start, end = _mirror(end), _mirror(start)
-        pieces.append(_piece(start, end, f"{name} wall"))
+    for number, (far, near) in enumerate(_offset(line[::-1], width)[::-1]):
+        along = (far - near) / np.linalg.norm(far - near)
+        start = near - (through * along if number in bends else 0.0)
+        end = far + (through * along if number + 1 in bends else 0.0)
+        ends = (end, start) if side > 0 else (start, end)
+        pieces.append(_piece(*map(flip, ends), f"{name} wall"))
+        if number in bends and not through:
+            x, y = (line[number] - near) / np.linalg.norm(line[number] - near)
+            along = bevel * np.array([y, -x])
+            ends = (near - along, near + along) if side > 0 else (near + along, near - along)
+            pieces.append(_piece(*map(flip, ends), f"{name} bevel"))
     return pieces
 
 
