@@ -226,7 +226,7 @@ def c_text(laws, loop=("chain.c", "nystrom.c"), helpers=()):
         generator.add(function)
         hooks.append(hook)
     listed = " ".join(f"X({number})" for number in range(len(laws)))
-    count = max(len(law.parameters) for law in laws)
+    count = max((len(law.parameters) for law in laws), default=0)
     here = files(__package__)
     return "\n".join(
         [

@@ -181,7 +181,7 @@ class _Watch:
         if share >= 1:
             self._tracker.judge(u, (done + 1) * self._dt)
         else:
-            self._tracker.accept(u)
+            self._tracker.accept(u, travel)
         share = self._tracker.share(travel)
         self._most = max(1, int(min(CAUTION * steps / share, MOST_STEPS))) if share else MOST_STEPS
         return True
