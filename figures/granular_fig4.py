@@ -22,7 +22,7 @@ def data():
     guide = diamond_guide(bead=STEEL, branches=(STEEL, PTFE), striker=_guide.light(0.20))
     run = _guide.followed(guide, END)
     tables = _guide.scene_tables(run, SENSORS, 2)
-    before = {"branch 1": (0, 0.4e-3), "branch 2": (0, 0.8e-3)}  # anything returns
+    before = {"branch 1": (0, 0.4e-3), "branch 2": (0, 1.0e-3)}  # anything returns
     for part, window in before.items():
         tables["numbers"][f"speed in {part} [m/s]"] = [speed(run, guide, part, BEADS, window)]
     return tables

@@ -170,6 +170,16 @@ def test_walls_that_run_on_change_the_ptfe_branch_and_nothing_symmetric():
     assert abs(ptfe) > 0.02
 
 
+def test_junction_bead_comes_to_touch_the_bevel_of_its_edge_in_a_guide_without_symmetry():
+    guide = diamond_guide(bead=STEEL, branches=(STEEL, PARYLENE), striker=Striker(HEAVY, 0.35))
+    record = Record(every=20)
+    run = simulate(guide, guide.start(), 1.4e-3, dt=0.2e-6, method="rkn6", record=record)
+    number = [guide.layout.walls[w].is_bevel for _, w in guide.wall_contacts]
+    assert guide.wall_load(run.u)[:, number].max() > 0.1
+    total = np.einsum("s,tsk->tk", guide.mass, run.v) + run.impulse.sum(axis=1)
+    assert np.abs(total - total[0]).max() < 1e-10 * total[0, 0]
+
+
 def test_end_walls_hold_the_last_beads():
     guide = y_guide(4, 5, bead=STEEL, striker=light(0.3), end=materials["steel"])
     run = simulate(guide, guide.start(), 3e-4)
@@ -188,7 +198,10 @@ def test_crossed_branches_pass_through_each_other():
 
 def test_gap_of_the_walls_is_in_the_contact_law():
     guide = y_guide(bead=STEEL, striker=light(0.3), gap=1e-4)
-    np.testing.assert_allclose(guide.wall_gap(np.zeros(guide.shape)), 1e-4, rtol=1e-12)
+    gaps = guide.wall_gap(np.zeros(guide.shape))
+    junction = guide.wall_contacts[:, 0] == guide.site("stem 1", 19)
+    np.testing.assert_allclose(gaps[~junction], 1e-4, rtol=1e-12)
+    assert (gaps[junction] > 1e-4).all()
 
 
 def test_a_step_too_large_for_the_stiffest_contact_is_refused():
@@ -199,7 +212,8 @@ def test_a_step_too_large_for_the_stiffest_contact_is_refused():
 
 def test_a_contact_that_is_not_in_the_list_is_named():
     """Branches opened so far that their first beads do not touch, then driven together."""
-    guide = y_guide(5, 6, math.radians(40), bead=STEEL, striker=light(0.3))
+    layout = replace(y_layout(5, 6, math.radians(40), STEEL.diameter), walls=())
+    guide = Guide(layout, dict.fromkeys(layout.parts, STEEL), materials["ptfe"], light(0.3))
     state = guide.start()
     v = state.v.copy()
     one, two = (guide.site(f"branch {k}", 1) for k in (1, 2))

@@ -74,7 +74,7 @@ def test_walls_touch_every_bead_on_both_sides_but_those_at_the_junction(half, fu
     for layout, free in ((half, {18}), (full, {18, full.parts["stem 2"][0]})):
         bead, wall = layout.wall_contacts().T
         for b in range(len(layout.positions)):
-            touched = wall[bead == b]
+            touched = [w for w in wall[bead == b] if not layout.walls[w].is_bevel]
             assert len(touched) == (0 if b in free else 2), layout.name(b)
             for number in touched:
                 away, _ = layout.walls[number].place(layout.positions[b])
@@ -98,8 +98,25 @@ def test_gap_moves_the_walls_and_nothing_else(half):
     wide = y_layout(19, 23, THIRTY, D, gap=0.12e-3)
     assert np.array_equal(wide.positions, half.positions)
     assert np.array_equal(wide.wall_contacts(), half.wall_contacts())
-    away = [wide.walls[w].place(wide.positions[b])[0] for b, w in wide.wall_contacts()]
+    flat = [(b, w) for b, w in wide.wall_contacts() if not wide.walls[w].is_bevel]
+    away = [wide.walls[w].place(wide.positions[b])[0] for b, w in flat]
     np.testing.assert_allclose(away, D / 2 + 0.12e-3, rtol=1e-10)
+
+
+def test_edges_of_the_walls_are_bevelled_towards_the_junction_bead(half, full):
+    for layout, count in ((half, 2), (full, 4)):
+        listed = [(b, w) for b, w in layout.wall_contacts() if layout.walls[w].is_bevel]
+        assert len(listed) == count
+        for bead, number in listed:
+            bevel, (one, two) = layout.walls[number], layout.walls[number - 2 : number]
+            _, along = bevel.place(layout.positions[bead])
+            assert along == pytest.approx(bevel.length / 2, rel=1e-9)
+            edge = np.add(bevel.start, bevel.end) / 2
+            for wall in (one, two):  # both end at the edge
+                ends = np.linalg.norm(np.subtract([wall.start, wall.end], edge), axis=1)
+                assert ends.min() < 1e-12
+            gap = layout.wall_gaps()[layout.wall_contacts().tolist().index([bead, number])]
+            assert gap == pytest.approx(D / 2 * (1 / np.cos(np.pi / 12) - 1), rel=1e-9)
 
 
 @pytest.mark.parametrize("degrees", [5, 20, 30, 45, 75])
