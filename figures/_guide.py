@@ -19,7 +19,7 @@ HEAVY = bead_of_mass(5.33e-3, materials["steel"])
 STEM, BRANCH = 19, 47  # beads in each
 DT = 0.1e-6  # s: energy to 1e-8 or better in these scenes
 ROWS = 10  # steps between recorded rows
-DIVISIONS = 5  # between two curves
+DIVISIONS = 4.5  # between two curves
 
 
 def light(speed):
@@ -70,7 +70,7 @@ def draw_curves(axes, table, divisions, title):
         axes.plot(1e3 * table["t [s]"], base + table[name] / division, f"C{k}", lw=1)
         axes.annotate(
             f"{name.removesuffix(' [N]')}, {division:g} N/div",
-            (0.995, base + 0.35), xycoords=("axes fraction", "data"),
+            (0.995, base + 0.9), xycoords=("axes fraction", "data"),
             ha="right", va="bottom", fontsize=8, color=f"C{k}",
         )  # fmt: skip
     axes.set_yticks(np.arange(0, DIVISIONS * count + 1), [])
