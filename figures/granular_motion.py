@@ -60,7 +60,7 @@ def _forces(tables):
 
 def draw(figure, tables):
     """Some frames."""
-    figure.set_size_inches(11, 6.5)
+    figure.set_size_inches(11, 5)
     forces, t = _forces(tables), tables["forces"]["t [s]"]
     panels = figure.subplots(2, 2)
     for axes, frame in zip(panels.ravel(), SHOWN, strict=True):

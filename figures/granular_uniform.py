@@ -7,7 +7,7 @@ import numpy as np
 from derivations import contact
 from figures._beads import bead
 from figures._guide import row
-from granular import Striker, chain, hertz, sensor_force, simulate
+from granular import Striker, chain, hertz, simulate
 from granular.observables import peak
 from tensegrity import PowerLaw, Record, solitary_wave
 from tensegrity.observables import width
@@ -32,7 +32,7 @@ def data():
     found = [measured(name, v) for name, speeds in SCENES.items() for v in speeds]
     exact = solitary_wave(PowerLaw(1.0, HERTZ), mass=1.0, amplitude=-1.0)
     x = np.linspace(-4, 4, 401)
-    (run, contact_number, rate), _ = shape_run()
+    run, contact_number, rate = shape_run()
     shortening = run.scene.overlaps(run.u)[:, contact_number]
     instant, _ = peak(run.t, run.scene.contact_forces(run.u)[:, contact_number])
     inside = np.abs(run.t - instant) * rate < 4
@@ -65,7 +65,7 @@ def measured(name, velocity):
     impact = (one.mass**2 / (alpha**2 * velocity)) ** 0.2
     t_end = (FAR[1] + 12) * 1.2 * impact
     run = simulate(scene, scene.start(), t_end, dt=FINE * impact, method="rkn6",
-                   record=Record(every=1))  # fmt: skip
+                   record=Record(every=2))  # fmt: skip
     forces = scene.contact_forces(run.u)
     (first, _), (second, height) = (peak(run.t, forces[:, j]) for j in FAR)
     rate = (FAR[1] - FAR[0]) / (second - first)
@@ -94,8 +94,7 @@ def shape_run():
     run = simulate(scene, scene.start(), 1.3e-3, dt=0.4e-6, method="rkn6", record=Record(every=1))
     forces = scene.contact_forces(run.u)
     times = [peak(run.t, forces[:, j])[0] for j in (100, 140)]
-    sensor = sensor_force(run, scene, "chain", 120)
-    return (run, 120, 40 / (times[1] - times[0])), sensor
+    return run, 120, 40 / (times[1] - times[0])
 
 
 def constants(tables):
