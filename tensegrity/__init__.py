@@ -5,6 +5,7 @@ from tensegrity.errors import (
     EquilibriumError,
     LockingError,
     NoLocking,
+    RangeError,
     ResolutionError,
     StabilityError,
     TensegrityError,
@@ -12,6 +13,7 @@ from tensegrity.errors import (
 from tensegrity.integrate import simulate
 from tensegrity.lattice import Chain, State
 from tensegrity.network import Network
+from tensegrity.polynomial import Polynomial
 from tensegrity.potential import Potential, PowerLaw
 from tensegrity.prism import Prism
 from tensegrity.record import Record
@@ -28,9 +30,11 @@ __all__ = [
     "LockingError",
     "Network",
     "NoLocking",
+    "Polynomial",
     "Potential",
     "PowerLaw",
     "Prism",
+    "RangeError",
     "Record",
     "ResolutionError",
     "Run",

@@ -1,9 +1,10 @@
 /* One compiled loop for every chain and every splitting method.
 
-   Included behind the generated laws.  For each law K the generated text provides
-   energy_K, tension_K, stiffness_K, slope_K and head_K of (elongation, parameters) and tail_K of
-   (elongation, head, parameters); further the macro
-   LAWS(X), which lists X(0) X(1) ..., and PARAMETERS, the largest number of parameters.
+   Included behind the generated laws.  For each law K the generated text provides head_K of
+   (elongation, parameters), tail_K of (elongation, head, parameters) and those of energy_K,
+   tension_K, stiffness_K, slope_K that are to be compiled; further the macros LAWS(X), which lists
+   X(0) X(1) ..., LENGTHS(X), the same with SHORT or LONG, EVALUATIONS(X), which lists
+   X(K, order, name), and PARAMETERS, the largest number of parameters.
 
    A stage is a kick v += a w (tension right - tension left) followed by a drift u += b v, done
    in one pass over the chain in blocks that stay in the nearest cache.  The innermost square root
@@ -35,7 +36,19 @@ typedef chain scene;
     v[(j) + i] += a * w[(j) + i] * (f[i + 1] - f[i]);                                       \
     u[(j) + i] += b * v[(j) + i];
 
-#define SEGMENT(K)                                                                          \
+/* A long law is kept in a function of its own, so that it is compiled once only. */
+#define ROW(K)                                                                              \
+    __attribute__((noinline, flatten)) static void row_##K(                                 \
+        integer n, const real *restrict r, const real *restrict h, real *restrict f,        \
+        const real *p)                                                                      \
+    {                                                                                       \
+        EACH(n) f[i] = tail_##K(r[i], h[i], p);                                             \
+    }
+LAWS(ROW)
+#define SHORT(K, n) EACH(n) f[i + 1] = tail_##K(r[i], h[i], p);
+#define LONG(K, n) row_##K(n, r, h, f + 1, p);
+
+#define SEGMENT(K, TAILS)                                                                   \
     __attribute__((flatten)) static void stage_##K(                                         \
         const chain *c, integer s, real a, real b, real *left)                              \
     {                                                                                       \
@@ -50,7 +63,7 @@ typedef chain scene;
         integer odd = (last - j) % BLOCK;                                                   \
         if (odd) {                                                                          \
             EACH(odd) { HEAD(K, j) }                                                        \
-            EACH(odd) f[i + 1] = tail_##K(r[i], h[i], p);                                   \
+            TAILS(K, odd)                                                                   \
             EACH(odd) { UPDATE(j) }                                                         \
             f[0] = f[odd];                                                                  \
             j += odd;                                                                       \
@@ -58,11 +71,11 @@ typedef chain scene;
         if (j < last) {                                                                     \
             EACH(BLOCK) { HEAD(K, j) }                                                      \
             for (; j + BLOCK < last; j += BLOCK) {                                          \
-                EACH(BLOCK) f[i + 1] = tail_##K(r[i], h[i], p);                             \
+                TAILS(K, BLOCK)                                                             \
                 EACH(BLOCK) { HEAD(K, j + BLOCK) UPDATE(j) }                                \
                 f[0] = f[BLOCK];                                                            \
             }                                                                               \
-            EACH(BLOCK) f[i + 1] = tail_##K(r[i], h[i], p);                                 \
+            TAILS(K, BLOCK)                                                                 \
             EACH(BLOCK) { UPDATE(j) }                                                       \
             f[0] = f[BLOCK];                                                                \
         }                                                                                   \
@@ -72,7 +85,7 @@ typedef chain scene;
             range[1] = high[i] > range[1] ? high[i] : range[1];                             \
         }                                                                                   \
     }
-LAWS(SEGMENT)
+LENGTHS(SEGMENT)
 
 static void stage(const chain *c, real a, real b)
 {
@@ -109,7 +122,7 @@ void advance(const chain *c, integer steps)
             n = n < BLOCK ? n : BLOCK;                                                      \
             f[0] = *left;                                                                   \
             EACH(n) r[i] = u[j + i + 1] - u[j + i];                                         \
-            EACH(n) f[i + 1] = tension_##K(r[i], p);                                        \
+            EACH(n) f[i + 1] = tail_##K(r[i], head_##K(r[i], p), p);                                        \
             EACH(n) a[j + i] = c->w[j + i] * (f[i + 1] - f[i]);                             \
             for (integer i = 0; i < n; i++) {                                               \
                 range[0] = r[i] < range[0] ? r[i] : range[0];                               \
@@ -132,15 +145,9 @@ static void acceleration(const chain *c, const real *u, real *a)
     a[end] = -c->w[end] * left;
 }
 
-#define EVALUATE(K)                                                                         \
-    case K:                                                                                 \
-        switch (order) {                                                                    \
-        case 0: for (integer i = 0; i < n; i++) out[i] = energy_##K(r[i], p); break;        \
-        case 1: for (integer i = 0; i < n; i++) out[i] = tension_##K(r[i], p); break;       \
-        case 2: for (integer i = 0; i < n; i++) out[i] = stiffness_##K(r[i], p); break;     \
-        case 3: for (integer i = 0; i < n; i++) out[i] = slope_##K(r[i], p); break;         \
-        }                                                                                   \
-        break;
+#define EVALUATE(K, ORDER, NAME)                                                            \
+    if (law == K && order == ORDER)                                                         \
+        for (integer i = 0; i < n; i++) out[i] = NAME##_##K(r[i], p);
 
 /* The order-th derivative of one law's energy at n elongations. */
 void evaluate(integer law, integer order, integer n, const real *parameters, const real *restrict r,
@@ -148,5 +155,5 @@ void evaluate(integer law, integer order, integer n, const real *parameters, con
 {
     real p[PARAMETERS + 1];
     for (int i = 0; i < PARAMETERS; i++) p[i] = parameters[i];
-    switch (law) { LAWS(EVALUATE) }
+    EVALUATIONS(EVALUATE)
 }

@@ -2,7 +2,9 @@
 
 A `Law` is a scalar energy of one elongation with named parameters.  CasADi differentiates it
 (unless the law brings its own form of the tension) and writes the C; the text is used as
-CasADi writes it, between `prelude.c` and `chain.c`.
+CasADi writes it, between `prelude.c` and `chain.c`.  A law may also be made of CasADi
+expressions from the start: what is asked of it is a hash, `parameters`, `forms()`, and `split`
+and `compiled` as in `Law`.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
     import sympy as sp
 
 DERIVATIVES = ("energy", "tension", "stiffness", "slope")
+LONG = 500  # instructions from which a law is compiled apart from the loop
 
 
 @dataclass(frozen=True)
@@ -43,6 +46,43 @@ class Law:
     parameters: tuple[sp.Symbol, ...] = ()
     tension: sp.Expr | None = None
     through: tuple[tuple[sp.Symbol, sp.Expr, sp.Expr], ...] = ()
+    split = True  # the compiled loop may compute a square root of it ahead
+    compiled = DERIVATIVES  # what is compiled besides the tension in the loop
+
+    def forms(self):
+        """The law in CasADi.
+
+        Returns
+        -------
+        r, p : casadi.SX
+            Symbols of the elongation and of all parameters, (parameters,).
+        forms : tuple of casadi.SX
+            Energy, tension, stiffness, slope, each the derivative of the one before it.
+        """
+        import casadi as ca
+
+        r, p = ca.SX.sym("r"), ca.SX.sym("p", len(self.parameters))
+        symbols = (self.elongation, *self.parameters)
+        values = (r, *ca.vertsplit(p)) if self.parameters else (r,)
+        passed = [symbol for symbol, _, _ in self.through]
+        y = ca.SX.sym("y", len(passed))
+
+        def sx(expression):
+            known = (*values, *ca.vertsplit(y)) if passed else values
+            return ca.SX(to_casadi(expression, (*symbols, *passed))(*known))
+
+        y_of_r = ca.vertcat(*(sx(value) for _, value, _ in self.through))
+        y_rate = ca.vertcat(*(sx(rate) for _, _, rate in self.through))
+
+        def rate(value):
+            along = ca.dot(ca.gradient(value, y), y_rate) if passed else 0
+            return ca.gradient(value, r) + along
+
+        energy = sx(self.energy)
+        tension = rate(energy) if self.tension is None else sx(self.tension)
+        stiffness = rate(tension)
+        forms = (energy, tension, stiffness, rate(stiffness))
+        return r, p, [ca.substitute(form, y, y_of_r) if passed else form for form in forms]
 
 
 def to_casadi(expression, symbols):
@@ -84,6 +124,22 @@ def to_casadi(expression, symbols):
     return sp.lambdify(own, expression, modules=[names, ca], cse=True)
 
 
+def horner(coefficients, t):
+    """Value at t of the polynomial with these coefficients, the constant first."""
+    value = coefficients[-1]
+    for coefficient in coefficients[-2::-1]:
+        value = value * t + coefficient
+    return value
+
+
+def deflated(coefficients, root):
+    """Coefficients of (P(t) - P(root))/(t - root), for those of P(t), the constant first."""
+    quotient = [coefficients[-1]]
+    for coefficient in coefficients[-2:0:-1]:
+        quotient.append(coefficient + root * quotient[-1])
+    return quotient[::-1]
+
+
 def check_law(law):
     """Refuse a law that cannot be translated, saying why."""
     import sympy as sp
@@ -111,36 +167,28 @@ def functions(law):
     """
     import casadi as ca
 
-    r, p = ca.SX.sym("r"), ca.SX.sym("p", len(law.parameters))
-    symbols = (law.elongation, *law.parameters)
-    values = (r, *ca.vertsplit(p)) if law.parameters else (r,)
-    passed = [symbol for symbol, _, _ in law.through]
-    y = ca.SX.sym("y", len(passed))
-
-    def sx(expression):
-        known = (*values, *ca.vertsplit(y)) if passed else values
-        return ca.SX(to_casadi(expression, (*symbols, *passed))(*known))
-
-    y_of_r = ca.vertcat(*(sx(value) for _, value, _ in law.through))
-    y_rate = ca.vertcat(*(sx(rate) for _, _, rate in law.through))
-
-    def rate(value):
-        return ca.gradient(value, r) + (ca.dot(ca.gradient(value, y), y_rate) if passed else 0)
-
-    energy = sx(law.energy)
-    tension = rate(energy) if law.tension is None else sx(law.tension)
-    stiffness = rate(tension)
-    forms = (energy, tension, stiffness, rate(stiffness))
+    r, p, forms = law.forms()
     result = {
-        name: ca.Function(name, [r, p], [ca.substitute(form, y, y_of_r) if passed else form])
+        name: ca.Function(name, [r, p], [form])
         for name, form in zip(DERIVATIVES, forms, strict=True)
     }
-
     h = ca.SX.sym("h")
-    head, tail = _split_at_root(result["tension"], r, h, p)
+    head, tail = _split_at_root(result["tension"], r, h, p) if law.split else (ca.SX(0), forms[1])
     result["head"] = ca.Function("head", [r, p], [head])
     result["tail"] = ca.Function("tail", [r, h, p], [tail])
     return result
+
+
+@cache
+def cost(law):
+    """Seconds that a tension takes in a compiled loop, roughly: counted, not measured."""
+    import casadi as ca
+
+    slow = {ca.OP_SQRT: 16, ca.OP_DIV: 8, ca.OP_INV: 8}
+    slow |= dict.fromkeys((ca.OP_EXP, ca.OP_LOG, ca.OP_POW, ca.OP_SIN, ca.OP_COS), 150)
+    tension = functions(law)["tension"]
+    count = range(tension.n_instructions())
+    return 4e-11 * sum(slow.get(tension.instruction_id(k), 1) for k in count)
 
 
 def interpret(function, inputs, kind, visit=lambda operation, value: value):
@@ -212,7 +260,8 @@ def c_text(laws, loop=("chain.c", "nystrom.c"), helpers=()):
     generator = ca.CodeGenerator("laws.c")
     hooks = []
     for number, law in enumerate(laws):
-        for name, function in functions(law).items():
+        for name in (*law.compiled, "head", "tail"):
+            function = functions(law)[name]
             unique = f"law{number}_{name}"
             sx = function.sx_in()
             generator.add(ca.Function(unique, sx, [function(*sx)]))
@@ -226,6 +275,15 @@ def c_text(laws, loop=("chain.c", "nystrom.c"), helpers=()):
         generator.add(function)
         hooks.append(hook)
     listed = " ".join(f"X({number})" for number in range(len(laws)))
+    lengths = " ".join(
+        f"X({number}, {'LONG' if functions(law)['tail'].n_instructions() > LONG else 'SHORT'})"
+        for number, law in enumerate(laws)
+    )
+    evaluations = " ".join(
+        f"X({number}, {DERIVATIVES.index(name)}, {name})"
+        for number, law in enumerate(laws)
+        for name in law.compiled
+    )
     count = max((len(law.parameters) for law in laws), default=0)
     here = files(__package__)
     return "\n".join(
@@ -235,6 +293,8 @@ def c_text(laws, loop=("chain.c", "nystrom.c"), helpers=()):
             *hooks,
             f"#define PARAMETERS {count}",
             f"#define LAWS(X) {listed}",
+            f"#define LENGTHS(X) {lengths}",
+            f"#define EVALUATIONS(X) {evaluations}",
             *(here.joinpath(name).read_text() for name in loop),
         ]
     )

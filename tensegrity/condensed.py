@@ -2,25 +2,32 @@
 
 The equations of `derivations.mixed` as a problem for `tensegrity.continuation`, in units of
 the base and of k_cross times base: one set of CasADi functions serves every prism.  The
-potential eliminates tensions and twist at given height by Newton's method, started from a
-traced branch.
+potential eliminates tensions and twist at given height by Newton's method: started from a
+traced branch, or, in the compiled loop, from polynomials of the elongation.
 """
 
 from __future__ import annotations
 
 import math
-from functools import cache
+from dataclasses import dataclass
+from functools import cache, cached_property
 
 import numpy as np
 
-from tensegrity.codegen import to_casadi
+from tensegrity.codegen import deflated, horner, to_casadi
 from tensegrity.continuation import Problem, Settings, trace
-from tensegrity.errors import EquilibriumError, LockingError, TensegrityError
+from tensegrity.errors import EquilibriumError, RangeError, TensegrityError
+from tensegrity.kernel import kernel
 from tensegrity.potential import Potential
 
 UNKNOWNS = ("base tension", "bar tension", "half turn", "rise")
 ITERATIONS = 20
 ROUND_OFF = 1e-13
+GUESS = 23  # degree of the polynomials from which the compiled loop starts
+STEPS = (1, 2, 4)  # how often it iterates
+SETTLED = 1e-14  # what one more iteration may change the unknowns by, relative to their largest
+SAMPLES = 512  # elongations at which that is tried
+HALVINGS = 8  # of the part of the domain on which it is tried
 
 
 @cache
@@ -167,6 +174,72 @@ def _inner(rigid_base):
     )
 
 
+@dataclass(frozen=True)
+class ElasticLaw:
+    """Potential of a prism with elastic members, its inner unknowns by a few fixed iterations.
+
+    Without state and without branches, so that the compiled loop takes many bonds at a time.
+
+    Attributes
+    ----------
+    rigid_base : bool
+    steps : int
+        Iterations of Newton's method, which start from polynomials of the elongation.
+    """
+
+    rigid_base: bool
+    steps: int
+    split = False
+    compiled = ("energy",)
+
+    @property
+    def parameters(self):
+        """Names: scales, state at rest, `numbers` of the prism, interval and coefficients."""
+        names = ("per_base", "force", "preload", "rise_at_rest", "energy_at_rest")
+        names += ("height", "prestrain", "k_cross/k_base", "k_cross/k_bar", "middle", "per_half")
+        unknowns = UNKNOWNS[self.rigid_base : -1]
+        return names + tuple(f"{name} {k}" for name in unknowns for k in range(GUESS + 1))
+
+    def unknowns(self):
+        """Symbols r, p, and the unknowns and the parameters of `problem` in terms of them."""
+        import casadi as ca
+
+        r, p = ca.SX.sym("r"), ca.SX.sym("p", len(self.parameters))
+        per_base, _, _, at_rest, _, *prism = ca.vertsplit(p)[:9]
+        middle, per_half, *coefficients = ca.vertsplit(p)[9:]
+        t = (r - middle) * per_half
+        rows = range(0, len(coefficients), GUESS + 1)  # at rest, then the slope from there
+        guess = [
+            coefficients[row] + r * horner(coefficients[row + 1 : row + GUESS + 1], t)
+            for row in rows
+        ]
+        z = ca.vertcat(*guess, at_rest + r * per_base)
+        prism = ca.vertcat(*prism, 0, 0)  # where a branch ends does not matter here
+        for _ in range(self.steps):
+            z = _inner(self.rigid_base)[0](z, prism)
+        return r, p, z, prism
+
+    def forms(self):
+        """The law in CasADi; see `codegen.Law.forms`."""
+        r, p, z, prism = self.unknowns()
+        per_base, force, preload, energy_at_rest = p[0], p[1], p[2], p[4]
+        energy, tension, stiffness, slope = (v(z, prism) for v in _inner(self.rigid_base)[1])
+        return r, p, (
+            force / per_base * (energy - energy_at_rest) + preload * r,
+            force * tension + preload,
+            force * per_base * stiffness,
+            force * per_base**2 * slope,
+        )  # fmt: skip
+
+
+@cache
+def _unknowns(law):
+    import casadi as ca
+
+    r, p, z, _ = law.unknowns()
+    return ca.Function("unknowns", [r, p], [z])
+
+
 class ElasticPotential(Potential):
     """Potential of a prism with elastic bases or bars, twist and lengths in equilibrium.
 
@@ -237,9 +310,78 @@ class ElasticPotential(Potential):
 
     @property
     def _law(self):
-        raise TensegrityError(
-            "the compiled chain loop takes no prism with elastic bases or bars: k_base and k_bar "
-            "must be inf there"
+        if self._in_loop[0] is None:
+            raise EquilibriumError(
+                f"the compiled loop finds no equilibria of {self._prism} about its length "
+                f"{self._length:g} m under the preload: its members are too stiff for it"
+            )
+        return self._in_loop[0]
+
+    @property
+    def _values(self):
+        return self._in_loop[1]
+
+    @property
+    def reach(self):
+        """Elongations [m] that the compiled loop can follow.
+
+        All of `domain`, but for members so stiff that the rigid prism's contact of the bars
+        lies far inside of it; there to shortly before that contact.
+        """
+        return self._in_loop[2]
+
+    @cached_property
+    def _in_loop(self):
+        """Law, its parameters and its reach: the widest on which few iterations are enough."""
+        low, high = self._domain
+        found = self._settled(low, high)
+        if found:
+            return found
+        good, bad = 0.0, 1.0
+        for _ in range(HALVINGS):
+            part = (good + bad) / 2
+            shorter = self._settled(low * part, high)
+            found, good, bad = (shorter, part, bad) if shorter else (found, good, part)
+        return found or (None, np.empty(0), (math.inf, -math.inf))
+
+    def _settled(self, low, high):
+        """Law, parameters and reach for elongations in an interval; None if it takes too many
+        iterations."""
+        values = self._numbers(low, high, self._fitted(low, high))
+        for steps in STEPS:
+            law = ElasticLaw(self._rigid_base, steps)
+            z = np.array(_unknowns(law)(np.linspace(low, high, SAMPLES)[None, :], values))
+            moved = np.abs(np.array(_inner(law.rigid_base)[0](z, self._p)) - z)
+            if (moved.max(axis=1) <= SETTLED * np.abs(z).max(axis=1)).all():
+                return law, values, (low, high)
+        return None
+
+    def _fitted(self, low, high):
+        """Start of the iterations: the unknowns at rest, which it meets exactly, and the
+        coefficients of their mean slope from there in t = (r - middle)/half."""
+        from numpy.polynomial import chebyshev
+
+        t = chebyshev.chebpts1(2 * GUESS)
+        middle, half = (low + high) / 2, (high - low) / 2
+        z = self.states(middle + half * t)[:, :-1]
+        fits = [chebyshev.cheb2poly(c) for c in chebyshev.chebfit(t, z, GUESS).T]
+        slopes = np.array([deflated(fit, -middle / half) for fit in fits]) / half
+        return np.column_stack([self._at_rest[:-1], slopes])
+
+    def _numbers(self, low, high, coefficients):
+        base, force = self._prism.base, self._prism.k_cross * self._prism.base
+        energy_at_rest = float(_inner(self._rigid_base)[1][0](self._at_rest, self._p))
+        scales = [1 / base, force, self._preload, self._at_rest[-1], energy_at_rest]
+        interval = [(low + high) / 2, 2 / (high - low)]
+        return np.array([*scales, *self._p[:4], *interval, *coefficients.ravel()])
+
+    def beyond(self, r):
+        """The error for an elongation at or beyond an end of the domain or of the reach."""
+        if not self._domain[0] < r < self._domain[1]:
+            return super().beyond(r)
+        return RangeError(
+            f"elongation {r:.6g} m is at or below {self.reach[0]:.6g} m, as far as the compiled "
+            "loop can follow members this stiff; take them as rigid (inf)"
         )
 
     @property
@@ -286,12 +428,18 @@ class ElasticPotential(Potential):
         slack = 64 * np.finfo(float).eps * max(self._length, self._prism.height)
         inside = (r >= low - slack) & (r <= high + slack)
         if not inside.all():
-            raise LockingError(self.end_message(float(r[~inside].flat[0])))
+            raise super().beyond(float(r[~inside].flat[0]))
         if r.size == 0:
             return np.empty(r.shape)
-        flat = r.reshape(-1)
+        flat = np.ascontiguousarray(r).reshape(-1)
+        if order == 0 and self.reach[0] <= flat.min() and flat.max() <= self.reach[1]:
+            return kernel((self._law,)).evaluate(0, 0, self._values, flat).reshape(r.shape)
+        return self._from_states(order, flat).reshape(r.shape)
+
+    def _from_states(self, order, r):
+        """The order-th derivative of the energy at elongations r, (r.size,)."""
         value = _inner(self._rigid_base)[1][order]
-        result = np.array(value(self.states(flat).T, self._p)).reshape(r.shape)
+        result = np.array(value(self.states(r).T, self._p)).reshape(r.shape)
         result = result * self._prism.k_cross * self._prism.base ** (2 - order)
         if order == 0:
             rest = float(value(self._at_rest, self._p))

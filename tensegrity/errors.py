@@ -14,6 +14,10 @@ class LockingError(TensegrityError):
     run = None
 
 
+class RangeError(LockingError):
+    """An elongation left the range on which the force of a run was prepared."""
+
+
 class NoLocking(TensegrityError):
     """The prism is so thick that it collapses flat before its bars meet."""
 

@@ -126,6 +126,7 @@ class Compiled:
     name = "compiled"
 
     def __init__(self, laws, extended=False):
+        self._laws = laws
         self.dtype = np.dtype(np.longdouble if extended else np.float64)
         found = library(codegen.c_text(laws), ["-DEXTENDED"] if extended else [])
         self.advances = advances(found)
@@ -135,6 +136,8 @@ class Compiled:
 
     def evaluate(self, law, order, parameters, r):
         """The order-th derivative of law number `law`, elementwise on a contiguous array."""
+        if codegen.DERIVATIVES[order] not in self._laws[law].compiled:
+            return Interpreted(self._laws).evaluate(law, order, parameters, r)
         p = np.array(parameters, dtype=self.dtype)
         out = np.empty_like(r)
         self._evaluate(law, order, r.size, p.ctypes.data, r.ctypes.data, out.ctypes.data)

@@ -103,6 +103,16 @@ class Potential:
         return self._domain
 
     @property
+    def reach(self):
+        """(lowest, highest) elongation [m] that a run can follow: `domain`, or a part of it."""
+        return self._domain
+
+    @property
+    def force(self):
+        """What a run computes the tension by."""
+        return "exact"
+
+    @property
     def parameters(self):
         """Numbers of the law's parameters, {name: float}."""
         names = (str(s) for s in self._law.parameters)
@@ -148,16 +158,18 @@ class Potential:
         inside = (r >= low) & (r <= high) if closed else (r > low) & (r < high)
         if not inside.all():
             worst = float(r[~inside].flat[0]) if r.ndim else float(r)
-            raise LockingError(self.end_message(worst))
+            raise self.beyond(worst)
         flat = np.ascontiguousarray(r).reshape(-1)
         out = kernel((self._law,)).evaluate(0, order, self._values, flat)
         return out.reshape(r.shape)
 
-    def end_message(self, r):
-        """Words for an elongation at or beyond an end of the domain."""
+    def beyond(self, r):
+        """The error for an elongation at or beyond an end of the domain or of the reach."""
         side = int(r > 0)
         bound, way = self._domain[side], ("at or below", "at or above")[side]
-        return f"elongation {r:.6g} m is {way} {bound:.6g} m, where {self._ends[side]}"
+        return LockingError(
+            f"elongation {r:.6g} m is {way} {bound:.6g} m, where {self._ends[side]}"
+        )
 
     def __eq__(self, other):
         if not isinstance(other, Potential):

@@ -12,6 +12,7 @@
 #define real double
 #endif
 #define casadi_real real
+#define CASADI_SYMBOL_EXPORT static /* else each function is compiled once more, for callers outside */
 typedef long long integer;
 
 static inline real library_power(real x, real y) { return pow(x, y); }

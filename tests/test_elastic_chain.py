@@ -1,0 +1,149 @@
+"""Prisms with elastic bases or bars inside a chain: the inner solve in the compiled loop."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenes import extended
+
+from tensegrity import Chain, EquilibriumError, Prism, RangeError, equilibrium_path, simulate
+from tensegrity.asymptotics import sound_speed
+from tensegrity.codegen import functions
+from tensegrity.kernel import Compiled, Interpreted
+from tensegrity.methods import METHODS
+
+INF = math.inf
+PRISMS = {
+    "contact": (1.0, 1.0, 0.1, 1.0, 5.0, 50.0),
+    "goes flat": (1.0, 0.5, 0.4, 1.0, 2.0, 20.0),
+    "rigid bases": (1.0, 0.7, 0.01, 1.0, INF, 10.0),
+    "rigid bars": (0.1, 0.07, 0.01, 200.0, 2e3, INF),
+    "soft bars": (1.0, 0.2, 1e-6, 1.0, 1e8, 1.0),
+    "slender": (1.0, 2.5, 0.01, 1.0, 1e2, 1e3),
+}
+
+
+def softening(preload=0.05):
+    """A prism that softens to a limit point of its load."""
+    return Prism(*PRISMS["goes flat"]).potential(preload)
+
+
+def held_and_struck(sites=80, speed=0.15):
+    """The first mass held, the next one struck compressively."""
+    chain = Chain(softening(), sites, ends=("fixed", "free"))
+    return chain, chain.at_rest({1: speed})
+
+
+@pytest.mark.parametrize("name", PRISMS)
+@pytest.mark.parametrize("loaded", [0.0, 0.05])
+def test_forms_of_the_loop_agree_with_the_equilibria_over_the_whole_domain(name, loaded):
+    """Against the potential, whose equilibria start from the traced branch instead."""
+    prism = Prism(*PRISMS[name])
+    potential = prism.potential(loaded * prism.axial_stiffness() * prism.height)
+    assert potential.reach == potential.domain
+    r = np.linspace(*potential.domain, 777)
+    for order, form in enumerate(("energy", "tension", "stiffness", "slope")):
+        found = functions(potential._law)[form](r[None, :], potential._values)
+        exact = potential._from_states(order, r)
+        peak = np.abs(exact).max()
+        assert np.abs(np.array(found)[0] - exact).max() <= 1e-13 * peak
+
+
+COMPILED = pytest.param(Compiled, marks=pytest.mark.needs_compiler)
+
+
+@pytest.mark.parametrize("engine", [COMPILED, Interpreted])
+def test_engines_take_the_elastic_law(engine):
+    """One step of each against the tensions of the potential, around the block length."""
+    chain = Chain(softening(), 131)
+    u, v = 0.05 * np.sin(np.arange(131) ** 2), np.zeros(131)
+    single = replace(METHODS["verlet"], kicks=(1.0, 0.0))
+    loop = engine(chain.segments.laws)
+    bound = loop.bind(u, v, chain.inverse_mass, chain.segments, single, 0.1)
+    f = np.concatenate([[0], chain.springs[0].tension(np.diff(u)), [0]])
+    bound.advance(1)
+    np.testing.assert_allclose(v, 0.1 * np.diff(f), rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize("preload", [0.0, 0.05])
+def test_a_chain_of_elastic_prisms_keeps_its_energy_to_round_off(preload):
+    """Whose sum over the kicks of a run grows as the root of their number."""
+    chain = Chain(softening(preload), 40)
+    run = simulate(chain, chain.at_rest({0: 0.15}), 50.0, method="rkn6", dt=0.02)
+    kicks = run.steps * METHODS["rkn6"].stages
+    assert run.energy_error < 2 * np.finfo(float).eps * math.sqrt(kicks)
+
+
+def test_energy_error_of_a_coarser_run_falls_with_the_sixth_power_of_the_step():
+    chain, state = held_and_struck()
+    steps = np.array([0.4, 0.3, 0.2])
+    errors = [simulate(chain, state, 60.0, method="rkn6", dt=dt).energy_error for dt in steps]
+    assert np.polyfit(np.log(steps), np.log(errors), 1)[0] == pytest.approx(6, abs=0.3)
+
+
+def test_mixed_chain_of_rigid_and_elastic_prisms_follows_newton():
+    springs = [Prism(*PRISMS["rigid bases"]).potential()] * 66
+    springs += [Prism(1.0, 0.8, 0.05, 1.0).potential()] * 33
+    chain = Chain(springs, 100, mass=np.linspace(0.5, 2, 100))
+    u = 0.01 * np.sin(np.arange(100) ** 2)
+    state = type(chain.at_rest())(u, np.zeros(100))
+    dt = 1e-3
+    run = simulate(chain, state, dt, dt=dt, method="verlet")
+    edges = np.zeros(101)
+    edges[1:-1] = chain.bond_tension(u)
+    acceleration = np.diff(edges) / chain.mass
+    np.testing.assert_allclose(run.final.u, u + dt**2 / 2 * acceleration, rtol=0, atol=1e-17)
+
+
+@pytest.mark.needs_extended
+def test_trajectory_of_elastic_prisms_against_extended_precision():
+    chain, state = held_and_struck(40)
+    u, v = extended(chain, state, "rkn6", 0.05, 400)
+    run = simulate(chain, state, 20.0, method="rkn6", dt=0.05)
+    assert np.max(np.abs(run.final.u - u)) < 1e-13 * np.max(np.abs(u))
+    assert np.max(np.abs(run.final.v - v)) < 1e-13 * np.max(np.abs(v))
+
+
+def test_a_compressive_blow_on_a_softening_chain_sends_a_supersonic_rarefaction_wave():
+    chain, state = held_and_struck(230)
+    run = simulate(chain, state, 150.0, tol=1e-6)
+    r = chain.elongation(run.u)
+    late = run.t > 90
+    ahead = np.arange(230 - 1) > 60
+    front = np.array([np.flatnonzero(ahead)[np.argmax(row[ahead])] for row in r[late]])
+    speed = np.polyfit(run.t[late], front, 1)[0] / sound_speed(chain.springs[0])
+    assert 1.01 < speed < 1.04
+    last = r[-1, front[-1] - 10 : front[-1] + 20]
+    assert last.max() > 5 * -last[10:].min()  # nothing compressive before it
+
+
+def test_members_too_stiff_for_the_loop_limit_its_reach_and_a_run_beyond_says_so():
+    potential = Prism(1.0, 0.7, 0.01, 1.0, 1e5, 1e5).potential()
+    contact = Prism(1.0, 0.7, 0.01, 1.0).potential().domain[0]  # of the rigid prism
+    assert potential.domain[0] < 2 * contact
+    assert potential.reach[0] == pytest.approx(contact, rel=0.05)
+    chain = Chain(potential, 5)
+    chain.at_rest({0: 0.01})
+    with pytest.raises(RangeError, match=r"members this stiff.*between sites 0 and 1.*t = ") as at:
+        simulate(chain, chain.at_rest({0: 2.0}), 5.0, dt=1e-4)
+    assert np.isfinite(at.value.run.u).all()
+
+
+def test_a_stiff_prism_preloaded_to_its_contact_is_refused_with_the_chain():
+    prism = Prism(2.0, 1.5, 1e-6, 3.0, 1e8, 1e8)
+    potential = prism.potential(0.3 * equilibrium_path(prism).load.max())
+    assert np.isfinite(potential.energy(potential.domain)).all()
+    with pytest.raises(EquilibriumError, match="too stiff"):
+        Chain(potential, 5)
+
+
+@pytest.mark.parametrize(("k_base", "k_bar"), [(1e15, 1e15), (1e3, 1e8), (3.0, 3.0)])
+@pytest.mark.parametrize(("height", "prestrain"), [(0.5, 0.3), (1.5, 0.0), (3.0, 0.3)])
+def test_every_prism_reaches_the_contact_or_the_one_of_the_rigid_prism(
+    height, prestrain, k_base, k_bar
+):
+    potential = Prism(1.0, height, prestrain, 1.0, k_base, k_bar).potential()
+    rigid = Prism(1.0, height, prestrain, 1.0).potential()
+    assert potential.reach[1] == potential.domain[1]
+    assert potential.reach[0] <= max(potential.domain[0], 0.8 * rigid.domain[0])
