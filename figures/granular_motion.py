@@ -60,7 +60,7 @@ def _forces(tables):
 
 def draw(figure, tables):
     """Some frames."""
-    figure.set_size_inches(11, 5)
+    figure.set_size_inches(14, 5.2)
     forces, t = _forces(tables), tables["forces"]["t [s]"]
     panels = figure.subplots(2, 2)
     for axes, frame in zip(panels.ravel(), SHOWN, strict=True):
@@ -76,7 +76,7 @@ def animate(tables, path):
     import matplotlib.pyplot as plt
     from matplotlib.animation import FuncAnimation, PillowWriter
 
-    figure, axes = plt.subplots(figsize=(8, 4), layout="constrained")
+    figure, axes = plt.subplots(figsize=(10, 3.8), layout="constrained")
     forces, t = _forces(tables), tables["forces"]["t [s]"]
     disks = _stage(axes, tables)
     figure.colorbar(disks, ax=axes, label="force by eq. (5) [N]", shrink=0.8)

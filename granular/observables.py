@@ -120,6 +120,19 @@ def sampled(t, force, interval=CLOCK, phase=0.0):
     return times, CubicSpline(t, force)(times)
 
 
+def sampled_peak(t, force, between=(-math.inf, math.inf), interval=CLOCK, phase=0.0):
+    """Instant and height of the largest sample that an oscilloscope reads between two instants.
+
+    Parameters as for `peak` and `sampled`; an instant is off by up to half an interval.
+    """
+    times, values = sampled(t, force, interval, phase)
+    inside = (times >= between[0]) & (times <= between[1])
+    if not inside.any():
+        raise TensegrityError(f"no sample every {interval:g} s between {between} s")
+    largest = np.argmax(values[inside])
+    return float(times[inside][largest]), float(values[inside][largest])
+
+
 def pulses(t, force, level=LEVEL):
     """Instants and heights of all peaks above a part of the largest; two arrays (pulses,).
 
@@ -161,6 +174,17 @@ def part_energies(run):
         if part != "wall"
     }
     return {**energies, "walls": scene.walls_hold(u)}
+
+
+def momentum(run):
+    """Momentum of all beads and of what the walls of a guide have taken [N s], (T[, dim]).
+
+    Constant in a guide, and in a chain without loads and end wall (a held site takes impulse
+    that is not recorded).  All sites must have been recorded.
+    """
+    rows(run, range(run.scene.sites))
+    total = np.einsum("s,ts...->t...", run.scene.mass, run.v)
+    return total if run.impulse is None else total + run.impulse.sum(axis=1)
 
 
 def overlaps(run, part=None):
