@@ -232,6 +232,7 @@ def test_exponents_other_than_hertz_carry_waves_too():
         (lambda: chain([STEEL] * 3).site("chain", 0), "bead of chain 0 must be at least 1"),
         (lambda: pulses(np.arange(3.0), np.ones(3), 1.0), "level 1 must be below 1"),
         (lambda: peak(np.arange(30.0), np.ones(30), (2, 3)), "too few for a peak"),
+        (lambda: sampled(np.arange(9.0), np.ones(9), 0.5), "rows 1 s apart must be at most .* 0.5"),
     ],
 )
 def test_bad_input_is_refused_with_its_bound(make, words):
