@@ -85,5 +85,8 @@ def animate(tables, path):
         disks.set_array(forces[frame])
         axes.set_title(f"{1e3 * t[frame]:.2f} ms; green rims: Parylene-C coated", fontsize=9)
 
+    show(0)
+    figure.canvas.draw()
+    figure.set_layout_engine("none")  # as laid out now: every frame would be laid out again
     film = FuncAnimation(figure, show, frames=len(t))
     film.save(path, writer=PillowWriter(fps=RATE), dpi=80)
