@@ -16,6 +16,7 @@ class Crystal:
         One for each site that is a bead, the striker first where there is one.
     parts : dict of str to tuple of int
         Sites of each part, in the paper's counting order.
+    striker : Striker or None
     step_share : float
         Of a default step that `simulate` would choose for smooth springs.  Where a contact opens,
         the force has a kink that a method of high order does not see: with this share the energy
@@ -23,6 +24,11 @@ class Crystal:
     """
 
     step_share = 1 / 16
+
+    def __repr__(self):
+        parts = ", ".join(f"{name}: {len(sites)}" for name, sites in self.parts.items())
+        struck = "" if self.striker is None else f", struck at {self.striker.speed:g} m/s"
+        return f"{type(self).__name__}({parts}{struck}) on {super().__repr__()}"
 
     def site(self, part, number):
         """Site of the bead with that number, from 1, in a part.

@@ -8,7 +8,17 @@ import pytest
 
 from derivations import ledger_paper
 from figures._guide import HEAVY, PARYLENE, PTFE, STEEL, light
-from granular import Bead, Striker, diamond_guide, materials, power, sensor_force, simulate, y_guide
+from granular import (
+    Bead,
+    Striker,
+    chain,
+    diamond_guide,
+    materials,
+    power,
+    sensor_force,
+    simulate,
+    y_guide,
+)
 from granular.crystal import rows
 from granular.guide import Guide
 from granular.layout import crossed_layout, y_layout
@@ -184,6 +194,15 @@ def test_junction_bead_comes_to_touch_the_bevel_of_its_edge_in_a_guide_without_s
     assert guide.wall_load(run.u)[:, number].max() > 0.1
     total = momentum(run)
     assert np.abs(total - total[0]).max() < 1e-10 * total[0, 0]
+
+
+def test_guides_and_chains_say_what_they_are():
+    guide = repr(y_guide(4, 5, bead=STEEL, striker=light(0.3)))
+    assert guide.startswith(
+        "Guide(striker: 1, stem 1: 4, branch 1: 5, branch 2: 5, struck at 0.3 m/s) on Network(15 "
+    )
+    line = repr(chain([STEEL] * 3, end=materials["ptfe"]))
+    assert line.startswith("BeadChain(chain: 3, wall: 1) on Chain(4 sites")
 
 
 def test_end_walls_hold_the_last_beads():
