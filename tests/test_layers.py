@@ -18,6 +18,7 @@ ORDER = [  # inside tensegrity: each may import what stands before it
     "kernel",
     "table",
     "arclength",
+    "events",
     "continuation",
     "potential",
     "polynomial",
