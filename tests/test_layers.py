@@ -32,6 +32,7 @@ ORDER = [  # inside tensegrity: each may import what stands before it
     "network_loop",
     "walls",
     "clearance",
+    "network_input",
     "network",
     "record",
     "plotting",
