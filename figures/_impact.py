@@ -18,21 +18,19 @@ SPANNED = 1.0  # sites of travel around the crest from which a profile is assemb
 INSTANTS = 8  # of them
 
 
-def struck(spring, ratio, velocity, masses, travel):
-    """The first masses struck, followed until a wave of that speed is a little beyond `travel`."""
+def struck(spring, ratio, velocity, travel):
+    """The first mass struck, followed until a wave of that speed is a little beyond `travel`."""
     duration = 1.03 * travel / (ratio * sound_speed(spring))
-    return _scenes.impact(spring, travel + 20, dict.fromkeys(range(masses), velocity), duration)
+    return _scenes.impact(spring, travel + 20, {0: velocity}, duration)
 
 
-def tuned(spring, ratio, masses, travel, bracket):
-    """Velocity of the struck masses [m/s] at which the leading pulse has a wanted speed.
+def tuned(spring, ratio, travel, bracket):
+    """Velocity of the struck mass [m/s] at which the leading pulse has a wanted speed.
 
     Parameters
     ----------
     ratio : float
         Wanted speed over that of sound.
-    masses : int
-        How many are struck.
     travel : int
         Sites after which the speed is taken.
     bracket : (float, float)
@@ -45,7 +43,7 @@ def tuned(spring, ratio, masses, travel, bracket):
     sites = [site for bond in bonds for site in (bond, bond + 1)]
 
     def excess(velocity):
-        scene = struck(spring, ratio, velocity, masses, travel)
+        scene = struck(spring, ratio, velocity, travel)
         record = Record(every=EVERY, sites=sites)
         try:
             run = simulate(*scene, method="rkn6", dt=step(wave), record=record)
@@ -65,7 +63,7 @@ def _bonds(travel):
     return tuple(int(part * travel) for part in TIMED)
 
 
-def comparison(spring, ratio, masses, travel, bracket, around):
+def comparison(spring, ratio, travel, bracket, around):
     """Profiles at one speed: exact, launched, emerged from an impact, and both asymptotics.
 
     Returns
@@ -76,8 +74,8 @@ def comparison(spring, ratio, masses, travel, bracket, around):
     run : Run
         Of the impact.
     """
-    velocity = tuned(spring, ratio, masses, travel, bracket)
-    blow = struck(spring, ratio, velocity, masses, travel)
+    velocity = tuned(spring, ratio, travel, bracket)
+    blow = struck(spring, ratio, velocity, travel)
     interval = EVERY * step(solitary_wave(spring, speed_ratio=ratio))
     run, found = _measure.resolved(blow, lambda run: _numbers(run, travel), interval)
     wave = solitary_wave(spring, speed=found["speed"].value)

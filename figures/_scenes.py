@@ -52,17 +52,13 @@ def impact(spring, sites, speeds, duration, ends=("free", "free"), mass=1.0):
     return Scene(chain, chain.at_rest(speeds), duration)
 
 
-def collision(spring, speed_ratio, meeting, distance=40, travel=120, other=None):
-    """Two exact waves head-on that meet at `meeting`, counted from a mass in the middle."""
-    right = solitary_wave(spring, speed_ratio=speed_ratio)
-    left = right if other is None else solitary_wave(spring, speed_ratio=other)
-    sites = 2 * (travel + distance) // 2 * 2 + 1
-    chain = Chain(spring, sites)
-    middle = sites // 2 + meeting
-    state = right.launch(chain, middle - distance) + left.launch(
-        chain, middle + distance * left.speed / right.speed, direction=-1
-    )
-    return Scene(chain, state, (distance + travel) / right.speed)
+def collision(spring, speed_ratio, meeting, distance=40, travel=120):
+    """Two equal waves head-on that meet at `meeting`, counted from a mass in the middle."""
+    wave = solitary_wave(spring, speed_ratio=speed_ratio)
+    sites = 2 * (travel + distance) + 1
+    chain, middle = Chain(spring, sites), sites // 2 + meeting
+    state = wave.launch(chain, middle - distance) + wave.launch(chain, middle + distance, -1)
+    return Scene(chain, state, (distance + travel) / wave.speed)
 
 
 def linear(stiffness):

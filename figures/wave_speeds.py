@@ -11,12 +11,12 @@ from tensegrity.asymptotics import sech2
 NAME = "wave_speeds"
 GROUP = "waves"
 
-# speed over sound: height, prestrain of the prism; struck masses, way, velocities to look between
+# speed over sound: height, prestrain of the prism; way, velocities to look between
 WAVES = {
-    1.05: ((0.7, 0.01), {"masses": 1, "travel": 400, "bracket": (0.009, 0.014), "around": 7}),
-    2.0: ((0.7, 0.01), {"masses": 1, "travel": 100, "bracket": (0.06, 0.075), "around": 4}),
-    3.0: ((0.7, 0.01), {"masses": 1, "travel": 80, "bracket": (0.115, 0.125), "around": 4}),
-    12.16: ((0.6, 0.001), {"masses": 1, "travel": 48, "bracket": (0.155, 0.165), "around": 4}),
+    1.05: ((0.7, 0.01), {"travel": 400, "bracket": (0.009, 0.014), "around": 7}),
+    2.0: ((0.7, 0.01), {"travel": 100, "bracket": (0.06, 0.075), "around": 4}),
+    3.0: ((0.7, 0.01), {"travel": 80, "bracket": (0.115, 0.125), "around": 4}),
+    12.16: ((0.6, 0.001), {"travel": 48, "bracket": (0.155, 0.165), "around": 4}),
 }
 NEAR = (1.01, 1.05)  # speeds at which sech^2 is judged, at these prestrains
 PRESTRAINS = (0.1, 0.01)
@@ -28,10 +28,10 @@ CLAIMED = {
 }
 
 
-def data(waves=WAVES):
+def data():
     """Profiles, numbers and a density of the impact for each speed."""
     tables = {}
-    for ratio, (prism, how) in waves.items():
+    for ratio, (prism, how) in WAVES.items():
         found, run = _impact.comparison(_scenes.rigid(*prism), ratio, **how)
         tables |= {f"{ratio:g} {name}": table for name, table in found.items()}
         tables[f"{ratio:g} density"] = _measure.density(run)

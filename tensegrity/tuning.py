@@ -65,8 +65,9 @@ class TunedRun:
 
     @property
     def energy_error(self):
-        """Largest deviation of energy - work from its first value, over that value."""
-        return float(np.abs(self.energy - self.work - self.energy[0]).max() / self.energy[0])
+        """Largest deviation of energy - work from its first value, over that value unless 0."""
+        deviation = np.abs(self.energy - self.work - self.energy[0]).max()
+        return float(deviation / (self.energy[0] or 1.0))
 
 
 def simulate_tuned(chain, state, t_end, spring_at, *, dt, method="rkn6", record=None) -> TunedRun:

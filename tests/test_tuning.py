@@ -91,6 +91,13 @@ def test_springs_that_stay_give_the_run_of_simulate():
     assert not tuned.work.any()
 
 
+def test_chain_at_rest_stays_so_while_its_springs_change():
+    chain = Chain(drawn_in(0.0), 5)
+    run = simulate_tuned(chain, chain.at_rest(), 10.0, drawn_in, dt=0.1)
+    assert not run.u.any()
+    assert run.energy_error == 0
+
+
 def test_prestrain_drawn_in_does_work_that_the_energy_keeps():
     chain = Chain(drawn_in(0.0), 30)
     run = simulate_tuned(chain, smooth_blow(chain), 10.0, drawn_in, dt=0.05)
