@@ -154,6 +154,7 @@ def animate_density(table, path, title, frames=60):
         line.set_ydata(np.log10(energy[row]))
         axes.set_title(f"{title}: {table['time'][row]:6.1f} s", fontsize=10)
 
+    show(0)
     figure.canvas.draw()
     figure.set_layout_engine("none")  # what it found stays: no new layout for each frame
     FuncAnimation(figure, show, rows).save(path, PillowWriter(fps=12))
