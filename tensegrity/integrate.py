@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from tensegrity import check, methods
 from tensegrity.errors import TensegrityError
+from tensegrity.lattice import Chain
 from tensegrity.march import Problem
 from tensegrity.record import Record
 from tensegrity.run import Run
@@ -57,6 +58,8 @@ def simulate(scene, state, t_end, *, method=None, dt=None, tol=None, record=None
     if dt is not None and tol is not None:
         raise TensegrityError(f"dt {dt!r} s and tol {tol!r} exclude each other: give one")
     method = methods.find(methods.default(dt, tol) if method is None else method)
+    if not method.explicit and not isinstance(scene, Chain):
+        raise TensegrityError(f"method {method.name!r} is implicit: it runs a Chain only")
     record = Record() if record is None else record
     if not isinstance(record, Record):
         raise TensegrityError(f"record {record!r} is not a Record")

@@ -14,6 +14,7 @@ from functools import cache
 import numpy as np
 
 from tensegrity import codegen, plain
+from tensegrity.implicit import BoundGauss
 from tensegrity.methods import Splitting
 from tensegrity.native import CompilerError, library
 
@@ -145,7 +146,8 @@ class Compiled:
 
     def bind(self, u, v, inverse_mass, segments, method, dt):
         """Prepare a chain; `u` and `v` are advanced in place."""
-        return _BoundCompiled(self, u, v, inverse_mass, segments, method, dt)
+        kind = _BoundCompiled if method.explicit else BoundGauss
+        return kind(self, u, v, inverse_mass, segments, method, dt)
 
 
 class _BoundCompiled:
@@ -200,6 +202,7 @@ class Interpreted:
     def bind(self, u, v, inverse_mass, segments, method, dt):
         """Prepare a chain; `u` and `v` are advanced in place."""
         kind = _BoundInterpreted if isinstance(method, Splitting) else _BoundPlain
+        kind = kind if method.explicit else BoundGauss
         return kind(self, u, v, inverse_mass, segments, method, dt)
 
 

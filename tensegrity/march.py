@@ -39,6 +39,11 @@ class Problem:
         omega = self.scene.frequency(ranges)
         return self.method.stability_limit / omega if omega > 0 else math.inf
 
+    def natural_step(self, ranges):
+        """The step [s] that fractions are taken of, for elongations within `ranges`."""
+        omega = self.scene.frequency(ranges)
+        return self.method.scale / omega if omega > 0 else math.inf
+
 
 def count(problem, dt):
     """Number of steps, the largest not above dt; refused where no run could end."""
