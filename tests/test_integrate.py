@@ -13,7 +13,6 @@ from tensegrity import (
     Network,
     Potential,
     PowerLaw,
-    Prism,
     Record,
     StabilityError,
     TensegrityError,

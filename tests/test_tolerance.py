@@ -31,9 +31,9 @@ def errors(seed):
         steps = simulate(chain, state, t_end, tol=tol, record=Record(sites=[0])).steps
         every = -(-steps // INSTANTS)
         run = simulate(chain, state, t_end, tol=tol, record=Record(every=every))
-        finer = -(-fine // steps)
+        finer = -(-fine // run.steps)
         exact = simulate(
-            chain, state, t_end, method="rkn6", dt=t_end / (finer * steps),
+            chain, state, t_end, method="rkn6", dt=t_end / (finer * run.steps),
             record=Record(every=finer * every),
         )  # fmt: skip
         np.testing.assert_allclose(run.t, exact.t, rtol=1e-12)
