@@ -13,7 +13,7 @@ from functools import cache
 
 import numpy as np
 
-from tensegrity import codegen, plain
+from tensegrity import codegen, pieces, plain
 from tensegrity.implicit import BoundGauss
 from tensegrity.methods import Splitting
 from tensegrity.native import CompilerError, library
@@ -150,10 +150,16 @@ class Compiled:
         self._evaluate(law, order, r.size, p.ctypes.data, r.ctypes.data, out.ctypes.data)
         return out
 
-    def bind(self, u, v, inverse_mass, segments, method, dt):
-        """Prepare a chain; `u` and `v` are advanced in place."""
-        kind = _BoundCompiled if method.explicit else BoundGauss
-        return kind(self, u, v, inverse_mass, segments, method, dt)
+    def bind(self, u, v, inverse_mass, segments, method, dt, divided=True):
+        """Prepare a chain; `u` and `v` are advanced in place, long ones on several threads if
+        they may be `divided`."""
+        scene = self, u, v, inverse_mass, segments, method, dt
+        if not method.explicit:
+            return BoundGauss(*scene)
+        count = pieces.threads() if divided and u.size > pieces.LONG else 1
+        if count > 1 and isinstance(method, Splitting) and self.lanes == 1:
+            return pieces.BoundPieces(*scene, count)
+        return _BoundCompiled(*scene)
 
 
 class _BoundCompiled:

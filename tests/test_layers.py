@@ -8,11 +8,11 @@ from pathlib import Path
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("derivations", "tensegrity", "granular", "figures", "benchmarks")
 ORDER = [  # inside tensegrity: each may import what stands before it
-    "errors", "check", "codegen", "enclosure", "native", "methods", "plain", "implicit", "kernel",
-    "table", "arclength", "continuation", "potential", "polynomial", "condensed", "prism", "response",
-    "nodes", "limit", "stepping", "lattice", "network_loop", "walls", "clearance", "network",
-    "record", "plotting", "run", "march", "tolerance", "integrate", "asymptotics", "observables",
-    "travelling", "solitary",
+    "errors", "check", "codegen", "enclosure", "native", "methods", "plain", "implicit", "pieces",
+    "kernel", "table", "arclength", "continuation", "potential", "polynomial", "condensed", "prism",
+    "response", "nodes", "limit", "stepping", "lattice", "network_loop", "walls", "clearance",
+    "network", "record", "plotting", "run", "march", "tolerance", "integrate", "asymptotics",
+    "observables", "travelling", "solitary",
 ]  # fmt: skip
 
 
