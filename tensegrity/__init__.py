@@ -13,6 +13,7 @@ from tensegrity.errors import (
 from tensegrity.integrate import simulate
 from tensegrity.lattice import Chain, State
 from tensegrity.network import Network
+from tensegrity.polynomial import Polynomial
 from tensegrity.potential import Potential, PowerLaw
 from tensegrity.prism import Prism
 from tensegrity.record import Record
@@ -29,6 +30,7 @@ __all__ = [
     "LockingError",
     "Network",
     "NoLocking",
+    "Polynomial",
     "Potential",
     "PowerLaw",
     "Prism",

@@ -2,13 +2,17 @@
 
 Both give the elongation against the distance x from the crest, in sites.  The sech^2 profile
 holds for small waves little faster than sound (Friesecke and Pego, Nonlinearity 12, 1601
-(1999)); the tent is the limit of waves that reach the locking stroke (Friesecke and Matthies,
-Physica D 171, 211 (2002)).  Source: seeds/000, part III, "Tensegrity metamaterials".
+(1999)); the tent is the limit where the energy stored before locking has no bound (Friesecke and
+Matthies, Physica D 171, 211 (2002)).  A prism stores a finite energy: its waves come close to
+the tent and not to it, neither as they use up the stroke nor as the prestrain vanishes.  Both
+formulas are those of `derivations.waves`.  Source: seeds/000, part III, "Tensegrity
+metamaterials".
 """
 
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
 
@@ -51,8 +55,8 @@ def sech2(spring, speed_ratio, x):
             f"no sech^2 wave: V'' = {stiffness:g} N/m must be above 0 and "
             f"V''' = {slope:g} N/m^2 not 0"
         )
-    half = math.sqrt(6 * (ratio - 1))  # gamma/2
-    return stiffness / slope * (half / np.cosh(half * np.asarray(x, dtype=float))) ** 2
+    with np.errstate(over="ignore"):  # far away cosh is infinite and the wave 0
+        return _sech2()(stiffness, slope, ratio, np.asarray(x, dtype=float))
 
 
 def tent(spring, x):
@@ -60,4 +64,30 @@ def tent(spring, x):
     stroke = -spring.domain[0]
     if math.isinf(stroke):
         raise TensegrityError("no tent: the spring has no locking stroke (its domain is open)")
-    return -stroke * np.clip(1 - np.abs(np.asarray(x, dtype=float)), 0, None)
+    return _tent()(stroke, np.asarray(x, dtype=float))
+
+
+@cache
+def _sech2():
+    """Elongation as a function of stiffness, its slope, c/cs and x."""
+    import sympy as sp
+
+    from derivations import waves as derived
+
+    ratio = sp.Symbol("ratio")
+    gamma_squared = derived.gamma_squared().subs(derived.speed, ratio * derived.sound)
+    elongation = (derived.sech_strain() * derived.spacing).subs(derived.spacing, 1)
+    elongation = elongation.subs(derived.gamma, sp.sqrt(sp.simplify(gamma_squared)))
+    symbols = (derived.stiffness, derived.slope, ratio, derived.position)
+    return sp.lambdify(symbols, elongation, modules="numpy")
+
+
+@cache
+def _tent():
+    """Elongation as a function of the locking stroke and x."""
+    import sympy as sp
+
+    from derivations import waves as derived
+
+    elongation = (derived.tent() * derived.spacing).subs(derived.spacing, 1)
+    return sp.lambdify((derived.stroke, derived.position), elongation, modules="numpy")

@@ -136,7 +136,7 @@ class Tracker:
         if moved > of.skin / 4:
             self._list(u)
             moved = 0.0
-        self._room = min(
+        self._left = self._room = min(
             of.skin / 2 - moved,  # what is not in the lists
             np.min(of.pair_gaps(x, self._pairs), initial=math.inf) / 2,
             np.min(of.wall_gaps(x, self._walls), initial=math.inf),
@@ -146,11 +146,13 @@ class Tracker:
     def share(self, travel):
         """The way that sites went, over the way they may go; `travel` bounds each coordinate."""
         way = math.sqrt(self._of.dim) * travel
-        return way / self._room if self._room > 0 else math.inf if way > 0 else 0.0
+        return way / self._left if self._left > 0 else math.inf if way > 0 else 0.0
 
-    def accept(self, u):
-        """Look again, at displacements that are known to be sound."""
-        self._look(u)
+    def accept(self, u, travel):
+        """Go on from displacements that are known to be sound; look again if it is time to."""
+        self._left -= math.sqrt(self._of.dim) * travel
+        if self._left < self._room / 2:
+            self._look(u)
 
     def judge(self, u, t):
         """Look again after one step that may have gone too far; raise if it did."""

@@ -179,6 +179,18 @@ def functions(law):
     return result
 
 
+@cache
+def cost(law):
+    """Seconds that a tension takes in a compiled loop, roughly: counted, not measured."""
+    import casadi as ca
+
+    slow = {ca.OP_SQRT: 16, ca.OP_DIV: 8, ca.OP_INV: 8}
+    slow |= dict.fromkeys((ca.OP_EXP, ca.OP_LOG, ca.OP_POW, ca.OP_SIN, ca.OP_COS), 150)
+    tension = functions(law)["tension"]
+    count = range(tension.n_instructions())
+    return 4e-11 * sum(slow.get(tension.instruction_id(k), 1) for k in count)
+
+
 def interpret(function, inputs, kind, visit=lambda operation, value: value):
     """Run the instructions of an SX function on expressions of another kind.
 
@@ -272,7 +284,7 @@ def c_text(laws, loop=("chain.c", "nystrom.c"), helpers=()):
         for number, law in enumerate(laws)
         for name in law.compiled
     )
-    count = max(len(law.parameters) for law in laws)
+    count = max((len(law.parameters) for law in laws), default=0)
     here = files(__package__)
     return "\n".join(
         [

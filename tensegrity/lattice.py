@@ -151,6 +151,12 @@ class Chain:
         law = np.array([laws.index(spring._law) for spring in springs])
         return Segments(laws, np.array(first), law, parameters)
 
+    def with_springs(self, springs):
+        """The same chain with other springs, one for each run of equal bonds."""
+        counts = np.diff(self.segment_springs[1])
+        each = [spring for spring, n in zip(springs, counts, strict=True) for _ in range(n)]
+        return Chain(each, self.sites, self.mass, self.ends)
+
     def at_rest(self, velocity: Mapping[int, float] | None = None) -> State:
         """The undeformed state, some sites given a velocity [m/s]: {site: velocity}."""
         if not isinstance(velocity or {}, Mapping):

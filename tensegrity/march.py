@@ -26,13 +26,29 @@ MOST_STEPS = 10**12
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What is to be run, the step apart."""
+    """What is to be run, the step apart.
+
+    `surrogate` is the scene with springs that are fitted to those of `scene`: it is moved, while
+    checks and recorded energies are those of `scene`.
+    """
 
     scene: object
     state: State
     t_end: float
     method: Method
     record: Record
+    surrogate: object = None
+
+    @property
+    def moved(self):
+        """The scene that the loop advances."""
+        return self.scene if self.surrogate is None else self.surrogate
+
+    @property
+    def force(self):
+        """What the tensions of the springs are computed by."""
+        different = dict.fromkeys(spring.force for spring in self.moved.watched()[0])
+        return ", ".join(different)
 
     def largest_step(self, ranges):
         """Stability limit [s] for elongations within `ranges`; inf where all V'' vanish."""
@@ -92,7 +108,7 @@ def march(problem, steps, allowed, checkpoints=0):
         return Run(
             scene, table["t"], table["u"], table["v"], table["energy"], watch.state(),
             problem.method.name, dt, watch.sound[2], kept, complete,
-            impulse=table["impulse"] if walls[0] else None,
+            impulse=table["impulse"] if walls[0] else None, force=problem.force, met=watch.met,
         )  # fmt: skip
 
     with _progress(steps) as bar:
@@ -126,9 +142,9 @@ class _Watch:
     """Advances block by block and refuses a block that left what the step allows."""
 
     def __init__(self, problem, dt, allowed):
-        scene = problem.scene
+        scene = problem.moved
         self._problem, self._dt, self._allowed = problem, dt, allowed
-        self._energy = scene.energy(problem.state)
+        self._energy = problem.scene.energy(problem.state)
         self._u, self._v = scene.arrays(problem.state)
         self._loop = scene.bind(self._u, self._v, problem.method, dt)
         springs, self._rows = scene.watched()
@@ -136,6 +152,7 @@ class _Watch:
         self._domains = np.array([s.reach for s in springs]).reshape(-1, 2)[self._rows]
         self._safe = np.zeros_like(self._domains)  # ranges of elongation known to be allowed
         self._limit = math.inf  # stability limit within them [s]
+        self.met = np.zeros_like(self._domains)  # smallest and largest elongation, 0 included
         self._tracker = scene.clearance and scene.clearance.tracker(problem.state.u)
         self._most = math.inf  # steps that can be done without a look for new contacts
         self.sound = self._u.copy(), self._v.copy(), 0  # last sound arrays, and the steps by then
@@ -161,7 +178,7 @@ class _Watch:
         self._loop.advance(steps)
         if self._is_sound():
             if self._tracker is None or self._is_clear(done, steps):
-                self.sound = self._u.copy(), self._v.copy(), done + steps
+                self._keep(done + steps)
             else:
                 self._u[:], self._v[:] = before_u, before_v
             return
@@ -173,8 +190,13 @@ class _Watch:
                 raise self._error((k + 1) * self._dt)
             if self._tracker is not None:
                 self._is_clear(k, 1)
-            self.sound = self._u.copy(), self._v.copy(), k + 1
+            self._keep(k + 1)
         raise StabilityError(f"a block of {steps} steps went wrong, but not step by step")
+
+    def _keep(self, done):
+        self.sound = self._u.copy(), self._v.copy(), done
+        self.met[:, 0] = np.minimum(self.met[:, 0], self._loop.range[:, 0])
+        self.met[:, 1] = np.maximum(self.met[:, 1], self._loop.range[:, 1])
 
     def _is_clear(self, done, steps):
         """Whether no unlisted contact can have formed; says how many steps to take next."""
@@ -186,7 +208,7 @@ class _Watch:
         if share >= 1:
             self._tracker.judge(u, (done + 1) * self._dt)
         else:
-            self._tracker.accept(u)
+            self._tracker.accept(u, travel)
         share = self._tracker.share(travel)
         self._most = max(1, int(min(CAUTION * steps / share, MOST_STEPS))) if share else MOST_STEPS
         return True
@@ -213,7 +235,7 @@ class _Watch:
 
     def _error(self, t):
         """What went wrong in the step that ended at t, told from the sound state before it."""
-        scene, u = self._problem.scene, self.state().u
+        scene, u = self._problem.moved, self.state().u
         met, (low, high) = self._loop.range, self._domains.T
         for row, side in np.argwhere(np.stack([met[:, 0] <= low, met[:, 1] >= high], axis=1)):
             spring, where = self._springs[self._rows[row]], scene.extreme(row, u, side)

@@ -23,56 +23,87 @@ typedef struct {
     real *travel;                       /* bound on how far any coordinate of a site moved */
     const int *from, *to;               /* (contacts) rows; a wall is `from` */
     const integer *first;               /* (runs + 1) first contact of each run */
-    const integer *kind, *law;          /* (runs) 0 pair, 1 wall; law */
+    const integer *kind, *law;          /* (runs) 0 pair, 1 wall, 2 more with shared parameters */
     integer runs, contacts, sites, rows, stages, closing;
 } scene;
 
 #define AXES(k) for (int k = 0; k < DIM; k++)
 
-#define RUN(KIND, K, DIFFERENCE)                                                            \
-    __attribute__((flatten)) static void KIND##_run_##K(                                    \
+/* Tensions of a group of contacts at the elongations r: parameters shared, or each its own.  A
+   long law is kept in one function, so that it is compiled once only. */
+#define TENSIONS(K, PREFIX, NAME, LANE)                                                     \
+    PREFIX __attribute__((flatten)) void NAME##_##K(                                        \
+        const real *restrict parameters, integer n, const real *restrict r, real *restrict t) \
+    {                                                                                       \
+        EACH(LANES) {                                                                       \
+            real p[PARAMETERS + 1];                                                         \
+            for (int k = 0; k < PARAMETERS; k++) p[k] = parameters[k * n + LANE];           \
+            t[i] = tail_##K(r[i], head_##K(r[i], p), p);                                    \
+        }                                                                                   \
+    }
+/* The force is rounded before it is added to one site and subtracted from the other: contracted
+   with the sums the two would differ, and mirrored sites with them. */
+#define ROUNDED(array) __asm__("" : "+m"(array));
+
+#define RUN(KIND, K, WHICH, DIFFERENCE)                                                     \
+    __attribute__((flatten)) static void KIND##_##WHICH##_##K(                              \
         const scene *c, const real *restrict u, integer b, integer last)                    \
     {                                                                                       \
         const integer n = c->contacts;                                                      \
         real *restrict low = c->low, *restrict high = c->high, *restrict force = c->force;  \
-        const real *restrict geometry = c->geometry, *restrict parameters = c->parameters;  \
+        const real *restrict geometry = c->geometry;                                        \
         for (; b < last; b += LANES) {                                                      \
-            real x[DIM][LANES], f[DIM][LANES];                                              \
+            real x[DIM][LANES], along[DIM][LANES], r[LANES], t[LANES];                      \
             const int *from = c->from + b, *to = c->to + b;                                 \
             for (int i = 0; i < LANES; i++) AXES(k) x[k][i] = DIFFERENCE;                   \
-            EACH(LANES) {                                                                 \
-                real p[PARAMETERS + 1], d[DIM], w[DIM], r, along[DIM];                      \
-                for (int k = 0; k < PARAMETERS; k++) p[k] = parameters[k * n + b + i];      \
+            EACH(LANES) {                                                                   \
+                real d[DIM], w[DIM], e[DIM];                                                \
                 AXES(k) d[k] = geometry[k * n + b + i], w[k] = x[k][i];                     \
                 KIND##_contact(d, w, geometry[DIM * n + b + i],                             \
-                               geometry[(DIM + 1) * n + b + i], &r, along);                 \
-                low[b + i] = r < low[b + i] ? r : low[b + i];                               \
-                high[b + i] = r > high[b + i] ? r : high[b + i];                            \
-                real tension = tail_##K(r, head_##K(r, p), p);                             \
-                AXES(k) f[k][i] = tension * along[k];                                       \
+                               geometry[(DIM + 1) * n + b + i], &r[i], e);                  \
+                AXES(k) along[k][i] = e[k];                                                 \
+                low[b + i] = r[i] < low[b + i] ? r[i] : low[b + i];                         \
+                high[b + i] = r[i] > high[b + i] ? r[i] : high[b + i];                      \
             }                                                                               \
+            WHICH##_##K(c->parameters + b, n, r, t);                                        \
+            AXES(k) EACH(LANES) along[k][i] *= t[i];                                        \
+            ROUNDED(along)                                                                  \
             for (int i = 0; i < LANES; i++)                                                 \
                 AXES(k) {                                                                   \
-                    force[from[i] * DIM + k] += f[k][i];                                    \
-                    force[to[i] * DIM + k] -= f[k][i];                                      \
+                    force[from[i] * DIM + k] += along[k][i];                                \
+                    force[to[i] * DIM + k] -= along[k][i];                                  \
                 }                                                                           \
         }                                                                                   \
     }
-#define RUNS(K)                                                                             \
-    RUN(pair, K, u[to[i] * DIM + k] - u[from[i] * DIM + k])                                 \
-    RUN(wall, K, u[to[i] * DIM + k])
-LAWS(RUNS)
+#define RUNS(K, WHICH)                                                                      \
+    RUN(pair, K, WHICH, u[to[i] * DIM + k] - u[from[i] * DIM + k])                          \
+    RUN(wall, K, WHICH, u[to[i] * DIM + k])
+#define SHORT(K)                                                                            \
+    TENSIONS(K, static inline __attribute__((always_inline)), shared, 0)                    \
+    TENSIONS(K, static inline __attribute__((always_inline)), own, i)                       \
+    RUNS(K, shared) RUNS(K, own)
+#define LONG(K)                                                                             \
+    TENSIONS(K, static __attribute__((noinline)), own, i)                                   \
+    RUNS(K, own)
+#define LAW(K, LENGTH) LENGTH(K)
+LENGTHS(LAW)
 
 /* Adds to `force`, which holds the loads. */
 static void contacts(const scene *c, const real *u)
 {
-    for (integer s = 0; s < c->runs; s++)
-        switch (2 * c->law[s] + c->kind[s]) {
-#define CASES(K)                                                                            \
-    case 2 * K: pair_run_##K(c, u, c->first[s], c->first[s + 1]); break;                    \
-    case 2 * K + 1: wall_run_##K(c, u, c->first[s], c->first[s + 1]); break;
-            LAWS(CASES)
+    for (integer s = 0; s < c->runs; s++) {
+        const integer b = c->first[s], last = c->first[s + 1];
+        switch (4 * c->law[s] + c->kind[s]) {
+#define CASE(K, KIND, NUMBER, WHICH) case 4 * K + NUMBER: KIND##_##WHICH##_##K(c, u, b, last); break;
+#define CASES(K, FIRST, SECOND)                                                             \
+    CASE(K, pair, 0, FIRST) CASE(K, wall, 1, FIRST)                                         \
+    CASE(K, pair, 2, SECOND) CASE(K, wall, 3, SECOND)
+#define SHORT_CASES(K) CASES(K, own, shared)
+#define LONG_CASES(K) CASES(K, own, own)
+#define LAW_CASES(K, LENGTH) LENGTH##_CASES(K)
+            LENGTHS(LAW_CASES)
         }
+    }
 }
 
 static void acceleration(const scene *c, const real *restrict u, real *restrict a)

@@ -303,7 +303,10 @@ class Network:
         return f"between site {site} and wall {wall}"
 
     def stiffest(self, u, ranges):
-        """Where the contact is that met the largest stiffness or size, in words."""
+        """Where the contact is that was stretched most, or whose ends met, in words."""
+        apart = self.lengths + ranges[: len(self.bonds), 0]
+        if np.any(apart <= 0):
+            return f"{self.extreme(int(np.argmin(apart)), u, 0)}, which came to the same place"
         if not len(self.springs):
             return ""
         return self.extreme(int(np.nanargmax(np.max(np.abs(ranges), axis=1))), u, 0)
@@ -345,6 +348,7 @@ class Network:
 
     def elongation(self, u):
         """Elongation of each bond [m]; (..., bonds)."""
+        u = np.asarray(u, dtype=float)
         i, j = self.bonds.T
         place = self._geometry[:, : len(self.bonds)]
         w = np.moveaxis(u[..., j, :] - u[..., i, :], -1, 0)
@@ -358,25 +362,26 @@ class Network:
 
     def wall_gap(self, u):
         """Gap of each wall contact [m]: distance from the wall's plane less the radius."""
+        u = np.asarray(u, dtype=float)
         place = self._geometry[:, len(self.bonds) :]
         return place[self.dim] + np.einsum("...bk,kb->...b", u[..., self.wall_contacts[:, 0], :],
                                            place[: self.dim])  # fmt: skip
 
     def bond_energy(self, u):
         """Energy of each bond [J]; (..., bonds)."""
-        return self._per_contact("energy", self.elongation(_numbers("u", u)), 0)
+        return self._per_contact("energy", self.elongation(u), 0)
 
     def bond_tension(self, u):
         """Tension of each bond [N]; (..., bonds)."""
-        return self._per_contact("tension", self.elongation(_numbers("u", u)), 0)
+        return self._per_contact("tension", self.elongation(u), 0)
 
     def wall_energy(self, u):
         """Energy of each wall contact [J]; (..., wall contacts)."""
-        return self._per_contact("energy", self.wall_gap(_numbers("u", u)), len(self.bonds))
+        return self._per_contact("energy", self.wall_gap(u), len(self.bonds))
 
     def wall_load(self, u):
         """Contact force of each wall contact [N], compression > 0; (..., wall contacts)."""
-        return -self._per_contact("tension", self.wall_gap(_numbers("u", u)), len(self.bonds))
+        return -self._per_contact("tension", self.wall_gap(u), len(self.bonds))
 
     def _per_contact(self, name, r, start):
         springs, group = self._groups

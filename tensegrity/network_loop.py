@@ -213,24 +213,37 @@ def _runs(contacts):
 
     Returns
     -------
-    (first, kind, law) : of the runs, as in network.c
+    (first, kind, law) : of the runs, as in network.c, where kinds count on for runs whose
+        contacts share their parameters
     source : ndarray of int
         The contact at each place, -1 for a filling.
     """
     pair = contacts.law * len(KINDS) + contacts.kind
-    first, source, found = [0], [], np.unique(pair)
+    first, source, found, shared = [0], [], np.unique(pair), []
     for number in found:
         members = np.flatnonzero(pair == number)
+        values = contacts.parameters[members]
+        shared.append(bool(np.all(values == values[0])))
         source += [members, np.full(-len(members) % LANES, -1)]
         first.append(first[-1] + len(members) + len(source[-1]))
     source = np.concatenate(source) if source else np.zeros(0, dtype=int)
-    return (np.array(first), found % len(KINDS), found // len(KINDS)), source
+    kinds = found % len(KINDS) + len(KINDS) * np.array(shared, dtype=int)
+    return (np.array(first), kinds, found // len(KINDS)), source
 
 
 def _last_real(source):
     """For each place the nearest contact before it: a filling has the law of its run."""
     places = np.where(source >= 0, np.arange(len(source)), 0)
     return source[np.maximum.accumulate(places)]
+
+
+def _scalar_outputs(function):
+    """A function of the geometry in one function for each number that it gives."""
+    import casadi as ca
+
+    symbols = function.sx_in()
+    outputs = [x for form in function(*symbols) for x in ca.vertsplit(form)]
+    return [ca.Function("one", symbols, [x]) for x in outputs]
 
 
 class InterpretedNetwork:
@@ -240,8 +253,27 @@ class InterpretedNetwork:
     dtype = np.dtype(np.float64)
 
     def __init__(self, laws, dim):
-        self.tensions = [codegen.functions(law)["tension"] for law in laws]
-        self.geometry = [geometry(dim)[kind] for kind in KINDS]
+        self._tensions = [codegen.functions(law)["tension"] for law in laws]
+        self._geometry = [_scalar_outputs(geometry(dim)[kind]) for kind in KINDS]
+
+    def forces(self, contacts, run):
+        """A function w -> elongations, forces along each axis, for contacts of one kind and law.
+
+        The instructions are done on whole vectors, so that the machine's overhead is paid once.
+        """
+        import casadi as ca
+
+        dim, place = contacts.dim, [ca.MX(ca.DM(x)) for x in contacts.geometry[:, run]]
+        w = [ca.MX.sym("w", len(run)) for _ in range(dim)]
+        inputs = [place[:dim], w, [place[dim]], [place[dim + 1]]]
+        forms = self._geometry[contacts.kind[run[0]]]
+        r, *along = (codegen.interpret(form, inputs, ca.MX) for form in forms)
+        tension = self._tensions[contacts.law[run[0]]]
+        values = contacts.parameters[run, : tension.size1_in(1)].T
+        f = codegen.interpret(tension, [[r], [ca.MX(ca.DM(x)) for x in values]], ca.MX)
+        f = f * ca.MX.ones(len(run))  # a law may be a constant
+        axes = [f * one for one in along]
+        return ca.Function("forces", w, [ca.horzcat(r, *(x * ca.MX.ones(len(run)) for x in axes))])
 
     def bind(self, u, v, contacts, method, dt):
         """Prepare a network; the rows `u` and `v` are advanced in place."""
@@ -250,11 +282,12 @@ class InterpretedNetwork:
 
 class _BoundInterpreted:
     def __init__(self, kernel, u, v, contacts, method, dt):
-        self._kernel, self._u, self._v, self._contacts = kernel, u, v, contacts
+        self._u, self._v, self._contacts = u, v, contacts
         self._method, self._dt = method, dt
         self._weights, self._loads = contacts.weights(), contacts.loads()
         pair = contacts.law * len(KINDS) + contacts.kind
-        self._runs = [np.flatnonzero(pair == number) for number in np.unique(pair)]
+        runs = [np.flatnonzero(pair == number) for number in np.unique(pair)]
+        self._runs = [(run, kernel.forces(contacts, run)) for run in runs]
         self.range = np.empty((len(pair), 2))
         self.forget_range()
 
@@ -272,21 +305,15 @@ class _BoundInterpreted:
 
     def _acceleration(self, u):
         c, force = self._contacts, self._loads.copy()
-        for run in self._runs:
-            kind, law, dim = c.kind[run[0]], c.law[run[0]], c.dim
-            first, second, place = c.first[run], c.second[run], c.geometry[:, run]
-            w = u[second] if KINDS[kind] == "wall" else u[second] - u[first]
-            r, along = self._kernel.geometry[kind](
-                place[:dim], w.T, place[dim : dim + 1], place[dim + 1 :]
-            )
-            r = np.array(r)
-            tension = self._kernel.tensions[law]
-            values = c.parameters[run, : tension.size1_in(1)].T
-            f = (np.array(tension(r, values)) * np.array(along)).T
+        for run, forces in self._runs:
+            first, second = c.first[run], c.second[run]
+            w = u[second] if KINDS[c.kind[run[0]]] == "wall" else u[second] - u[first]
+            found = forces(*w.T).full()
+            r, f = found[:, 0], found[:, 1:]
             np.add.at(force, first, f)
             np.subtract.at(force, second, f)
-            self.range[run, 0] = np.fmin(self.range[run, 0], r[0])
-            self.range[run, 1] = np.fmax(self.range[run, 1], r[0])
+            self.range[run, 0] = np.fmin(self.range[run, 0], r)
+            self.range[run, 1] = np.fmax(self.range[run, 1], r)
         return self._weights * force
 
 

@@ -1,14 +1,21 @@
-"""What is read off a run: arrivals, speed and width of the leading pulse."""
+"""What is read off a run: arrivals and speed of the leading pulse; pulses at one instant.
+
+Times are taken where the elongation of one bond turns, by its own rate, and places never from a
+largest value along the chain: both lie between the samples.
+"""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 
+ROUND_OFF = 1e-12  # of a crest: less is nothing
 CREST = 0.5  # an extremum counts as the pulse if it is this part of the largest
-NEIGHBOURS = 4  # recorded instants on either side that locate a crest
+NEIGHBOURS = 5  # recorded instants on either side that locate a crest
 
 
 def passage(t, elongation, rate):
@@ -22,10 +29,11 @@ def passage(t, elongation, rate):
     Returns
     -------
     float
-        The root of the rate [s], by a spline through the instants around it: the error is of
-        fourth order in the recording interval.
+        The root of the rate [s], by the polynomial through the ten instants around it: the
+        error is of tenth order in the recording interval.
     """
-    from scipy.interpolate import CubicSpline
+    from scipy.interpolate import BarycentricInterpolator
+    from scipy.optimize import brentq
 
     size = np.abs(elongation)
     large = size >= CREST * size.max()
@@ -33,10 +41,13 @@ def passage(t, elongation, rate):
     if not turns.any():
         raise TensegrityError("no crest passes this bond within the run")
     first = int(np.argmax(turns))
-    part = slice(max(first - NEIGHBOURS, 0), first + NEIGHBOURS + 2)
-    roots = CubicSpline(t[part], rate[part]).roots(extrapolate=False)
-    middle = (t[first] + t[first + 1]) / 2
-    return float(roots[np.argmin(np.abs(roots - middle))])
+    part = slice(max(first + 1 - NEIGHBOURS, 0), first + 1 + NEIGHBOURS)
+    start = t[first]
+    curve = BarycentricInterpolator(t[part] - start, rate[part])
+    for place in (first, first + 1):  # the curve passes through the samples to round-off only
+        if rate[place] == 0:
+            return float(t[place])
+    return float(start + brentq(curve, 0.0, t[first + 1] - start, xtol=1e-300, rtol=1e-14))
 
 
 def arrival(run, bond):
@@ -63,6 +74,142 @@ def speed(run, bonds):
     return (second - first) / (arrival(run, second) - arrival(run, first))
 
 
+def duration(run, bond, level=0.05):
+    """How long the leading pulse keeps a bond beyond `level` of its crest there [s].
+
+    Times the speed it is a width in sites; exact for a wave of permanent form.
+    """
+    from scipy.interpolate import CubicSpline
+
+    arrival_time = arrival(run, bond)
+    left, right = run.sites.index(bond), run.sites.index(bond + 1)
+    curve = CubicSpline(run.t, run.u[:, right] - run.u[:, left])
+    level = check.number("level", level, above=0)
+    if level >= 1:
+        raise TensegrityError(f"level {level:g} must be below 1")
+    crossings = curve.solve(level * float(curve(arrival_time)), extrapolate=False)
+    before, after = crossings[crossings < arrival_time], crossings[crossings > arrival_time]
+    if before.size == 0 or after.size == 0:
+        raise TensegrityError(f"the pulse does not fall to {level:g} of its crest within the run")
+    return float(after[0] - before[-1])
+
+
+@dataclass(frozen=True)
+class Pulse:
+    """A pulse at one instant.
+
+    Attributes
+    ----------
+    place : float
+        Of its crest, where site j is at j (a bond is centred half a site further).
+    elongation : float
+        Of its crest [m], by the parabola through three bonds.
+    energy : float
+        [J] between the cuts, where the elongation stops falling or changes its sign.
+    momentum : float
+        [kg m/s] between the cuts, > 0 towards higher sites.
+    first, last : int
+        Sites between the cuts.
+    """
+
+    place: float
+    elongation: float
+    energy: float
+    momentum: float
+    first: int
+    last: int
+
+
+def pulses(chain, state, fraction=0.1):
+    """Pulses of a chain at one instant, the foremost (highest site) first.
+
+    Parameters
+    ----------
+    chain : Chain
+    state : State
+    fraction : float, optional
+        A crest counts from this part of the largest elongation on, above 0, at most 1.  How many
+        pulses a train has depends on it.
+
+    Returns
+    -------
+    list of Pulse
+    """
+    fraction = check.number("fraction", fraction, above=0)
+    if fraction > 1:
+        raise TensegrityError(f"fraction {fraction:g} must be at most 1")
+    r = chain.elongation(state.u)
+    site_energy = chain.site_energy(state.u, state.v)
+    found = []
+    for j in _crests(r, fraction)[::-1].tolist():
+        low, high = _cut(r, j, -1), _cut(r, j, 1)
+        inside = slice(low + 1, high + 1)
+        shift, top = _parabola(r, j)
+        found.append(
+            Pulse(
+                place=j + 0.5 + shift,
+                elongation=top,
+                energy=float(np.sum(site_energy[inside])),
+                momentum=float(np.sum((chain.mass * state.v)[inside])),
+                first=low + 1,
+                last=high,
+            )
+        )
+    return found
+
+
+def tail_front(chain, state, level=0.5):
+    """Place of the front of what follows the leading pulse, where site j is at j.
+
+    Parameters
+    ----------
+    chain : Chain
+    state : State
+    level : float, optional
+        The front is where the elongation, seen from the leading pulse, first comes to this part
+        of the largest one behind it; to about a tenth of a site.
+    """
+    level = check.number("level", level, above=0)
+    if level >= 1:
+        raise TensegrityError(f"level {level:g} must be below 1")
+    lead = pulses(chain, state, CREST)[0]
+    behind = np.abs(chain.elongation(state.u)[: lead.first])
+    if behind.max(initial=0.0) <= ROUND_OFF * abs(lead.elongation):
+        raise TensegrityError("nothing follows the leading pulse")
+    threshold = level * behind.max()
+    j = int(np.flatnonzero(behind >= threshold)[-1])
+    if j + 1 == behind.size or behind[j + 1] == 0:
+        return j + 0.5
+    return j + 0.5 + float(np.log(behind[j] / threshold) / np.log(behind[j] / behind[j + 1]))
+
+
+def _crests(r, fraction):
+    """Bonds whose |elongation| is a maximum between neighbours of `fraction` of the largest."""
+    size = np.abs(r)
+    if size.max() == 0:
+        raise TensegrityError("no pulse: the chain is undeformed")
+    padded = np.concatenate([[0], size, [0]])
+    peak = (size >= padded[:-2]) & (size > padded[2:]) & (size >= fraction * size.max())
+    return np.flatnonzero(peak)
+
+
+def _cut(r, crest, step):
+    """Bond at which a pulse ends: where |r| stops falling, or the sign changes."""
+    sign, j = np.sign(r[crest]), crest
+    while 0 <= j + step < len(r) and abs(r[j + step]) <= abs(r[j]) and r[j + step] * sign > 0:
+        j += step
+    return j
+
+
+def _parabola(r, j):
+    """Shift of the extremum from bond j, and its value, by the parabola through three bonds."""
+    if not 0 < j < len(r) - 1:
+        return 0.0, float(r[j])
+    bend = r[j - 1] - 2 * r[j] + r[j + 1]
+    shift = (r[j - 1] - r[j + 1]) / (2 * bend)
+    return float(shift), float(r[j] - bend * shift**2 / 2)
+
+
 def crest(elongation):
     """Place of the foremost large extremum along a chain, in bonds, and its elongation.
 
@@ -72,17 +219,11 @@ def crest(elongation):
         At one instant [m].  The parabola through the extremum and its neighbours refines both.
     """
     r = np.asarray(elongation, dtype=float)
-    size = np.abs(r)
-    inner = size[1:-1]
-    peaks = 1 + np.flatnonzero(
-        (inner >= size[:-2]) & (inner > size[2:]) & (inner >= CREST * size.max())
-    )
-    if peaks.size == 0:
+    inner = [j for j in _crests(r, CREST) if 0 < j < len(r) - 1] if r.any() else []
+    if not inner:
         raise TensegrityError("no crest within the chain")
-    j = int(peaks[-1])
-    bend = r[j - 1] - 2 * r[j] + r[j + 1]
-    shift = (r[j - 1] - r[j + 1]) / (2 * bend)
-    return j + shift, r[j] - bend * shift**2 / 2
+    shift, top = _parabola(r, int(inner[-1]))
+    return int(inner[-1]) + shift, top
 
 
 def width(x, profile, level=0.05):

@@ -74,9 +74,10 @@ class BoundPieces:
         done = 0
         while done < steps:
             part = min(self._together, steps - done)
-            order = part, done > 0, done + part == steps
-            for work in ("advance", "give"):  # all take and advance before any gives
-                list(self._pool.map(lambda piece, w=work: getattr(piece, w)(*order), self._pieces))
+            for piece in self._pieces:
+                piece.order = part, done > 0, done + part == steps
+            for work in (_Piece.advance, _Piece.give):  # all take before any gives
+                list(self._pool.map(work, self._pieces))
             done += part
         for piece in self._pieces:
             piece.see(self.range)
@@ -104,14 +105,15 @@ class _Piece:
         self._inner = slice(start - low, self._mine.stop - low)
         rows = np.flatnonzero((edges[:-1] >= start) & (edges[:-1] < stop))
         self._rows, self._parents = rows, parent[rows]
+        self.order = 0, False, True  # arguments of `advance_part`
 
-    def advance(self, steps, opened, close):
+    def advance(self):
         """Take what the neighbours gave, and do some steps."""
         for local, whole in zip(self._local, self._globals, strict=True):
             local[:] = whole[self._sites]
-        self.loop.advance_part(steps, opened, close)
+        self.loop.advance_part(*self.order)
 
-    def give(self, *_):
+    def give(self):
         """Hand out the part that is right."""
         for local, whole in zip(self._local, self._globals, strict=True):
             whole[self._mine] = local[self._inner]

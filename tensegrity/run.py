@@ -32,6 +32,11 @@ class Run:
         False if the run was interrupted or failed; what it had recorded is kept.
     error_estimate : float or None
         Estimated max(|du|/max|u|, |dv|/max|v|), where a tolerance was asked for.
+    force : str
+        What the tensions were computed by: "exact", or the polynomials that a tolerance allowed.
+        Recorded energies are exact anyhow.
+    met : ndarray, (runs of equal springs, 2)
+        Smallest and largest elongation met at any stage [m], 0 included.
     wall_time : float
         [s], all trial runs included.
     impulse : ndarray, (T, walls, dim), or None
@@ -50,6 +55,8 @@ class Run:
     sites: tuple[int, ...]
     complete: bool = True
     error_estimate: float | None = None
+    force: str = "exact"
+    met: np.ndarray | None = field(default=None, repr=False)
     wall_time: float = 0.0
     impulse: np.ndarray | None = None
 
@@ -70,6 +77,7 @@ class Run:
         return (
             f"{self.method}, dt = {self.dt:.4g} s, {self.steps} steps to t = {self.t[-1]:.6g} s"
             f"{'' if self.complete else ' (incomplete)'}\n"
+            f"force: {self.force}\n"
             f"{len(self.t)} instants of {len(self.sites)} sites recorded\n"
             f"error: energy {self.energy_error:.1e}{estimate}\n"
             f"wall time {self.wall_time:.3g} s"

@@ -88,7 +88,7 @@ def expected_ranges(scene, state, share=1.0):
         if locks:
             low, high = max(low, spring.domain[0] / 2), min(high, spring.domain[1] / 2)
         ranges.append((low, high))
-    return np.array(ranges)[rows]
+    return np.array(ranges).reshape(-1, 2)[rows]
 
 
 def present_ranges(scene, state):

@@ -1,4 +1,9 @@
-"""The step of a run: given, expected from the stiffness in reach, or refined to a tolerance."""
+"""The step of a run: given, expected from the stiffness in reach, or refined to a tolerance.
+
+With a tolerance the force may be a polynomial too.  A first coarse run is exact and tells which
+elongations are met; the same run with polynomials fitted to that range shows what their error
+does to the motion.  They stay if that is a small part of the tolerance and they save time.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +13,10 @@ from dataclasses import replace
 import numpy as np
 
 from tensegrity import stepping
-from tensegrity.errors import LockingError, StabilityError, TensegrityError
+from tensegrity.codegen import cost
+from tensegrity.errors import LockingError, RangeError, StabilityError, TensegrityError
 from tensegrity.march import count, march
+from tensegrity.polynomial import DEGREES, Polynomial, PolynomialLaw
 from tensegrity.record import Record
 
 MARGIN = 2.0  # a default step may be this much larger, at the stiffness met, than meant
@@ -20,6 +27,12 @@ CHECKPOINTS = 17  # instants at which two runs are compared to estimate an error
 SAFETY = 0.5  # aim at this part of a tolerance
 FASTEST = 16.0  # largest refinement at once
 ROUND_OFF = 1e-14  # differences below this say nothing
+FORCE_SHARE = 0.1  # of a tolerance that fitted forces may take up
+FIRST_ERROR, LEAST_ERROR = 1e-3, 1e-13  # of a fit over the tolerance, and of any fit
+FITS = 4  # attempts
+MARGINS = (0.05, 0.5)  # over the range met, on either side, by which a fit is wider
+WORTH = 0.3  # seconds that fitted forces must save
+PER_FIT = 0.05  # seconds
 STUCK = 3  # refinements in a row that bring nothing: round-off is reached
 
 
@@ -58,24 +71,44 @@ def refined(problem, steps, allowed, checkpoints=0):
     for _ in range(REFINEMENTS):
         try:
             return march(problem, steps, allowed, checkpoints)
-        except (StabilityError, LockingError):
+        except (StabilityError, LockingError) as error:
+            if problem.surrogate is not None and isinstance(error, RangeError):
+                raise  # another range helps, another step does not
             steps *= 2
     return march(problem, steps, 1.0, checkpoints)
 
 
 def to_tolerance(problem, tol):
-    """Refine the step until a run and one with half its step agree well enough.
-
-    Their largest difference at common instants, over 2^order - 1, estimates the error of the
-    finer one, once it was seen to shrink about as fast as the order promises.  Before that, and
-    where it does not (contacts that open), less is trusted: see `gain`.
-    """
-    order = problem.method.order
+    """Refine the step until a run and one with half its step agree well enough."""
     steps = CHECKPOINTS * math.ceil(expected_steps(problem, TRIAL, SHARE) / CHECKPOINTS)
     if steps == 0:
         return march(problem, 0, 1.0)[0]
-    trial = replace(problem, record=Record(sites=problem.record.sites))
-    coarse_run, coarse = refined(trial, steps, 1.0, CHECKPOINTS)
+    exact = refined(_trial(problem), steps, 1.0, CHECKPOINTS)
+    if exact[0].complete:
+        for margin in MARGINS:
+            try:
+                fitted = with_polynomials(problem, *exact, tol, margin)
+                if fitted is None:
+                    break
+                return converged(*fitted, tol)
+            except RangeError:  # finer runs reach farther than the coarse one
+                continue
+    return converged(problem, *exact, 0.0, tol)
+
+
+def _trial(problem):
+    return replace(problem, record=Record(sites=problem.record.sites))
+
+
+def converged(problem, coarse_run, coarse, error, tol):
+    """Refine from a first run on.
+
+    The largest difference of two runs at common instants, over 2^order - 1, estimates the error
+    of the finer one, once it was seen to shrink about as fast as the order promises.  Before
+    that, and where it does not (contacts that open), less is trusted: see `gain`.  `error` is what
+    the fitted forces add.
+    """
+    order, trial = problem.method.order, _trial(problem)
     steps, last, stuck = coarse_run.steps, None, 0
     run = coarse_run
     while run.complete and coarse_run.complete:
@@ -85,7 +118,7 @@ def to_tolerance(problem, tol):
         difference = largest_gap(coarse, fine, run)
         estimate = difference / gain(order, last, 2 * steps, difference)
         if estimate <= SAFETY * tol or difference < ROUND_OFF:
-            return replace(run, error_estimate=estimate)
+            return replace(run, error_estimate=estimate + error)
         stuck = stuck + 1 if last and difference > last[1] / 2 else 0
         if stuck == STUCK:
             raise TensegrityError(
@@ -100,6 +133,74 @@ def to_tolerance(problem, tol):
             steps = CHECKPOINTS * math.ceil(run.steps * factor / 2 / CHECKPOINTS)
             coarse_run, coarse = refined(trial, steps, 1.0, CHECKPOINTS)
     return run if coarse_run.complete else coarse_run
+
+
+def with_polynomials(problem, run, checks, tol, margin):
+    """The problem with fitted forces, where they are good enough and save time.
+
+    Parameters
+    ----------
+    problem : Problem
+    run, checks
+        A coarse run with the exact forces.
+    tol, margin : float
+
+    Returns
+    -------
+    None, or problem, the same coarse run and its checks with fitted forces, and the largest
+    difference that they make there
+
+    Raises
+    ------
+    RangeError
+        If that run leaves the range.
+    """
+    scene = problem.scene
+    if not hasattr(scene, "with_springs") or saved(problem, run, tol) < WORTH:
+        return None
+    springs = scene.segment_springs[0]
+    ranges = [_widened(spring, *met, margin) for spring, met in zip(springs, run.met, strict=True)]
+    error, least = max(FIRST_ERROR * tol, LEAST_ERROR), 0.0
+    for _ in range(FITS):
+        try:
+            fits = [Polynomial(s, *r, error) for s, r in zip(springs, ranges, strict=True)]
+            fitted = replace(problem, surrogate=scene.with_springs(fits))
+            there, found = march(_trial(fitted), run.steps, 1.0, CHECKPOINTS)
+        except RangeError:
+            raise
+        except (LockingError, StabilityError):
+            return None
+        except TensegrityError:  # not that good: see whether a worse one is good enough
+            least = error
+            error *= 10
+            continue
+        if not there.complete:
+            return fitted, there, found, 0.0
+        gap = largest_gap(checks, found, run)
+        if gap <= FORCE_SHARE * tol:
+            return fitted, there, found, gap
+        error *= FORCE_SHARE * tol / gap / 3
+        if error <= least:
+            return None
+    return None
+
+
+def saved(problem, run, tol):
+    """Seconds that fitted forces save, roughly, in all runs that a tolerance takes."""
+    scene, order = problem.scene, problem.method.order
+    springs, first = scene.segment_springs
+    fitted = cost(PolynomialLaw(DEGREES[len(DEGREES) // 2]))
+    gains = [max(cost(spring._law) - fitted, 0.0) for spring in springs]
+    steps = run.steps * max(tol ** (-1 / order), 1.0)
+    calls = steps * problem.method.stages * np.diff(first)
+    return float(np.dot(gains, calls)) - PER_FIT * len(springs)
+
+
+def _widened(spring, low, high, margin):
+    """A range somewhat wider than the one met, inside the spring's reach."""
+    room = margin * (high - low)
+    low, high = low - room, high + room
+    return max(low, spring.reach[0]), min(high, spring.reach[1])
 
 
 def gain(order, last, steps, difference):

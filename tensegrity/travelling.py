@@ -27,8 +27,8 @@ from tensegrity.errors import TensegrityError
 SWEEPS = 400  # of the map that starts Newton's method
 ROUGHLY = 1e-3  # change of rho in a sweep that ends them
 ITERATIONS = 25
-CONVERGED = 1e-13  # last step of Newton's method
-STUCK = 1e-6  # ... or one from which on it no longer shrinks: the residual will judge
+CONVERGED = 1e-9  # last step of Newton's method: the next one would square it
+STUCK = 1e-6  # ... or one from which on they no longer shrink: the residual will judge
 DENSE = 600  # points up to which the tangent is formed; beyond, GMRES on cosine transforms
 FINER = 4  # the residual is taken on a grid so many times finer
 
@@ -218,7 +218,7 @@ def started(law, grid, decay, tension):
     return Profile(law, grid, rho, float(mu))
 
 
-def solved(profile, condition):
+def solved(profile, condition, converged=CONVERGED):
     """Newton's method on mu rho = K f(rho) and a condition, from a profile close enough.
 
     Raises
@@ -234,7 +234,7 @@ def solved(profile, condition):
             raise NoWave(f"the tangent of the travelling wave is singular: {error}") from None
         profile = _stepped(profile, step_rho, step_mu)
         size = max(np.max(np.abs(step_rho)), abs(step_mu / profile.mu))
-        if size < CONVERGED or (size < STUCK and size > previous / 4):
+        if size < converged or (size < STUCK and size > previous / 4):
             return profile
         previous = size
     raise NoWave(f"no travelling wave found: the last iteration still moved {previous:.1e}")

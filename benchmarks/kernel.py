@@ -1,0 +1,175 @@
+"""Cost of a bond-step against the error of the force: exact laws and polynomials of them.
+
+Rigid and elastic prisms, velocity Verlet.  Each law runs the same blow on the same chain; what
+its force errs by is taken against the converged law, what its motion errs by against that law
+compiled in extended precision, at the same steps.  The elastic law runs with one, two and three
+iterations of its inner solve.  Printed and charted; the targets were measured elsewhere, on a
+processor with vectors twice as long.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from benchmarks._timing import best, table
+from benchmarks.chain import machine_bound
+from figures.__main__ import OUTPUT, STYLE, write, write_table
+from tensegrity import Chain, Polynomial, Potential, Prism, ResolutionError, simulate
+from tensegrity.kernel import Compiled, kernel
+from tensegrity.methods import METHODS
+
+SITES, STEPS, DT = 1000, 1000, 0.1
+TIMED = 1000  # steps of one timed call
+ERRORS = 10.0 ** -np.arange(2.0, 14.0)
+ITERATIONS = (1, 2, 3)
+REFERENCE = 4
+MARGIN = 0.05  # of the range of a fit over what is met
+FLOOR = 1e-16  # least error shown in the chart
+EQUAL = 1e-11  # error of the force at which polynomial and inner solve are compared
+
+FAMILIES = {
+    "rigid": (Prism(1.0, 0.8, 0.02, 1.0).potential(), 0.03),
+    "elastic": (Prism(1.0, 1.0, 0.1, 1.0, 5.0, 50.0).potential(), 0.16),
+}
+
+
+def _with_law(spring, law):
+    """The spring with another law of the same parameters."""
+    return Potential._from_law(law, spring._values, spring.length, spring.reach, spring._ends)
+
+
+def blow(chain, speed):
+    return chain.at_rest(dict.fromkeys(range(4), speed))
+
+
+def contestants(family):
+    """{name: spring} of one family, the converged one to compare with, and the range met."""
+    spring, speed = FAMILIES[family]
+    chain = Chain(spring, SITES)
+    low, high = simulate(chain, blow(chain, speed), STEPS * DT, dt=DT).met[0]
+    room = MARGIN * (high - low)
+    found, converged = {}, spring
+    if family == "rigid":
+        found["formula"] = spring
+    else:
+        for steps in ITERATIONS:
+            found[f"{steps} iterations"] = _with_law(spring, replace(spring._law, steps=steps))
+        converged = _with_law(spring, replace(spring._law, steps=REFERENCE))
+    for error in ERRORS:
+        try:
+            fit = Polynomial(spring, low - room, high + room, error)
+        except ResolutionError:
+            break
+        found[f"degree {fit.degree}"] = fit
+    return found, converged, (low, high)
+
+
+def bound_loop(engine, chain, u, v):
+    return engine.bind(u, v, chain.inverse_mass, chain.segments, METHODS["verlet"], DT)
+
+
+def motion(spring, speed, extended=False):
+    """Displacements after the run."""
+    chain = Chain(spring, SITES)
+    engine = Compiled(chain.segments.laws, extended=True) if extended else kernel((spring._law,))
+    dtype = np.longdouble if extended else float
+    state = blow(chain, speed)
+    u, v = state.u.astype(dtype), state.v.astype(dtype)
+    bound_loop(engine, chain, u, v).advance(STEPS)
+    return u
+
+
+def measure(families=FAMILIES):
+    """Rows of (family, law, ns per bond-step, error of the force, error of the motion)."""
+    loops, rows = {}, []
+    for family in families:
+        found, converged, met = contestants(family)
+        speed = FAMILIES[family][1]
+        r = np.linspace(*met, 2001)
+        exact = kernel((converged._law,)).evaluate(0, 1, converged._values, r)
+        reference = motion(converged, speed, extended=True)
+        for name, spring in found.items():
+            force = kernel((spring._law,)).evaluate(0, 1, spring._values, r)
+            gap = np.abs(force - exact).max() / np.abs(exact).max()
+            moved = np.abs(motion(spring, speed) - reference).max() / np.abs(reference).max()
+            chain = Chain(spring, SITES)
+            u, v = 1e-3 * np.sin(np.arange(SITES) ** 2), np.zeros(SITES)
+            loop = bound_loop(kernel((spring._law,)), chain, u, v)
+            loops[family, name] = lambda loop=loop: loop.advance(TIMED)
+            rows.append((family, name, float(gap), float(moved)))
+    times = best(loops)
+    scale = 1e9 / (TIMED + 1) / (SITES - 1)
+    return [(f, n, times[f, n] * scale, gap, moved) for f, n, gap, moved in rows]
+
+
+def chart(rows, folder=OUTPUT):
+    """Time against both errors, as PNG and CSV; the files written.
+
+    Errors below `FLOOR`, and none at all, stand there.
+    """
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    names = ("family", "law", "ns_per_bond_step", "force_error", "motion_error")
+    picture, data = (folder / f"benchmark_kernel.{kind}" for kind in ("png", "csv"))
+    folder.mkdir(parents=True, exist_ok=True)
+    write_table(data, dict(zip(names, zip(*rows, strict=True), strict=True)))
+    groups = {}
+    for family, name, *values in rows:
+        kind = "polynomial" if name.startswith("degree") else "exact law"
+        label = name.removeprefix("degree ").replace(" iterations", " it.")
+        groups.setdefault(f"{family}, {kind}", []).append((label, *values))
+    with plt.rc_context(STYLE):
+        figure = plt.figure(figsize=(9, 4.2), layout="constrained")
+        left, right = figure.subplots(1, 2, sharey=True)
+        for axes, column, what in ((left, 2, "tension"), (right, 3, "motion")):
+            for (group, several), mark in zip(groups.items(), "os^D", strict=False):
+                errors = [max(x[column], FLOOR) for x in several]
+                times = [x[1] for x in several]
+                axes.loglog(errors, times, mark + "-", ms=5, label=group)
+                for label, *values in several:
+                    at = (max(values[column - 1], FLOOR), values[0])
+                    axes.annotate(label, at, (3, 4), textcoords="offset points", fontsize=6)
+            axes.set_xlabel(f"largest error of the {what}, over its largest value [1]")
+            axes.invert_xaxis()
+        left.set_ylabel("time of a bond-step [ns]")
+        right.legend(fontsize=8)
+        write(picture, figure.savefig)
+        plt.close(figure)
+    return picture, data
+
+
+def cheapest(rows, family, start, error):
+    """Least time of those laws that err by at most `error` in the force; nan where none does."""
+    fitting = [t for f, n, t, gap, _ in rows if f == family and start in n and gap <= error]
+    return min(fitting, default=float("nan"))
+
+
+def main():
+    """Print and chart times and errors, and the targets beside what was measured."""
+    unit = machine_bound()
+    rows = measure()
+    table(
+        "one bond-step, velocity Verlet, 1000 prisms; best of a few, machine perhaps shared",
+        ["", "ns", "force", "motion"],
+        [(f"{family}, {name}", *values) for family, name, *values in rows],
+    )
+    bound = 2 * unit["roots"] + unit["divisions"]
+    formula = cheapest(rows, "rigid", "formula", 1)
+    newton = cheapest(rows, "elastic", "iterations", EQUAL)
+    polynomial = cheapest(rows, "elastic", "degree", EQUAL)
+    table(
+        "targets",
+        ["", "measured", "target"],
+        [
+            ("formula over machine's bound", formula / bound, "1.03"),
+            ("rigid at 3.5e-12 [ns]", cheapest(rows, "rigid", "degree", 3.5e-12), "0.85"),
+            ("elastic at 4e-13 [ns]", cheapest(rows, "elastic", "degree", 4e-13), "1.6"),
+            ("inner solve over it at 1e-11", newton / polynomial, ">= 20"),
+        ],
+    )
+    print(*chart(rows), sep="\n")

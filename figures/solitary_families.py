@@ -1,0 +1,55 @@
+"""Width and energy of exact waves against their speed: both families, rigid and elastic prisms."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tensegrity import Prism, solitary_wave
+from tensegrity.asymptotics import sound_speed
+from tensegrity.solitary import largest_speed
+
+NAME = "solitary_families"
+GROUP = "waves"
+
+SPRINGS = {  # name: (prism, preload, family)
+    "stiffening, compression": (Prism(1.0, 0.8, 0.02, 1.0), 0.0, "compression"),
+    "stiffening, rarefaction": (Prism(1.0, 0.8, 0.02, 1.0), 0.0, "rarefaction"),
+    "hardly prestressed": (Prism(1.0, 0.6, 0.001, 1.0), 0.0, "compression"),
+    "elastic, softening": (Prism(1.0, 0.5, 0.4, 1.0, 2.0, 20.0), 0.05, "rarefaction"),
+    "elastic, stiffening, then soft": (Prism(1.0, 1.0, 0.1, 1.0, 5.0, 50.0), 0.0, "compression"),
+}
+FASTEST = 6.0  # speed ratio
+POINTS = 10
+
+
+def data():
+    """Speed ratio minus 1, width, energy over k_cross base^2, and crest of each wave."""
+    tables = {}
+    for name, (prism, preload, family) in SPRINGS.items():
+        spring = prism.potential(preload=preload)
+        bound = largest_speed(spring, family=family, closest=4e-3) / sound_speed(spring)
+        largest = min(FASTEST, 1 + 0.9 * (bound - 1))
+        excess = np.geomspace(2e-3, largest - 1, POINTS)
+        waves = [solitary_wave(spring, speed_ratio=1 + e, family=family) for e in excess.tolist()]
+        tables[name.replace(", ", "_").replace(" ", "_")] = {
+            "speed_excess": excess,
+            "width": [wave.width() for wave in waves],
+            "energy": [wave.energy for wave in waves],
+            "crest": [wave.amplitude for wave in waves],
+        }
+    return tables
+
+
+def draw(figure, tables):
+    """Width, energy and crest against the speed above sound."""
+    figure.set_size_inches(12, 4.4)
+    axes = figure.subplots(1, 3)
+    for name, table in zip(SPRINGS, tables.values(), strict=True):
+        for one, column in zip(axes, ("width", "energy", "crest"), strict=True):
+            one.loglog(table["speed_excess"], np.abs(table[column]), ".-", label=name)
+    excess = np.geomspace(2e-3, 0.05, 2)
+    axes[0].loglog(excess, 9.0 * (24 * excess) ** -0.5, "k:", lw=1, label="slope -1/2")
+    labels = ("width at 5 % of the crest [sites]", "energy [k$_{cross}$ l$^2$]", "|crest| [l]")
+    for one, label in zip(axes, labels, strict=True):
+        one.set(xlabel="c/c$_s$ - 1", ylabel=label)
+    axes[0].legend(fontsize=8)

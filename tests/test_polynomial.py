@@ -1,0 +1,353 @@
+"""Polynomials in place of a tension: their errors, their bounds, and runs that choose them."""
+
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+import sympy as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scenes import extended, prism_chain, smooth_blow
+
+from tensegrity import (
+    Chain,
+    LockingError,
+    Polynomial,
+    Potential,
+    PowerLaw,
+    Prism,
+    RangeError,
+    Record,
+    ResolutionError,
+    TensegrityError,
+    march,
+    simulate,
+    tolerance,
+)
+from tensegrity.enclosure import Disk
+from tensegrity.enclosure import tension as enclosed
+from tensegrity.kernel import Compiled, Interpreted
+from tensegrity.methods import METHODS
+
+RIGID = Prism(1.0, 0.8, 0.02, 1.0).potential()
+SOFT = Prism(1.0, 0.5, 0.4, 1.0, 2.0, 20.0).potential(0.05)
+R = sp.Symbol("r")
+TODA = Potential(sp.exp(-R) + R - 1, R)
+
+
+def true_error(fit, spring):
+    """Largest error of the tension over the largest tension, on a dense sample."""
+    r = np.linspace(*fit.domain, 3001)[1:-1]
+    exact = spring.tension(r)
+    return np.abs(fit.tension(r) - exact).max() / np.abs(exact).max()
+
+
+# --- the fit ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("error", [1e-5, 1e-8, 1e-12])
+@pytest.mark.parametrize(
+    ("spring", "low", "high"),
+    [(RIGID, -0.012, 0.012), (RIGID, -0.04, 0.02), (RIGID.domain[0], 0, 0), (TODA, -1.0, 0.5)],
+    ids=["narrow", "wide", "most of the stroke", "Toda"],
+)
+def test_error_bound_holds_and_is_not_far_off(spring, low, high, error):
+    if spring is RIGID.domain[0]:
+        spring, low, high, error = RIGID, 0.9 * spring, 0.01, max(error, 1e-7)
+    fit = Polynomial(spring, low, high, error)
+    assert fit.error_estimate is None
+    assert fit.error_bound <= error
+    actual = true_error(fit, spring)
+    assert actual <= fit.error_bound
+    assert fit.error_bound <= 10 * actual + 2e-13
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.floats(0.33, 1.5), st.floats(-3, -1), st.floats(0.02, 0.85), st.floats(0.01, 0.2),
+    st.floats(-11, -4),
+)  # fmt: skip
+def test_error_bound_holds_for_any_rigid_prism_and_range(height, prestrain, low, high, digits):
+    spring = Prism(1.0, height, 10**prestrain, 1.0).potential()
+    low, high = low * spring.domain[0], high * min(spring.domain[1], height / 5)
+    try:
+        fit = Polynomial(spring, low, high, 10**digits)
+    except ResolutionError:
+        assert high - low > 0.3 * -spring.domain[0]  # never for a small range
+        return
+    if fit.error_bound is not None:
+        assert true_error(fit, spring) <= fit.error_bound <= 10**digits
+
+
+@pytest.mark.parametrize(("low", "high"), [(-0.1, 0.05), (-0.3, 0.2), SOFT.domain])
+def test_error_estimate_of_an_elastic_prism_is_right_within_a_factor(low, high):
+    for error in (1e-6, 1e-10):
+        fit = Polynomial(SOFT, low, high, error)
+        assert fit.error_bound is None
+        assert fit.error_estimate <= error
+        assert true_error(fit, SOFT) <= 1.1 * fit.error_estimate + 1e-14
+
+
+def test_a_law_with_cases_gets_an_estimate_only():
+    contact = PowerLaw(1.0, 1.5, preload=1.0)
+    fit = Polynomial(contact, -0.3, 0.3, 1e-9)
+    assert fit.error_bound is None
+    assert true_error(fit, contact) <= 1.1 * fit.error_estimate + 1e-14
+
+
+@pytest.mark.parametrize("spring", [RIGID, SOFT, TODA])
+def test_energy_is_the_exact_antiderivative(spring):
+    """Gauss' rule of 30 points is exact up to degree 59."""
+    fit = Polynomial(spring, -0.04, 0.02, 1e-9)
+    x, w = np.polynomial.legendre.leggauss(30)
+    for r in (-0.0399, -0.01, 1e-7, 0.0199):
+        integral = np.sum(w * fit.tension(r / 2 * (1 + x))) * r / 2
+        assert float(fit.energy(r)) == pytest.approx(integral, rel=1e-12)
+    r = np.linspace(-0.039, 0.019, 9)
+    step = 1e-5
+    for lower, upper in (("tension", "stiffness"), ("stiffness", "stiffness_slope")):
+        slope = (getattr(fit, lower)(r + step) - getattr(fit, lower)(r - step)) / (2 * step)
+        np.testing.assert_allclose(slope, getattr(fit, upper)(r), rtol=1e-4, atol=1e-4)
+
+
+def test_what_is_at_rest_stays_at_rest():
+    assert float(Polynomial(RIGID, -0.04, 0.01, 1e-4).tension(0.0)) == 0
+    loose = Potential(R**2 / 2 + 0.3 * R + R**4, R)  # no equilibrium at 0
+    assert float(Polynomial(loose, -0.5, 0.4).tension(0.0)) == float(loose.tension(0.0))
+
+
+def test_equal_degrees_share_a_law():
+    one, other = Polynomial(RIGID, -0.012, 0.012, 1e-9), Polynomial(SOFT, -0.1, 0.05, 1e-11)
+    assert one.degree == other.degree
+    assert one._law == other._law
+    assert Polynomial(RIGID, -0.012, 0.012, 1e-9) == one != other
+
+
+def test_a_wider_range_takes_a_higher_degree_until_none_will_do():
+    degrees = [Polynomial(RIGID, part * RIGID.domain[0], 0.01, 1e-8).degree
+               for part in (0.1, 0.3, 0.5, 0.7)]  # fmt: skip
+    assert degrees == sorted(degrees)
+    assert degrees[-1] > degrees[0] + 4
+    with pytest.raises(ResolutionError, match=r"error 1e-08 .* must be at least"):
+        Polynomial(RIGID, 0.97 * RIGID.domain[0], 0.01, 1e-8)
+
+
+@pytest.mark.parametrize(
+    ("spring", "low", "high", "kind", "words"),
+    [
+        (RIGID, 0.0, 0.01, TensegrityError, "must contain 0"),
+        (RIGID, -0.01, -0.02, TensegrityError, "must contain 0"),
+        (RIGID, -math.inf, 0.01, TensegrityError, "finite"),
+        (RIGID, -0.01, math.nan, TensegrityError, "not"),
+        (RIGID, -0.06, 0.01, LockingError, "bars meet"),
+        (SOFT, -0.1, 0.4, LockingError, "unloaded"),
+        ("spring", -0.1, 0.1, TensegrityError, "not a Potential"),
+        (PowerLaw(1.0, 1.5), -0.1, 0.1, ResolutionError, "must be at least"),
+        (RIGID, -1e-310, 1e-310, TensegrityError, "must be at least"),
+    ],
+)
+def test_impossible_fits_are_refused(spring, low, high, kind, words):
+    with pytest.raises(kind, match=words):
+        Polynomial(spring, low, high, 1e-12)
+    with pytest.raises(TensegrityError, match="error"):
+        Polynomial(RIGID, -0.01, 0.01, 0.0)
+
+
+def test_a_prism_that_softens_to_its_limit_point_is_fitted_over_it():
+    """Where the stiffness is zero, and past it; the fold is where the exact one is."""
+    r = np.linspace(*SOFT.domain, 4001)
+    fold = r[np.flatnonzero(np.diff(np.sign(SOFT.stiffness(r))))[-1]]
+    assert SOFT.domain[0] < fold < 0
+    ends_there, beyond = (Polynomial(SOFT, low, 0.1, 1e-11) for low in (fold, 1.2 * fold))
+    for fit in (ends_there, beyond):
+        inner = np.linspace(fold, 0.1, 99)[1:-1]
+        np.testing.assert_allclose(fit.stiffness(inner), SOFT.stiffness(inner), atol=1e-8)
+
+
+# --- disks -----------------------------------------------------------------------------------
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_disks_contain_the_values_of_their_points(seed):
+    rng = np.random.default_rng(seed)
+    law = Potential(sp.sqrt(R + 2) ** 3 / (R + 3) + sp.exp(-R) * sp.log(R + 4) + R**3, R)._law
+    centre = rng.uniform(-1, 1) + 1j * rng.uniform(-1, 1)
+    radius = 10 ** rng.uniform(-4, -1)
+    disk = enclosed(law, [], Disk(centre, radius))
+    angles = 2 * np.pi * rng.uniform(size=50)
+    points = centre + radius * np.sqrt(rng.uniform(size=50)) * np.exp(1j * angles)
+    value = sp.lambdify(R, sp.diff(law.energy, law.elongation).subs(law.elongation, R), "numpy")
+    assert np.all(np.abs(value(points) - disk.centre) <= disk.radius)
+    assert disk.radius < 1e3 * radius
+
+
+def test_disks_on_a_cut_or_a_pole_have_no_bound():
+    root, pole = Potential(sp.sqrt(R + 2), R)._law, Potential(sp.log(R + 2), R)._law
+    for law in (root, pole):
+        assert np.isinf(enclosed(law, [], Disk(-1.9, 0.2)).largest)
+        assert np.isfinite(enclosed(law, [], Disk(-1.9, 0.05)).largest)
+
+
+@pytest.mark.parametrize("energy", [(R + 2) ** sp.Rational(3, 2), (R + 2) * sp.log(R + 2)])
+def test_disks_that_meet_only_the_cut_have_no_bound(energy):
+    """Where the principal value jumps, far from the branch point."""
+    law = Potential(energy, R)._law
+    assert np.isinf(enclosed(law, [], Disk(-4 + 0.1j, 0.2)).largest)
+    assert np.isfinite(enclosed(law, [], Disk(-4 + 0.3j, 0.2)).largest)
+
+
+# --- runs ------------------------------------------------------------------------------------
+
+
+def test_a_rough_polynomial_keeps_its_own_energy():
+    spring = Polynomial(SOFT, -0.15, 0.15, 1e-3)
+    chain = Chain(spring, 40)
+    run = simulate(chain, chain.at_rest({0: 0.1}), 40.0, method="rkn6", dt=0.01)
+    assert run.energy_error < 2e-13
+    assert run.force.startswith("polynomial of degree 7 on [-0.15")
+
+
+@pytest.mark.parametrize("engine", [pytest.param(Compiled, marks=pytest.mark.needs_compiler),
+                                    Interpreted])  # fmt: skip
+def test_engines_take_polynomials(engine):
+    spring = Polynomial(RIGID, -0.02, 0.02, 1e-10)
+    chain = Chain([spring] * 70 + [Polynomial(SOFT, -0.1, 0.1, 1e-10)] * 60, 131)
+    u, v = 0.009 * np.sin(np.arange(131.0) ** 2), np.zeros(131)
+    f = np.concatenate([[0], chain.bond_tension(u), [0]])
+    single = replace(METHODS["verlet"], kicks=(1.0, 0.0))
+    loop = engine(chain.segments.laws)
+    loop.bind(u, v, chain.inverse_mass, chain.segments, single, 0.1).advance(1)
+    np.testing.assert_allclose(v, 0.1 * np.diff(f), rtol=0, atol=1e-15)
+
+
+def test_leaving_the_range_ends_the_run_with_numbers_and_keeps_what_was_done():
+    chain = Chain(Polynomial(RIGID, -0.01, 0.01), 64)
+    words = r"at or below -0.01 m, where the range of the polynomial ends.*sites 0 and 1.*t = "
+    with pytest.raises(RangeError, match=words) as caught:
+        simulate(chain, chain.at_rest({0: 0.1}), 60.0, dt=0.01)
+    run = caught.value.run
+    assert np.isfinite(run.u).all()
+    assert chain.elongation(run.u).min() > -0.01
+
+
+def soft_blow(sites=60):
+    chain = Chain(SOFT, sites, ends=("fixed", "free"))
+    return chain, chain.at_rest({1: 0.15})
+
+
+def error_of(run, u, v):
+    return max(
+        float(np.max(np.abs(run.final.u - u)) / np.max(np.abs(run.u))),
+        float(np.max(np.abs(run.final.v - v)) / np.max(np.abs(run.v))),
+    )
+
+
+@cache
+def reference(scene, t_end):
+    """Chain, state, and its last u and v by the exact law in extended precision."""
+    chain, state = soft_blow() if scene == "elastic" else (prism_chain(), None)
+    state = state or smooth_blow(chain)
+    return chain, state, *extended(chain, state, "rkn6", t_end / 1200, 1200)
+
+
+@pytest.mark.needs_extended
+@pytest.mark.parametrize("tol", [1e-4, 1e-7, 1e-10])
+@pytest.mark.parametrize("scene", ["rigid", "elastic"])
+def test_a_tolerance_is_kept_with_polynomials(monkeypatch, scene, tol):
+    """Against the exact law in extended precision."""
+    monkeypatch.setattr(tolerance, "WORTH", -math.inf)
+    chain, state, u, v = reference(scene, 40.0)
+    run = simulate(chain, state, 40.0, tol=tol)
+    assert "polynomial of degree" in run.force
+    assert "polynomial of degree" in str(run)
+    assert error_of(run, u, v) < tol
+    assert run.error_estimate < tol
+    assert np.isclose(run.energy[-1], chain.energy(run.final), rtol=1e-15)  # the exact one
+
+
+def test_fits_get_better_with_the_tolerance(monkeypatch):
+    monkeypatch.setattr(tolerance, "WORTH", -math.inf)
+    chain, state = soft_blow()
+    degrees = []
+    for tol in (1e-3, 1e-6, 1e-9):
+        run = simulate(chain, state, 20.0, tol=tol, method="rkn6")
+        degrees.append(int(run.force.split()[3]))
+    assert degrees == sorted(set(degrees))
+
+
+def test_a_fit_whose_error_shows_in_the_motion_is_refined(monkeypatch):
+    monkeypatch.setattr(tolerance, "WORTH", -math.inf)
+    chain = prism_chain()
+    state = smooth_blow(chain)
+    exact = simulate(chain, state, 20.0, method="rkn6", dt=0.02)
+    monkeypatch.setattr(tolerance, "FIRST_ERROR", 1e5)
+    run = simulate(chain, state, 20.0, tol=1e-8)
+    assert int(run.force.split()[3]) > Polynomial(chain.springs[0], *run.met[0], 1e-3).degree
+    assert error_of(run, exact.final.u, exact.final.v) < 1e-8
+
+
+def test_contacts_that_open_stay_exact(monkeypatch):
+    """No polynomial comes near a stiffness that has a kink."""
+    monkeypatch.setattr(tolerance, "WORTH", -math.inf)
+    chain = Chain(PowerLaw(1.0, 1.5), 20)
+    assert simulate(chain, chain.at_rest({0: 1.0}), 10.0, tol=1e-5).force == "exact"
+
+
+def test_runs_without_a_tolerance_and_short_ones_are_exact():
+    chain, state = soft_blow(10)
+    for options in ({"tol": 1e-4}, {"dt": 0.1}, {}):
+        assert simulate(chain, state, 2.0, **options).force == "exact"
+
+
+def test_a_long_run_of_elastic_prisms_takes_polynomials_by_itself():
+    chain, state = soft_blow(300)
+    run = simulate(chain, state, 100.0, tol=1e-9, record=Record(sites=[0]))
+    assert "polynomial of degree" in run.force
+
+
+def test_a_range_left_is_widened(monkeypatch):
+    monkeypatch.setattr(tolerance, "WORTH", -math.inf)
+    monkeypatch.setattr(tolerance, "MARGINS", (-0.2, 0.5))
+    chain, state = soft_blow()
+    run = simulate(chain, state, 20.0, tol=1e-6)
+    low, high = (float(x) for x in run.force.split("[")[1].split("]")[0].split(", "))
+    assert low < 1.3 * run.met[0, 0] < 0
+    assert high > 1.3 * run.met[0, 1] > 0
+    monkeypatch.setattr(tolerance, "MARGINS", (-0.2,))
+    assert simulate(chain, state, 20.0, tol=1e-6).force == "exact"
+
+
+@pytest.mark.parametrize("at", [1, 30, 60, 100])
+def test_interrupt_while_polynomials_are_tried(monkeypatch, at):
+    monkeypatch.setattr(tolerance, "WORTH", -math.inf)
+    chain, state = soft_blow()
+    calls = []
+    advance = march._Watch.advance
+
+    def interrupted(self, steps):
+        calls.append(steps)
+        if len(calls) == at:
+            raise KeyboardInterrupt
+        advance(self, steps)
+
+    monkeypatch.setattr(march._Watch, "advance", interrupted)
+    run = simulate(chain, state, 10.0, tol=1e-9, record=Record(every=5))
+    assert not run.complete
+    assert len(calls) == at  # nothing was begun after it
+
+
+def test_polynomial_and_exact_waves_agree_within_the_tolerance(monkeypatch):
+    """The rarefaction wave ahead of a compressive blow, all of its profile."""
+    chain, state = soft_blow(120)
+    runs = []
+    for worth in (-math.inf, math.inf):
+        monkeypatch.setattr(tolerance, "WORTH", worth)
+        runs.append(simulate(chain, state, 90.0, tol=1e-8))
+    fitted, exact = runs
+    assert fitted.force != exact.force == "exact"
+    assert error_of(fitted, exact.final.u, exact.final.v) < 1e-8
+    front = [np.argmax(chain.elongation(run.final.u)) for run in runs]
+    assert front[0] == front[1] > 80
