@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from figures import (
     limits_stability,
     limits_stiffness,
 )
-from figures.__main__ import write_page
+from figures.__main__ import render, write_page
 from tensegrity.methods import METHODS
 
 pytestmark = pytest.mark.needs_compiler  # minutes without
@@ -210,6 +211,20 @@ def test_the_page_has_all_pictures_of_the_group():
     told = set(re.findall(r"\((limits_\w+)\.png\)", PAGE.read_text()))
     assert told == set(chosen(["limits"]))
     assert all((PAGE.parent / f"{name}.png").is_file() for name in told)
+
+
+def test_a_picture_that_tells_something_gets_a_section(tmp_path):
+    fake = SimpleNamespace(
+        __doc__="A picture to show.\n\nMore.",
+        data=lambda: {"one": {"x": [1.0]}},
+        draw=lambda figure, tables: figure.subplots().plot(tables["one"]["x"]),
+        text=lambda tables: f"It is {tables['one']['x'][0]:g}.",
+    )
+    files, lines = render("fake", fake, tmp_path)
+    assert tmp_path / "fake.md" in files
+    assert lines == []
+    expected = "## A picture to show\n\n![A picture to show](fake.png)\n\nIt is 1.\n"
+    assert (tmp_path / "fake.md").read_text() == expected
 
 
 def test_a_page_is_written_only_where_all_its_sections_were_made(tmp_path):
