@@ -152,11 +152,12 @@ def test_round_off_of_the_energy_is_a_random_walk_and_drift_makes_it_worse():
 
 def test_repeats_and_threads_change_no_bit():
     chain, state = limits_bits.start(limits_bits.SITES)
-    _, first = limits_bits.run(chain, state, 2.0, 3)
+    long = 12.0, 2  # so many steps in one go that pieces have to exchange what they found
+    _, first = limits_bits.run(chain, state, *long)
     for count in limits_bits.THREADS:
         with limits_bits.on_threads(count):
-            assert limits_bits.differing(first, limits_bits.run(chain, state, 2.0, 3)[1]) == 0
-    _, other = limits_bits.run(chain, limits_bits.one_bit(state), 2.0, 3)
+            assert limits_bits.differing(first, limits_bits.run(chain, state, *long)[1]) == 0
+    _, other = limits_bits.run(chain, limits_bits.one_bit(state), *long)
     assert limits_bits.differing(first, other) > 0
 
 
