@@ -254,7 +254,7 @@ _BLANES_MOAN_DRIFTS = palindrome(
 )
 
 
-def _there_and_back(kicks, drifts):
+def there_and_back(kicks, drifts):
     """Rows of a step followed by the same step with its time reversed in sign."""
     back = (-kick for kick in kicks[1:])
     return (*kicks[:-1], kicks[-1] - kicks[0], *back), (*drifts, *(-drift for drift in drifts))
@@ -277,7 +277,7 @@ _KERNEL_DRIFTS = palindrome(
     ),
     odd=False,
 )
-_ENTRY = _there_and_back(
+_ENTRY = there_and_back(
     kicks=(
         0.3846400304648697,
         -0.43605479986672124,
