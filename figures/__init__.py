@@ -1,7 +1,9 @@
 """The pictures: one module each, made from the public interface only.
 
 A module with a NAME is a picture.  It belongs to a GROUP; `data()` computes its numbers, as
-tables {table: {column: array}}; `draw(figure, tables)` draws them and computes nothing.
+tables {table: {column: array}}; `draw(figure, tables)` draws them and computes nothing.  It may
+have `table(tables)`, lines {column: value} of a table that is printed, and written as CSV, for the
+whole group; and `animate(tables, path)`, which writes a GIF.
 """
 
 from __future__ import annotations

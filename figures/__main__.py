@@ -53,7 +53,7 @@ def write_table(path, columns):
 
 
 def render(name, module, folder):
-    """Compute and draw one picture; returns the files written."""
+    """Compute and draw one picture; returns the files and its lines of the group's table."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -71,7 +71,27 @@ def render(name, module, folder):
         path = folder / f"{name}.png"
         write(path, figure.savefig)
         plt.close(figure)
-    return [path, *files]
+        files.insert(0, path)
+        if hasattr(module, "animate"):
+            path = folder / f"{name}.gif"
+            write(path, lambda beside: module.animate(tables, beside))
+            plt.close("all")
+            files.insert(1, path)
+    return files, module.table(tables) if hasattr(module, "table") else []
+
+
+def print_table(rows):
+    """Lines of equal keys, with the keys above, in columns as wide as they need."""
+    columns = list(dict.fromkeys(key for row in rows for key in row))
+    cells = [columns, *([shown(row.get(key, "")) for key in columns] for row in rows)]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    for line in cells:
+        print("  ".join(cell.ljust(w) for cell, w in zip(line, widths, strict=True)).rstrip())
+
+
+def shown(value):
+    """A number with six digits, anything else as it is."""
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def main(arguments=None):
@@ -90,15 +110,25 @@ def main(arguments=None):
             print(f"{name:24} {module.GROUP:14} {module.__doc__.splitlines()[0]}")
         return 0
     options.output.mkdir(parents=True, exist_ok=True)
+    lines = {}  # of each group's table
     try:
         with tqdm(found.items(), unit="picture", disable=None) as bar:
             for name, module in bar:
                 bar.set_description(name)
-                for path in render(name, module, options.output):
+                files, rows = render(name, module, options.output)
+                lines.setdefault(module.GROUP, []).extend(rows)
+                for path in files:
                     tqdm.write(f"{path}", file=sys.stdout)
     except KeyboardInterrupt:
         print("interrupted; the pictures named above are complete", file=sys.stderr)
         return 130
+    for group, rows in lines.items():
+        if rows:
+            print(f"\n{group}")
+            print_table(rows)
+            keys = dict.fromkeys(key for row in rows for key in row)
+            columns = {key: [row.get(key, "") for row in rows] for key in keys}
+            write_table(options.output / f"{group}.csv", columns)
     return 0
 
 

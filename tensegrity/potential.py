@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import cache
 
 import numpy as np
 
@@ -236,6 +237,7 @@ class PowerLaw(Potential):
 SMALLEST = 1e-100  # overlap [m] from which a contact counts as closed
 
 
+@cache
 def _power_law(exponent):
     import sympy as sp
 

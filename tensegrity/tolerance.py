@@ -49,7 +49,7 @@ def fixed_step(problem, dt):
 
 def default_step(problem):
     """Run with a step from the expected frequencies."""
-    fraction = problem.method.step
+    fraction = problem.method.step * getattr(problem.scene, "step_share", 1.0)
     return refined(problem, expected_steps(problem, fraction), MARGIN * fraction)[0]
 
 

@@ -1,0 +1,152 @@
+"""Fig. 2 of seeds/001: a single wave splits at the junction of the half guide, all steel."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from derivations import contact, junction
+from figures import _guide
+from figures._guide import STEEL, row
+from granular import sensor_force, y_guide
+from granular.observables import CLOCK, peak, sampled_peak
+
+NAME = "granular_fig2"
+GROUP = "granular"
+
+SPEED = 0.585  # m/s, of the striker
+END = 420e-6  # s
+SENSORS = (("stem 1", 12), ("stem 1", 16), ("branch 1", 4), ("branch 1", 8))
+PHASES = 300  # of the sampling clock
+BEYOND = 40e-6  # s after the incident peak: the reflected one is on its way
+COARSE = 4  # times the step, with which the ratios must be the same
+PRINTED = (0.917, 0.688)  # V_t/V_i and V_r/V_i of the paper's runs
+ROUNDED = 6e-4  # they were rounded to three digits
+
+
+def data():
+    """Sensor curves, ratios of speeds and forces, and the speeds a clock of 3 us would give."""
+    guide = y_guide(bead=STEEL, striker=_guide.light(SPEED))
+    run = _guide.followed(guide, END, every=2)
+    coarse = _guide.followed(guide, END, COARSE * run.dt, every=1)
+    numbers = [peak(run.t, sensor_force(run, guide, "branch 1", n))[1] for n in range(1, 16)]
+    return {
+        "curves": _guide.curves(run, SENSORS),
+        "peaks": _peaks(run),
+        "coarse": _peaks(coarse),
+        "settling": {"bead": np.arange(1, 16), "peak [N]": np.array(numbers)},
+        "clock": _clock(run),
+        "numbers": {
+            "energy error": np.array([run.energy_error]),
+            "difference of the branches": np.array([_guide.skew(run)]),
+            "momentum error": np.array([_guide.momentum_error(run)]),
+        },
+    }
+
+
+def _read(run):
+    """Forces in the order of the wave's passage and the time in which each is looked at."""
+    order = [*SENSORS, ("stem 1", 16), ("stem 1", 12)]
+    forces = [sensor_force(run, run.scene, *sensor) for sensor in order]
+    after = peak(run.t, forces[1])[0] + BEYOND
+    return forces, [(-math.inf, math.inf)] * 4 + [(after, math.inf)] * 2
+
+
+def _peaks(run):
+    """Instants and heights of the incident, the transmitted and the reflected wave's peaks."""
+    found = [peak(run.t, f, window) for f, window in zip(*_read(run), strict=True)]
+    times, heights = np.array(found).T
+    way = run.scene.distance("stem 1", (12, 16))
+    return {"t [s]": times, "height [N]": heights, "way [m]": np.full(6, way)}
+
+
+def _clock(run):
+    """V_t/V_i and V_r/V_i from the largest samples, for each phase of the clock."""
+    phases = np.arange(PHASES) * CLOCK / PHASES
+    forces, windows = _read(run)
+    found = []
+    for phase in phases:
+        read = [
+            sampled_peak(run.t, f, window, CLOCK, phase)[0]
+            for f, window in zip(forces, windows, strict=True)
+        ]
+        incident, transmitted, reflected = np.diff(read)[::2]
+        found.append((incident / transmitted, incident / reflected))
+    transmitted, reflected = np.array(found).T
+    return {"phase [s]": phases, "V_t/V_i": transmitted, "V_r/V_i": reflected}
+
+
+def ratios(tables, step="peaks"):
+    """V_i, V_t, V_r [m/s] and F_i, F_t, F_r [N], by located peaks; "coarse": of larger steps."""
+    times, way = tables[step]["t [s]"], tables[step]["way [m]"][0]
+    return way / np.diff(times)[::2], tables[step]["height [N]"][[1, 2, 4]]
+
+
+def step_error(tables):
+    """Largest relative change of the ratios of speeds and of forces with a larger step."""
+    fine, coarse = (
+        np.array([x[1:] / x[0] for x in ratios(tables, step)]) for step in ("peaks", "coarse")
+    )
+    return float(np.max(np.abs(coarse / fine - 1)))
+
+
+def agreeing(tables):
+    """Share of the phases at which the clock reads the paper's ratios."""
+    read = np.stack([tables["clock"]["V_t/V_i"], tables["clock"]["V_r/V_i"]])
+    return float(np.mean(np.all(np.abs(read.T - PRINTED) < ROUNDED, axis=1)))
+
+
+def table(tables):
+    """The paper's numbers of this figure beside ours."""
+    (v_i, v_t, v_r), (f_i, f_t, f_r) = ratios(tables)
+    share, name = agreeing(tables), "2"
+    read = [tables["clock"][k] for k in ("V_t/V_i", "V_r/V_i")]
+    spread = [f"{x.min():.3f} to {x.max():.3f}" for x in read]
+    settled = tables["settling"]["peak [N]"]
+    back, forth = (float(x.subs(junction.waves, 1)) for x in _split_ratios())
+    power = float(contact.scalings()[0].subs(contact.exponent, 1.5))
+    return [
+        row(name, "V_i [m/s]", float(v_i), "", 566.96),
+        row(name, "V_t [m/s]", float(v_t), "", 506.64),
+        row(name, "V_r [m/s]", float(v_r), "", 415.92),
+        row(name, "V_t/V_i", float(v_t / v_i), PRINTED[0], 0.894),
+        row(name, "V_r/V_i", float(v_r / v_i), PRINTED[1], 0.734),
+        row(name, "V_t/V_i read every 3 us, over phases", spread[0], PRINTED[0]),
+        row(name, "V_r/V_i read every 3 us, over phases", spread[1], PRINTED[1]),
+        row(name, "share of phases that read the paper's pair", share),
+        row(name, "F_i/F_t", float(f_i / f_t), 1.6, 2),
+        row(name, "F_i/F_t by eq. (7)", forth**-power, 1.6),
+        row(name, "F_i/F_r", float(f_i / f_r), 6.9, 8.4),
+        row(name, "F_i/F_r by eq. (7)", back**-power, 6.9),
+        row(name, "peak at bead 1 of the branch over bead 15", float(settled[0] / settled[14])),
+        row(name, "the same at bead 4", float(settled[3] / settled[14]), "settled"),
+        row(name, "change of these ratios with a step of 0.4 us, not 0.1 us", step_error(tables)),
+        row(
+            name, "difference of both branches", _guide.number(tables, "difference of the branches")
+        ),
+        *_guide.balances(name, tables),
+    ]
+
+
+def _split_ratios():
+    """(I1, I2)/I0 of eq. (7)."""
+    return [x / junction.incident for x in junction.at_thirty_degrees()]
+
+
+def draw(figure, tables):
+    """Curves as in the paper; what a clock of 3 us makes of the speeds."""
+    figure.set_size_inches(10, 5)
+    left, right = figure.subplots(1, 2, width_ratios=(2, 1.2))
+    title = f"single wave, {SPEED} m/s, half guide, steel"
+    _guide.draw_curves(left, tables["curves"], [2.5] * 4, title)
+    (v_i, v_t, v_r), _ = ratios(tables)
+    clock = tables["clock"]
+    for k, (name, exact, printed) in enumerate(
+        zip(("V_t/V_i", "V_r/V_i"), (v_t / v_i, v_r / v_i), PRINTED, strict=True)
+    ):
+        right.plot(1e6 * clock["phase [s]"], clock[name], f"C{k}.", ms=3, label=f"{name}, sampled")
+        right.axhline(exact, color=f"C{k}", lw=1, label=f"located peaks {exact:.4f}")
+        right.axhline(printed, color=f"C{k}", lw=1, ls=":", label=f"paper {printed}")
+    right.set(xlabel="phase of a clock of 3 us [us]", ylabel="ratio of speeds", ylim=(0.6, 1.28))
+    right.legend(fontsize=7, ncols=2, loc="upper center")

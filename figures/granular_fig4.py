@@ -1,0 +1,53 @@
+"""Fig. 4 of seeds/001: a single wave meets a steel and a PTFE branch."""
+
+from __future__ import annotations
+
+from figures import _guide
+from figures._guide import PTFE, STEEL, row
+from granular import diamond_guide
+from granular.observables import pulses, speed
+
+NAME = "granular_fig4"
+GROUP = "granular"
+
+SENSORS = (("stem 1", 16), ("branch 1", 7), ("branch 2", 7), ("stem 2", 5))
+DIVISIONS = (2.0, 2.0, 0.4, 2.0)  # N, of the paper's runs
+END = 2.4e-3  # s
+INSTANTS = (0.6e-3, 1.2e-3, 2.4e-3)  # s, at which shares of energy are told
+BEADS = (7, 15)  # of a branch, between which speeds are taken
+
+
+def data():
+    """Curves, density along the PTFE branch, energies; speeds of the leading pulses."""
+    guide = diamond_guide(bead=STEEL, branches=(STEEL, PTFE), striker=_guide.light(0.20))
+    run = _guide.followed(guide, END)
+    tables = _guide.scene_tables(run, SENSORS, 2)
+    before = {"branch 1": (0, 0.4e-3), "branch 2": (0, 1.0e-3)}  # anything returns
+    for part, window in before.items():
+        tables["numbers"][f"speed in {part} [m/s]"] = [speed(run, guide, part, BEADS, window)]
+    return tables
+
+
+def table(tables):
+    """The paper's statements beside the run's numbers."""
+    steel, ptfe = (_guide.number(tables, f"speed in branch {k} [m/s]") for k in (1, 2))
+    there, back = pulses(*_guide.curve(tables, "branch 1", 7), 0.2)[1][:2]
+    lines = [
+        row("4", "speed in the steel branch over that in the PTFE branch", steel / ptfe,
+            "about 4", "about 4"),
+        row("4", "second pulse at bead 7 of the steel branch over the first",
+            float(back / there), "small"),
+    ]  # fmt: skip
+    for instant in INSTANTS:
+        held = _guide.share(tables, "branch 2", instant)
+        lines.append(
+            row("4", f"energy in the PTFE branch at {1e3 * instant:g} ms", held, "trapped")
+        )
+    return lines + _guide.balances("4", tables)
+
+
+def draw(figure, tables):
+    """Curves and density."""
+    figure.set_size_inches(11, 5)
+    titles = ("steel and PTFE branch, 0.45 g at 0.20 m/s", "stem 1, PTFE branch, stem 2")
+    _guide.draw_scene(figure, figure.subplots(1, 2), tables, DIVISIONS, titles)

@@ -1,0 +1,56 @@
+"""Fig. 6 of seeds/001: a train of waves meets a steel and a Parylene-C coated branch."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from figures import _guide
+from figures._guide import PARYLENE, STEEL, row
+from granular import diamond_guide
+from granular.observables import pulses
+
+NAME = "granular_fig6"
+GROUP = "granular"
+
+SENSORS = (("stem 1", 16), ("branch 1", 7), ("branch 2", 7), ("stem 2", 5))
+DIVISIONS = (10.0, 10.0, 10.0, 5.0)  # N, of the paper's runs
+END = 2.4e-3  # s
+INSTANTS = (0.6e-3, 1.2e-3, 2.4e-3)  # s, at which shares of energy are told
+QUIET = 1.0e-3  # s: by then the train of the steel branch has passed
+RETURN = 0.75e-3  # s: later, pulses come back from the corner
+
+
+def data():
+    """Curves, density along the Parylene branch, energies."""
+    guide = diamond_guide(bead=STEEL, branches=(STEEL, PARYLENE), striker=_guide.heavy(0.35))
+    return _guide.scene_tables(_guide.followed(guide, END), SENSORS, 2)
+
+
+def table(tables):
+    """The paper's statements beside the run's numbers."""
+    t, force = _guide.curve(tables, "stem 2", 5)
+    found = pulses(t, force, 0.3)[0]
+    second = found[np.flatnonzero(found > QUIET)[0]]
+    t_branch, in_branch = _guide.curve(tables, "branch 2", 7)
+    early = t_branch < RETURN
+    lines = [
+        row("6", "first arrival at bead 5 of stem 2 [ms]", float(1e3 * found[0]), 0.6, 0.6),
+        row("6", "arrival from the Parylene branch there [ms]", float(1e3 * second), 1.4, 1.4),
+        row("6", "pulses above 10 % in the Parylene branch, bead 7, until returns",
+            len(pulses(t_branch[early], in_branch[early], 0.1)[1]), "a train", "a train"),
+        row("6", "largest overlap in the Parylene branch [um]",
+            1e6 * _guide.number(tables, "largest overlap [m]"), "order of 10"),
+        row("6", "mean peak overlap there [um]",
+            1e6 * _guide.number(tables, "mean peak overlap [m]"), "order of 5"),
+    ]  # fmt: skip
+    for instant in INSTANTS:
+        held = _guide.share(tables, "branch 2", instant)
+        lines.append(row("6", f"energy in that branch at {1e3 * instant:g} ms", held, "trapped"))
+    return lines + _guide.balances("6", tables)
+
+
+def draw(figure, tables):
+    """Curves and density."""
+    figure.set_size_inches(11, 5)
+    titles = ("steel and Parylene branch, 5.33 g at 0.35 m/s", "stem 1, Parylene branch, stem 2")
+    _guide.draw_scene(figure, figure.subplots(1, 2), tables, DIVISIONS, titles)

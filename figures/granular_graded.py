@@ -1,0 +1,69 @@
+"""Decorated and tapered chains: a pulse is taken apart bead by bead, beside a uniform chain."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from figures import _beads
+from figures._beads import bead
+from figures._guide import row
+
+NAME = "granular_graded"
+GROUP = "granular"
+
+BEADS = 60
+SMALL = 0.4  # radius of the interstitial beads of the decorated chain over that of the others
+TAPER = 0.01  # each bead is smaller than the one before by this part
+READ = 50  # contact at which the pulse that arrived is read
+SCENES = {  # beads, duration [s]
+    "uniform": ([bead("steel")] * BEADS, 0.7e-3),
+    "decorated": ([bead("steel", SMALL if k % 2 else 1.0) for k in range(BEADS)], 0.9e-3),
+    "tapered": ([bead("steel", (1 - TAPER) ** k) for k in range(BEADS)], 0.55e-3),
+    "tapered and decorated": (
+        [bead("steel", (1 - TAPER) ** k * (SMALL if k % 2 else 1.0)) for k in range(BEADS)],
+        0.8e-3,
+    ),
+}
+
+
+def data():
+    """Density of energy, and the force at a contact far down the chain."""
+    tables = {}
+    for name, (beads, t_end) in SCENES.items():
+        run = _beads.struck(beads, t_end)
+        forces = run.scene.contact_forces(run.u)
+        tables[f"{name} density"] = _beads.energies(run)
+        tables[f"{name} force"] = {"t [s]": run.t, "force [N]": forces[:, READ]}
+        tables[f"{name} numbers"] = {
+            "peak at the striker [N]": [forces[:, 0].max()],
+            "energy error": [run.energy_error],
+        }
+    return tables
+
+
+def table(tables):
+    """Peaks far down the chain beside the uniform chain's."""
+    plain = tables["uniform force"]["force [N]"].max()
+    return [
+        row("graded", f"{name}: peak force at contact {READ} over the uniform chain's",
+            float(tables[f"{name} force"]["force [N]"].max() / plain))
+        for name in SCENES if name != "uniform"
+    ]  # fmt: skip
+
+
+def draw(figure, tables):
+    """Densities and the force that arrives."""
+    figure.set_size_inches(11, 7)
+    grid = figure.add_gridspec(2, 3, width_ratios=(1, 1, 1.1))
+    axes = [figure.add_subplot(grid[k // 2, k % 2]) for k in range(len(SCENES))]
+    for one, name in zip(axes, SCENES, strict=True):
+        image = _beads.draw_density(one, tables[f"{name} density"], name)
+    figure.colorbar(image, ax=axes, label="energy over that of the striker", shrink=0.6)
+    side = figure.add_subplot(grid[:, 2])
+    for name in SCENES:
+        force = tables[f"{name} force"]
+        side.plot(1e3 * force["t [s]"], np.maximum(force["force [N]"], 0), lw=1, label=name)
+    side.set(xlabel="time [ms]", ylabel=f"force at contact {READ} [N]")
+    side.set_xlim(0.2, 0.5)
+    side.set_ylim(top=1.3 * tables["uniform force"]["force [N]"].max())
+    side.legend(fontsize=8, loc="upper left")

@@ -1,0 +1,90 @@
+"""The guide in motion: beads coloured by the force on them, walls drawn; also as a GIF."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from figures import _guide
+from figures._guide import PARYLENE, STEEL
+from granular import diamond_guide
+from granular.observables import density
+
+NAME = "granular_motion"
+GROUP = "granular"
+
+END = 1.5e-3  # s
+FRAMES, SHOWN = 100, (12, 22, 42, 84)  # of the GIF; of the picture
+RATE = 12  # frames a second
+HELD = 6.0  # N: the colours end here
+
+
+def data():
+    """Force on each bead at each frame, places and walls of the guide of Fig. 5."""
+    guide = diamond_guide(bead=STEEL, branches=(STEEL, PARYLENE), striker=_guide.light(0.50))
+    run = _guide.followed(guide, END, every=round(END / FRAMES / _guide.DT))
+    forces = density(run, range(1, guide.sites))
+    x, y = guide.positions[1:].T
+    edges = np.array([[*w.start, *w.end] for w in guide.layout.walls if not w.is_bevel])
+    soft = np.isin(np.arange(1, guide.sites), guide.parts["branch 2"])
+    return {
+        "beads": {"x [m]": x, "y [m]": y, "soft": soft.astype(int)},
+        "forces": {"t [s]": run.t, **{f"bead {k} [N]": f for k, f in enumerate(forces.T, 1)}},
+        "walls": dict(zip(("x0 [m]", "y0 [m]", "x1 [m]", "y1 [m]"), edges.T, strict=True)),
+    }
+
+
+def _stage(axes, tables):
+    """Walls and beads; returns what takes the colours."""
+    from matplotlib.collections import EllipseCollection
+
+    beads, walls = tables["beads"], tables["walls"]
+    for x0, y0, x1, y1 in zip(*walls.values(), strict=True):
+        axes.plot([1e3 * x0, 1e3 * x1], [1e3 * y0, 1e3 * y1], "0.4", lw=1)
+    size = np.full(len(beads["x [m]"]), 1e3 * STEEL.diameter)
+    disks = EllipseCollection(
+        size, size, np.zeros_like(size), units="xy", cmap="inferno_r", lw=0.5,
+        offsets=1e3 * np.stack([beads["x [m]"], beads["y [m]"]], axis=1),
+        edgecolors=np.where(beads["soft"] == 1, "C2", "0.6"),
+        offset_transform=axes.transData,
+    )  # fmt: skip
+    disks.set_clim(0, HELD)
+    axes.add_collection(disks)
+    axes.set(aspect="equal", xlabel="x [mm]", ylabel="y [mm]", ylim=(-65, 65))
+    axes.grid(False)
+    return disks
+
+
+def _forces(tables):
+    return np.stack([f for name, f in tables["forces"].items() if name != "t [s]"], axis=1)
+
+
+def draw(figure, tables):
+    """Some frames."""
+    figure.set_size_inches(14, 5.2)
+    forces, t = _forces(tables), tables["forces"]["t [s]"]
+    panels = figure.subplots(2, 2)
+    for axes, frame in zip(panels.ravel(), SHOWN, strict=True):
+        disks = _stage(axes, tables)
+        disks.set_array(forces[frame])
+        axes.set_title(f"{1e3 * t[frame]:.2f} ms", fontsize=9)
+    label = "force by eq. (5) [N]; green rims: Parylene branch"
+    figure.colorbar(disks, ax=panels, label=label, shrink=0.7)
+
+
+def animate(tables, path):
+    """Write all frames as a GIF."""
+    import matplotlib.pyplot as plt
+    from PIL import Image
+
+    figure, axes = plt.subplots(figsize=(10, 3.8), dpi=80, layout="constrained")
+    forces, t = _forces(tables), tables["forces"]["t [s]"]
+    disks = _stage(axes, tables)
+    figure.colorbar(disks, ax=axes, label="force by eq. (5) [N]", shrink=0.8)
+    images = []
+    for instant, force in zip(t, forces, strict=True):
+        disks.set_array(force)
+        axes.set_title(f"{1e3 * instant:.2f} ms; green rims: Parylene-C coated", fontsize=9)
+        figure.canvas.draw()
+        figure.set_layout_engine("none")  # every frame as the first is laid out
+        images.append(Image.fromarray(np.array(figure.canvas.buffer_rgba())).convert("RGB"))
+    images[0].save(path, save_all=True, append_images=images[1:], duration=1000 // RATE, loop=0)

@@ -1,0 +1,118 @@
+"""What the paper does not give, varied: angle, gap and ends of walls, far end, Parylene radius.
+
+A diamond of less than 30 degrees does not exist: the first beads of its branches would overlap.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from figures import _guide
+from figures._guide import PARYLENE, PTFE, STEEL, row
+from granular import diamond_guide, materials, sensor_force, simulate, y_guide
+from granular.observables import part_energies, peak
+from tensegrity import Record
+
+NAME = "granular_sensitivity"
+GROUP = "granular"
+
+DT = 0.4e-6  # s
+HALF_END, FULL_END, AT = 420e-6, 1.4e-3, 1.2e-3  # s
+BEYOND = 40e-6  # s after the incident peak: the reflected one is on its way
+CASES = {  # what differs: keywords of the guides, Parylene bead
+    "as the paper (our reading)": ({}, PARYLENE),
+    "half angle 31 deg": ({"half_angle": math.radians(31)}, PARYLENE),
+    "half angle 32 deg": ({"half_angle": math.radians(32)}, PARYLENE),
+    "wall gap 0.06 mm": ({"gap": 0.06e-3}, PARYLENE),
+    "wall gap 0.12 mm": ({"gap": 0.12e-3}, PARYLENE),
+    "walls run through the junction bead": ({"through": STEEL.radius / 2}, PARYLENE),
+    "stem 2 stopped by steel": ({"end": materials["steel"]}, PARYLENE),
+    "Parylene radius 2.38 mm": ({}, replace(PARYLENE, contact_radius=STEEL.radius)),
+}
+HALF = ("F_i/F_t", "F_i/F_r", "largest in a PTFE branch, bead 7 [N]")
+FULL = (
+    "largest in the Parylene branch, bead 7 [N]",
+    "largest in stem 2, bead 5 [N]",
+    "share of energy in the Parylene branch at 1.2 ms",
+)
+
+
+def data():
+    """Each quantity in each case: Fig. 2's half guide, the same with a PTFE branch, Fig. 5."""
+    columns = {"case": list(CASES)} | {name: [] for name in (*HALF, *FULL)}
+    known = {}
+    for keywords, coated in CASES.values():
+        key = repr(sorted((k, v) for k, v in keywords.items() if k != "end"))
+        if key not in known:
+            known[key] = _half({k: v for k, v in keywords.items() if k != "end"})
+        for name, value in zip(HALF, known[key], strict=True):
+            columns[name].append(value)
+        for name, value in zip(FULL, _full(keywords, coated), strict=True):
+            columns[name].append(value)
+    return {"cases": {k: v if k == "case" else np.array(v) for k, v in columns.items()}}
+
+
+def _run(guide, t_end):
+    how = {"dt": DT, "method": "rkn6", "record": Record(every=2)}
+    return simulate(guide, guide.start(), t_end, **how)
+
+
+def _half(keywords):
+    run = _run(y_guide(bead=STEEL, striker=_guide.light(0.585), **keywords), HALF_END)
+    stem = sensor_force(run, run.scene, "stem 1", 16)
+    instant, incident = peak(run.t, stem)
+    there = peak(run.t, sensor_force(run, run.scene, "branch 1", 4))[1]
+    back = peak(run.t, stem, (instant + BEYOND, math.inf))[1]
+    guide = y_guide(bead=STEEL, branches=(STEEL, PTFE), striker=_guide.light(0.585), **keywords)
+    soft = _run(guide, 0.6e-3)
+    return incident / there, incident / back, sensor_force(soft, guide, "branch 2", 7).max()
+
+
+def _full(keywords, coated):
+    guide = diamond_guide(
+        bead=STEEL, branches=(STEEL, coated), striker=_guide.light(0.5), **keywords
+    )
+    run = _run(guide, FULL_END)
+    forces = [sensor_force(run, guide, *s).max() for s in (("branch 2", 7), ("stem 2", 5))]
+    held = part_energies(run)["branch 2"] / run.energy[0]
+    return *forces, float(np.interp(AT, run.t, held))
+
+
+def table(tables):
+    """Relative changes against our reading, in percent."""
+    cases, lines = tables["cases"], []
+    for k, case in enumerate(cases["case"]):
+        for name in (*HALF, *FULL):
+            value, base = cases[name][k], cases[name][0]
+            change = "" if k == 0 else f" ({100 * (value / base - 1):+.1f} %)"
+            if k == 0 or abs(value / base - 1) > 5e-4:
+                lines.append(row("sensitivity", f"{case}: {name}", f"{value:.4g}{change}"))
+    return lines
+
+
+def draw(figure, tables):
+    """Changes as bars, one panel a quantity."""
+    figure.set_size_inches(12, 5)
+    cases = tables["cases"]
+    places = np.arange(len(cases["case"]) - 1)[::-1]
+    panels = figure.subplots(1, len(HALF) + len(FULL), sharey=True)
+    for axes, name in zip(panels, (*HALF, *FULL), strict=True):
+        change = 100 * (cases[name][1:] / cases[name][0] - 1)
+        axes.barh(places, change, color=np.where(change < 0, "C3", "C0"))
+        axes.axvline(0, color="k", lw=0.6)
+        axes.set_xlabel("change [%]", fontsize=8)
+        axes.set_title("\n".join(_wrapped(name)), fontsize=8)
+        axes.tick_params(labelsize=7)
+        axes.set_axisbelow(True)
+        if np.abs(change).max() < 1:
+            axes.set_xlim(-1, 1)
+    panels[0].set_yticks(places, cases["case"][1:], fontsize=8)
+
+
+def _wrapped(text):
+    import textwrap
+
+    return textwrap.wrap(text, 25)

@@ -1,0 +1,70 @@
+"""Pulses at steps of radius and of material: trains one way, reflections the other (the talk)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from figures import _beads
+from figures._beads import bead
+from figures._guide import row
+from granular import Bead, materials
+from granular.observables import pulses
+
+NAME = "granular_steps"
+GROUP = "granular"
+
+BEFORE, AFTER = 30, 60  # beads on both sides of the step
+LEVEL = 0.05  # of the largest: pulses above it count
+STEEL = bead("steel")
+SOFT = Bead(STEEL.diameter, materials["nylon"], STEEL.mass)  # as heavy as steel
+SCENES = {  # first beads, second beads, duration [s], what the talk says
+    "large to small radius": (bead("steel", 2), STEEL, 1.3e-3, "train"),
+    "small to large radius": (STEEL, bead("steel", 2), 1.5e-3, "partial reflection"),
+    "hard to soft (steel to PTFE)": (STEEL, bead("ptfe"), 2.2e-3, "train"),
+    "soft to hard (PTFE to steel)": (bead("ptfe"), STEEL, 2.6e-3, "partial reflection"),
+    "hard to soft, equal masses": (STEEL, SOFT, 2.4e-3, "train"),
+    "soft to hard, equal masses": (SOFT, STEEL, 2.4e-3, "partial reflection"),
+}
+SENSOR = 15  # beads behind the step
+BACK = 5  # beads before it
+
+
+def data():
+    """Density of energy of each scene, the force behind its step, the energy passed on."""
+    tables = {}
+    for name, (first, second, t_end, _) in SCENES.items():
+        run = _beads.struck([first] * BEFORE + [second] * AFTER, t_end)
+        forces = run.scene.contact_forces(run.u)
+        beyond = run.scene.site_energy(run.u, run.v)[:, BEFORE + 1 :].sum(1) / run.energy[0]
+        tables[f"{name} density"] = _beads.energies(run)
+        tables[f"{name} sensors"] = {
+            "t [s]": run.t,
+            "behind the step [N]": forces[:, BEFORE + SENSOR],
+            "before the step [N]": forces[:, BEFORE - BACK],
+            "energy beyond": beyond,
+        }
+        tables[f"{name} numbers"] = {"energy error": [run.energy_error]}
+    return tables
+
+
+def table(tables):
+    """Pulses that leave the step, and the energy that passes it."""
+    lines = []
+    for name, (_, _, _, said) in SCENES.items():
+        read = tables[f"{name} sensors"]
+        count = len(pulses(read["t [s]"], read["behind the step [N]"], LEVEL)[1])
+        passed = float(read["energy beyond"][np.argmax(read["behind the step [N]"])])
+        lines += [
+            row("steps", f"{name}: pulses above 5 % behind the step", count, said),
+            row("steps", f"{name}: energy beyond it as the largest passes", passed),
+        ]
+    return lines
+
+
+def draw(figure, tables):
+    """Densities, two scenes a row."""
+    figure.set_size_inches(10, 11)
+    axes = figure.subplots(3, 2)
+    for one, name in zip(axes.ravel(), SCENES, strict=True):
+        image = _beads.draw_density(one, tables[f"{name} density"], name, [BEFORE])
+    figure.colorbar(image, ax=axes, label="energy over that of the striker", shrink=0.6)

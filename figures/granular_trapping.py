@@ -1,0 +1,61 @@
+"""Where the energy is: stems, branches and walls in time, stem 2 open and stopped."""
+
+from __future__ import annotations
+
+from figures import _guide
+from figures._guide import PARYLENE, PTFE, STEEL, row
+from granular import diamond_guide, materials, simulate
+from granular.observables import part_energies
+from tensegrity import Record
+
+NAME = "granular_trapping"
+GROUP = "granular"
+
+SCENES = {  # soft branch, speed of the light striker [m/s], what stops stem 2
+    "PTFE branch, stem 2 open": (PTFE, 0.20, None),
+    "PTFE branch, stem 2 stopped": (PTFE, 0.20, materials["steel"]),
+    "Parylene branch, stem 2 open": (PARYLENE, 0.50, None),
+    "Parylene branch, stem 2 stopped": (PARYLENE, 0.50, materials["steel"]),
+}
+END, DT, EVERY = 2.4e-3, 0.2e-6, 20  # s, s, steps between rows
+FROM = 0.8e-3  # s: the steel branch has passed its pulse on
+
+
+def data():
+    """Shares of the energy in the parts of the guide."""
+    tables = {}
+    for name, (soft, speed, end) in SCENES.items():
+        striker = _guide.light(speed)
+        guide = diamond_guide(bead=STEEL, branches=(STEEL, soft), striker=striker, end=end)
+        how = {"dt": DT, "method": "rkn6", "record": Record(every=EVERY)}
+        run = simulate(guide, guide.start(), END, **how)
+        parts = part_energies(run)
+        shares = {part: energy / run.energy[0] for part, energy in parts.items()}
+        tables[name] = {"t [s]": run.t, **shares}
+    return tables
+
+
+def table(tables):
+    """Mean and last share of the soft branch once the steel branch has passed its pulse on."""
+    lines = []
+    for name, one in tables.items():
+        late = one["branch 2"][one["t [s]"] > FROM]
+        lines.append(
+            row("trapping", f"{name}: share in the soft branch, mean from 0.8 ms; at 2.4 ms",
+                f"{late.mean():.3f}; {late[-1]:.3f}", "trapped")
+        )  # fmt: skip
+    return lines
+
+
+def draw(figure, tables):
+    """Stacked shares against time."""
+    figure.set_size_inches(11, 6.5)
+    for axes, (name, one) in zip(figure.subplots(2, 2).ravel(), tables.items(), strict=True):
+        parts = [p for p in one if p != "t [s]"]
+        axes.stackplot(1e3 * one["t [s]"], [one[p] for p in parts], labels=parts, alpha=0.85)
+        axes.set(xlabel="time [ms]", ylabel="share of the energy", title=name, ylim=(0, 1))
+        axes.margins(x=0)
+    handles, labels = axes.get_legend_handles_labels()
+    kinds = {"branch 1": "branch 1 (steel)", "branch 2": "branch 2 (soft)"}
+    labels = [kinds.get(label, label) for label in labels]
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), fontsize=8)

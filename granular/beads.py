@@ -1,0 +1,116 @@
+"""Beads and strikers: spheres with a mass, and the radius that their contacts see."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from granular.materials import Material
+from tensegrity import TensegrityError, check
+
+
+@dataclass(frozen=True)
+class Bead:
+    """A sphere.
+
+    Parameters
+    ----------
+    diameter : float
+        [m], > 0: what the geometry is made with, the distance of two equal beads that touch.
+    material : Material
+        Of the contact; the density also gives the mass where none is given.
+    mass : float, optional
+        [kg], > 0; by default density times volume.
+    contact_radius : float, optional
+        Radius [m] in the contact law, > 0; by default half the diameter.
+
+    Raises
+    ------
+    TensegrityError
+        A number that is not finite and above 0, or a material that is only a name.
+    """
+
+    diameter: float
+    material: Material
+    mass: float | None = None
+    contact_radius: float | None = None
+
+    def __post_init__(self):
+        check.number("diameter", self.diameter, above=0, unit="m")
+        if not isinstance(self.material, Material):
+            raise TensegrityError(
+                f"material {self.material!r} is not a Material; take one of granular.materials"
+            )
+        if self.mass is None:
+            object.__setattr__(self, "mass", self.material.density * volume(self.diameter))
+        if self.contact_radius is None:
+            object.__setattr__(self, "contact_radius", self.diameter / 2)
+        check.number("mass", self.mass, above=0, unit="kg")
+        check.number("contact radius", self.contact_radius, above=0, unit="m")
+
+    @property
+    def radius(self):
+        """Half the diameter [m]."""
+        return self.diameter / 2
+
+
+@dataclass(frozen=True)
+class Striker:
+    """A bead that hits the first one, along the axis.
+
+    Parameters
+    ----------
+    bead : Bead
+    speed : float
+        [m/s], > 0: towards the chain.
+
+    Raises
+    ------
+    TensegrityError
+        A striker at rest or moving away.
+    """
+
+    bead: Bead
+    speed: float
+
+    def __post_init__(self):
+        if not isinstance(self.bead, Bead):
+            raise TensegrityError(f"striker {self.bead!r} is not a Bead")
+        check.number("speed of the striker, towards the chain", self.speed, above=0, unit="m/s")
+
+
+def volume(diameter):
+    """Volume of a sphere [m^3]."""
+    return math.pi / 6 * diameter**3
+
+
+def bead_of_mass(mass: float, material: Material) -> Bead:
+    """The bead of that mass [kg], > 0, whose diameter follows from the density.
+
+    The heavy striker of seeds/001 is given by its mass alone.
+    """
+    mass = check.number("mass", mass, above=0, unit="kg")
+    return Bead((6 * mass / (math.pi * material.density)) ** (1 / 3), material, mass)
+
+
+def coated(core: Bead, coating: Material, thickness: float) -> Bead:
+    """A bead under a soft coating, as seeds/001 models it: a homogeneous bead of the coating.
+
+    Mass and place on the lattice stay those of the core, the contact takes the modulus of the
+    coating and the outer radius.  The model has no dynamics of the layer and holds while the
+    overlap stays below the thickness.
+
+    Parameters
+    ----------
+    core : Bead
+    coating : Material
+    thickness : float
+        Of the coating [m], >= 0.
+
+    Returns
+    -------
+    Bead
+        With the diameter and the mass of the core.
+    """
+    thickness = check.number("thickness", thickness, least=0, unit="m")
+    return Bead(core.diameter, coating, core.mass, core.contact_radius + thickness)

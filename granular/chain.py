@@ -1,0 +1,163 @@
+"""Beads in a straight line, one coordinate each: a `tensegrity.Chain` of power-law contacts.
+
+Beads touch at rest.  Gravity and precompression are constant loads W_i on the beads; each contact
+is measured from the equilibrium under all loads, so that its energy holds the loads' too.  A
+striker that falls on a loaded chain starts in contact without overlap.
+Source: seeds/000, part II, "Discrete element modeling" (the potentials W_i).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from granular.beads import Bead, Striker
+from granular.contact import hertz
+from granular.crystal import Crystal
+from granular.materials import Material
+from tensegrity import Chain, State, TensegrityError, check
+
+WALL_MASS = 1.0  # kg: of the site that stands for a wall; it is held, any number will do
+
+
+class BeadChain(Crystal, Chain):
+    """A chain of beads, perhaps with a striker before it and a wall behind it.
+
+    Attributes
+    ----------
+    beads : tuple of Bead
+        One for each site, the wall apart.
+    parts : dict of str to tuple of int
+        Sites of "striker", "chain" and "wall", in the order in which a wave meets them.
+    striker : Striker or None
+    """
+
+    def __init__(self, beads, striker, loads, end, law):
+        self.striker = striker
+        self.beads = (striker.bead, *beads) if striker else tuple(beads)
+        first = len(self.beads) - len(beads)
+        sites = len(self.beads) + (end is not None)
+        self.parts = {"chain": tuple(range(first, len(self.beads)))}
+        if striker:
+            self.parts = {"striker": (0,), **self.parts}
+        if end is not None:
+            self.parts["wall"] = (len(self.beads),)
+        neighbours = (*self.beads[1:], *(() if end is None else (end,)))
+        self._contacts = [law(a, b) for a, b in zip(self.beads, neighbours, strict=False)]
+        self._carried = np.cumsum(loads)[: sites - 1]  # by each contact in equilibrium [N]
+        self._unstruck = np.cumsum([0.0, *loads[1:]] if striker else loads)[: sites - 1]
+        springs = [
+            contact.spring(preload, a.radius + (b.radius if isinstance(b, Bead) else 0.0))
+            for contact, preload, a, b in zip(
+                self._contacts, self._carried, self.beads, neighbours, strict=False
+            )
+        ]
+        masses = [*(bead.mass for bead in self.beads), *([] if end is None else [WALL_MASS])]
+        super().__init__(springs, sites, masses, ("free", "free" if end is None else "fixed"))
+
+    def start(self) -> State:
+        """The striker in contact and moving, all else at rest under its loads."""
+        u, v = np.zeros(self.sites), np.zeros(self.sites)
+        if self.striker:
+            v[0] = self.striker.speed
+            relief = [
+                c.overlap(with_striker) - c.overlap(without)
+                for c, with_striker, without in zip(
+                    self._contacts, self._carried, self._unstruck, strict=True
+                )
+            ]
+            u[:-1] = -np.cumsum(relief[::-1])[::-1]
+        return State(u, v)
+
+    def contact_forces(self, u):
+        """Compressive force in each contact [N]; u of shape (..., sites) gives (..., sites - 1)."""
+        return self._carried - self.bond_tension(u)
+
+    def overlaps(self, u):
+        """Overlap of each contact [m], < 0 for a gap; shapes as for `contact_forces`."""
+        at_rest = [c.overlap(f) for c, f in zip(self._contacts, self._carried, strict=True)]
+        return at_rest - self.elongation(u)
+
+    def contacts_at(self, site):
+        """Numbers of the contacts of a site."""
+        return [j for j in (site - 1, site) if 0 <= j < self.sites - 1]
+
+    def contacts_within(self, part=None):
+        """Numbers of the contacts between beads of a part, or of all."""
+        inside = set(range(self.sites) if part is None else self.parts[part])
+        return [j for j in range(self.sites - 1) if {j, j + 1} <= inside]
+
+    def needed(self, site):
+        """Sites on which the contacts of a site depend."""
+        return [s for s in (site - 1, site, site + 1) if 0 <= s < self.sites]
+
+    def cosines(self, u, site):
+        """Share of each contact's force along the bead's displacement: all of it."""
+        return np.ones(len(self.contacts_at(site)))
+
+    def bead_energies(self, u, v):
+        """Energy of each site [J], the contact with the wall apart; (..., sites)."""
+        energies = self.site_energy(u, v)
+        if "wall" in self.parts:
+            energies[..., -2] -= energies[..., -1]
+            energies[..., -1] = 0
+        return energies
+
+    def walls_hold(self, u):
+        """Energy of the contact with the wall [J]; (...)."""
+        return self.bond_energy(u)[..., -1] if "wall" in self.parts else np.zeros(u.shape[:-1])
+
+
+def chain(
+    beads: Sequence[Bead],
+    *,
+    striker: Striker | None = None,
+    gravity: float = 0.0,
+    preload: float = 0.0,
+    end: Material | None = None,
+    law=hertz,
+) -> BeadChain:
+    """A straight chain of touching beads.
+
+    Parameters
+    ----------
+    beads : sequence of Bead
+        In the order of the axis, two or more sites with striker and wall.
+    striker : Striker, optional
+        Site 0 then, in contact with the first bead.
+    gravity : float, optional
+        [m/s^2], >= 0, along the axis towards the far end.
+    preload : float, optional
+        Constant force on the first bead (not on the striker) towards the far end [N], >= 0.
+    end : Material, optional
+        Of a plane wall behind the last bead.  Without, that bead is free and, where there are
+        loads, held back by a constant force.
+    law : callable (Bead, Bead or Material) -> Contact, optional
+        `hertz`, or `power(constant, exponent)`.
+
+    Returns
+    -------
+    BeadChain
+
+    Raises
+    ------
+    TensegrityError
+        Anything that is not a Bead, a Striker or a Material where one is asked for; no contact;
+        negative gravity or preload.
+    """
+    beads = tuple(beads)
+    for number, bead in enumerate(beads):
+        if not isinstance(bead, Bead):
+            raise TensegrityError(f"bead {number} is {bead!r}, not a Bead")
+    if striker is not None and not isinstance(striker, Striker):
+        raise TensegrityError(f"striker {striker!r} is not a Striker")
+    if end is not None and not isinstance(end, Material):
+        raise TensegrityError(f"end {end!r} is not the Material of a wall")
+    if not beads or len(beads) + (striker is not None) + (end is not None) < 2:
+        raise TensegrityError(f"a chain of {len(beads)} beads has no contact: give more beads")
+    gravity = check.number("gravity", gravity, least=0, unit="m/s^2")
+    preload = check.number("preload", preload, least=0, unit="N")
+    weights = [gravity * bead.mass for bead in ((striker.bead,) if striker else ()) + beads]
+    weights[1 if striker else 0] += preload
+    return BeadChain(beads, striker, weights, end, law)

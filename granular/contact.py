@@ -1,0 +1,105 @@
+"""Contact laws of bead pairs and of beads on plane walls: force = constant * overlap^exponent.
+
+Hertz's law for smooth, frictionless, linear elastic spheres and small contacts; a plane wall is
+the limit of a large radius.  The constants are evaluated from `derivations.contact`.
+Source: seeds/000, part II, "Hertz interaction potentials"; seeds/001, eqs. (3), (4).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+from granular.beads import Bead
+from granular.materials import Material
+from tensegrity import PowerLaw, TensegrityError, check
+
+
+@dataclass(frozen=True)
+class Contact:
+    """A power law that pushes only.
+
+    Attributes
+    ----------
+    constant : float
+        alpha [N/m^exponent], > 0.
+    exponent : float
+        n, 3/2 after Hertz.
+    """
+
+    constant: float
+    exponent: float = 1.5
+
+    def __post_init__(self):
+        check.number("contact constant", self.constant, above=0, unit="N/m^n")
+        check.number("contact exponent", self.exponent, above=0)
+
+    def overlap(self, force):
+        """Overlap [m] under a compressive force [N] >= 0; any shape."""
+        return (force / self.constant) ** (1 / self.exponent)
+
+    def spring(self, preload=0.0, length=None):
+        """The bond of two beads that touch under a compressive preload [N]."""
+        return PowerLaw(self.constant, self.exponent, preload, length)
+
+
+def hertz(bead: Bead, other: Bead | Material) -> Contact:
+    """Contact of a bead with another bead, or with a plane wall of some material.
+
+    alpha = (4/3) E* sqrt(R*) with 1/E* = sum of (1 - poisson^2)/modulus and 1/R* = sum of 1/radius
+    over both partners (a wall has 1/radius = 0), exponent 3/2.  The model holds for overlaps far
+    below the radii.
+
+    Parameters
+    ----------
+    bead : Bead
+    other : Bead or Material
+        A Material stands for a plane wall.
+
+    Returns
+    -------
+    Contact
+        Constant in [N/m^1.5].
+
+    Raises
+    ------
+    TensegrityError
+        `other` is neither.
+    """
+    for_pair, for_wall = _constants()
+    one = bead.material
+    if isinstance(other, Material):
+        return Contact(
+            for_wall(one.modulus, other.modulus, one.poisson, other.poisson, bead.contact_radius)
+        )
+    if not isinstance(other, Bead):
+        raise TensegrityError(f"{other!r} is neither a Bead nor a Material")
+    two = other.material
+    radii = bead.contact_radius, other.contact_radius
+    return Contact(for_pair(one.modulus, two.modulus, one.poisson, two.poisson, *radii))
+
+
+def power(constant: float, exponent: float):
+    """A law like `hertz` that gives every contact the same constant [N/m^n] and exponent n.
+
+    Both > 0.  To be passed as `law` of `chain`, `y_guide` and `diamond_guide`.
+    """
+    contact = Contact(constant, exponent)
+    return lambda bead, other: contact
+
+
+@cache
+def _constants():
+    """alpha of two spheres and of a sphere on a wall, as functions of numbers."""
+    import sympy as sp
+
+    from derivations import contact as derived
+
+    solids = (derived.modulus_1, derived.modulus_2, derived.poisson_1, derived.poisson_2)
+    pair, exponent = derived.hertz_constant()
+    if exponent != sp.Rational(3, 2):
+        raise TensegrityError(f"exponent {exponent} of the derived contact law must be 3/2")
+    return (
+        sp.lambdify((*solids, derived.radius_1, derived.radius_2), pair, "math"),
+        sp.lambdify((*solids, derived.radius_1), derived.wall_constant(), "math"),
+    )

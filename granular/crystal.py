@@ -1,0 +1,77 @@
+"""What a chain and a guide of beads have in common: parts, bead numbers, recorded rows."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tensegrity import TensegrityError, check
+
+
+class Crystal:
+    """A scene of beads in named parts.
+
+    Attributes
+    ----------
+    beads : tuple of Bead
+        One for each site that is a bead, the striker first where there is one.
+    parts : dict of str to tuple of int
+        Sites of each part, in the paper's counting order.
+    striker : Striker or None
+    step_share : float
+        Of a default step that `simulate` would choose for smooth springs.  Where a contact opens,
+        the force has a kink that a method of high order does not see: with this share the energy
+        keeps to 1e-8.
+    """
+
+    step_share = 1 / 16
+
+    def __repr__(self):
+        parts = ", ".join(f"{name}: {len(sites)}" for name, sites in self.parts.items())
+        struck = "" if self.striker is None else f", struck at {self.striker.speed:g} m/s"
+        return f"{type(self).__name__}({parts}{struck}) on {super().__repr__()}"
+
+    def site(self, part, number):
+        """Site of the bead with that number, from 1, in a part.
+
+        Raises
+        ------
+        TensegrityError
+            An unknown part, or a number that it does not have.
+        """
+        if part not in self.parts:
+            raise TensegrityError(f"part {part!r} is not one of {', '.join(self.parts)}")
+        number = check.whole(f"bead of {part}", number, least=1)
+        if number > len(self.parts[part]):
+            raise TensegrityError(
+                f"bead {number} of {part} must be at most {len(self.parts[part])}"
+            )
+        return self.parts[part][number - 1]
+
+    def distance(self, part, numbers):
+        """Length of the way through touching beads of a part between two numbers [m], > 0."""
+        first, second = sorted(self.site(part, n) for n in numbers)
+        diameters = [self.beads[s].diameter for s in range(first, second + 1)]
+        return sum(diameters) - (diameters[0] + diameters[-1]) / 2
+
+
+def rows(run, sites):
+    """Displacements of all sites, of which those named must have been recorded.
+
+    Returns
+    -------
+    ndarray, (T, sites[, dim])
+        0 in what was not recorded.
+
+    Raises
+    ------
+    TensegrityError
+        One of `sites` was not recorded.
+    """
+    missing = sorted(set(sites) - set(run.sites))
+    if missing:
+        raise TensegrityError(f"site {missing[0]} is needed and was not recorded")
+    if run.sites == tuple(range(run.scene.sites)):
+        return run.u
+    u = np.zeros((len(run.t), run.scene.sites, *run.u.shape[2:]))
+    u[:, list(run.sites)] = run.u
+    return u

@@ -1,0 +1,372 @@
+"""Places of beads and walls in the branched guides of seeds/001, as plain arrays.
+
+Our reading of the paper's Fig. 1, which gives its counts: the axis of stem 1 is x, its last bead
+is the origin, and the branches leave from the centre of that bead at plus and minus the half
+angle.  At 30 degrees the first beads of both branches touch each other.  Below, they cannot be on
+the axes without overlap: they stand at 30 degrees, and the branches go on from there at their own
+angle.  In the diamond, the 24th bead of a branch is the corner, and 23 more lead to the junction
+bead that opens stem 2.  Walls are planes one radius (and a gap) off the axes of the channels,
+each ending where it meets the next.  Where two outer walls meet at a junction their edge reaches
+into the channel, 84 um (at 30 degrees) from the junction bead, which comes to touch it in scenes
+without symmetry; the edge is bevelled: a short piece of plane across it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from tensegrity import TensegrityError, check
+
+TOUCH = 1e-9  # of a diameter: closer than this, beads that should touch do
+SIDE = math.pi / 6  # direction of two first branch beads that touch each other
+BEVEL = 0.25  # half length of a bevel, in diameters
+NEAR = 0.2  # diameters: a bead so near to a bevel may touch it during a run
+OPEN = 1.0  # diameters by which a channel goes on behind its last bead
+ENTRY = 0.25  # and before its first, short enough for a striker of any size
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A flat piece of wall.
+
+    Attributes
+    ----------
+    start, end : tuple of float, (2,)
+        Its edges [m]; beads are on its left, seen from `start` to `end`.
+    name : str
+    """
+
+    start: tuple[float, float]
+    end: tuple[float, float]
+    name: str
+
+    @property
+    def is_bevel(self):
+        """Whether it stands across the edge between two others."""
+        return self.name.endswith("bevel")
+
+    @property
+    def length(self):
+        """[m]."""
+        return math.dist(self.start, self.end)
+
+    @property
+    def along(self):
+        """Unit vector from `start` to `end`, (2,)."""
+        return np.subtract(self.end, self.start) / self.length
+
+    @property
+    def normal(self):
+        """Unit vector towards the beads, (2,)."""
+        x, y = self.along
+        return np.array([-y, x])
+
+    def place(self, position):
+        """Distance from the plane and place along it, from `start` [m]; (..., 2) -> two (...)."""
+        away = np.asarray(position) - self.start
+        return away @ self.normal, away @ self.along
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Where beads and walls are.
+
+    Attributes
+    ----------
+    diameter : float
+        Of all beads [m].
+    positions : ndarray, (beads, 2)
+        Centres at rest [m].
+    parts : dict of str to tuple of int
+        Beads of each part, in the paper's counting order.
+    gap : float
+        Of all beads to their side walls at rest [m].
+    walls : tuple of Piece
+    blind : bool
+        Beads of different branches pass through each other: an idealisation, to be compared.
+    """
+
+    diameter: float
+    positions: np.ndarray
+    parts: dict
+    gap: float = 0.0
+    walls: tuple[Piece, ...] = ()
+    blind: bool = False
+
+    def contacts(self):
+        """Pairs of beads that touch, each once and the lower first; (contacts, 2)."""
+        pairs, distance = self._pairs()
+        touching = pairs[distance <= self.diameter * (1 + TOUCH)]
+        return touching
+
+    def _pairs(self):
+        """Pairs of beads that can meet, and their distances."""
+        x = self.positions
+        i, j = np.triu_indices(len(x), 1)
+        if self.blind:
+            branch = np.zeros(len(x), dtype=int)
+            for name, beads in self.parts.items():
+                if name.startswith("branch"):
+                    branch[list(beads)] = int(name[-1])
+            seen = branch[i] * branch[j] != 2
+            i, j = i[seen], j[seen]
+        return np.stack([i, j], axis=1), np.linalg.norm(x[i] - x[j], axis=1)
+
+    def wall_contacts(self):
+        """(bead, wall) that touch, would without the gap, or may; (contacts, 2)."""
+        found = []
+        for number, wall in enumerate(self.walls):
+            room = NEAR if wall.is_bevel else TOUCH
+            reach = self.diameter * (0.5 + room) + self.gap
+            distance, along = wall.place(self.positions)
+            beside = (along >= 0) & (along <= wall.length) & (abs(distance) <= reach)
+            found += [(int(bead), number) for bead in np.flatnonzero(beside)]
+        return np.array(sorted(found), dtype=int).reshape(-1, 2)
+
+    def wall_gaps(self):
+        """Gap of each wall contact at rest [m]; (contacts,)."""
+        return np.array(
+            [
+                self.walls[w].place(self.positions[b])[0] - self.diameter / 2
+                if self.walls[w].is_bevel
+                else self.gap
+                if self.walls[w].name.endswith("wall")
+                else 0.0
+                for b, w in self.wall_contacts()
+            ]
+        )
+
+    def check(self):
+        """Refuse overlapping beads, and beads that reach through a wall."""
+        pairs, distance = self._pairs()
+        closest = int(np.argmin(distance))
+        if distance[closest] < self.diameter * (1 - TOUCH):
+            one, other = (self.name(b) for b in pairs[closest])
+            raise TensegrityError(
+                f"{one} and {other} overlap by {self.diameter - distance[closest]:.3g} m at rest, "
+                f"with a distance of {distance[closest]:.6g} m and diameters of "
+                f"{self.diameter:.6g} m"
+            )
+        for wall in self.walls:
+            away, along = wall.place(self.positions)
+            beside = (along >= 0) & (along <= wall.length) & (abs(away) < self.diameter / 2)
+            depth = np.where(beside, self.diameter / 2 - away, 0.0)
+            worst = int(np.argmax(depth))
+            if depth[worst] > TOUCH * self.diameter:
+                raise TensegrityError(
+                    f"{self.name(worst)} is outside its guide: {depth[worst]:.3g} m beyond "
+                    f"the {wall.name}, at most {TOUCH * self.diameter:.1g} m is allowed"
+                )
+
+    def name(self, bead):
+        """Words for a bead: its part and its number in it, from 1."""
+        for part, beads in self.parts.items():
+            if bead in beads:
+                return f"bead {beads.index(bead) + 1} of {part}"
+        raise TensegrityError(f"bead {bead} must be below {len(self.positions)}")
+
+    def stopped(self, parts):
+        """The same with a plane wall behind the last bead of each of these parts."""
+        ends = []
+        for part in parts:
+            last, before = (
+                self.positions[self.parts[part][-1]],
+                self.positions[self.parts[part][-2]],
+            )
+            ahead = (last - before) / self.diameter
+            centre, side = last + ahead * self.diameter / 2, np.array([-ahead[1], ahead[0]])
+            edges = centre - side * self.diameter, centre + side * self.diameter
+            ends.append(_piece(*edges, f"end of {part}"))
+        return replace(self, walls=(*self.walls, *ends))
+
+
+def y_layout(stem, branch, half_angle, diameter, gap=0.0, through=0.0):
+    """The first half of the guide: a stem of beads and two branches.
+
+    Parameters
+    ----------
+    stem, branch : int
+        Beads in the stem and in each branch, at least 2.
+    half_angle : float
+        Between the axis and a branch [rad], between 0 and pi/2.
+    diameter : float
+        Of all beads [m].
+    gap : float
+        Between beads and side walls [m], >= 0.
+    through : float
+        How far the outer walls go on behind the line where they meet at a junction [m], >= 0;
+        above 0.27 radii (at 30 degrees) they touch the junction bead.  Only without this the
+        edges between them are bevelled.
+
+    Returns
+    -------
+    Layout
+    """
+    stem, branch, half_angle, diameter, gap, through = _checked(
+        stem, branch, half_angle, diameter, gap, through
+    )
+    positions, parts = _y_positions(stem, branch, half_angle, max(half_angle, SIDE), diameter)
+    first, last = positions[parts["stem 1"][0]], positions[parts["branch 1"][-1]]
+    bend, ahead = positions[parts["branch 1"][0]], _direction(half_angle)
+    far = last + OPEN * diameter * ahead
+    near = first - ENTRY * diameter * np.array([1.0, 0.0])
+    origin = np.zeros(2)
+    knees = [bend] if half_angle < SIDE else []
+    width = diameter / 2 + gap
+    walls = []
+    for side in (1, -1):
+        line = [near, origin, *knees, far]
+        walls += _outer(line, side, width, through, (1,), BEVEL * diameter)
+    line = [_mirror(far), *(_mirror(knee) for knee in knees), origin, *knees, far]
+    walls += [_piece(a, b, "inner wall") for a, b in _offset(line, width)]
+    return Layout(diameter, positions, parts, gap, tuple(walls))
+
+
+def crossed_layout(stem, branch, half_angle, diameter):
+    """Idealised: branch beads stand on the axes at any angle and see only their own branch.
+
+    Parameters and result as for `y_layout`; there are no walls.
+    """
+    stem, branch, half_angle, diameter, _, _ = _checked(stem, branch, half_angle, diameter, 0, 0)
+    positions, parts = _y_positions(stem, branch, half_angle, half_angle, diameter)
+    return Layout(diameter, positions, parts, blind=True)
+
+
+def diamond_layout(stem, branch, half_angle, diameter, gap=0.0, through=0.0):
+    """The full guide: stem 1, two branches with a corner each, and stem 2.
+
+    Parameters
+    ----------
+    stem : int
+        Beads in each stem; the first of stem 2 is the junction bead.
+    branch : int
+        Beads in each branch, odd: the middle one is the corner.
+    half_angle : float
+        [rad], at least pi/6, below pi/2.
+    diameter, gap, through
+        As for `y_layout`.
+
+    Returns
+    -------
+    Layout
+    """
+    stem, branch, half_angle, diameter, gap, through = _checked(
+        stem, branch, half_angle, diameter, gap, through
+    )
+    if branch % 2 == 0:
+        raise TensegrityError(
+            f"branch of {branch} beads must have an odd number: one is the corner"
+        )
+    if half_angle < SIDE * (1 - TOUCH):
+        raise TensegrityError(
+            f"half angle {half_angle:.6g} must be at least {SIDE:.6g} (30 degrees): the first "
+            "beads of the branches of a diamond would overlap"
+        )
+    up = (branch + 1) // 2
+    positions, parts = _y_positions(stem, up, half_angle, half_angle, diameter)
+    corner = diameter * up * _direction(half_angle)
+    down = corner + diameter * np.outer(np.arange(1, up), _direction(-half_angle))
+    first, second = (positions[list(parts[name])] for name in ("branch 1", "branch 2"))
+    exit = np.array([2 * corner[0], 0.0]) + diameter * np.outer(np.arange(stem), [1.0, 0.0])
+    pieces = {
+        "stem 1": positions[list(parts["stem 1"])],
+        "branch 1": np.concatenate([first, down]),
+        "branch 2": np.concatenate([second, _mirror(down)]),
+        "stem 2": exit,
+    }
+    near = pieces["stem 1"][0] - [ENTRY * diameter, 0.0]
+    far = exit[-1] + [OPEN * diameter, 0.0]
+    origin, opening, width = np.zeros(2), exit[0], diameter / 2 + gap
+    walls = []
+    for side in (1, -1):
+        line = [near, origin, corner, opening, far]
+        walls += _outer(line, side, width, through, (1, 3), BEVEL * diameter)
+    ring = [origin, corner, opening, _mirror(corner)]
+    inside = _offset([*ring, *ring, *ring], width)[4:8]
+    walls += [_piece(a, b, "inner wall") for a, b in inside]
+    return _laid(diameter, pieces, gap, tuple(walls))
+
+
+def _checked(stem, branch, half_angle, diameter, gap, through):
+    half_angle = check.number("half angle", half_angle, above=0, unit="rad")
+    if half_angle >= math.pi / 2:
+        raise TensegrityError(f"half angle {half_angle:g} rad must be below {math.pi / 2:g}")
+    return (
+        check.whole("stem", stem, least=2),
+        check.whole("branch", branch, least=2),
+        half_angle,
+        check.number("diameter", diameter, above=0, unit="m"),
+        check.number("gap of the walls", gap, least=0, unit="m"),
+        check.number("through", through, least=0, unit="m"),
+    )
+
+
+def _y_positions(stem, branch, half_angle, first, diameter):
+    """Beads of the stem and of branches whose first beads stand in the direction `first`."""
+    beads = diameter * np.outer(np.arange(branch), _direction(half_angle))
+    beads += diameter * _direction(first)
+    pieces = {
+        "stem 1": diameter * np.outer(np.arange(1 - stem, 1), [1.0, 0.0]),
+        "branch 1": beads,
+        "branch 2": _mirror(beads),
+    }
+    laid = _laid(diameter, pieces)
+    return laid.positions, laid.parts
+
+
+def _laid(diameter, pieces, gap=0.0, walls=()):
+    ends = np.cumsum([0, *map(len, pieces.values())]).tolist()
+    parts = {
+        name: tuple(range(a, b)) for name, a, b in zip(pieces, ends[:-1], ends[1:], strict=True)
+    }
+    return Layout(diameter, np.concatenate(list(pieces.values())), parts, gap, walls)
+
+
+def _direction(angle):
+    return np.array([math.cos(angle), math.sin(angle)])
+
+
+def _mirror(points):
+    return points * np.array([1.0, -1.0])
+
+
+def _outer(line, side, width, through, bends, bevel):
+    """Walls on the outer side of the upper (side 1) or lower branch, along a line of points.
+
+    At the `bends`, numbers of points of the line, walls run on past the edge that they share, or
+    a bevel of that half length stands across it.
+    """
+    name, flip = ("upper", np.array) if side > 0 else ("lower", _mirror)
+    pieces = []
+    for number, (far, near) in enumerate(_offset(line[::-1], width)[::-1]):
+        along = (far - near) / np.linalg.norm(far - near)
+        start = near - (through * along if number in bends else 0.0)
+        end = far + (through * along if number + 1 in bends else 0.0)
+        ends = (end, start) if side > 0 else (start, end)
+        pieces.append(_piece(*map(flip, ends), f"{name} wall"))
+        if number in bends and not through:
+            x, y = (line[number] - near) / np.linalg.norm(line[number] - near)
+            along = bevel * np.array([y, -x])
+            ends = (near - along, near + along) if side > 0 else (near + along, near - along)
+            pieces.append(_piece(*map(flip, ends), f"{name} bevel"))
+    return pieces
+
+
+def _offset(line, width):
+    """Edges of the walls on the right of a line of points, beads on their left; mitred."""
+    line = np.asarray(line)
+    along = np.diff(line, axis=0)
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    right = np.stack([along[:, 1], -along[:, 0]], axis=1)
+    bisector = right[:-1] + right[1:]
+    bends = bisector / (bisector * right[1:]).sum(axis=1)[:, None]
+    corners = line + width * np.concatenate([right[:1], bends, right[-1:]])
+    return list(pairwise(corners))
+
+
+def _piece(start, end, name):
+    return Piece(tuple(map(float, start)), tuple(map(float, end)), name)

@@ -1,0 +1,68 @@
+"""Elastic constants and densities of the beads and walls.
+
+Source: seeds/000, part II, "Analyzed systems and materials" (six materials); seeds/001, Table I
+(three, of which steel and PTFE agree with the talk's).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from tensegrity import TensegrityError, check
+
+
+@dataclass(frozen=True)
+class Material:
+    """A linear elastic material.
+
+    Attributes
+    ----------
+    name : str
+    modulus : float
+        Young's modulus [Pa], > 0.
+    poisson : float
+        Poisson's ratio, from -1 to 0.5, both excluded from below and included from above.
+    density : float
+        [kg/m^3], > 0.
+    source : str
+    """
+
+    name: str
+    modulus: float
+    poisson: float
+    density: float
+    source: str = ""
+
+    def __post_init__(self):
+        check.number(f"modulus of {self.name}", self.modulus, above=0, unit="Pa")
+        check.number(f"density of {self.name}", self.density, above=0, unit="kg/m^3")
+        poisson = check.number(f"Poisson's ratio of {self.name}", self.poisson, above=-1)
+        if poisson > 0.5:
+            raise TensegrityError(f"Poisson's ratio {poisson:g} of {self.name} must be at most 0.5")
+
+
+class _Catalogue(dict):
+    """Materials by name; a name that is not there raises TensegrityError with those that are."""
+
+    def __missing__(self, name):
+        raise TensegrityError(f"material {name!r} is not one of {', '.join(self)}")
+
+
+TALK, PAPER = "seeds/000, part II", "seeds/001, Table I"
+GPA = 1e9
+
+materials = _Catalogue(
+    {
+        name: Material(name, modulus * GPA, poisson, density, source)
+        for name, modulus, poisson, density, source in (
+            ("steel", 193.0, 0.30, 8000.0, f"{TALK}; {PAPER}: stainless, 316"),
+            ("ptfe", 1.46, 0.46, 2200.0, f"{TALK}; {PAPER}"),
+            ("rubber", 0.30, 0.49, 2200.0, TALK),
+            ("bronze", 76.0, 0.41, 8500.0, TALK),
+            ("glass", 62.0, 0.20, 2425.0, TALK),
+            ("nylon", 3.55, 0.40, 1085.0, TALK),
+            ("parylene", 15.0, 0.38, 1289.0, f"{PAPER}: Parylene-C coating"),
+        )
+    }
+)
+"""The materials of both sources by name."""

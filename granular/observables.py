@@ -1,0 +1,226 @@
+"""What is read off a run of beads: sensors, arrivals and speeds, energies, momenta, overlaps.
+
+A sensor in a bead reads the force across its middle plane, seeds/001, eq. (5): half the sum of
+the forces of its contacts, each taken along the bead's displacement (derived in
+`derivations.ledger_paper`, entry "paper.eq5").  Forces of contacts count compression as positive.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from granular.crystal import rows
+from tensegrity import TensegrityError, check
+from tensegrity.observables import passage
+
+CLOCK = 3e-6  # s: sampling interval of the paper's density plots
+LEVEL = 0.05  # of the largest peak: smaller ones do not count as pulses
+
+
+def sensor_force(run, scene, part, number):
+    """Force that a sensor in a bead reads, seeds/001, eq. (5).
+
+    Parameters
+    ----------
+    run : Run
+        With the bead and its neighbours recorded.
+    scene : Crystal
+    part : str
+        Such as "stem 1".
+    number : int
+        Of the bead in that part, from 1.
+
+    Returns
+    -------
+    ndarray, (T,)
+        [N], >= 0; 0 for a bead not yet touched.
+
+    Raises
+    ------
+    TensegrityError
+        No such bead, or the bead or a neighbour was not recorded.
+    """
+    return _sensed(run, scene, part, number, scene.cosines)
+
+
+def mean_force(run, scene, part, number):
+    """Half the sum of the forces of a bead's contacts [N], (T,), whatever their directions."""
+    return _sensed(run, scene, part, number, lambda u, site: 1.0)
+
+
+def _sensed(run, scene, part, number, share):
+    site = scene.site(part, number)
+    u = rows(run, scene.needed(site))
+    touching = scene.contacts_at(site)
+    return (scene.contact_forces(u)[:, touching] * share(u, site)).sum(axis=-1) / 2
+
+
+def density(run, sites):
+    """Sensor forces of several beads of a run of all sites [N], (T, beads)."""
+    u, scene = rows(run, range(run.scene.sites)), run.scene
+    forces = scene.contact_forces(u)
+    columns = [
+        (forces[:, scene.contacts_at(s)] * scene.cosines(u, s)).sum(axis=-1) / 2 for s in sites
+    ]
+    return np.stack(columns, axis=1)
+
+
+def peak(t, force, between=(-math.inf, math.inf)):
+    """Instant and height of the first large peak of a recorded force.
+
+    Parameters
+    ----------
+    t, force : ndarray, (T,)
+        [s], [N].
+    between : (float, float)
+        Only this time is looked at [s].
+
+    Returns
+    -------
+    instant, height : float
+        Located between the rows by a spline of fifth order.
+
+    Raises
+    ------
+    TensegrityError
+        Fewer than 12 rows in that time.
+    """
+    from scipy.interpolate import make_interp_spline
+
+    inside = (t >= between[0]) & (t <= between[1])
+    if inside.sum() < 12:
+        raise TensegrityError(f"{inside.sum()} instants between {between} s are too few for a peak")
+    t, force = t[inside], force[inside]
+    spline = make_interp_spline(t, force, k=5)
+    instant = passage(t, force, spline.derivative()(t))
+    return instant, float(spline(instant))
+
+
+def speed(run, scene, part, numbers, between=(-math.inf, math.inf)):
+    """Speed of the leading pulse between two sensors of a part.
+
+    Parameters
+    ----------
+    run, scene, part
+        As for `sensor_force`.
+    numbers : (int, int)
+        Of the two beads.
+    between : (float, float)
+        Only this time is looked at [s]: for a reflected pulse, behind the incident one.
+
+    Returns
+    -------
+    float
+        [m/s]: the way through touching beads over the time between both peaks; > 0 if the pulse
+        runs from the first bead to the second.
+    """
+    first, second = (peak(run.t, sensor_force(run, scene, part, n), between)[0] for n in numbers)
+    return scene.distance(part, numbers) / (second - first)
+
+
+def sampled(t, force, interval=CLOCK, phase=0.0):
+    """A recorded force as an oscilloscope reads it.
+
+    Parameters
+    ----------
+    t, force : ndarray, (T,)
+        Recorded more often than every `interval`.
+    interval, phase : float
+        Of the clock [s]: it reads at phase, phase + interval, ...
+
+    Returns
+    -------
+    times, values : ndarray, (samples,)
+        [s], [N].
+
+    Raises
+    ------
+    TensegrityError
+        The record is coarser than the clock.
+    """
+    from scipy.interpolate import CubicSpline
+
+    interval = check.number("sampling interval", interval, above=0, unit="s")
+    if np.diff(t).max() > interval:
+        raise TensegrityError(
+            f"rows {np.diff(t).max():.3g} s apart must be at most one interval, {interval:.3g} s"
+        )
+    times = np.arange(t[0] + phase, t[-1], interval)
+    return times, CubicSpline(t, force)(times)
+
+
+def sampled_peak(t, force, between=(-math.inf, math.inf), interval=CLOCK, phase=0.0):
+    """Instant and height of the largest sample that an oscilloscope reads between two instants.
+
+    Parameters as for `peak` and `sampled`; an instant is off by up to half an interval.
+    """
+    times, values = sampled(t, force, interval, phase)
+    inside = (times >= between[0]) & (times <= between[1])
+    if not inside.any():
+        raise TensegrityError(f"no sample every {interval:g} s between {between} s")
+    largest = np.argmax(values[inside])
+    return float(times[inside][largest]), float(values[inside][largest])
+
+
+def pulses(t, force, level=LEVEL):
+    """Instants and heights of all peaks above a part of the largest; two arrays (pulses,).
+
+    A peak counts if the force falls below three quarters of the lower of two neighbours between
+    them; otherwise the higher stands for both.
+    """
+    from scipy.signal import find_peaks
+
+    level = check.number("level", level, above=0)
+    if level >= 1:
+        raise TensegrityError(f"level {level:g} must be below 1")
+    force = np.asarray(force, dtype=float)
+    top = force.max()
+    padded = np.concatenate([[0.0], force, [0.0]])
+    found, facts = find_peaks(padded, height=level * top, prominence=0)
+    distinct = facts["prominences"] >= facts["peak_heights"] / 4
+    return t[found[distinct] - 1], facts["peak_heights"][distinct]
+
+
+def part_energies(run):
+    """Energy of each part of the scene at the recorded instants.
+
+    Parameters
+    ----------
+    run : Run
+        With all sites recorded.
+
+    Returns
+    -------
+    dict of str to ndarray, (T,)
+        [J]: kinetic, and half that of each contact of two beads.  "walls" hold all of theirs;
+        the sum is the total energy.
+    """
+    scene, u = run.scene, rows(run, range(run.scene.sites))
+    inside = scene.bead_energies(u, run.v)
+    energies = {
+        part: inside[:, list(sites)].sum(axis=1)
+        for part, sites in scene.parts.items()
+        if part != "wall"
+    }
+    return {**energies, "walls": scene.walls_hold(u)}
+
+
+def momentum(run):
+    """Momentum of all beads and of what the walls of a guide have taken [N s], (T[, dim]).
+
+    Constant in a guide, and in a chain without loads and end wall (a held site takes impulse
+    that is not recorded).  All sites must have been recorded.
+    """
+    rows(run, range(run.scene.sites))
+    total = np.einsum("s,ts...->t...", run.scene.mass, run.v)
+    return total if run.impulse is None else total + run.impulse.sum(axis=1)
+
+
+def overlaps(run, part=None):
+    """Largest and mean peak overlap of the contacts between beads of a part (all: None) [m]."""
+    scene, u = run.scene, rows(run, range(run.scene.sites))
+    chosen = scene.contacts_within(part)
+    peaks = scene.overlaps(u)[:, chosen].max(axis=0)
+    return float(peaks.max()), float(np.mean(peaks))

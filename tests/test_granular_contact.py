@@ -1,0 +1,99 @@
+"""Materials, beads and contact laws."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from granular import Bead, Contact, Material, Striker, bead_of_mass, coated, hertz, materials, power
+from tensegrity import TensegrityError
+
+
+def test_six_materials_of_the_talk_and_three_of_the_paper():
+    talk = {m.name for m in materials.values() if "seeds/000" in m.source}
+    paper = {m.name for m in materials.values() if "seeds/001" in m.source}
+    assert talk == {"steel", "ptfe", "rubber", "bronze", "glass", "nylon"}
+    assert paper == {"steel", "ptfe", "parylene"}
+
+
+@pytest.mark.parametrize(("name", "printed"), [("steel", 0.45e-3), ("ptfe", 0.123e-3)])
+def test_printed_masses_are_density_times_volume_to_one_percent(name, printed):
+    bead = Bead(4.76e-3, materials[name])
+    assert bead.mass == pytest.approx(printed, rel=1.1e-2)
+    assert bead.mass != pytest.approx(printed, rel=2e-3)  # so a printed mass is worth giving
+
+
+def test_heavy_striker_has_the_radius_of_its_density():
+    bead = bead_of_mass(5.33e-3, materials["steel"])
+    assert Bead(bead.diameter, bead.material).mass == pytest.approx(5.33e-3, rel=1e-14)
+
+
+def test_coated_bead_keeps_mass_and_place_of_its_core():
+    core = Bead(4.76e-3, materials["steel"], 0.45e-3)
+    bead = coated(core, materials["parylene"], 50e-6)
+    assert (bead.mass, bead.diameter) == (core.mass, core.diameter)
+    assert bead.contact_radius == pytest.approx(2.43e-3, rel=1e-14)
+    assert bead.material is materials["parylene"]
+
+
+@pytest.mark.parametrize("other", ["steel", "ptfe", "nylon"])
+def test_hertz_constant_balances_boussinesq_sinking(other):
+    """At the centre and the rim of the contact the bodies' sinking fills overlap minus gap.
+
+    Sinking by quadrature of Boussinesq's point loads under the half-sphere pressure that carries
+    the force; the two materials differ, so mixed-up Poisson ratios would show.
+    """
+    one = Bead(4.76e-3, materials["steel"])
+    two = Bead(9.53e-3, materials[other])
+    overlap = 1e-6
+    force = hertz(one, two).constant * overlap**1.5
+    curvature = 1 / one.radius + 1 / two.radius
+    contact = math.sqrt(overlap / curvature)
+    pressure = 3 * force / (2 * math.pi * contact**2)
+    compliance = sum(
+        (1 - b.material.poisson**2) / (math.pi * b.material.modulus) for b in (one, two)
+    )
+    centre = 2 * math.pi * quad(lambda s: math.sqrt(1 - (s / contact) ** 2), 0, contact)[0]
+    assert compliance * pressure * centre == pytest.approx(overlap, rel=1e-9)
+    # at the rim: chords through it at an angle, each carrying a half circle of pressure
+    chord = quad(lambda w: math.pi / 2 * contact * math.cos(w) ** 2, -math.pi / 2, math.pi / 2)[0]
+    rim = overlap - contact**2 * curvature / 2
+    assert compliance * pressure * chord == pytest.approx(rim, rel=1e-9)
+
+
+def test_wall_is_the_limit_of_a_large_bead():
+    bead, ptfe = Bead(4.76e-3, materials["steel"]), materials["ptfe"]
+    wall = hertz(bead, ptfe).constant
+    errors = [abs(hertz(bead, Bead(d, ptfe)).constant / wall - 1) for d in (10.0, 100.0)]
+    assert errors[1] < 3e-5
+    assert errors[0] / errors[1] == pytest.approx(10, rel=1e-2)
+
+
+def test_power_law_of_any_exponent_is_the_same_for_all():
+    law = power(2.0, 2.5)
+    contact = law(Bead(1e-2, materials["glass"]), materials["nylon"])
+    assert contact == Contact(2.0, 2.5)
+    assert float(contact.spring().tension(-0.3)) == pytest.approx(-2.0 * 0.3**2.5, rel=1e-14)
+    assert contact.overlap(2.0 * 0.3**2.5) == pytest.approx(0.3, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: materials["wood"], "wood.*steel"),
+        (lambda: Bead(4.76e-3, "steel"), "not a Material"),
+        (lambda: Bead(4.76e-3, materials["steel"], mass=0.0), "mass 0 kg must be above 0"),
+        (lambda: Bead(-1.0, materials["steel"]), "diameter -1 m must be above 0"),
+        (lambda: Bead(np.nan, materials["steel"]), "diameter nan"),
+        (lambda: Striker(Bead(1e-3, materials["steel"]), -0.1), "speed .* -0.1 m/s must be above"),
+        (lambda: Striker("ball", 0.1), "not a Bead"),
+        (lambda: Material("jelly", 1e3, 0.7, 1e3), "0.7 of jelly must be at most 0.5"),
+        (lambda: Contact(1.0, 0.0), "exponent 0 must be above 0"),
+        (lambda: hertz(Bead(1e-3, materials["steel"]), "wall"), "neither a Bead nor a Material"),
+        (lambda: coated(Bead(1e-3, materials["steel"]), materials["ptfe"], -1e-6), "thickness"),
+    ],
+)
+def test_bad_input_is_refused_with_its_bound(make, words):
+    with pytest.raises(TensegrityError, match=words):
+        make()
