@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from granular import Bead, Striker, bead_of_mass, coated, materials, sensor_force, simulate
-from granular.observables import CLOCK, density, overlaps, part_energies
+from granular.observables import CLOCK, density, momentum, overlaps, part_energies
 from tensegrity import Record
 
 STEEL = Bead(4.76e-3, materials["steel"], mass=0.45e-3)
@@ -19,7 +19,6 @@ HEAVY = bead_of_mass(5.33e-3, materials["steel"])
 STEM, BRANCH = 19, 47  # beads in each
 DT = 0.1e-6  # s: energy to 1e-8 or better in these scenes
 ROWS = 10  # steps between recorded rows
-DIVISIONS = 4.5  # between two curves
 
 
 def light(speed):
@@ -64,17 +63,19 @@ def density_table(run, branch):
 def draw_curves(axes, table, divisions, title):
     """Curves above each other, the first on top; `divisions` [N] is one division of each."""
     names = [n for n in table if n != "t [s]"]
-    count = len(names)
-    for k, (name, division) in enumerate(zip(names, divisions, strict=True)):
-        base = DIVISIONS * (count - 1 - k)
-        axes.plot(1e3 * table["t [s]"], base + table[name] / division, f"C{k}", lw=1)
+    shown = [table[n] / division for n, division in zip(names, divisions, strict=True)]
+    apart = 1 + int(max(s.max() for s in shown))
+    for k, (name, division, curve) in enumerate(zip(names, divisions, shown, strict=True)):
+        base = apart * (len(names) - 1 - k)
+        axes.plot(1e3 * table["t [s]"], base + curve, f"C{k}", lw=1)
+        part, bead = name.removesuffix(" [N]").rsplit(" ", 1)
         axes.annotate(
-            f"{name.removesuffix(' [N]')}, {division:g} N/div",
-            (0.995, base + 0.9), xycoords=("axes fraction", "data"),
-            ha="right", va="bottom", fontsize=8, color=f"C{k}",
+            f"{part}\nbead {bead}\n{division:g} N/div", (1.01, base),
+            xycoords=("axes fraction", "data"), va="bottom", fontsize=8, color=f"C{k}",
         )  # fmt: skip
-    axes.set_yticks(np.arange(0, DIVISIONS * count + 1), [])
+    axes.set_yticks(np.arange(apart * len(names) + 1), [])
     axes.set(xlabel="time [ms]", ylabel="force [divisions]", title=title)
+    axes.set_ylim(-0.5, apart * len(names))
     axes.margins(x=0)
 
 
@@ -106,8 +107,21 @@ def scene_tables(run, sensors, branch):
             "largest overlap [m]": np.array([largest]),
             "mean peak overlap [m]": np.array([mean]),
             "energy error": np.array([run.energy_error]),
+            "momentum error": np.array([momentum_error(run)]),
         },
     }
+
+
+def skew(run):
+    """Largest difference of the upper branch and the mirrored lower one, over the largest u."""
+    upper, lower = (list(run.scene.parts[f"branch {k}"]) for k in (1, 2))
+    return np.abs(run.u[:, upper] * [1, -1] - run.u[:, lower]).max() / np.abs(run.u).max()
+
+
+def momentum_error(run):
+    """Largest change of the momentum of beads and walls, over the striker's."""
+    total = momentum(run)
+    return np.abs(total - total[0]).max() / total[0, 0]
 
 
 def draw_scene(figure, axes, tables, divisions, titles):
@@ -132,6 +146,14 @@ def share(tables, part, instant):
     energies = tables["energies"]
     total = sum(e[0] for name, e in energies.items() if name != "t [s]")
     return float(np.interp(instant, energies["t [s]"], energies[f"{part} [J]"]) / total)
+
+
+def balances(figure, tables, of=""):
+    """Lines of the errors of energy and momentum."""
+    return [
+        row(figure, f"{of}energy error", number(tables, "energy error")),
+        row(figure, f"{of}momentum error, walls included", number(tables, "momentum error")),
+    ]
 
 
 def row(figure, quantity, here, paper="", experiment=""):

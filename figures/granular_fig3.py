@@ -27,10 +27,8 @@ def data():
     for name, (bead, striker, t_end, dt, _) in SCENES.items():
         guide = diamond_guide(bead=bead, striker=striker)
         run = _guide.followed(guide, t_end, dt)
-        upper, lower = (list(guide.parts[f"branch {k}"]) for k in (1, 2))
         found = _guide.scene_tables(run, SENSORS, 1)
-        skew = np.abs(run.u[:, upper] * [1, -1] - run.u[:, lower]).max() / np.abs(run.u).max()
-        found["numbers"]["difference of the branches"] = np.array([skew])
+        found["numbers"]["difference of the branches"] = np.array([_guide.skew(run)])
         tables |= {f"{name}_{key}": one for key, one in found.items()}
     return tables
 
@@ -66,7 +64,7 @@ def table(tables):
                 float(leading[2] / leading[0]), "passes"),
             row("3", f"{name}: largest in stem 2 over largest in stem 1 (150 deg bends)",
                 float(last / heights[0]), "recombine"),
-            row("3", f"{name}: energy error", _guide.number(one, "energy error")),
+            *_guide.balances("3", one, f"{name}: "),
         ]  # fmt: skip
     return lines
 

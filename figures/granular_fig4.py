@@ -43,7 +43,7 @@ def table(tables):
         lines.append(
             row("4", f"energy in the PTFE branch at {1e3 * instant:g} ms", held, "trapped")
         )
-    return [*lines, row("4", "energy error", _guide.number(tables, "energy error"))]
+    return lines + _guide.balances("4", tables)
 
 
 def draw(figure, tables):

@@ -46,7 +46,7 @@ def table(tables):
     for instant in INSTANTS:
         held = _guide.share(tables, "branch 2", instant)
         lines.append(row("6", f"energy in that branch at {1e3 * instant:g} ms", held, "trapped"))
-    return [*lines, row("6", "energy error", _guide.number(tables, "energy error"))]
+    return lines + _guide.balances("6", tables)
 
 
 def draw(figure, tables):

@@ -64,4 +64,6 @@ def draw(figure, tables):
         force = tables[f"{name} force"]
         side.plot(1e3 * force["t [s]"], np.maximum(force["force [N]"], 0), lw=1, label=name)
     side.set(xlabel="time [ms]", ylabel=f"force at contact {READ} [N]")
-    side.legend(fontsize=8)
+    side.set_xlim(0.2, 0.5)
+    side.set_ylim(top=1.3 * tables["uniform force"]["force [N]"].max())
+    side.legend(fontsize=8, loc="upper left")

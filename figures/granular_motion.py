@@ -60,7 +60,7 @@ def _forces(tables):
 
 def draw(figure, tables):
     """Some frames."""
-    figure.set_size_inches(11, 5)
+    figure.set_size_inches(14, 5.2)
     forces, t = _forces(tables), tables["forces"]["t [s]"]
     panels = figure.subplots(2, 2)
     for axes, frame in zip(panels.ravel(), SHOWN, strict=True):
@@ -74,16 +74,17 @@ def draw(figure, tables):
 def animate(tables, path):
     """Write all frames as a GIF."""
     import matplotlib.pyplot as plt
-    from matplotlib.animation import FuncAnimation, PillowWriter
+    from PIL import Image
 
-    figure, axes = plt.subplots(figsize=(8, 4), layout="constrained")
+    figure, axes = plt.subplots(figsize=(10, 3.8), dpi=80, layout="constrained")
     forces, t = _forces(tables), tables["forces"]["t [s]"]
     disks = _stage(axes, tables)
     figure.colorbar(disks, ax=axes, label="force by eq. (5) [N]", shrink=0.8)
-
-    def show(frame):
-        disks.set_array(forces[frame])
-        axes.set_title(f"{1e3 * t[frame]:.2f} ms; green rims: Parylene-C coated", fontsize=9)
-
-    film = FuncAnimation(figure, show, frames=len(t))
-    film.save(path, writer=PillowWriter(fps=RATE), dpi=80)
+    images = []
+    for instant, force in zip(t, forces, strict=True):
+        disks.set_array(force)
+        axes.set_title(f"{1e3 * instant:.2f} ms; green rims: Parylene-C coated", fontsize=9)
+        figure.canvas.draw()
+        figure.set_layout_engine("none")  # every frame as the first is laid out
+        images.append(Image.fromarray(np.array(figure.canvas.buffer_rgba())).convert("RGB"))
+    images[0].save(path, save_all=True, append_images=images[1:], duration=1000 // RATE, loop=0)

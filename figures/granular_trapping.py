@@ -56,4 +56,6 @@ def draw(figure, tables):
         axes.set(xlabel="time [ms]", ylabel="share of the energy", title=name, ylim=(0, 1))
         axes.margins(x=0)
     handles, labels = axes.get_legend_handles_labels()
+    kinds = {"branch 1": "branch 1 (steel)", "branch 2": "branch 2 (soft)"}
+    labels = [kinds.get(label, label) for label in labels]
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), fontsize=8)

@@ -17,9 +17,9 @@ GROUP = "granular"
 
 SCENES = {  # material: speeds of the striker [m/s]
     "steel": (0.05, 0.2, 0.585),
-    "ptfe": (0.1, 0.4),
-    "glass": (0.1, 0.4),
-    "rubber": (0.2,),
+    "ptfe": (0.08, 0.45),
+    "glass": (0.13, 0.35),
+    "rubber": (0.27,),
 }
 FAR = (120, 200)  # contacts between which speeds are taken: debris has fallen behind
 BEADS = 240
@@ -135,8 +135,15 @@ def table(tables):
         row(name, "effective mass in beads", f"{mass[2]:.6f}", 1.4),
         row(name, "the same of the exact travelling wave", f"{exact['effective mass'][0]:.6f}"),
         row(name, "width in beads, at 1 % of the compression", wide, "about 5"),
+        row(name, "width of the long wave's solution in beads", _long_wave_width(), "about 5"),
         row(name, "share of the striker's energy in the wave", float(w["share of the energy"][2])),
     ]  # fmt: skip
+
+
+def _long_wave_width():
+    """Length of the hump of the long-wave solution, in beads."""
+    kappa = contact.nesterenko()[1].subs(contact.exponent, HERTZ)
+    return float(np.pi / kappa)
 
 
 def draw(figure, tables):
@@ -163,4 +170,5 @@ def draw(figure, tables):
             chosen = names == name
             axes.loglog(momentum[chosen], y[chosen], f"C{k}o", ms=5, label=name)
         axes.set(xlabel="momentum of the wave over mass [m/s]", ylabel=label)
+        axes.xaxis.set_minor_formatter("")
         axes.legend(fontsize=7)

@@ -22,7 +22,12 @@ class Bead:
     mass : float, optional
         [kg], > 0; by default density times volume.
     contact_radius : float, optional
-        Radius [m] in the contact law; by default half the diameter.
+        Radius [m] in the contact law, > 0; by default half the diameter.
+
+    Raises
+    ------
+    TensegrityError
+        A number that is not finite and above 0, or a material that is only a name.
     """
 
     diameter: float
@@ -58,6 +63,11 @@ class Striker:
     bead : Bead
     speed : float
         [m/s], > 0: towards the chain.
+
+    Raises
+    ------
+    TensegrityError
+        A striker at rest or moving away.
     """
 
     bead: Bead
@@ -75,7 +85,10 @@ def volume(diameter):
 
 
 def bead_of_mass(mass: float, material: Material) -> Bead:
-    """The bead of that mass [kg] whose diameter follows from the density."""
+    """The bead of that mass [kg], > 0, whose diameter follows from the density.
+
+    The heavy striker of seeds/001 is given by its mass alone.
+    """
     mass = check.number("mass", mass, above=0, unit="kg")
     return Bead((6 * mass / (math.pi * material.density)) ** (1 / 3), material, mass)
 
@@ -89,8 +102,15 @@ def coated(core: Bead, coating: Material, thickness: float) -> Bead:
 
     Parameters
     ----------
+    core : Bead
+    coating : Material
     thickness : float
         Of the coating [m], >= 0.
+
+    Returns
+    -------
+    Bead
+        With the diameter and the mass of the core.
     """
     thickness = check.number("thickness", thickness, least=0, unit="m")
     return Bead(core.diameter, coating, core.mass, core.contact_radius + thickness)

@@ -139,6 +139,12 @@ def chain(
     Returns
     -------
     BeadChain
+
+    Raises
+    ------
+    TensegrityError
+        Anything that is not a Bead, a Striker or a Material where one is asked for; no contact;
+        negative gravity or preload.
     """
     beads = tuple(beads)
     for number, bead in enumerate(beads):

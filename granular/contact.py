@@ -35,7 +35,7 @@ class Contact:
         check.number("contact exponent", self.exponent, above=0)
 
     def overlap(self, force):
-        """Overlap [m] under a compressive force [N] >= 0."""
+        """Overlap [m] under a compressive force [N] >= 0; any shape."""
         return (force / self.constant) ** (1 / self.exponent)
 
     def spring(self, preload=0.0, length=None):
@@ -46,7 +46,25 @@ class Contact:
 def hertz(bead: Bead, other: Bead | Material) -> Contact:
     """Contact of a bead with another bead, or with a plane wall of some material.
 
-    Accurate to round-off of the formula; the model holds for overlaps far below the radii.
+    alpha = (4/3) E* sqrt(R*) with 1/E* = sum of (1 - poisson^2)/modulus and 1/R* = sum of 1/radius
+    over both partners (a wall has 1/radius = 0), exponent 3/2.  The model holds for overlaps far
+    below the radii.
+
+    Parameters
+    ----------
+    bead : Bead
+    other : Bead or Material
+        A Material stands for a plane wall.
+
+    Returns
+    -------
+    Contact
+        Constant in [N/m^1.5].
+
+    Raises
+    ------
+    TensegrityError
+        `other` is neither.
     """
     for_pair, for_wall = _constants()
     one = bead.material
@@ -62,7 +80,10 @@ def hertz(bead: Bead, other: Bead | Material) -> Contact:
 
 
 def power(constant: float, exponent: float):
-    """A law like `hertz` that gives every contact the same constant [N/m^n] and exponent."""
+    """A law like `hertz` that gives every contact the same constant [N/m^n] and exponent n.
+
+    Both > 0.  To be passed as `law` of `chain`, `y_guide` and `diamond_guide`.
+    """
     contact = Contact(constant, exponent)
     return lambda bead, other: contact
 

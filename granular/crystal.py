@@ -16,6 +16,7 @@ class Crystal:
         One for each site that is a bead, the striker first where there is one.
     parts : dict of str to tuple of int
         Sites of each part, in the paper's counting order.
+    striker : Striker or None
     step_share : float
         Of a default step that `simulate` would choose for smooth springs.  Where a contact opens,
         the force has a kink that a method of high order does not see: with this share the energy
@@ -24,8 +25,19 @@ class Crystal:
 
     step_share = 1 / 16
 
+    def __repr__(self):
+        parts = ", ".join(f"{name}: {len(sites)}" for name, sites in self.parts.items())
+        struck = "" if self.striker is None else f", struck at {self.striker.speed:g} m/s"
+        return f"{type(self).__name__}({parts}{struck}) on {super().__repr__()}"
+
     def site(self, part, number):
-        """Site of the bead with that number, from 1, in a part."""
+        """Site of the bead with that number, from 1, in a part.
+
+        Raises
+        ------
+        TensegrityError
+            An unknown part, or a number that it does not have.
+        """
         if part not in self.parts:
             raise TensegrityError(f"part {part!r} is not one of {', '.join(self.parts)}")
         number = check.whole(f"bead of {part}", number, least=1)
@@ -36,7 +48,7 @@ class Crystal:
         return self.parts[part][number - 1]
 
     def distance(self, part, numbers):
-        """Length of the way through touching beads from one bead of a part to another [m]."""
+        """Length of the way through touching beads of a part between two numbers [m], > 0."""
         first, second = sorted(self.site(part, n) for n in numbers)
         diameters = [self.beads[s].diameter for s in range(first, second + 1)]
         return sum(diameters) - (diameters[0] + diameters[-1]) / 2
@@ -49,6 +61,11 @@ def rows(run, sites):
     -------
     ndarray, (T, sites[, dim])
         0 in what was not recorded.
+
+    Raises
+    ------
+    TensegrityError
+        One of `sites` was not recorded.
     """
     missing = sorted(set(sites) - set(run.sites))
     if missing:

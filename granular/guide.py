@@ -37,6 +37,7 @@ class Guide(Crystal, Network):
     end : Material, optional
         Of plane walls behind the last beads of the last parts; by default these are free.
     law : callable (Bead, Bead or Material) -> Contact, optional
+        `hertz`, or `power(constant, exponent)`.
 
     Attributes
     ----------
@@ -252,6 +253,13 @@ def y_guide(
     -------
     Guide
         With parts "striker", "stem 1", "branch 1", "branch 2".
+
+    Raises
+    ------
+    TensegrityError
+        Beads of another diameter than the guide's, which would overlap or leave gaps; half angles,
+        counts and gaps out of range.  `simulate` raises ContactError where a contact forms that
+        the guide does not list.
     """
     layout = y_layout(stem, branch, half_angle, _diameter(bead), gap, through)
     return Guide(layout, _filling(bead, branches), wall, striker, end, law)
@@ -273,8 +281,9 @@ def diamond_guide(
 ) -> Guide:
     """The full guide of seeds/001: the branches meet again in a second stem.
 
-    Parameters and result as for `y_guide`, with the further part "stem 2", whose first bead is
-    the junction.  `branch` counts the beads between the junctions, the corner in their middle.
+    Parameters, result and errors as for `y_guide`, with the further part "stem 2", whose first
+    bead is the junction.  `branch` counts the beads between the junctions, the corner in their
+    middle; `half_angle` is pi/6 or more.  `end` stops stem 2.
     """
     layout = diamond_layout(stem, branch, half_angle, _diameter(bead), gap, through)
     beads = {**_filling(bead, branches), "stem 2": bead}

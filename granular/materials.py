@@ -42,6 +42,8 @@ class Material:
 
 
 class _Catalogue(dict):
+    """Materials by name; a name that is not there raises TensegrityError with those that are."""
+
     def __missing__(self, name):
         raise TensegrityError(f"material {name!r} is not one of {', '.join(self)}")
 

@@ -36,6 +36,11 @@ def sensor_force(run, scene, part, number):
     -------
     ndarray, (T,)
         [N], >= 0; 0 for a bead not yet touched.
+
+    Raises
+    ------
+    TensegrityError
+        No such bead, or the bead or a neighbour was not recorded.
     """
     return _sensed(run, scene, part, number, scene.cosines)
 
@@ -76,6 +81,11 @@ def peak(t, force, between=(-math.inf, math.inf)):
     -------
     instant, height : float
         Located between the rows by a spline of fifth order.
+
+    Raises
+    ------
+    TensegrityError
+        Fewer than 12 rows in that time.
     """
     from scipy.interpolate import make_interp_spline
 
@@ -89,14 +99,25 @@ def peak(t, force, between=(-math.inf, math.inf)):
 
 
 def speed(run, scene, part, numbers, between=(-math.inf, math.inf)):
-    """Speed of the leading pulse between two sensors of a part [m/s].
+    """Speed of the leading pulse between two sensors of a part.
 
-    Positive from lower to higher numbers, so negative for a reflected pulse that is looked for
-    `between` two instants.
+    Parameters
+    ----------
+    run, scene, part
+        As for `sensor_force`.
+    numbers : (int, int)
+        Of the two beads.
+    between : (float, float)
+        Only this time is looked at [s]: for a reflected pulse, behind the incident one.
+
+    Returns
+    -------
+    float
+        [m/s]: the way through touching beads over the time between both peaks; > 0 if the pulse
+        runs from the first bead to the second.
     """
-    first, second = numbers
-    times = [peak(run.t, sensor_force(run, scene, part, n), between)[0] for n in numbers]
-    return math.copysign(scene.distance(part, numbers), second - first) / (times[1] - times[0])
+    first, second = (peak(run.t, sensor_force(run, scene, part, n), between)[0] for n in numbers)
+    return scene.distance(part, numbers) / (second - first)
 
 
 def sampled(t, force, interval=CLOCK, phase=0.0):
@@ -111,13 +132,36 @@ def sampled(t, force, interval=CLOCK, phase=0.0):
 
     Returns
     -------
-    times, values : ndarray
+    times, values : ndarray, (samples,)
+        [s], [N].
+
+    Raises
+    ------
+    TensegrityError
+        The record is coarser than the clock.
     """
     from scipy.interpolate import CubicSpline
 
     interval = check.number("sampling interval", interval, above=0, unit="s")
+    if np.diff(t).max() > interval:
+        raise TensegrityError(
+            f"rows {np.diff(t).max():.3g} s apart must be at most one interval, {interval:.3g} s"
+        )
     times = np.arange(t[0] + phase, t[-1], interval)
     return times, CubicSpline(t, force)(times)
+
+
+def sampled_peak(t, force, between=(-math.inf, math.inf), interval=CLOCK, phase=0.0):
+    """Instant and height of the largest sample that an oscilloscope reads between two instants.
+
+    Parameters as for `peak` and `sampled`; an instant is off by up to half an interval.
+    """
+    times, values = sampled(t, force, interval, phase)
+    inside = (times >= between[0]) & (times <= between[1])
+    if not inside.any():
+        raise TensegrityError(f"no sample every {interval:g} s between {between} s")
+    largest = np.argmax(values[inside])
+    return float(times[inside][largest]), float(values[inside][largest])
 
 
 def pulses(t, force, level=LEVEL):
@@ -161,6 +205,17 @@ def part_energies(run):
         if part != "wall"
     }
     return {**energies, "walls": scene.walls_hold(u)}
+
+
+def momentum(run):
+    """Momentum of all beads and of what the walls of a guide have taken [N s], (T[, dim]).
+
+    Constant in a guide, and in a chain without loads and end wall (a held site takes impulse
+    that is not recorded).  All sites must have been recorded.
+    """
+    rows(run, range(run.scene.sites))
+    total = np.einsum("s,ts...->t...", run.scene.mass, run.v)
+    return total if run.impulse is None else total + run.impulse.sum(axis=1)
 
 
 def overlaps(run, part=None):

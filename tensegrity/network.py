@@ -16,7 +16,16 @@ import numpy as np
 from tensegrity import check, stepping
 from tensegrity.clearance import Clearance
 from tensegrity.errors import TensegrityError
-from tensegrity.lattice import SMALLEST_MASS, State
+from tensegrity.lattice import State
+from tensegrity.network_input import (
+    joined_pairs,
+    numbers,
+    per_site,
+    plane_walls,
+    site_number,
+    springs_of,
+    touching,
+)
 from tensegrity.network_loop import Contacts, kernel
 from tensegrity.potential import Potential
 from tensegrity.walls import Wall
@@ -70,24 +79,28 @@ class Network:
         loads=None,
         held: Sequence[int] = (),
     ):
-        self.positions = _numbers("positions", positions)
+        self.positions = numbers("positions", positions)
         if self.positions.ndim != 2 or self.positions.shape[1] not in (2, 3):
             raise TensegrityError(
                 f"positions have shape {self.positions.shape}, must be (sites, 2) or (sites, 3)"
             )
         self.sites, self.dim = self.positions.shape
         check.whole("sites", self.sites, least=1)
-        self.bonds = self._pairs(bonds)
-        self.mass = self._per_site("mass", mass, "kg")
-        self.radius = None if radius is None else self._per_site("radius", radius, "m")
-        self.walls = self._walls(walls)
-        self.wall_contacts = self._wall_contacts(wall_contacts)
-        self.springs = _springs(spring, len(self.bonds), "bond")
+        self.bonds = joined_pairs(bonds, self.sites)
+        self.mass = per_site("mass", mass, "kg", self.sites)
+        self.radius = None if radius is None else per_site("radius", radius, "m", self.sites)
+        self.walls = plane_walls(walls, self.dim)
+        if np.size(wall_contacts) and self.radius is None:
+            raise TensegrityError(
+                f"{len(wall_contacts)} wall contacts need the radius of the sites"
+            )
+        self.wall_contacts = touching(wall_contacts, self.walls, self.positions)
+        self.springs = springs_of(spring, len(self.bonds), "bond")
         if len(self.wall_contacts) or wall_spring is not None:
             count = len(self.wall_contacts)
-            self.springs += _springs(wall_spring, count, "wall contact")
-        self.loads = np.zeros(self.shape) if loads is None else _numbers("loads", loads, self.shape)
-        self.held = sorted({self._site("held site", s) for s in held})
+            self.springs += springs_of(wall_spring, count, "wall contact")
+        self.loads = np.zeros(self.shape) if loads is None else numbers("loads", loads, self.shape)
+        self.held = sorted({site_number("held site", s, self.sites) for s in held})
         self._set_geometry(lengths, wall_gaps)
         _ = self.contacts  # refuses springs that the compiled loop cannot take
         self._refuse_unlisted(np.zeros(self.shape))
@@ -95,69 +108,6 @@ class Network:
     def _refuse_unlisted(self, u):
         if self.clearance is not None:
             self.clearance.check(u)
-
-    # what is handed in
-
-    def _site(self, name, value):
-        site = check.whole(name, value, least=0)
-        if site >= self.sites:
-            raise TensegrityError(f"{name} {site} must be below {self.sites}")
-        return site
-
-    def _per_site(self, name, value, unit):
-        given = _numbers(name, value)
-        if given.ndim and given.shape != (self.sites,):
-            raise TensegrityError(f"{name} has shape {given.shape}, must be ({self.sites},)")
-        values = np.broadcast_to(given, (self.sites,)).copy()
-        bad = np.flatnonzero(~(values >= SMALLEST_MASS))
-        if bad.size:
-            raise TensegrityError(
-                f"{name} {values[bad[0]]:g} {unit} of site {bad[0]} must be at least "
-                f"{SMALLEST_MASS:g}"
-            )
-        values.flags.writeable = False
-        return values
-
-    def _pairs(self, bonds):
-        bonds = _table("bonds", bonds)
-        for number, (i, j) in enumerate(bonds.tolist()):
-            if not 0 <= min(i, j) <= max(i, j) < self.sites:
-                raise TensegrityError(
-                    f"bond {number} joins sites {i} and {j}, which must be 0 to {self.sites - 1}"
-                )
-            if i == j:
-                raise TensegrityError(f"bond {number} joins site {i} to itself")
-        _refuse_twins("bond", np.sort(bonds, axis=1))
-        return bonds
-
-    def _walls(self, walls):
-        walls = tuple(walls)
-        for number, wall in enumerate(walls):
-            if not isinstance(wall, Wall):
-                raise TensegrityError(f"wall {number} is {wall!r}, not a Wall")
-            if wall.point.size != self.dim:
-                raise TensegrityError(
-                    f"wall {number} has {wall.point.size} coordinates, the sites have {self.dim}"
-                )
-        return walls
-
-    def _wall_contacts(self, contacts):
-        contacts = _table("wall_contacts", contacts)
-        if len(contacts) and self.radius is None:
-            raise TensegrityError(f"{len(contacts)} wall contacts need the radius of the sites")
-        for number, (site, wall) in enumerate(contacts.tolist()):
-            self._site(f"site of wall contact {number}:", site)
-            if not 0 <= wall < len(self.walls):
-                raise TensegrityError(
-                    f"wall contact {number} is with wall {wall}, there are {len(self.walls)}"
-                )
-            beyond = self.walls[wall].overhang(self.positions[site])
-            if beyond > 0:
-                raise TensegrityError(
-                    f"site {site} is {beyond:.3g} m beyond the end of wall {wall}"
-                )
-        _refuse_twins("wall contact", contacts)
-        return contacts
 
     def _set_geometry(self, lengths, wall_gaps):
         i, j = self.bonds.T
@@ -173,7 +123,7 @@ class Network:
             lengths = distance.astype(float)
             opening = np.zeros(len(self.bonds))
         else:
-            lengths = np.broadcast_to(_numbers("lengths", lengths), (len(self.bonds),)).copy()
+            lengths = np.broadcast_to(numbers("lengths", lengths), (len(self.bonds),)).copy()
             opening = (distance - lengths).astype(float)
         bad = np.flatnonzero(~(lengths > 0))
         if bad.size:
@@ -186,7 +136,7 @@ class Network:
             inside = 0 if self.radius is None else self.radius[site]
             gaps = (np.array(heights, dtype=np.longdouble) - inside).astype(float)
         else:
-            gaps = _numbers("wall_gaps", wall_gaps, (len(self.wall_contacts),))
+            gaps = numbers("wall_gaps", wall_gaps, (len(self.wall_contacts),))
         self._geometry = np.zeros((self.dim + 2, len(self.springs)))
         self._geometry[: self.dim] = np.concatenate([self._reference, normals]).T
         self._geometry[self.dim] = np.concatenate([opening, gaps])
@@ -319,8 +269,8 @@ class Network:
             raise TensegrityError(f"velocity {velocity!r} must be a dict {{site: velocity}}")
         v = np.zeros(self.shape)
         for site, value in (velocity or {}).items():
-            site = self._site("site", site)
-            v[site] = _numbers(f"velocity of site {site}", value, (self.dim,))
+            site = site_number("site", site, self.sites)
+            v[site] = numbers(f"velocity of site {site}", value, (self.dim,))
         state = State(np.zeros(self.shape), v)
         self.check(state)
         return state
@@ -439,45 +389,3 @@ def _elongation(dim):
 
     symbols = (*(x for v in geometry.vectors(dim) for x in v), geometry.initial, geometry.length)
     return sp.lambdify(symbols, geometry.elongation(dim), "numpy", cse=True)
-
-
-def _numbers(name, value, shape=None):
-    """`value` as a finite float array, of a given shape where one is given."""
-    try:
-        array = np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        raise TensegrityError(f"{name} {value!r} is not made of numbers") from None
-    return check.vector(name, array, array.shape if shape is None else shape)
-
-
-def _table(name, pairs):
-    """Pairs of whole numbers as an array (n, 2)."""
-    array = np.array(pairs)
-    if array.size == 0:
-        return np.zeros((0, 2), dtype=int)
-    if array.ndim != 2 or array.shape[1] != 2 or array.dtype.kind not in "iu":
-        raise TensegrityError(
-            f"{name} of shape {array.shape} and type {array.dtype} must be pairs of whole numbers"
-        )
-    return array.astype(int)
-
-
-def _refuse_twins(name, pairs):
-    _, back, count = np.unique(pairs, axis=0, return_inverse=True, return_counts=True)
-    if np.any(count > 1):
-        twins = np.flatnonzero(back.ravel() == np.argmax(count > 1))
-        raise TensegrityError(f"{name}s {twins[0]} and {twins[1]} are the same")
-
-
-def _springs(spring, count, name):
-    if isinstance(spring, Potential):
-        return (spring,) * count
-    if not isinstance(spring, Sequence):
-        raise TensegrityError(f"spring {spring!r} of the {name}s is not a Potential, nor a list")
-    springs = tuple(spring)
-    if len(springs) != count:
-        raise TensegrityError(f"{len(springs)} springs for {count} {name}s")
-    for number, one in enumerate(springs):
-        if not isinstance(one, Potential):
-            raise TensegrityError(f"spring of {name} {number} is {one!r}, not a Potential")
-    return springs

@@ -9,11 +9,13 @@ from derivations import contact as derived
 from granular import Bead, Striker, chain, hertz, materials, power, simulate
 from granular.observables import (
     mean_force,
+    momentum,
     overlaps,
     part_energies,
     peak,
     pulses,
     sampled,
+    sampled_peak,
     sensor_force,
     speed,
 )
@@ -146,6 +148,23 @@ def test_oscilloscope_reads_the_curve_at_its_clock():
     assert height == pytest.approx(1, rel=1e-9)
 
 
+def test_oscilloscope_s_peak_is_its_largest_sample_off_by_half_an_interval_at_most():
+    t = np.linspace(0, 1e-4, 1001)
+    force = np.exp(-(((t - 47.3e-6) / 1e-5) ** 2))
+    late = np.array(
+        [sampled_peak(t, force, phase=p)[0] - 47.3e-6 for p in np.linspace(0, 3e-6, 31)]
+    )
+    assert np.abs(late).max() == pytest.approx(1.5e-6, abs=0.1e-6)
+    assert sampled_peak(t, force, (60e-6, 1e-4))[0] == pytest.approx(60e-6)
+    with pytest.raises(TensegrityError, match=r"no sample .* between \(1e-06, 2e-06\)"):
+        sampled_peak(t, force, (1e-6, 2e-6))
+
+
+def test_momentum_of_a_free_chain_stays_the_striker_s(steel):
+    start = STEEL.mass * steel.scene.striker.speed
+    np.testing.assert_allclose(momentum(steel), start, rtol=1e-12)
+
+
 def test_pulses_above_a_fraction_are_counted():
     t = np.linspace(0, 10, 4001)
     heights = [1.0, 0.5, 0.2, 0.03]
@@ -213,6 +232,7 @@ def test_exponents_other_than_hertz_carry_waves_too():
         (lambda: chain([STEEL] * 3).site("chain", 0), "bead of chain 0 must be at least 1"),
         (lambda: pulses(np.arange(3.0), np.ones(3), 1.0), "level 1 must be below 1"),
         (lambda: peak(np.arange(30.0), np.ones(30), (2, 3)), "too few for a peak"),
+        (lambda: sampled(np.arange(9.0), np.ones(9), 0.5), "rows 1 s apart must be at most .* 0.5"),
     ],
 )
 def test_bad_input_is_refused_with_its_bound(make, words):

@@ -5,6 +5,7 @@ from math import factorial
 import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
+from scenes import passes
 
 from tensegrity import plain
 from tensegrity.errors import TensegrityError
@@ -27,10 +28,19 @@ def step_matrix(method):
     """A step of the harmonic oscillator, each entry as a polynomial in dt * omega."""
     z = Polynomial([0, 1])
     x, v = [Polynomial([1]), Polynomial([0])], [Polynomial([0]), Polynomial([1])]
+    if method.processor:
+        for rows, _ in passes(method, 1):
+            x, v = turned(rows, x, v, z)
+        return x, v
     if not method.symplectic:
         pairs = [rotated(method, *start, z) for start in zip(x, v, strict=True)]
         return tuple(zip(*pairs, strict=True))
-    for kick, drift in zip(method.kicks, (*method.drifts, 0.0), strict=True):
+    return turned(method, x, v, z)
+
+
+def turned(rows, x, v, z):
+    """What kicks and drifts make of the dependence of x and v on the initial ones."""
+    for kick, drift in zip(rows.kicks, (*rows.drifts, 0.0), strict=True):
         v = [b - kick * z * a for a, b in zip(x, v, strict=True)]
         x = [a + drift * z * b for a, b in zip(x, v, strict=True)]
     return x, v
@@ -102,7 +112,8 @@ def test_limit_of_verlet_is_two():
 
 def test_names():
     assert find("rkn6").order == 6
-    assert default(None, None) == default(None, 1e-6) == "rkn6"
-    assert default(0.1, None) == default(None, 1e-2) == "verlet"
+    assert default(None, None, True) == default(None, 1e-6, False) == "rkn6"
+    assert default(0.1, None, True) == default(None, 1e-2, True) == "verlet"
+    assert default(None, 1e-3, True) == "processed6"
     with pytest.raises(TensegrityError, match="method 'euler'"):
         find("euler")

@@ -1,0 +1,122 @@
+"""What a user hands to a `Network`, checked and turned into arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from tensegrity import check
+from tensegrity.errors import TensegrityError
+from tensegrity.lattice import SMALLEST_MASS
+from tensegrity.potential import Potential
+from tensegrity.walls import Wall
+
+
+def site_number(name, value, sites):
+    """One of the sites, from 0."""
+    site = check.whole(name, value, least=0)
+    if site >= sites:
+        raise TensegrityError(f"{name} {site} must be below {sites}")
+    return site
+
+
+def per_site(name, value, unit, sites):
+    """Positive values of all sites, read-only; (sites,)."""
+    given = numbers(name, value)
+    if given.ndim and given.shape != (sites,):
+        raise TensegrityError(f"{name} has shape {given.shape}, must be ({sites},)")
+    values = np.broadcast_to(given, (sites,)).copy()
+    bad = np.flatnonzero(~(values >= SMALLEST_MASS))
+    if bad.size:
+        raise TensegrityError(
+            f"{name} {values[bad[0]]:g} {unit} of site {bad[0]} must be at least {SMALLEST_MASS:g}"
+        )
+    values.flags.writeable = False
+    return values
+
+
+def joined_pairs(bonds, sites):
+    """Pairs of different sites, none twice; (bonds, 2)."""
+    bonds = whole_pairs("bonds", bonds)
+    for number, (i, j) in enumerate(bonds.tolist()):
+        if not 0 <= min(i, j) <= max(i, j) < sites:
+            raise TensegrityError(
+                f"bond {number} joins sites {i} and {j}, which must be 0 to {sites - 1}"
+            )
+        if i == j:
+            raise TensegrityError(f"bond {number} joins site {i} to itself")
+    _refuse_twins("bond", np.sort(bonds, axis=1))
+    return bonds
+
+
+def plane_walls(walls, dim):
+    """Walls of as many coordinates as the sites."""
+    walls = tuple(walls)
+    for number, wall in enumerate(walls):
+        if not isinstance(wall, Wall):
+            raise TensegrityError(f"wall {number} is {wall!r}, not a Wall")
+        if wall.point.size != dim:
+            raise TensegrityError(
+                f"wall {number} has {wall.point.size} coordinates, the sites have {dim}"
+            )
+    return walls
+
+
+def touching(contacts, walls, positions):
+    """Pairs of a site and a wall that reaches beside it, none twice; (contacts, 2)."""
+    contacts = whole_pairs("wall_contacts", contacts)
+    for number, (site, wall) in enumerate(contacts.tolist()):
+        site_number(f"site of wall contact {number}:", site, len(positions))
+        if not 0 <= wall < len(walls):
+            raise TensegrityError(
+                f"wall contact {number} is with wall {wall}, there are {len(walls)}"
+            )
+        beyond = walls[wall].overhang(positions[site])
+        if beyond > 0:
+            raise TensegrityError(f"site {site} is {beyond:.3g} m beyond the end of wall {wall}")
+    _refuse_twins("wall contact", contacts)
+    return contacts
+
+
+def numbers(name, value, shape=None):
+    """`value` as a finite float array, of a given shape where one is given."""
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        raise TensegrityError(f"{name} {value!r} is not made of numbers") from None
+    return check.vector(name, array, array.shape if shape is None else shape)
+
+
+def whole_pairs(name, pairs):
+    """Pairs of whole numbers as an array (n, 2)."""
+    array = np.array(pairs)
+    if array.size == 0:
+        return np.zeros((0, 2), dtype=int)
+    if array.ndim != 2 or array.shape[1] != 2 or array.dtype.kind not in "iu":
+        raise TensegrityError(
+            f"{name} of shape {array.shape} and type {array.dtype} must be pairs of whole numbers"
+        )
+    return array.astype(int)
+
+
+def _refuse_twins(name, pairs):
+    _, back, count = np.unique(pairs, axis=0, return_inverse=True, return_counts=True)
+    if np.any(count > 1):
+        twins = np.flatnonzero(back.ravel() == np.argmax(count > 1))
+        raise TensegrityError(f"{name}s {twins[0]} and {twins[1]} are the same")
+
+
+def springs_of(spring, count, name):
+    """One potential for each of `count` bonds or contacts."""
+    if isinstance(spring, Potential):
+        return (spring,) * count
+    if not isinstance(spring, Sequence):
+        raise TensegrityError(f"spring {spring!r} of the {name}s is not a Potential, nor a list")
+    springs = tuple(spring)
+    if len(springs) != count:
+        raise TensegrityError(f"{len(springs)} springs for {count} {name}s")
+    for number, one in enumerate(springs):
+        if not isinstance(one, Potential):
+            raise TensegrityError(f"spring of {name} {number} is {one!r}, not a Potential")
+    return springs
