@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from figures._limits import advance
 from tensegrity.methods import METHODS
 
 POWER = 2.5  # of the time beside an event in the impulse: the order that is left in steps unlocated
@@ -47,7 +48,7 @@ def run(chain, state, t_end, method, dt, grade=True):
 
     def after(h):
         there = u.copy(), v.copy()
-        chain.bind(*there, method, h).advance(1)
+        advance(chain, *there, method, h, 1)
         return there
 
     def left(there, bond=slice(None)):

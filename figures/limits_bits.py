@@ -64,10 +64,10 @@ def interpreted(chain, state, t_end):
 
 
 def one_bit(state):
-    """The state with the last bit of one velocity changed."""
+    """The state with the last bit of the largest velocity changed, lest it be rounded away."""
     v = state.v.copy()
-    middle = len(v) // 2
-    v[middle] = np.nextafter(v[middle], np.inf)
+    largest = int(np.argmax(np.abs(v)))
+    v[largest] = np.nextafter(v[largest], 0.0)
     return State(state.u, v)
 
 

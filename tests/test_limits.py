@@ -19,6 +19,7 @@ from figures import (
     limits_stiffness,
 )
 from figures.__main__ import render, write_page
+from figures._limits import moved
 from tensegrity.methods import METHODS
 
 pytestmark = pytest.mark.needs_compiler  # minutes without
@@ -152,13 +153,16 @@ def test_round_off_of_the_energy_is_a_random_walk_and_drift_makes_it_worse():
 
 def test_repeats_and_threads_change_no_bit():
     chain, state = limits_bits.start(limits_bits.SITES)
-    long = 12.0, 2  # so many steps in one go that pieces have to exchange what they found
-    _, first = limits_bits.run(chain, state, *long)
+
+    def run(start):
+        """So many steps in one go that pieces have to exchange what they found."""
+        return np.stack(moved(chain, start, "rkn6", limits_bits.DT, 120))
+
+    first = run(state)
     for count in limits_bits.THREADS:
         with limits_bits.on_threads(count):
-            assert limits_bits.differing(first, limits_bits.run(chain, state, *long)[1]) == 0
-    _, other = limits_bits.run(chain, limits_bits.one_bit(state), *long)
-    assert limits_bits.differing(first, other) > 0
+            assert limits_bits.differing(first, run(state)) == 0
+    assert limits_bits.differing(first, run(limits_bits.one_bit(state))) > 0
 
 
 def test_recording_more_often_changes_last_digits_only():
