@@ -17,7 +17,7 @@ SPEED = 0.02  # m/s, of random velocities whose sum vanishes
 DRIFT = 1.0  # m/s, added to all of them
 STEPS = 40_000
 LOOKS, LATE = 16, 100  # instants; steps from which powers are fitted
-EXPECTED = {"at rest": (0.5, 1.5), "drifting": (1.5, 2.5)}  # powers: of a random walk, see `text`
+EXPECTED = {"at_rest": (0.5, 1.5), "drifting": (1.5, 2.5)}  # powers: of a random walk, see `text`
 
 
 def starts(drift):
@@ -65,7 +65,7 @@ def growth(drift, steps=STEPS):
 
 def data(steps=STEPS):
     """At rest as a whole, and drifting."""
-    return {"at rest": growth(0.0, steps), "drifting": growth(DRIFT, steps)}
+    return {"at_rest": growth(0.0, steps), "drifting": growth(DRIFT, steps)}
 
 
 def powers(tables, name):
@@ -78,13 +78,13 @@ def powers(tables, name):
 def text(tables):
     """What the page says."""
     (energy, place), (energy_drifting, place_drifting) = (powers(tables, k) for k in tables)
-    steps = tables["at rest"]["steps"][-1]
+    steps = tables["at_rest"]["steps"][-1]
     last = {k: t["energy"][-1] for k, t in tables.items()}
     return (
         f"The loop in double precision against the same text in extended precision, {METHOD}, "
         f"root of the mean square over {RUNS} starts. Rounding errors are independent: the energy "
         f"wanders with the power {energy:.1f} of the number of steps (expected 1/2; "
-        f"{last['at rest']:.0e} after {steps} steps), the phase and with it the elongations with "
+        f"{last['at_rest']:.0e} after {steps} steps), the phase and with it the elongations with "
         f"{place:.1f} (3/2). Elongations are differences of displacements: a chain that drifts as "
         f"a whole, here at {DRIFT:g} m/s, loses digits as it moves away from its origin, with the "
         f"powers {energy_drifting:.1f} (3/2) and {place_drifting:.1f} (5/2), "
@@ -106,6 +106,6 @@ def draw(figure, tables):
             middle = np.exp(np.mean((np.log(t[key]) - expected * np.log(t["steps"]))[late]))
             label = f"power {expected:g}"
             axes.loglog(t["steps"], middle * t["steps"] ** expected, f"C{k}--", lw=1, label=label)
-        axes.set(xlabel="steps", title=f"chain {name} as a whole")
+        axes.set(xlabel="steps", title=f"chain {name.replace('_', ' ')} as a whole")
         axes.legend(fontsize=8)
     panels[0].set_ylabel("double minus extended precision, relative")

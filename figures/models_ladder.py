@@ -25,11 +25,11 @@ ELASTIC = Prism(base=1.0, height=0.8, prestrain=0.02, k_cross=1.0, k_base=1000.0
 RIGID = Prism(ELASTIC.base, ELASTIC.height, ELASTIC.prestrain, ELASTIC.k_cross)
 FITS = (1e-3, 1e-6, 1e-10)  # errors of polynomials, relative to the largest tension
 SITES, BLOW, T_END, STEPS = 30, dict.fromkeys(range(4), 0.03), 20.0, 100
-WAVES = {"near sound": ((0.7, 0.1), 1.001), "near locking": ((0.6, 0.001), 12.16)}
+WAVES = {"near_sound": ((0.7, 0.1), 1.001), "near_locking": ((0.6, 0.001), 12.16)}
 WAVE_SITES, AT, TRAVEL = 700, 340, 10
 STEM, BRANCH, SPEED, ANGLE = 19, 23, 0.585, math.pi / 6
 DT_GUIDE, FINER = 0.05e-6, 2
-GUIDES = {"stem": 110e-6, "stem and junction": 250e-6}  # durations [s]
+GUIDES = {"stem": 110e-6, "stem_and_junction": 250e-6}  # durations [s]
 LOADED = np.linspace(0.0, -0.035, 200)  # elongations of the prism under load [m]
 
 
@@ -167,10 +167,10 @@ def under_load():
 def data():
     """A ladder of models for each scene."""
     return {
-        "chain of prisms": prisms_in_a_row(),
-        **{f"wave {name}": wave_on_prisms(*how) for name, how in WAVES.items()},
-        **{f"guide: {name}": guide(t_end) for name, t_end in GUIDES.items()},
-        "prism under load": under_load(),
+        "chain_of_prisms": prisms_in_a_row(),
+        **{f"wave_{name}": wave_on_prisms(*how) for name, how in WAVES.items()},
+        **{f"guide_{name}": guide(t_end) for name, t_end in GUIDES.items()},
+        "prism_under_load": under_load(),
     }
 
 
@@ -185,7 +185,10 @@ def enough(ladder, level):
 def table(tables):
     """Which model suffices in each scene, and its time over that of the largest."""
     return [
-        {"scene": scene, **{f"for {level:g}": enough(one, level) for level in LEVELS}}
+        {
+            "scene": scene.replace("_", " "),
+            **{f"for {level:g}": enough(one, level) for level in LEVELS},
+        }
         for scene, one in tables.items()
     ]
 
@@ -196,10 +199,11 @@ def draw(figure, tables):
     panels = figure.subplots(2, 3, sharey=True)
     for axes, (scene, one) in zip(panels.flat, tables.items(), strict=True):
         for k, (name, error, seconds) in enumerate(zip(*one.values(), strict=True)):
-            axes.loglog(seconds, max(error, 1e-17), f"C{k}o", ms=8, label=name)
+            label = name if error else f"{name}, the reference"
+            axes.loglog(seconds, max(error, 1e-17), f"C{k}o", ms=8, label=label)
         for level in LEVELS:
             axes.axhline(level, color="0.6", lw=0.7, ls=":")
-        axes.set(title=scene, xlabel="time over the slowest")
-        axes.legend(fontsize=8, loc="lower left")
+        axes.set(title=scene.replace("_", " "), xlabel="time over the slowest")
+        axes.legend(fontsize=8, loc="upper right")
     for axes in panels[:, 0]:
         axes.set_ylabel("error, relative to the largest value")

@@ -47,7 +47,7 @@ def test_a_prism_under_load_needs_the_more_the_smaller_the_error():
     assert enough(one, 1e-8).startswith("elastic, degree")
 
 
-@pytest.mark.parametrize(("name", "good"), [("near sound", "sech$^2$"), ("near locking", "tent")])
+@pytest.mark.parametrize(("name", "good"), [("near_sound", "sech$^2$"), ("near_locking", "tent")])
 def test_the_profile_of_the_right_limit_is_the_better_one_and_the_exact_wave_is_exact(name, good):
     found = errors(wave_on_prisms(*models_ladder.WAVES[name]))
     assert found["exact wave"] < 1e-10
@@ -61,7 +61,7 @@ def test_one_dimension_is_enough_in_the_stem():
 
 
 def test_behind_the_junction_the_branches_as_one_row_are_enough_for_a_hundredth():
-    found = errors(guide(models_ladder.GUIDES["stem and junction"]))
+    found = errors(guide(models_ladder.GUIDES["stem_and_junction"]))
     assert found["1D, straight on"] > 0.1
     assert 1e-5 < found["1D, branches as one"] < 2e-3
     assert found["2D"] < 1e-8
