@@ -10,9 +10,8 @@ import benchmarks
 
 def main():
     """Entry point; returns the exit code."""
-    names = [
-        m.name for m in pkgutil.iter_modules(benchmarks.__path__) if not m.name.startswith("_")
-    ]
+    modules = [m.name for m in pkgutil.iter_modules(benchmarks.__path__) if m.name[0] != "_"]
+    names = [name.replace("_", "-") for name in modules]
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(names))
     chosen = parser.parse_args().names or names
@@ -20,7 +19,7 @@ def main():
         if name not in names:
             parser.error(f"unknown benchmark {name!r}; there are {', '.join(names)}")
     for name in chosen:
-        importlib.import_module(f"benchmarks.{name}").main()
+        importlib.import_module(f"benchmarks.{name.replace('-', '_')}").main()
     return 0
 
 

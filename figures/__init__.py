@@ -3,7 +3,8 @@
 A module with a NAME is a picture.  It belongs to a GROUP; `data()` computes its numbers, as
 tables {table: {column: array}}; `draw(figure, tables)` draws them and computes nothing.  It may
 have `table(tables)`, lines {column: value} of a table that is printed, and written as CSV, for the
-whole group; and `animate(tables, path)`, which writes a GIF.
+whole group; `text(tables)`, a section of a page on the group; and `animate(tables, path)`, which
+writes a GIF.
 """
 
 from __future__ import annotations

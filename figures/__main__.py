@@ -15,6 +15,7 @@ from tqdm import tqdm
 from figures import chosen
 
 OUTPUT = Path(__file__).parent / "output"
+PAGES = {"limits": "Limits of the methods"}  # titles of the pages that groups have
 STYLE = {
     "figure.figsize": (8, 4.5),
     "figure.dpi": 110,
@@ -77,7 +78,29 @@ def render(name, module, folder):
             write(path, lambda beside: module.animate(tables, beside))
             plt.close("all")
             files.insert(1, path)
+    if hasattr(module, "text"):
+        section = f"## {title(module)}\n\n![{title(module)}]({name}.png)\n\n{module.text(tables)}\n"
+        path = folder / f"{name}.md"
+        write(path, lambda beside: Path(beside).write_text(section))
+        files.append(path)
     return files, module.table(tables) if hasattr(module, "table") else []
+
+
+def title(module):
+    """The first line of a picture's docstring."""
+    return module.__doc__.splitlines()[0].rstrip(".")
+
+
+def write_page(group, rendered, folder):
+    """One page of a group's sections, where all of them were just made; the file written."""
+    told = [n for n, m in chosen([group]).items() if hasattr(m, "text")]
+    if not told or not set(told) <= set(rendered):
+        return []
+    sections = [(folder / f"{name}.md").read_text() for name in told]
+    path = folder / f"{group}.md"
+    page = "\n".join([f"# {PAGES[group]}\n", *sections])
+    write(path, lambda beside: Path(beside).write_text(page))
+    return [path]
 
 
 def print_table(rows):
@@ -123,6 +146,8 @@ def main(arguments=None):
         print("interrupted; the pictures named above are complete", file=sys.stderr)
         return 130
     for group, rows in lines.items():
+        for path in write_page(group, found, options.output):
+            print(path)
         if rows:
             print(f"\n{group}")
             print_table(rows)

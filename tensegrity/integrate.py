@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from tensegrity import check, methods
 from tensegrity.errors import TensegrityError
+from tensegrity.lattice import Chain
 from tensegrity.march import Problem
 from tensegrity.record import Record
 from tensegrity.run import Run
@@ -24,8 +25,9 @@ def simulate(scene, state, t_end, *, method=None, dt=None, tol=None, record=None
     t_end : float
         Duration [s], >= 0.
     method : str, optional
-        Name of a method, `tensegrity.methods.METHODS`.  By default "rkn6", or "verlet" where
-        `dt` is given or a `tol` of 1e-3 or more.
+        Name of a method, `tensegrity.methods.METHODS`.  By default "rkn6"; "verlet" where `dt`
+        is given or a `tol` above 1e-3; "processed6" where a smaller `tol` is given and no contact
+        of a chain can open.
     dt : float, optional
         Step [s]; the step used is the largest not above it that divides `t_end` evenly.  By
         default a small fraction of the stability limit, at the largest stiffness that any
@@ -56,7 +58,9 @@ def simulate(scene, state, t_end, *, method=None, dt=None, tol=None, record=None
     t_end = check.number("t_end", t_end, least=0, unit="s")
     if dt is not None and tol is not None:
         raise TensegrityError(f"dt {dt!r} s and tol {tol!r} exclude each other: give one")
-    method = methods.find(methods.default(dt, tol) if method is None else method)
+    method = methods.find(_default(scene, dt, tol) if method is None else method)
+    if method.chains_only and not isinstance(scene, Chain):
+        raise TensegrityError(f"method {method.name!r} runs a Chain only")
     record = Record() if record is None else record
     if not isinstance(record, Record):
         raise TensegrityError(f"record {record!r} is not a Record")
@@ -69,3 +73,8 @@ def simulate(scene, state, t_end, *, method=None, dt=None, tol=None, record=None
     else:
         run = default_step(problem)
     return replace(run, wall_time=time.perf_counter() - started)
+
+
+def _default(scene, dt, tol):
+    smooth = isinstance(scene, Chain) and all(spring.smooth for spring in scene.segment_springs[0])
+    return methods.default(dt, tol, smooth)

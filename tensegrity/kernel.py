@@ -13,7 +13,8 @@ from functools import cache
 
 import numpy as np
 
-from tensegrity import codegen, plain
+from tensegrity import codegen, pieces, plain
+from tensegrity.implicit import BoundGauss
 from tensegrity.methods import Splitting
 from tensegrity.native import CompilerError, library
 
@@ -121,15 +122,21 @@ class Compiled:
     laws : tuple of Law
     extended : bool
         Compile the same text in the platform's long double, as a reference for tests.
+    lanes : int
+        Chains that one call advances; the last axis of u and v where there are more than one.
     """
 
     name = "compiled"
 
-    def __init__(self, laws, extended=False):
-        self._laws = laws
+    def __init__(self, laws, extended=False, lanes=1):
+        self._laws, self.lanes = laws, lanes
         self.dtype = np.dtype(np.longdouble if extended else np.float64)
-        found = library(codegen.c_text(laws), ["-DEXTENDED"] if extended else [])
+        flags = ["-DEXTENDED"] * extended + [f"-DLANES={lanes}"] * (lanes > 1)
+        found = library(codegen.c_text(laws), flags)
         self.advances = advances(found)
+        self.advance_part = found.advance_part
+        self.advance_part.argtypes = [ctypes.c_void_p] + [ctypes.c_longlong] * 3
+        self.advance_part.restype = None
         self._evaluate = found.evaluate
         self._evaluate.argtypes = [ctypes.c_longlong] * 3 + [ctypes.c_void_p] * 3
         self._evaluate.restype = None
@@ -143,9 +150,16 @@ class Compiled:
         self._evaluate(law, order, r.size, p.ctypes.data, r.ctypes.data, out.ctypes.data)
         return out
 
-    def bind(self, u, v, inverse_mass, segments, method, dt):
-        """Prepare a chain; `u` and `v` are advanced in place."""
-        return _BoundCompiled(self, u, v, inverse_mass, segments, method, dt)
+    def bind(self, u, v, inverse_mass, segments, method, dt, divided=True):
+        """Prepare a chain; `u` and `v` are advanced in place, long ones on several threads if
+        they may be `divided`."""
+        scene = self, u, v, inverse_mass, segments, method, dt
+        if not method.explicit:
+            return BoundGauss(*scene)
+        count = pieces.threads() if divided and u.size > pieces.LONG else 1
+        if count > 1 and isinstance(method, Splitting) and self.lanes == 1:
+            return pieces.BoundPieces(*scene, count)
+        return _BoundCompiled(*scene)
 
 
 class _BoundCompiled:
@@ -160,7 +174,7 @@ class _BoundCompiled:
         self._arrays = [  # kept: the structure holds bare addresses
             u,
             v,
-            real(inverse_mass),
+            real(np.repeat(inverse_mass, kernel.lanes)),
             real(segments.parameters),
             kicks,
             drifts,
@@ -170,6 +184,7 @@ class _BoundCompiled:
         ]
         self._structure = _Chain(*(a.ctypes.data for a in self._arrays), count, *counts)
         self._steps = Steps(kernel.advances, self._structure, method, dt, u, u.size)
+        self._part = kernel.advance_part, ctypes.addressof(self._structure)
 
     def forget_range(self):
         """Start anew to record the smallest and the largest elongation of each segment."""
@@ -178,6 +193,12 @@ class _BoundCompiled:
     def advance(self, steps):
         """Advance u and v by whole steps."""
         self._steps.advance(steps)
+
+    def advance_part(self, steps, opened, close):
+        """Steps of a splitting whose first kick includes the last one of the steps before, if
+        `opened`, and whose own last kick is left out, unless `close`."""
+        function, address = self._part
+        function(address, steps, opened, close)
 
 
 class Interpreted:
@@ -200,6 +221,7 @@ class Interpreted:
     def bind(self, u, v, inverse_mass, segments, method, dt):
         """Prepare a chain; `u` and `v` are advanced in place."""
         kind = _BoundInterpreted if isinstance(method, Splitting) else _BoundPlain
+        kind = kind if method.explicit else BoundGauss
         return kind(self, u, v, inverse_mass, segments, method, dt)
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tensegrity.clearance import CAUTION
-from tensegrity.errors import ContactError, LockingError, StabilityError
+from tensegrity.errors import ContactError, LockingError, RangeError, StabilityError
 from tensegrity.lattice import State
 from tensegrity.methods import Method
 from tensegrity.record import Record
@@ -54,6 +54,11 @@ class Problem:
         """Stability limit [s] for elongations within `ranges`; inf where all V'' vanish."""
         omega = self.scene.frequency(ranges)
         return self.method.stability_limit / omega if omega > 0 else math.inf
+
+    def natural_step(self, ranges):
+        """The step [s] that fractions are taken of, for elongations within `ranges`."""
+        omega = self.scene.frequency(ranges)
+        return self.method.scale / omega if omega > 0 else math.inf
 
 
 def count(problem, dt):
@@ -141,7 +146,6 @@ class _Watch:
         self._problem, self._dt, self._allowed = problem, dt, allowed
         self._energy = problem.scene.energy(problem.state)
         self._u, self._v = scene.arrays(problem.state)
-        self._loop = scene.bind(self._u, self._v, problem.method, dt)
         springs, self._rows = scene.watched()
         self._springs = springs
         self._domains = np.array([s.reach for s in springs]).reshape(-1, 2)[self._rows]
@@ -150,17 +154,41 @@ class _Watch:
         self.met = np.zeros_like(self._domains)  # smallest and largest elongation, 0 included
         self._tracker = scene.clearance and scene.clearance.tracker(problem.state.u)
         self._most = math.inf  # steps that can be done without a look for new contacts
+        self._seen = self._u.copy(), self._v.copy()  # what the last sound arrays stand for
+        self._bind(problem.method)
         self.sound = self._u.copy(), self._v.copy(), 0  # last sound arrays, and the steps by then
+
+    def _bind(self, method):
+        scene, dt = self._problem.moved, self._dt
+        self._out, self._leave = None, None
+        if method.processor is not None:
+            enter, leave = method.processor
+            self._loop = scene.bind(self._u, self._v, enter, dt)
+            self._loop.advance(1)
+            self.sound = *self._seen, 0
+            self._check_processor(self._loop, self._u, self._v)
+            self._out = np.empty_like(self._u), np.empty_like(self._v)
+            self._leave = scene.bind(*self._out, leave, dt)
+        self._loop = scene.bind(self._u, self._v, method, dt)
+
+    def _check_processor(self, loop, u, v):
+        if not self._is_sound(loop, u, v):
+            error = self._error(self.sound[2] * self._dt, loop)
+            if isinstance(error, RangeError):
+                raise error
+            name = self._problem.method.name
+            raise StabilityError(f"dt {self._dt:.6g} s is too coarse for the processor of {name}")
+        self._see(loop)
 
     def state(self):
         """The last sound state."""
         sites = self._problem.scene.sites
-        return State(self.sound[0][:sites], self.sound[1][:sites])
+        return State(self._seen[0][:sites], self._seen[1][:sites])
 
     def impulse(self):
         """Impulse given to each wall so far, (walls[, dim]); the rows behind the sites."""
         scene = self._problem.scene
-        return self.sound[1][scene.sites : scene.sites + scene.wall_count]
+        return self._seen[1][scene.sites : scene.sites + scene.wall_count]
 
     def advance(self, steps):
         """Advance, perhaps by fewer steps.
@@ -171,7 +199,7 @@ class _Watch:
         steps = min(steps, self._most)
         self._loop.forget_range()
         self._loop.advance(steps)
-        if self._is_sound():
+        if self._is_sound(self._loop, self._u, self._v):
             if self._tracker is None or self._is_clear(done, steps):
                 self._keep(done + steps)
             else:
@@ -181,17 +209,28 @@ class _Watch:
         for k in range(done, done + steps):
             self._loop.forget_range()
             self._loop.advance(1)
-            if not self._is_sound():
-                raise self._error((k + 1) * self._dt)
+            if not self._is_sound(self._loop, self._u, self._v):
+                raise self._error((k + 1) * self._dt, self._loop)
             if self._tracker is not None:
                 self._is_clear(k, 1)
             self._keep(k + 1)
         raise StabilityError(f"a block of {steps} steps went wrong, but not step by step")
 
     def _keep(self, done):
-        self.sound = self._u.copy(), self._v.copy(), done
-        self.met[:, 0] = np.minimum(self.met[:, 0], self._loop.range[:, 0])
-        self.met[:, 1] = np.maximum(self.met[:, 1], self._loop.range[:, 1])
+        u, v = self._u.copy(), self._v.copy()
+        seen = u, v
+        if self._leave is not None:
+            self._out[0][:], self._out[1][:] = u, v
+            self._leave.forget_range()
+            self._leave.advance(1)
+            self._check_processor(self._leave, *self._out)
+            seen = self._out[0].copy(), self._out[1].copy()
+        self.sound, self._seen = (u, v, done), seen
+        self._see(self._loop)
+
+    def _see(self, loop):
+        self.met[:, 0] = np.minimum(self.met[:, 0], loop.range[:, 0])
+        self.met[:, 1] = np.maximum(self.met[:, 1], loop.range[:, 1])
 
     def _is_clear(self, done, steps):
         """Whether no unlisted contact can have formed; says how many steps to take next."""
@@ -208,12 +247,12 @@ class _Watch:
         self._most = max(1, int(min(CAUTION * steps / share, MOST_STEPS))) if share else MOST_STEPS
         return True
 
-    def _is_sound(self):
-        met = self._loop.range
+    def _is_sound(self, loop, u, v):
+        met = loop.range
         low, high = self._domains.T
         if np.any(met[:, 0] <= low) or np.any(met[:, 1] >= high):
             return False
-        if not (np.isfinite(self._u).all() and np.isfinite(self._v).all()):
+        if not (np.isfinite(u).all() and np.isfinite(v).all()):
             return False
         below, above = met[:, 0] < self._safe[:, 0], met[:, 1] > self._safe[:, 1]
         if not (below.any() or above.any()):
@@ -228,10 +267,10 @@ class _Watch:
                 return True
         return False
 
-    def _error(self, t):
+    def _error(self, t, loop):
         """What went wrong in the step that ended at t, told from the sound state before it."""
         scene, u = self._problem.moved, self.state().u
-        met, (low, high) = self._loop.range, self._domains.T
+        met, (low, high) = loop.range, self._domains.T
         for row, side in np.argwhere(np.stack([met[:, 0] <= low, met[:, 1] >= high], axis=1)):
             spring, where = self._springs[self._rows[row]], scene.extreme(row, u, side)
             barrier = float(spring.energy(spring.reach[side]))

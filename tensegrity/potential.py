@@ -45,6 +45,8 @@ class Potential:
     2.0
     """
 
+    smooth = True  # its derivatives do not jump anywhere
+
     def __init__(
         self, energy, elongation, parameters=None, length=None, domain=(-math.inf, math.inf)
     ):
@@ -214,6 +216,8 @@ class PowerLaw(Potential):
 
     Source: seeds/000, part II, "Hertz interaction potentials".
     """
+
+    smooth = False
 
     def __init__(self, stiffness, exponent, preload=0.0, length=None):
         stiffness = check.number("stiffness", stiffness, above=0, unit="N/m^n")

@@ -58,8 +58,8 @@ def expected_steps(problem, fraction, share=1.0):
     of the scene to meet in one bond."""
     if not problem.t_end:
         return 0
-    limit = problem.largest_step(stepping.expected_ranges(problem.scene, problem.state, share))
-    return max(count(problem, fraction * limit), CHECKPOINTS)
+    step = problem.natural_step(stepping.expected_ranges(problem.scene, problem.state, share))
+    return max(count(problem, fraction * step), CHECKPOINTS)
 
 
 def refined(problem, steps, allowed, checkpoints=0):

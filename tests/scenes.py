@@ -22,8 +22,15 @@ def extended(chain, state, method, dt, steps):
     method = METHODS[method]
     u, v = state.u.astype(np.longdouble), state.v.astype(np.longdouble)
     engine = Compiled(chain.segments.laws, extended=True)
-    engine.bind(u, v, chain.inverse_mass, chain.segments, method, dt).advance(steps)
+    for rows, times in passes(method, steps):
+        engine.bind(u, v, chain.inverse_mass, chain.segments, rows, dt).advance(times)
     return u, v
+
+
+def passes(method, steps):
+    """What a run of some steps does: pairs of a method and the number of its steps."""
+    enter, leave = method.processor or (None, None)
+    return [(rows, n) for rows, n in ((enter, 1), (method, steps), (leave, 1)) if rows]
 
 
 def plain_forces(chain, u):

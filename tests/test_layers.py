@@ -15,6 +15,8 @@ ORDER = [  # inside tensegrity: each may import what stands before it
     "native",
     "methods",
     "plain",
+    "implicit",
+    "pieces",
     "kernel",
     "table",
     "arclength",

@@ -5,12 +5,14 @@ from math import factorial
 import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
+from scenes import passes
 
 from tensegrity import plain
 from tensegrity.errors import TensegrityError
 from tensegrity.methods import METHODS, default, find
 
-SPLITTINGS = [method for method in METHODS.values() if method.symplectic]
+EXPLICIT = [method for method in METHODS.values() if method.explicit]
+SPLITTINGS = [method for method in EXPLICIT if method.symplectic]
 
 
 @pytest.mark.parametrize("method", SPLITTINGS, ids=lambda method: method.name)
@@ -26,10 +28,19 @@ def step_matrix(method):
     """A step of the harmonic oscillator, each entry as a polynomial in dt * omega."""
     z = Polynomial([0, 1])
     x, v = [Polynomial([1]), Polynomial([0])], [Polynomial([0]), Polynomial([1])]
+    if method.processor:
+        for rows, _ in passes(method, 1):
+            x, v = turned(rows, x, v, z)
+        return x, v
     if not method.symplectic:
         pairs = [rotated(method, *start, z) for start in zip(x, v, strict=True)]
         return tuple(zip(*pairs, strict=True))
-    for kick, drift in zip(method.kicks, (*method.drifts, 0.0), strict=True):
+    return turned(method, x, v, z)
+
+
+def turned(rows, x, v, z):
+    """What kicks and drifts make of the dependence of x and v on the initial ones."""
+    for kick, drift in zip(rows.kicks, (*rows.drifts, 0.0), strict=True):
         v = [b - kick * z * a for a, b in zip(x, v, strict=True)]
         x = [a + drift * z * b for a, b in zip(x, v, strict=True)]
     return x, v
@@ -46,7 +57,7 @@ def rotated(method, x, v, z):
     return x + z * v - z**2 * moved, v - z * turned
 
 
-@pytest.mark.parametrize("method", METHODS.values(), ids=METHODS)
+@pytest.mark.parametrize("method", EXPLICIT, ids=lambda method: method.name)
 def test_a_step_of_the_oscillator_has_the_series_of_its_rotation(method):
     """cos and sin to the order of the method, each coefficient to 14 digits, and no further."""
     (xx, xv), (vx, vv) = step_matrix(method)
@@ -86,13 +97,23 @@ def test_the_nystrom_form_does_the_steps_of_the_tableau():
     np.testing.assert_allclose([u[0], v[0]], expected, rtol=1e-15)
 
 
+def test_gauss_turns_the_oscillator_by_pade_approximants_of_its_exponential():
+    """Eigenvalues (12 + 6 iz - z^2)/(12 - 6 iz - z^2) and conjugate: of modulus 1 for any step."""
+    z = np.array([0.01, 0.5, 3.0, 40.0, 1e4])
+    xx, xv, vx, vv = METHODS["gauss4"].step_matrix(z)
+    np.testing.assert_allclose(xx * vv - xv * vx, 1, rtol=0, atol=1e-12)
+    turn = (12 + 6j * z - z**2) / (12 - 6j * z - z**2)
+    np.testing.assert_allclose(xx + vv, 2 * turn.real, rtol=0, atol=1e-12)
+
+
 def test_limit_of_verlet_is_two():
     assert METHODS["verlet"].stability_limit == pytest.approx(2, abs=1e-8)
 
 
 def test_names():
     assert find("rkn6").order == 6
-    assert default(None, None) == default(None, 1e-6) == "rkn6"
-    assert default(0.1, None) == default(None, 1e-2) == "verlet"
+    assert default(None, None, True) == default(None, 1e-6, False) == "rkn6"
+    assert default(0.1, None, True) == default(None, 1e-2, True) == "verlet"
+    assert default(None, 1e-3, True) == "processed6"
     with pytest.raises(TensegrityError, match="method 'euler'"):
         find("euler")

@@ -1,0 +1,51 @@
+"""What the pictures of limits share: chains, bare loops, and words for numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tensegrity import Chain, Prism
+from tensegrity.methods import METHODS
+
+EXPLICIT = [name for name, method in METHODS.items() if method.explicit]
+COLOURS = {name: f"C{k}" for k, name in enumerate(METHODS)}
+
+
+def prism_chain(sites):
+    """A chain of stiffening prisms with free ends."""
+    return Chain(Prism(base=1.0, height=0.8, prestrain=0.02, k_cross=1.0).potential(), sites)
+
+
+def moved(chain, state, method, dt, steps):
+    """Displacements and velocities after some steps of the bare loop, which refuses nothing."""
+    u, v = chain.arrays(state)
+    advance(chain, u, v, METHODS[method], dt, steps)
+    return u, v
+
+
+def advance(chain, u, v, method, dt, steps):
+    """The same in place, into and out of a method's own variables where it has such."""
+    passes = [(method, steps)]
+    if method.processor is not None:
+        enter, leave = method.processor
+        passes = [(enter, 1), *passes, (leave, 1)]
+    for rows, count in passes:
+        chain.bind(u, v, rows, dt).advance(count)
+
+
+def gap(one, other):
+    """Largest difference of two (u, v), each over the largest of `other`."""
+    return max(
+        float(np.max(np.abs(a - b)) / np.max(np.abs(b))) for a, b in zip(one, other, strict=True)
+    )
+
+
+def slope(x, y):
+    """Power of x in y, by least squares of the logarithms."""
+    return float(np.polyfit(np.log(x), np.log(y), 1)[0])
+
+
+def listed(parts):
+    """Words in a row: "a, b and c"."""
+    *first, last = parts
+    return f"{', '.join(first)} and {last}" if first else last

@@ -1,0 +1,143 @@
+"""Equal to the last bit: what repeats a run exactly, and what changes its last digits."""
+
+from __future__ import annotations
+
+import os
+from contextlib import contextmanager
+
+import numpy as np
+
+from figures._limits import listed, prism_chain
+from tensegrity import Record, State, simulate
+from tensegrity.kernel import Interpreted
+from tensegrity.methods import METHODS
+from tensegrity.pieces import LONG
+
+NAME = "limits_bits"
+GROUP = "limits"
+
+SITES = LONG + 1234  # long enough to be divided on threads
+SHORT = 64  # for what takes the slow engine
+DT, LOOKS = 0.1, 13
+T_END, T_SHORT = 24.0, 240.0
+SPEED = 0.02
+THREADS = (1, 2, 3)
+
+
+@contextmanager
+def on_threads(count):
+    """Runs of long chains on so many threads."""
+    before = os.environ.get("TENSEGRITY_THREADS")
+    os.environ["TENSEGRITY_THREADS"] = str(count)
+    try:
+        yield
+    finally:
+        del os.environ["TENSEGRITY_THREADS"]
+        if before is not None:
+            os.environ["TENSEGRITY_THREADS"] = before
+
+
+def start(sites):
+    """Random velocities everywhere."""
+    chain = prism_chain(sites)
+    v = SPEED * np.random.default_rng(3).uniform(-1, 1, sites)
+    return chain, State(np.zeros(sites), v - v.mean())
+
+
+def run(chain, state, t_end, looks=LOOKS):
+    """Rows of u and v at evenly spaced instants."""
+    every = round(t_end / DT) // (looks - 1)
+    kept = simulate(chain, state, t_end, dt=DT, method="rkn6", record=Record(every=every))
+    return kept.t, np.stack([kept.u, kept.v])
+
+
+def interpreted(chain, state, t_end):
+    """The same rows from CasADi's virtual machine."""
+    u, v = chain.arrays(state)
+    rkn6, rows = METHODS["rkn6"], [np.stack([u, v])]
+    engine = Interpreted(chain.segments.laws)
+    loop = engine.bind(u, v, chain.inverse_mass, chain.segments, rkn6, DT)
+    for _ in range(LOOKS - 1):
+        loop.advance(round(t_end / DT) // (LOOKS - 1))
+        rows.append(np.stack([u, v]))
+    return np.stack(rows, axis=1)
+
+
+def one_bit(state):
+    """The state with the last bit of the largest velocity changed, lest it be rounded away."""
+    v = state.v.copy()
+    largest = int(np.argmax(np.abs(v)))
+    v[largest] = np.nextafter(v[largest], 0.0)
+    return State(state.u, v)
+
+
+def differing(one, other):
+    """Numbers of u and v that are not equal bit for bit, in all rows."""
+    return int((one.view(np.int64) != other.view(np.int64)).sum())
+
+
+def data():
+    """Numbers that differ from the first run, and by how much, against time."""
+    chain, state = start(SITES)
+    _, first = run(chain, state, T_END)
+    changes = {"repeated": run(chain, state, T_END)[1]}
+    for count in THREADS:
+        with on_threads(count):
+            changes[f"on {count} thread{'s' * (count > 1)}"] = run(chain, state, T_END)[1]
+    counts = [differing(first, rows) for rows in changes.values()]
+    chain, state = start(SHORT)
+    t, short = run(chain, state, T_SHORT)
+    rows = {
+        "repeated": run(chain, state, T_SHORT)[1],
+        "recorded twice as often": run(chain, state, T_SHORT, 2 * LOOKS - 1)[1][:, ::2],
+        "on CasADi's machine": interpreted(chain, state, T_SHORT),
+        "last bit of one velocity changed": run(chain, one_bit(state), T_SHORT)[1],
+    }
+    scale = np.abs(short).max(axis=(1, 2), keepdims=True)
+    apart = {name: np.abs((r - short) / scale).max(axis=(0, 2)) for name, r in rows.items()}
+    return {
+        "bits": {
+            "run": list(changes),
+            "numbers compared": [first.size] * len(changes),
+            "numbers that differ": counts,
+        },
+        "apart": {"time [s]": t, **apart},
+    }
+
+
+def text(tables):
+    """What the page says."""
+    bits, apart = tables["bits"], tables["apart"]
+    same = [n for n, k in zip(bits["run"], bits["numbers that differ"], strict=True) if k == 0]
+    other = [k for k in apart if k not in ("time [s]", "repeated")]
+    ends = listed([f"{name} {apart[name][-1]:.0e}" for name in other])
+    return (
+        f"On one machine and build, of {bits['numbers compared'][0]} numbers of a run with "
+        f"{SITES} sites none differs in any bit when it is {listed(same)}. What does change last "
+        "digits is any other order of operations: the closing kick of a step and the first of the "
+        "next are one, except where a row is recorded. Such a "
+        f"difference grows from 1e-16; after {T_SHORT:g} s on {SHORT} sites, relative: {ends}. So "
+        "compare runs bit for bit only with the same `record`."
+    )
+
+
+def draw(figure, tables):
+    """Differences against time, and the count of differing numbers."""
+    figure.set_size_inches(9, 4.8)
+    axes, bits, apart = figure.subplots(), tables["bits"], tables["apart"]
+    t = apart["time [s]"][1:]
+    for k, name in enumerate(n for n in apart if n != "time [s]"):
+        size = apart[name][1:]
+        label = f"{name}: none at all" if not size.any() else name
+        axes.semilogy(t, np.maximum(size, 1e-17), f"C{k}o-", ms=3, lw=1, label=label)
+    lines = [
+        f"{name}: {count} of {total} numbers differ"
+        for name, total, count in zip(*bits.values(), strict=True)
+    ]
+    axes.text(0.98, 0.25, f"{SITES} sites, {T_END:g} s\n" + "\n".join(lines), fontsize=8,
+              ha="right", transform=axes.transAxes)  # fmt: skip
+    axes.set(
+        xlabel="time [s]", ylabel="largest difference, relative (0 drawn at 1e-17)",
+        title=f"{SHORT} sites: difference from the first run",
+    )  # fmt: skip
+    axes.legend(fontsize=8, loc="upper left")

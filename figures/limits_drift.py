@@ -1,0 +1,99 @@
+"""Ten million steps: the energy that the classical method loses, and the symplectic ones keep."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from figures._limits import COLOURS, prism_chain
+from tensegrity import State
+from tensegrity.methods import METHODS
+
+NAME = "limits_drift"
+GROUP = "limits"
+
+SITES = 3
+BLOW = (1e-3, -3e-4, -7e-4)  # m/s: so slow that the modes of the linear chain predict the loss
+STEP = 0.2  # dt * omega_max of the classical method
+STEPS = 10_000_000  # of it
+WORK = {"rk4": 1.0, "verlet": 1.0, "rkn6": 0.2}  # steps of each over these
+LOOKS = 60
+
+
+def scene():
+    """Chain, state, and the frequencies of its modes with the energy in each."""
+    chain = prism_chain(SITES)
+    state = chain.at_rest(dict(enumerate(BLOW)))
+    stiffness = float(chain.springs[0].stiffness(0.0))
+    number = np.arange(SITES)
+    frequencies = 2 * np.sqrt(stiffness) * np.sin(np.pi * number / (2 * SITES))
+    shapes = np.cos(np.pi * np.outer(number, number + 0.5) / SITES)
+    shapes /= np.linalg.norm(shapes, axis=1, keepdims=True)
+    return chain, state, frequencies, 0.5 * (shapes @ state.v) ** 2
+
+
+def looks(steps):
+    """Numbers of steps at which the energy is looked at."""
+    return np.unique(np.geomspace(100, steps, LOOKS).astype(int))
+
+
+def drifting(method, steps, dt):
+    """Relative change of the energy after numbers of steps, in the bare loop."""
+    chain, state, *_ = scene()
+    u, v = chain.arrays(state)
+    loop = chain.bind(u, v, METHODS[method], dt)
+    first, done, found = chain.energy(state), 0, []
+    for stop in looks(steps).tolist():
+        loop.advance(stop - done)
+        done = stop
+        found.append(chain.energy(State(u, v)) / first - 1)
+    return {"time [s]": looks(steps) * dt, "change of the energy": np.array(found)}
+
+
+def predicted(method, steps, dt):
+    """The same by the eigenvalues of a step in each mode of the linear chain."""
+    _, _, frequencies, energies = scene()
+    xx, xv, vx, vv = METHODS[method].step_matrix(frequencies[1:] * dt)
+    factor = xx * vv - xv * vx  # of the energy in a mode, per step
+    kept = energies[0] + (energies[1:] * np.exp(np.outer(looks(steps), np.log(factor)))).sum(axis=1)
+    return kept / energies.sum() - 1
+
+
+def data(steps=STEPS):
+    """Change of the energy of each method over the same time."""
+    dt = STEP / scene()[2].max()
+    tables = {name: drifting(name, int(steps * share), dt / share) for name, share in WORK.items()}
+    tables["rk4"]["predicted"] = predicted("rk4", steps, dt)
+    return tables
+
+
+def text(tables):
+    """What the page says."""
+    lost, foreseen = (-tables["rk4"][k][-1] for k in ("change of the energy", "predicted"))
+    worst = {
+        name: np.max(np.abs(tables[name]["change of the energy"])) for name in ("verlet", "rkn6")
+    }
+    return (
+        f"With dt omega_max = {STEP:g}, rk4 has lost {lost:.1%} of the energy of a small chain "
+        f"after {STEPS:.0e} steps; the eigenvalues of a step predict {foreseen:.1%}. Over the same "
+        f"time verlet, with the same step, stays within {worst['verlet']:.1e}, and rkn6, with "
+        f"{1 / WORK['rkn6']:g} times the step, within {worst['rkn6']:.1e}: their errors swing, and "
+        "do not add up."
+    )
+
+
+def draw(figure, tables):
+    """Size of the change of energy against time."""
+    axes = figure.subplots()
+    for name in WORK:
+        t = tables[name]
+        axes.loglog(
+            t["time [s]"], np.abs(t["change of the energy"]), "o-", ms=3, lw=0.7,
+            color=COLOURS[name], label=name,
+        )  # fmt: skip
+    t = tables["rk4"]
+    axes.loglog(t["time [s]"], -t["predicted"], "k--", lw=1, label="rk4, predicted by modes")
+    axes.set(
+        xlabel="time [s]", ylabel="relative change of the energy",
+        title=f"{STEPS:.0e} steps of rk4 and verlet, rkn6 with {1 / WORK['rkn6']:g} times the step",
+    )  # fmt: skip
+    axes.legend()

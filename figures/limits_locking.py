@@ -1,0 +1,155 @@
+"""Steps near locking: what is needed against the stroke left, and what fixed steps do there."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from figures._limits import COLOURS, EXPLICIT, listed, moved, prism_chain, slope
+from tensegrity import LockingError, Record, StabilityError, State, simulate
+from tensegrity.methods import METHODS
+
+NAME = "limits_locking"
+GROUP = "limits"
+
+GAPS = np.geomspace(1e-5, 1e-1, 13)  # part of the stroke left at the turning point
+ENERGY_ERROR = 1e-6  # after runs that count as good
+FINER = 1.15  # between the steps tried
+IN_A_ROW = 4
+FIXED = 1e-3  # s, of a natural unit of time: the fixed step that is watched
+OVER = 1.001  # energy of the blow that locks, over the one that just does
+
+
+def collision(gap, over=1.0):
+    """Two masses that meet head-on and stop with a part of the stroke left: chain and state."""
+    chain = prism_chain(2)
+    spring = chain.springs[0]
+    speed = np.sqrt(over * spring.energy((1 - gap) * spring.domain[0]))
+    return chain, chain.at_rest({0: float(speed), 1: -float(speed)})
+
+
+def duration(chain, state):
+    """Time after which the masses fly apart again: three times that to cross the stroke [s]."""
+    return 3 * -chain.springs[0].domain[0] / (2 * state.v[0])
+
+
+def stability_step(gap, method):
+    """Stability limit at the stiffness of the turning point [s]."""
+    chain, _ = collision(gap)
+    stop = (1 - gap) * chain.springs[0].domain[0]
+    return METHODS[method].stability_limit / chain.frequency([(stop, 0.0)])
+
+
+def energy_error(gap, method, dt):
+    """Relative error of the energy after the collision, in the bare loop; nan where it broke."""
+    chain, state = collision(gap)
+    steps = int(np.ceil(duration(chain, state) / dt))
+    u, v = moved(chain, state, method, duration(chain, state) / steps, steps)
+    if not np.isfinite([u, v]).all() or not chain.springs[0].domain[0] < u[1] - u[0] < np.inf:
+        return np.nan
+    try:
+        return abs(chain.energy(State(u, v)) / chain.energy(state) - 1)
+    except LockingError:
+        return np.nan
+
+
+def good_step(gap, method):
+    """Largest step, of a row of them below the stability limit, with a small energy error [s].
+
+    Which the next ones of the row must have too: a single one may be luck.
+    """
+    dt, good = stability_step(gap, method), 0
+    while good < IN_A_ROW:
+        good = good + 1 if energy_error(gap, method, dt) <= ENERGY_ERROR else 0
+        dt /= FINER
+    return dt * FINER**IN_A_ROW
+
+
+def outcome(gap, dt, over=1.0):
+    """How a run with a fixed step ends: "kept" or the name of the error, and its message."""
+    chain, state = collision(gap, over)
+    try:
+        simulate(chain, state, duration(chain, state), dt=dt, record=Record(every=10**9))
+    except (StabilityError, LockingError) as error:
+        return type(error).__name__, str(error)
+    return "kept", ""
+
+
+def data():
+    """Steps against the stroke left; fixed steps there; the blow that locks."""
+    limits = {f"limit of {name} [s]": [stability_step(g, name) for g in GAPS] for name in EXPLICIT}
+    steps = {f"step of {name} [s]": [good_step(g, name) for g in GAPS] for name in EXPLICIT}
+    return {
+        "steps": {"stroke left": GAPS} | {k: np.array(v) for k, v in (limits | steps).items()},
+        "fixed": {
+            "stroke left": GAPS,
+            "outcome": [outcome(g, FIXED)[0] for g in GAPS],
+            "energy error of the bare loop": np.array(
+                [energy_error(g, "verlet", FIXED) for g in GAPS]
+            ),
+        },
+        "locks": {
+            "dt [s]": [100 * FIXED, FIXED],
+            "outcome": [outcome(0.0, dt, OVER)[0] for dt in (100 * FIXED, FIXED)],
+        },
+    }
+
+
+def powers(tables, what="step", nearest=0.01):
+    """Power of the stroke left in the steps needed, of each method, close to locking."""
+    t = tables["steps"]
+    near = t["stroke left"] <= nearest
+    return {
+        name: slope(t["stroke left"][near], t[f"{what} of {name} [s]"][near]) for name in EXPLICIT
+    }
+
+
+def text(tables):
+    """What the page says."""
+    t, fixed = tables["steps"], tables["fixed"]
+    each = listed([f"{name} {power:.2f}" for name, power in powers(tables).items()])
+    kept = [g for g, how in zip(GAPS, fixed["outcome"], strict=True) if how == "kept"]
+    refused = np.array(fixed["outcome"]) != "kept"
+    worst = np.nanmax(fixed["energy error of the bare loop"][refused])
+    near = int(np.argmin(np.abs(GAPS - 1e-3)))
+    return (
+        "The force of a rigid prism grows like the inverse root of the stroke left, the largest "
+        "frequency like its power -3/4: the step must shrink with the power 3/4. Two masses "
+        "that meet head-on and turn back with less than a hundredth of the stroke left need, "
+        f"for an energy error of {ENERGY_ERROR:.0e}, steps that fall with the powers {each} (the "
+        "energy at stake falls too, with the root, which in theory leaves 3/4 - 1/(2 order)); with "
+        f"a thousandth left {listed([_step(t, name, near) for name in EXPLICIT])}. "
+        f"A fixed step of {FIXED:g} s with verlet is kept down to {min(kept):.1e} of the stroke; "
+        "nearer, `simulate` ends the run with a `StabilityError` that names the time and the "
+        "sites, where the bare loop would have gone on with an energy wrong by up to "
+        f"{worst:.2g} of itself. "
+        f"A blow with {OVER - 1:.1%} more energy than the spring holds ends with a "
+        "`LockingError`, whatever the step. `tol=` and the default step are refined by themselves."
+    )
+
+
+def _step(table, name, row):
+    return f"{name} {table[f'step of {name} [s]'][row]:.1e} s"
+
+
+def draw(figure, tables):
+    """Steps against the stroke left; the energy after fixed steps."""
+    figure.set_size_inches(11, 4.5)
+    left, right = figure.subplots(1, 2)
+    t, fixed = tables["steps"], tables["fixed"]
+    for name in EXPLICIT:
+        label = f"{name}, energy to {ENERGY_ERROR:g}"
+        left.loglog(GAPS, t[f"step of {name} [s]"], "o-", ms=3, color=COLOURS[name], label=label)
+        left.loglog(GAPS, t[f"limit of {name} [s]"], ":", color=COLOURS[name])
+    left.loglog(GAPS, 3 * GAPS**0.75, "k--", lw=1, label="power 3/4")
+    left.axhline(FIXED, color="0.5", lw=0.8)
+    left.set(xlabel="part of the stroke left", ylabel="step [s]; dotted: stability limit")
+    left.legend(fontsize=8)
+    kept = np.array([how == "kept" for how in fixed["outcome"]])
+    error = fixed["energy error of the bare loop"]
+    right.loglog(GAPS[kept], error[kept], "C0o", label="run kept")
+    right.loglog(GAPS[~kept], error[~kept], "C3x", label="refused: StabilityError")
+    right.set(
+        xlabel="part of the stroke left", ylabel="error of the energy, bare loop",
+        title=f"verlet, dt = {FIXED:g} s",
+    )  # fmt: skip
+    right.legend(fontsize=8)

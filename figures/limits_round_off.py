@@ -1,0 +1,111 @@
+"""Growth of round-off: the loop in double against the same text in extended precision."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from figures._limits import prism_chain, slope
+from tensegrity.kernel import Compiled
+from tensegrity.methods import METHODS
+
+NAME = "limits_round_off"
+GROUP = "limits"
+
+SITES, METHOD, DT = 4, "rkn6", 0.3
+RUNS = 6  # from different states: the root of the mean square is taken
+SPEED = 0.02  # m/s, of random velocities whose sum vanishes
+DRIFT = 1.0  # m/s, added to all of them
+STEPS = 40_000
+LOOKS, LATE = 16, 100  # instants; steps from which powers are fitted
+EXPECTED = {"at_rest": (0.5, 1.5), "drifting": (1.5, 2.5)}  # powers: of a random walk, see `text`
+
+
+def starts(drift):
+    """Velocities, (runs, sites)."""
+    v = SPEED * np.random.default_rng(7).uniform(-1, 1, (RUNS, SITES))
+    return v - v.mean(axis=1, keepdims=True) + drift
+
+
+def energy(engine, chain, u, v):
+    """Energy beside that of the drift, in extended precision, of states in either precision."""
+    u, v = u.astype(engine.dtype), v.astype(engine.dtype)
+    r, v = np.diff(u), v - v.mean()
+    (values,) = chain.segments.parameters
+    bonds = engine.evaluate(0, 0, values, np.ascontiguousarray(r))
+    return bonds.sum() + (v**2).sum() / 2
+
+
+def growth(drift, steps=STEPS):
+    """Differences of double from extended precision against the number of steps."""
+    chain, method = prism_chain(SITES), METHODS[METHOD]
+    stops = np.unique(np.geomspace(10, steps, LOOKS).astype(int))
+    engines = [Compiled(chain.segments.laws, extended=extended) for extended in (False, True)]
+    found = []
+    for velocity in starts(drift):
+        pairs = [
+            (np.zeros(SITES, engine.dtype), velocity.astype(engine.dtype)) for engine in engines
+        ]
+        loops = [
+            engine.bind(*pair, chain.inverse_mass, chain.segments, method, DT)
+            for engine, pair in zip(engines, pairs, strict=True)
+        ]
+        scale, done, rows = energy(engines[1], chain, *pairs[1]), 0, []
+        for stop in stops.tolist():
+            for loop in loops:
+                loop.advance(stop - done)
+            done = stop
+            ours, theirs = (energy(engines[1], chain, *pair) for pair in pairs)
+            (u, _), (exact, _) = pairs
+            apart = np.abs(np.diff(u.astype(exact.dtype)) - np.diff(exact)).max()
+            rows.append((abs(ours - theirs) / scale, apart / np.abs(np.diff(exact)).max()))
+        found.append(np.array(rows, dtype=float))
+    energies, places = np.sqrt(np.mean(np.square(found), axis=0)).T
+    return {"steps": stops, "energy": energies, "elongation": places}
+
+
+def data(steps=STEPS):
+    """At rest as a whole, and drifting."""
+    return {"at_rest": growth(0.0, steps), "drifting": growth(DRIFT, steps)}
+
+
+def powers(tables, name):
+    """Powers of the number of steps in the differences of energy and elongation."""
+    t = tables[name]
+    late = t["steps"] >= LATE
+    return [slope(t["steps"][late], t[key][late]) for key in ("energy", "elongation")]
+
+
+def text(tables):
+    """What the page says."""
+    (energy, place), (energy_drifting, place_drifting) = (powers(tables, k) for k in tables)
+    steps = tables["at_rest"]["steps"][-1]
+    last = {k: t["energy"][-1] for k, t in tables.items()}
+    return (
+        f"The loop in double precision against the same text in extended precision, {METHOD}, "
+        f"root of the mean square over {RUNS} starts. Rounding errors are independent: the energy "
+        f"wanders with the power {energy:.1f} of the number of steps (expected 1/2; "
+        f"{last['at_rest']:.0e} after {steps} steps), the phase and with it the elongations with "
+        f"{place:.1f} (3/2). Elongations are differences of displacements: a chain that drifts as "
+        f"a whole, here at {DRIFT:g} m/s, loses digits as it moves away from its origin, with the "
+        f"powers {energy_drifting:.1f} (3/2) and {place_drifting:.1f} (5/2), "
+        f"{last['drifting']:.0e} of the energy in the same time. Run in a frame in which the "
+        "chain stays."
+    )
+
+
+def draw(figure, tables):
+    """Differences from extended precision against steps, and the powers of a random walk."""
+    figure.set_size_inches(11, 4.5)
+    panels = figure.subplots(1, 2, sharey=True)
+    for axes, (name, t) in zip(panels, tables.items(), strict=True):
+        found, late = powers(tables, name), t["steps"] >= LATE
+        for k, key in enumerate(("energy", "elongation")):
+            label = f"{key}: power {found[k]:.2f}"
+            axes.loglog(t["steps"], t[key], f"C{k}o", ms=4, label=label)
+            expected = EXPECTED[name][k]
+            middle = np.exp(np.mean((np.log(t[key]) - expected * np.log(t["steps"]))[late]))
+            label = f"power {expected:g}"
+            axes.loglog(t["steps"], middle * t["steps"] ** expected, f"C{k}--", lw=1, label=label)
+        axes.set(xlabel="steps", title=f"chain {name.replace('_', ' ')} as a whole")
+        axes.legend(fontsize=8)
+    panels[0].set_ylabel("double minus extended precision, relative")

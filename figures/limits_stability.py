@@ -1,0 +1,137 @@
+"""How large a step may be: where the fastest vibration of a chain begins to grow."""
+
+from __future__ import annotations
+
+import numpy as np
+import sympy as sp
+
+from figures._limits import COLOURS, EXPLICIT, listed
+from tensegrity import Chain, Potential, State
+from tensegrity.methods import METHODS
+
+NAME = "limits_stability"
+GROUP = "limits"
+
+SITES = 8  # so few that their frequencies are well apart
+CLOSE = 0.02  # relative width of the bracket of the limit
+TIMES = 20.0  # how many times over the amplitude may grow by e while it is watched
+FEWEST = 200  # steps watched
+SHOWN = 0.15  # of the limit, on either side, unless the growth is over before
+FAR_STEPS = (10.0, 1e3, 1e5)  # dt * omega tried with implicit methods
+FEW = 40  # steps of these
+
+
+def chain():
+    """Unit masses and springs, and the largest frequency."""
+    r = sp.Symbol("r", real=True)
+    return Chain(Potential(r**2 / 2, r), SITES), 2 * np.cos(np.pi / (2 * SITES))
+
+
+def growth(method, z, steps):
+    """Logarithm of the amplitude's growth per step, all modes excited, over the last half."""
+    row, omega = chain()
+    u, v = np.random.default_rng(1).standard_normal((2, SITES))
+    loop = row.bind(u, v, method, z / omega)
+    loop.advance(steps // 2)
+    before = row.energy(State(u, v))
+    loop.advance(steps // 2)
+    return 0.5 * np.log(row.energy(State(u, v)) / before) / (steps // 2)
+
+
+def worst(method, limit):
+    """Step that grows fastest closely above a limit, that growth, and how wide the growth is."""
+    z = limit * np.linspace(1, 1 + CLOSE / 2, 20_001)
+    rate = predicted_growth(method, z)
+    top = int(np.argmax(rate))
+    over = np.flatnonzero(rate[top:] < 0.01 * rate[top])
+    width = z[top + over[0]] - limit if over.size else np.inf
+    return float(z[top]), float(rate[top]), width
+
+
+def bracket(method):
+    """What the bare loop does on both sides of the limit, and around it.
+
+    Just below it and at the step that grows fastest above, with as many steps.
+    """
+    limit = method.stability_limit
+    above, rate, width = worst(method, limit)
+    steps = max(FEWEST, int(TIMES / rate))
+    below = (1 - CLOSE / 2) * limit
+    grown = [growth(method, z, steps) for z in (below, above)]
+    width = min(SHOWN * limit, width)
+    near = limit + width * np.linspace(-0.5, 1.5, 21)
+    line = limit + width * np.linspace(-0.5, 1.5, 401)
+    expected = predicted_growth(method, line)
+    seen = max(FEWEST, int(TIMES / expected.max()))
+    around = {
+        "dt omega": near,
+        "growth": np.array([growth(method, z, seen) for z in near]),
+        "line": line,
+        "predicted": expected,
+    }
+    found = {"below": below, "growth below": grown[0], "above": above, "growth above": grown[1]}
+    return {"limit": limit, **found, "growth predicted": rate, "steps": steps}, around
+
+
+def predicted_growth(method, z):
+    """Largest growth per step of any mode of the chain, by the eigenvalues of a step."""
+    modes = np.sin(np.pi * np.arange(1, SITES) / (2 * SITES)) / np.cos(np.pi / (2 * SITES))
+    xx, xv, vx, vv = method.step_matrix(np.multiply.outer(z, modes))
+    steps = np.moveaxis(np.array([[xx, xv], [vx, vv]]), (0, 1), (-2, -1))
+    return np.log(np.abs(np.linalg.eigvals(steps)).max(axis=(-1, -2)))
+
+
+def data():
+    """Growth per step on both sides of each limit and around it."""
+    pairs = {name: bracket(METHODS[name]) for name in EXPLICIT}
+    implicit = [m for m in METHODS.values() if not m.explicit]
+    rows = [found for found, _ in pairs.values()]
+    return {
+        "limits": {
+            "method": EXPLICIT,
+            "stages": [METHODS[name].stages for name in EXPLICIT],
+            **{key: np.array([row[key] for row in rows]) for key in rows[0]},
+        },
+        "implicit": {
+            "method": [m.name for m in implicit for _ in FAR_STEPS],
+            "dt omega": [z for _ in implicit for z in FAR_STEPS],
+            "growth": [growth(m, z, FEW) for m in implicit for z in FAR_STEPS],
+        },
+        **{name: around for name, (_, around) in pairs.items()},
+    }
+
+
+def text(tables):
+    """What the page says."""
+    t = tables["limits"]
+    rows = [dict(zip(t, row, strict=True)) for row in zip(*t.values(), strict=True)]
+    each = [
+        f"{row['method']} {row['limit']:.4f} (at {row['below']:.3f} nothing grew, at "
+        f"{row['above']:.3f} the amplitude grew by {np.expm1(row['growth above']):.2g} a step; "
+        f"{row['limit'] / row['stages']:.2f} for each evaluation of the forces)"
+        for row in rows
+    ]
+    far, names = max(tables["implicit"]["dt omega"]), dict.fromkeys(tables["implicit"]["method"])
+    return (
+        "The step times the largest angular frequency must stay below a number of the method, "
+        "found from its coefficients and found again by letting the bare loop run on a linear "
+        f"chain: {listed(each)}. A weak growth is a resonance: a few thousand steps do no harm "
+        "there, a million do. `simulate` refuses a larger step with a `StabilityError`, at "
+        f"the stiffness that the motion itself meets. {listed(list(names))} has no limit: "
+        f"nothing grew at {far:g}."
+    )
+
+
+def draw(figure, tables):
+    """Growth per step around each limit, predicted and found."""
+    figure.set_size_inches(4 * len(EXPLICIT), 4)
+    for axes, name in zip(np.atleast_1d(figure.subplots(1, len(EXPLICIT))), EXPLICIT, strict=True):
+        t, colour, limit = tables[name], COLOURS[name], METHODS[name].stability_limit
+        axes.plot(t["line"], t["predicted"], color=colour, lw=1, label="eigenvalues of a step")
+        axes.plot(t["dt omega"], t["growth"], "o", color=colour, ms=4, label="the loop on a chain")
+        axes.axvline(limit, color="k", lw=0.6, ls=":")
+        axes.ticklabel_format(useOffset=False, style="plain", axis="x")
+        axes.locator_params(axis="x", nbins=5)
+        axes.set(xlabel="dt $\\omega_{max}$", title=f"{name}: limit {limit:.4f}")
+    figure.axes[0].set_ylabel("growth per step (logarithm of the amplitude)")
+    axes.legend(fontsize=8)

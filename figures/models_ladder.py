@@ -1,0 +1,209 @@
+"""No more model than a scene needs: what each model leaves out against the time it takes."""
+
+from __future__ import annotations
+
+import math
+import time
+
+import numpy as np
+
+from figures._guide import STEEL, light
+from figures._limits import moved
+from figures._nodes import Nodes
+from granular import chain as bead_chain
+from granular import hertz, simulate, y_guide
+from tensegrity import Chain, Polynomial, PowerLaw, Prism, Record, plain, solitary_wave
+from tensegrity.asymptotics import sech2, tent
+from tensegrity.methods import METHODS
+
+NAME = "models_ladder"
+GROUP = "models"
+
+LEVELS = (1e-2, 1e-4, 1e-8)
+REPEATS, LONG = 5, 3.0  # runs that a median is of, and seconds from which one run has to do
+ELASTIC = Prism(base=1.0, height=0.8, prestrain=0.02, k_cross=1.0, k_base=1000.0, k_bar=10000.0)
+RIGID = Prism(ELASTIC.base, ELASTIC.height, ELASTIC.prestrain, ELASTIC.k_cross)
+FITS = (1e-3, 1e-6, 1e-10)  # errors of polynomials, relative to the largest tension
+SITES, BLOW, T_END, STEPS = 30, dict.fromkeys(range(4), 0.03), 20.0, 100
+WAVES = {"near_sound": ((0.7, 0.1), 1.001), "near_locking": ((0.6, 0.001), 12.16)}
+WAVE_SITES, AT, TRAVEL = 700, 340, 10
+STEM, BRANCH, SPEED, ANGLE = 19, 23, 0.585, math.pi / 6
+DT_GUIDE, FINER = 0.05e-6, 2
+GUIDES = {"stem": 110e-6, "stem_and_junction": 250e-6}  # durations [s]
+LOADED = np.linspace(0.0, -0.035, 200)  # elongations of the prism under load [m]
+
+
+def timed(work):
+    """What `work()` returns, and the median of the seconds it takes, warm if it is short."""
+    seconds = []
+    while len(seconds) <= REPEATS and not (seconds and seconds[0] > LONG):
+        start = time.perf_counter()
+        found = work()
+        seconds.append(time.perf_counter() - start)
+    return found, float(np.median(seconds[1:] or seconds))
+
+
+def ladder(rungs, reference):
+    """Errors of models, relative to the largest of the reference, and times over the slowest.
+
+    Parameters
+    ----------
+    rungs : dict of str to callable
+        Each returns what `reference` is: an array.
+    """
+    pairs = [timed(work) for work in rungs.values()]
+    scale = np.max(np.abs(reference))
+    slowest = max(seconds for _, seconds in pairs)
+    return {
+        "model": list(rungs),
+        "error": np.array([np.max(np.abs(found - reference)) / scale for found, _ in pairs]),
+        "time": np.array([seconds / slowest for _, seconds in pairs]),
+    }
+
+
+def prisms_in_a_row():
+    """Displacements of a chain of elastic prisms some time after a blow."""
+    spring, rigid, dt = ELASTIC.potential(), RIGID.potential(), T_END / STEPS
+
+    def chain_of(one):
+        return Chain(one, SITES)
+
+    def run(one, finer=1):
+        row = chain_of(one)
+        return moved(row, row.at_rest(BLOW), "rkn6", dt / finer, finer * STEPS)[0]
+
+    def nodes():
+        row, prisms = chain_of(spring), Nodes(ELASTIC, SITES - 1)
+
+        def acceleration(u):
+            pull = prisms.tension(ELASTIC.height + row.elongation(u))
+            return np.diff(pull, prepend=0.0, append=0.0)
+
+        u, v = row.arrays(row.at_rest(BLOW))
+        plain.advance(acceleration, u, v, METHODS["rkn6"], dt, STEPS, SITES)
+        return u
+
+    row = chain_of(spring)
+    met = simulate(row, row.at_rest(BLOW), T_END, dt=dt, method="rkn6").met[0]
+    fits = {error: Polynomial(spring, *(1.05 * met), error) for error in FITS}
+    rungs = {"rigid": lambda: run(rigid)}
+    rungs |= {f"elastic, degree {p.degree}": (lambda p=p: run(p)) for p in fits.values()}
+    rungs |= {"elastic, exact": lambda: run(spring), "18 coordinates": nodes}
+    return ladder(rungs, run(spring, finer=4))
+
+
+def wave_on_prisms(shape, ratio):
+    """Profile of a solitary wave of a given speed, judged by the chain itself.
+
+    The reference is what an exact wave has become after some sites on the chain.
+    """
+    spring = Prism(1.0, *shape, 1.0).potential()
+    x = np.arange(WAVE_SITES - 1) + 0.5 - AT - TRAVEL
+    wave = solitary_wave(spring, speed_ratio=ratio)
+    row = Chain(spring, WAVE_SITES)
+    run = simulate(row, wave.launch(row, at=AT), TRAVEL / wave.speed, dt=2e-3 / wave.speed,
+                   method="rkn6", record=Record(every=10**9))  # fmt: skip
+    return ladder(
+        {
+            "sech$^2$": lambda: sech2(spring, ratio, x),
+            "tent": lambda: tent(spring, x),
+            "exact wave": lambda: solitary_wave(spring, speed_ratio=ratio).elongation(x),
+        },
+        row.elongation(run.final.u),
+    )
+
+
+def guide(t_end):
+    """Velocities of the beads of a half guide along their parts: stem and one branch."""
+    way = np.array([math.cos(ANGLE), math.sin(ANGLE)])
+    steps = round(t_end / DT_GUIDE)
+
+    def bare(scene, state, finer=1):
+        return moved(scene, state, "rkn6", t_end / steps / finer, finer * steps)[1]
+
+    def straight():
+        scene = bead_chain([STEEL] * (STEM + BRANCH), striker=light(SPEED))
+        return bare(scene, scene.start())
+
+    def folded():
+        """Both branches as one row.
+
+        A branch bead at y cos(angle) along its axis is pressed by the last bead of the stem as if
+        at y in line with it: energies and masses of both branches, in y, are those below.
+        """
+        cosine, alpha, n = math.cos(ANGLE), hertz(STEEL, STEEL).constant, 1.5
+        stem = PowerLaw(alpha, n)
+        branch = PowerLaw(2 * alpha * cosine ** (n + 1), n)
+        masses = [STEEL.mass] * (1 + STEM) + [2 * STEEL.mass * cosine**2] * BRANCH
+        row = Chain([stem] * STEM + [branch] * BRANCH, 1 + STEM + BRANCH, masses)
+        v = bare(row, row.at_rest({0: SPEED}))
+        v[1 + STEM :] *= cosine
+        return v
+
+    def plane(finer=1):
+        scene = y_guide(STEM, BRANCH, ANGLE, bead=STEEL, striker=light(SPEED))
+        v = bare(scene, scene.start(), finer)
+        order = [s for part in ("striker", "stem 1", "branch 1") for s in scene.parts[part]]
+        along = v[: scene.sites] @ way
+        along[: 1 + STEM] = v[: 1 + STEM, 0]
+        return along[order]
+
+    rungs = {"1D, straight on": straight, "1D, branches as one": folded, "2D": plane}
+    return ladder(rungs, plane(FINER))
+
+
+def under_load():
+    """Load of a prism pressed from its reference, at many heights."""
+    rigid, soft = RIGID.potential(), ELASTIC.potential()
+    fits = [Polynomial(soft, 1.01 * LOADED[-1], 1e-3, error) for error in FITS]
+    nodes = Nodes(ELASTIC, len(LOADED))
+    rungs = {"rigid": lambda: rigid.tension(LOADED)}
+    rungs |= {f"elastic, degree {p.degree}": (lambda p=p: p.tension(LOADED)) for p in fits}
+    rungs["elastic, exact"] = lambda: soft.tension(LOADED)
+    rungs["18 coordinates"] = lambda: Nodes(ELASTIC, len(LOADED)).tension(ELASTIC.height + LOADED)
+    return ladder(rungs, nodes.tension(ELASTIC.height + LOADED))
+
+
+def data():
+    """A ladder of models for each scene."""
+    return {
+        "chain_of_prisms": prisms_in_a_row(),
+        **{f"wave_{name}": wave_on_prisms(*how) for name, how in WAVES.items()},
+        **{f"guide_{name}": guide(t_end) for name, t_end in GUIDES.items()},
+        "prism_under_load": under_load(),
+    }
+
+
+def enough(ladder, level):
+    """The first, simplest, model whose error is at most that, and its time; or "none"."""
+    good = np.flatnonzero(ladder["error"] <= level)
+    if good.size == 0:
+        return "none"
+    return f"{ladder['model'][good[0]]} ({ladder['time'][good[0]]:.0e})"
+
+
+def table(tables):
+    """Which model suffices in each scene, and its time over that of the largest."""
+    return [
+        {
+            "scene": scene.replace("_", " "),
+            **{f"for {level:g}": enough(one, level) for level in LEVELS},
+        }
+        for scene, one in tables.items()
+    ]
+
+
+def draw(figure, tables):
+    """Error against time in each scene."""
+    figure.set_size_inches(13, 8)
+    panels = figure.subplots(2, 3, sharey=True)
+    for axes, (scene, one) in zip(panels.flat, tables.items(), strict=True):
+        for k, (name, error, seconds) in enumerate(zip(*one.values(), strict=True)):
+            label = name if error else f"{name}, the reference"
+            axes.loglog(seconds, max(error, 1e-17), f"C{k}o", ms=8, label=label)
+        for level in LEVELS:
+            axes.axhline(level, color="0.6", lw=0.7, ls=":")
+        axes.set(title=scene.replace("_", " "), xlabel="time over the slowest")
+        axes.legend(fontsize=8, loc="upper right")
+    for axes in panels[:, 0]:
+        axes.set_ylabel("error, relative to the largest value")

@@ -1,0 +1,143 @@
+"""Long chains in pieces, each with a halo, on a pool of threads.
+
+A stage carries what is wrong at the cut ends of a piece one site further, so a halo as wide as
+the stages of a few steps keeps the piece itself right.  Pieces and halos begin and end where the
+whole chain's loop begins a block, so every bond is computed by the same instructions on the same
+numbers: the result equals that of one loop bit for bit, whatever the number of threads.
+"""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+
+import numpy as np
+
+BLOCK = 64  # as in chain.c
+HALO = 16 * BLOCK
+PIECE = 256 * BLOCK  # bonds: what two arrays of them take fits the cache of one processor
+LONG = 4 * PIECE  # bonds from which pieces are worth it
+
+
+def threads():
+    """Threads used for long chains: $TENSEGRITY_THREADS, or one per processor we may use."""
+    given = os.environ.get("TENSEGRITY_THREADS", "")
+    if given.isdigit() and int(given) > 0:
+        return int(given)
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+@cache
+def _pool(count):
+    return ThreadPoolExecutor(count, thread_name_prefix="tensegrity")
+
+
+class BoundPieces:
+    """A chain advanced in place, piece by piece.
+
+    Parameters
+    ----------
+    engine : Compiled
+    u, v, inverse_mass : ndarray, (sites,)
+    segments : Segments
+    method : Splitting
+    dt : float
+        [s]
+    count : int
+        Threads.
+    """
+
+    def __init__(self, engine, u, v, inverse_mass, segments, method, dt, count):
+        self._u, self._v, self._pool = u, v, _pool(count)
+        self._together = (HALO - 2) // method.stages  # steps between two exchanges
+        bonds = int(segments.first[-1])
+        pieces = count * -(-bonds // (count * PIECE))
+        ends = [start_of_block(segments.first, bonds * k // pieces) for k in range(pieces)]
+        self._pieces = [
+            _Piece(engine, u, v, inverse_mass, segments, method, dt, start, stop)
+            for start, stop in zip(ends, [*ends[1:], bonds], strict=True)
+        ]
+        self.range = np.empty((len(segments.law), 2))
+        self.forget_range()
+
+    def forget_range(self):
+        """Start anew to record the smallest and the largest elongation of each segment."""
+        self.range[:, 0], self.range[:, 1] = np.inf, -np.inf
+        for piece in self._pieces:
+            piece.loop.forget_range()
+
+    def advance(self, steps):
+        """Advance u and v by whole steps."""
+        done = 0
+        while done < steps:
+            part = min(self._together, steps - done)
+            for piece in self._pieces:
+                piece.order = part, done > 0, done + part == steps
+            for work in (_Piece.advance, _Piece.give):  # all take before any gives
+                list(self._pool.map(work, self._pieces))
+            done += part
+        for piece in self._pieces:
+            piece.see(self.range)
+
+
+class _Piece:
+    """Bonds from `start` to `stop` of a chain, with a halo on either side."""
+
+    def __init__(self, engine, u, v, inverse_mass, segments, method, dt, start, stop):
+        first, bonds = segments.first, int(segments.first[-1])
+        low = start_of_block(first, max(start - HALO, 0), down=True)
+        high = min(start_of_block(first, min(stop + HALO, bonds)), bonds)
+        cuts = {low, start, stop, high}
+        edges = np.array(sorted(cuts | {int(x) for x in first if low < x < high}))
+        parent = np.searchsorted(first, edges[:-1], side="right") - 1
+        own = type(segments)(
+            segments.laws, edges - low, segments.law[parent], segments.parameters[parent]
+        )
+        self._globals, self._sites = (u, v), slice(low, high + 1)
+        self._local = u[self._sites].copy(), v[self._sites].copy()
+        self.loop = engine.bind(
+            *self._local, inverse_mass[self._sites], own, method, dt, divided=False
+        )
+        self._mine = slice(start, stop + (stop == bonds))
+        self._inner = slice(start - low, self._mine.stop - low)
+        rows = np.flatnonzero((edges[:-1] >= start) & (edges[:-1] < stop))
+        self._rows, self._parents = rows, parent[rows]
+        self.order = 0, False, True  # arguments of `advance_part`
+
+    def advance(self):
+        """Take what the neighbours gave, and do some steps."""
+        for local, whole in zip(self._local, self._globals, strict=True):
+            local[:] = whole[self._sites]
+        self.loop.advance_part(*self.order)
+
+    def give(self):
+        """Hand out the part that is right."""
+        for local, whole in zip(self._local, self._globals, strict=True):
+            whole[self._mine] = local[self._inner]
+
+    def see(self, whole):
+        """Widen the ranges of elongation of the chain's segments."""
+        np.minimum.at(whole[:, 0], self._parents, self.loop.range[self._rows, 0])
+        np.maximum.at(whole[:, 1], self._parents, self.loop.range[self._rows, 1])
+
+
+def start_of_block(first, bond, down=False):
+    """The bond near `bond`, not above it if `down` and else not below, where a block begins.
+
+    In a segment the loop begins with what is left over of its whole blocks.
+    """
+    if bond >= first[-1]:
+        return int(first[-1])
+    s = int(np.searchsorted(first, bond, side="right")) - 1
+    start, stop = int(first[s]), int(first[s + 1])
+    odd = (stop - start) % BLOCK
+    place = bond - start
+    if place == 0:
+        return bond
+    if place <= odd:
+        return start if down else start + odd
+    blocks = (place - odd) // BLOCK if down else -(-(place - odd) // BLOCK)
+    return start + odd + blocks * BLOCK

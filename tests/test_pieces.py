@@ -1,0 +1,62 @@
+"""Long chains in pieces on threads: the same bits as in one loop."""
+
+import numpy as np
+import pytest
+
+from tensegrity import Chain, PowerLaw, Prism, simulate
+from tensegrity.kernel import Compiled
+from tensegrity.methods import METHODS
+from tensegrity.pieces import HALO, LONG, BoundPieces, start_of_block
+
+pytestmark = pytest.mark.needs_compiler
+
+
+def uniform(sites=LONG + 4321):
+    return Chain(Prism(1.0, 0.8, 0.02, 1.0).potential(), sites)
+
+
+def mixed():
+    """Segments shorter and longer than a piece, none a multiple of a block."""
+    prism, hertz = Prism(1.0, 0.8, 0.05, 1.0), PowerLaw(2.0, 1.5, preload=0.1)
+    springs = [prism.potential()] * 20011 + [hertz] * 33 + [prism.potential(0.05)] * 30001
+    return Chain(springs + [hertz] * 5005, 55051, ends=("free", "fixed"))
+
+
+@pytest.mark.parametrize("method", ["verlet", "rkn6"])
+@pytest.mark.parametrize("threads", [2, 3])
+@pytest.mark.parametrize("scene", [uniform, mixed])
+def test_pieces_equal_the_whole_bit_for_bit(scene, threads, method):
+    chain, method, dt = scene(), METHODS[method], 0.1
+    rng = np.random.default_rng(5)
+    start = 1e-3 * rng.standard_normal((2, chain.sites))
+    start[:, chain.held] = 0
+    engine = Compiled(chain.segments.laws)
+    steps = 2 * (HALO // method.stages) + 7
+    results = []
+    for divided in (False, True):
+        u, v = start.copy()
+        parts = engine, u, v, chain.inverse_mass, chain.segments, method, dt
+        loop = BoundPieces(*parts, threads) if divided else engine.bind(*parts[1:], divided=False)
+        for n in (1, steps):  # a second call takes up what the first left
+            loop.advance(n)
+        results.append((u, v, loop.range.copy()))
+    for one, two in zip(*results, strict=True):
+        assert one.tobytes() == two.tobytes()
+
+
+@pytest.mark.parametrize("threads", ["1", "2", "3"])
+def test_runs_do_not_depend_on_the_number_of_threads(monkeypatch, threads):
+    chain = uniform()
+    state = chain.at_rest({0: 0.03, chain.sites // 2: -0.02, chain.sites - 1: 0.01})
+    alone = simulate(chain, state, 6.0, dt=0.1)
+    monkeypatch.setenv("TENSEGRITY_THREADS", threads)
+    run = simulate(chain, state, 6.0, dt=0.1)
+    assert run.final.u.tobytes() == alone.final.u.tobytes()
+    assert run.final.v.tobytes() == alone.final.v.tobytes()
+
+
+def test_blocks_begin_where_the_loop_begins_them():
+    first = np.array([0, 10, 200])  # 10 bonds, then 190 = 62 + 2 * 64
+    found = [start_of_block(first, b) for b in (0, 3, 10, 11, 72, 73, 137, 150, 200, 300)]
+    assert found == [0, 10, 10, 72, 72, 136, 200, 200, 200, 200]
+    assert [start_of_block(first, b, down=True) for b in (3, 71, 73, 199)] == [0, 10, 72, 136]
