@@ -57,7 +57,7 @@ def machine_bound():
     return {name: t / 20_000 / 512 * 1e9 for name, t in times.items()}
 
 
-def _rival_force(modules):
+def rival_force(modules):
     """The tension with its `through` quantities inserted, as one Python function of (r, p...)."""
     import sympy as sp
 
@@ -67,7 +67,7 @@ def _rival_force(modules):
 
 
 def _numpy_rival(spring, u, v, steps):
-    force, p = _rival_force("numpy"), spring._values.tolist()
+    force, p = rival_force("numpy"), spring._values.tolist()
 
     def run():
         edges = np.zeros(len(u) + 1)
@@ -81,17 +81,18 @@ def _numpy_rival(spring, u, v, steps):
     return run
 
 
-def _numba_rival(spring, u, v, steps, **options):
+def numba_loop(force, **options):
+    """Velocity Verlet on a chain of unit masses: (u, v, steps, parameters of the force, dt)."""
     import numba
 
-    force, p = numba.njit(_rival_force("math"), **options), tuple(spring._values)
+    force = numba.njit(force, **options)
 
     @numba.njit(**options)
-    def loop(u, v, steps, p):
+    def loop(u, v, steps, p, dt):
         last = len(u) - 1
         for k in range(steps + 1):
-            kick = DT / 2 if k in (0, steps) else DT
-            drift = DT if k < steps else 0.0
+            kick = dt / 2 if k in (0, steps) else dt
+            drift = dt if k < steps else 0.0
             left = 0.0
             for first in range(0, last, 32):
                 f = np.empty(32)
@@ -105,7 +106,12 @@ def _numba_rival(spring, u, v, steps, **options):
             v[last] -= kick * left
             u[last] += drift * v[last]
 
-    return lambda: loop(u, v, steps, p)
+    return loop
+
+
+def _numba_rival(spring, u, v, steps, **options):
+    loop, p = numba_loop(rival_force("math"), **options), tuple(spring._values)
+    return lambda: loop(u, v, steps, p, DT)
 
 
 def _ours(engine, chain, u, v, steps):

@@ -36,7 +36,7 @@ def scenes():
 
 def omega(chain, state, t_end):
     """Bound of the angular frequency over what a run meets [rad/s]."""
-    u, v = state.u.copy(), state.v.copy()
+    u, v = chain.arrays(state)
     loop = chain.bind(u, v, METHODS["rkn6"], t_end / 4000)
     loop.advance(4000)
     return chain.frequency(loop.range)
@@ -44,8 +44,10 @@ def omega(chain, state, t_end):
 
 def final(chain, state, method, dt, steps, engine=None):
     """u and v after a run, its processor included."""
-    kind = float if engine is None else engine.dtype
-    u, v = state.u.astype(kind), state.v.astype(kind)
+    if engine is None:
+        u, v = chain.arrays(state)
+    else:
+        u, v = state.u.astype(engine.dtype), state.v.astype(engine.dtype)
     enter, leave = method.processor or (None, None)
     for rows, times in ((enter, 1), (method, steps), (leave, 1)):
         if rows is None:
@@ -55,7 +57,7 @@ def final(chain, state, method, dt, steps, engine=None):
         else:
             loop = engine.bind(u, v, chain.inverse_mass, chain.segments, rows, dt)
         loop.advance(times)
-    return u, v
+    return u[: chain.sites], v[: chain.sites]
 
 
 def gap(found, exact):
