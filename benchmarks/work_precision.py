@@ -26,10 +26,10 @@ from benchmarks.methods import EXTENDED, final, gap, omega, scenes
 from figures.__main__ import OUTPUT, STYLE, write, write_table
 from tensegrity import (
     Chain,
+    Ensemble,
     Polynomial,
     Prism,
     ResolutionError,
-    State,
     TensegrityError,
     codegen,
     native,
@@ -238,10 +238,9 @@ def ensemble():
     prism = Prism(1.0, 0.7, 0.01, 1.0)
     spring = prism.potential()
     chain = Chain(spring, ENSEMBLE_SITES)
-    v = np.zeros((ENSEMBLE_SITES, LANES))
-    v[0] = np.linspace(0.02, 0.04, LANES)
-    states = type("States", (), {"u": 0 * v, "v": v})
-    alone = [(chain, State(states.u[:, k], v[:, k]), ENSEMBLE_END) for k in range(LANES)]
+    batch = Ensemble(chain, LANES)
+    states = batch.at_rest({0: np.linspace(0.02, 0.04, LANES)})
+    alone = [(chain, batch.lane(states, k), ENSEMBLE_END) for k in range(LANES)]
     exact = tuple(np.stack(x, 1) for x in zip(*(reference(a)[0] for a in alone), strict=True))
     scale = ENSEMBLE_END * omega(*alone[-1])
 
