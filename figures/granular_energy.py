@@ -95,5 +95,5 @@ def draw(figure, tables):
         axes.axhline(FINE_ERROR, color="k", lw=0.6, ls=":")
         axes.set(xlabel="step [us]", title=f"half guide, {name}")
         axes.legend(fontsize=7, loc="upper left")
-        axes.set_ylim(1e-11, 30)
+        axes.set_ylim(1e-12, 30)
     figure.axes[0].set_ylabel("largest relative error of the energy")

@@ -14,11 +14,11 @@ GROUP = "granular"
 
 SENSORS = (("stem 1", 16), ("branch 1", 7), ("branch 1", 27), ("branch 1", 43), ("stem 2", 5))
 SCENES = {  # bead, striker, duration [s], step [s], newtons per division of the paper's runs
-    "ptfe": (PTFE, _guide.light(0.25), 4.2e-3, 0.4e-6, 0.5),
+    "PTFE": (PTFE, _guide.light(0.25), 4.2e-3, 0.4e-6, 0.5),
     "steel": (STEEL, _guide.heavy(0.18), 2.0e-3, 0.1e-6, 5.0),
 }
 LEVEL = 0.1  # of the largest: pulses above it count
-ENTERED = {"ptfe": 1.9e-3, "steel": 0.55e-3}  # s: before anything returns to the sensors
+ENTERED = {"PTFE": 1.9e-3, "steel": 0.55e-3}  # s: before anything returns to the sensors
 
 
 def data():
@@ -73,7 +73,7 @@ def draw(figure, tables):
     """Both scenes, one row each."""
     figure.set_size_inches(11, 10)
     axes = figure.subplots(2, 2)
-    titles = {"ptfe": "PTFE, 0.45 g at 0.25 m/s", "steel": "steel, 5.33 g at 0.18 m/s"}
+    titles = {"PTFE": "PTFE, 0.45 g at 0.25 m/s", "steel": "steel, 5.33 g at 0.18 m/s"}
     for name, both in zip(SCENES, axes, strict=True):
         divisions = [SCENES[name][-1]] * len(SENSORS)
         names = (titles[name], "stem 1, branch 1, stem 2")

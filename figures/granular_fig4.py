@@ -35,7 +35,7 @@ def table(tables):
     lines = [
         row("4", "speed in the steel branch over that in the PTFE branch", steel / ptfe,
             "about 4", "about 4"),
-        row("4", "second pulse at bead 7 of the steel branch over the first",
+        row("4", "pulse back from the 120 deg bend at bead 7 of the steel branch, over the first",
             float(back / there), "small"),
     ]  # fmt: skip
     for instant in INSTANTS:

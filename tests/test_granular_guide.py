@@ -92,6 +92,13 @@ def test_energy_keeps_to_1e_8_with_the_default_step():
     assert single().energy_error < 1e-8
 
 
+@pytest.mark.slow
+def test_energy_keeps_to_1e_8_with_the_default_step_in_a_full_guide_of_two_kinds_of_beads():
+    guide = diamond_guide(bead=STEEL, branches=(STEEL, PARYLENE), striker=Striker(HEAVY, 0.35))
+    run = simulate(guide, guide.start(), 2.4e-3, record=Record(every=20))
+    assert run.energy_error < 1e-8
+
+
 def test_energy_keeps_to_1e_9_at_a_step_of_0_03_us():
     assert single(dt=0.03e-6, every=50, method="rkn6").energy_error < 1e-9
 
