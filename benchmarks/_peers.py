@@ -20,7 +20,7 @@ import sympy as sp
 from benchmarks.chain import numba_loop
 
 HEYOKA = (1e-4, 1e-6, 1e-9, 1e-12, 1e-15)
-SCIPY = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13)
+SCIPY = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13, 3e-14)
 
 
 @dataclass(frozen=True)
