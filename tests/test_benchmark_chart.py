@@ -81,7 +81,7 @@ def test_tried_methods_have_the_order_they_are_tried_for():
     """On the oscillator, whose step matrix must have the right powers; processors apart."""
     for name, method in SPLITTINGS.items():
         errors = []
-        for z in (1.0, 0.5):
+        for z in (0.5, 0.25):
             xx, xv, vx, vv = method.step_matrix(np.array(z))
             exact = [np.cos(z), np.sin(z), -np.sin(z), np.cos(z)]
             errors.append(np.abs(np.array([xx, xv, vx, vv]) - exact).max())
