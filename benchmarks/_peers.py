@@ -54,20 +54,26 @@ def has(name):
     return True
 
 
-def prism_tension(prism):
-    """The textbook force of a rigid-elastic prism, by the height: what one would type."""
+def prism_values(prism, r):
+    """What to put into the formulas by the height of a rigid-elastic prism, stretched by r."""
     from derivations import rigid_elastic
     from derivations.prism import circumradius, k_cross, natural_cross
 
-    r = sp.Symbol("r")
-    height, crossing = rigid_elastic.height, rigid_elastic.bar
     radius = prism.base / math.sqrt(3)
     bar = math.sqrt(prism.height**2 + 2 * radius**2 * (1 - math.cos(5 * math.pi / 6)))
-    values = {
-        circumradius: radius, crossing: bar, k_cross: prism.k_cross,
-        natural_cross: float(prism.natural_lengths().cross), height: prism.height + r,
+    return {
+        circumradius: radius, rigid_elastic.bar: bar, k_cross: prism.k_cross,
+        natural_cross: float(prism.natural_lengths().cross),
+        rigid_elastic.height: prism.height + r,
     }  # fmt: skip
-    return r, rigid_elastic.force().subs(values)
+
+
+def prism_tension(prism):
+    """The textbook force of a rigid-elastic prism, by the height: what one would type."""
+    from derivations import rigid_elastic
+
+    r = sp.Symbol("r")
+    return r, rigid_elastic.force().subs(prism_values(prism, r))
 
 
 def polynomial_tension(fit):
@@ -159,7 +165,8 @@ def scipy(chain, state, t_end, tension, tolerances=SCIPY):
     edges = np.zeros(n + 1)
 
     def plain(t, y):
-        edges[1:-1] = force(np.diff(y[:n]))
+        with np.errstate(invalid="ignore"):  # a trial step too large, to be refused
+            edges[1:-1] = force(np.diff(y[:n]))
         return np.concatenate([y[n:], w * np.diff(edges)])
 
     sides, compiled = {"scipy DOP853, numpy": plain}, 0.0

@@ -45,16 +45,22 @@ void divisions(long long n)
 """
 
 
-def machine_bound():
-    """Nanoseconds that two square roots and one division take when nothing else is done."""
-    unit = native.library(UNIT)
-    calls = {}
+UNITS = 2_000 * 512  # operations of one call, short enough to run undisturbed
+
+
+def unit_calls():
+    """Calls that do nothing but square roots, and divisions."""
+    unit, calls = native.library(UNIT), {}
     for name in ("roots", "divisions"):
         function = getattr(unit, name)
         function.argtypes = [ctypes.c_longlong]
-        calls[name] = lambda function=function: function(20_000)
-    times = best(calls)
-    return {name: t / 20_000 / 512 * 1e9 for name, t in times.items()}
+        calls[name] = lambda function=function: function(UNITS // 512)
+    return calls
+
+
+def machine_bound():
+    """Nanoseconds that a square root and a division take when nothing else is done."""
+    return {name: t / UNITS * 1e9 for name, t in best(unit_calls()).items()}
 
 
 def rival_force(modules):

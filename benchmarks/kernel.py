@@ -3,7 +3,7 @@
 Rigid and elastic prisms, velocity Verlet.  Each law runs the same blow on the same chain; what
 its force errs by is taken against the converged law, what its motion errs by against that law
 compiled in extended precision, at the same steps.  The elastic law runs with one, two and three
-iterations of its inner solve.  Then the forms of the rigid tension, as differentiated and as
+iterations of its inner solve.  Then the forms of the rigid tension, the textbook's and the one
 found by program, and Hertz's contact, against what their square roots and divisions alone take;
 ensembles in lanes; and long chains in pieces on threads.  Printed and charted; the targets were
 measured elsewhere, on a processor with vectors twice as long.
@@ -16,10 +16,18 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks._timing import best, table
-from benchmarks.chain import machine_bound
+from benchmarks.chain import UNITS, machine_bound, unit_calls
 from figures.__main__ import OUTPUT, STYLE, write, write_table
-from tensegrity import Chain, Polynomial, Potential, PowerLaw, Prism, ResolutionError, simulate
-from tensegrity.codegen import Law
+from tensegrity import (
+    Chain,
+    Polynomial,
+    Potential,
+    PowerLaw,
+    Prism,
+    ResolutionError,
+    codegen,
+    simulate,
+)
 from tensegrity.kernel import Compiled, kernel
 from tensegrity.methods import METHODS
 from tensegrity.pieces import BoundPieces
@@ -36,8 +44,9 @@ EQUAL = 1e-11  # error of the force at which polynomial and inner solve are comp
 LANED, LANES = 40, (1, 8, 64)  # sites of a chain in an ensemble, numbers of lanes
 LONG = (100_000, 1_000_000)  # sites
 
+RIGID = Prism(1.0, 0.8, 0.02, 1.0)
 FAMILIES = {
-    "rigid": (Prism(1.0, 0.8, 0.02, 1.0).potential(), 0.03),
+    "rigid": (RIGID.potential(), 0.03),
     "elastic": (Prism(1.0, 1.0, 0.1, 1.0, 5.0, 50.0).potential(), 0.16),
 }
 
@@ -111,26 +120,55 @@ def measure(families=FAMILIES):
     return [(f, n, times[f, n] * scale, gap, moved) for f, n, gap, moved in rows]
 
 
-def forms(unit):
-    """{form of a tension: (ns per bond-step, ns of its square roots and divisions)}."""
-    rigid = FAMILIES["rigid"][0]
-    law = rigid._law
-    plain = Law(law.energy, law.elongation, law.parameters)
-    hertz = PowerLaw(1.0, 1.5, preload=0.1)
-    root, division = unit["roots"], unit["divisions"]
-    springs = {  # as differentiated: the same roots, and the divisions that are left
-        "as differentiated": (_with_law(rigid, plain), 2 * root + 2 * division),
-        "found by program": (rigid, 2 * root + division),
-        "Hertz": (hertz, root),
+def textbook():
+    """The rigid prism's energy as one types it, by the height, differentiated by program."""
+    import sympy as sp
+
+    from benchmarks._peers import prism_values
+    from derivations import rigid_elastic
+
+    r = sp.Symbol("r")
+    return Potential(rigid_elastic.potential_energy().subs(prism_values(RIGID, r)), r)
+
+
+def slow_operations(law):
+    """Square roots and divisions of a tension that depend on the elongation."""
+    import casadi as ca
+
+    tension = codegen.functions(law)["tension"]
+    depends, roots, divisions = {}, 0, 0
+    for k in range(tension.n_instructions()):
+        kind, inputs = tension.instruction_id(k), tension.instruction_input(k)
+        if kind == ca.OP_OUTPUT:
+            continue
+        found = inputs[0] == 0 if kind == ca.OP_INPUT else any(depends.get(i) for i in inputs)
+        found = found and kind != ca.OP_CONST
+        depends[tension.instruction_output(k)[0]] = found
+        roots += found and kind in (ca.OP_SQRT, ca.OP_CONSTPOW, ca.OP_POW)
+        divisions += found and kind in (ca.OP_DIV, ca.OP_INV)
+    return roots, divisions
+
+
+def forms():
+    """{form of a tension: (ns per bond-step, ns of its square roots and divisions alone)}."""
+    springs = {
+        "textbook form": textbook(),
+        "found by program": FAMILIES["rigid"][0],
+        "Hertz": PowerLaw(1.0, 1.5, preload=0.1),
     }
-    loops = {}
-    for name, (spring, _) in springs.items():
+    calls = unit_calls()
+    for name, spring in springs.items():
         chain = Chain(spring, SITES)
         u, v = 1e-3 * np.sin(np.arange(SITES) ** 2), np.zeros(SITES)
         loop = bound_loop(kernel((spring._law,)), chain, u, v)
-        loops[name] = lambda loop=loop: loop.advance(TIMED)
-    scale = 1e9 / (TIMED + 1) / (SITES - 1)
-    return {name: (t * scale, springs[name][1]) for name, t in best(loops).items()}
+        calls[name] = lambda loop=loop: loop.advance(TIMED)
+    times, scale = best(calls), 1e9 / (TIMED + 1) / (SITES - 1)
+    found = {}
+    for name, spring in springs.items():
+        roots, divisions = slow_operations(spring._law)
+        least = (roots * times["roots"] + divisions * times["divisions"]) / UNITS * 1e9
+        found[name] = times[name] * scale, least
+    return found
 
 
 def ensembles():
@@ -232,7 +270,7 @@ def main():
             ("inner solve over it at 1e-11", newton / polynomial, ">= 20"),
         ],
     )
-    found = forms(unit)
+    found = forms()
     table(
         "forms, 1000 sites, against the time of their square roots and divisions",
         ["", "ns", "bound", "of it"],

@@ -5,6 +5,8 @@ that open, steel).  The error of the last state is taken against Blanes and Moan
 steps far smaller, in extended precision where the scene is smooth; how good that is, a run with
 twice its step tells.  All contestants of a scene take turns; times are medians.  A run here is
 the prepared loop with its processor, a peer's run its own call; compile times are told apart.
+Peers get the prism's force as one would type it; of the softening prism, whose force solves
+equations, the polynomial that ours is fitted by.
 Forces: the formula, and polynomials of it (`+p`) whose error is a small part of the run's.
 """
 
@@ -304,11 +306,12 @@ def chart(found, folder=OUTPUT):
         handles = {}
         for axes, (scene, several) in zip(panels, found.items(), strict=False):
             for name in dict.fromkeys(row[0] for row in several):
-                points = sorted((r[3], r[2]) for r in several if r[0] == name)
+                points = [(r[3], r[2]) for r in several if r[0] == name]
                 number = order.index(name.removesuffix(" +p"))
                 (handles[name],) = axes.loglog(
                     [max(e, 1e-15) for _, e in points], [t for t, _ in points],
-                    ":" if name.endswith("+p") else "-", color=f"C{number % 10}",
+                    ":" if name.endswith("+p") else "-",
+                    color=plt.cm.tab20(number % 10 * 2 + number // 10 % 2),
                     marker="osv^D*Xp"[number % 8], ms=4, label=name,
                 )  # fmt: skip
             axes.set_xlim(1, 1e-15)
