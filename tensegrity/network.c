@@ -21,12 +21,14 @@ typedef struct {
     const real *kicks, *drifts;         /* dt times the coefficients (stages + 1), (stages) */
     real *low, *high;                   /* (contacts) smallest and largest elongation met */
     real *travel;                       /* bound on how far any coordinate of a site moved */
-    const int *from, *to;               /* (contacts) rows; a wall is `from` */
+    const integer *from, *to;           /* (contacts) where their rows begin; a wall is `from` */
     const integer *first;               /* (runs + 1) first contact of each run */
     const integer *kind, *law;          /* (runs) 0 pair, 1 wall, 2 more with shared parameters */
     integer runs, contacts, sites, rows, stages, closing;
 } scene;
 
+/* Unrolled first, the loop would be taken apart into scalars. */
+#define WHOLE_LANES _Pragma("GCC unroll 1") EACH(LANES)
 #define AXES(k) for (int k = 0; k < DIM; k++)
 
 /* Tensions of a group of contacts at the elongations r: parameters shared, or each its own.  A
@@ -54,7 +56,7 @@ typedef struct {
         const real *restrict geometry = c->geometry;                                        \
         for (; b < last; b += LANES) {                                                      \
             real x[DIM][LANES], along[DIM][LANES], r[LANES], t[LANES];                      \
-            const int *from = c->from + b, *to = c->to + b;                                 \
+            const integer *restrict from = c->from + b, *restrict to = c->to + b;           \
             for (int i = 0; i < LANES; i++) AXES(k) x[k][i] = DIFFERENCE;                   \
             EACH(LANES) {                                                                   \
                 real d[DIM], w[DIM], e[DIM];                                                \
@@ -70,14 +72,14 @@ typedef struct {
             ROUNDED(along)                                                                  \
             for (int i = 0; i < LANES; i++)                                                 \
                 AXES(k) {                                                                   \
-                    force[from[i] * DIM + k] += along[k][i];                                \
-                    force[to[i] * DIM + k] -= along[k][i];                                  \
+                    force[from[i] + k] += along[k][i];                                      \
+                    force[to[i] + k] -= along[k][i];                                        \
                 }                                                                           \
         }                                                                                   \
     }
 #define RUNS(K, WHICH)                                                                      \
-    RUN(pair, K, WHICH, u[to[i] * DIM + k] - u[from[i] * DIM + k])                          \
-    RUN(wall, K, WHICH, u[to[i] * DIM + k])
+    RUN(pair, K, WHICH, u[to[i] + k] - u[from[i] + k])                                      \
+    RUN(wall, K, WHICH, u[to[i] + k])
 #define SHORT(K)                                                                            \
     TENSIONS(K, static inline __attribute__((always_inline)), shared, 0)                    \
     TENSIONS(K, static inline __attribute__((always_inline)), own, i)                       \
@@ -125,12 +127,12 @@ static void stage(const scene *c, real a, real b)
     contacts(c, u);
     integer q = 0;
     for (; q + LANES <= moving; q += LANES)
-        EACH(LANES) {
+        WHOLE_LANES {
             v[q + i] += a * w[q + i] * force[q + i];
             real move = b * v[q + i];
             u[q + i] += move;
             force[q + i] = load[q + i];
-            move = move < 0 ? -move : move;
+            move = fabs(move);
             farthest[i] = move > farthest[i] ? move : farthest[i];
         }
     for (; q < all; q++) {

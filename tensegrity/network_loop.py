@@ -175,8 +175,8 @@ class _BoundCompiled:
             drifts,
             self._low,
             self._high,
-            np.where(real, contacts.first[filled], spare).astype(np.int32),
-            np.where(real, contacts.second[filled], spare).astype(np.int32),
+            (contacts.dim * np.where(real, contacts.first[filled], spare)).astype(np.int64),
+            (contacts.dim * np.where(real, contacts.second[filled], spare)).astype(np.int64),
             *(np.ascontiguousarray(x, dtype=np.int64) for x in runs),
         ]
         pointers = [a.ctypes.data for a in self._arrays]
