@@ -93,3 +93,11 @@ def test_evaluations_for_an_error_lie_on_the_power_law_between_two_runs():
     assert methods.needed(counts, errors, 1e-3) == pytest.approx(10 * np.sqrt(2))
     assert np.isnan(methods.needed(counts, errors, 1e-7))
     assert methods.needed(counts, errors, 0.1) == 10
+
+
+def test_verdict_names_the_errors_at_which_a_method_is_cheaper():
+    costs = {name: np.full(len(methods.LEVELS), 10.0) for name in methods.KEPT_FOR}
+    costs["chin 4a"] = np.where(methods.LEVELS > 5e-3, 6.0, 20.0)
+    text = methods.verdict("chin 4a", {"one": costs})
+    assert text.startswith("not kept: 0.60 to 2.00 of the cheapest method kept, less at 1e-02;")
+    assert "1.00 to 1.00" in methods.verdict("rkn6", {"one": costs})
