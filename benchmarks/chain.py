@@ -45,19 +45,25 @@ void divisions(long long n)
 """
 
 
-def machine_bound():
-    """Nanoseconds that two square roots and one division take when nothing else is done."""
-    unit = native.library(UNIT)
-    calls = {}
+UNITS = 2_000 * 512  # operations of one call, short enough to run undisturbed
+
+
+def unit_calls():
+    """Calls that do nothing but square roots, and divisions."""
+    unit, calls = native.library(UNIT), {}
     for name in ("roots", "divisions"):
         function = getattr(unit, name)
         function.argtypes = [ctypes.c_longlong]
-        calls[name] = lambda function=function: function(20_000)
-    times = best(calls)
-    return {name: t / 20_000 / 512 * 1e9 for name, t in times.items()}
+        calls[name] = lambda function=function: function(UNITS // 512)
+    return calls
 
 
-def _rival_force(modules):
+def machine_bound():
+    """Nanoseconds that a square root and a division take when nothing else is done."""
+    return {name: t / UNITS * 1e9 for name, t in best(unit_calls()).items()}
+
+
+def rival_force(modules):
     """The tension with its `through` quantities inserted, as one Python function of (r, p...)."""
     import sympy as sp
 
@@ -67,7 +73,7 @@ def _rival_force(modules):
 
 
 def _numpy_rival(spring, u, v, steps):
-    force, p = _rival_force("numpy"), spring._values.tolist()
+    force, p = rival_force("numpy"), spring._values.tolist()
 
     def run():
         edges = np.zeros(len(u) + 1)
@@ -81,17 +87,18 @@ def _numpy_rival(spring, u, v, steps):
     return run
 
 
-def _numba_rival(spring, u, v, steps, **options):
+def numba_loop(force, **options):
+    """Velocity Verlet on a chain of unit masses: (u, v, steps, parameters of the force, dt)."""
     import numba
 
-    force, p = numba.njit(_rival_force("math"), **options), tuple(spring._values)
+    force = numba.njit(force, **options)
 
     @numba.njit(**options)
-    def loop(u, v, steps, p):
+    def loop(u, v, steps, p, dt):
         last = len(u) - 1
         for k in range(steps + 1):
-            kick = DT / 2 if k in (0, steps) else DT
-            drift = DT if k < steps else 0.0
+            kick = dt / 2 if k in (0, steps) else dt
+            drift = dt if k < steps else 0.0
             left = 0.0
             for first in range(0, last, 32):
                 f = np.empty(32)
@@ -105,7 +112,12 @@ def _numba_rival(spring, u, v, steps, **options):
             v[last] -= kick * left
             u[last] += drift * v[last]
 
-    return lambda: loop(u, v, steps, p)
+    return loop
+
+
+def _numba_rival(spring, u, v, steps, **options):
+    loop, p = numba_loop(rival_force("math"), **options), tuple(spring._values)
+    return lambda: loop(u, v, steps, p, DT)
 
 
 def _ours(engine, chain, u, v, steps):

@@ -3,8 +3,10 @@
 Rigid and elastic prisms, velocity Verlet.  Each law runs the same blow on the same chain; what
 its force errs by is taken against the converged law, what its motion errs by against that law
 compiled in extended precision, at the same steps.  The elastic law runs with one, two and three
-iterations of its inner solve.  Printed and charted; the targets were measured elsewhere, on a
-processor with vectors twice as long.
+iterations of its inner solve.  Then the forms of the rigid tension, the textbook's and the one
+found by program, and Hertz's contact, against what their square roots and divisions alone take;
+ensembles in lanes; and long chains in pieces on threads.  Printed and charted; the targets were
+measured elsewhere, on a processor with vectors twice as long.
 """
 
 from __future__ import annotations
@@ -14,11 +16,21 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks._timing import best, table
-from benchmarks.chain import machine_bound
+from benchmarks.chain import UNITS, machine_bound, unit_calls
 from figures.__main__ import OUTPUT, STYLE, write, write_table
-from tensegrity import Chain, Polynomial, Potential, Prism, ResolutionError, simulate
+from tensegrity import (
+    Chain,
+    Polynomial,
+    Potential,
+    PowerLaw,
+    Prism,
+    ResolutionError,
+    codegen,
+    simulate,
+)
 from tensegrity.kernel import Compiled, kernel
 from tensegrity.methods import METHODS
+from tensegrity.pieces import BoundPieces
 
 SITES, STEPS, DT = 1000, 1000, 0.1
 TIMED = 1000  # steps of one timed call
@@ -29,8 +41,12 @@ MARGIN = 0.05  # of the range of a fit over what is met
 FLOOR = 1e-16  # least error shown in the chart
 EQUAL = 1e-11  # error of the force at which polynomial and inner solve are compared
 
+LANED, LANES = 40, (1, 8, 64)  # sites of a chain in an ensemble, numbers of lanes
+LONG = (100_000, 1_000_000)  # sites
+
+RIGID = Prism(1.0, 0.8, 0.02, 1.0)
 FAMILIES = {
-    "rigid": (Prism(1.0, 0.8, 0.02, 1.0).potential(), 0.03),
+    "rigid": (RIGID.potential(), 0.03),
     "elastic": (Prism(1.0, 1.0, 0.1, 1.0, 5.0, 50.0).potential(), 0.16),
 }
 
@@ -104,6 +120,88 @@ def measure(families=FAMILIES):
     return [(f, n, times[f, n] * scale, gap, moved) for f, n, gap, moved in rows]
 
 
+def textbook():
+    """The rigid prism's energy as one types it, by the height, differentiated by program."""
+    import sympy as sp
+
+    from benchmarks._peers import prism_values
+    from derivations import rigid_elastic
+
+    r = sp.Symbol("r")
+    return Potential(rigid_elastic.potential_energy().subs(prism_values(RIGID, r)), r)
+
+
+def slow_operations(law):
+    """Square roots and divisions of a tension that depend on the elongation."""
+    import casadi as ca
+
+    tension = codegen.functions(law)["tension"]
+    depends, roots, divisions = {}, 0, 0
+    for k in range(tension.n_instructions()):
+        kind, inputs = tension.instruction_id(k), tension.instruction_input(k)
+        if kind == ca.OP_OUTPUT:
+            continue
+        found = inputs[0] == 0 if kind == ca.OP_INPUT else any(depends.get(i) for i in inputs)
+        found = found and kind != ca.OP_CONST
+        depends[tension.instruction_output(k)[0]] = found
+        roots += found and kind in (ca.OP_SQRT, ca.OP_CONSTPOW, ca.OP_POW)
+        divisions += found and kind in (ca.OP_DIV, ca.OP_INV)
+    return roots, divisions
+
+
+def forms():
+    """{form of a tension: (ns per bond-step, ns of its square roots and divisions alone)}."""
+    springs = {
+        "textbook form": textbook(),
+        "found by program": FAMILIES["rigid"][0],
+        "Hertz": PowerLaw(1.0, 1.5, preload=0.1),
+    }
+    calls = unit_calls()
+    for name, spring in springs.items():
+        chain = Chain(spring, SITES)
+        u, v = 1e-3 * np.sin(np.arange(SITES) ** 2), np.zeros(SITES)
+        loop = bound_loop(kernel((spring._law,)), chain, u, v)
+        calls[name] = lambda loop=loop: loop.advance(TIMED)
+    times, scale = best(calls), 1e9 / (TIMED + 1) / (SITES - 1)
+    found = {}
+    for name, spring in springs.items():
+        roots, divisions = slow_operations(spring._law)
+        least = (roots * times["roots"] + divisions * times["divisions"]) / UNITS * 1e9
+        found[name] = times[name] * scale, least
+    return found
+
+
+def ensembles():
+    """{lanes: ns per bond-step of one chain}."""
+    spring, loops = FAMILIES["rigid"][0], {}
+    chain = Chain(spring, LANED)
+    steps = {lanes: TIMED * 64 // lanes for lanes in LANES}
+    for lanes in LANES:
+        u = 1e-3 * np.sin(np.arange(LANED * lanes) ** 2).reshape(LANED, lanes)
+        loop = bound_loop(Compiled(chain.segments.laws, lanes=lanes), chain, u, np.zeros_like(u))
+        loops[lanes] = lambda loop=loop, lanes=lanes: loop.advance(steps[lanes])
+    return {n: t * 1e9 / steps[n] / n / (LANED - 1) for n, t in best(loops).items()}
+
+
+def long_chains():
+    """{sites: ns per bond-step in one loop, in pieces on one thread, on two}."""
+    spring, found = FAMILIES["rigid"][0], {}
+    for sites in LONG:
+        chain, loops = Chain(spring, sites), {}
+        engine, steps = Compiled(chain.segments.laws), 200 * LONG[0] // sites
+        for threads in (0, 1, 2):
+            u, v = 1e-3 * np.sin(np.arange(sites) % 1000.0), np.zeros(sites)
+            parts = u, v, chain.inverse_mass, chain.segments, METHODS["verlet"], DT
+            if threads:
+                loop = BoundPieces(engine, *parts, threads)
+            else:
+                loop = engine.bind(*parts, divided=False)
+            loops[threads] = lambda loop=loop, steps=steps: loop.advance(steps)
+        times = best(loops)
+        found[sites] = [times[n] * 1e9 / steps / (sites - 1) for n in (0, 1, 2)]
+    return found
+
+
 def chart(rows, folder=OUTPUT):
     """Time against both errors, as PNG and CSV; the files written.
 
@@ -170,6 +268,33 @@ def main():
             ("rigid at 3.5e-12 [ns]", cheapest(rows, "rigid", "degree", 3.5e-12), "0.85"),
             ("elastic at 4e-13 [ns]", cheapest(rows, "elastic", "degree", 4e-13), "1.6"),
             ("inner solve over it at 1e-11", newton / polynomial, ">= 20"),
+        ],
+    )
+    found = forms()
+    table(
+        "forms, 1000 sites, against the time of their square roots and divisions",
+        ["", "ns", "bound", "of it"],
+        [(name, t, least, least / t) for name, (t, least) in found.items()],
+    )
+    batch = ensembles()
+    table(
+        f"ensembles of {LANED} sites, formula: ns per bond-step of one chain",
+        ["", *(f"{n} lanes" for n in batch)],
+        [("", *batch.values())],
+    )
+    threaded = long_chains()
+    table(
+        "long chains, formula: ns per bond-step, one loop and pieces on threads",
+        ["", "one loop", "1 thread", "2 threads", "gain"],
+        [(f"{n:.0e} sites", *t, t[0] / t[2]) for n, t in threaded.items()],
+    )
+    table(
+        "targets of forms, lanes and threads",
+        ["", "measured", "target"],
+        [
+            *((f"{name}, of the bound", b / t, ">= 0.97") for name, (t, b) in found.items()),
+            ("8 lanes over 1 lane", batch[1] / batch[8], ">= 1.37"),
+            *((f"2 threads, {n:.0e} sites", t[0] / t[2], ">= 1.7") for n, t in threaded.items()),
         ],
     )
     print(*chart(rows), sep="\n")

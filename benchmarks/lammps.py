@@ -121,9 +121,16 @@ class Peer:
 
     def positions(self):
         """(beads, 2)."""
+        return self._of_beads("x")
+
+    def velocities(self):
+        """(beads, 2)."""
+        return self._of_beads("v")
+
+    def _of_beads(self, name):
         count = self.core.get_natoms()
         ids = self.core.numpy.extract_atom("id")[:count]
-        return self.core.numpy.extract_atom("x")[:count][np.argsort(ids), :2].copy()
+        return self.core.numpy.extract_atom(name)[:count][np.argsort(ids), :2].copy()
 
 
 def peaks(positions, bonds):

@@ -1,5 +1,6 @@
 """Tensegrity prisms as springs, and lattices of masses joined by them."""
 
+from tensegrity.ensemble import Ensemble
 from tensegrity.errors import (
     ContactError,
     EquilibriumError,
@@ -25,6 +26,7 @@ from tensegrity.walls import Wall
 __all__ = [
     "Chain",
     "ContactError",
+    "Ensemble",
     "EquilibriumError",
     "EquilibriumPath",
     "LockingError",

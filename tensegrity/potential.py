@@ -245,7 +245,13 @@ def _power_law(exponent):
     stiffness, preload, overlap = sp.symbols("stiffness preload overlap", real=True)
     n = sp.nsimplify(exponent, rational=True)
     # The power never sees 0, where its higher derivatives are infinite: 0 times inf is no number.
-    closed = sp.Heaviside(overlap - r - SMALLEST)
-    pressed = closed * sp.Max(overlap - r, SMALLEST) ** (n + 1)
-    energy = stiffness / (n + 1) * (pressed - overlap ** (n + 1)) + preload * r
-    return Law(energy, r, (stiffness, preload, overlap))
+    closed, gap = sp.Heaviside(overlap - r - SMALLEST), sp.Symbol("gap")
+    pressed = sp.Max(overlap - r, SMALLEST)
+
+    def stored(gap):
+        return stiffness / (n + 1) * gap ** (n + 1)
+
+    energy = closed * stored(pressed) - stored(overlap) + preload * r
+    # while the contact is closed; told of the maximum, differentiation would divide to choose
+    tension = preload - closed * sp.diff(stored(gap), gap).subs(gap, pressed)
+    return Law(energy, r, (stiffness, preload, overlap), tension)

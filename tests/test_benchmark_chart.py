@@ -3,8 +3,11 @@
 import csv
 
 import matplotlib.pyplot as plt
+import numpy as np
+import pytest
 
-from benchmarks import kernel
+from benchmarks import kernel, methods, work_precision
+from benchmarks._candidates import SPLITTINGS
 from benchmarks.continuation import chart
 
 FOUND = {"this": [(1e-4, 9, 3e-5, 1e-3), (1e-6, 12, 6e-6, 2e-3)], "other": [(0.1, 8, 4e-5, 3e-3)]}
@@ -46,3 +49,55 @@ def test_the_cheapest_law_is_the_fastest_of_those_good_enough():
     assert kernel.cheapest(LAWS, "rigid", "degree", 1e-3) == 0.9
     assert kernel.cheapest(LAWS, "rigid", "degree", 1e-11) == 1.7
     assert kernel.cheapest(LAWS, "elastic", "degree", 1) != kernel.cheapest(LAWS, "rigid", "f", 1)
+
+
+RACE = [
+    ("rkn6", "9 steps", 1e-3, 0.01, 0.0),
+    ("rkn6", "18 steps", 1e-9, 0.04, 0.0),
+    ("other", "coarse", 1e-2, 0.02, 1.5),
+    ("other", "fine", 1e-8, 0.08, 1.5),
+]
+
+
+def test_time_at_an_error_lies_on_the_power_law_between_two_runs():
+    assert work_precision.seconds(RACE, "rkn6", 1e-6) == pytest.approx(0.02)
+    assert work_precision.seconds(RACE, "rkn6", 1e-2) == 0.01
+    assert work_precision.seconds(RACE, "rkn6", 1e-10) == np.inf
+    found = work_precision.ratios(RACE, "other")
+    assert found[3] == pytest.approx(0.04 / (0.01 * 4 ** (1 / 3)))  # at 1e-5
+
+
+def test_chart_of_work_and_precision_writes_picture_and_table_whole(tmp_path):
+    picture, table = work_precision.chart({"one": RACE, "two": RACE[:2]}, tmp_path)
+    height, width, _ = plt.imread(picture).shape
+    assert width > height > 400
+    with open(table) as file:
+        rows = list(csv.reader(file))[1:]
+    assert [row[0] for row in rows] == ["one"] * 4 + ["two"] * 2
+    assert [float(row[3]) for row in rows[:4]] == [row[2] for row in RACE]
+
+
+def test_tried_methods_have_the_order_they_are_tried_for():
+    """On the oscillator, whose step matrix must have the right powers; processors apart."""
+    for name, method in SPLITTINGS.items():
+        errors = []
+        for z in (0.5, 0.25):
+            xx, xv, vx, vv = method.step_matrix(np.array(z))
+            exact = [np.cos(z), np.sin(z), -np.sin(z), np.cos(z)]
+            errors.append(np.abs(np.array([xx, xv, vx, vv]) - exact).max())
+        assert np.log2(errors[0] / errors[1]) > method.order + 0.5, name
+
+
+def test_evaluations_for_an_error_lie_on_the_power_law_between_two_runs():
+    counts, errors = np.array([10.0, 20.0, 40.0]), np.array([1e-2, 1e-4, 1e-6])
+    assert methods.needed(counts, errors, 1e-3) == pytest.approx(10 * np.sqrt(2))
+    assert np.isnan(methods.needed(counts, errors, 1e-7))
+    assert methods.needed(counts, errors, 0.1) == 10
+
+
+def test_verdict_names_the_errors_at_which_a_method_is_cheaper():
+    costs = {name: np.full(len(methods.LEVELS), 10.0) for name in methods.KEPT_FOR}
+    costs["chin 4a"] = np.where(methods.LEVELS > 5e-3, 6.0, 20.0)
+    text = methods.verdict("chin 4a", {"one": costs})
+    assert text.startswith("not kept: 0.60 to 2.00 of the cheapest method kept, less at 1e-02;")
+    assert "1.00 to 1.00" in methods.verdict("rkn6", {"one": costs})

@@ -31,6 +31,7 @@ ORDER = [  # inside tensegrity: each may import what stands before it
     "limit",
     "stepping",
     "lattice",
+    "ensemble",
     "network_loop",
     "walls",
     "clearance",

@@ -1,0 +1,393 @@
+"""Error against wall time: every method, and what others would run, on five scenes.
+
+Solitary wave, wave near locking and softening chain (smooth); struck beads and a Y-guide (contacts
+that open, steel).  The error of the last state is taken against Blanes and Moan's method with
+steps far smaller, in extended precision where the scene is smooth; how good that is, a run with
+twice its step tells.  All contestants of a scene take turns; times are medians.  A run here is
+the prepared loop with its processor, a peer's run its own call; compile times are told apart.
+Peers get the prism's force as one would type it; of the softening prism, whose force solves
+equations, the polynomial that ours is fitted by.
+Forces: the formula, and polynomials of it (`+p`) whose error is a small part of the run's.
+"""
+
+from __future__ import annotations
+
+import math
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks import _peers
+from benchmarks._peers import Entry
+from benchmarks._timing import table
+from benchmarks.methods import EXTENDED, final, gap, omega, scenes
+from figures.__main__ import OUTPUT, STYLE, write, write_table
+from tensegrity import (
+    Chain,
+    Ensemble,
+    Polynomial,
+    Prism,
+    ResolutionError,
+    TensegrityError,
+    codegen,
+    native,
+    solitary_wave,
+)
+from tensegrity.kernel import Compiled
+from tensegrity.methods import METHODS
+
+LEVELS = 10.0 ** -np.arange(2.0, 13.0)
+ROUNDS = 5
+LONG = 0.3  # a run of more seconds is done twice only
+SLOWEST = 2.5  # seconds; finer runs of a contestant are left out behind such a one
+FINER = 2.0  # ratio of the numbers of steps
+MOST = 400.0  # evaluations per unit of 1/omega
+REFERENCE = 300.0
+FIT = 0.02  # error of a polynomial over that of the run
+LANES, ENSEMBLE_SITES, ENSEMBLE_END = 8, 40, 60.0
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A scene and what peers need to know of it.
+
+    Attributes
+    ----------
+    run : (scene, state, duration)
+    tension : (symbol, expression), optional
+        For the peers.
+    polynomial : bool
+        Whether the force may be fitted.
+    peers : callable () -> entries
+    """
+
+    run: tuple
+    tension: tuple | None = None
+    polynomial: bool = True
+    peers: Callable = tuple
+
+
+def all_scenes():
+    """{name: Scene}."""
+    from benchmarks.lammps import SPEED, STEEL, guide_walls
+    from granular import Striker, chain, y_guide
+
+    prism = Prism(1.0, 0.7, 0.01, 1.0)
+    spring, line = prism.potential(), None
+    line = Chain(spring, 128)
+    fast = solitary_wave(spring, speed_ratio=3.0)
+    soft = Prism(1.0, 0.5, 0.4, 1.0, 2.0, 20.0).potential(preload=0.05)
+    held = Chain(soft, 128, ends=("fixed", "free"))
+    beads = chain([STEEL] * 60, striker=Striker(STEEL, SPEED))
+    guide = y_guide(bead=STEEL, striker=Striker(STEEL, SPEED))
+    textbook = _peers.prism_tension(prism)
+    softening = held, held.at_rest({1: 0.15}), 60.0
+    struck, guided = (beads, beads.start(), 400e-6), (guide, guide.start(), 300e-6)
+    return {
+        "wave": Scene(scenes()["wave"], textbook),
+        "locking": Scene((line, fast.launch(line, at=40), 60 / fast.speed), textbook),
+        "softening": Scene(softening, _peers.polynomial_tension(_fit(softening, 1e-13))),
+        "contacts": Scene(
+            struck, None, False,
+            lambda: _peers.lammps(beads, struck[2], (400, 1600, 6400, 25600)),
+        ),
+        "Y-guide": Scene(
+            guided, None, False,
+            lambda: _peers.lammps(guide, guided[2], (300, 1200, 4800), guide_walls(guide)),
+        ),
+    }  # fmt: skip
+
+
+def _met(run):
+    """Smallest and largest elongation of a run of a chain of equal springs, and some room."""
+    chain, state, t_end = run
+    u, v = state.u.copy(), state.v.copy()
+    loop = chain.bind(u, v, METHODS["rkn6"], t_end / 1000)
+    loop.advance(1000)
+    low, high = loop.range[0]
+    return low - 0.05 * (high - low), high + 0.05 * (high - low)
+
+
+def _fit(run, error):
+    """A polynomial that good, or as good as there is."""
+    ends = _met(run)
+    while True:
+        try:
+            return Polynomial(run[0].springs[0], *ends, error)
+        except ResolutionError:
+            error *= 3
+
+
+def reference(run):
+    """u and v at the end, and an estimate of their error."""
+    scene, state, t_end = run
+    smooth = isinstance(scene, Chain) and scene.springs[0].smooth
+    engine = Compiled(scene.segments.laws, EXTENDED) if smooth else None
+    least = REFERENCE * t_end * omega(*run) / METHODS["rkn6"].stages
+    steps = 2 * math.ceil((1 if smooth else 10) * least / 2)
+    fine, coarse = (
+        final(scene, state, METHODS["rkn6"], t_end / n, n, engine) for n in (steps, steps // 2)
+    )
+    return fine, gap(coarse, fine) / (63 if smooth else 1)
+
+
+def _error(prepare, exact):
+    try:
+        return gap(prepare()(), exact)
+    except TensegrityError:  # a step too large for it
+        return np.inf
+
+
+def ours(scene, exact):
+    """Entries of all methods; with polynomials where they may stand."""
+    chain, state, t_end = scene.run
+    scale = t_end * omega(*scene.run)
+    for name, method in METHODS.items():
+        if method.chains_only and not isinstance(chain, Chain):
+            continue
+        limit = method.stability_limit if method.explicit else 4.0
+        steps, most = math.ceil(1.1 * scale / limit), MOST / (1 if method.explicit else 150)
+        smallest = np.inf
+        while steps * method.stages < most * scale and smallest > LEVELS[-1] / 3:
+
+            def prepare(chain=chain, method=method, steps=steps):
+                return lambda: final(chain, state, method, t_end / steps, steps)
+
+            error = _error(prepare, exact)
+            if np.isfinite(error):
+                yield Entry(name, f"{steps} steps", prepare)
+            if scene.polynomial and method.explicit and error < 0.1:
+                fit = _fit(scene.run, float(np.clip(FIT * error, 2e-14, 1e-3)))
+                moved = chain.with_springs([fit])
+
+                def fitted(moved=moved, method=method, steps=steps):
+                    return lambda: final(moved, state, method, t_end / steps, steps)
+
+                yield Entry(f"{name} +p", f"{steps} steps, degree {fit.degree}", fitted)
+            if error > smallest / 2 and error < 1e-9:
+                break  # round-off
+            smallest = min(smallest, error)
+            steps = math.ceil(steps * FINER)
+
+
+def peers(scene, exact):
+    """Entries of the others."""
+    yield from scene.peers()
+    if scene.tension is None:
+        return
+    chain, _, t_end = scene.run
+    counts = [math.ceil(t_end * omega(*scene.run) * 4.0**k) for k in range(5)]
+    yield from _peers.heyoka(*scene.run, scene.tension)
+    yield from _peers.scipy(*scene.run, scene.tension)
+    if not chain.held:
+        yield from _peers.numba_verlet(*scene.run, scene.tension, counts)
+
+
+def race(entries, exact, rounds=ROUNDS):
+    """Rows (name, setting, error, median of seconds, seconds to compile), all taking turns."""
+    entries, errors, times = list(entries), {}, {}
+    for number in range(rounds):
+        slow = set()
+        for k, entry in enumerate(entries):
+            if entry.name in slow or (k in errors and errors[k] is None):
+                errors[k] = None
+                continue
+            if number > 1 and times[k][0] > LONG:
+                continue
+            try:
+                run = entry.prepare()
+                began = time.perf_counter()
+                found = run()
+                took = time.perf_counter() - began
+            except Exception as error:  # whatever a peer raises at what it cannot do
+                print(f"{entry.name}, {entry.setting}: {type(error).__name__}: {error}")
+                errors[k] = None
+                continue
+            if number == 0:
+                errors[k] = gap(found, exact)
+                found = None
+            times.setdefault(k, []).append(took)
+            if took > SLOWEST:
+                slow.add(entry.name)
+    return [
+        (e.name, e.setting, errors[k], float(np.median(times[k])), e.compiled)
+        for k, e in enumerate(entries)
+        if errors[k] is not None and np.isfinite(errors[k])
+    ]
+
+
+def seconds(rows, start, level):
+    """Least time of contestants for an error, between two of their runs along a power law."""
+    best = np.inf
+    for name in {row[0] for row in rows if row[0].startswith(start)}:
+        points = sorted((row[3], row[2]) for row in rows if row[0] == name)
+        for k, (t, error) in enumerate(points):
+            if error <= level:
+                best = min(best, t)
+                if k and points[k - 1][1] > level:
+                    (t0, e0), ratio = points[k - 1], math.log(points[k - 1][1] / max(error, 1e-18))
+                    best = min(best, t0 * (t / t0) ** (math.log(e0 / level) / ratio))
+                break
+    return best
+
+
+def ensemble():
+    """A batch of chains, each blow another: ours with lanes, heyoka's batch mode."""
+    prism = Prism(1.0, 0.7, 0.01, 1.0)
+    spring = prism.potential()
+    chain = Chain(spring, ENSEMBLE_SITES)
+    batch = Ensemble(chain, LANES)
+    states = batch.at_rest({0: np.linspace(0.02, 0.04, LANES)})
+    alone = [(chain, batch.lane(states, k), ENSEMBLE_END) for k in range(LANES)]
+    exact = tuple(np.stack(x, 1) for x in zip(*(reference(a)[0] for a in alone), strict=True))
+    scale = ENSEMBLE_END * omega(*alone[-1])
+
+    def entries():
+        method = METHODS["processed6"]
+        for k in range(12):
+            steps = math.ceil(1.1 * scale / method.stability_limit * 1.5**k)
+            fits = {"": spring}
+            error = gap(advanced(spring, method, steps)()(), exact)
+            if error < 0.1:
+                fits[" +p"] = _fit(alone[-1], float(np.clip(FIT * error, 2e-14, 1e-3)))
+            for mark, law in fits.items():
+                yield Entry(f"processed6{mark}", f"{steps} steps", advanced(law, method, steps))
+            if error < LEVELS[-1] / 3:
+                return
+
+    def advanced(law, method, steps):
+        line = Chain(law, ENSEMBLE_SITES)
+        engine = Compiled(line.segments.laws, lanes=LANES)
+
+        def prepare():
+            return lambda: final(line, states, method, ENSEMBLE_END / steps, steps, engine)
+
+        return prepare
+
+    yield from race(
+        [
+            *entries(),
+            *_peers.heyoka_batch(chain, states, ENSEMBLE_END, _peers.prism_tension(prism)),
+        ],
+        exact,
+    )
+
+
+def build_time(chain):
+    """Seconds to generate and compile the loop of a chain, nothing cached."""
+    with tempfile.TemporaryDirectory() as folder:
+        began = time.perf_counter()
+        text = codegen.c_text(chain.segments.laws)
+        flags = (*native.FLAGS, native.NATIVE, *native.WIDE)
+        native._build(text, native.compilers()[0], flags, Path(folder) / "entry")
+        return time.perf_counter() - began
+
+
+def chart(found, folder=OUTPUT):
+    """Time against error, a panel for each scene, as PNG and CSV; the files written."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    picture, data = (folder / f"benchmark_work_precision.{kind}" for kind in ("png", "csv"))
+    folder.mkdir(parents=True, exist_ok=True)
+    rows = [(scene, *row) for scene, several in found.items() for row in several]
+    names = ("scene", "contestant", "setting", "error", "seconds", "compile_seconds")
+    write_table(data, dict(zip(names, zip(*rows, strict=True), strict=True)))
+    order = list(dict.fromkeys(row[1] for row in rows))
+    with plt.rc_context(STYLE):
+        figure = plt.figure(figsize=(13, 7.5), layout="constrained")
+        panels = figure.subplots(2, -(-len(found) // 2), sharex=True, squeeze=False).ravel()
+        handles = {}
+        for axes, (scene, several) in zip(panels, found.items(), strict=False):
+            for name in dict.fromkeys(row[0] for row in several):
+                points = [(r[3], r[2]) for r in several if r[0] == name]
+                number = order.index(name.removesuffix(" +p"))
+                (handles[name],) = axes.loglog(
+                    [max(e, 1e-15) for _, e in points], [t for t, _ in points],
+                    ":" if name.endswith("+p") else "-",
+                    color=plt.cm.tab20(number % 10 * 2 + number // 10 % 2),
+                    marker="osv^D*Xp"[number % 8], ms=4, label=name,
+                )  # fmt: skip
+            axes.set_xlim(1, 1e-15)
+            axes.set_xlabel(f"error of the last state, {scene} [1]")
+            axes.set_ylabel("time of a run [s]")
+        for axes in panels[len(found) :]:
+            axes.set_axis_off()
+        figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=8)
+        write(picture, figure.savefig)
+        plt.close(figure)
+    return picture, data
+
+
+def ratios(rows, theirs, mine=tuple(METHODS)):
+    """Their least time over ours at each error."""
+    least = [min(seconds(rows, name, level) for name in mine) for level in LEVELS]
+    return [
+        seconds(rows, theirs, level) / t if np.isfinite(t) else np.nan
+        for level, t in zip(LEVELS, least, strict=True)
+    ]
+
+
+def show(title, rows):
+    """Print times at equal error, and those of others over our least."""
+    heads = ["", *(f"{level:.0e}" for level in LEVELS)]
+    contestants = list(dict.fromkeys(row[0] for row in rows))
+    others = [c for c in contestants if c.removesuffix(" +p") not in METHODS]
+    alone = {c: [row for row in rows if row[0] == c] for c in contestants}
+    times = [(c, *(1e3 * seconds(alone[c], c, x) for x in LEVELS)) for c in contestants]
+    table(f"{title}: milliseconds at equal error", heads, map(_dashed, times))
+    cells = [(c, *ratios(rows, c)) for c in others]
+    table(f"{title}: times ours", heads, map(_dashed, cells))
+
+
+def _dashed(row):
+    return row[0], *(x if np.isfinite(x) else "-" for x in row[1:])
+
+
+TARGETS = (  # scene, contestant, wanted ratio
+    ("wave", "heyoka", 8.0),
+    ("ensemble", "heyoka batch", 2.4),
+    ("wave", "scipy DOP853, compiled", 25.0),
+    ("wave", "scipy DOP853, numpy", 60.0),
+)
+
+
+def main():
+    """Print times at equal error, ratios, targets and break-even lengths; chart them all."""
+    found = {}
+    for name, scene in all_scenes().items():
+        exact, known = reference(scene.run)
+        found[name] = race([*ours(scene, exact), *peers(scene, exact)], exact)
+        show(f"{name}, reference good to {known:.0e}", found[name])
+    found["ensemble"] = list(ensemble())
+    show(f"{LANES} chains of {ENSEMBLE_SITES} prisms", found["ensemble"])
+    goals = []
+    for name, contestant, wanted in TARGETS:
+        inner = [x for x, level in zip(ratios(found[name], contestant), LEVELS, strict=True)
+                 if 0.9e-11 < level < 2e-3 and np.isfinite(x)]  # fmt: skip
+        least, most = (min(inner), max(inner)) if inner else (np.nan, np.nan)
+        goals.append((f"{name}: {contestant}", f">= {wanted:g}", least, most))
+    table("1e-3 ... 1e-11", ["times ours", "target", "measured", "at most"], goals)
+    wave = all_scenes()["wave"].run
+    built, level = build_time(wave[0]), 1e-6
+    mine = min(seconds(found["wave"], name, level) for name in METHODS) / wave[2]
+    rows = [("ours", built, mine * 1e3, "-")]
+    for name in dict.fromkeys(r[0] for r in found["wave"]):
+        if name.removesuffix(" +p") in METHODS:
+            continue
+        theirs = seconds(found["wave"], name, level) / wave[2]
+        compiled = max(r[4] for r in found["wave"] if r[0] == name)
+        even = max(built - compiled, 0.0) / (theirs - mine) if theirs > mine else np.inf
+        rows.append((name, compiled, theirs * 1e3, even))
+    table(
+        f"the wave at {level:g}; length of motion [s] from which ours pays, compiling included",
+        ["", "compile [s]", "ms per s", "break-even"],
+        rows,
+    )
+    print(*chart(found), sep="\n")

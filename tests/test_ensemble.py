@@ -1,0 +1,75 @@
+"""Ensembles: each lane moves as its chain does alone."""
+
+import numpy as np
+import pytest
+from scenes import prism_chain
+
+from tensegrity import (
+    Chain,
+    Ensemble,
+    LockingError,
+    PowerLaw,
+    Prism,
+    Record,
+    State,
+    TensegrityError,
+    simulate,
+)
+
+SPEEDS = np.linspace(-0.01, 0.03, 13)  # 8 lanes together and 5 one by one
+
+
+def lanes_alone(chain, start, t_end, **options):
+    """Final u and v of each lane as a chain of its own."""
+    several = Ensemble(chain, start.u.shape[1])
+    starts = [several.lane(start, k) for k in range(several.lanes)]
+    runs = [simulate(chain, one, t_end, **options).final for one in starts]
+    return np.stack([r.u for r in runs], 1), np.stack([r.v for r in runs], 1)
+
+
+def mixed():
+    springs = [Prism(1.0, 0.8, 0.02, 1.0).potential()] * 9 + [PowerLaw(2.0, 1.5, 0.1)] * 10
+    return Chain(springs, 20, mass=np.linspace(1, 2, 20), ends=("free", "fixed"))
+
+
+@pytest.mark.parametrize("method", ["verlet", "rkn6", "processed6", "rk4", "gauss4"])
+@pytest.mark.parametrize("scene", [lambda: prism_chain(30), mixed])
+def test_lanes_move_as_chains_alone(scene, method):
+    chain = scene()
+    ensemble = Ensemble(chain, len(SPEEDS))
+    start = ensemble.at_rest({1: SPEEDS, 4: 0.02})
+    options = {"dt": 0.2, "method": method, "record": Record(every=10)}
+    run = simulate(ensemble, start, 6.0, **options)
+    u, v = lanes_alone(chain, start, 6.0, **options)
+    np.testing.assert_allclose(run.final.u, u, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(run.final.v, v, rtol=0, atol=1e-14)
+    assert run.u.shape == (4, chain.sites, len(SPEEDS))
+    each = ensemble.lane_energy(run.u, run.v)
+    np.testing.assert_allclose(each.sum(axis=1), run.energy, rtol=1e-13)
+    alone = [chain.energy(ensemble.lane(start, k)) for k in range(len(SPEEDS))]
+    np.testing.assert_allclose(each[0], alone, rtol=1e-14)
+
+
+def test_a_tolerance_holds_in_every_lane():
+    chain = prism_chain(30)
+    ensemble = Ensemble(chain, 8)
+    start = ensemble.at_rest({0: SPEEDS[:8]})
+    run = simulate(ensemble, start, 20.0, tol=1e-7)
+    u, _ = lanes_alone(chain, start, 20.0, method="rkn6", dt=0.02)
+    assert np.max(np.abs(run.final.u - u)) < 1e-7 * np.max(np.abs(run.u))
+
+
+def test_locking_is_told_with_its_lane():
+    ensemble = Ensemble(prism_chain(10), 3)
+    with pytest.raises(LockingError, match="between sites 0 and 1 of lane 2"):
+        simulate(ensemble, ensemble.at_rest({0: [0.01, 0.02, 0.5]}), 10.0)
+
+
+def test_states_of_another_shape_are_refused():
+    ensemble = Ensemble(prism_chain(10), 3)
+    with pytest.raises(TensegrityError, match=r"shape \(10, 2\), the ensemble has \(10, 3\)"):
+        simulate(ensemble, State(np.zeros((10, 2)), np.zeros((10, 2))), 1.0)
+    with pytest.raises(TensegrityError, match="lanes 0"):
+        Ensemble(prism_chain(10), 0)
+    with pytest.raises(TensegrityError, match="not a Chain"):
+        Ensemble(ensemble, 3)
