@@ -21,6 +21,7 @@ from tensegrity.record import Record
 from tensegrity.run import Run
 
 BLOCK = 2_000_000  # bonds x stages x steps in one call of the loop: about 5 ms
+FEWEST = 100  # steps in one call: the pieces of a long chain exchange their ends about as often
 MOST_STEPS = 10**12
 
 
@@ -92,7 +93,7 @@ def march(problem, steps, allowed, checkpoints=0):
     walls = watch.impulse().shape
     rows = problem.record.rows(len(recorded) + 1, (len(kept), *shape[1:]), walls)
     checks = Record().rows(len(checked), shape, walls)
-    largest = max(1, BLOCK // (scene.cost * problem.method.stages))
+    largest = max(FEWEST, BLOCK // (scene.cost * problem.method.stages))
 
     def keep():
         state = watch.state()
