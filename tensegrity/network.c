@@ -27,7 +27,7 @@ typedef struct {
     integer runs, contacts, sites, rows, stages, closing;
 } scene;
 
-/* Unrolled first, the loop would be taken apart into scalars. */
+/* Unrolled first, the loop would be taken apart into scalars and branches. */
 #define WHOLE_LANES _Pragma("GCC unroll 1") EACH(LANES)
 #define AXES(k) for (int k = 0; k < DIM; k++)
 
@@ -37,7 +37,7 @@ typedef struct {
     PREFIX __attribute__((flatten)) void NAME##_##K(                                        \
         const real *restrict parameters, integer n, const real *restrict r, real *restrict t) \
     {                                                                                       \
-        EACH(LANES) {                                                                       \
+        WHOLE_LANES {                                                                       \
             real p[PARAMETERS + 1];                                                         \
             for (int k = 0; k < PARAMETERS; k++) p[k] = parameters[k * n + LANE];           \
             t[i] = tail_##K(r[i], head_##K(r[i], p), p);                                    \
