@@ -188,7 +188,7 @@ def long_chains():
     spring, found = FAMILIES["rigid"][0], {}
     for sites in LONG:
         chain, loops = Chain(spring, sites), {}
-        engine, steps = Compiled(chain.segments.laws), 200 * LONG[0] // sites
+        engine, steps = Compiled(chain.segments.laws), 1000 * LONG[0] // sites
         for threads in (0, 1, 2):
             u, v = 1e-3 * np.sin(np.arange(sites) % 1000.0), np.zeros(sites)
             parts = u, v, chain.inverse_mass, chain.segments, METHODS["verlet"], DT

@@ -383,7 +383,10 @@ def main():
             continue
         theirs = seconds(found["wave"], name, level) / wave[2]
         compiled = max(r[4] for r in found["wave"] if r[0] == name)
-        even = max(built - compiled, 0.0) / (theirs - mine) if theirs > mine else np.inf
+        if not np.isfinite(theirs):  # it did not come that far
+            rows.append((name, compiled, "-", "-"))
+            continue
+        even = max(built - compiled, 0.0) / (theirs - mine) if theirs > mine else "-"
         rows.append((name, compiled, theirs * 1e3, even))
     table(
         f"the wave at {level:g}; length of motion [s] from which ours pays, compiling included",

@@ -21,7 +21,7 @@ from tensegrity.record import Record
 from tensegrity.run import Run
 
 BLOCK = 2_000_000  # bonds x stages x steps in one call of the loop: about 5 ms
-FEWEST = 100  # steps in one call: the pieces of a long chain exchange their ends about as often
+FEWEST = 100  # steps in one call: the pieces of a long chain work apart for some tens
 MOST_STEPS = 10**12
 
 

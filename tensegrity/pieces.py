@@ -15,9 +15,9 @@ from functools import cache
 import numpy as np
 
 BLOCK = 64  # as in chain.c
-HALO = 16 * BLOCK
-PIECE = 256 * BLOCK  # bonds: what two arrays of them take fits the cache of one processor
-LONG = 4 * PIECE  # bonds from which pieces are worth it
+HALO = 4 * BLOCK
+PIECE = 512 * BLOCK  # bonds: what two arrays of them take fits the cache of one processor
+LONG = 2 * PIECE  # bonds from which pieces are worth it
 
 
 def threads():
