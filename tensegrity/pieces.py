@@ -35,6 +35,10 @@ def _pool(count):
     return ThreadPoolExecutor(count, thread_name_prefix="tensegrity")
 
 
+if hasattr(os, "register_at_fork"):  # threads do not come along into a forked process
+    os.register_at_fork(after_in_child=_pool.cache_clear)
+
+
 class BoundPieces:
     """A chain advanced in place, piece by piece.
 
