@@ -187,6 +187,7 @@ def _intact(entry):
 
 def _build(text, command, flags, entry):
     """Compile into a folder beside the entry, then rename it there."""
+    entry.parent.mkdir(mode=0o700, parents=True, exist_ok=True)  # it may have been deleted
     beside = Path(tempfile.mkdtemp(prefix="build-", dir=entry.parent))
     try:
         source, made = beside / SOURCE, beside / LIBRARY

@@ -2,6 +2,7 @@
 
 import multiprocessing
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -225,3 +226,10 @@ def test_compiled_code_leaves_the_arithmetic_of_the_process_alone(cache):
     tiny = sys.float_info.min / 4
     assert tiny > 0
     assert tiny / 2 * 2 == tiny
+
+
+def test_the_folder_may_be_deleted_between_two_calls(cache):
+    answer()
+    shutil.rmtree(cache)
+    assert answer(TEXT.replace("42", "43")) == 43
+    assert cache.stat().st_mode & 0o777 == 0o700
