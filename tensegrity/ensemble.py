@@ -7,6 +7,8 @@ Where there is no compiler, or with an implicit method, the lanes run in turn.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from tensegrity import check
@@ -43,6 +45,7 @@ class Ensemble(Chain):
         if not isinstance(chain, Chain) or isinstance(chain, Ensemble):
             raise TensegrityError(f"chain {chain!r} is not a Chain")
         self.chain, self.lanes = chain, check.whole("lanes", lanes, least=1)
+        self.step_share = getattr(chain, "step_share", 1.0)
         super().__init__(chain.springs, chain.sites, chain.mass, chain.ends)
 
     def with_springs(self, springs):
@@ -52,8 +55,15 @@ class Ensemble(Chain):
     def at_rest(self, velocity=None):
         """The undeformed state, some sites given a velocity [m/s]: {site: number or (lanes,)}."""
         v = np.zeros(self.shape)
+        if not isinstance(velocity or {}, Mapping):
+            raise TensegrityError(f"velocity {velocity!r} must be a dict {{site: velocity}}")
         for site, values in (velocity or {}).items():
-            values = np.broadcast_to(np.asarray(values, dtype=float), self.lanes)
+            try:
+                values = np.broadcast_to(np.asarray(values, dtype=float), self.lanes)
+            except ValueError:
+                raise TensegrityError(
+                    f"velocity {values!r} of site {site} must be one number or {self.lanes}"
+                ) from None
             for lane, value in enumerate(values):
                 v[:, lane] += self.chain.at_rest({site: float(value)}).v
         state = State(np.zeros(self.shape), v)
@@ -113,6 +123,10 @@ class Ensemble(Chain):
         """Total energy of all lanes [J]."""
         kinetic = 0.5 * np.sum(self.mass[:, None] * state.v**2)
         return float(kinetic + np.sum(self.bond_energy(state.u)))
+
+    def available_energy(self, state):
+        """What one spring could get: the largest energy of a lane [J]."""
+        return float(self.lane_energy(state.u, state.v).max())
 
     def momentum(self, state):
         """Total momentum of all lanes [kg m/s], > 0 towards higher sites."""

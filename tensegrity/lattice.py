@@ -216,6 +216,10 @@ class Chain:
             kinetic = 0.5 * np.sum(self.mass * state.v**2)
         return float(kinetic + np.sum(self.bond_energy(state.u)))
 
+    def available_energy(self, state):
+        """What one spring could get of the energy [J]: all of it."""
+        return self.energy(state)
+
     def site_energy(self, u, v):
         """Kinetic energy of each site and half that of its bonds [J]; (..., sites)."""
         half = self.bond_energy(u) / 2

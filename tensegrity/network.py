@@ -349,6 +349,10 @@ class Network:
         stored = np.sum(self.bond_energy(state.u)) + np.sum(self.wall_energy(state.u))
         return float(kinetic + stored - np.sum(self.loads * state.u))
 
+    def available_energy(self, state):
+        """What one contact could get of the energy [J]: all of it."""
+        return self.energy(state)
+
     def site_energy(self, u, v):
         """Energy of each site [J]: motion, half its bonds, walls, load; (..., sites)."""
         result = 0.5 * self.mass * np.sum(v**2, axis=-1) - np.sum(self.loads * u, axis=-1)

@@ -61,6 +61,10 @@ def arrival(run, bond):
         Bond j joins sites j and j + 1.
     """
     bond = check.whole("bond", bond, least=0)
+    if run.u.ndim != 2:
+        raise TensegrityError(
+            f"rows of shape {run.u.shape[1:]} are not those of one chain: take a lane or an axis"
+        )
     try:
         left, right = run.sites.index(bond), run.sites.index(bond + 1)
     except ValueError:
@@ -71,6 +75,8 @@ def arrival(run, bond):
 def speed(run, bonds):
     """Speed of the leading pulse between two bonds of a run, in sites per second."""
     first, second = bonds
+    if first == second:
+        raise TensegrityError(f"bonds {first} and {second} must differ")
     return (second - first) / (arrival(run, second) - arrival(run, first))
 
 

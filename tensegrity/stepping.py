@@ -80,7 +80,7 @@ def expected_ranges(scene, state, share=1.0):
     -------
     ndarray, (ranges that the loop keeps, 2)
     """
-    energy = share * scene.energy(state)
+    energy = share * scene.available_energy(state)
     springs, rows = scene.watched()
     ranges = []
     for spring in springs:

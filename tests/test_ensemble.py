@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scenes import prism_chain
 
+from granular import Bead, Striker, chain, materials
 from tensegrity import (
     Chain,
     Ensemble,
@@ -11,10 +12,12 @@ from tensegrity import (
     PowerLaw,
     Prism,
     Record,
+    StabilityError,
     State,
     TensegrityError,
     simulate,
 )
+from tensegrity.observables import arrival
 
 SPEEDS = np.linspace(-0.01, 0.03, 13)  # 8 lanes together and 5 one by one
 
@@ -73,3 +76,39 @@ def test_states_of_another_shape_are_refused():
         Ensemble(prism_chain(10), 0)
     with pytest.raises(TensegrityError, match="not a Chain"):
         Ensemble(ensemble, 3)
+
+
+def test_a_spring_can_get_the_energy_of_its_lane_only():
+    """Lanes side by side neither lock sooner than alone, nor change the default step."""
+    chain = prism_chain(10)
+    barrier = chain.springs[0].energy(chain.springs[0].domain[0])
+    speed = np.sqrt(2 * 0.8 * barrier)
+    alone = simulate(chain, chain.at_rest({0: speed}), 5.0)
+    for lanes in (2, 9):
+        ensemble = Ensemble(chain, lanes)
+        start = ensemble.at_rest({0: speed})
+        assert simulate(ensemble, start, 5.0).steps == alone.steps
+        with pytest.raises(StabilityError, match="too coarse"):
+            simulate(ensemble, start, 5.0, dt=0.4, method="verlet")
+
+
+def test_lanes_of_beads_keep_the_step_of_beads():
+    steel = Bead(4.76e-3, materials["steel"])
+    beads = chain([steel] * 6, striker=Striker(steel, 0.5))
+    ensemble = Ensemble(beads, 2)
+    start = State(*(np.stack([x, x], axis=1) for x in (beads.start().u, beads.start().v)))
+    alone = simulate(beads, beads.start(), 1e-4)
+    assert simulate(ensemble, start, 1e-4).dt == alone.dt
+
+
+@pytest.mark.parametrize("velocity", [{0: [1.0, 2.0]}, {0: "a"}, [1.0, 2.0]])
+def test_velocities_that_no_lane_can_take_are_refused(velocity):
+    with pytest.raises(TensegrityError, match="velocity"):
+        Ensemble(prism_chain(4), 3).at_rest(velocity)
+
+
+def test_observables_of_one_chain_refuse_lanes():
+    ensemble = Ensemble(prism_chain(10), 2)
+    run = simulate(ensemble, ensemble.at_rest({0: 0.01}), 5.0)
+    with pytest.raises(TensegrityError, match=r"rows of shape \(10, 2\)"):
+        arrival(run, 3)
