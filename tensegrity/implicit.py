@@ -37,7 +37,7 @@ class BoundGauss:
         kind = u.dtype.type
         self._matrix = np.array(method.matrix) * dt**2
         self._nodes, self._h = np.array(method.nodes)[:, None].astype(kind), kind(dt)
-        self._inverse = np.linalg.inv(self._matrix)
+        self._inverse = np.linalg.inv(method.matrix) / (dt**2 or 1.0)  # no step, no use of it
         self._positions = np.array(method.positions) * dt**2
         self._velocities = np.array(method.velocities) * dt
         self.range = np.empty((len(segments.law), 2))

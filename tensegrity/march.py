@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from tensegrity.clearance import CAUTION
-from tensegrity.errors import ContactError, LockingError, RangeError, StabilityError
+from tensegrity.errors import ContactError, LockingError, StabilityError
 from tensegrity.lattice import State
-from tensegrity.methods import Method
+from tensegrity.methods import Method, Nystrom
 from tensegrity.record import Record
 from tensegrity.run import Run
 
@@ -86,8 +86,8 @@ def march(problem, steps, allowed, checkpoints=0):
     dt = problem.t_end / steps if steps else 0.0
     watch = _Watch(problem, dt, allowed)
     recorded = problem.record.steps(steps)
-    checked = np.arange(checkpoints + 1) * (steps // checkpoints) if checkpoints else []
-    to_record, to_check = set(recorded.tolist()), set(map(int, checked))
+    checked = np.arange(checkpoints + 1 if checkpoints else 0) * (steps // (checkpoints or 1))
+    stops = np.union1d(recorded, checked) if checkpoints else recorded
     columns = problem.record.columns(scene.sites)
     kept = tuple(np.arange(scene.sites)[columns].tolist())
     walls = watch.impulse().shape
@@ -101,7 +101,8 @@ def march(problem, steps, allowed, checkpoints=0):
         rows.add(watch.sound[2] * dt, scene.energy(state), u, v, watch.impulse())
 
     def keep_last():
-        if watch.sound[2] not in to_record:
+        done = watch.sound[2]
+        if recorded[np.searchsorted(recorded, done)] != done:
             keep()
 
     def result(complete):
@@ -114,13 +115,14 @@ def march(problem, steps, allowed, checkpoints=0):
 
     with _progress(steps) as bar:
         try:
-            for stop in sorted(to_record | to_check):
+            to_record, to_check = np.isin(stops, recorded), np.isin(stops, checked)
+            for stop, wanted, compared in zip(stops, to_record, to_check, strict=True):
                 while (done := watch.sound[2]) < stop:
-                    watch.advance(min(stop - done, largest))
+                    watch.advance(min(int(stop) - done, largest))
                     bar.update(watch.sound[2] - done)
-                if stop in to_record:
+                if wanted:
                     keep()
-                if stop in to_check:
+                if compared:
                     state = watch.state()
                     checks.add(stop * dt, 0.0, state.u, state.v, watch.impulse())
         except KeyboardInterrupt:
@@ -145,7 +147,7 @@ class _Watch:
     def __init__(self, problem, dt, allowed):
         scene = problem.moved
         self._problem, self._dt, self._allowed = problem, dt, allowed
-        self._energy = problem.scene.energy(problem.state)
+        self._energy = problem.scene.available_energy(problem.state)
         self._u, self._v = scene.arrays(problem.state)
         springs, self._rows = scene.watched()
         self._springs = springs
@@ -156,29 +158,32 @@ class _Watch:
         self._tracker = scene.clearance and scene.clearance.tracker(problem.state.u)
         self._most = math.inf  # steps that can be done without a look for new contacts
         self._seen = self._u.copy(), self._v.copy()  # what the last sound arrays stand for
-        self._bind(problem.method)
-        self.sound = self._u.copy(), self._v.copy(), 0  # last sound arrays, and the steps by then
+        self.sound = *self._seen, 0  # last sound arrays, and the steps by then
+        self._loop = None
 
-    def _bind(self, method):
-        scene, dt = self._problem.moved, self._dt
+    def _begin(self):
+        """Enter the variables of the method's steps."""
+        scene, dt, method = self._problem.moved, self._dt, self._problem.method
         self._out, self._leave = None, None
         if method.processor is not None:
             enter, leave = method.processor
-            self._loop = scene.bind(self._u, self._v, enter, dt)
-            self._loop.advance(1)
-            self.sound = *self._seen, 0
-            self._check_processor(self._loop, self._u, self._v)
+            loop = scene.bind(self._u, self._v, enter, dt)
+            loop.advance(1)
+            self._check_processor(loop, self._u, self._v, 0.0)
+            self.sound = self._u.copy(), self._v.copy(), 0
             self._out = np.empty_like(self._u), np.empty_like(self._v)
             self._leave = scene.bind(*self._out, leave, dt)
         self._loop = scene.bind(self._u, self._v, method, dt)
 
-    def _check_processor(self, loop, u, v):
+    def _check_processor(self, loop, u, v, t):
         if not self._is_sound(loop, u, v):
-            error = self._error(self.sound[2] * self._dt, loop)
-            if isinstance(error, RangeError):
+            error = self._error(t, loop, u)
+            if isinstance(error, LockingError):
                 raise error
-            name = self._problem.method.name
-            raise StabilityError(f"dt {self._dt:.6g} s is too coarse for the processor of {name}")
+            raise StabilityError(
+                f"dt {self._dt:.6g} s is too coarse for the processor of "
+                f"{self._problem.method.name} at t = {t:.6g} s"
+            )
         self._see(loop)
 
     def state(self):
@@ -196,6 +201,8 @@ class _Watch:
 
         Or go back to the last sound state and raise what went wrong, where, when.
         """
+        if self._loop is None:
+            self._begin()
         before_u, before_v, done = self.sound
         steps = min(steps, self._most)
         self._loop.forget_range()
@@ -211,7 +218,7 @@ class _Watch:
             self._loop.forget_range()
             self._loop.advance(1)
             if not self._is_sound(self._loop, self._u, self._v):
-                raise self._error((k + 1) * self._dt, self._loop)
+                raise self._error((k + 1) * self._dt, self._loop, self._u)
             if self._tracker is not None:
                 self._is_clear(k, 1)
             self._keep(k + 1)
@@ -224,7 +231,7 @@ class _Watch:
             self._out[0][:], self._out[1][:] = u, v
             self._leave.forget_range()
             self._leave.advance(1)
-            self._check_processor(self._leave, *self._out)
+            self._check_processor(self._leave, *self._out, done * self._dt)
             seen = self._out[0].copy(), self._out[1].copy()
         self.sound, self._seen = (u, v, done), seen
         self._see(self._loop)
@@ -248,8 +255,16 @@ class _Watch:
         self._most = max(1, int(min(CAUTION * steps / share, MOST_STEPS))) if share else MOST_STEPS
         return True
 
+    def _met(self, loop, u):
+        """Elongations met; a method that evaluates forces elsewhere ends at others."""
+        if not isinstance(self._problem.method, Nystrom) or not np.isfinite(u).all():
+            return loop.range
+        here = self._problem.moved.present_ranges(u[: self._problem.scene.sites])
+        low, high = np.minimum(loop.range[:, 0], here[:, 0]), np.maximum(loop.range, here)[:, 1]
+        return np.stack([low, high], axis=1)
+
     def _is_sound(self, loop, u, v):
-        met = loop.range
+        met = self._met(loop, u)
         low, high = self._domains.T
         if np.any(met[:, 0] <= low) or np.any(met[:, 1] >= high):
             return False
@@ -268,10 +283,13 @@ class _Watch:
                 return True
         return False
 
-    def _error(self, t, loop):
-        """What went wrong in the step that ended at t, told from the sound state before it."""
-        scene, u = self._problem.moved, self.state().u
-        met, (low, high) = loop.range, self._domains.T
+    def _error(self, t, loop, after):
+        """What went wrong in the step that ended at t with displacements `after`."""
+        scene, u = self._problem.moved, after[: self._problem.scene.sites]
+        if not np.isfinite(u).all():
+            before = self.state()
+            u = before.u + self._dt * before.v
+        met, (low, high) = self._met(loop, after), self._domains.T
         for row, side in np.argwhere(np.stack([met[:, 0] <= low, met[:, 1] >= high], axis=1)):
             spring, where = self._springs[self._rows[row]], scene.extreme(row, u, side)
             barrier = float(spring.energy(spring.reach[side]))

@@ -15,6 +15,7 @@ from tensegrity import check
 from tensegrity.errors import TensegrityError
 
 INSTANTS = 500  # kept by default
+PER_INSTANT = 48  # bytes of memory for the numbers of the recorded steps, at most
 
 
 @dataclass(frozen=True)
@@ -29,9 +30,9 @@ class Record:
     sites : sequence of int, optional
         Sites to keep, in that order; by default all.
     path : str or path, optional
-        A new .npy file for the rows, which then need no memory.  It is whole after every row,
-        also if the process is killed: numpy.load(path, mmap_mode="r") gives a structured array
-        with fields t, energy, u, v.
+        A new .npy file for the rows, which then need no memory but 48 bytes each for their
+        numbers.  It is whole after every row, also if the process is killed:
+        numpy.load(path, mmap_mode="r") gives a structured array with fields t, energy, u, v.
     """
 
     every: int | None = None
@@ -85,7 +86,7 @@ class Record:
     def steps(self, total):
         """Numbers of the recorded steps of a run of `total` steps."""
         every = self.every or max(1, -(-total // INSTANTS))
-        _refuse_more(8 * (total // every + 2), _free_memory(), "memory")
+        _refuse_more(PER_INSTANT * (total // every + 2), _free_memory(), "memory")
         kept = np.arange(0, total + 1, every)
         return kept if kept[-1] == total else np.append(kept, total)
 

@@ -22,7 +22,7 @@ from tensegrity.record import Record
 MARGIN = 2.0  # a default step may be this much larger, at the stiffness met, than meant
 TRIAL = 0.5  # first step over the stability limit where a tolerance decides
 SHARE = 0.25  # of the energy, in one bond, for that first step
-REFINEMENTS = 8  # how often a step chosen here is refined
+REFINEMENTS, MOST_REFINEMENTS = 8, 14  # how often a step chosen here is refined
 CHECKPOINTS = 17  # instants at which two runs are compared to estimate an error
 SAFETY = 0.5  # aim at this part of a tolerance
 FASTEST = 16.0  # largest refinement at once
@@ -39,12 +39,14 @@ STUCK = 3  # refinements in a row that bring nothing: round-off is reached
 def fixed_step(problem, dt):
     """Run with a given step."""
     limit = problem.largest_step(stepping.present_ranges(problem.scene, problem.state))
-    if dt > limit:
+    steps = count(problem, dt)
+    used = problem.t_end / steps if steps else 0.0
+    if used > limit:
         raise StabilityError(
-            f"dt {dt:.6g} s is beyond {limit:.6g} s, the stability limit of "
+            f"dt {used:.6g} s is beyond {limit:.6g} s, the stability limit of "
             f"{problem.method.name} in the initial state"
         )
-    return march(problem, count(problem, dt), allowed=1.0)[0]
+    return march(problem, steps, allowed=1.0)[0]
 
 
 def default_step(problem):
@@ -66,14 +68,16 @@ def refined(problem, steps, allowed, checkpoints=0):
     """March with a step chosen here: refine it where the run met a larger stiffness than expected.
 
     Returns what `march` returns; a spring that still reaches the end of its domain after
-    `REFINEMENTS` refinements does so whatever the step.
+    `REFINEMENTS` refinements does so whatever the step; a step that is too coarse is refined on.
     """
-    for _ in range(REFINEMENTS):
+    for number in range(MOST_REFINEMENTS):
         try:
             return march(problem, steps, allowed, checkpoints)
         except (StabilityError, LockingError) as error:
             if problem.surrogate is not None and isinstance(error, RangeError):
                 raise  # another range helps, another step does not
+            if number >= REFINEMENTS and isinstance(error, LockingError):
+                raise
             steps *= 2
     return march(problem, steps, 1.0, checkpoints)
 

@@ -15,6 +15,7 @@ from tensegrity import (
     PowerLaw,
     Record,
     StabilityError,
+    State,
     TensegrityError,
     march,
     simulate,
@@ -132,9 +133,54 @@ def test_processing_pays_on_smooth_springs():
 
 def test_a_processor_that_leaves_the_domain_ends_the_run_before_it_begins():
     chain = prism_chain(8)
-    state = chain.at_rest({0: 0.2})
-    with pytest.raises(StabilityError, match="too coarse for the processor of processed6"):
+    state = chain.at_rest({0: 0.05})  # not enough energy to lock
+    with pytest.raises(StabilityError, match="too coarse for the processor of processed6") as one:
         simulate(chain, state, 50.0, method="processed6", dt=1.2)
+    run = one.value.run
+    assert run.steps == 0
+    assert np.array_equal(run.t, [0.0])
+    assert np.array_equal(run.v[0], state.v)
+
+
+def test_a_processed_run_that_locks_says_so():
+    chain = prism_chain(8)
+    state = chain.at_rest({0: 0.4})
+    with pytest.raises(LockingError, match="got there at t ="):
+        simulate(chain, state, 50.0, method="processed6", tol=1e-6)
+
+
+def test_locking_is_told_of_the_spring_that_locks():
+    """Bond 0 closes in this step; bond 2 is the shortest one before it."""
+    chain = prism_chain(4)
+    end = chain.springs[0].domain[0]
+    state = State(np.array([0.0, 0.0, 0.0, 0.9 * end]), np.array([1.0, 0.0, 0.0, 0.0]))
+    with pytest.raises(LockingError, match="between sites 0 and 1 "):
+        simulate(chain, state, 1.0, dt=0.05, method="verlet")
+
+
+def test_a_run_ends_inside_the_domain_whatever_the_method():
+    """The last place of a step of rk4 is none of those where it looks at the forces."""
+    r = sp.Symbol("r")
+    chain = Chain(Potential(r**2 / 2, r, domain=(-0.1, math.inf)), 2)
+    end = 0.3476190476
+    with pytest.raises(LockingError, match="at t =") as caught:
+        simulate(chain, chain.at_rest({0: 0.3}), end, dt=0.3, method="rk4")
+    assert chain.elongation(caught.value.run.final.u).min() > -0.1
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_no_time_is_no_motion(name):
+    chain = prism_chain(4)
+    run = simulate(chain, chain.at_rest({0: 0.01}), 0.0, method=name)
+    assert run.steps == 0
+    assert len(run.t) == 1
+
+
+def test_a_step_longer_than_the_run_is_the_run():
+    chain = prism_chain(4)
+    run = simulate(chain, chain.at_rest({0: 0.01}), 0.1, dt=100.0)
+    assert run.steps == 1
+    assert run.dt == 0.1
 
 
 def test_momentum_is_kept_to_round_off():
