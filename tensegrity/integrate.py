@@ -40,7 +40,8 @@ def simulate(scene, state, t_end, *, method=None, dt=None, tol=None, record=None
     Returns
     -------
     Run
-        Also after Ctrl-C, with `complete` False and what was recorded until then.
+        Also after Ctrl-C, with `complete` False and what was recorded until then; with `tol`
+        that may be a trial with a coarser step, kept in memory and at about 500 instants.
 
     Raises
     ------
