@@ -217,9 +217,9 @@ class PowerLaw(Potential):
     costs absurdly many steps.
 
     Under a preload the energy is a small difference, V(r) = stored(r0 - r) - stored(r0) +
-    preload r: near r = 0 it holds no more than the round-off of stored(r0) = stiffness r0^(n + 1)/(n + 1),
-    and `energy_error` of a tiny motion is that round-off over its energy.  The motion itself is
-    not affected: it takes the tension, whose round-off is that of the preload.
+    preload r.  Near r = 0 it is lost in the round-off of stored(r0), which is stiffness
+    r0^(n + 1)/(n + 1), and `energy_error` of a tiny motion is that round-off over its energy.
+    The motion itself is not affected: it takes the tension, whose round-off is that of the preload.
 
     Source: seeds/000, part II, "Hertz interaction potentials".
     """

@@ -294,7 +294,6 @@ def test_launch_refuses_what_does_not_fit():
         (Potential(R**40, R), {"amplitude": -1.0}, "40 N at 1 m, is below the smallest number$"),
         (TODA, {"speed": 1e200}, r"speed 1e\+200 sites/s gives m c\^2 = inf N/m"),
         (TODA, {"speed": 10.0, "mass": 1e308}, r"m c\^2 = inf N/m"),
-        (TODA, {"speed": math.nextafter(1, 2), "mass": 0.999}, "must be above"),
         (PowerLaw(1.0, 1.5), {"speed": 1e-170}, r"m c\^2 = 0\.0 N/m, must be a number above"),
         (TODA, {"speed": 1.1, "family": "rarefaction"}, "does not rise"),
         ("spring", {"speed": 1.1}, "not a Potential"),
