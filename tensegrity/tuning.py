@@ -26,6 +26,7 @@ from tensegrity.ensemble import Ensemble
 from tensegrity.errors import ResolutionError, StabilityError, TensegrityError
 from tensegrity.kernel import kernel
 from tensegrity.lattice import Chain, State
+from tensegrity.polynomial import Polynomial
 from tensegrity.potential import Potential
 from tensegrity.record import Record
 
@@ -34,6 +35,10 @@ TAIL = 1e-12  # of the largest coefficient, left at the end of a series
 DENSER = 4  # instants a coefficient at which a series is compared with the springs
 MISFIT = 1e-11  # of the largest coefficient, allowed there
 MOST_STEPS = 1e8  # of a loop in Python: hours
+FITTED = {  # potentials whose numbers come from a fit, and what to take in their place
+    ElasticPotential: ("a prism with elastic bases or bars", "the members as rigid (inf)"),
+    Polynomial: ("a polynomial in place of a spring", "the spring itself"),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,9 +95,9 @@ def simulate_tuned(chain, state, t_end, spring_at, *, dt, method="rkn6", record=
         and one length, so that r = 0 is the same shape at all times (rigid prisms without
         preload keep it; the rest length of others depends on the prestress), and change
         smoothly.  A change that is over within less than about 1/130 of `t_end` can be missed,
-        or is refused as too abrupt: run it in parts.  Prisms with elastic bases or bars are
-        refused: their numbers are fitted anew for each prestress, and the round-off of that does
-        not change smoothly.
+        or is refused as too abrupt: run it in parts.  Prisms with elastic bases or bars
+        are refused, and so is a `Polynomial`: their numbers are fitted anew at each instant, and
+        the round-off of that does not change smoothly.
     dt : float
         Step [s]; the step used is the largest not above it that divides `t_end` evenly.
     method : str
@@ -102,7 +107,8 @@ def simulate_tuned(chain, state, t_end, spring_at, *, dt, method="rkn6", record=
     Raises
     ------
     TensegrityError
-        Bad input, springs of another law or length, elastic prisms, more than 1e8 steps.
+        Bad input, springs of another law or length, elastic prisms, polynomials, more than 1e8
+        steps.
     ResolutionError
         The springs change too abruptly.
     StabilityError
@@ -201,12 +207,12 @@ class _Springs:
         w = chain.inverse_mass
         self._inverse_masses = 2 * (w[1:] + w[:-1]).max()
         first = self.at(0.0)
-        if isinstance(first, ElasticPotential):
-            raise TensegrityError(
-                "spring_at(0) is a prism with elastic bases or bars: its numbers are fitted anew "
-                "for each prestress and carry round-off that no series in time follows; take the "
-                "members as rigid (inf)"
-            )
+        for kind, (name, instead) in FITTED.items():
+            if isinstance(first, kind):
+                raise TensegrityError(
+                    f"spring_at(0) is {name}: its numbers are fitted anew at each instant and "
+                    f"carry round-off that no series in time follows; take {instead}"
+                )
         if any(s is not first and s != first for s in chain.segment_springs[0]):
             raise TensegrityError("the springs of the chain differ from spring_at(0)")
         self._law, self._length = first._law, first.length

@@ -13,6 +13,7 @@ from tensegrity import (
     Chain,
     Ensemble,
     LockingError,
+    Polynomial,
     Potential,
     Prism,
     Record,
@@ -134,13 +135,17 @@ def test_bad_input_says_what_and_why():
         simulate_tuned(Ensemble(chain, 2), state, 10.0, drawn_in, dt=0.05)
 
 
-def test_elastic_prisms_are_refused_by_name():
+def test_springs_whose_numbers_are_fitted_are_refused_by_name():
     def elastic(t):
         return Prism(1.0, 0.5, 0.4 + 0.001 * t, 1.0, 2.0, 20.0).potential()
 
     chain = Chain(elastic(0.0), 5)
     with pytest.raises(TensegrityError, match=r"elastic bases or bars.*round-off"):
         simulate_tuned(chain, chain.at_rest(), 10.0, elastic, dt=0.1)
+    fit = Polynomial(drawn_in(0.0), -0.03, 0.02, 1e-9)
+    chain = Chain(fit, 5)
+    with pytest.raises(TensegrityError, match=r"polynomial in place.*take the spring itself"):
+        simulate_tuned(chain, chain.at_rest(), 10.0, lambda t: fit, dt=0.1)
 
 
 def test_locking_says_which_spring_and_when():
