@@ -10,9 +10,9 @@ from figures import _measure, _scenes
 from figures._measure import Number
 from tensegrity import (
     EquilibriumError,
+    LockingError,
     Prism,
     Record,
-    TensegrityError,
     simulate,
     solitary_wave,
 )
@@ -48,6 +48,8 @@ STEP = 0.1  # s
 def characteristics(prism, preload, amplitude):
     """Sound speed, speed and width of the wave of a crest, impedance; nan where there is none.
 
+    There is none beyond the limit point, and no wave where the bars meet before that crest.
+
     Returns
     -------
     tuple
@@ -61,7 +63,7 @@ def characteristics(prism, preload, amplitude):
     impedance = math.sqrt(float(spring.stiffness(0.0)))
     try:
         wave = solitary_wave(spring, amplitude=amplitude)
-    except TensegrityError:
+    except LockingError:
         return sound, math.nan, math.nan, impedance
     return sound, wave.speed, wave.width(), impedance
 
@@ -205,6 +207,12 @@ def table(tables):
         )
         none = int(np.isnan(columns["sound speed"]).sum())
         beyond = f"; {none} of {columns['preload'].size} beyond the limit point" if none else ""
+        locked = int(np.isnan(columns["wave speed"]).sum()) - none
+        if locked:
+            beyond += (
+                f"; {locked} of {columns['preload'].size} have no wave of that crest (white): "
+                "their bars meet before"
+            )
         rows.append(
             _measure.row(
                 f"{name} prism, prestrain {given[2][0]:g} to {given[2][-1]:g}, preload 0 to "

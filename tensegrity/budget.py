@@ -15,7 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from tensegrity import check
+from tensegrity.ensemble import Ensemble
 from tensegrity.errors import TensegrityError
+from tensegrity.lattice import Chain
+from tensegrity.run import Run
 
 DEGREE = 7  # of the spline that is integrated
 
@@ -33,8 +36,8 @@ class Budget:
     work, impulse : ndarray, (T,)
         Passed through the bond since the first instant, by quadrature [J], [kg m/s].
     energy_error, momentum_error : float
-        Largest difference of the two accounts, over the energy of the whole chain at the first
-        instant and over the largest change of the momentum.
+        Largest difference of the two accounts, over the size of the energy of the whole chain at
+        the first instant and over the largest change of the momentum; absolute where that is 0.
     """
 
     t: np.ndarray
@@ -52,13 +55,23 @@ def beyond(run, bond) -> Budget:
     Parameters
     ----------
     run : Run
-        Of a chain whose last end is free, all sites recorded at evenly spaced instants.
+        Of a chain whose last end is free, all sites recorded.  Springs that change while it
+        runs (`TunedRun`) are refused: the work of the change does not pass through the bond.
     bond : int
         Bond j joins sites j and j + 1.
+
+    Raises
+    ------
+    TensegrityError
+        Bad input, or another run, one of another scene or too few of its sites or instants.
     """
     from scipy.interpolate import make_interp_spline
 
+    if not isinstance(run, Run):
+        raise TensegrityError(f"run is {type(run).__name__}, not a Run")
     chain = run.scene
+    if not isinstance(chain, Chain) or isinstance(chain, Ensemble):
+        raise TensegrityError(f"the scene of the run is {type(chain).__name__}, not a Chain")
     bond = check.whole("bond", bond, least=0)
     if bond > chain.sites - 2:
         raise TensegrityError(f"bond {bond} must be below {chain.sites - 1}")
@@ -79,5 +92,5 @@ def beyond(run, bond) -> Budget:
     change = np.abs(momentum - momentum[0]).max()
     return Budget(
         run.t, energy, momentum, work, impulse,
-        float(gaps[0] / (run.energy[0] or 1.0)), float(gaps[1] / (change or 1.0)),
+        float(gaps[0] / (abs(run.energy[0]) or 1.0)), float(gaps[1] / (change or 1.0)),
     )  # fmt: skip

@@ -152,7 +152,7 @@ class Polynomial(Potential):
             bound = truncation
             if exact is not None:
                 gap = LEBESGUE * self._largest_gap(exact, r)
-                bound = (truncation + gap + self._rounding()) / peak
+                bound = float((truncation + gap + self._rounding()) / peak)
             if math.isfinite(bound):
                 self.error_bound = bound
             else:

@@ -212,7 +212,14 @@ class PowerLaw(Potential):
     Notes
     -----
     For n < 1 the stiffness has no bound where the contact opens: a run with a default step that
-    opens it keeps its energy to about 1e-3 only; ask for a `tol`.
+    opens it keeps its energy to about 1e-3 only; ask for a `tol`.  Without a preload contacts
+    open at r = 0, where every motion starts: the stability limit goes to zero there, and a run
+    costs absurdly many steps.
+
+    Under a preload the energy is a small difference, V(r) = stored(r0 - r) - stored(r0) +
+    preload r.  Near r = 0 it is lost in the round-off of stored(r0), which is stiffness
+    r0^(n + 1)/(n + 1), and `energy_error` of a tiny motion is that round-off over its energy.
+    The motion itself is not affected: it takes the tension, whose round-off is that of the preload.
 
     Source: seeds/000, part II, "Hertz interaction potentials".
     """

@@ -15,13 +15,15 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.asymptotics import sound_speed
+from tensegrity.ensemble import Ensemble
 from tensegrity.errors import TensegrityError
 from tensegrity.family import SIGNS, STROKE, Family, refined
 from tensegrity.lattice import Chain, State
-from tensegrity.potential import Potential
+from tensegrity.potential import Potential, PowerLaw
 from tensegrity.travelling import Grid, amplitude_is, cosine_sum
 
 LEAST_LEVEL = 1e-8  # of the crest, at which a width is asked for
+SMALL, LARGE = 1e-15, 1.0  # elongations [m] that show whether a force underflows
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +64,10 @@ class SolitaryWave:
     _rates: np.ndarray = field(repr=False)  # cosine coefficients of du/dx
 
     def elongation(self, x):
-        """Elongation [m] at distances x from the crest (sites, any shape), by Fourier's series."""
+        """Elongation [m] at distances x from the crest (sites, any shape), by Fourier's series.
+
+        Raises `TensegrityError` where an x is not a number, as do `rate` and `displacement`.
+        """
         return self._sum(self._rates * self._grid.box, x)
 
     def rate(self, x):
@@ -71,15 +76,16 @@ class SolitaryWave:
 
     def displacement(self, x):
         """u(x) [m], 0 far ahead of the crest (x > 0)."""
-        x = np.clip(np.asarray(x, dtype=float), -self._grid.half_length, self._grid.half_length)
+        x = np.clip(_distances(x), -self._grid.half_length, self._grid.half_length)
         k = self._grid.wave_numbers[1:]
         wavy = cosine_sum(self._rates[1:] / k, k, x, np.sin)
         return wavy + self._rates[0] * (x - self._grid.half_length)
 
     def _sum(self, coefficients, x):
-        x = np.asarray(x, dtype=float)
-        value = cosine_sum(coefficients, self._grid.wave_numbers, x)
-        return np.where(np.abs(x) <= self._grid.half_length, value, 0.0)
+        x = _distances(x)
+        inside = np.abs(x) <= self._grid.half_length
+        value = cosine_sum(coefficients, self._grid.wave_numbers, np.where(inside, x, 0.0))
+        return np.where(inside, value, 0.0)
 
     @property
     def strain(self):
@@ -120,7 +126,10 @@ class SolitaryWave:
         )
 
     def reach(self, tail=1e-12):
-        """Distance from the crest, in sites, beyond which less than `tail` of it is left."""
+        """Distance from the crest, in sites, beyond which less than `tail` (< 1) of it is left."""
+        tail = check.number("tail", tail, above=0)
+        if tail >= 1:
+            raise TensegrityError(f"tail {tail:g} must be below 1")
         rates = np.abs(self._grid.values(self._rates))
         half = np.abs(self._on_x[len(self.x) // 2 :])
         left = np.maximum(rates / rates.max(), half / half.max()) >= tail
@@ -138,7 +147,7 @@ class SolitaryWave:
         direction : int, optional
             1 towards higher sites, -1 towards lower ones.
         tail : float, optional
-            Part of the crest that may be cut off at the ends of the chain.
+            Part of the crest that may be cut off at the ends of the chain, below 1.
 
         Returns
         -------
@@ -151,9 +160,9 @@ class SolitaryWave:
         TensegrityError
             If the wave does not fit the chain, its springs or masses, or both ends are fixed.
         """
-        if not isinstance(chain, Chain):
+        if not isinstance(chain, Chain) or isinstance(chain, Ensemble):
             raise TensegrityError(f"chain is {type(chain).__name__}, not a Chain")
-        at, tail = check.number("at", at), check.number("tail", tail, above=0)
+        at = check.number("at", at)
         if direction not in (1, -1):
             raise TensegrityError(f"direction {direction!r} must be 1 or -1")
         self._check_place(chain, at, self.reach(tail), tail)
@@ -243,7 +252,7 @@ def solitary_wave(
     value = check.number(name, value)
     sound = sound_speed(potential, mass)
     sign = _sign(potential, family, value if name == "amplitude" else None)
-    side = Family(potential, sign)
+    side = _family(potential, sign)
     if name == "amplitude":
         profile = side.wave(abs(value))
         condition = amplitude_is(1.0)
@@ -261,9 +270,42 @@ def solitary_wave(
                 f"speed {speed:g} must be above {sound:g} sites/s, the sound speed: a slower wave "
                 "has no decaying tail"
             )
-        profile, condition = side.with_stiffness(mass * speed**2, mass)
+        stiffness = mass * speed * speed
+        if not side.rest < stiffness < math.inf:
+            raise TensegrityError(
+                f"speed {float(speed)} sites/s gives m c^2 = {float(stiffness)} N/m, must be a "
+                f"number above the stiffness at rest, {side.rest} N/m"
+            )
+        profile, condition = side.with_stiffness(stiffness, mass)
     profile, residual = refined(profile, condition)
     return _wave(potential, mass, sound, profile, residual)
+
+
+def _family(potential, sign):
+    """The family of that sign; one whose small forces are no numbers is refused as what it is."""
+    if math.isinf(potential.domain[int(sign > 0)]):
+        small, large = (float(sign * potential.tension(sign * r)) for r in (SMALL, LARGE))
+        if small == 0 < large:
+            least = math.log10(np.finfo(float).smallest_subnormal)
+            what = ""
+            if isinstance(potential, PowerLaw):
+                most = (math.log10(potential.parameters["stiffness"]) - least) / -math.log10(SMALL)
+                what = f": exponent {potential.exponent:g} must be below {most:.4g}"
+            raise TensegrityError(
+                f"waves are sought from crests of {SMALL:g} m up, but the force there, "
+                f"{large:g} N at {LARGE:g} m, is below the smallest number{what}"
+            )
+    return Family(potential, sign)
+
+
+def _distances(x):
+    try:
+        x = np.asarray(x, dtype=float)
+    except (TypeError, ValueError):
+        raise TensegrityError(f"x {x!r} is not an array of distances") from None
+    if np.isnan(x).any():
+        raise TensegrityError("x nan sites is not a number")
+    return x
 
 
 def _sign(potential, family, amplitude):
@@ -326,7 +368,7 @@ def largest_speed(potential, mass=1.0, family=None, closest=1e-3):
     closest = check.number("closest", closest, least=1 - STROKE)
     if closest > 0.1:
         raise TensegrityError(f"closest {closest:g} must be at most 0.1")
-    side = Family(potential, _sign(potential, family, None))
+    side = _family(potential, _sign(potential, family, None))
     if math.isfinite(side.front[1]):
         return math.sqrt(side.front[1] / mass)
     if math.isinf(side.end):

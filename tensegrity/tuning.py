@@ -8,9 +8,9 @@ Time is taken as one more coordinate, driven at rate 1: a splitting method then 
 its drifts, uses the springs of that instant in each kick, and keeps its order; the work is the
 change of time's conjugate momentum, summed with the method's own kicks.  Total energy minus work
 is what stays constant, and so checks the run.  The parameters of the springs are Chebyshev
-series in time, fitted to round-off, and the rate of V comes from them by automatic
-differentiation of the law.  Source: seeds/000, "adjusted on the fly, through suitable control of
-prestress".
+series in time, fitted to round-off and compared with `spring_at` between the nodes; the rate of V
+comes from them by automatic differentiation of the law.  Source: seeds/000, "adjusted on the fly,
+through suitable control of prestress".
 """
 
 from __future__ import annotations
@@ -21,14 +21,24 @@ from dataclasses import dataclass
 import numpy as np
 
 from tensegrity import check, methods
-from tensegrity.errors import LockingError, ResolutionError, StabilityError, TensegrityError
+from tensegrity.condensed import ElasticPotential
+from tensegrity.ensemble import Ensemble
+from tensegrity.errors import ResolutionError, StabilityError, TensegrityError
 from tensegrity.kernel import kernel
 from tensegrity.lattice import Chain, State
+from tensegrity.polynomial import Polynomial
 from tensegrity.potential import Potential
 from tensegrity.record import Record
 
 DEGREES = (32, 64, 128, 256, 512)  # of the series in time
 TAIL = 1e-12  # of the largest coefficient, left at the end of a series
+DENSER = 4  # instants a coefficient at which a series is compared with the springs
+MISFIT = 1e-11  # of the largest coefficient, allowed there
+MOST_STEPS = 1e8  # of a loop in Python: hours
+FITTED = {  # potentials whose numbers come from a fit, and what to take in their place
+    ElasticPotential: ("a prism with elastic bases or bars", "the members as rigid (inf)"),
+    Polynomial: ("a polynomial in place of a spring", "the spring itself"),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,9 +75,9 @@ class TunedRun:
 
     @property
     def energy_error(self):
-        """Largest deviation of energy - work from its first value, over that value unless 0."""
+        """Largest deviation of energy - work from its first value, over its size unless 0."""
         deviation = np.abs(self.energy - self.work - self.energy[0]).max()
-        return float(deviation / (self.energy[0] or 1.0))
+        return float(deviation / (abs(self.energy[0]) or 1.0))
 
 
 def simulate_tuned(chain, state, t_end, spring_at, *, dt, method="rkn6", record=None) -> TunedRun:
@@ -84,7 +94,10 @@ def simulate_tuned(chain, state, t_end, spring_at, *, dt, method="rkn6", record=
         spring_at(t) gives the Potential of all bonds at an instant [s].  All must be of one law
         and one length, so that r = 0 is the same shape at all times (rigid prisms without
         preload keep it; the rest length of others depends on the prestress), and change
-        smoothly.
+        smoothly.  A change that is over within less than about 1/130 of `t_end` can be missed,
+        or is refused as too abrupt: run it in parts.  Prisms with elastic bases or bars
+        are refused, and so is a `Polynomial`: their numbers are fitted anew at each instant, and
+        the round-off of that does not change smoothly.
     dt : float
         Step [s]; the step used is the largest not above it that divides `t_end` evenly.
     method : str
@@ -94,15 +107,16 @@ def simulate_tuned(chain, state, t_end, spring_at, *, dt, method="rkn6", record=
     Raises
     ------
     TensegrityError
-        Bad input, springs of another law or length.
+        Bad input, springs of another law or length, elastic prisms, polynomials, more than 1e8
+        steps.
     ResolutionError
         The springs change too abruptly.
     StabilityError
-        The step is beyond the method's stability limit.
+        The step is beyond the method's stability limit, or the motion is no longer finite.
     LockingError
-        A spring reached an end of its domain.
+        A spring reached an end of its domain; says which and when.
     """
-    if not isinstance(chain, Chain):
+    if not isinstance(chain, Chain) or isinstance(chain, Ensemble):
         raise TensegrityError(f"chain is {type(chain).__name__}, not a Chain")
     chain.check(state)
     t_end = check.number("t_end", t_end, above=0, unit="s")
@@ -110,8 +124,17 @@ def simulate_tuned(chain, state, t_end, spring_at, *, dt, method="rkn6", record=
     method = methods.find(method)
     if not isinstance(method, methods.Splitting):
         raise TensegrityError(f"method {method.name!r} is not a splitting of kicks and drifts")
-    record = record or Record()
+    if t_end / dt > MOST_STEPS:
+        raise TensegrityError(
+            f"dt {dt:g} s takes {t_end / dt:.3g} steps to {t_end:g} s, must be at most "
+            f"{MOST_STEPS:g}"
+        )
+    record = Record() if record is None else record
+    if not isinstance(record, Record):
+        raise TensegrityError(f"record {record!r} is not a Record")
     record.check(chain.sites)
+    if not callable(spring_at):
+        raise TensegrityError(f"spring_at {spring_at!r} is not a function of time")
     springs = _Springs(chain, spring_at, t_end)
     steps = math.ceil(t_end / dt * (1 - 1e-12))
     dt = t_end / steps
@@ -123,8 +146,8 @@ def simulate_tuned(chain, state, t_end, spring_at, *, dt, method="rkn6", record=
     wanted = set(recorded.tolist())
     for step in range(steps + 1):
         now = step * dt
+        springs.watch(now, u, dt, method)
         if step in wanted:
-            springs.watch(now, u, dt, method)
             kinetic = 0.5 * np.sum(chain.mass * v**2)
             energy = kinetic + np.sum(springs.value(0, now, np.diff(u)))
             rows.add(now, energy, u[columns], v[columns])
@@ -133,14 +156,12 @@ def simulate_tuned(chain, state, t_end, spring_at, *, dt, method="rkn6", record=
             break
         for kick, drift in zip(method.kicks, (*method.drifts, 0.0), strict=True):
             if kick:
-                r = np.diff(u)
+                r = springs.elongation(now, u)
                 pull = np.diff(springs.value(1, now, r), prepend=0.0, append=0.0)
                 v += kick * dt * chain.inverse_mass * pull
                 work += kick * dt * springs.power(now, r)
             u += drift * dt * v
             now += drift * dt
-        if not springs.contains(u):
-            raise LockingError(springs.at(now).beyond(springs.extreme(u)).args[0])
     table = rows.finished()
     last = Chain(spring_at(t_end), chain.sites, chain.mass, chain.ends)
     return TunedRun(
@@ -182,15 +203,23 @@ class _Springs:
     """One law whose parameters are Chebyshev series in time."""
 
     def __init__(self, chain, spring_at, t_end):
-        self.chain, self._at, self._t_end = chain, spring_at, t_end
+        self._at, self._t_end = spring_at, t_end
+        w = chain.inverse_mass
+        self._inverse_masses = 2 * (w[1:] + w[:-1]).max()
         first = self.at(0.0)
+        for kind, (name, instead) in FITTED.items():
+            if isinstance(first, kind):
+                raise TensegrityError(
+                    f"spring_at(0) is {name}: its numbers are fitted anew at each instant and "
+                    f"carry round-off that no series in time follows; take {instead}"
+                )
         if any(s is not first and s != first for s in chain.segment_springs[0]):
             raise TensegrityError("the springs of the chain differ from spring_at(0)")
         self._law, self._length = first._law, first.length
         self._engine, self._change = kernel((self._law,)), kernel((Change(self._law),))
         self._series = self._fit()
         self._rates = np.polynomial.chebyshev.chebder(self._series)
-        self._scale = np.abs(self._series).sum(axis=0).max()
+        self._scale = np.abs(self._series).sum(axis=0).max(initial=0.0)
 
     def at(self, t):
         spring = self._at(t)
@@ -204,20 +233,30 @@ class _Springs:
 
         for degree in DEGREES:
             x = np.cos(np.pi * (np.arange(degree + 1) + 0.5) / (degree + 1))
-            springs = [self.at(self._t_end * (1 + one) / 2) for one in x]
-            for spring, one in zip(springs, x, strict=True):
-                self._compare(spring, self._t_end * (1 + one) / 2)
-            values = np.array([spring._values for spring in springs])
+            values, domains = self._sampled(x)
             series = chebyshev.chebfit(x, values, degree)
-            largest = np.abs(series).max(axis=0)
-            if np.all(np.abs(series[-4:]).max(axis=0) <= TAIL * np.maximum(largest, 1e-3)):
-                domains = np.array([spring.domain for spring in springs])
+            scale = np.maximum(np.abs(series).max(axis=0), 1e-3)
+            if np.any(np.abs(series[-4:]).max(axis=0) > TAIL * scale):
+                continue
+            between = 2 * (np.arange(DENSER * (degree + 1)) + 0.5) / (DENSER * (degree + 1)) - 1
+            values, more = self._sampled(between)
+            gap = np.abs(chebyshev.chebval(between, series).T - values).max(axis=0)
+            if np.all(gap <= MISFIT * scale):
+                domains = np.concatenate([domains, more])
                 self._domain = domains[:, 0].max(), domains[:, 1].min()
                 return series
         raise ResolutionError(
             f"the springs change too abruptly for a series of degree {DEGREES[-1]} over "
             f"{self._t_end:g} s: make the change smoother or longer, or run it in parts"
         )
+
+    def _sampled(self, x):
+        """Parameters and domains of the springs at instants x in [-1, 1], (x.size, ...)."""
+        springs = []
+        for t in (self._t_end * (1 + x) / 2).tolist():
+            springs.append(self.at(t))
+            self._compare(springs[-1], t)
+        return np.array([s._values for s in springs]), np.array([s.domain for s in springs])
 
     def _compare(self, spring, t):
         if spring._law != self._law:
@@ -239,25 +278,34 @@ class _Springs:
     def power(self, t, r):
         """Sum over the bonds of dV/dt at given elongation [W]."""
         rates = self._parameters(self._rates, t) * (2 / self._t_end)
-        if np.abs(rates).max() * self._t_end <= TAIL * self._scale:
+        if np.abs(rates).max(initial=0.0) * self._t_end <= TAIL * self._scale:
             return 0.0
         numbers = np.concatenate([self._parameters(self._series, t), rates])
         return float(np.sum(self._change.evaluate(0, 0, numbers, r)))
 
-    def contains(self, u):
+    def elongation(self, t, u):
+        """Elongations at the instant t, refused where a spring has reached an end of its domain."""
         r = np.diff(u)
-        return bool(r.min() > self._domain[0] and r.max() < self._domain[1])
-
-    def extreme(self, u):
-        """The elongation farthest beyond an end of the domain."""
-        r = np.diff(u)
-        return float(r.min() if not r.min() > self._domain[0] else r.max())
+        if r.min() > self._domain[0] and r.max() < self._domain[1]:
+            return r
+        if not np.isfinite(r).all():
+            raise StabilityError(f"the motion is no longer finite at t = {t:.6g} s: dt too large")
+        spring = self.at(min(max(t, 0.0), self._t_end))
+        for bond in (int(r.argmin()), int(r.argmax())):
+            if not spring.domain[0] < r[bond] < spring.domain[1]:
+                error = spring.beyond(float(r[bond]))
+                raise type(error)(
+                    f"{error}: the spring between sites {bond} and {bond + 1} got there at "
+                    f"t = {t:.6g} s"
+                )
+        return r
 
     def watch(self, t, u, dt, method):
         """Refuse a step beyond the stability limit at the present stiffness."""
-        stiffness = self.value(2, t, np.append(np.diff(u), 0.0)).max()
-        w = self.chain.inverse_mass
-        omega = math.sqrt(2 * max(stiffness, 0.0) * (w[1:] + w[:-1]).max())
+        stiffness = self.value(2, t, np.append(self.elongation(t, u), 0.0)).max()
+        if not math.isfinite(stiffness):
+            raise StabilityError(f"the stiffness is not finite at t = {t:.6g} s")
+        omega = math.sqrt(max(stiffness, 0.0) * self._inverse_masses)
         if dt * omega > method.stability_limit:
             raise StabilityError(
                 f"dt {dt:.6g} s is beyond {method.stability_limit / omega:.6g} s, the stability "

@@ -5,10 +5,13 @@ import math
 import numpy as np
 import pytest
 from scenes import prism_chain, smooth_blow
+from scipy.integrate import quad
+from scipy.interpolate import BarycentricInterpolator
 
 from figures import _scenes
-from tensegrity import Chain, Record, TensegrityError, simulate
+from tensegrity import Chain, Ensemble, Record, TensegrityError, simulate
 from tensegrity.budget import beyond
+from tensegrity.tuning import simulate_tuned
 
 ALL = Record(every=1)
 
@@ -33,6 +36,31 @@ def test_energy_and_momentum_beyond_any_bond_close(bond):
     assert found.momentum_error < 1e-10
     coarse = simulate(chain, smooth_blow(chain), 40.0, method="rkn6", dt=0.32, record=ALL)
     assert beyond(coarse, bond).energy_error > 1e4 * found.energy_error  # it is no identity
+
+
+def test_errors_are_relative_to_the_energy_and_to_the_change_of_momentum():
+    """A coarse run, its quadrature by exact polynomials through the same instants."""
+    chain = Chain(_scenes.linear(2.0), 2)
+    run = simulate(chain, chain.at_rest({1: 3.0}), 7.0, method="rkn6", dt=1.0, record=ALL)
+    found = beyond(run, 0)
+    tension = 2 * (run.u[:, 1] - run.u[:, 0])  # 8 instants: the spline is one polynomial
+    for rate, kept, scale, error in (
+        (-tension * run.v[:, 1], run.v[:, 1] ** 2 / 2, 3.0**2 / 2, found.energy_error),
+        (-tension, run.v[:, 1], np.abs(run.v[:, 1] - 3).max(), found.momentum_error),
+    ):
+        passed = BarycentricInterpolator(run.t, rate)
+        gaps = [
+            kept[k] - kept[0] - quad(passed, 0, t, epsabs=1e-12)[0] for k, t in enumerate(run.t)
+        ]
+        assert error == pytest.approx(np.abs(gaps).max() / scale, rel=1e-8)
+        assert error > 1e-4
+
+
+def test_a_chain_that_stays_at_rest_has_no_error():
+    chain = prism_chain(6)
+    run = simulate(chain, chain.at_rest(), 2.0, method="rkn6", dt=0.1, record=ALL)
+    found = beyond(run, 2)
+    assert (found.energy_error, found.momentum_error) == (0, 0)
 
 
 def test_force_at_a_held_end_is_the_change_of_momentum():
@@ -61,3 +89,10 @@ def test_bad_input_says_what_and_why():
     run = simulate(held, smooth_blow(held), 2.0, method="rkn6", dt=0.1, record=ALL)
     with pytest.raises(TensegrityError, match="the last site is fixed"):
         beyond(run, 3)
+    spring = chain.springs[0]
+    tuned = simulate_tuned(chain, smooth_blow(chain), 2.0, lambda t: spring, dt=0.1, record=ALL)
+    with pytest.raises(TensegrityError, match="run is TunedRun, not a Run"):
+        beyond(tuned, 3)
+    lanes = Ensemble(chain, 2)
+    with pytest.raises(TensegrityError, match="is Ensemble, not a Chain"):
+        beyond(simulate(lanes, lanes.at_rest({0: 0.01}), 2.0, dt=0.1, record=ALL), 3)

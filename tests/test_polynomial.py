@@ -1,5 +1,6 @@
 """Polynomials in place of a tension: their errors, their bounds, and runs that choose them."""
 
+import doctest
 import math
 from dataclasses import replace
 from functools import cache
@@ -23,6 +24,7 @@ from tensegrity import (
     ResolutionError,
     TensegrityError,
     march,
+    polynomial,
     simulate,
     tolerance,
 )
@@ -58,6 +60,7 @@ def test_error_bound_holds_and_is_not_far_off(spring, low, high, error):
         spring, low, high, error = RIGID, 0.9 * spring, 0.01, max(error, 1e-7)
     fit = Polynomial(spring, low, high, error)
     assert fit.error_estimate is None
+    assert type(fit.error_bound) is float
     assert fit.error_bound <= error
     actual = true_error(fit, spring)
     assert actual <= fit.error_bound
@@ -164,6 +167,10 @@ def test_a_prism_that_softens_to_its_limit_point_is_fitted_over_it():
     for fit in (ends_there, beyond):
         inner = np.linspace(fold, 0.1, 99)[1:-1]
         np.testing.assert_allclose(fit.stiffness(inner), SOFT.stiffness(inner), atol=1e-8)
+
+
+def test_docstring_example_prints_what_it_says():
+    assert doctest.testmod(polynomial) == (0, 3)
 
 
 # --- disks -----------------------------------------------------------------------------------

@@ -11,6 +11,7 @@ import sympy as sp
 from derivations import waves as derived
 from tensegrity import (
     Chain,
+    Ensemble,
     EquilibriumError,
     Potential,
     PowerLaw,
@@ -209,6 +210,29 @@ def test_stiffening_prisms_carry_rarefactions_above_a_threshold():
         solitary_wave(spring, amplitude=0.8 * slow.amplitude)
 
 
+@pytest.mark.parametrize("x", [math.nan, [1.0, math.nan], "a", 1j])
+@pytest.mark.parametrize("read", ["elongation", "rate", "displacement"])
+def test_places_that_are_no_numbers_are_refused(read, x):
+    wave = solitary_wave(TODA, speed_ratio=1.4)
+    with pytest.raises(TensegrityError, match="is not a"):
+        getattr(wave, read)(x)
+
+
+def test_a_wave_is_zero_infinitely_far_away():
+    wave = solitary_wave(TODA, speed_ratio=1.4)
+    far = [-math.inf, math.inf]
+    assert not np.any([wave.elongation(far), wave.rate(far)])
+    assert wave.displacement(far) == pytest.approx([wave.shift, 0.0], abs=1e-14)
+
+
+@pytest.mark.parametrize("tail", [math.nan, 2.0, 1.0, 0.0, -1.0, "a"])
+def test_a_tail_is_a_part_of_the_crest(tail):
+    wave, chain = solitary_wave(TODA, speed_ratio=1.4), Chain(TODA, 200)
+    for ask in (wave.reach, lambda tail: wave.launch(chain, at=100, tail=tail)):
+        with pytest.raises(TensegrityError, match=r"tail .* (must|is not)"):
+            ask(tail)
+
+
 def test_launch_to_lower_sites_mirrors_the_wave():
     wave = solitary_wave(PRISM, speed_ratio=1.4)
     chain = Chain(PRISM, 100)
@@ -237,6 +261,8 @@ def test_launch_refuses_what_does_not_fit():
         wave.launch(Chain(PRISM, 100, mass=2.0), at=50)
     with pytest.raises(TensegrityError, match="springs"):
         wave.launch(Chain(TODA, 100), at=50)
+    with pytest.raises(TensegrityError, match="chain is Ensemble, not a Chain"):
+        wave.launch(Ensemble(Chain(PRISM, 100), 2), at=50)
     with pytest.raises(TensegrityError, match="direction 2"):
         wave.launch(Chain(PRISM, 100), at=50, direction=2)
 
@@ -263,6 +289,12 @@ def test_launch_refuses_what_does_not_fit():
         (PowerLaw(1.0, 0.5), {"speed": 1.1}, "does not rise"),
         (PowerLaw(1.0, 1.5), {"amplitude": 1.0}, "does not resist"),
         (PowerLaw(1.0, 1.5), {"speed_ratio": 1.1}, "sonic vacuum"),
+        (PowerLaw(1.0, 40.0), {"amplitude": -1.0}, r"exponent 40 must be below 21\.\d"),
+        (PowerLaw(1.0, 40.0), {"amplitude": 1.0}, "does not resist"),
+        (Potential(R**40, R), {"amplitude": -1.0}, "40 N at 1 m, is below the smallest number$"),
+        (TODA, {"speed": 1e200}, r"speed 1e\+200 sites/s gives m c\^2 = inf N/m"),
+        (TODA, {"speed": 10.0, "mass": 1e308}, r"m c\^2 = inf N/m"),
+        (PowerLaw(1.0, 1.5), {"speed": 1e-170}, r"m c\^2 = 0\.0 N/m, must be a number above"),
         (TODA, {"speed": 1.1, "family": "rarefaction"}, "does not rise"),
         ("spring", {"speed": 1.1}, "not a Potential"),
     ],

@@ -11,12 +11,15 @@ from scipy.integrate import solve_ivp
 from figures import _scenes
 from tensegrity import (
     Chain,
+    Ensemble,
     LockingError,
+    Polynomial,
     Potential,
     Prism,
     Record,
     ResolutionError,
     StabilityError,
+    State,
     TensegrityError,
     simulate,
 )
@@ -123,5 +126,110 @@ def test_bad_input_says_what_and_why():
     refused(ResolutionError, "too abruptly", lambda t: drawn_in(0.0) if t < 5 else jump)
     refused(StabilityError, "beyond", dt=5.0)
     refused(TensegrityError, "not a splitting", method="rk4")
-    with pytest.raises(LockingError, match="bars meet"):
-        simulate_tuned(chain, chain.at_rest({0: 1.0}), 10.0, drawn_in, dt=0.01)
+    refused(TensegrityError, "dt 1e-12 s takes 1e.13 steps", dt=1e-12)
+    refused(TensegrityError, "takes inf steps", dt=1e-320)
+    refused(TensegrityError, "'x' is not a function of time", spring_at="x")
+    refused(TensegrityError, "record 'x' is not a Record", record="x")
+    refused(TensegrityError, "record 0 is not a Record", record=0)
+    with pytest.raises(TensegrityError, match="chain is Ensemble, not a Chain"):
+        simulate_tuned(Ensemble(chain, 2), state, 10.0, drawn_in, dt=0.05)
+
+
+def test_springs_whose_numbers_are_fitted_are_refused_by_name():
+    def elastic(t):
+        return Prism(1.0, 0.5, 0.4 + 0.001 * t, 1.0, 2.0, 20.0).potential()
+
+    chain = Chain(elastic(0.0), 5)
+    with pytest.raises(TensegrityError, match=r"elastic bases or bars.*round-off"):
+        simulate_tuned(chain, chain.at_rest(), 10.0, elastic, dt=0.1)
+    fit = Polynomial(drawn_in(0.0), -0.03, 0.02, 1e-9)
+    chain = Chain(fit, 5)
+    with pytest.raises(TensegrityError, match=r"polynomial in place.*take the spring itself"):
+        simulate_tuned(chain, chain.at_rest(), 10.0, lambda t: fit, dt=0.1)
+
+
+def test_locking_says_which_spring_and_when():
+    """Met within a step, where the tension is already no number."""
+    chain = Chain(drawn_in(0.0), 6)
+    with pytest.raises(
+        LockingError,
+        match=r"^elongation -0\.\d+ m is at or below .* where the bars meet .*: the spring between "
+        r"sites 2 and 3 got there at t = 0\.\d+ s$",
+    ):
+        simulate_tuned(chain, chain.at_rest({2: 1.0}), 10.0, drawn_in, dt=0.01)
+
+
+def test_a_spring_may_use_the_stroke_that_it_has_at_that_instant():
+    """The end comes nearer while the spring springs back from it."""
+
+    def closing(t):
+        r, k = sp.symbols("r k")
+        return Potential(k * r**2 / 2, r, {k: 1.0}, 1.0, (-0.2 + 0.1 * t, 1.0))
+
+    chain = Chain(closing(0.0), 2)
+    state = State(np.array([0.0, -0.14]), np.zeros(2))
+    run = simulate_tuned(chain, state, 1.0, closing, dt=0.1)
+    assert np.diff(run.final.u) == pytest.approx(-0.14 * math.cos(math.sqrt(2)), rel=1e-5)
+    with pytest.raises(
+        LockingError, match=r"below -0\.13\d* m.*sites 0 and 1 got there at t = 0.2"
+    ):
+        simulate_tuned(chain, state, 0.5, lambda t: closing(3 * t), dt=0.01)
+
+
+def test_motion_that_is_not_finite_is_unstable():
+    r = sp.Symbol("r")
+    soft = Potential(-(r**4), r)  # runs away in finite time
+    chain = Chain(soft, 2)
+    with (
+        pytest.raises(StabilityError, match=r"no longer finite at t = \d"),
+        np.errstate(all="ignore"),
+    ):
+        simulate_tuned(chain, chain.at_rest({0: 1.0}), 50.0, lambda t: soft, dt=0.05)
+
+
+def test_the_stability_limit_is_watched_at_every_step():
+    """The stiffest moment lies between the recorded instants, and what is recorded is no matter."""
+
+    def squeezed(t):
+        r, k = sp.symbols("r k")
+        return Potential(k * r**2 / 2, r, {k: 1 + 30 * math.exp(-((t - 5) ** 2))}, length=1.0)
+
+    chain = Chain(squeezed(0.0), 6)
+    texts = []
+    for record in (None, Record(every=1000)):
+        with pytest.raises(StabilityError, match="beyond") as caught:
+            simulate_tuned(chain, smooth_blow(chain), 10.0, squeezed, dt=0.4, record=record)
+        texts.append(str(caught.value))
+    assert texts[0] == texts[1]
+
+
+def test_a_short_change_between_the_nodes_of_a_series_is_not_lost():
+    def pulse(width):
+        def spring_at(t):
+            r, k = sp.symbols("r k")
+            stiffness = 1 + 0.5 * math.exp(-(((t - 20.93 * width) / width) ** 2))
+            return Potential(k * r**2 / 2, r, {k: stiffness}, length=1.0)
+
+        return spring_at
+
+    chain = Chain(pulse(1.0)(0.0), 2)
+    state = chain.at_rest({0: 1.0})
+    run = simulate_tuned(chain, state, 40.0, pulse(1.0), dt=0.05)
+    assert abs(run.work[-1]) > 1e-4
+    with pytest.raises(ResolutionError, match="too abruptly"):
+        simulate_tuned(chain, state, 400.0, lambda t: pulse(1.0)(t - 188.37), dt=0.05)
+
+
+def test_energy_error_is_no_less_than_zero_for_a_negative_energy():
+    r, k = sp.symbols("r k")
+
+    def hanging(t):
+        return Potential(k * (r**4 / 4 - r**2 / 2), r, {k: 2 + math.sin(t)}, length=1.0)
+
+    chain = Chain(hanging(0.0), 2)
+    state = State(np.array([0.0, 0.9]), np.zeros(2))
+    run = simulate_tuned(chain, state, 5.0, hanging, dt=0.1, method="verlet")
+    assert run.energy[0] < 0
+    gap = np.abs(run.energy - run.work - run.energy[0]).max()
+    assert run.energy_error == pytest.approx(gap / -run.energy[0])
+    assert gap > 0

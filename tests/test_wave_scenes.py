@@ -28,6 +28,7 @@ from tensegrity import (
     PowerLaw,
     Prism,
     Record,
+    StabilityError,
     simulate,
     solitary_wave,
 )
@@ -102,6 +103,35 @@ def test_softening_past_the_limit_point_is_a_clear_error():
     scene = wave_softening.struck("free end, heavy striker (mass 5)", 0.2, 40, 60.0)
     with pytest.raises(LockingError, match=r"between sites .* got there at t = "):
         simulate(*scene, method="rkn6", dt=0.05)
+
+
+def test_a_pulse_whose_tail_is_not_seen_leads_all_the_same():
+    for blow, speed in (("heavy striker (mass 5)", 0.15), ("five masses pushed", 0.2)):
+        word, ratio = wave_softening.kind(f"free end, {blow}", speed)
+        assert word == "compression"
+        assert 0.9 < ratio < 1
+
+
+def test_only_a_collapse_is_taken_for_one(monkeypatch):
+    def unstable(*_, **__):
+        raise StabilityError("dt 0.1 s is beyond 0.01 s")
+
+    monkeypatch.setattr(wave_softening, "simulate", unstable)
+    with pytest.raises(StabilityError):
+        wave_softening.kind("free end pushed", 0.2)
+
+
+def test_only_pushed_blows_answer_for_a_compressive_disturbance():
+    numbers = dict.fromkeys(
+        ("speed", "exact speed", "share", "tail", "energy error", "momentum error"),
+        _measure.Number(1.0, 1e-9),
+    )
+    tables = dict.fromkeys(("held", "free"), _measure.as_table(numbers))
+    tables["map"] = {blow: ["soliton", "compression"] for blow in wave_softening.BLOWS}
+    row = next(r for r in wave_softening.table(tables) if "blows at" in r["scene"])
+    assert "5 pushed blows" in row["scene"]
+    assert "held end, next mass pushed; free end pushed" in row["measured"]
+    assert "pulled" not in row["measured"]
 
 
 def test_force_at_the_held_end_closes_the_momentum():
@@ -181,6 +211,8 @@ def test_impact_that_locks_is_a_clear_error():
 
 # 6. tuning
 
+WHITE = (np.nan, np.nan)
+
 
 def test_preload_stiffens_one_prism_and_softens_the_other():
     stiff = wave_tuning.chart({"height": 0.8}, -0.02, [0.01], [0.0, 0.02])
@@ -190,6 +222,17 @@ def test_preload_stiffens_one_prism_and_softens_the_other():
     soft = wave_tuning.chart(members, 0.02, [0.1], [0.0, 0.06, 0.12])
     assert soft["impedance"][0] > soft["impedance"][1]
     assert np.isnan(soft["sound speed"][2])
+
+
+def test_row_of_a_map_counts_the_prisms_without_a_wave():
+    some = {"prestrain": [0.1] * 4, "preload": [0.0, 0.1, 0.2, 0.3], "width": [2.0, 2.0, *WHITE],
+            "sound speed": [1.0, 1.0, 1.0, np.nan], "wave speed": [2.0, 2.0, *WHITE],
+            "impedance": [1.0] * 4}  # fmt: skip
+    names = ("before", "after", "share", "crest", "work", "energy", "momentum")
+    change = _measure.as_table(dict.fromkeys(names, _measure.Number(1.0, 1e-9)))
+    tables = dict.fromkeys(("stiffening map", "softening map"), some)
+    rows = wave_tuning.table(tables | dict.fromkeys(wave_tuning.RAMPS, change))
+    assert "1 of 4 beyond the limit point; 1 of 4 have no wave of that crest" in rows[0]["measured"]
 
 
 def test_preload_beyond_the_limit_point_is_a_clear_error():
