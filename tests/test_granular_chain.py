@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from derivations import contact as derived
-from granular import Bead, Striker, chain, hertz, materials, power, simulate
+from granular import Bead, Striker, bead_of_mass, chain, hertz, materials, power, simulate
 from granular.observables import (
     mean_force,
     momentum,
@@ -196,6 +196,17 @@ def test_striker_on_a_loaded_chain_starts_without_overlap_and_keeps_the_energy()
     assert run.energy_error < 1e-8
 
 
+@pytest.mark.parametrize(
+    "how", [{"preload": 2.0}, {"gravity": 9.81, "preload": 2.0, "end": materials["steel"]}]
+)
+def test_the_far_end_is_at_rest_until_the_wave_of_a_heavy_striker_comes(how):
+    heavy = Striker(bead_of_mass(5.33e-3, materials["steel"]), 0.01)
+    scene = chain([STEEL] * 40, striker=heavy, **how)
+    run = simulate(scene, scene.start(), 20e-6, dt=0.2e-6)
+    last = scene.parts["chain"][-1]
+    assert np.abs(run.v[:, last]).max() < 1e-14
+
+
 def test_energies_of_the_parts_add_up(steel):
     scene = chain([STEEL] * 10, striker=Striker(STEEL, 0.5), end=materials["ptfe"])
     run = run_until(scene, 2e-4, dt=0.2e-6)
@@ -226,6 +237,13 @@ def test_exponents_other_than_hertz_carry_waves_too():
         (lambda: chain([STEEL] * 3, striker=STEEL), "not a Striker"),
         (lambda: chain([STEEL] * 3, end="steel"), "not the Material"),
         (lambda: chain([STEEL] * 3, gravity=-9.8), "gravity -9.8 m/s.2 must be at least 0"),
+        (lambda: chain(5), "beads 5 are not a sequence of Beads"),
+        (lambda: chain(STEEL), "not a sequence of Beads"),
+        (lambda: chain([STEEL] * 3, law=3), "law 3 is not a function"),
+        (
+            lambda: chain([STEEL] * 3, striker=Striker(STEEL, 0.1), gravity=9.81),
+            "gravity 9.81 m/s.2 with a striker needs an end",
+        ),
         (lambda: chain([STEEL] * 3, preload=-1.0), "preload -1 N must be at least 0"),
         (lambda: chain([STEEL] * 3).site("stem 1", 1), "part 'stem 1' is not one of chain"),
         (lambda: chain([STEEL] * 3).site("chain", 4), "bead 4 of chain must be at most 3"),
