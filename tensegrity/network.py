@@ -19,6 +19,7 @@ from tensegrity.errors import TensegrityError
 from tensegrity.lattice import State
 from tensegrity.network_input import (
     joined_pairs,
+    near_positions,
     numbers,
     per_site,
     plane_walls,
@@ -54,9 +55,11 @@ class Network:
     wall_spring : Potential or sequence of Potential, optional
         Their law, in the distance from the wall less the radius.
     wall_gaps : array_like (wall contacts,), optional
-        That distance at the positions [m], where it is known better than from the positions.
+        That distance at the positions [m], where it is known better than from the positions; at
+        most a tenth of the radius off what they give.
     radius : float or array_like (sites,), optional
-        [m]; with it the run checks that no contact forms that is not listed.
+        [m]; with it the run checks that no contact forms that is not listed, and that no site
+        comes behind a wall of its own or presses on it beyond its end.
     loads : array_like (sites, dim), optional
         Constant forces [N].
     held : sequence of int, optional
@@ -131,12 +134,11 @@ class Network:
         self.lengths = lengths
         site, wall = self.wall_contacts.T
         normals = np.array([w.normal for w in self.walls]).reshape(-1, self.dim)[wall]
-        if wall_gaps is None:
-            heights = [self.walls[w].height(exact[s]) for s, w in self.wall_contacts.tolist()]
-            inside = 0 if self.radius is None else self.radius[site]
-            gaps = (np.array(heights, dtype=np.longdouble) - inside).astype(float)
-        else:
-            gaps = numbers("wall_gaps", wall_gaps, (len(self.wall_contacts),))
+        heights = [self.walls[w].height(exact[s]) for s, w in self.wall_contacts.tolist()]
+        radius = np.zeros(0) if self.radius is None else self.radius[site]
+        gaps = (np.array(heights, dtype=np.longdouble) - radius).astype(float)
+        if wall_gaps is not None:
+            gaps = near_positions(wall_gaps, gaps, radius)
         self._geometry = np.zeros((self.dim + 2, len(self.springs)))
         self._geometry[: self.dim] = np.concatenate([self._reference, normals]).T
         self._geometry[self.dim] = np.concatenate([opening, gaps])

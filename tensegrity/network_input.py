@@ -12,6 +12,8 @@ from tensegrity.lattice import SMALLEST_MASS
 from tensegrity.potential import Potential
 from tensegrity.walls import Wall
 
+GAP_ROOM = 0.1  # of the radius: what a given wall gap may differ from that of the positions
+
 
 def site_number(name, value, sites):
     """One of the sites, from 0."""
@@ -77,6 +79,19 @@ def touching(contacts, walls, positions):
             raise TensegrityError(f"site {site} is {beyond:.3g} m beyond the end of wall {wall}")
     _refuse_twins("wall contact", contacts)
     return contacts
+
+
+def near_positions(gaps, found, radius):
+    """Gaps of wall contacts, none far from what the positions give; (contacts,)."""
+    gaps = numbers("wall_gaps", gaps, found.shape)
+    far = np.flatnonzero(np.abs(gaps - found) > GAP_ROOM * radius)
+    if far.size:
+        k = int(far[0])
+        raise TensegrityError(
+            f"gap {gaps[k]:.6g} m of wall contact {k} must be within {GAP_ROOM * radius[k]:.3g} m, "
+            f"{GAP_ROOM:g} of the radius, of {found[k]:.6g} m, which the positions give"
+        )
+    return gaps
 
 
 def numbers(name, value, shape=None):
