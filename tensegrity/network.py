@@ -246,6 +246,18 @@ class Network:
         np.add.at(total, self.contacts.second, k)
         return float(np.sqrt(np.max(total[: self.sites] * self.inverse_mass)))
 
+    @property
+    def closing(self):
+        """Elongation [m] at which the ends of each contact meet, -inf for walls; (contacts,)."""
+        return np.append(-self.lengths, np.full(len(self.wall_contacts), -np.inf))
+
+    def opened(self, ranges):
+        """Whether a contact both pushes and is open within given ranges (contacts, 2)."""
+        low, high = ranges.T
+        pushes = self._per_contact("tension", low, 0) != 0
+        slack = [self._per_contact(name, high, 0) == 0 for name in ("tension", "stiffness")]
+        return bool(np.any(pushes & slack[0] & slack[1] & (low < 0) & (high > 0)))
+
     def extreme(self, row, u, side):
         """Where the contact of that row is, in words."""
         if row < len(self.bonds):
