@@ -207,6 +207,17 @@ def test_the_far_end_is_at_rest_until_the_wave_of_a_heavy_striker_comes(how):
     assert np.abs(run.v[:, last]).max() < 1e-14
 
 
+@pytest.mark.parametrize("end", [None, "steel", "ptfe", "rubber"])
+def test_energy_keeps_to_1e_7_with_the_default_step_before_any_end(end):
+    scene = chain([STEEL] * 10, striker=Striker(STEEL, 0.5), end=end and materials[end])
+    assert simulate(scene, scene.start(), 3e-4).energy_error < 1e-7
+
+
+def test_energy_keeps_to_1e_6_with_the_default_step_where_the_force_has_a_corner():
+    scene = chain([STEEL] * 40, striker=Striker(STEEL, 0.3), law=power(1e7, 1.0))
+    assert simulate(scene, scene.start(), 6e-4).energy_error < 1e-6
+
+
 def test_energies_of_the_parts_add_up(steel):
     scene = chain([STEEL] * 10, striker=Striker(STEEL, 0.5), end=materials["ptfe"])
     run = run_until(scene, 2e-4, dt=0.2e-6)
