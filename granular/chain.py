@@ -13,7 +13,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from granular.beads import Bead, Striker
-from granular.contact import hertz
+from granular.contact import checked_law, hertz
 from granular.crystal import Crystal
 from granular.materials import Material
 from tensegrity import Chain, State, TensegrityError, check
@@ -85,7 +85,7 @@ class BeadChain(Crystal, Chain):
 
     def contacts_within(self, part=None):
         """Numbers of the contacts between beads of a part, or of all."""
-        inside = set(range(self.sites) if part is None else self.parts[part])
+        inside = set(range(self.sites) if part is None else self.members(part))
         return [j for j in range(self.sites - 1) if {j, j + 1} <= inside]
 
     def needed(self, site):
@@ -161,11 +161,9 @@ def chain(
             f"gravity {gravity:g} m/s^2 with a striker needs an end: without a wall the chain "
             "is not at rest until the striker's weight reaches the last bead"
         )
-    if not callable(law):
-        raise TensegrityError(f"law {law!r} is not a function of two partners, such as hertz")
     weights = [gravity * bead.mass for bead in ((striker.bead,) if striker else ()) + beads]
     weights[1 if striker else 0] += preload
-    return BeadChain(beads, striker, weights, end, law)
+    return BeadChain(beads, striker, weights, end, checked_law(law))
 
 
 def _beads(beads):

@@ -31,6 +31,12 @@ class Crystal:
         struck = "" if self.striker is None else f", struck at {self.striker.speed:g} m/s"
         return f"{type(self).__name__}({parts}{struck}) on {super().__repr__()}"
 
+    def members(self, part):
+        """Sites of a part; TensegrityError if there is no such part."""
+        if not isinstance(part, str) or part not in self.parts:
+            raise TensegrityError(f"part {part!r} is not one of {', '.join(self.parts)}")
+        return self.parts[part]
+
     def site(self, part, number):
         """Site of the bead with that number, from 1, in a part.
 
@@ -39,17 +45,16 @@ class Crystal:
         TensegrityError
             An unknown part, or a number that it does not have.
         """
-        if part not in self.parts:
-            raise TensegrityError(f"part {part!r} is not one of {', '.join(self.parts)}")
+        sites = self.members(part)
         number = check.whole(f"bead of {part}", number, least=1)
-        if number > len(self.parts[part]):
-            raise TensegrityError(
-                f"bead {number} of {part} must be at most {len(self.parts[part])}"
-            )
-        return self.parts[part][number - 1]
+        if number > len(sites):
+            raise TensegrityError(f"bead {number} of {part} must be at most {len(sites)}")
+        return sites[number - 1]
 
     def distance(self, part, numbers):
         """Length of the way through touching beads of a part between two numbers [m], > 0."""
+        if np.shape(numbers) != (2,) or numbers[0] == numbers[1]:
+            raise TensegrityError(f"numbers {numbers!r} of {part} must be two different beads")
         first, second = sorted(self.site(part, n) for n in numbers)
         diameters = [self.beads[s].diameter for s in range(first, second + 1)]
         return sum(diameters) - (diameters[0] + diameters[-1]) / 2

@@ -18,6 +18,7 @@ from tensegrity.clearance import Clearance
 from tensegrity.errors import TensegrityError
 from tensegrity.lattice import State
 from tensegrity.network_input import (
+    held_sites,
     joined_pairs,
     near_positions,
     numbers,
@@ -103,7 +104,7 @@ class Network:
             count = len(self.wall_contacts)
             self.springs += springs_of(wall_spring, count, "wall contact")
         self.loads = np.zeros(self.shape) if loads is None else numbers("loads", loads, self.shape)
-        self.held = sorted({site_number("held site", s, self.sites) for s in held})
+        self.held = held_sites(held, self.sites)
         self._set_geometry(lengths, wall_gaps)
         _ = self.contacts  # refuses springs that the compiled loop cannot take
         self._refuse_unlisted(np.zeros(self.shape))
@@ -126,7 +127,12 @@ class Network:
             lengths = distance.astype(float)
             opening = np.zeros(len(self.bonds))
         else:
-            lengths = np.broadcast_to(numbers("lengths", lengths), (len(self.bonds),)).copy()
+            lengths = numbers("lengths", lengths)
+            if lengths.shape not in ((), (len(self.bonds),)):
+                raise TensegrityError(
+                    f"lengths have shape {lengths.shape}, must be ({len(self.bonds)},)"
+                )
+            lengths = np.broadcast_to(lengths, (len(self.bonds),)).copy()
             opening = (distance - lengths).astype(float)
         bad = np.flatnonzero(~(lengths > 0))
         if bad.size:

@@ -175,6 +175,26 @@ def test_pulses_above_a_fraction_are_counted():
     assert len(pulses(t, force, level=0.3)[0]) == 2
 
 
+@pytest.mark.parametrize(("dip", "count"), [(0.70, 2), (0.80, 1)])
+def test_neighbours_are_two_pulses_if_the_force_between_falls_below_three_quarters(dip, count):
+    """Of the lower one, 0.8 here; otherwise the higher stands for both."""
+    t = np.arange(13.0)
+    force = np.interp(t, [0, 3, 6, 9, 12], [0, 1.0, 0.8 * dip, 0.8, 0])
+    times, heights = pulses(t, force)
+    assert times.tolist() == [3.0, 9.0][:count]
+    assert heights.tolist() == [1.0, 0.8][:count]
+
+
+def test_distance_of_beads_of_unequal_diameters_is_that_of_their_centres():
+    steel = materials["steel"]
+    sizes = [2e-3, 5e-3, 3e-3, 7e-3, 4e-3]
+    scene = chain([Bead(d, steel) for d in sizes], striker=Striker(Bead(9e-3, steel), 0.1))
+    centres = np.cumsum(sizes) - np.array(sizes) / 2
+    for one, other in ((1, 2), (1, 5), (4, 2)):
+        expected = abs(centres[other - 1] - centres[one - 1])
+        assert scene.distance("chain", (one, other)) == pytest.approx(expected, rel=1e-14)
+
+
 def test_gravity_and_precompression_are_at_rest_until_struck():
     scene = chain([STEEL] * 30, gravity=9.81, preload=2.0, end=materials["steel"])
     run = simulate(scene, scene.start(), 1e-3)
@@ -260,7 +280,16 @@ def test_exponents_other_than_hertz_carry_waves_too():
         (lambda: chain([STEEL] * 3).site("chain", 4), "bead 4 of chain must be at most 3"),
         (lambda: chain([STEEL] * 3).site("chain", 0), "bead of chain 0 must be at least 1"),
         (lambda: pulses(np.arange(3.0), np.ones(3), 1.0), "level 1 must be below 1"),
+        (lambda: pulses(np.arange(3.0), [1, np.nan, 1]), "force nan of row 1 must be finite"),
+        (lambda: pulses(np.arange(3.0), np.ones(4)), r"shape \(3,\) and forces of shape \(4,\)"),
+        (lambda: pulses([0, 2, 1], np.ones(3)), "instants must grow, not by -1 s"),
+        (lambda: pulses([], []), r"shape \(0,\)"),
         (lambda: peak(np.arange(30.0), np.ones(30), (2, 3)), "too few for a peak"),
+        (lambda: peak(np.arange(30.0), np.full(30, np.nan)), "force nan of row 0 must be"),
+        (lambda: peak(np.arange(30.0), np.ones(29)), r"forces of shape \(29,\)"),
+        (lambda: sampled(np.arange(9.0), np.ones(9), 2.0, np.nan), "phase nan s is not finite"),
+        (lambda: sampled(np.arange(9.0), np.ones(9), 2.0, -1.0), "phase -1 s must be at least 0"),
+        (lambda: sampled(np.arange(9.0), np.ones(9), 2.0, 8.0), "phase 8 s must be below .* 8 s"),
         (lambda: sampled(np.arange(9.0), np.ones(9), 0.5), "rows 1 s apart must be at most .* 0.5"),
     ],
 )

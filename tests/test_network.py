@@ -364,6 +364,8 @@ GOOD = {"positions": [[0, 0], [1, 0], [2, 0]], "bonds": [(0, 1), (1, 2)], "sprin
         ({"bonds": [(0, 1.5)]}, "whole numbers"),
         ({"lengths": [1.0, 0.0]}, "length 0 m of bond 1"),
         ({"lengths": [1.0, math.inf]}, "lengths is inf"),
+        ({"lengths": [1.0, 1.0, 1.0]}, r"lengths have shape \(3,\), must be \(2,\)"),
+        ({"lengths": [[1.0, 1.0]]}, "lengths have shape"),
         ({"mass": 0.0}, "mass 0 kg of site 0"),
         ({"mass": [1.0, -1.0, 1.0]}, "mass -1 kg of site 1"),
         ({"mass": [1.0, 1.0]}, "mass has shape"),
@@ -373,8 +375,11 @@ GOOD = {"positions": [[0, 0], [1, 0], [2, 0]], "bonds": [(0, 1), (1, 2)], "sprin
         ({"spring": "soft"}, "spring of bond 0 is 's'|springs for 2"),
         ({"spring": None}, "not a Potential"),
         ({"held": [3]}, "held site 3"),
+        ({"held": 1}, "held 1 is not a sequence of sites"),
         ({"loads": [[0, 1]]}, "loads has shape"),
         ({"walls": ["wall"]}, "not a Wall"),
+        ({"walls": Wall((0, 0), (0, 1))}, "walls Wall.* are not a sequence of Walls"),
+        ({"walls": 3}, "walls 3 are not a sequence"),
         ({"walls": [Wall((0, 0, 0), (0, 0, 1))]}, "3 coordinates"),
         ({"wall_contacts": [(0, 0)], "wall_spring": SPRING}, "radius"),
         ({"radius": 0.4, "wall_contacts": [(0, 0)], "wall_spring": SPRING}, "with wall 0"),
@@ -390,12 +395,17 @@ def test_impossible_walls_are_refused():
     for arguments, why in (
         (((0, 0), (0, 0)), "length 0"),
         (((0,), (1,)), "shape"),
+        (("a", (0, 1)), "wall point 'a' is not made of numbers"),
+        (((0, 0), (0, "up")), "wall normal .* is not made of numbers"),
+        (((0, 0), (0, 1), "a"), "wall extent 'a' is not"),
         (((0, math.nan), (0, 1)), "finite"),
         (((0, 0), (0, 1), (1, 1)), "perpendicular"),
         (((0, 0), (0, 1), (0, 0)), "above 0"),
     ):
         with pytest.raises(TensegrityError, match=why):
             Wall(*arguments)
+    with pytest.raises(TensegrityError, match="point of a wall 'a' is not made of numbers"):
+        Wall.between("a", (0, 1), (1, 1))
 
 
 def test_impossible_states_are_refused():
