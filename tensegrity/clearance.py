@@ -70,7 +70,7 @@ class Clearance:
         )
 
     def hold(self, x):
-        """For each listed wall contact, how far it is from a place that its law does not hold in [m].
+        """For each listed wall contact, the way to a place where its law does not hold [m].
 
         Beside the wall the site is before its plane; beyond its end the plane may be near, but not
         touched.

@@ -9,7 +9,6 @@ from scipy.integrate import quad
 from granular import Bead, Contact, Material, Striker, bead_of_mass, coated, hertz, materials, power
 from tensegrity import TensegrityError
 
-
 TABLES = {  # GPa, -, kg/m^3
     "seeds/000": {
         "steel": (193.00, 0.30, 8000),
