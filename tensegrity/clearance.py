@@ -1,7 +1,8 @@
 """Contacts that are not in a network's list: none may form during a run.
 
 Not sampled but bounded: the loop counts how far any site can have moved, and as long as that is
-less than the smallest distance kept at the last look, nothing unlisted can have touched.  Where
+less than the smallest distance kept at the last look, nothing unlisted can have touched, and no
+site passed the plane of a wall that it may touch, or pressed on it beyond its end.  Where
 the distances are small, looks come often, at last after every step.
 """
 
