@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tensegrity import TensegrityError, check
+from tensegrity.tolerance import KINK_SHARE
 
 
 class Crystal:
@@ -24,7 +25,7 @@ class Crystal:
         contacts (end walls cost most), to 1e-6 where the exponent is 1.
     """
 
-    step_share = 1 / 16
+    step_share = KINK_SHARE
 
     def __repr__(self):
         parts = ", ".join(f"{name}: {len(sites)}" for name, sites in self.parts.items())
