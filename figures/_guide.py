@@ -17,7 +17,7 @@ PTFE = Bead(4.76e-3, materials["ptfe"], mass=0.123e-3)
 PARYLENE = coated(STEEL, materials["parylene"], 50e-6)
 HEAVY = bead_of_mass(5.33e-3, materials["steel"])
 STEM, BRANCH = 19, 47  # beads in each
-DT = 0.1e-6  # s: energy to 1e-8 or better in these scenes
+DT = 0.1e-6  # s: energy to 2e-8 or better in these scenes
 ROWS = 10  # steps between recorded rows
 
 
@@ -32,7 +32,7 @@ def heavy(speed):
 
 
 def followed(scene, t_end, dt=DT, every=ROWS):
-    """A run of all sites with the paper's purposes in mind: fixed step, rows every 1 us."""
+    """A run of all sites with the paper's purposes in mind: fixed step, all `every` steps a row."""
     return simulate(scene, scene.start(), t_end, method="rkn6", dt=dt, record=Record(every=every))
 
 
@@ -50,7 +50,10 @@ def line(scene, branch):
 
 
 def density_table(run, branch):
-    """Sensor forces along stem 1, a branch and stem 2 every 3 us: t and a column for each site."""
+    """Sensor forces along stem 1, a branch and stem 2: t and a column for each site.
+
+    Every 3 us, or every row of the run where these are farther apart.
+    """
     sites, _ = line(run.scene, branch)
     step = max(1, round(CLOCK / (run.t[1] - run.t[0])))
     forces = density(run, sites)[::step]
@@ -80,7 +83,7 @@ def draw_curves(axes, table, divisions, title):
 
 
 def draw_density(figure, axes, table, breaks, title):
-    """Colours of force, site against time step of 3 us, as in the paper."""
+    """Colours of force, site against time in units of 3 us, the paper's step between rows."""
     forces = np.stack([c for n, c in table.items() if n != "t [s]"], axis=1)
     from matplotlib.colors import PowerNorm
 

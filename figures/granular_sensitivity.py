@@ -40,19 +40,28 @@ FULL = (
 )
 
 
+NOT_COMPUTED = "not computed"
+LEAST = 0.05  # %: smaller changes are none
+SEEN = 0.05  # of the longest bar: shorter ones are told in figures
+
+
 def data():
-    """Each quantity in each case: Fig. 2's half guide, the same with a PTFE branch, Fig. 5."""
+    """Each quantity in each case: Fig. 2's half guide, the same with a PTFE branch, Fig. 5.
+
+    The half guide has neither stem 2 nor Parylene: what differs in these is not computed there.
+    """
     columns = {"case": list(CASES)} | {name: [] for name in (*HALF, *FULL)}
-    known = {}
     for keywords, coated in CASES.values():
-        key = repr(sorted((k, v) for k, v in keywords.items() if k != "end"))
-        if key not in known:
-            known[key] = _half({k: v for k, v in keywords.items() if k != "end"})
-        for name, value in zip(HALF, known[key], strict=True):
+        in_half = "end" not in keywords and coated is PARYLENE
+        half = _half(keywords) if in_half else [NOT_COMPUTED] * len(HALF)
+        for name, value in zip((*HALF, *FULL), (*half, *_full(keywords, coated)), strict=True):
             columns[name].append(value)
-        for name, value in zip(FULL, _full(keywords, coated), strict=True):
-            columns[name].append(value)
-    return {"cases": {k: v if k == "case" else np.array(v) for k, v in columns.items()}}
+    return {"cases": columns}
+
+
+def changes(column):
+    """Changes against the first case [%], None where the quantity was not computed."""
+    return [None if v == NOT_COMPUTED else 100 * (v / column[0] - 1) for v in column]
 
 
 def _run(guide, t_end):
@@ -86,22 +95,29 @@ def table(tables):
     cases, lines = tables["cases"], []
     for k, case in enumerate(cases["case"]):
         for name in (*HALF, *FULL):
-            value, base = cases[name][k], cases[name][0]
-            change = "" if k == 0 else f" ({100 * (value / base - 1):+.1f} %)"
-            if k == 0 or abs(value / base - 1) > 5e-4:
-                lines.append(row("sensitivity", f"{case}: {name}", f"{value:.4g}{change}"))
+            value, change = cases[name][k], changes(cases[name])[k]
+            if k == 0 or (change is not None and abs(change) > LEAST):
+                shown = "" if k == 0 else f" ({change:+.1f} %)"
+                lines.append(row("sensitivity", f"{case}: {name}", f"{value:.4g}{shown}"))
     return lines
 
 
 def draw(figure, tables):
-    """Changes as bars, one panel a quantity."""
+    """Changes as bars, one panel a quantity; figures or words where there is none to see."""
     figure.set_size_inches(12, 5)
     cases = tables["cases"]
     places = np.arange(len(cases["case"]) - 1)[::-1]
     panels = figure.subplots(1, len(HALF) + len(FULL), sharey=True)
     for axes, name in zip(panels, (*HALF, *FULL), strict=True):
-        change = 100 * (cases[name][1:] / cases[name][0] - 1)
+        found = changes(cases[name])[1:]
+        change = np.array([one or 0.0 for one in found])
         axes.barh(places, change, color=np.where(change < 0, "C3", "C0"))
+        for place, one in zip(places, found, strict=True):
+            if one is None or abs(one) < SEEN * np.abs(change).max():
+                text = NOT_COMPUTED if one is None else f"{one:+.1f}" if abs(one) > LEAST else "0.0"
+                axes.annotate(text, (0.5, place), xycoords=("axes fraction", "data"), fontsize=6,
+                              ha="center", va="center", color="0.3",
+                              bbox={"fc": "w", "ec": "none", "pad": 1})  # fmt: skip
         axes.axvline(0, color="k", lw=0.6)
         axes.set_xlabel("change [%]", fontsize=8)
         axes.set_title("\n".join(_wrapped(name)), fontsize=8)

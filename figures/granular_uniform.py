@@ -105,7 +105,10 @@ def constants(tables):
 
 
 def scaled(tables):
-    """Momentum, force and speed without dimension: powers of alpha and m taken out."""
+    """Momentum, force and speed with the powers of alpha and m taken out.
+
+    In m/s, (m/s)^(6/5) and beads (m/s)^(1/5).
+    """
     w = tables["waves"]
     alpha, m = w["alpha [N/m^1.5]"], w["mass [kg]"]
     momentum = w["momentum [kg m/s]"] / m
@@ -160,8 +163,8 @@ def draw(figure, tables):
     momentum, force, rate = scaled(tables)
     names = tables["waves"]["material"]
     for axes, y, power, label in (
-        (force_axes, force, 6 / 5, r"force / $(\alpha^{2/5} m^{3/5})$"),
-        (speed_axes, rate, 1 / 5, r"speed $(m/\alpha)^{2/5}$ [beads]"),
+        (force_axes, force, 6 / 5, r"force / $(\alpha^{2/5} m^{3/5})$  [(m/s)$^{6/5}$]"),
+        (speed_axes, rate, 1 / 5, r"speed $(m/\alpha)^{2/5}$  [beads (m/s)$^{1/5}$]"),
     ):
         line = np.array([momentum.min(), momentum.max()])
         axes.loglog(line, y[0] * (line / momentum[0]) ** power, "k-", lw=0.8,

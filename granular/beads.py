@@ -37,10 +37,7 @@ class Bead:
 
     def __post_init__(self):
         check.number("diameter", self.diameter, above=0, unit="m")
-        if not isinstance(self.material, Material):
-            raise TensegrityError(
-                f"material {self.material!r} is not a Material; take one of granular.materials"
-            )
+        _require("material", self.material, Material)
         if self.mass is None:
             object.__setattr__(self, "mass", self.material.density * volume(self.diameter))
         if self.contact_radius is None:
@@ -74,8 +71,7 @@ class Striker:
     speed: float
 
     def __post_init__(self):
-        if not isinstance(self.bead, Bead):
-            raise TensegrityError(f"striker {self.bead!r} is not a Bead")
+        _require("striker", self.bead, Bead)
         check.number("speed of the striker, towards the chain", self.speed, above=0, unit="m/s")
 
 
@@ -90,6 +86,7 @@ def bead_of_mass(mass: float, material: Material) -> Bead:
     The heavy striker of seeds/001 is given by its mass alone.
     """
     mass = check.number("mass", mass, above=0, unit="kg")
+    _require("material", material, Material)
     return Bead((6 * mass / (math.pi * material.density)) ** (1 / 3), material, mass)
 
 
@@ -112,5 +109,12 @@ def coated(core: Bead, coating: Material, thickness: float) -> Bead:
     Bead
         With the diameter and the mass of the core.
     """
+    _require("core", core, Bead)
     thickness = check.number("thickness", thickness, least=0, unit="m")
     return Bead(core.diameter, coating, core.mass, core.contact_radius + thickness)
+
+
+def _require(name, value, kind):
+    if not isinstance(value, kind):
+        known = "; take one of granular.materials" if kind is Material else ""
+        raise TensegrityError(f"{name} {value!r} is not a {kind.__name__}{known}")

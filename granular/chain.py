@@ -8,12 +8,12 @@ Source: seeds/000, part II, "Discrete element modeling" (the potentials W_i).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from granular.beads import Bead, Striker
-from granular.contact import hertz
+from granular.contact import checked_law, hertz
 from granular.crystal import Crystal
 from granular.materials import Material
 from tensegrity import Chain, State, TensegrityError, check
@@ -85,7 +85,7 @@ class BeadChain(Crystal, Chain):
 
     def contacts_within(self, part=None):
         """Numbers of the contacts between beads of a part, or of all."""
-        inside = set(range(self.sites) if part is None else self.parts[part])
+        inside = set(range(self.sites) if part is None else self.members(part))
         return [j for j in range(self.sites - 1) if {j, j + 1} <= inside]
 
     def needed(self, site):
@@ -127,7 +127,8 @@ def chain(
     striker : Striker, optional
         Site 0 then, in contact with the first bead.
     gravity : float, optional
-        [m/s^2], >= 0, along the axis towards the far end.
+        [m/s^2], >= 0, along the axis towards the far end.  With a striker it needs an end: no
+        constant force holds the last bead both before the striker's weight came and after.
     preload : float, optional
         Constant force on the first bead (not on the striker) towards the far end [N], >= 0.
     end : Material, optional
@@ -144,12 +145,9 @@ def chain(
     ------
     TensegrityError
         Anything that is not a Bead, a Striker or a Material where one is asked for; no contact;
-        negative gravity or preload.
+        negative gravity or preload; gravity with a striker and without an end.
     """
-    beads = tuple(beads)
-    for number, bead in enumerate(beads):
-        if not isinstance(bead, Bead):
-            raise TensegrityError(f"bead {number} is {bead!r}, not a Bead")
+    beads = _beads(beads)
     if striker is not None and not isinstance(striker, Striker):
         raise TensegrityError(f"striker {striker!r} is not a Striker")
     if end is not None and not isinstance(end, Material):
@@ -158,6 +156,22 @@ def chain(
         raise TensegrityError(f"a chain of {len(beads)} beads has no contact: give more beads")
     gravity = check.number("gravity", gravity, least=0, unit="m/s^2")
     preload = check.number("preload", preload, least=0, unit="N")
+    if striker is not None and gravity > 0 and end is None:
+        raise TensegrityError(
+            f"gravity {gravity:g} m/s^2 with a striker needs an end: without a wall the chain "
+            "is not at rest until the striker's weight reaches the last bead"
+        )
     weights = [gravity * bead.mass for bead in ((striker.bead,) if striker else ()) + beads]
     weights[1 if striker else 0] += preload
-    return BeadChain(beads, striker, weights, end, law)
+    return BeadChain(beads, striker, weights, end, checked_law(law))
+
+
+def _beads(beads):
+    """A sequence of beads as a tuple."""
+    if isinstance(beads, Bead) or not isinstance(beads, Iterable):
+        raise TensegrityError(f"beads {beads!r} are not a sequence of Beads")
+    beads = tuple(beads)
+    for number, bead in enumerate(beads):
+        if not isinstance(bead, Bead):
+            raise TensegrityError(f"bead {number} is {bead!r}, not a Bead")
+    return beads

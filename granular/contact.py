@@ -64,8 +64,10 @@ def hertz(bead: Bead, other: Bead | Material) -> Contact:
     Raises
     ------
     TensegrityError
-        `other` is neither.
+        `bead` is not a Bead, or `other` neither.
     """
+    if not isinstance(bead, Bead):
+        raise TensegrityError(f"{bead!r} is not a Bead")
     for_pair, for_wall = _constants()
     one = bead.material
     if isinstance(other, Material):
@@ -86,6 +88,13 @@ def power(constant: float, exponent: float):
     """
     contact = Contact(constant, exponent)
     return lambda bead, other: contact
+
+
+def checked_law(law):
+    """A law of contact as `chain` and the guides take it, if it can be one."""
+    if not callable(law):
+        raise TensegrityError(f"law {law!r} is not a function of two partners, such as hertz")
+    return law
 
 
 @cache

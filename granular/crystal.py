@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tensegrity import TensegrityError, check
+from tensegrity.tolerance import KINK_SHARE
 
 
 class Crystal:
@@ -19,16 +20,23 @@ class Crystal:
     striker : Striker or None
     step_share : float
         Of a default step that `simulate` would choose for smooth springs.  Where a contact opens,
-        the force has a kink that a method of high order does not see: with this share the energy
-        keeps to 1e-8.
+        the force has a kink that a method of high order does not see.  With this share the energy
+        keeps to 1e-8 in the guides of seeds/001, to 1e-7 in other chains and guides of Hertz
+        contacts (end walls cost most), to 1e-6 where the exponent is 1.
     """
 
-    step_share = 1 / 16
+    step_share = KINK_SHARE
 
     def __repr__(self):
         parts = ", ".join(f"{name}: {len(sites)}" for name, sites in self.parts.items())
         struck = "" if self.striker is None else f", struck at {self.striker.speed:g} m/s"
         return f"{type(self).__name__}({parts}{struck}) on {super().__repr__()}"
+
+    def members(self, part):
+        """Sites of a part; TensegrityError if there is no such part."""
+        if not isinstance(part, str) or part not in self.parts:
+            raise TensegrityError(f"part {part!r} is not one of {', '.join(self.parts)}")
+        return self.parts[part]
 
     def site(self, part, number):
         """Site of the bead with that number, from 1, in a part.
@@ -38,17 +46,16 @@ class Crystal:
         TensegrityError
             An unknown part, or a number that it does not have.
         """
-        if part not in self.parts:
-            raise TensegrityError(f"part {part!r} is not one of {', '.join(self.parts)}")
+        sites = self.members(part)
         number = check.whole(f"bead of {part}", number, least=1)
-        if number > len(self.parts[part]):
-            raise TensegrityError(
-                f"bead {number} of {part} must be at most {len(self.parts[part])}"
-            )
-        return self.parts[part][number - 1]
+        if number > len(sites):
+            raise TensegrityError(f"bead {number} of {part} must be at most {len(sites)}")
+        return sites[number - 1]
 
     def distance(self, part, numbers):
         """Length of the way through touching beads of a part between two numbers [m], > 0."""
+        if np.shape(numbers) != (2,) or numbers[0] == numbers[1]:
+            raise TensegrityError(f"numbers {numbers!r} of {part} must be two different beads")
         first, second = sorted(self.site(part, n) for n in numbers)
         diameters = [self.beads[s].diameter for s in range(first, second + 1)]
         return sum(diameters) - (diameters[0] + diameters[-1]) / 2

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from granular.beads import Bead, Striker
-from granular.contact import hertz
+from granular.contact import checked_law, hertz
 from granular.crystal import Crystal
 from granular.layout import TOUCH, Layout, diamond_layout, y_layout
 from granular.materials import Material, materials
@@ -72,7 +72,7 @@ class Guide(Crystal, Network):
         self.beads = tuple(filled)
         touched = np.add(layout.wall_contacts(), (first, 0))
         solids = [wall if number < sides else end for _, number in touched]
-        springs, walls = _Springs(law), tuple(_wall(piece) for piece in layout.walls)
+        springs, walls = _Springs(checked_law(law)), tuple(_wall(piece) for piece in layout.walls)
         super().__init__(
             positions,
             bonds,
@@ -114,7 +114,7 @@ class Guide(Crystal, Network):
 
     def contacts_within(self, part=None):
         """Numbers of the contacts between beads of a part, or between any."""
-        sites = range(self.sites) if part is None else self.parts[part]
+        sites = range(self.sites) if part is None else self.members(part)
         return np.flatnonzero(np.isin(self.bonds, list(sites)).all(axis=1)).tolist()
 
     def needed(self, site):

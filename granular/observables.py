@@ -60,6 +60,9 @@ def _sensed(run, scene, part, number, share):
 def density(run, sites):
     """Sensor forces of several beads of a run of all sites [N], (T, beads)."""
     u, scene = rows(run, range(run.scene.sites)), run.scene
+    for site in sites:
+        if check.whole("site", site, least=0) >= scene.sites:
+            raise TensegrityError(f"site {site} must be below {scene.sites}")
     forces = scene.contact_forces(u)
     columns = [
         (forces[:, scene.contacts_at(s)] * scene.cosines(u, s)).sum(axis=-1) / 2 for s in sites
@@ -85,10 +88,11 @@ def peak(t, force, between=(-math.inf, math.inf)):
     Raises
     ------
     TensegrityError
-        Fewer than 12 rows in that time.
+        Fewer than 12 rows in that time; a record as for `pulses`.
     """
     from scipy.interpolate import make_interp_spline
 
+    t, force = _record(t, force)
     inside = (t >= between[0]) & (t <= between[1])
     if inside.sum() < 12:
         raise TensegrityError(f"{inside.sum()} instants between {between} s are too few for a peak")
@@ -115,9 +119,17 @@ def speed(run, scene, part, numbers, between=(-math.inf, math.inf)):
     float
         [m/s]: the way through touching beads over the time between both peaks; > 0 if the pulse
         runs from the first bead to the second.
+
+    Raises
+    ------
+    TensegrityError
+        As `sensor_force` and `peak`; the same bead twice, or both peaks at one instant.
     """
+    way = scene.distance(part, numbers)
     first, second = (peak(run.t, sensor_force(run, scene, part, n), between)[0] for n in numbers)
-    return scene.distance(part, numbers) / (second - first)
+    if first == second:
+        raise TensegrityError(f"beads {numbers} of {part} peak at the same instant, {first:g} s")
+    return way / (second - first)
 
 
 def sampled(t, force, interval=CLOCK, phase=0.0):
@@ -128,7 +140,8 @@ def sampled(t, force, interval=CLOCK, phase=0.0):
     t, force : ndarray, (T,)
         Recorded more often than every `interval`.
     interval, phase : float
-        Of the clock [s]: it reads at phase, phase + interval, ...
+        Of the clock [s]: it reads at phase, phase + interval, ... after the first row; the phase
+        is >= 0 and shorter than the record.
 
     Returns
     -------
@@ -138,11 +151,17 @@ def sampled(t, force, interval=CLOCK, phase=0.0):
     Raises
     ------
     TensegrityError
-        The record is coarser than the clock.
+        The record is coarser than the clock, or as for `pulses`; a phase out of range.
     """
     from scipy.interpolate import CubicSpline
 
+    t, force = _record(t, force)
     interval = check.number("sampling interval", interval, above=0, unit="s")
+    phase = check.number("phase", phase, least=0, unit="s")
+    if phase >= t[-1] - t[0]:
+        raise TensegrityError(
+            f"phase {phase:g} s must be below the length of the record, {t[-1] - t[0]:g} s"
+        )
     if np.diff(t).max() > interval:
         raise TensegrityError(
             f"rows {np.diff(t).max():.3g} s apart must be at most one interval, {interval:.3g} s"
@@ -169,18 +188,41 @@ def pulses(t, force, level=LEVEL):
 
     A peak counts if the force falls below three quarters of the lower of two neighbours between
     them; otherwise the higher stands for both.
+
+    Raises
+    ------
+    TensegrityError
+        A level not between 0 and 1; instants that do not grow, or forces that are not finite, or
+        not as many.
     """
     from scipy.signal import find_peaks
 
     level = check.number("level", level, above=0)
     if level >= 1:
         raise TensegrityError(f"level {level:g} must be below 1")
-    force = np.asarray(force, dtype=float)
+    t, force = _record(t, force)
     top = force.max()
     padded = np.concatenate([[0.0], force, [0.0]])
     found, facts = find_peaks(padded, height=level * top, prominence=0)
     distinct = facts["prominences"] >= facts["peak_heights"] / 4
     return t[found[distinct] - 1], facts["peak_heights"][distinct]
+
+
+def _record(t, force):
+    """Instants and forces as arrays (T,), T >= 2, if they are a record."""
+    t, force = (np.asarray(x, dtype=float) for x in (t, force))
+    if t.ndim != 1 or len(t) < 2 or force.shape != t.shape:
+        raise TensegrityError(
+            f"a record of instants of shape {t.shape} and forces of shape {force.shape} must have "
+            "one of each for every row, and two rows"
+        )
+    for name, x in (("instant", t), ("force", force)):
+        if not np.isfinite(x).all():
+            row = int(np.flatnonzero(~np.isfinite(x))[0])
+            raise TensegrityError(f"{name} {x[row]} of row {row} must be finite")
+    if not np.all(np.diff(t) > 0):
+        raise TensegrityError(f"instants must grow, not by {np.diff(t).min():g} s between two rows")
+    return t, force
 
 
 def part_energies(run):
@@ -222,5 +264,7 @@ def overlaps(run, part=None):
     """Largest and mean peak overlap of the contacts between beads of a part (all: None) [m]."""
     scene, u = run.scene, rows(run, range(run.scene.sites))
     chosen = scene.contacts_within(part)
+    if not chosen:
+        raise TensegrityError(f"part {part!r} has no contact of two of its beads")
     peaks = scene.overlaps(u)[:, chosen].max(axis=0)
     return float(peaks.max()), float(np.mean(peaks))

@@ -1,7 +1,8 @@
 """Contacts that are not in a network's list: none may form during a run.
 
 Not sampled but bounded: the loop counts how far any site can have moved, and as long as that is
-less than the smallest distance kept at the last look, nothing unlisted can have touched.  Where
+less than the smallest distance kept at the last look, nothing unlisted can have touched, and no
+site passed the plane of a wall that it may touch, or pressed on it beyond its end.  Where
 the distances are small, looks come often, at last after every step.
 """
 
@@ -70,14 +71,20 @@ class Clearance:
         )
 
     def hold(self, x):
-        """For each listed wall contact, how far it is from being pressed beyond its wall's end [m].
+        """For each listed wall contact, the way to a place where its law does not hold [m].
 
-        Beyond the end the wall's plane may be near, but not touched.
+        Beside the wall the site is before its plane; beyond its end the plane may be near, but not
+        touched.
         """
+        inside, height = self._beside(x)
+        free = height - self.radius[self.wall_contacts[:, 0]]
+        return np.maximum(np.minimum(inside, height), free)
+
+    def _beside(self, x):
+        """Way to the end and distance from the plane of each listed wall contact [m]."""
         listed = self.wall_contacts
         inside = -self._by_wall(x, listed, lambda wall, at: wall.overhang(at))
-        height = self._by_wall(x, listed, lambda wall, at: wall.height(at))
-        return np.maximum(inside, height - self.radius[listed[:, 0]])
+        return inside, self._by_wall(x, listed, lambda wall, at: wall.height(at))
 
     def _by_wall(self, x, pairs, function):
         result = np.empty(len(pairs))
@@ -103,6 +110,12 @@ class Clearance:
                 worst = int(np.argmin(gaps))
                 who = words.format(*members[worst].tolist())
                 return f"{who}, whose contact is not listed, overlap by {-gaps[worst]:.3g} m"
+        inside, height = self._beside(x)
+        behind = (inside >= 0) & (height <= 0)
+        if behind.any():
+            worst = int(np.argmin(np.where(behind, height, math.inf)))
+            site, wall = self.wall_contacts[worst].tolist()
+            return f"site {site} is behind wall {wall}, {abs(height[worst]):.3g} m beyond its plane"
         hold = self.hold(x)
         if len(hold) and hold.min() < 0:
             worst = int(np.argmin(hold))

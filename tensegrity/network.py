@@ -18,7 +18,9 @@ from tensegrity.clearance import Clearance
 from tensegrity.errors import TensegrityError
 from tensegrity.lattice import State
 from tensegrity.network_input import (
+    held_sites,
     joined_pairs,
+    near_positions,
     numbers,
     per_site,
     plane_walls,
@@ -54,9 +56,11 @@ class Network:
     wall_spring : Potential or sequence of Potential, optional
         Their law, in the distance from the wall less the radius.
     wall_gaps : array_like (wall contacts,), optional
-        That distance at the positions [m], where it is known better than from the positions.
+        That distance at the positions [m], where it is known better than from the positions; at
+        most a tenth of the radius off what they give.
     radius : float or array_like (sites,), optional
-        [m]; with it the run checks that no contact forms that is not listed.
+        [m]; with it the run checks that no contact forms that is not listed, and that no site
+        comes behind a wall of its own or presses on it beyond its end.
     loads : array_like (sites, dim), optional
         Constant forces [N].
     held : sequence of int, optional
@@ -100,7 +104,7 @@ class Network:
             count = len(self.wall_contacts)
             self.springs += springs_of(wall_spring, count, "wall contact")
         self.loads = np.zeros(self.shape) if loads is None else numbers("loads", loads, self.shape)
-        self.held = sorted({site_number("held site", s, self.sites) for s in held})
+        self.held = held_sites(held, self.sites)
         self._set_geometry(lengths, wall_gaps)
         _ = self.contacts  # refuses springs that the compiled loop cannot take
         self._refuse_unlisted(np.zeros(self.shape))
@@ -123,7 +127,12 @@ class Network:
             lengths = distance.astype(float)
             opening = np.zeros(len(self.bonds))
         else:
-            lengths = np.broadcast_to(numbers("lengths", lengths), (len(self.bonds),)).copy()
+            lengths = numbers("lengths", lengths)
+            if lengths.shape not in ((), (len(self.bonds),)):
+                raise TensegrityError(
+                    f"lengths have shape {lengths.shape}, must be ({len(self.bonds)},)"
+                )
+            lengths = np.broadcast_to(lengths, (len(self.bonds),)).copy()
             opening = (distance - lengths).astype(float)
         bad = np.flatnonzero(~(lengths > 0))
         if bad.size:
@@ -131,12 +140,11 @@ class Network:
         self.lengths = lengths
         site, wall = self.wall_contacts.T
         normals = np.array([w.normal for w in self.walls]).reshape(-1, self.dim)[wall]
-        if wall_gaps is None:
-            heights = [self.walls[w].height(exact[s]) for s, w in self.wall_contacts.tolist()]
-            inside = 0 if self.radius is None else self.radius[site]
-            gaps = (np.array(heights, dtype=np.longdouble) - inside).astype(float)
-        else:
-            gaps = numbers("wall_gaps", wall_gaps, (len(self.wall_contacts),))
+        heights = [self.walls[w].height(exact[s]) for s, w in self.wall_contacts.tolist()]
+        radius = np.zeros(0) if self.radius is None else self.radius[site]
+        gaps = (np.array(heights, dtype=np.longdouble) - radius).astype(float)
+        if wall_gaps is not None:
+            gaps = near_positions(wall_gaps, gaps, radius)
         self._geometry = np.zeros((self.dim + 2, len(self.springs)))
         self._geometry[: self.dim] = np.concatenate([self._reference, normals]).T
         self._geometry[self.dim] = np.concatenate([opening, gaps])
@@ -243,6 +251,18 @@ class Network:
         np.add.at(total, self.contacts.first, k)
         np.add.at(total, self.contacts.second, k)
         return float(np.sqrt(np.max(total[: self.sites] * self.inverse_mass)))
+
+    @property
+    def closing(self):
+        """Elongation [m] at which the ends of each contact meet, -inf for walls; (contacts,)."""
+        return np.append(-self.lengths, np.full(len(self.wall_contacts), -np.inf))
+
+    def opened(self, ranges):
+        """Whether a contact both pushes and is open within given ranges (contacts, 2)."""
+        low, high = ranges.T
+        pushes = self._per_contact("tension", low, 0) != 0
+        slack = [self._per_contact(name, high, 0) == 0 for name in ("tension", "stiffness")]
+        return bool(np.any(pushes & slack[0] & slack[1] & (low < 0) & (high > 0)))
 
     def extreme(self, row, u, side):
         """Where the contact of that row is, in words."""

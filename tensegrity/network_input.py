@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -10,7 +10,9 @@ from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.lattice import SMALLEST_MASS
 from tensegrity.potential import Potential
-from tensegrity.walls import Wall
+from tensegrity.walls import Wall, floats
+
+GAP_ROOM = 0.1  # of the radius: what a given wall gap may differ from that of the positions
 
 
 def site_number(name, value, sites):
@@ -36,6 +38,13 @@ def per_site(name, value, unit, sites):
     return values
 
 
+def held_sites(held, sites):
+    """Sites without motion, sorted."""
+    if not isinstance(held, Iterable):
+        raise TensegrityError(f"held {held!r} is not a sequence of sites")
+    return sorted({site_number("held site", site, sites) for site in held})
+
+
 def joined_pairs(bonds, sites):
     """Pairs of different sites, none twice; (bonds, 2)."""
     bonds = whole_pairs("bonds", bonds)
@@ -52,6 +61,8 @@ def joined_pairs(bonds, sites):
 
 def plane_walls(walls, dim):
     """Walls of as many coordinates as the sites."""
+    if not isinstance(walls, Iterable):
+        raise TensegrityError(f"walls {walls!r} are not a sequence of Walls")
     walls = tuple(walls)
     for number, wall in enumerate(walls):
         if not isinstance(wall, Wall):
@@ -79,12 +90,22 @@ def touching(contacts, walls, positions):
     return contacts
 
 
+def near_positions(gaps, found, radius):
+    """Gaps of wall contacts, none far from what the positions give; (contacts,)."""
+    gaps = numbers("wall_gaps", gaps, found.shape)
+    far = np.flatnonzero(np.abs(gaps - found) > GAP_ROOM * radius)
+    if far.size:
+        k = int(far[0])
+        raise TensegrityError(
+            f"gap {gaps[k]:.6g} m of wall contact {k} must be within {GAP_ROOM * radius[k]:.3g} m, "
+            f"{GAP_ROOM:g} of the radius, of {found[k]:.6g} m, which the positions give"
+        )
+    return gaps
+
+
 def numbers(name, value, shape=None):
     """`value` as a finite float array, of a given shape where one is given."""
-    try:
-        array = np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        raise TensegrityError(f"{name} {value!r} is not made of numbers") from None
+    array = floats(name, value)
     return check.vector(name, array, array.shape if shape is None else shape)
 
 

@@ -73,8 +73,8 @@ def _largest(name, function, low, high):
 def expected_ranges(scene, state, share=1.0):
     """Elongations each spring of a scene can reach if it gets a share of the state's energy.
 
-    Where that is the end of its domain, the stiffness has no bound: half the way is returned,
-    and the run itself has to watch.
+    Where that is the end of its domain, or where the sites of a bond come to the same place, the
+    stiffness has no bound: half the way is returned, and the run itself has to watch.
 
     Returns
     -------
@@ -88,7 +88,9 @@ def expected_ranges(scene, state, share=1.0):
         if locks:
             low, high = max(low, spring.domain[0] / 2), min(high, spring.domain[1] / 2)
         ranges.append((low, high))
-    return np.array(ranges).reshape(-1, 2)[rows]
+    ranges = np.array(ranges).reshape(-1, 2)[rows]
+    ranges[:, 0] = np.maximum(ranges[:, 0], getattr(scene, "closing", -np.inf) / 2)
+    return ranges
 
 
 def present_ranges(scene, state):

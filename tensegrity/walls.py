@@ -12,6 +12,14 @@ from tensegrity.errors import TensegrityError
 SQUARE = 1e-9  # cosine of the angle of directions that pass as perpendicular
 
 
+def floats(name, value):
+    """A copy of `value` as a float array."""
+    try:
+        return np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        raise TensegrityError(f"{name} {value!r} is not made of numbers") from None
+
+
 @dataclass(frozen=True, eq=False)
 class Wall:
     """A flat wall, unbounded or a piece.
@@ -32,11 +40,11 @@ class Wall:
     extent: np.ndarray | None = None
 
     def __post_init__(self):
-        point = np.array(self.point, dtype=float)
+        point = floats("wall point", self.point)
         if point.shape not in ((2,), (3,)):
             raise TensegrityError(f"wall point has shape {point.shape}, must be (2,) or (3,)")
         check.vector("wall point", point, point.shape)
-        normal = check.vector("wall normal", np.array(self.normal, dtype=float), point.shape)
+        normal = check.vector("wall normal", floats("wall normal", self.normal), point.shape)
         length = np.linalg.norm(normal)
         if length == 0:
             raise TensegrityError("wall normal has length 0")
@@ -44,7 +52,7 @@ class Wall:
         object.__setattr__(self, "normal", normal / length)
         if self.extent is None:
             return
-        extent = np.atleast_2d(np.array(self.extent, dtype=float))
+        extent = np.atleast_2d(floats("wall extent", self.extent))
         check.vector("wall extent", extent, (point.size - 1, point.size))
         sides = np.linalg.norm(extent, axis=1)
         if not np.all(sides > 0):
@@ -57,7 +65,7 @@ class Wall:
     @classmethod
     def between(cls, start, stop, side):
         """The wall in the plane from one point to another [m], facing the point `side`."""
-        start, stop, side = (np.array(x, dtype=float) for x in (start, stop, side))
+        start, stop, side = (floats("point of a wall", x) for x in (start, stop, side))
         if {start.shape, stop.shape, side.shape} != {(2,)}:
             raise TensegrityError("a wall between points of the plane needs three of shape (2,)")
         half = (stop - start) / 2

@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 from networks import fork
 
-from tensegrity import ContactError, Network, PowerLaw, Record, Wall, simulate
+from tensegrity import (
+    ContactError,
+    Network,
+    PowerLaw,
+    Record,
+    State,
+    TensegrityError,
+    Wall,
+    simulate,
+)
 
 SPRING = PowerLaw(1e3, 1.5)
 FEW = Record(every=10**6)
@@ -68,6 +77,45 @@ def test_a_bead_may_leave_its_wall_only_without_touching_it(load):
         assert caught.value.run.final.u[0, 0] == pytest.approx(1.0, abs=0.03)
     else:
         assert simulate(network, state, 30.0, dt=1e-2).complete
+
+
+FLOOR = Wall((0, 0), (0, 1))
+
+
+def on_floor(*places, **others):
+    """Beads of radius 0.45 m that may touch the floor."""
+    contacts = [(k, 0) for k in range(len(places))]
+    return Network(
+        places, [], [], radius=0.45, walls=[FLOOR], wall_contacts=contacts,
+        wall_spring=SPRING, **others,
+    )  # fmt: skip
+
+
+def test_a_bead_behind_its_wall_is_refused_at_the_start():
+    with pytest.raises(ContactError, match=r"site 1 is behind wall 0, 0.5 m beyond its plane at"):
+        on_floor((1.0, 0.5), (0.0, -0.5))
+    with pytest.raises(ContactError, match="site 0 is behind wall 0, 0 m"):
+        on_floor((0.0, 0.0), (1.0, 0.5))
+    network, u = on_floor((0.0, 0.5), (1.0, 0.5)), np.array([[0, 0], [0, -0.75]])
+    with pytest.raises(ContactError, match=r"site 1 is behind wall 0, 0.25 m"):
+        simulate(network, State(u, 0 * u), 1e-3, dt=1e-4)
+
+
+def test_a_bead_driven_through_its_wall_is_noticed():
+    """Fast enough to pass a soft wall: 2 J against the 0.02 J that its plane takes."""
+    network = Network(
+        [[0.0, 0.5]], [], [], radius=0.45, walls=[FLOOR], wall_contacts=[(0, 0)],
+        wall_spring=PowerLaw(0.1, 1.5),
+    )  # fmt: skip
+    with pytest.raises(ContactError, match=r"site 0 is behind wall 0") as caught:
+        simulate(network, network.at_rest({0: (0.0, -2.0)}), 1.0, dt=1e-3, record=FEW)
+    assert 0 < network.positions[0, 1] + caught.value.run.final.u[0, 1] < 2.1e-3
+
+
+def test_wall_gaps_that_contradict_the_positions_are_refused():
+    on_floor((0.0, 0.5), wall_gaps=[0.05 + 0.044])
+    with pytest.raises(TensegrityError, match=r"gap 0.3 m of wall contact 1 .* 0.045 m.* 0.05 m"):
+        on_floor((0.0, 0.5), (1.0, 0.5), wall_gaps=[0.05, 0.3])
 
 
 def test_what_touches_at_the_start_must_be_listed():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from derivations import contact as derived
-from granular import Bead, Striker, chain, hertz, materials, power, simulate
+from granular import Bead, Striker, bead_of_mass, chain, hertz, materials, power, simulate
 from granular.observables import (
     mean_force,
     momentum,
@@ -175,6 +175,26 @@ def test_pulses_above_a_fraction_are_counted():
     assert len(pulses(t, force, level=0.3)[0]) == 2
 
 
+@pytest.mark.parametrize(("dip", "count"), [(0.70, 2), (0.80, 1)])
+def test_neighbours_are_two_pulses_if_the_force_between_falls_below_three_quarters(dip, count):
+    """Of the lower one, 0.8 here; otherwise the higher stands for both."""
+    t = np.arange(13.0)
+    force = np.interp(t, [0, 3, 6, 9, 12], [0, 1.0, 0.8 * dip, 0.8, 0])
+    times, heights = pulses(t, force)
+    assert times.tolist() == [3.0, 9.0][:count]
+    assert heights.tolist() == [1.0, 0.8][:count]
+
+
+def test_distance_of_beads_of_unequal_diameters_is_that_of_their_centres():
+    steel = materials["steel"]
+    sizes = [2e-3, 5e-3, 3e-3, 7e-3, 4e-3]
+    scene = chain([Bead(d, steel) for d in sizes], striker=Striker(Bead(9e-3, steel), 0.1))
+    centres = np.cumsum(sizes) - np.array(sizes) / 2
+    for one, other in ((1, 2), (1, 5), (4, 2)):
+        expected = abs(centres[other - 1] - centres[one - 1])
+        assert scene.distance("chain", (one, other)) == pytest.approx(expected, rel=1e-14)
+
+
 def test_gravity_and_precompression_are_at_rest_until_struck():
     scene = chain([STEEL] * 30, gravity=9.81, preload=2.0, end=materials["steel"])
     run = simulate(scene, scene.start(), 1e-3)
@@ -194,6 +214,28 @@ def test_striker_on_a_loaded_chain_starts_without_overlap_and_keeps_the_energy()
     assert np.abs(still.final.v[2:]).max() < 1e-12  # all but the striker at rest
     run = simulate(scene, state, 2e-4, dt=0.2e-6, method="rkn6")
     assert run.energy_error < 1e-8
+
+
+@pytest.mark.parametrize(
+    "how", [{"preload": 2.0}, {"gravity": 9.81, "preload": 2.0, "end": materials["steel"]}]
+)
+def test_the_far_end_is_at_rest_until_the_wave_of_a_heavy_striker_comes(how):
+    heavy = Striker(bead_of_mass(5.33e-3, materials["steel"]), 0.01)
+    scene = chain([STEEL] * 40, striker=heavy, **how)
+    run = simulate(scene, scene.start(), 20e-6, dt=0.2e-6)
+    last = scene.parts["chain"][-1]
+    assert np.abs(run.v[:, last]).max() < 1e-14
+
+
+@pytest.mark.parametrize("end", [None, "steel", "ptfe", "rubber"])
+def test_energy_keeps_to_1e_7_with_the_default_step_before_any_end(end):
+    scene = chain([STEEL] * 10, striker=Striker(STEEL, 0.5), end=end and materials[end])
+    assert simulate(scene, scene.start(), 3e-4).energy_error < 1e-7
+
+
+def test_energy_keeps_to_1e_6_with_the_default_step_where_the_force_has_a_corner():
+    scene = chain([STEEL] * 40, striker=Striker(STEEL, 0.3), law=power(1e7, 1.0))
+    assert simulate(scene, scene.start(), 6e-4).energy_error < 1e-6
 
 
 def test_energies_of_the_parts_add_up(steel):
@@ -226,12 +268,28 @@ def test_exponents_other_than_hertz_carry_waves_too():
         (lambda: chain([STEEL] * 3, striker=STEEL), "not a Striker"),
         (lambda: chain([STEEL] * 3, end="steel"), "not the Material"),
         (lambda: chain([STEEL] * 3, gravity=-9.8), "gravity -9.8 m/s.2 must be at least 0"),
+        (lambda: chain(5), "beads 5 are not a sequence of Beads"),
+        (lambda: chain(STEEL), "not a sequence of Beads"),
+        (lambda: chain([STEEL] * 3, law=3), "law 3 is not a function"),
+        (
+            lambda: chain([STEEL] * 3, striker=Striker(STEEL, 0.1), gravity=9.81),
+            "gravity 9.81 m/s.2 with a striker needs an end",
+        ),
         (lambda: chain([STEEL] * 3, preload=-1.0), "preload -1 N must be at least 0"),
         (lambda: chain([STEEL] * 3).site("stem 1", 1), "part 'stem 1' is not one of chain"),
         (lambda: chain([STEEL] * 3).site("chain", 4), "bead 4 of chain must be at most 3"),
         (lambda: chain([STEEL] * 3).site("chain", 0), "bead of chain 0 must be at least 1"),
         (lambda: pulses(np.arange(3.0), np.ones(3), 1.0), "level 1 must be below 1"),
+        (lambda: pulses(np.arange(3.0), [1, np.nan, 1]), "force nan of row 1 must be finite"),
+        (lambda: pulses(np.arange(3.0), np.ones(4)), r"shape \(3,\) and forces of shape \(4,\)"),
+        (lambda: pulses([0, 2, 1], np.ones(3)), "instants must grow, not by -1 s"),
+        (lambda: pulses([], []), r"shape \(0,\)"),
         (lambda: peak(np.arange(30.0), np.ones(30), (2, 3)), "too few for a peak"),
+        (lambda: peak(np.arange(30.0), np.full(30, np.nan)), "force nan of row 0 must be"),
+        (lambda: peak(np.arange(30.0), np.ones(29)), r"forces of shape \(29,\)"),
+        (lambda: sampled(np.arange(9.0), np.ones(9), 2.0, np.nan), "phase nan s is not finite"),
+        (lambda: sampled(np.arange(9.0), np.ones(9), 2.0, -1.0), "phase -1 s must be at least 0"),
+        (lambda: sampled(np.arange(9.0), np.ones(9), 2.0, 8.0), "phase 8 s must be below .* 8 s"),
         (lambda: sampled(np.arange(9.0), np.ones(9), 0.5), "rows 1 s apart must be at most .* 0.5"),
     ],
 )

@@ -9,6 +9,32 @@ from scipy.integrate import quad
 from granular import Bead, Contact, Material, Striker, bead_of_mass, coated, hertz, materials, power
 from tensegrity import TensegrityError
 
+TABLES = {  # GPa, -, kg/m^3
+    "seeds/000": {
+        "steel": (193.00, 0.30, 8000),
+        "ptfe": (1.46, 0.46, 2200),
+        "rubber": (0.30, 0.49, 2200),
+        "bronze": (76.00, 0.41, 8500),
+        "glass": (62.00, 0.20, 2425),
+        "nylon": (3.55, 0.40, 1085),
+    },
+    "seeds/001": {
+        "steel": (193, 0.30, 8000),
+        "ptfe": (1.46, 0.46, 2200),
+        "parylene": (15, 0.38, 1289),
+    },
+}
+
+
+@pytest.mark.parametrize("source", TABLES)
+def test_materials_are_those_of_the_printed_tables(source):
+    printed = TABLES[source]
+    assert set(printed) == {m.name for m in materials.values() if source in m.source}
+    for name, (modulus, poisson, density) in printed.items():
+        found = materials[name]
+        assert found.modulus == pytest.approx(modulus * 1e9, rel=1e-15)
+        assert (found.poisson, found.density) == (poisson, density)
+
 
 def test_six_materials_of_the_talk_and_three_of_the_paper():
     talk = {m.name for m in materials.values() if "seeds/000" in m.source}
@@ -91,6 +117,9 @@ def test_power_law_of_any_exponent_is_the_same_for_all():
         (lambda: Material("jelly", 1e3, 0.7, 1e3), "0.7 of jelly must be at most 0.5"),
         (lambda: Contact(1.0, 0.0), "exponent 0 must be above 0"),
         (lambda: hertz(Bead(1e-3, materials["steel"]), "wall"), "neither a Bead nor a Material"),
+        (lambda: hertz("steel", Bead(1e-3, materials["steel"])), "'steel' is not a Bead"),
+        (lambda: bead_of_mass(1e-3, "steel"), "material 'steel' is not a Material; take one of"),
+        (lambda: coated(1, materials["ptfe"], 1e-6), "core 1 is not a Bead"),
         (lambda: coated(Bead(1e-3, materials["steel"]), materials["ptfe"], -1e-6), "thickness"),
     ],
 )

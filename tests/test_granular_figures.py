@@ -16,6 +16,7 @@ from figures import (
     granular_fig6,
     granular_motion,
     granular_quasiparticle,
+    granular_sensitivity,
     granular_steps,
     granular_uniform,
 )
@@ -179,3 +180,15 @@ def test_what_the_paper_says_of_mixed_branches():
     assert six["first arrival at bead 5 of stem 2 [ms]"] == pytest.approx(0.6, abs=0.02)
     assert six["arrival from the Parylene branch there [ms]"] == pytest.approx(1.28, abs=0.03)
     assert 8 < six["largest overlap in the Parylene branch [um]"] < 13
+
+
+def test_what_the_half_guide_does_not_have_is_marked_as_not_computed_there(monkeypatch):
+    monkeypatch.setattr(granular_sensitivity, "_half", lambda keywords: (2.0, 3.0, 4.0))
+    monkeypatch.setattr(granular_sensitivity, "_full", lambda keywords, coated: (1.0, 1.0, 0.5))
+    tables = granular_sensitivity.data()
+    half = tables["cases"]["F_i/F_t"]
+    missing = {case for case, v in zip(granular_sensitivity.CASES, half, strict=True) if v != 2.0}
+    assert missing == {"stem 2 stopped by steel", "Parylene radius 2.38 mm"}
+    assert set(half) == {2.0, "not computed"}
+    assert granular_sensitivity.changes([2.0, "not computed", 3.0]) == [0.0, None, 50.0]
+    assert len(granular_sensitivity.table(tables)) == 6  # nothing changed, nothing invented

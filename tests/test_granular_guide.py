@@ -269,6 +269,7 @@ def test_a_contact_that_is_not_in_the_list_is_named():
             ),
             "beads of branch 2 have diameter 0.00486 m, must be .* 0.00476 m: others would overlap",
         ),
+        (lambda: y_guide(bead=STEEL, law=3), "law 3 is not a function"),
         (lambda: y_guide(bead=STEEL, gap=-1e-6), "gap of the walls -1e-06 m must be at least 0"),
         (lambda: y_guide(bead=STEEL, law=power(1e9, 1.5)).site("stem 2", 1), "part 'stem 2'"),
     ],
@@ -276,6 +277,38 @@ def test_a_contact_that_is_not_in_the_list_is_named():
 def test_bad_input_is_refused_with_its_bound(make, words):
     with pytest.raises(TensegrityError, match=words):
         make()
+
+
+@pytest.mark.parametrize(
+    ("read", "words"),
+    [
+        (lambda run: density(run, [99_999]), "site 99999 must be below"),
+        (lambda run: density(run, [-1]), "site -1 must be at least 0"),
+        (lambda run: overlaps(run, "x"), "part 'x' is not one of striker, stem 1"),
+        (lambda run: overlaps(run, "striker"), "part 'striker' has no contact"),
+        (lambda run: speed(run, run.scene, "stem 1", (3, 3)), "must be two different beads"),
+        (lambda run: speed(run, run.scene, "stem 1", (3,)), "must be two different beads"),
+        (lambda run: speed(run, run.scene, "stem 1", 3), "must be two different beads"),
+    ],
+)
+def test_readings_that_make_no_sense_are_refused(fig2, read, words):
+    with pytest.raises(TensegrityError, match=words):
+        read(fig2)
+
+
+@pytest.mark.parametrize("make", [y_guide, diamond_guide])
+def test_the_striker_starts_exactly_in_contact(make):
+    """Of another diameter than the beads, so that a radius mistaken for another would show."""
+    for striker in (light(0.3), Striker(HEAVY, 0.3), Striker(Bead(2e-3, STEEL.material), 0.3)):
+        guide = make(bead=STEEL, striker=striker)
+        (bond,) = guide.contacts_at(0)
+        assert guide.bonds[bond].tolist() == [0, guide.site("stem 1", 1)]
+        behind = guide.positions[1] - guide.positions[0]
+        assert behind == pytest.approx([(striker.bead.diameter + STEEL.diameter) / 2, 0], rel=1e-12)
+        state = guide.start()
+        assert guide.overlaps(state.u)[bond] == 0
+        assert not state.u.any()
+        assert guide.contact_forces(state.u).max() == 0
 
 
 def test_a_layout_with_a_bead_outside_is_refused_by_the_guide():

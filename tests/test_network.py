@@ -242,6 +242,69 @@ def test_a_tolerance_is_kept():
     assert np.max(np.abs(run.final.u - fine)) < 1e-6 * np.abs(run.u).max()
 
 
+@pytest.mark.parametrize("how", [{}, {"tol": 1e-8}])
+def test_a_spinning_bond_runs_though_its_energy_could_close_it(how):
+    """Against the distance of both sites, an oscillator with the barrier of the spin."""
+    from scipy.integrate import solve_ivp
+
+    r = sp.Symbol("r")
+    network = Network([(0, 0), (1, 0)], [(0, 1)], Potential(r**2 / 2, r, length=1.0))
+    state = network.at_rest({0: (0, -2.0), 1: (0, 2.0)})  # 4 J; the bond closes with 0.5 J
+    run = simulate(network, state, 10.0, **how)
+    spin = 4.0  # distance times velocity across it; each site has 1 kg, so the force counts twice
+    exact = solve_ivp(
+        lambda t, x: [x[1], spin**2 / x[0] ** 3 - 2 * (x[0] - 1)], (0, 10), [1.0, 0.0],
+        rtol=1e-12, atol=1e-12, method="DOP853",
+    )  # fmt: skip
+    distance = network.elongation(run.final.u)[0] + 1
+    assert distance == pytest.approx(exact.y[0, -1], rel=1e-6)
+    assert run.energy_error < 1e-6
+
+
+@pytest.mark.parametrize("height", [0.5, 0.02])
+def test_a_ball_that_falls_from_rest_bounces_back_in_time(height):
+    """The energy at the start, 0, says nothing of the speed at which it meets the floor.
+
+    Exact: parabolas, and the time in contact by quadrature of the energy's balance.
+    """
+    from scipy.integrate import quad
+    from scipy.optimize import brentq
+
+    k, g, end = 1e6, 9.81, 2.0
+    ball = Network(
+        [(0.0, 0.5 + height)], [], [], radius=0.5, walls=[Wall((0, 0), (0, 1))],
+        wall_contacts=[(0, 0)], wall_spring=PowerLaw(k, 1.5), loads=[(0.0, -g)],
+    )  # fmt: skip
+
+    def square(d):  # of the speed at an overlap
+        return 2 * g * (height + d) - 2 * k * d**2.5 / 2.5
+
+    deepest = brentq(square, 1e-5, 0.1)
+    inside = quad(  # with d = deepest (1 - s^2) the speed's root is gone
+        lambda s: 2 * deepest * s / math.sqrt(square(deepest * (1 - s * s))), 0, 1, epsrel=1e-10
+    )[0]
+    fall = math.sqrt(2 * height / g)
+    late = (end + fall + inside) % (2 * (fall + inside)) - fall - inside  # after the last top
+    assert abs(late) < fall
+    run = simulate(ball, ball.at_rest(), end)
+    assert run.final.u[0, 1] == pytest.approx(-g * late**2 / 2, rel=1e-3)
+    assert np.abs(run.energy).max() < 1e-5 * g * height
+
+
+def test_steps_follow_what_loads_do_where_nothing_opens():
+    """Pulled on a hardening spring from rest: the step is that for the elongations met."""
+    r = sp.Symbol("r")
+    spring = Potential(r**2 / 2 + 100 * r**4 / 4, r)
+    network = Network(
+        [(0.0, 0.0), (1.0, 0.0)], [(0, 1)], spring, held=[0], loads=[(0.0, 0.0), (30.0, 0.0)]
+    )
+    run = simulate(network, network.at_rest(), 5.0)
+    method = METHODS[run.method]
+    assert run.dt <= method.step * method.scale / network.frequency(run.met) * (1 + 1e-9)
+    fine = simulate(network, network.at_rest(), 5.0, dt=run.dt / 8, method="rkn6").final.u
+    np.testing.assert_allclose(run.final.u, fine, rtol=0, atol=1e-6 * fine.max())
+
+
 def test_steps_beyond_the_limit_are_refused_with_sites_named():
     network = patch()
     with pytest.raises(StabilityError, match="stability limit"):
@@ -301,6 +364,8 @@ GOOD = {"positions": [[0, 0], [1, 0], [2, 0]], "bonds": [(0, 1), (1, 2)], "sprin
         ({"bonds": [(0, 1.5)]}, "whole numbers"),
         ({"lengths": [1.0, 0.0]}, "length 0 m of bond 1"),
         ({"lengths": [1.0, math.inf]}, "lengths is inf"),
+        ({"lengths": [1.0, 1.0, 1.0]}, r"lengths have shape \(3,\), must be \(2,\)"),
+        ({"lengths": [[1.0, 1.0]]}, "lengths have shape"),
         ({"mass": 0.0}, "mass 0 kg of site 0"),
         ({"mass": [1.0, -1.0, 1.0]}, "mass -1 kg of site 1"),
         ({"mass": [1.0, 1.0]}, "mass has shape"),
@@ -310,8 +375,11 @@ GOOD = {"positions": [[0, 0], [1, 0], [2, 0]], "bonds": [(0, 1), (1, 2)], "sprin
         ({"spring": "soft"}, "spring of bond 0 is 's'|springs for 2"),
         ({"spring": None}, "not a Potential"),
         ({"held": [3]}, "held site 3"),
+        ({"held": 1}, "held 1 is not a sequence of sites"),
         ({"loads": [[0, 1]]}, "loads has shape"),
         ({"walls": ["wall"]}, "not a Wall"),
+        ({"walls": Wall((0, 0), (0, 1))}, "walls Wall.* are not a sequence of Walls"),
+        ({"walls": 3}, "walls 3 are not a sequence"),
         ({"walls": [Wall((0, 0, 0), (0, 0, 1))]}, "3 coordinates"),
         ({"wall_contacts": [(0, 0)], "wall_spring": SPRING}, "radius"),
         ({"radius": 0.4, "wall_contacts": [(0, 0)], "wall_spring": SPRING}, "with wall 0"),
@@ -327,12 +395,17 @@ def test_impossible_walls_are_refused():
     for arguments, why in (
         (((0, 0), (0, 0)), "length 0"),
         (((0,), (1,)), "shape"),
+        (("a", (0, 1)), "wall point 'a' is not made of numbers"),
+        (((0, 0), (0, "up")), "wall normal .* is not made of numbers"),
+        (((0, 0), (0, 1), "a"), "wall extent 'a' is not"),
         (((0, math.nan), (0, 1)), "finite"),
         (((0, 0), (0, 1), (1, 1)), "perpendicular"),
         (((0, 0), (0, 1), (0, 0)), "above 0"),
     ):
         with pytest.raises(TensegrityError, match=why):
             Wall(*arguments)
+    with pytest.raises(TensegrityError, match="point of a wall 'a' is not made of numbers"):
+        Wall.between("a", (0, 1), (1, 1))
 
 
 def test_impossible_states_are_refused():
