@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tensegrity import TensegrityError, check
-from tensegrity.tolerance import KINK_SHARE
+from tensegrity.scene import KINK_SHARE
 
 
 class Crystal:

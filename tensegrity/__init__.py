@@ -12,7 +12,7 @@ from tensegrity.errors import (
     TensegrityError,
 )
 from tensegrity.integrate import simulate
-from tensegrity.lattice import Chain, State
+from tensegrity.lattice import Chain
 from tensegrity.network import Network
 from tensegrity.polynomial import Polynomial
 from tensegrity.potential import Potential, PowerLaw
@@ -20,6 +20,7 @@ from tensegrity.prism import Prism
 from tensegrity.record import Record
 from tensegrity.response import EquilibriumPath, equilibrium_path
 from tensegrity.run import Run
+from tensegrity.scene import State
 from tensegrity.solitary import SolitaryWave, solitary_wave
 from tensegrity.walls import Wall
 

@@ -7,14 +7,13 @@ Where there is no compiler, or with an implicit method, the lanes run in turn.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.kernel import Compiled, kernel
-from tensegrity.lattice import Chain, State
+from tensegrity.lattice import Chain
+from tensegrity.scene import State, velocities
 
 TOGETHER = (64, 32, 16, 8)  # lanes that one compiled loop takes
 
@@ -45,7 +44,7 @@ class Ensemble(Chain):
         if not isinstance(chain, Chain) or isinstance(chain, Ensemble):
             raise TensegrityError(f"chain {chain!r} is not a Chain")
         self.chain, self.lanes = chain, check.whole("lanes", lanes, least=1)
-        self.step_share = getattr(chain, "step_share", 1.0)
+        self.step_share = chain.step_share
         super().__init__(chain.springs, chain.sites, chain.mass, chain.ends)
 
     def with_springs(self, springs):
@@ -55,9 +54,7 @@ class Ensemble(Chain):
     def at_rest(self, velocity=None):
         """The undeformed state, some sites given a velocity [m/s]: {site: number or (lanes,)}."""
         v = np.zeros(self.shape)
-        if not isinstance(velocity or {}, Mapping):
-            raise TensegrityError(f"velocity {velocity!r} must be a dict {{site: velocity}}")
-        for site, values in (velocity or {}).items():
+        for site, values in velocities(velocity):
             try:
                 values = np.broadcast_to(np.asarray(values, dtype=float), self.lanes)
             except ValueError:
@@ -72,12 +69,7 @@ class Ensemble(Chain):
 
     def check(self, state):
         """Refuse a state of another shape, or one that a chain alone refuses."""
-        if not isinstance(state, State):
-            raise TensegrityError(f"state is {type(state).__name__}, not a State")
-        if state.u.shape != self.shape:
-            raise TensegrityError(
-                f"state has shape {state.u.shape}, the ensemble has {self.shape}, (sites, lanes)"
-            )
+        self._refuse_other(state, f"ensemble has {self.shape}, (sites, lanes)")
         for lane in range(self.lanes):
             self.chain.check(self.lane(state, lane))
 

@@ -8,7 +8,6 @@ carries the constant preload, because potentials are measured from the loaded eq
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -17,47 +16,12 @@ from tensegrity import check, stepping
 from tensegrity.errors import TensegrityError
 from tensegrity.kernel import Segments, kernel
 from tensegrity.potential import Potential
+from tensegrity.scene import SMALLEST_MASS, Scene, State, law_table, velocities
 
 ENDS = ("free", "fixed")
-SMALLEST_MASS = 1e-300  # kg: its inverse is still a number
 
 
-@dataclass(frozen=True, eq=False)
-class State:
-    """Displacements and velocities of all sites.
-
-    Parameters
-    ----------
-    u : ndarray of float64, (sites,) or (sites, dim)
-        Displacement [m]; of a chain, > 0 towards higher sites.
-    v : ndarray of float64, shape of u
-        Velocity [m/s].
-    """
-
-    u: np.ndarray
-    v: np.ndarray
-
-    def __post_init__(self):
-        shape = np.shape(self.u)
-        if len(shape) not in (1, 2):
-            raise TensegrityError(f"displacement has {len(shape)} dimensions, must have 1 or 2")
-        object.__setattr__(self, "u", check.vector("displacement", self.u, shape))
-        object.__setattr__(self, "v", check.vector("velocity", self.v, shape))
-
-    def __add__(self, other):
-        """Superposition, for waves too far apart to act on each other."""
-        if not isinstance(other, State):
-            return NotImplemented
-        if self.u.shape != other.u.shape:
-            raise TensegrityError(f"states of {self.u.size} and {other.u.size} sites do not add")
-        return State(self.u + other.u, self.v + other.v)
-
-    def reversed(self):
-        """The state from which time runs backwards."""
-        return State(self.u.copy(), -self.v)
-
-
-class Chain:
+class Chain(Scene):
     """A chain of masses and springs.
 
     Parameters
@@ -123,13 +87,6 @@ class Chain:
         return [s for s, end in zip((0, self.sites - 1), self.ends, strict=True) if end == "fixed"]
 
     @cached_property
-    def inverse_mass(self):
-        """1/m [1/kg], 0 for a held site; (sites,)."""
-        w = 1 / self.mass
-        w[self.held] = 0
-        return w
-
-    @cached_property
     def segment_springs(self):
         """The spring of each run of equal bonds, and the first bond of each run."""
         first = [0] + [j for j in range(1, len(self.springs)) if self._differs(j)]
@@ -143,12 +100,7 @@ class Chain:
     def segments(self):
         """Bonds as the kernel takes them."""
         springs, first = self.segment_springs
-        laws = tuple(dict.fromkeys(spring._law for spring in springs))
-        width = max(len(spring._values) for spring in springs)
-        parameters = np.zeros((len(springs), width))
-        for row, spring in zip(parameters, springs, strict=True):
-            row[: len(spring._values)] = spring._values
-        law = np.array([laws.index(spring._law) for spring in springs])
+        laws, law, parameters = law_table(springs)
         return Segments(laws, np.array(first), law, parameters)
 
     def with_springs(self, springs):
@@ -159,10 +111,8 @@ class Chain:
 
     def at_rest(self, velocity: Mapping[int, float] | None = None) -> State:
         """The undeformed state, some sites given a velocity [m/s]: {site: velocity}."""
-        if not isinstance(velocity or {}, Mapping):
-            raise TensegrityError(f"velocity {velocity!r} must be a dict {{site: velocity}}")
         v = np.zeros(self.sites)
-        for site, value in (velocity or {}).items():
+        for site, value in velocities(velocity):
             site = check.whole("site", site, least=0)
             if site >= self.sites:
                 raise TensegrityError(f"site {site} must be below {self.sites}")
@@ -173,12 +123,7 @@ class Chain:
 
     def check(self, state):
         """Refuse a state of another size, one that moves a held site, or one out of domain."""
-        if not isinstance(state, State):
-            raise TensegrityError(f"state is {type(state).__name__}, not a State")
-        if state.u.shape != (self.sites,):
-            raise TensegrityError(
-                f"state has shape {state.u.shape}, the chain has ({self.sites},) sites"
-            )
+        self._refuse_other(state, f"chain has ({self.sites},) sites")
         for site in self.held:
             if state.u[site] or state.v[site]:
                 raise TensegrityError(
@@ -215,10 +160,6 @@ class Chain:
         with np.errstate(over="ignore"):  # to inf, which `check` refuses
             kinetic = 0.5 * np.sum(self.mass * state.v**2)
         return float(kinetic + np.sum(self.bond_energy(state.u)))
-
-    def available_energy(self, state):
-        """What one spring could get of the energy [J]: all of it."""
-        return self.energy(state)
 
     def site_energy(self, u, v):
         """Kinetic energy of each site and half that of its bonds [J]; (..., sites)."""

@@ -15,10 +15,10 @@ import numpy as np
 
 from tensegrity.clearance import CAUTION
 from tensegrity.errors import ContactError, LockingError, StabilityError
-from tensegrity.lattice import State
 from tensegrity.methods import Method, Nystrom
 from tensegrity.record import Record
 from tensegrity.run import Run
+from tensegrity.scene import State
 
 BLOCK = 2_000_000  # bonds x stages x steps in one call of the loop: about 5 ms
 FEWEST = 100  # steps in one call: the pieces of a long chain work apart for some tens

@@ -16,7 +16,6 @@ import numpy as np
 from tensegrity import check, stepping
 from tensegrity.clearance import Clearance
 from tensegrity.errors import TensegrityError
-from tensegrity.lattice import State
 from tensegrity.network_input import (
     held_sites,
     joined_pairs,
@@ -30,12 +29,13 @@ from tensegrity.network_input import (
 )
 from tensegrity.network_loop import Contacts, kernel
 from tensegrity.potential import Potential
+from tensegrity.scene import KINK_SHARE, Scene, State, law_table, velocities
 from tensegrity.walls import Wall
 
 PAIR, WALL = 0, 1  # as in network_loop.KINDS
 
 
-class Network:
+class Network(Scene):
     """Point masses, bonds and walls.
 
     Parameters
@@ -153,13 +153,6 @@ class Network:
     # the engine's view
 
     @cached_property
-    def inverse_mass(self):
-        """1/m [1/kg], 0 for a held site; (sites,)."""
-        w = 1 / self.mass
-        w[self.held] = 0
-        return w
-
-    @cached_property
     def _groups(self):
         """The different springs, and for each contact the number of its spring."""
         numbers, known, group = {}, {}, np.zeros(len(self.springs), dtype=int)
@@ -173,12 +166,7 @@ class Network:
     def contacts(self):
         """Contacts as the loop takes them."""
         springs, group = self._groups
-        laws = tuple(dict.fromkeys(spring._law for spring in springs))
-        width = max((len(spring._values) for spring in springs), default=0)
-        parameters = np.zeros((len(springs), width))
-        for row, spring in zip(parameters, springs, strict=True):
-            row[: len(spring._values)] = spring._values
-        law = np.array([laws.index(spring._law) for spring in springs], dtype=int)
+        laws, law, parameters = law_table(springs)
         kind = np.full(len(self.springs), WALL)
         kind[: len(self.bonds)] = PAIR
         return Contacts(
@@ -264,6 +252,12 @@ class Network:
         slack = [self._per_contact(name, high, 0) == 0 for name in ("tension", "stiffness")]
         return bool(np.any(pushes & slack[0] & slack[1] & (low < 0) & (high > 0)))
 
+    def finer_share(self, met):
+        """That of opening contacts; under loads, whose work was not known at first, the same."""
+        if self.opened(met):
+            return min(self.step_share, KINK_SHARE)
+        return self.step_share if np.any(self.loads) else None
+
     def extreme(self, row, u, side):
         """Where the contact of that row is, in words."""
         if row < len(self.bonds):
@@ -285,10 +279,8 @@ class Network:
 
     def at_rest(self, velocity: Mapping[int, Sequence[float]] | None = None) -> State:
         """The undisplaced state, some sites given a velocity [m/s]: {site: (dim,)}."""
-        if not isinstance(velocity or {}, Mapping):
-            raise TensegrityError(f"velocity {velocity!r} must be a dict {{site: velocity}}")
         v = np.zeros(self.shape)
-        for site, value in (velocity or {}).items():
+        for site, value in velocities(velocity):
             site = site_number("site", site, self.sites)
             v[site] = numbers(f"velocity of site {site}", value, (self.dim,))
         state = State(np.zeros(self.shape), v)
@@ -297,12 +289,7 @@ class Network:
 
     def check(self, state):
         """Refuse a state of another shape, one that moves a held site, or one out of domain."""
-        if not isinstance(state, State):
-            raise TensegrityError(f"state is {type(state).__name__}, not a State")
-        if state.u.shape != self.shape:
-            raise TensegrityError(
-                f"state has shape {state.u.shape}, the network has {self.shape} (sites, dim)"
-            )
+        self._refuse_other(state, f"network has {self.shape} (sites, dim)")
         for site in self.held:
             if state.u[site].any() or state.v[site].any():
                 raise TensegrityError(
@@ -368,10 +355,6 @@ class Network:
             kinetic = 0.5 * np.sum(self.mass[:, None] * state.v**2)
         stored = np.sum(self.bond_energy(state.u)) + np.sum(self.wall_energy(state.u))
         return float(kinetic + stored - np.sum(self.loads * state.u))
-
-    def available_energy(self, state):
-        """What one contact could get of the energy [J]: all of it."""
-        return self.energy(state)
 
     def site_energy(self, u, v):
         """Energy of each site [J]: motion, half its bonds, walls, load; (..., sites)."""

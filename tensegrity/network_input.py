@@ -8,8 +8,8 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
-from tensegrity.lattice import SMALLEST_MASS
 from tensegrity.potential import Potential
+from tensegrity.scene import SMALLEST_MASS
 from tensegrity.walls import Wall, floats
 
 GAP_ROOM = 0.1  # of the radius: what a given wall gap may differ from that of the positions

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tensegrity.lattice import State
+from tensegrity.scene import State
 
 
 @dataclass(frozen=True, eq=False)

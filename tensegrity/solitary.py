@@ -18,8 +18,9 @@ from tensegrity.asymptotics import sound_speed
 from tensegrity.ensemble import Ensemble
 from tensegrity.errors import TensegrityError
 from tensegrity.family import SIGNS, STROKE, Family, refined
-from tensegrity.lattice import Chain, State
+from tensegrity.lattice import Chain
 from tensegrity.potential import Potential, PowerLaw
+from tensegrity.scene import State
 from tensegrity.travelling import Grid, amplitude_is, cosine_sum
 
 LEAST_LEVEL = 1e-8  # of the crest, at which a width is asked for

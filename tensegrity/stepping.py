@@ -89,7 +89,7 @@ def expected_ranges(scene, state, share=1.0):
             low, high = max(low, spring.domain[0] / 2), min(high, spring.domain[1] / 2)
         ranges.append((low, high))
     ranges = np.array(ranges).reshape(-1, 2)[rows]
-    ranges[:, 0] = np.maximum(ranges[:, 0], getattr(scene, "closing", -np.inf) / 2)
+    ranges[:, 0] = np.maximum(ranges[:, 0], scene.closing / 2)
     return ranges
 
 

@@ -21,7 +21,6 @@ from tensegrity.record import Record
 
 MARGIN = 2.0  # a default step may be this much larger, at the stiffness met, than meant
 TRIAL = 0.5  # first step over the stability limit where a tolerance decides
-KINK_SHARE = 1 / 16  # of a default step where contacts open: the force has a kink there
 SHARE = 0.25  # of the energy, in one bond, for that first step
 REFINEMENTS, MOST_REFINEMENTS = 8, 14  # how often a step chosen here is refined
 CHECKPOINTS = 17  # instants at which two runs are compared to estimate an error
@@ -57,14 +56,12 @@ def default_step(problem):
     loads drove them.  Where that asks for a finer step, it is run again.
     """
     scene = problem.scene
-    fraction = problem.method.step * getattr(scene, "step_share", 1.0)
+    fraction = problem.method.step * scene.step_share
     run = refined(problem, expected_steps(problem, fraction), MARGIN * fraction)[0]
-    if not (run.complete and run.steps and hasattr(scene, "opened")):
+    share = scene.finer_share(run.met) if run.complete and run.steps else None
+    if share is None:
         return run
-    if scene.opened(run.met):
-        fraction = min(fraction, problem.method.step * KINK_SHARE)
-    elif not np.any(scene.loads):
-        return run
+    fraction = problem.method.step * share
     steps = count(problem, fraction * problem.natural_step(run.met))
     return run if steps <= run.steps else refined(problem, steps, MARGIN * fraction)[0]
 

@@ -25,10 +25,11 @@ from tensegrity.condensed import ElasticPotential
 from tensegrity.ensemble import Ensemble
 from tensegrity.errors import ResolutionError, StabilityError, TensegrityError
 from tensegrity.kernel import kernel
-from tensegrity.lattice import Chain, State
+from tensegrity.lattice import Chain
 from tensegrity.polynomial import Polynomial
 from tensegrity.potential import Potential
 from tensegrity.record import Record
+from tensegrity.scene import State
 
 DEGREES = (32, 64, 128, 256, 512)  # of the series in time
 TAIL = 1e-12  # of the largest coefficient, left at the end of a series

@@ -29,6 +29,7 @@ ORDER = [  # inside tensegrity: each may import what stands before it
     "response",
     "nodes",
     "limit",
+    "scene",
     "stepping",
     "lattice",
     "ensemble",
