@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tensegrity.methods import METHODS, Splitting, palindrome, there_and_back
+from tensegrity.methods import Splitting, palindrome, there_and_back
 
 GRADIENT = 1.9
 
@@ -227,8 +227,3 @@ def run_gradient(chain, state, method, dt, steps):
     if entry:
         step(*(row[::-1] for row in entry))
     return u, v
-
-
-def all_splittings():
-    """{name: Splitting}: those of the library, and those that were tried."""
-    return {n: m for n, m in METHODS.items() if isinstance(m, Splitting)} | SPLITTINGS

@@ -18,6 +18,8 @@ PARYLENE = coated(STEEL, materials["parylene"], 50e-6)
 HEAVY = bead_of_mass(5.33e-3, materials["steel"])
 STEM, BRANCH = 19, 47  # beads in each
 DT = 0.1e-6  # s: energy to 2e-8 or better in these scenes
+MIXED = (("stem 1", 16), ("branch 1", 7), ("branch 2", 7), ("stem 2", 5))  # sensors, figs. 4-6
+INSTANTS = (0.6e-3, 1.2e-3, 2.4e-3)  # s, at which shares of energy are told
 ROWS = 10  # steps between recorded rows
 
 
@@ -149,6 +151,24 @@ def share(tables, part, instant):
     energies = tables["energies"]
     total = sum(e[0] for name, e in energies.items() if name != "t [s]")
     return float(np.interp(instant, energies["t [s]"], energies[f"{part} [J]"]) / total)
+
+
+def soft_shares(figure, tables, of):
+    """Lines of the share of the energy that the second branch holds at `INSTANTS`."""
+    return [
+        row(figure, f"energy in {of} at {1e3 * t:g} ms", share(tables, "branch 2", t), "trapped")
+        for t in INSTANTS
+    ]
+
+
+def soft_overlaps(figure, tables, mean):
+    """Lines of the overlaps in the second branch; `mean` is what the paper says of theirs."""
+    said = {"largest overlap": "order of 10", "mean peak overlap": mean}
+    where = {"largest overlap": "in the Parylene branch", "mean peak overlap": "there"}
+    return [
+        row(figure, f"{name} {where[name]} [um]", 1e6 * number(tables, f"{name} [m]"), words)
+        for name, words in said.items()
+    ]
 
 
 def balances(figure, tables, of=""):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from figures import _exact
+from figures._measure import row
 from tensegrity import Prism, solitary_wave
 from tensegrity.asymptotics import sech2, sound_speed, tent
 from tensegrity.solitary import largest_speed
@@ -25,19 +27,30 @@ def data():
         spring = Prism(1.0, *shape, 1.0).potential()
         largest = largest_speed(spring) / sound_speed(spring)
         for ratio in RATIOS:
-            row = [*shape, ratio, largest, np.nan, np.nan, np.nan]
+            line = [*shape, ratio, largest, np.nan, np.nan, np.nan]
             if ratio < largest:
                 wave = solitary_wave(spring, speed_ratio=ratio)
-                row[4:] = [wave.amplitude / spring.domain[0], wave.width(), wave.residual]
+                line[4:] = [wave.amplitude / spring.domain[0], wave.width(), wave.residual]
                 tables[f"h{label}_c{ratio:g}"] = {
                     "x": X,
                     "exact": wave.elongation(X) / spring.length,
                     "sech2": sech2(spring, ratio, X) / spring.length,
                     "tent": tent(spring, X) / spring.length,
                 }
-            for name, value in zip(numbers, row, strict=True):
+            for name, value in zip(numbers, line, strict=True):
                 numbers[name].append(value)
-    return tables | {"numbers": numbers}
+    return tables | {"numbers": numbers, "checks": _exact.checks()}
+
+
+def table(tables):
+    """What the waves are checked by."""
+    checks = tables["checks"]
+    pairs = zip(checks["quantity"], checks["value"], strict=True)
+    return [
+        row(f"exact waves: {name}", "", f"{value:.12g}" if "constant" in name else f"{value:.1e}",
+            "a finer grid, closed forms, a chain")
+        for name, value in pairs
+    ]  # fmt: skip
 
 
 def draw(figure, tables):

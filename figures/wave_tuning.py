@@ -191,9 +191,13 @@ def draw(figure, tables):
         ax.plot(t, energy, label="energy")
         ax.plot(t, work, label="work of the change")
         ax.plot(t, energy - work, "k:", label="difference")
-        ax.set(xlabel="time [s]", ylabel="over the energy at first")
+        ax.set(xlabel="time [s]", ylabel="over the energy at first", ylim=(-0.1, 2.8))
         ax.set_title(f"{name} change: balance", fontsize=10)
-        ax.legend(fontsize=8)
+        ax.legend(fontsize=8, loc="upper left")
+    figure.suptitle(
+        "white: the bars meet before that crest (stiffening), beyond the limit point (softening)",
+        fontsize=10,
+    )
 
 
 def table(tables):
