@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from figures._limits import prism_chain, slope
-from tensegrity.kernel import Compiled
+from tensegrity.compiled import Compiled
+from tensegrity.kernel import bind
 from tensegrity.methods import METHODS
 
 NAME = "limits_round_off"

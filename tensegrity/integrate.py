@@ -7,10 +7,10 @@ from dataclasses import replace
 
 from tensegrity import check, methods
 from tensegrity.errors import TensegrityError
-from tensegrity.lattice import Chain
 from tensegrity.march import Problem
 from tensegrity.record import Record
 from tensegrity.run import Run
+from tensegrity.scene import Scene
 from tensegrity.tolerance import ROUND_OFF, default_step, fixed_step, to_tolerance
 
 
@@ -19,7 +19,8 @@ def simulate(scene, state, t_end, *, method=None, dt=None, tol=None, record=None
 
     Parameters
     ----------
-    scene : Chain
+    scene : Scene
+        A `Chain`, a `Network`, an `Ensemble`, or what `granular` builds.
     state : State
         Initial displacements [m] and velocities [m/s]; not changed.
     t_end : float
@@ -27,7 +28,7 @@ def simulate(scene, state, t_end, *, method=None, dt=None, tol=None, record=None
     method : str, optional
         Name of a method, `tensegrity.methods.METHODS`.  By default "rkn6"; "verlet" where `dt`
         is given or a `tol` above 1e-3; "processed6" where a smaller `tol` is given and no contact
-        of a chain can open.
+        can open.
     dt : float, optional
         Step [s]; the step used is the largest not above it that divides `t_end` evenly.  By
         default a small fraction of the stability limit, at the largest stiffness that any
@@ -53,15 +54,18 @@ def simulate(scene, state, t_end, *, method=None, dt=None, tol=None, record=None
         A spring reached an end of its domain; with `.run`, the part done.
     """
     started = time.perf_counter()
-    if not hasattr(scene, "check"):
+    if not isinstance(scene, Scene):
         raise TensegrityError(f"scene {scene!r} is not a scene, such as a Chain")
     scene.check(state)
     t_end = check.number("t_end", t_end, least=0, unit="s")
     if dt is not None and tol is not None:
         raise TensegrityError(f"dt {dt!r} s and tol {tol!r} exclude each other: give one")
     method = methods.find(_default(scene, dt, tol) if method is None else method)
-    if method.chains_only and not isinstance(scene, Chain):
-        raise TensegrityError(f"method {method.name!r} runs a Chain only")
+    if method.processor is not None and scene.clearance is not None:
+        raise TensegrityError(
+            f"method {method.name!r} runs no scene whose sites have a radius: contacts are looked "
+            "for in the scene's own variables, its steps have others"
+        )
     record = Record() if record is None else record
     if not isinstance(record, Record):
         raise TensegrityError(f"record {record!r} is not a Record")
@@ -77,5 +81,4 @@ def simulate(scene, state, t_end, *, method=None, dt=None, tol=None, record=None
 
 
 def _default(scene, dt, tol):
-    smooth = isinstance(scene, Chain) and all(spring.smooth for spring in scene.segment_springs[0])
-    return methods.default(dt, tol, smooth)
+    return methods.default(dt, tol, scene.smooth and scene.clearance is None)

@@ -12,11 +12,10 @@ from functools import cached_property
 
 import numpy as np
 
-from tensegrity import check, stepping
+from tensegrity import check
 from tensegrity.errors import TensegrityError
-from tensegrity.kernel import Segments, kernel
 from tensegrity.potential import Potential
-from tensegrity.scene import SMALLEST_MASS, Scene, State, law_table, velocities
+from tensegrity.scene import SMALLEST_MASS, Scene, State, velocities
 
 ENDS = ("free", "fixed")
 
@@ -49,7 +48,7 @@ class Chain(Scene):
         if not isinstance(ends, (tuple, list)) or len(ends) != 2 or not set(ends) <= set(ENDS):
             raise TensegrityError(f"ends {ends!r} must be two of {ENDS}")
         self.ends = tuple(ends)
-        _ = self.segments  # refuses springs that the compiled loop cannot take
+        _ = self.loop_bonds  # refuses springs that the compiled loop cannot take
 
     def _springs(self, spring):
         if isinstance(spring, Potential):
@@ -86,27 +85,9 @@ class Chain(Scene):
         """Numbers of the sites that are held."""
         return [s for s, end in zip((0, self.sites - 1), self.ends, strict=True) if end == "fixed"]
 
-    @cached_property
-    def segment_springs(self):
-        """The spring of each run of equal bonds, and the first bond of each run."""
-        first = [0] + [j for j in range(1, len(self.springs)) if self._differs(j)]
-        return [self.springs[j] for j in first], [*first, len(self.springs)]
-
-    def _differs(self, bond):
-        left, right = self.springs[bond - 1], self.springs[bond]
-        return left is not right and left != right
-
-    @cached_property
-    def segments(self):
-        """Bonds as the kernel takes them."""
-        springs, first = self.segment_springs
-        laws, law, parameters = law_table(springs)
-        return Segments(laws, np.array(first), law, parameters)
-
     def with_springs(self, springs):
-        """The same chain with other springs, one for each run of equal bonds."""
-        counts = np.diff(self.segment_springs[1])
-        each = [spring for spring, n in zip(springs, counts, strict=True) for _ in range(n)]
+        """The same chain with other springs, one for each different spring of `spring_table`."""
+        each = [springs[k] for k in self.spring_table.group]
         return Chain(each, self.sites, self.mass, self.ends)
 
     def at_rest(self, velocity: Mapping[int, float] | None = None) -> State:
@@ -146,14 +127,12 @@ class Chain(Scene):
         """Tension of each bond [N]; u of shape (..., sites) gives (..., sites - 1)."""
         return self._per_bond("tension", u)
 
+    def bond_stiffness(self, u):
+        """Tangent stiffness of each bond [N/m]; u of shape (..., sites) gives (..., sites - 1)."""
+        return self._per_bond("stiffness", u)
+
     def _per_bond(self, name, u):
-        r = self.elongation(np.asarray(u, dtype=float))
-        springs, first = self.segment_springs
-        parts = [
-            getattr(spring, name)(r[..., start:stop])
-            for spring, start, stop in zip(springs, first[:-1], first[1:], strict=True)
-        ]
-        return np.concatenate(parts, axis=-1)
+        return self.spring_table.evaluate(name, self.elongation(np.asarray(u, dtype=float)))
 
     def energy(self, state):
         """Total energy [J]."""
@@ -172,9 +151,6 @@ class Chain(Scene):
         """Total momentum [kg m/s], > 0 towards higher sites."""
         return float(np.sum(self.mass * state.v))
 
-    clearance = None  # all contacts are bonds
-    wall_count = 0
-
     @property
     def shape(self):
         """Shape of the displacements of a state."""
@@ -189,47 +165,19 @@ class Chain(Scene):
         """Copies of u and v as the loop advances them."""
         return state.u.copy(), state.v.copy()
 
-    def bind(self, u, v, method, dt):
-        """This chain in the loop, advancing `u` and `v` in place."""
-        engine = kernel(self.segments.laws)
-        return engine.bind(u, v, self.inverse_mass, self.segments, method, dt)
-
-    def watched(self):
-        """The springs whose ranges of elongation the loop keeps, and where each begins.
-
-        Returns
-        -------
-        springs : list of Potential
-        rows : ndarray of int
-            For each range kept by the loop, the number of its spring.
-        """
-        springs, _ = self.segment_springs
-        return springs, np.arange(len(springs))
-
-    def present_ranges(self, u):
-        """Smallest and largest elongation, 0 included, of what the loop keeps ranges of."""
-        r, first = self.elongation(u), self.segment_springs[1][:-1]
-        low, high = (end.reduceat(r, first) for end in (np.minimum, np.maximum))
-        return np.stack([np.minimum(low, 0), np.maximum(high, 0)], axis=1)
-
-    def frequency(self, ranges):
-        """Bound on the largest angular frequency [rad/s] over given ranges of elongation.
+    def frequency_of(self, stiffness):
+        """Bound on the largest angular frequency [rad/s] for stiffnesses of the bonds [N/m].
 
         The eigenvalues of M^-1 K are at most max over bonds of 2 k (1/m_left + 1/m_right).
         """
-        springs, first = self.segment_springs
-        mobility = np.maximum.reduceat(self.inverse_mass[:-1] + self.inverse_mass[1:], first[:-1])
-        stiffness = [
-            stepping.largest_stiffness(spring, low, high)
-            for spring, (low, high) in zip(springs, ranges, strict=True)
-        ]
-        return float(np.sqrt(np.max(2 * np.array(stiffness) * mobility)))
+        mobility = self.inverse_mass[:-1] + self.inverse_mass[1:]
+        return float(np.sqrt(np.max(2 * stiffness * mobility)))
 
-    def extreme(self, row, u, side):
-        """Where an elongation of that row is lowest (side 0) or highest (1), in words."""
-        first = self.segment_springs[1]
-        part = self.elongation(u)[first[row] : first[row + 1]]
-        bond = int(first[row] + (np.argmax(part) if side else np.argmin(part)))
+    def extreme(self, spring, u, side):
+        """Where an elongation of that spring is lowest (side 0) or highest (1), in words."""
+        bonds = np.flatnonzero(self.spring_table.group == spring)
+        r = self.elongation(u)[bonds]
+        bond = int(bonds[np.argmax(r) if side else np.argmin(r)])
         return f"between sites {bond} and {bond + 1}"
 
     def stiffest(self, u, ranges):
@@ -238,5 +186,5 @@ class Chain(Scene):
         return f"between sites {bond} and {bond + 1}"
 
     def __repr__(self):
-        kinds = len(self.segment_springs[0])
-        return f"Chain({self.sites} sites, {kinds} run(s) of equal springs, ends {self.ends})"
+        kinds = len(self.spring_table)
+        return f"Chain({self.sites} sites, {kinds} different spring(s), ends {self.ends})"

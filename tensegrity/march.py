@@ -48,7 +48,7 @@ class Problem:
     @property
     def force(self):
         """What the tensions of the springs are computed by."""
-        different = dict.fromkeys(spring.force for spring in self.moved.watched()[0])
+        different = dict.fromkeys(spring.force for spring in self.moved.spring_table.different)
         return ", ".join(different)
 
     def largest_step(self, ranges):
@@ -149,9 +149,7 @@ class _Watch:
         self._problem, self._dt, self._allowed = problem, dt, allowed
         self._energy = problem.scene.available_energy(problem.state)
         self._u, self._v = scene.arrays(problem.state)
-        springs, self._rows = scene.watched()
-        self._springs = springs
-        self._domains = np.array([s.reach for s in springs]).reshape(-1, 2)[self._rows]
+        self._springs, self._domains = scene.spring_table.different, scene.spring_table.reach
         self._safe = np.zeros_like(self._domains)  # ranges of elongation known to be allowed
         self._limit = math.inf  # stability limit within them [s]
         self.met = np.zeros_like(self._domains)  # smallest and largest elongation, 0 included
@@ -291,7 +289,7 @@ class _Watch:
             u = before.u + self._dt * before.v
         met, (low, high) = self._met(loop, after), self._domains.T
         for row, side in np.argwhere(np.stack([met[:, 0] <= low, met[:, 1] >= high], axis=1)):
-            spring, where = self._springs[self._rows[row]], scene.extreme(row, u, side)
+            spring, where = self._springs[row], scene.extreme(int(row), u, side)
             barrier = float(spring.energy(spring.reach[side]))
             if self._energy < barrier:
                 return StabilityError(

@@ -47,7 +47,6 @@ class Method:
 
     explicit = True
     reversible = True
-    chains_only = False
     processor = None
 
     @property
@@ -117,7 +116,6 @@ class Processed(Splitting):
     """
 
     entry: tuple[tuple[float, ...], tuple[float, ...]]
-    chains_only = True  # contacts are looked for in the scene's own variables
 
     @cached_property
     def processor(self):
@@ -178,7 +176,7 @@ class Nystrom(Method):
 class Gauss(Nystrom):
     """Gauss collocation: the Nystrom form with a full matrix, stages solved for."""
 
-    symplectic = reversible = chains_only = True
+    symplectic = reversible = True
     explicit = False
     scale = 1.0
     stability_limit = math.inf

@@ -9,11 +9,14 @@ formed (see `tensegrity.clearance`).  Source: seeds/001, eqs. (1)-(6).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import cache, cached_property
+from copy import copy
+from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
-from tensegrity import check, stepping
+from tensegrity import check, forces
+from tensegrity.bonds import PAIR, WALL, Bonds, Contacts
 from tensegrity.clearance import Clearance
 from tensegrity.errors import TensegrityError
 from tensegrity.network_input import (
@@ -27,12 +30,9 @@ from tensegrity.network_input import (
     springs_of,
     touching,
 )
-from tensegrity.network_loop import Contacts, kernel
 from tensegrity.potential import Potential
-from tensegrity.scene import KINK_SHARE, Scene, State, law_table, velocities
+from tensegrity.scene import KINK_SHARE, Scene, State, velocities
 from tensegrity.walls import Wall
-
-PAIR, WALL = 0, 1  # as in network_loop.KINDS
 
 
 class Network(Scene):
@@ -84,9 +84,9 @@ class Network(Scene):
         held: Sequence[int] = (),
     ):
         self.positions = numbers("positions", positions)
-        if self.positions.ndim != 2 or self.positions.shape[1] not in (2, 3):
+        if self.positions.ndim != 2 or self.positions.shape[1] not in (1, 2, 3):
             raise TensegrityError(
-                f"positions have shape {self.positions.shape}, must be (sites, 2) or (sites, 3)"
+                f"positions have shape {self.positions.shape}, must be (sites, 1), 2 or 3"
             )
         self.sites, self.dim = self.positions.shape
         check.whole("sites", self.sites, least=1)
@@ -106,7 +106,7 @@ class Network(Scene):
         self.loads = np.zeros(self.shape) if loads is None else numbers("loads", loads, self.shape)
         self.held = held_sites(held, self.sites)
         self._set_geometry(lengths, wall_gaps)
-        _ = self.contacts  # refuses springs that the compiled loop cannot take
+        _ = self.loop_bonds  # refuses springs that the compiled loop cannot take
         self._refuse_unlisted(np.zeros(self.shape))
 
     def _refuse_unlisted(self, u):
@@ -116,8 +116,8 @@ class Network(Scene):
     def _set_geometry(self, lengths, wall_gaps):
         i, j = self.bonds.T
         exact = self.positions.astype(np.longdouble)
-        self._reference = (exact[j] - exact[i]).astype(float)
-        distance = np.sqrt(np.sum((exact[j] - exact[i]) ** 2, axis=1))
+        apart = exact[j] - exact[i]
+        distance = np.sqrt(np.sum(apart**2, axis=1))
         same = np.flatnonzero(distance == 0)
         if same.size:
             raise TensegrityError(
@@ -146,36 +146,27 @@ class Network(Scene):
         if wall_gaps is not None:
             gaps = near_positions(wall_gaps, gaps, radius)
         self._geometry = np.zeros((self.dim + 2, len(self.springs)))
-        self._geometry[: self.dim] = np.concatenate([self._reference, normals]).T
+        reference = np.sign(apart) if self.dim == 1 else apart
+        self._geometry[: self.dim] = np.concatenate([reference.astype(float), normals]).T
         self._geometry[self.dim] = np.concatenate([opening, gaps])
         self._geometry[-1, : len(self.bonds)] = lengths
 
     # the engine's view
 
     @cached_property
-    def _groups(self):
-        """The different springs, and for each contact the number of its spring."""
-        numbers, known, group = {}, {}, np.zeros(len(self.springs), dtype=int)
-        for k, spring in enumerate(self.springs):
-            if id(spring) not in known:
-                known[id(spring)] = numbers.setdefault(spring, len(numbers))
-            group[k] = known[id(spring)]
-        return list(numbers), group
-
-    @cached_property
-    def contacts(self):
-        """Contacts as the loop takes them."""
-        springs, group = self._groups
-        laws, law, parameters = law_table(springs)
+    def contact_bonds(self):
+        """Bonds and wall contacts with their geometry."""
         kind = np.full(len(self.springs), WALL)
         kind[: len(self.bonds)] = PAIR
-        return Contacts(
-            laws, kind, law[group],
+        contacts = Contacts(
+            kind,
             np.concatenate([self.bonds[:, 0], self.sites + self.wall_contacts[:, 1]]),
             np.concatenate([self.bonds[:, 1], self.wall_contacts[:, 0]]),
-            self._geometry, parameters[group], self.inverse_mass, self.loads, len(self.walls),
+            self._geometry, self.loads, len(self.walls),
         )  # fmt: skip
-
+        return Bonds(
+            *self.spring_table.table, self.spring_table.group, self.inverse_mass, contacts
+        )
     @cached_property
     def clearance(self):
         """What watches over the contacts that are not listed; None where sites have no radius."""
@@ -198,59 +189,73 @@ class Network(Scene):
         """Work of one evaluation of all forces, in bonds of a chain."""
         return 3 * len(self.springs) + self.sites
 
+    @property
+    def spring_lengths(self):
+        """Length of each bond, 0 for wall contacts [m]; (springs,)."""
+        return self._geometry[-1]
+
+    @cached_property
+    def loop_bonds(self):
+        """Bonds as the loop takes them: those of a chain where that is what they are."""
+        bonds, count = self.contact_bonds, np.arange(len(self.bonds))
+        row = [count, count + 1]
+        if (
+            self.dim == 1 and self.sites == len(count) + 1 and self.radius is None
+            and np.array_equal(self.bonds.T, row) and not self.walls and not self.loads.any()
+            and np.all(self._geometry[0] > 0) and not self._geometry[1].any()
+        ):  # fmt: skip
+            return replace(bonds, contacts=None)
+        return bonds
+
+    def with_springs(self, springs):
+        """The same network with other springs, one for each different spring of `spring_table`."""
+        other = copy(self)
+        for name in ("spring_table", "contact_bonds", "loop_bonds", "closing"):
+            other.__dict__.pop(name, None)
+        other.__dict__["springs"] = tuple(springs[k] for k in self.spring_table.group)
+        return other
+
     def arrays(self, state):
-        """u and v as the loop advances them: sites, walls, and a spare row."""
-        u, v = np.zeros((2, self.contacts.rows, self.dim))
+        """u and v as the loop advances them: sites, and behind them walls and a spare row."""
+        if self.loop_bonds.contacts is None:
+            return super().arrays(state)
+        u, v = np.zeros((2, self.loop_bonds.contacts.rows, self.dim))
         u[: self.sites], v[: self.sites] = state.u, state.v
         return u, v
 
-    def bind(self, u, v, method, dt):
-        """This network in the loop, advancing the rows of `arrays` in place."""
-        return kernel(self.contacts.laws, self.dim).bind(u, v, self.contacts, method, dt)
+    def frequency_of(self, stiffness):
+        """Bound on the largest angular frequency [rad/s] for stiffnesses of the contacts [N/m].
 
-    def watched(self):
-        """The different springs, and for each contact the number of its spring."""
-        return self._groups
-
-    def present_ranges(self, u):
-        """Smallest and largest elongation of each contact, 0 included; (contacts, 2)."""
-        r = np.concatenate([self.elongation(u), self.wall_gap(u)])
-        return np.stack([np.minimum(r, 0), np.maximum(r, 0)], axis=1)
-
-    def frequency(self, ranges):
-        """Bound on the largest angular frequency [rad/s] over given ranges (contacts, 2).
-
-        Gershgorin's circles of M^-1 K: a bond's block has the eigenvalues V'' along it and
-        V'/distance across it, and stands twice in the rows of a site; a wall's stands once.
+        Gershgorin's circles of M^-1 K: a bond's block stands twice in the rows of a site, a
+        wall's once.
         """
-        springs, group = self._groups
-        low, high = np.full(len(springs), np.inf), np.full(len(springs), -np.inf)
-        np.minimum.at(low, group, ranges[:, 0])
-        np.maximum.at(high, group, ranges[:, 1])
-        ends = list(zip(springs, low.tolist(), high.tolist(), strict=True))
-        k = np.array([stepping.largest_stiffness(*end) for end in ends])[group]
-        t = np.array([stepping.largest_tension(*end) for end in ends])[group]
-        pairs = len(self.bonds)
-        shortest = self.lengths + ranges[:pairs, 0]
-        if np.any(shortest <= 0):
-            return np.inf  # the two sites of a bond coincide
-        k[:pairs] = 2 * np.maximum(k[:pairs], t[:pairs] / shortest)
-        total = np.zeros(self.contacts.rows)
-        np.add.at(total, self.contacts.first, k)
-        np.add.at(total, self.contacts.second, k)
+        k, contacts = stiffness.copy(), self.contact_bonds.contacts
+        k[: len(self.bonds)] *= 2
+        total = np.zeros(contacts.rows)
+        np.add.at(total, contacts.first, k)
+        np.add.at(total, contacts.second, k)
         return float(np.sqrt(np.max(total[: self.sites] * self.inverse_mass)))
 
     @property
+    def turns(self):
+        """Whether bonds may turn: not on a line."""
+        return self.dim > 1
+
+    @cached_property
     def closing(self):
-        """Elongation [m] at which the ends of each contact meet, -inf for walls; (contacts,)."""
-        return np.append(-self.lengths, np.full(len(self.wall_contacts), -np.inf))
+        """Elongation [m] at which the ends of each different spring's shortest bond meet."""
+        found, pairs = np.full(len(self.spring_table), -np.inf), len(self.bonds)
+        np.maximum.at(found, self.spring_table.group[:pairs], -self.lengths)
+        return found
 
     def opened(self, ranges):
-        """Whether a contact both pushes and is open within given ranges (contacts, 2)."""
-        low, high = ranges.T
-        pushes = self._per_contact("tension", low, 0) != 0
-        slack = [self._per_contact(name, high, 0) == 0 for name in ("tension", "stiffness")]
-        return bool(np.any(pushes & slack[0] & slack[1] & (low < 0) & (high > 0)))
+        """Whether a contact both pushes and is open within given ranges (springs, 2)."""
+        for spring, (low, high) in zip(self.spring_table.different, ranges, strict=True):
+            if low < 0 < high:
+                slack = not (spring.tension(high) or spring.stiffness(high))
+                if slack and spring.tension(low):
+                    return True
+        return False
 
     def finer_share(self, met):
         """That of opening contacts; under loads, whose work was not known at first, the same."""
@@ -258,22 +263,28 @@ class Network(Scene):
             return min(self.step_share, KINK_SHARE)
         return self.step_share if np.any(self.loads) else None
 
-    def extreme(self, row, u, side):
-        """Where the contact of that row is, in words."""
-        if row < len(self.bonds):
-            i, j = self.bonds[row].tolist()
+    def extreme(self, spring, u, side):
+        """Where a contact of that spring is shortest (side 0) or longest (1), in words."""
+        contacts = np.flatnonzero(self.spring_table.group == spring)
+        r = self.stretch(u)[contacts]
+        return self._where(int(contacts[np.argmax(r) if side else np.argmin(r)]))
+
+    def _where(self, contact):
+        if contact < len(self.bonds):
+            i, j = self.bonds[contact].tolist()
             return f"between sites {i} and {j}"
-        site, wall = self.wall_contacts[row - len(self.bonds)].tolist()
+        site, wall = self.wall_contacts[contact - len(self.bonds)].tolist()
         return f"between site {site} and wall {wall}"
 
     def stiffest(self, u, ranges):
         """Where the contact is that was stretched most, or whose ends met, in words."""
-        apart = self.lengths + ranges[: len(self.bonds), 0]
-        if np.any(apart <= 0):
-            return f"{self.extreme(int(np.argmin(apart)), u, 0)}, which came to the same place"
         if not len(self.springs):
             return ""
-        return self.extreme(int(np.nanargmax(np.max(np.abs(ranges), axis=1))), u, 0)
+        apart = ranges[:, 0] - self.closing
+        if np.any(apart <= 0):
+            return f"{self.extreme(int(np.argmin(apart)), u, 0)}, which came to the same place"
+        spring = int(np.nanargmax(np.max(np.abs(ranges), axis=1)))
+        return self.extreme(spring, u, int(ranges[spring, 1] > -ranges[spring, 0]))
 
     # states
 
@@ -305,61 +316,54 @@ class Network(Scene):
 
     def elongation(self, u):
         """Elongation of each bond [m]; (..., bonds)."""
-        u = np.asarray(u, dtype=float)
-        i, j = self.bonds.T
-        place = self._geometry[:, : len(self.bonds)]
-        w = np.moveaxis(u[..., j, :] - u[..., i, :], -1, 0)
-        return _elongation(self.dim)(*place[: self.dim], *w, *place[self.dim :])
+        return self._contacts(u)[0][..., : len(self.bonds)]
 
     def direction(self, u):
         """Unit vector of each bond, from its first site to its second; (..., bonds, dim)."""
-        i, j = self.bonds.T
-        apart = self._reference + u[..., j, :] - u[..., i, :]
-        return apart / np.linalg.norm(apart, axis=-1, keepdims=True)
+        return self._contacts(u)[1][..., : len(self.bonds), :]
 
     def wall_gap(self, u):
         """Gap of each wall contact [m]: distance from the wall's plane less the radius."""
-        u = np.asarray(u, dtype=float)
-        place = self._geometry[:, len(self.bonds) :]
-        return place[self.dim] + np.einsum("...bk,kb->...b", u[..., self.wall_contacts[:, 0], :],
-                                           place[: self.dim])  # fmt: skip
+        return self._contacts(u)[0][..., len(self.bonds) :]
+
+    def stretch(self, u):
+        """Elongation of each bond [m], and gap of each wall contact; (..., springs)."""
+        return self._contacts(u)[0]
+
+    def _contacts(self, u):
+        return forces.elongations(self.contact_bonds, np.asarray(u, dtype=float))
 
     def bond_energy(self, u):
         """Energy of each bond [J]; (..., bonds)."""
-        return self._per_contact("energy", self.elongation(u), 0)
+        return self._per_contact("energy", u)[..., : len(self.bonds)]
 
     def bond_tension(self, u):
         """Tension of each bond [N]; (..., bonds)."""
-        return self._per_contact("tension", self.elongation(u), 0)
+        return self._per_contact("tension", u)[..., : len(self.bonds)]
 
     def wall_energy(self, u):
         """Energy of each wall contact [J]; (..., wall contacts)."""
-        return self._per_contact("energy", self.wall_gap(u), len(self.bonds))
+        return self._per_contact("energy", u)[..., len(self.bonds) :]
 
     def wall_load(self, u):
         """Contact force of each wall contact [N], compression > 0; (..., wall contacts)."""
-        return -self._per_contact("tension", self.wall_gap(u), len(self.bonds))
+        return -self._per_contact("tension", u)[..., len(self.bonds) :]
 
-    def _per_contact(self, name, r, start):
-        springs, group = self._groups
-        group = group[start : start + r.shape[-1]]
-        values = np.empty_like(r)
-        for number in np.unique(group):
-            members = group == number
-            values[..., members] = getattr(springs[number], name)(r[..., members])
-        return values
+    def _per_contact(self, name, u):
+        return self.spring_table.evaluate(name, self.stretch(u))
 
     def energy(self, state):
         """Total energy [J], the potential of the loads included."""
         with np.errstate(over="ignore"):  # to inf, which `check` refuses
             kinetic = 0.5 * np.sum(self.mass[:, None] * state.v**2)
-        stored = np.sum(self.bond_energy(state.u)) + np.sum(self.wall_energy(state.u))
+        stored = np.sum(self._per_contact("energy", state.u))
         return float(kinetic + stored - np.sum(self.loads * state.u))
 
     def site_energy(self, u, v):
         """Energy of each site [J]: motion, half its bonds, walls, load; (..., sites)."""
         result = 0.5 * self.mass * np.sum(v**2, axis=-1) - np.sum(self.loads * u, axis=-1)
-        bonds, walls = self.bond_energy(u) / 2, self.wall_energy(u)
+        bonds, walls = np.split(self._per_contact("energy", u), [len(self.bonds)], axis=-1)
+        bonds = bonds / 2
         rows = np.moveaxis(result, -1, 0)  # a view: sites first
         for sites, energy in (
             (self.bonds[:, 0], bonds),
@@ -374,8 +378,10 @@ class Network(Scene):
         return self.mass @ state.v
 
     def angular_momentum(self, state):
-        """Total angular momentum about the origin [kg m^2/s]; a float in the plane, else (3,)."""
+        """Total angular momentum about the origin [kg m^2/s]; a float, in space (3,)."""
         x, p = self.positions + state.u, self.mass[:, None] * state.v
+        if self.dim == 1:
+            return 0.0
         if self.dim == 2:
             return float(np.sum(x[:, 0] * p[:, 1] - x[:, 1] * p[:, 0]))
         return np.cross(x, p).sum(axis=0)
@@ -386,13 +392,3 @@ class Network(Scene):
             f"{len(self.walls)} walls with {len(self.wall_contacts)} contacts)"
         )
 
-
-@cache
-def _elongation(dim):
-    """The elongation of `derivations.geometry` in NumPy: (D, w, g, L) -> r."""
-    import sympy as sp
-
-    from derivations import geometry
-
-    symbols = (*(x for v in geometry.vectors(dim) for x in v), geometry.initial, geometry.length)
-    return sp.lambdify(symbols, geometry.elongation(dim), "numpy", cse=True)

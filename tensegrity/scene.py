@@ -8,8 +8,11 @@ from functools import cached_property
 
 import numpy as np
 
-from tensegrity import check
+from tensegrity import check, forces, kernel
+from tensegrity.bonds import Bonds
+from tensegrity.compiled import by_spring
 from tensegrity.errors import TensegrityError
+from tensegrity.springs import Springs
 
 SMALLEST_MASS = 1e-300  # kg: its inverse is still a number
 KINK_SHARE = 1 / 16  # of a default step where contacts open: the force has a kink there
@@ -32,8 +35,8 @@ class State:
 
     def __post_init__(self):
         shape = np.shape(self.u)
-        if len(shape) not in (1, 2):
-            raise TensegrityError(f"displacement has {len(shape)} dimensions, must have 1 or 2")
+        if len(shape) not in (1, 2, 3):
+            raise TensegrityError(f"displacement has {len(shape)} dimensions, must have 1 to 3")
         object.__setattr__(self, "u", check.vector("displacement", self.u, shape))
         object.__setattr__(self, "v", check.vector("velocity", self.v, shape))
 
@@ -51,18 +54,39 @@ class State:
 
 
 class Scene:
-    """Base of scenes; `mass` (sites,), `held` and `shape` are theirs.
+    """Base of scenes, and what `simulate` asks of one.
+
+    A scene has `sites`, their `mass` (sites,), the numbers of those `held`, the `shape` of u, and
+    one of `springs` for each bond.  It says what `elongation(u)` its bonds have, what its
+    `energy(state)` is, and with `frequency_of(k)` how fast it vibrates at most where its bonds
+    are not stiffer than k; the rest follows, or has a default here.
 
     Attributes
     ----------
     step_share : float
         Of the default step that a method takes for smooth springs.
     closing : float or ndarray
-        Elongation [m] at which the ends of each bond meet, -inf where they cannot.
+        Elongation [m] at which the ends of a bond of each different spring meet, -inf where they
+        cannot.
+    dim : int
+        Coordinates of a site.
+    spring_lengths : ndarray, (springs,), or None
+        Length of each bond [m], where springs count as different for it.
+    turns : bool
+        Whether bonds may turn, so that their tension resists motion across them.
+    clearance : Clearance or None
+        What watches over contacts that are not listed.
+    wall_count : int
+        Number of walls.
     """
 
     step_share = 1.0
+    dim = 1
     closing = -np.inf
+    turns = False
+    spring_lengths = None
+    clearance = None
+    wall_count = 0
 
     @cached_property
     def inverse_mass(self):
@@ -70,6 +94,55 @@ class Scene:
         w = 1 / self.mass
         w[self.held] = 0
         return w
+
+    @cached_property
+    def spring_table(self):
+        """The different springs, and which bond has which."""
+        return Springs(self.springs, lengths=self.spring_lengths)
+
+    @property
+    def smooth(self):
+        """Whether the derivatives of no spring jump."""
+        return all(spring.smooth for spring in self.spring_table.different)
+
+    @cached_property
+    def loop_bonds(self):
+        """Bonds as the loop takes them."""
+        return Bonds(*self.spring_table.table, self.spring_table.group, self.inverse_mass)
+
+    def is_alike(self, other):
+        """Whether states of one scene fit the other, bond for bond."""
+        mine, others = ((x.shape, len(x.springs), x.wall_count) for x in (self, other))
+        return mine == others and self.turns == other.turns
+
+    def arrays(self, state):
+        """Copies of u and v as the loop advances them, with rows for walls behind the sites."""
+        return state.u.copy(), state.v.copy()
+
+    def bind(self, u, v, method, dt):
+        """This scene in the loop, advancing the rows of `arrays` in place."""
+        return kernel.bind(u, v, self.loop_bonds, method, dt)
+
+    def stretch(self, u):
+        """Elongation of every spring [m]: of bonds, and behind them of wall contacts."""
+        return self.elongation(u)
+
+    def frequency(self, ranges):
+        """Bound on the largest angular frequency [rad/s] over given ranges (springs, 2)."""
+        shortest = ranges[:, 0] - self.closing
+        if np.any(shortest <= 0):
+            return np.inf  # the two sites of a bond coincide
+        k = self.spring_table.largest("stiffness", ranges)
+        if self.turns:
+            k = np.maximum(k, self.spring_table.largest("tension", ranges) / shortest)
+        return self.frequency_of(k[self.spring_table.group])
+
+    def present_ranges(self, u):
+        """Smallest and largest elongation, 0 included, of each different spring; (springs, 2)."""
+        r, group = self.stretch(u), self.spring_table.group
+        group = np.broadcast_to(group.reshape(*group.shape, *[1] * (r.ndim - group.ndim)), r.shape)
+        ranges = by_spring(group.ravel(), len(self.spring_table), r.ravel(), r.ravel())
+        return np.stack([np.minimum(ranges[:, 0], 0), np.maximum(ranges[:, 1], 0)], axis=1)
 
     def available_energy(self, state):
         """What one spring could get of the energy [J]: all of it."""
@@ -81,6 +154,66 @@ class Scene:
         None where the first run stands.
         """
         return None
+
+    loads = 0.0  # constant forces [N], shape of u
+
+    @property
+    def contact_bonds(self):
+        """Bonds with their geometry: `loop_bonds`, but where a network's are a chain's to the loop."""
+        return self.loop_bonds
+
+    def forces(self, u):
+        """Forces on all sites at rest.
+
+        Parameters
+        ----------
+        u : array_like, shape of the scene
+            Displacements [m].
+
+        Returns
+        -------
+        ndarray, shape of u
+            [N], loads included; 0 at held sites.  Elongations count from the loaded equilibrium,
+            so that the ends of a preloaded chain carry the preload.
+        """
+        u = self._displaced(u)
+        r, along = forces.elongations(self.contact_bonds, u)
+        tension = self.spring_table.evaluate("tension", r)
+        pull = forces.pulls(self.contact_bonds, tension, along)[: self.sites].reshape(u.shape)
+        pull = pull + self.loads
+        pull[self.held] = 0
+        return pull
+
+    def stiffness(self, u):
+        """Derivative of `-forces(u)` in the displacements of the sites that are free.
+
+        Parameters
+        ----------
+        u : array_like, shape of the scene
+            Displacements [m].
+
+        Returns
+        -------
+        scipy.sparse.csr_array, (u.size, u.size)
+            [N/m], symmetric; rows and columns in the order of u.ravel(), those of held sites 0.
+        """
+        from scipy.sparse import csr_array
+
+        u = self._displaced(u)
+        r, along = forces.elongations(self.contact_bonds, u)
+        tension, stiffness = (self.spring_table.evaluate(x, r) for x in ("tension", "stiffness"))
+        found = forces.tangent(self.contact_bonds, r, along, tension, stiffness)
+        free = np.ones(u.shape, dtype=bool)
+        free[self.held] = False
+        free = np.append(free.ravel(), np.zeros(found.shape[0] - u.size, dtype=bool))
+        kept = free[found.row] & free[found.col]
+        entries = found.data[kept], (found.row[kept], found.col[kept])
+        return csr_array(entries, shape=(u.size, u.size))
+
+    def _displaced(self, u):
+        u = check.vector("displacement", u, self.shape)
+        self.check(State(u, np.zeros(self.shape)))
+        return u
 
     def _refuse_other(self, state, words):
         """Refuse what is no state of this shape; `words` say what the shape is."""
@@ -95,13 +228,3 @@ def velocities(given):
     if not isinstance(given or {}, Mapping):
         raise TensegrityError(f"velocity {given!r} must be a dict {{site: velocity}}")
     return (given or {}).items()
-
-
-def law_table(springs):
-    """The different laws, the number of each spring's, and its parameters; (springs, most)."""
-    laws = tuple(dict.fromkeys(spring._law for spring in springs))
-    width = max((len(spring._values) for spring in springs), default=0)
-    parameters = np.zeros((len(springs), width))
-    for row, spring in zip(parameters, springs, strict=True):
-        row[: len(spring._values)] = spring._values
-    return laws, np.array([laws.index(spring._law) for spring in springs], dtype=int), parameters

@@ -15,7 +15,6 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.asymptotics import sound_speed
-from tensegrity.ensemble import Ensemble
 from tensegrity.errors import TensegrityError
 from tensegrity.family import SIGNS, STROKE, Family, refined
 from tensegrity.lattice import Chain
@@ -161,7 +160,7 @@ class SolitaryWave:
         TensegrityError
             If the wave does not fit the chain, its springs or masses, or both ends are fixed.
         """
-        if not isinstance(chain, Chain) or isinstance(chain, Ensemble):
+        if not isinstance(chain, Chain):
             raise TensegrityError(f"chain is {type(chain).__name__}, not a Chain")
         at = check.number("at", at)
         if direction not in (1, -1):

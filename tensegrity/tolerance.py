@@ -171,9 +171,9 @@ def with_polynomials(problem, run, checks, tol, margin):
         If that run leaves the range.
     """
     scene = problem.scene
-    if not hasattr(scene, "with_springs") or saved(problem, run, tol) < WORTH:
+    if saved(problem, run, tol) < WORTH:
         return None
-    springs = scene.segment_springs[0]
+    springs = scene.spring_table.different
     ranges = [_widened(spring, *met, margin) for spring, met in zip(springs, run.met, strict=True)]
     error, least = max(FIRST_ERROR * tol, LEAST_ERROR), 0.0
     for _ in range(FITS):
@@ -203,11 +203,11 @@ def with_polynomials(problem, run, checks, tol, margin):
 def saved(problem, run, tol):
     """Seconds that fitted forces save, roughly, in all runs that a tolerance takes."""
     scene, order = problem.scene, problem.method.order
-    springs, first = scene.segment_springs
+    springs, count = scene.spring_table.different, np.bincount(scene.spring_table.group.ravel())
     fitted = cost(PolynomialLaw(DEGREES[len(DEGREES) // 2]))
     gains = [max(cost(spring._law) - fitted, 0.0) for spring in springs]
     steps = run.steps * max(tol ** (-1 / order), 1.0)
-    calls = steps * problem.method.stages * np.diff(first)
+    calls = steps * problem.method.stages * count
     return float(np.dot(gains, calls)) - PER_FIT * len(springs)
 
 

@@ -22,7 +22,6 @@ import numpy as np
 
 from tensegrity import check, methods
 from tensegrity.condensed import ElasticPotential
-from tensegrity.ensemble import Ensemble
 from tensegrity.errors import ResolutionError, StabilityError, TensegrityError
 from tensegrity.kernel import kernel
 from tensegrity.lattice import Chain
@@ -117,7 +116,7 @@ def simulate_tuned(chain, state, t_end, spring_at, *, dt, method="rkn6", record=
     LockingError
         A spring reached an end of its domain; says which and when.
     """
-    if not isinstance(chain, Chain) or isinstance(chain, Ensemble):
+    if not isinstance(chain, Chain):
         raise TensegrityError(f"chain is {type(chain).__name__}, not a Chain")
     chain.check(state)
     t_end = check.number("t_end", t_end, above=0, unit="s")
@@ -214,7 +213,7 @@ class _Springs:
                     f"spring_at(0) is {name}: its numbers are fitted anew at each instant and "
                     f"carry round-off that no series in time follows; take {instead}"
                 )
-        if any(s is not first and s != first for s in chain.segment_springs[0]):
+        if any(s is not first and s != first for s in chain.spring_table.different):
             raise TensegrityError("the springs of the chain differ from spring_at(0)")
         self._law, self._length = first._law, first.length
         self._engine, self._change = kernel((self._law,)), kernel((Change(self._law),))

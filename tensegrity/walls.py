@@ -30,7 +30,7 @@ class Wall:
         A point of it [m]: the middle of a piece.
     normal : array_like, (dim,)
         Direction towards the side where the sites are; its length does not matter.
-    extent : array_like, (dim - 1, dim) or, in the plane, (2,), optional
+    extent : array_like, (dim - 1, dim) or, in the plane, (2,), optional; none on a line
         From the middle to the edges [m]: the half sides of a piece, perpendicular to the normal
         and to each other.  By default the wall has no end.
     """
@@ -41,8 +41,8 @@ class Wall:
 
     def __post_init__(self):
         point = floats("wall point", self.point)
-        if point.shape not in ((2,), (3,)):
-            raise TensegrityError(f"wall point has shape {point.shape}, must be (2,) or (3,)")
+        if point.shape not in ((1,), (2,), (3,)):
+            raise TensegrityError(f"wall point has shape {point.shape}, must be (1,), (2,) or (3,)")
         check.vector("wall point", point, point.shape)
         normal = check.vector("wall normal", floats("wall normal", self.normal), point.shape)
         length = np.linalg.norm(normal)

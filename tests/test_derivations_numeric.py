@@ -8,7 +8,7 @@ import sympy as sp
 from derivations import prism, rigid_response
 from tensegrity import Prism
 from tensegrity.codegen import functions
-from tensegrity.kernel import Compiled
+from tensegrity.compiled import Compiled
 from tensegrity.native import CompilerError
 
 EPS = np.finfo(float).eps

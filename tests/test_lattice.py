@@ -40,7 +40,7 @@ def test_impossible_chains_are_refused():
         (np.zeros(4, dtype=np.float32), "dtype"),
         (np.zeros(8)[::2], "contiguous"),
         (np.array([0, math.nan, 0, 0]), "finite"),
-        (np.zeros((2, 2, 2)), "dimension"),
+        (np.zeros((2, 2, 2, 2)), "dimension"),
     ],
 )
 def test_unusable_arrays_are_refused(u, why):

@@ -24,9 +24,11 @@ from tensegrity import (
     simulate,
 )
 from tensegrity.methods import METHODS
-from tensegrity.network_loop import CompiledNetwork, InterpretedNetwork
+from tensegrity.compiled import Compiled
+from tensegrity.interpreted import Interpreted
+from tensegrity.kernel import bind
 
-RUNNING = [name for name, method in METHODS.items() if not method.chains_only]
+RUNNING = [name for name, method in METHODS.items() if method.explicit]
 LINE = [(k, k + 1) for k in range(19)]
 
 
@@ -196,11 +198,10 @@ def test_engines_agree(make, name):
     state = network.at_rest({0: [0.3, 0.0, 0.1][: network.dim]})
     dt = 1e-6 if network.walls else 0.1
     found = []
-    for kind in (CompiledNetwork, InterpretedNetwork):
+    for kind in (Compiled, Interpreted):
         u, v = network.arrays(state)
-        bound = kind(network.contacts.laws, network.dim).bind(
-            u, v, network.contacts, METHODS[name], dt
-        )
+        bonds = network.loop_bonds
+        bound = bind(u, v, bonds, METHODS[name], dt, kind.of(bonds))
         bound.advance(40)
         found.append((u[: network.sites], v, bound.range.copy(), bound.travel))
     (u, v, met, way), (x, y, other, far) = found

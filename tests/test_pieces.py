@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tensegrity import Chain, PowerLaw, Prism, simulate
-from tensegrity.kernel import Compiled
+from tensegrity.compiled import BoundLine, Compiled
 from tensegrity.methods import METHODS
 from tensegrity.pieces import HALO, LONG, BoundPieces, start_of_block
 
@@ -36,13 +36,13 @@ def test_pieces_equal_the_whole_bit_for_bit(scene, threads, method):
     ranges = chain.present_ranges(np.stack([start[0], -start[0]]).max(axis=0))
     dt = 0.99 * method.stability_limit / chain.frequency(ranges)
     start[:, chain.held] = 0
-    engine = Compiled(chain.segments.laws)
+    engine = Compiled.of(chain.loop_bonds)
     steps = 2 * (HALO // method.stages) + 7
     results = []
     for divided in (False, True):
         u, v = start.copy()
-        parts = engine, u, v, chain.inverse_mass, chain.segments, method, dt
-        loop = BoundPieces(*parts, threads) if divided else engine.bind(*parts[1:], divided=False)
+        parts = u, v, chain.loop_bonds, method, dt
+        loop = BoundPieces(engine, *parts, threads) if divided else BoundLine(engine, *parts)
         for n in (1, steps):  # a second call takes up what the first left
             loop.advance(n)
         results.append((u, v, loop.range.copy()))

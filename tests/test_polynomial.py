@@ -30,7 +30,9 @@ from tensegrity import (
 )
 from tensegrity.enclosure import Disk
 from tensegrity.enclosure import tension as enclosed
-from tensegrity.kernel import Compiled, Interpreted
+from tensegrity.compiled import Compiled
+from tensegrity.interpreted import Interpreted
+from tensegrity.kernel import bind
 from tensegrity.methods import METHODS
 
 RIGID = Prism(1.0, 0.8, 0.02, 1.0).potential()
@@ -225,8 +227,7 @@ def test_engines_take_polynomials(engine):
     u, v = 0.009 * np.sin(np.arange(131.0) ** 2), np.zeros(131)
     f = np.concatenate([[0], chain.bond_tension(u), [0]])
     single = replace(METHODS["verlet"], kicks=(1.0, 0.0))
-    loop = engine(chain.segments.laws)
-    loop.bind(u, v, chain.inverse_mass, chain.segments, single, 0.1).advance(1)
+    bind(u, v, chain.loop_bonds, single, 0.1, engine.of(chain.loop_bonds)).advance(1)
     np.testing.assert_allclose(v, 0.1 * np.diff(f), rtol=0, atol=1e-15)
 
 
