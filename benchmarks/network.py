@@ -7,11 +7,11 @@ Peers do the same sums: NumPy with bincount, and a loop over contacts in numba w
 import warnings
 
 import numpy as np
+from tensegrity.network_loop import CompiledNetwork, InterpretedNetwork
 
 from benchmarks._timing import best, table
 from tensegrity import Network, PowerLaw
 from tensegrity.methods import METHODS
-from tensegrity.network_loop import CompiledNetwork, InterpretedNetwork
 
 STIFFNESS, DT = 1.0, 1e-3
 WORK = 3_000_000  # contact-steps of one call

@@ -6,7 +6,6 @@ import numpy as np
 
 from figures._limits import prism_chain, slope
 from tensegrity.compiled import Compiled
-from tensegrity.kernel import bind
 from tensegrity.methods import METHODS
 
 NAME = "limits_round_off"

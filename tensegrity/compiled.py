@@ -313,4 +313,3 @@ class BoundNet(_Bound):
 def compiled(laws, own, dim, lanes):
     """The loop for these laws; raises `CompilerError` where there is none."""
     return Compiled(laws, own, dim, lanes)
-

@@ -74,7 +74,9 @@ class Ensemble(Scene):
     @cached_property
     def springs(self):
         """One for each bond in each lane."""
-        return tuple(s for bond in zip(*(x.springs for x in self.scenes), strict=True) for s in bond)
+        return tuple(
+            s for bond in zip(*(x.springs for x in self.scenes), strict=True) for s in bond
+        )
 
     @cached_property
     def spring_table(self):
@@ -251,7 +253,9 @@ class Ensemble(Scene):
         motion = np.zeros_like(state.v)
         for lane, scene in enumerate(self.scenes):
             mass = scene.mass.reshape(-1, *[1] * (state.v.ndim - 2))
-            motion[..., lane] = mass * state.v[..., lane] ** 2 / 2 - scene.loads * state.u[..., lane]
+            motion[..., lane] = (
+                mass * state.v[..., lane] ** 2 / 2 - scene.loads * state.u[..., lane]
+            )
         return stored.sum(axis=0) + motion.reshape(-1, self.lanes).sum(axis=0)
 
     def momentum(self, state):

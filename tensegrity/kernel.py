@@ -21,7 +21,6 @@ from __future__ import annotations
 import warnings
 from functools import cache
 
-
 from tensegrity import pieces
 from tensegrity.compiled import BoundLine, BoundNet, compiled
 from tensegrity.implicit import BoundGauss

@@ -8,7 +8,6 @@ carries the constant preload, because potentials are measured from the loaded eq
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import cached_property
 
 import numpy as np
 

@@ -8,9 +8,9 @@ formed (see `tensegrity.clearance`).  Source: seeds/001, eqs. (1)-(6).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,6 +19,7 @@ from tensegrity import check, forces
 from tensegrity.bonds import PAIR, WALL, Bonds, Contacts
 from tensegrity.clearance import Clearance
 from tensegrity.errors import TensegrityError
+from tensegrity.following import Following
 from tensegrity.network_input import (
     held_sites,
     joined_pairs,
@@ -65,6 +66,12 @@ class Network(Scene):
         Constant forces [N].
     held : sequence of int, optional
         Sites that stay at u = 0.
+    contacts : {"fixed", "follow"}, optional
+        "follow": beside the bonds, sites that come near each other or a wall get a contact before
+        they touch and lose it when they are apart again; needs `radius` and `law`.
+    law : Potential or callable (site, other) -> Potential, optional
+        Of the contacts that are followed, in the gap between the surfaces; `other` is a site or a
+        Wall.  Give the same object for like contacts.
     """
 
     def __init__(
@@ -82,6 +89,8 @@ class Network(Scene):
         radius=None,
         loads=None,
         held: Sequence[int] = (),
+        contacts: str = "fixed",
+        law=None,
     ):
         self.positions = numbers("positions", positions)
         if self.positions.ndim != 2 or self.positions.shape[1] not in (1, 2, 3):
@@ -106,6 +115,7 @@ class Network(Scene):
         self.loads = np.zeros(self.shape) if loads is None else numbers("loads", loads, self.shape)
         self.held = held_sites(held, self.sites)
         self._set_geometry(lengths, wall_gaps)
+        self.law = _followed_law(contacts, law, self.radius)
         _ = self.loop_bonds  # refuses springs that the compiled loop cannot take
         self._refuse_unlisted(np.zeros(self.shape))
 
@@ -164,15 +174,49 @@ class Network(Scene):
             np.concatenate([self.bonds[:, 1], self.wall_contacts[:, 0]]),
             self._geometry, self.loads, len(self.walls),
         )  # fmt: skip
-        return Bonds(
-            *self.spring_table.table, self.spring_table.group, self.inverse_mass, contacts
-        )
+        return Bonds(*self.spring_table.table, self.spring_table.group, self.inverse_mass, contacts)
+
     @cached_property
     def clearance(self):
         """What watches over the contacts that are not listed; None where sites have no radius."""
         if self.radius is None:
             return None
-        return Clearance(self.positions, self.radius, self.bonds, self.walls, self.wall_contacts)
+        kind = Clearance if self.law is None else Following
+        return kind(self.positions, self.radius, self.bonds, self.walls, self.wall_contacts)
+
+    def listed(self, u):
+        """This network with contacts of its list only, for displacements near u (sites, dim).
+
+        Where contacts are followed these are the bonds, and behind them, sorted by their sites, all
+        pairs that may touch before any site moved by an eighth of its radius; else all it has.
+        """
+        if self.law is None:
+            return self
+        pairs, walls = self.clearance.near(np.asarray(u, dtype=float))
+        other, count = copy(self), len(self.bonds)
+        own, on_walls = self.springs[:count], self.springs[count:]
+        of_pairs = tuple(self.law(i, j) for i, j in pairs.tolist())
+        of_walls = tuple(self.law(site, self.walls[wall]) for site, wall in walls.tolist())
+        gaps = self._geometry[self.dim, count:]
+        reach = self.radius[pairs].sum(axis=1)
+        other._forget()
+        given = {
+            "law": None,
+            "radius": self.radius,
+            "bonds": np.concatenate([self.bonds, pairs]),
+            "wall_contacts": np.concatenate([self.wall_contacts, walls]),
+            "springs": own + of_pairs + on_walls + of_walls,
+            "clearance": None,
+        }
+        other.__dict__.update(given)
+        other._set_geometry(np.concatenate([self.lengths, reach]), None)
+        other._geometry[self.dim, len(other.bonds) : len(other.bonds) + len(gaps)] = gaps
+        return other
+
+    def _forget(self):
+        """Drop what was computed from springs and contacts, in a copy that gets others."""
+        for name in ("spring_table", "contact_bonds", "loop_bonds", "closing", "clearance"):
+            self.__dict__.pop(name, None)
 
     @property
     def shape(self):
@@ -210,8 +254,7 @@ class Network(Scene):
     def with_springs(self, springs):
         """The same network with other springs, one for each different spring of `spring_table`."""
         other = copy(self)
-        for name in ("spring_table", "contact_bonds", "loop_bonds", "closing"):
-            other.__dict__.pop(name, None)
+        other._forget()
         other.__dict__["springs"] = tuple(springs[k] for k in self.spring_table.group)
         return other
 
@@ -392,3 +435,32 @@ class Network(Scene):
             f"{len(self.walls)} walls with {len(self.wall_contacts)} contacts)"
         )
 
+
+@dataclass(frozen=True)
+class FollowedLaw:
+    """The spring of a contact that forms, from what a user gave."""
+
+    given: Potential | Callable
+
+    def __post_init__(self):
+        if not (isinstance(self.given, Potential) or callable(self.given)):
+            raise TensegrityError(
+                f"law {self.given!r} is not a Potential or a function of two that touch"
+            )
+
+    def __call__(self, site, other):
+        spring = self.given if isinstance(self.given, Potential) else self.given(site, other)
+        if not isinstance(spring, Potential):
+            raise TensegrityError(f"law of {site!r} and {other!r} is {spring!r}, not a Potential")
+        return spring
+
+
+def _followed_law(contacts, law, radius):
+    """The law of contacts that are followed; None where they are fixed."""
+    if contacts not in ("fixed", "follow"):
+        raise TensegrityError(f"contacts {contacts!r} must be 'fixed' or 'follow'")
+    if contacts == "follow" and radius is None:
+        raise TensegrityError("contacts 'follow' need the radius of the sites")
+    if contacts == "fixed" and law is not None:
+        raise TensegrityError("law given, but contacts are 'fixed'")
+    return FollowedLaw(law) if contacts == "follow" else None

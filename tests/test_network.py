@@ -23,10 +23,10 @@ from tensegrity import (
     Wall,
     simulate,
 )
-from tensegrity.methods import METHODS
 from tensegrity.compiled import Compiled
 from tensegrity.interpreted import Interpreted
 from tensegrity.kernel import bind
+from tensegrity.methods import METHODS
 
 RUNNING = [name for name, method in METHODS.items() if method.explicit]
 LINE = [(k, k + 1) for k in range(19)]

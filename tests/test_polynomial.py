@@ -28,9 +28,9 @@ from tensegrity import (
     simulate,
     tolerance,
 )
+from tensegrity.compiled import Compiled
 from tensegrity.enclosure import Disk
 from tensegrity.enclosure import tension as enclosed
-from tensegrity.compiled import Compiled
 from tensegrity.interpreted import Interpreted
 from tensegrity.kernel import bind
 from tensegrity.methods import METHODS
