@@ -9,7 +9,8 @@ import numpy as np
 
 from figures._limits import listed, prism_chain
 from tensegrity import Record, State, simulate
-from tensegrity.kernel import Interpreted
+from tensegrity.interpreted import Interpreted
+from tensegrity.kernel import bind
 from tensegrity.methods import METHODS
 from tensegrity.pieces import LONG
 
@@ -55,8 +56,8 @@ def interpreted(chain, state, t_end):
     """The same rows from CasADi's virtual machine."""
     u, v = chain.arrays(state)
     rkn6, rows = METHODS["rkn6"], [np.stack([u, v])]
-    engine = Interpreted(chain.segments.laws)
-    loop = engine.bind(u, v, chain.inverse_mass, chain.segments, rkn6, DT)
+    bonds = chain.loop_bonds
+    loop = bind(u, v, bonds, rkn6, DT, Interpreted.of(bonds))
     for _ in range(LOOKS - 1):
         loop.advance(round(t_end / DT) // (LOOKS - 1))
         rows.append(np.stack([u, v]))

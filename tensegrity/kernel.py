@@ -6,10 +6,12 @@ What runs where:
 |---|---|---|
 | parameters common, own to each bond | yes | yes |
 | lanes of one scene, or of several | side by side in one loop | in turn |
-| threads | pieces of long chains | no: sites' forces are sums over contacts in any order |
-| walls, loads | no: a network | yes |
-| "processed6" | yes | where sites have no radius: contacts are looked for in the scene's own variables |
+| threads | pieces of long chains | no: contacts add to sites in any order |
+| walls, loads | no: a network on a line has them | yes |
+| "processed6" | yes | where sites have no radius, so that no contact can form |
 | implicit steps | yes, banded | yes, sparse |
+| fitted forces | yes | yes |
+| springs that change in time | `tensegrity.tuning` | no |
 
 Bonds that join neighbours in order, without walls and loads, are a chain whatever the scene
 calls them: one pass over them does a stage.  A processor works on several short chains in the

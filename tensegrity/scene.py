@@ -127,15 +127,41 @@ class Scene:
         """Elongation of every spring [m]: of bonds, and behind them of wall contacts."""
         return self.elongation(u)
 
+    def stiffness_within(self, ranges, numbers=None):
+        """Bound on the stiffness of a bond of each spring, along it and across.
+
+        Parameters
+        ----------
+        ranges : ndarray, (springs, 2)
+            Elongations [m].
+        numbers : ndarray of int, optional
+            The springs that are asked for; by default all.
+
+        Returns
+        -------
+        ndarray, (springs,) or shape of `numbers`
+            [N/m]; inf where the ends of a bond meet.
+        """
+        springs = self.spring_table
+        numbers = np.arange(len(springs)) if numbers is None else numbers
+        shortest = ranges[:, 0] - self.closing
+        k, apart = np.full(len(numbers), np.inf), shortest[numbers] > 0
+        within = numbers[apart]
+        k[apart] = springs.largest("stiffness", ranges, within)
+        if self.turns:
+            across = springs.largest("tension", ranges, within) / shortest[within]
+            k[apart] = np.maximum(k[apart], across)
+        return k
+
     def frequency(self, ranges):
         """Bound on the largest angular frequency [rad/s] over given ranges (springs, 2)."""
-        shortest = ranges[:, 0] - self.closing
-        if np.any(shortest <= 0):
+        return self.fastest(self.stiffness_within(ranges))
+
+    def fastest(self, stiffness):
+        """The same for a bound of the stiffness of each spring [N/m], (springs,)."""
+        if np.isinf(stiffness).any():
             return np.inf  # the two sites of a bond coincide
-        k = self.spring_table.largest("stiffness", ranges)
-        if self.turns:
-            k = np.maximum(k, self.spring_table.largest("tension", ranges) / shortest)
-        return self.frequency_of(k[self.spring_table.group])
+        return self.frequency_of(stiffness[self.spring_table.group])
 
     def present_ranges(self, u):
         """Smallest and largest elongation, 0 included, of each different spring; (springs, 2)."""
@@ -159,7 +185,7 @@ class Scene:
 
     @property
     def contact_bonds(self):
-        """Bonds with their geometry: `loop_bonds`, but where a network's are a chain's to the loop."""
+        """Bonds with their geometry, which a loop over neighbours in a row does without."""
         return self.loop_bonds
 
     def forces(self, u):

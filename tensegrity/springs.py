@@ -128,14 +128,16 @@ class Springs:
         one = laws[law[numbers[0]]]
         return kernel((one,)).evaluate(0, order, parameters[group].T, np.ascontiguousarray(r))
 
-    def _each(self, name, r):
-        """The same of each different spring at points r (points, springs)."""
+    def _each(self, name, r, numbers):
+        """The same of different springs at points r (points, numbers)."""
         out = np.empty_like(r)
-        for numbers in self._alike:
-            out[:, numbers] = self._of(name, numbers, r[:, numbers], numbers)
+        for alike in self._alike:
+            mine = np.flatnonzero(np.isin(numbers, alike)) if len(self._alike) > 1 else slice(None)
+            if r[:, mine].size:
+                out[:, mine] = self._of(name, alike, r[:, mine], numbers[mine])
         return out
 
-    def largest(self, name, ranges):
+    def largest(self, name, ranges, numbers=None):
         """Largest size of the tension [N], or largest stiffness [N/m], of each spring.
 
         Parameters
@@ -143,14 +145,20 @@ class Springs:
         name : {"tension", "stiffness"}
         ranges : ndarray, (springs, 2)
             Elongations [m], both inside the domain.
+        numbers : ndarray of int, optional
+            The springs that are asked for; by default all.
 
         Returns
         -------
-        ndarray, (springs,)
+        ndarray, (springs,) or shape of `numbers`
             At least 0.
         """
+        numbers = np.arange(len(self)) if numbers is None else numbers
+        ranges = ranges[numbers]
         shares = np.concatenate([CLOSE, EVEN])[:, None]
-        values = self._each(name, np.concatenate([ranges[:, 0] * shares, ranges[:, 1] * shares]))
+        values = self._each(
+            name, np.concatenate([ranges[:, 0] * shares, ranges[:, 1] * shares]), numbers
+        )
         largest = np.max(np.abs(values) if name == "tension" else values, axis=0, initial=0.0)
         bad = np.flatnonzero(~np.isfinite(largest))
         if bad.size:
@@ -184,7 +192,7 @@ class Springs:
         r = np.clip(sign * r, *self.domains.T)
         every = np.arange(len(self))
         for _ in range(2):  # a coarse look, then a fine one at the crossing
-            outside = ~(self._each("energy", r) <= energy)
+            outside = ~(self._each("energy", r, every) <= energy)
             found, first = outside.any(axis=0), np.argmax(outside, axis=0)
             beyond = r[first, every]
             before = np.where(first > 0, r[np.maximum(first - 1, 0), every], 0.0)

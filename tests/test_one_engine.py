@@ -145,7 +145,7 @@ def test_networks_run_in_lanes():
 
 def test_lanes_of_other_shape_are_refused():
     for other in (prism_chain(11), patch(4)):
-        with pytest.raises(TensegrityError, match="scene 1, .* differs in shape"):
+        with pytest.raises(TensegrityError, match=r"scene 1, .* differs in shape"):
             Ensemble([prism_chain(10), other])
     with pytest.raises(TensegrityError, match="give a scene and lanes"):
         Ensemble(prism_chain(10))
