@@ -17,6 +17,7 @@ from tensegrity import codegen, pieces, plain
 from tensegrity.implicit import BoundGauss
 from tensegrity.methods import Splitting
 from tensegrity.native import CompilerError, library
+from tensegrity.once import once
 
 
 @dataclass(frozen=True)
@@ -331,7 +332,7 @@ class _Passes:
         return ca.vertcat(*forces), ca.vertcat(*lows), ca.vertcat(*highs)
 
 
-@cache
+@once
 def kernel(laws):
     """The engine for a tuple of laws: compiled, or interpreted with one warning."""
     try:
@@ -349,5 +350,5 @@ def warn_slow(reason):
         f"of the C compiler: {reason}. Install gcc or clang, or the Python package ziglang, or "
         "set CC",
         RuntimeWarning,
-        stacklevel=4,
+        stacklevel=5,
     )

@@ -9,7 +9,7 @@ formed (see `tensegrity.clearance`).  Source: seeds/001, eqs. (1)-(6).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import cache, cached_property
+from functools import cached_property
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from tensegrity.network_input import (
     touching,
 )
 from tensegrity.network_loop import Contacts, kernel
+from tensegrity.once import once
 from tensegrity.potential import Potential
 from tensegrity.scene import KINK_SHARE, Scene, State, law_table, velocities
 from tensegrity.walls import Wall
@@ -387,7 +388,7 @@ class Network(Scene):
         )
 
 
-@cache
+@once
 def _elongation(dim):
     """The elongation of `derivations.geometry` in NumPy: (D, w, g, L) -> r."""
     import sympy as sp

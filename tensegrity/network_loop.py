@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import ctypes
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 
 from tensegrity import codegen, plain
 from tensegrity.kernel import Steps, advances, splitting_rows, warn_slow
 from tensegrity.native import CompilerError, library
+from tensegrity.once import once
 
 KINDS = ("pair", "wall")
 LANES = 8  # as in network.c
@@ -75,7 +75,7 @@ class Contacts:
         return loads
 
 
-@cache
+@once
 def geometry(dim):
     """CasADi functions (D, w, g, L) -> (elongation, its gradient in w), one per kind."""
     import casadi as ca
@@ -317,7 +317,7 @@ class _BoundInterpreted:
         return self._weights * force
 
 
-@cache
+@once
 def kernel(laws, dim):
     """The engine for networks of these laws: compiled, or interpreted with one warning."""
     try:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from functools import cache
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from tensegrity import check
 from tensegrity.codegen import Law, check_law
 from tensegrity.errors import LockingError, TensegrityError
 from tensegrity.kernel import kernel
+from tensegrity.once import once
 
 
 class Potential:
@@ -244,7 +244,7 @@ class PowerLaw(Potential):
 SMALLEST = 1e-100  # overlap [m] from which a contact counts as closed
 
 
-@cache
+@once
 def _power_law(exponent):
     import sympy as sp
 

@@ -9,6 +9,7 @@ ROOT = Path(__file__).parent.parent
 PACKAGES = ("derivations", "tensegrity", "granular", "figures", "benchmarks")
 ORDER = [  # inside tensegrity: each may import what stands before it
     "errors",
+    "once",
     "check",
     "codegen",
     "enclosure",
