@@ -19,7 +19,7 @@ from tensegrity.continuation import Problem, Settings, trace
 from tensegrity.errors import EquilibriumError, RangeError, TensegrityError
 from tensegrity.kernel import kernel
 from tensegrity.once import once
-from tensegrity.potential import Potential
+from tensegrity.potential import Potential, call
 
 UNKNOWNS = ("base tension", "bar tension", "half turn", "rise")
 ITERATIONS = 20
@@ -261,6 +261,7 @@ class ElasticPotential(Potential):
     def __init__(self, prism, preload=0.0):
         self._key_of = (prism, preload)
         self._prism, self._preload = prism, preload
+        self._origin = call(f"{prism}.potential", preload=preload)
         self._rigid_base = math.isinf(prism.k_base)
         self._p = numbers(prism)
         self._at_rest = self._loaded() if preload else self._zero()

@@ -7,7 +7,7 @@ reference is the self-stressed state at twist 5 pi/6.  Source: seeds/000, part I
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +16,7 @@ from tensegrity import check
 from tensegrity.codegen import Law
 from tensegrity.errors import EquilibriumError, NoLocking, TensegrityError
 from tensegrity.once import once
-from tensegrity.potential import Potential
+from tensegrity.potential import Potential, call
 
 DIGITS = 40  # decimals in which stored parameters are computed before they are rounded
 
@@ -75,6 +75,10 @@ class Prism:
 
     def _check(self, name, **bounds):
         object.__setattr__(self, name, check.number(name, getattr(self, name), **bounds))
+
+    def __repr__(self):
+        given = {name: value for name, value in asdict(self).items() if value != math.inf}
+        return call("Prism", **given)
 
     @property
     def is_rigid(self):
@@ -160,7 +164,8 @@ class Prism:
         law = _rigid_law()
         numbers = [float(values[symbol]) for symbol in derived.PARAMETERS]
         domain = -float(values[derived.lock]), float(values[derived.stroke])
-        return Potential._from_law(law, numbers, height, domain, ends)
+        origin = call(f"{self}.potential", preload=preload)
+        return Potential._from_law(law, numbers, height, domain, ends, origin)
 
 
 @once
