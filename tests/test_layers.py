@@ -11,7 +11,6 @@ ORDER = [  # inside tensegrity: each may import what stands before it
     "errors",
     "check",
     "codegen",
-    "enclosure",
     "native",
     "methods",
     "plain",
