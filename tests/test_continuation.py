@@ -330,6 +330,12 @@ def test_branch_prints_its_events_and_end():
     assert story.endswith("ends: below")
 
 
+def test_a_part_of_a_branch_says_whether_its_end_was_cut_off():
+    branch = circle()
+    assert branch[:-1].end == "cut here"
+    assert branch[3:].end == branch[::-1].end == branch.end == "below"
+
+
 def test_branch_writes_csv_that_reads_back_exactly(tmp_path):
     branch = circle()
     branch.to_csv(tmp_path / "b.csv")

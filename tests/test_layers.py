@@ -12,7 +12,6 @@ ORDER = [  # inside tensegrity: each may import what stands before it
     "once",
     "check",
     "codegen",
-    "enclosure",
     "native",
     "methods",
     "plain",
