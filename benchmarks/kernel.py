@@ -193,10 +193,8 @@ def long_chains():
         for threads in (0, 1, 2):
             u, v = 1e-3 * np.sin(np.arange(sites) % 1000.0), np.zeros(sites)
             parts = u, v, chain.loop_bonds, METHODS["verlet"], DT
-            if threads:
-                loop = BoundPieces(engine, *parts, threads)
-            else:
-                loop = BoundLine(engine, *parts)
+            pieces = BoundPieces(engine, *parts, threads) if threads else None
+            loop = pieces or BoundLine(engine, *parts)
             loops[threads] = lambda loop=loop, steps=steps: loop.advance(steps)
         times = best(loops)
         found[sites] = [times[n] * 1e9 / steps / (sites - 1) for n in (0, 1, 2)]

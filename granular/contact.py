@@ -8,11 +8,11 @@ Source: seeds/000, part II, "Hertz interaction potentials"; seeds/001, eqs. (3),
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 
 from granular.beads import Bead
 from granular.materials import Material
 from tensegrity import PowerLaw, TensegrityError, check
+from tensegrity.once import once
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ def checked_law(law):
     return law
 
 
-@cache
+@once
 def _constants():
     """alpha of two spheres and of a sphere on a wall, as functions of numbers."""
     import sympy as sp

@@ -12,12 +12,12 @@ metamaterials".
 from __future__ import annotations
 
 import math
-from functools import cache
 
 import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+from tensegrity.once import once
 
 
 def sound_speed(spring, mass=1.0):
@@ -67,7 +67,7 @@ def tent(spring, x):
     return _tent()(stroke, np.asarray(x, dtype=float))
 
 
-@cache
+@once
 def _sech2():
     """Elongation as a function of stiffness, its slope, c/cs and x."""
     import sympy as sp
@@ -82,7 +82,7 @@ def _sech2():
     return sp.lambdify(symbols, elongation, modules="numpy")
 
 
-@cache
+@once
 def _tent():
     """Elongation as a function of the locking stroke and x."""
     import sympy as sp

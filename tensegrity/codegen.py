@@ -15,6 +15,7 @@ from importlib.resources import files
 from typing import TYPE_CHECKING
 
 from tensegrity.errors import TensegrityError
+from tensegrity.once import once
 
 if TYPE_CHECKING:
     import sympy as sp
@@ -153,7 +154,7 @@ def check_law(law):
         raise TensegrityError(f"energy {law.energy} cannot be translated: {error}") from error
 
 
-@cache
+@once
 def functions(law):
     """CasADi functions of a law.
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import ctypes
-from functools import cache
 
 import numpy as np
 
 from tensegrity import codegen, geometry
 from tensegrity.methods import Splitting
 from tensegrity.native import library
+from tensegrity.once import once
 
 
 def _structure(name, arrays, counts):
@@ -309,7 +309,7 @@ class BoundNet(_Bound):
         return by_spring(self._group, self._springs, self._low[self._real], self._high[self._real])
 
 
-@cache
+@once
 def compiled(laws, own, dim, lanes):
     """The loop for these laws; raises `CompilerError` where there is none."""
     return Compiled(laws, own, dim, lanes)

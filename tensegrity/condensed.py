@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 
 import numpy as np
 
@@ -18,7 +18,8 @@ from tensegrity.codegen import deflated, horner, to_casadi
 from tensegrity.continuation import Problem, Settings, trace
 from tensegrity.errors import EquilibriumError, RangeError, TensegrityError
 from tensegrity.kernel import kernel
-from tensegrity.potential import Potential
+from tensegrity.once import once
+from tensegrity.potential import Potential, call
 
 UNKNOWNS = ("base tension", "bar tension", "half turn", "rise")
 ITERATIONS = 20
@@ -30,7 +31,7 @@ SAMPLES = 512  # elongations at which that is tried
 HALVINGS = 8  # of the part of the domain on which it is tried
 
 
-@cache
+@once
 def _forms(rigid_base):
     """What `derivations.mixed` gives, as CasADi expressions of unknowns z and parameters p."""
     import casadi as ca
@@ -54,7 +55,7 @@ def _forms(rigid_base):
     return z, p, found | {"half_turn": unknowns[2], "rise": unknowns[3]}
 
 
-@cache
+@once
 def problem(rigid_base=False):
     """Equilibria of a prism as a branch, parametrised by the rise h - h0.
 
@@ -107,7 +108,7 @@ def numbers(prism, height=-1.0, load=math.inf):
     ]
 
 
-@cache
+@once
 def _tangent(rigid_base):
     """Symmetric tangent of the energy in (base, twist, bar tension, height).
 
@@ -155,7 +156,7 @@ def stable(z, p, rigid_base):
     return only_multiplier(matrices), only_multiplier(matrices[:, :-1, :-1])
 
 
-@cache
+@once
 def _inner(rigid_base):
     """Newton step at given height, and energy with its derivatives in the height."""
     import casadi as ca
@@ -232,7 +233,7 @@ class ElasticLaw:
         )  # fmt: skip
 
 
-@cache
+@once
 def _unknowns(law):
     import casadi as ca
 
@@ -260,6 +261,7 @@ class ElasticPotential(Potential):
     def __init__(self, prism, preload=0.0):
         self._key_of = (prism, preload)
         self._prism, self._preload = prism, preload
+        self._origin = call(f"{prism}.potential", preload=preload)
         self._rigid_base = math.isinf(prism.k_base)
         self._p = numbers(prism)
         self._at_rest = self._loaded() if preload else self._zero()

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -24,6 +23,7 @@ from tensegrity import check
 from tensegrity.arclength import TINY, Machine, virtual_start
 from tensegrity.errors import TensegrityError
 from tensegrity.events import leave_start, located
+from tensegrity.once import once
 from tensegrity.table import Event, Table
 
 START_ITERATIONS = 50
@@ -86,9 +86,11 @@ class Problem:
         if self.folds is None:
             object.__setattr__(self, "folds", {"fold": self.z[m - 1]})
 
-    @cached_property
+        object.__setattr__(self, "_made", once(lambda: Machine(self)))
+
+    @property
     def _machine(self):
-        return Machine(self)
+        return self._made()
 
 
 @dataclass(frozen=True)
@@ -172,6 +174,7 @@ def trace(problem, start, parameters=(), settings=None, direction=1, stop=()):
     -------
     Branch
         It ends at the first event in `stop`; simple bifurcations on the way are events too.
+        Threads may trace the same problem at once.
 
     Raises
     ------

@@ -6,9 +6,9 @@ out of `u`, as they do not move contacts.
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
+
+from tensegrity.once import once
 
 
 def elongations(bonds, u):
@@ -32,7 +32,7 @@ def elongations(bonds, u):
     return r, along
 
 
-@cache
+@once
 def _elongation(dim):
     """The elongation of `derivations.geometry` in NumPy: (D, w, g, L) -> r."""
     import sympy as sp

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 from tensegrity import codegen
+from tensegrity.once import once
 
 
-@cache
+@once
 def functions(dim):
     """CasADi functions (D, w, g, L) -> (elongation, its gradient in w), of pairs and of walls.
 

@@ -69,6 +69,7 @@ class BoundGauss:
             straight = self._nodes * self._h * self._v  # (stages, entries)
             moved = self._solve(straight)
             slopes = self._inverse @ (moved - straight)
+            slopes[:, self._w == 0] = 0  # to the last bit
             move = self._h * self._v + self._positions @ slopes
             self._u += move
             self._v += self._velocities @ slopes

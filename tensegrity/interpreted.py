@@ -9,20 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from tensegrity import codegen, geometry, plain
-from tensegrity.bonds import KINDS
-from tensegrity.compiled import by_spring
+from tensegrity.bonds import KINDS, by_spring
 from tensegrity.methods import Splitting
 
 FOLD = 50  # steps done in one call of the machine
-
-
-def evaluate(law, order, parameters, r):
-    """The order-th derivative of a law; as `Compiled.evaluate`."""
-    function = codegen.functions(law)[codegen.DERIVATIVES[order]]
-    p = np.asarray(parameters, dtype=float)[: len(law.parameters)]
-    if p.ndim == 2 and r.size:
-        p = np.tile(p, r.size // r.shape[-1])
-    return np.array(function(r.reshape(1, -1), p.reshape(len(p), -1))).reshape(r.shape)
 
 
 class Interpreted:
@@ -42,7 +32,7 @@ class Interpreted:
 
     def evaluate(self, law, order, parameters, r):
         """The order-th derivative of law number `law` at elongations r; as `Compiled.evaluate`."""
-        return evaluate(self.laws[law], order, parameters, r)
+        return codegen.evaluate(self.laws[law], order, parameters, r)
 
 
 class BoundInterpreted:

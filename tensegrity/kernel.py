@@ -21,7 +21,6 @@ time of one where their sites stand side by side; contacts of a network fill it 
 from __future__ import annotations
 
 import warnings
-from functools import cache
 
 from tensegrity import pieces
 from tensegrity.compiled import BoundLine, BoundNet, compiled
@@ -29,9 +28,10 @@ from tensegrity.implicit import BoundGauss
 from tensegrity.interpreted import BoundInterpreted, Interpreted
 from tensegrity.methods import Splitting
 from tensegrity.native import CompilerError
+from tensegrity.once import once
 
 
-@cache
+@once
 def kernel(laws, own=None, dim=0, lanes=1):
     """The loop for a tuple of laws: compiled, or interpreted with one warning."""
     try:
@@ -73,7 +73,7 @@ def bind(u, v, bonds, method, dt, loop=None, divided=True):
     return BoundLine(loop, u, v, bonds, method, dt)
 
 
-@cache
+@once
 def warn_slow(reason):
     """Say once that there is no compiler."""
     warnings.warn(
@@ -81,5 +81,5 @@ def warn_slow(reason):
         f"of the C compiler: {reason}. Install gcc or clang, or the Python package ziglang, or "
         "set CC",
         RuntimeWarning,
-        stacklevel=4,
+        stacklevel=5,
     )

@@ -6,7 +6,6 @@ Source: seeds/000, part III, "Effects of element rigidity and internal prestress
 from __future__ import annotations
 
 import math
-from functools import cache
 
 import numpy as np
 
@@ -14,18 +13,19 @@ from tensegrity import check
 from tensegrity.condensed import numbers, problem
 from tensegrity.continuation import Settings, fold_problem, fold_start, refined_fold, trace
 from tensegrity.errors import TensegrityError
+from tensegrity.once import once
 from tensegrity.table import Table
 
 PRESTRAIN = 1  # its place in the parameters of `condensed.problem`
 SETTINGS = Settings(tolerance=1e-7, largest=0.05)
 
 
-@cache
+@once
 def _folds(rigid_base):
     return fold_problem(problem(rigid_base), "fold", PRESTRAIN)
 
 
-@cache
+@once
 def _values(rigid_base):
     """Height, twist, base and load as a function of (unknowns, parameters)."""
     import casadi as ca

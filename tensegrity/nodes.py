@@ -11,12 +11,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 
 from tensegrity.codegen import to_casadi
 from tensegrity.errors import TensegrityError
+from tensegrity.once import once
 from tensegrity.response import equilibrium_path
 
 HORIZONTAL = np.eye(18)[:, [3 * node + axis for node in range(6) for axis in (0, 1)]]
@@ -46,7 +46,7 @@ class Loss:
     symmetric: bool
 
 
-@cache
+@once
 def _tangent():
     import casadi as ca
 

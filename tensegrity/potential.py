@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from functools import cache
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from tensegrity import check
 from tensegrity.codegen import Law, check_law
 from tensegrity.errors import LockingError, TensegrityError
 from tensegrity.kernel import kernel
+from tensegrity.once import once
 
 
 class Potential:
@@ -46,6 +46,7 @@ class Potential:
     """
 
     smooth = True  # its derivatives do not jump anywhere
+    _origin = ""  # the call that made it, where that is another than its class
 
     def __init__(
         self, energy, elongation, parameters=None, length=None, domain=(-math.inf, math.inf)
@@ -88,10 +89,11 @@ class Potential:
         self._ends = ends
 
     @classmethod
-    def _from_law(cls, law, values, length, domain, ends):
-        """A potential from a law that brings more than its energy."""
+    def _from_law(cls, law, values, length, domain, ends, origin=""):
+        """A potential from a law that brings more than its energy, and the call it came from."""
         potential = cls.__new__(cls)
         potential._set(law, values, length, domain, ends)
+        potential._origin = origin
         return potential
 
     @property
@@ -179,17 +181,34 @@ class Potential:
         return self._key() == other._key()
 
     def __hash__(self):
-        return hash(self._key())
+        if "_hash" not in self.__dict__:
+            self._hash = hash(self._key())
+        return self._hash
+
+    def __getstate__(self):
+        return {name: value for name, value in vars(self).items() if name != "_hash"}  # of here
 
     def _key(self):
         return self._law, self._values.tobytes(), self._length, self._domain
 
     def __repr__(self):
-        given = ", ".join(f"{k}={v:g}" for k, v in self.parameters.items())
-        low, high = self._domain
-        return (
-            f"{type(self).__name__}({given}; length={self._length}, domain=({low:g}, {high:g}) m)"
-        )
+        if self._origin:
+            return self._origin
+        values = ", ".join(f"{name!r}: {shown(value)}" for name, value in self.parameters.items())
+        length = "" if self._length is None else f", length={shown(self._length)}"
+        domain = ", ".join(map(shown, self._domain))
+        law = self._law
+        return f"Potential({law.energy}, {law.elongation}, {{{values}}}{length}, domain=({domain}))"
+
+
+def shown(number):
+    """The shortest text that reads back as this number: 1 rather than 1.0."""
+    return repr(float(number)).removesuffix(".0")
+
+
+def call(name, **given):
+    """The text of a call with these numbers, such as f(x=1, y=2)."""
+    return f"{name}({', '.join(f'{key}={shown(value)}' for key, value in given.items())})"
 
 
 class PowerLaw(Potential):
@@ -239,12 +258,15 @@ class PowerLaw(Potential):
         domain = (-math.inf, math.inf)
         self._set(_power_law(exponent), values, length, domain)
         self.exponent = exponent
+        given = {"stiffness": stiffness, "exponent": exponent, "preload": preload}
+        given |= {} if length is None else {"length": self._length}
+        self._origin = call("PowerLaw", **given)
 
 
 SMALLEST = 1e-100  # overlap [m] from which a contact counts as closed
 
 
-@cache
+@once
 def _power_law(exponent):
     import sympy as sp
 

@@ -10,7 +10,6 @@ hang upright and pull alone.  Source: seeds/000, part III, "Numerical approach".
 from __future__ import annotations
 
 import math
-from functools import cache
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from tensegrity.codegen import to_casadi
 from tensegrity.condensed import numbers, problem, stable
 from tensegrity.continuation import Settings, trace
 from tensegrity.errors import NoLocking, TensegrityError
+from tensegrity.once import once
 from tensegrity.table import Event, Table
 
 ROWS = 200  # of a rigid prism, and of the part where base strings are slack
@@ -118,7 +118,8 @@ def equilibrium_path(prism, *, min_height=0.0, max_load=math.inf, max_height=Non
     -------
     EquilibriumPath
         It ends at contact, flat, or at the bounds asked for.  The rows of a prism with rigid
-        bases and bars stay finite; its contact event carries load = inf.
+        bases and bars stay finite; its contact event carries load = inf.  Threads may trace
+        paths at once, and processes send them.
 
     Raises
     ------
@@ -333,7 +334,7 @@ def _rigid_columns(prism, potential, r, locked=False):
     }
 
 
-@cache
+@once
 def _half_turn():
     """Tangent of half the turn from the reference, from constant length of bars and bases."""
     import casadi as ca

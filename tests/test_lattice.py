@@ -4,9 +4,10 @@ import math
 
 import numpy as np
 import pytest
+import sympy as sp
 from scenes import plain_forces, prism_chain, smooth_blow
 
-from tensegrity import Chain, PowerLaw, Prism, State, TensegrityError, simulate
+from tensegrity import Chain, Potential, PowerLaw, Prism, State, TensegrityError, simulate
 
 SPRING = PowerLaw(1.0, 1.5, preload=0.1)
 
@@ -73,6 +74,18 @@ def test_a_state_out_of_the_domain_is_refused():
     chain = prism_chain(3)
     with pytest.raises(TensegrityError, match="bars meet"):
         simulate(chain, State(np.array([0, -0.1, 0.0]), np.zeros(3)), 1.0)
+
+
+def test_held_sites_stay_exactly_where_they_are_in_long_implicit_steps():
+    """Solved for with all others they would pick up round-off, and their state be refused."""
+    r = sp.Symbol("r")
+    chain = Chain(Potential(r**2 / 2, r), 20, np.geomspace(1, 1e-2, 20), ("fixed", "fixed"))
+    start = chain.at_rest({1: 0.03, 18: -0.03})
+    run = simulate(chain, start, 30.0, dt=3.0, method="gauss4")
+    assert np.abs(run.u[-1, 1:-1]).min() > 0
+    assert np.all(run.u[:, [0, -1]] == 0)
+    assert np.all(run.v[:, [0, -1]] == 0)
+    assert simulate(chain, run.final, 3.0, dt=3.0, method="gauss4").complete
 
 
 @pytest.mark.parametrize("ends", [("free", "free"), ("fixed", "free"), ("fixed", "fixed")])
