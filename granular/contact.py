@@ -31,8 +31,10 @@ class Contact:
     exponent: float = 1.5
 
     def __post_init__(self):
-        check.number("contact constant", self.constant, above=0, unit="N/m^n")
-        check.number("contact exponent", self.exponent, above=0)
+        constant = check.number("contact constant", self.constant, above=0, unit="N/m^n")
+        exponent = check.number("contact exponent", self.exponent, above=0)
+        object.__setattr__(self, "constant", constant)
+        object.__setattr__(self, "exponent", exponent)
 
     def overlap(self, force):
         """Overlap [m] under a compressive force [N] >= 0; any shape."""

@@ -21,21 +21,29 @@ class State:
 
     Parameters
     ----------
-    u : ndarray of float64, (sites,) or (sites, dim)
-        Displacement [m]; of a chain, > 0 towards higher sites.
-    v : ndarray of float64, shape of u
-        Velocity [m/s].
+    u : array_like, (sites,) or (sites, dim)
+        Displacement [m]; of a chain, > 0 towards higher sites.  Kept as an array of float64,
+        C-contiguous: integers, other floats, views and lists are converted, what is right already
+        is not copied.
+    v : array_like, shape of u
+        Velocity [m/s], likewise.
+
+    Raises
+    ------
+    TensegrityError
+        What is not made of real numbers (complex ones, truth values, text), or not finite, or of
+        another shape.
     """
 
     u: np.ndarray
     v: np.ndarray
 
     def __post_init__(self):
-        shape = np.shape(self.u)
-        if len(shape) not in (1, 2):
-            raise TensegrityError(f"displacement has {len(shape)} dimensions, must have 1 or 2")
-        object.__setattr__(self, "u", check.vector("displacement", self.u, shape))
-        object.__setattr__(self, "v", check.vector("velocity", self.v, shape))
+        u = check.floats("displacement", self.u)
+        if u.ndim not in (1, 2):
+            raise TensegrityError(f"displacement has {u.ndim} dimensions, must have 1 or 2")
+        object.__setattr__(self, "u", check.vector("displacement", u, u.shape))
+        object.__setattr__(self, "v", check.vector("velocity", self.v, u.shape))
 
     def __add__(self, other):
         """Superposition, for waves too far apart to act on each other."""

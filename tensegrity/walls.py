@@ -14,10 +14,7 @@ SQUARE = 1e-9  # cosine of the angle of directions that pass as perpendicular
 
 def floats(name, value):
     """A copy of `value` as a float array."""
-    try:
-        return np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        raise TensegrityError(f"{name} {value!r} is not made of numbers") from None
+    return np.array(check.floats(name, value))
 
 
 @dataclass(frozen=True, eq=False)
