@@ -38,11 +38,11 @@ class BeadChain(Crystal, Chain):
         self.beads = (striker.bead, *beads) if striker else tuple(beads)
         first = len(self.beads) - len(beads)
         sites = len(self.beads) + (end is not None)
-        self.parts = {"chain": tuple(range(first, len(self.beads)))}
-        if striker:
-            self.parts = {"striker": (0,), **self.parts}
+        parts = {"striker": (0,)} if striker else {}
+        parts["chain"] = tuple(range(first, len(self.beads)))
         if end is not None:
-            self.parts["wall"] = (len(self.beads),)
+            parts["wall"] = (len(self.beads),)
+        self.parts = parts
         neighbours = (*self.beads[1:], *(() if end is None else (end,)))
         self._contacts = [law(a, b) for a, b in zip(self.beads, neighbours, strict=False)]
         self._carried = np.cumsum(loads)[: sites - 1]  # by each contact in equilibrium [N]

@@ -60,16 +60,16 @@ class Guide(Crystal, Network):
         layout.check()
         self.layout, self.striker = layout, striker
         first = 0 if striker is None else 1
-        self.parts = {p: tuple(b + first for b in sites) for p, sites in layout.parts.items()}
+        parts = {p: tuple(b + first for b in sites) for p, sites in layout.parts.items()}
         filled = [beads[part] for part, sites in layout.parts.items() for _ in sites]
         positions, bonds = layout.positions, layout.contacts() + first
         if striker is not None:
-            self.parts = {"striker": (0,), **self.parts}
+            parts = {"striker": (0,), **parts}
             filled = [striker.bead, *filled]
             before = positions[0] - [striker.bead.radius + filled[1].radius, 0.0]
             positions = np.concatenate([[before], positions])
             bonds = np.concatenate([[[0, 1]], bonds])
-        self.beads = tuple(filled)
+        self.parts, self.beads = parts, tuple(filled)
         touched = np.add(layout.wall_contacts(), (first, 0))
         solids = [wall if number < sides else end for _, number in touched]
         springs, walls = _Springs(checked_law(law)), tuple(_wall(piece) for piece in layout.walls)

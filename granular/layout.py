@@ -20,6 +20,7 @@ from itertools import pairwise
 import numpy as np
 
 from tensegrity import TensegrityError, check
+from tensegrity.readonly import ReadOnly, fixed
 
 TOUCH = 1e-9  # of a diameter: closer than this, beads that should touch do
 SIDE = math.pi / 6  # direction of two first branch beads that touch each other
@@ -72,7 +73,7 @@ class Piece:
 
 
 @dataclass(frozen=True, eq=False)
-class Layout:
+class Layout(ReadOnly):
     """Where beads and walls are.
 
     Attributes
@@ -96,6 +97,10 @@ class Layout:
     gap: float = 0.0
     walls: tuple[Piece, ...] = ()
     blind: bool = False
+
+    def __post_init__(self):
+        object.__setattr__(self, "positions", fixed(self.positions))
+        object.__setattr__(self, "parts", fixed(self.parts))
 
     def contacts(self):
         """Pairs of beads that touch, each once and the lower first; (contacts, 2)."""

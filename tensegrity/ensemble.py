@@ -44,8 +44,12 @@ class Ensemble(Chain):
         if not isinstance(chain, Chain) or isinstance(chain, Ensemble):
             raise TensegrityError(f"chain {chain!r} is not a Chain")
         self.chain, self.lanes = chain, check.whole("lanes", lanes, least=1)
-        self.step_share = chain.step_share
         super().__init__(chain.springs, chain.sites, chain.mass, chain.ends)
+
+    @property
+    def step_share(self):
+        """That of the chain."""
+        return self.chain.step_share
 
     def with_springs(self, springs):
         """The same ensemble with other springs, one for each run of equal bonds."""

@@ -16,6 +16,7 @@ from tensegrity import check, stepping
 from tensegrity.errors import TensegrityError
 from tensegrity.kernel import Segments, kernel
 from tensegrity.potential import Potential
+from tensegrity.readonly import fixed
 from tensegrity.scene import SMALLEST_MASS, Scene, State, law_table, velocities
 
 ENDS = ("free", "fixed")
@@ -78,7 +79,6 @@ class Chain(Scene):
             raise TensegrityError(
                 f"mass {masses[site]:g} kg of site {site} must be at least {SMALLEST_MASS:g}"
             )
-        masses.flags.writeable = False
         return masses
 
     @property
@@ -90,7 +90,7 @@ class Chain(Scene):
     def segment_springs(self):
         """The spring of each run of equal bonds, and the first bond of each run."""
         first = [0] + [j for j in range(1, len(self.springs)) if self._differs(j)]
-        return [self.springs[j] for j in first], [*first, len(self.springs)]
+        return tuple(self.springs[j] for j in first), (*first, len(self.springs))
 
     def _differs(self, bond):
         left, right = self.springs[bond - 1], self.springs[bond]
@@ -101,7 +101,7 @@ class Chain(Scene):
         """Bonds as the kernel takes them."""
         springs, first = self.segment_springs
         laws, law, parameters = law_table(springs)
-        return Segments(laws, np.array(first), law, parameters)
+        return Segments(laws, fixed(np.array(first)), law, parameters)
 
     def with_springs(self, springs):
         """The same chain with other springs, one for each run of equal bonds."""

@@ -29,6 +29,7 @@ from tensegrity.network_input import (
 )
 from tensegrity.network_loop import Contacts, kernel
 from tensegrity.potential import Potential
+from tensegrity.readonly import fixed
 from tensegrity.scene import KINK_SHARE, Scene, State, law_table, velocities
 from tensegrity.walls import Wall
 
@@ -99,10 +100,10 @@ class Network(Scene):
                 f"{len(wall_contacts)} wall contacts need the radius of the sites"
             )
         self.wall_contacts = touching(wall_contacts, self.walls, self.positions)
-        self.springs = springs_of(spring, len(self.bonds), "bond")
+        springs = springs_of(spring, len(self.bonds), "bond")
         if len(self.wall_contacts) or wall_spring is not None:
-            count = len(self.wall_contacts)
-            self.springs += springs_of(wall_spring, count, "wall contact")
+            springs += springs_of(wall_spring, len(self.wall_contacts), "wall contact")
+        self.springs = springs
         self.loads = np.zeros(self.shape) if loads is None else numbers("loads", loads, self.shape)
         self.held = held_sites(held, self.sites)
         self._set_geometry(lengths, wall_gaps)
@@ -145,10 +146,11 @@ class Network(Scene):
         gaps = (np.array(heights, dtype=np.longdouble) - radius).astype(float)
         if wall_gaps is not None:
             gaps = near_positions(wall_gaps, gaps, radius)
-        self._geometry = np.zeros((self.dim + 2, len(self.springs)))
-        self._geometry[: self.dim] = np.concatenate([self._reference, normals]).T
-        self._geometry[self.dim] = np.concatenate([opening, gaps])
-        self._geometry[-1, : len(self.bonds)] = lengths
+        geometry = np.zeros((self.dim + 2, len(self.springs)))
+        geometry[: self.dim] = np.concatenate([self._reference, normals]).T
+        geometry[self.dim] = np.concatenate([opening, gaps])
+        geometry[-1, : len(self.bonds)] = lengths
+        self._geometry = geometry
 
     # the engine's view
 
@@ -160,7 +162,7 @@ class Network(Scene):
             if id(spring) not in known:
                 known[id(spring)] = numbers.setdefault(spring, len(numbers))
             group[k] = known[id(spring)]
-        return list(numbers), group
+        return list(numbers), fixed(group)
 
     @cached_property
     def contacts(self):
@@ -169,11 +171,12 @@ class Network(Scene):
         laws, law, parameters = law_table(springs)
         kind = np.full(len(self.springs), WALL)
         kind[: len(self.bonds)] = PAIR
+        first = np.concatenate([self.bonds[:, 0], self.sites + self.wall_contacts[:, 1]])
+        second = np.concatenate([self.bonds[:, 1], self.wall_contacts[:, 0]])
+        arrays = (fixed(x) for x in (kind, law[group], first, second))
         return Contacts(
-            laws, kind, law[group],
-            np.concatenate([self.bonds[:, 0], self.sites + self.wall_contacts[:, 1]]),
-            np.concatenate([self.bonds[:, 1], self.wall_contacts[:, 0]]),
-            self._geometry, parameters[group], self.inverse_mass, self.loads, len(self.walls),
+            laws, *arrays, self._geometry, fixed(parameters[group]), self.inverse_mass, self.loads,
+            len(self.walls),
         )  # fmt: skip
 
     @cached_property

@@ -34,7 +34,6 @@ def per_site(name, value, unit, sites):
         raise TensegrityError(
             f"{name} {values[bad[0]]:g} {unit} of site {bad[0]} must be at least {SMALLEST_MASS:g}"
         )
-    values.flags.writeable = False
     return values
 
 

@@ -16,6 +16,7 @@ from tensegrity import check
 from tensegrity.codegen import Law, check_law
 from tensegrity.errors import LockingError, TensegrityError
 from tensegrity.kernel import kernel
+from tensegrity.readonly import fixed
 
 
 class Potential:
@@ -77,7 +78,7 @@ class Potential:
 
     def _set(self, law, values, length, domain, ends=("lowest", "highest")):
         self._law = law
-        self._values = np.array(values, dtype=float)
+        self._values = fixed(np.array(values, dtype=float))
         self._length = None if length is None else check.number("length", length, above=0, unit="m")
         if not isinstance(domain, (tuple, list, np.ndarray)) or len(domain) != 2:
             raise TensegrityError(f"domain {domain!r} must be (lowest, highest) elongation")
@@ -238,7 +239,12 @@ class PowerLaw(Potential):
         values = [stiffness, preload, overlap]
         domain = (-math.inf, math.inf)
         self._set(_power_law(exponent), values, length, domain)
-        self.exponent = exponent
+        self._exponent = exponent
+
+    @property
+    def exponent(self):
+        """n."""
+        return self._exponent
 
 
 SMALLEST = 1e-100  # overlap [m] from which a contact counts as closed

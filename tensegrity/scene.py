@@ -10,6 +10,7 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+from tensegrity.readonly import ReadOnly, fixed
 
 SMALLEST_MASS = 1e-300  # kg: its inverse is still a number
 KINK_SHARE = 1 / 16  # of a default step where contacts open: the force has a kink there
@@ -58,8 +59,10 @@ class State:
         return State(self.u.copy(), -self.v)
 
 
-class Scene:
+class Scene(ReadOnly):
     """Base of scenes; `mass` (sites,), `held` and `shape` are theirs.
+
+    What a scene is built from cannot be changed; make another one.
 
     Attributes
     ----------
@@ -76,8 +79,8 @@ class Scene:
     def inverse_mass(self):
         """1/m [1/kg], 0 for a held site; (sites,)."""
         w = 1 / self.mass
-        w[self.held] = 0
-        return w
+        w[list(self.held)] = 0
+        return fixed(w)
 
     def available_energy(self, state):
         """What one spring could get of the energy [J]: all of it."""
@@ -112,4 +115,5 @@ def law_table(springs):
     parameters = np.zeros((len(springs), width))
     for row, spring in zip(parameters, springs, strict=True):
         row[: len(spring._values)] = spring._values
-    return laws, np.array([laws.index(spring._law) for spring in springs], dtype=int), parameters
+    law = np.array([laws.index(spring._law) for spring in springs], dtype=int)
+    return laws, fixed(law), fixed(parameters)

@@ -8,6 +8,7 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+from tensegrity.readonly import ReadOnly, fixed
 
 SQUARE = 1e-9  # cosine of the angle of directions that pass as perpendicular
 
@@ -18,7 +19,7 @@ def floats(name, value):
 
 
 @dataclass(frozen=True, eq=False)
-class Wall:
+class Wall(ReadOnly):
     """A flat wall, unbounded or a piece.
 
     Parameters
@@ -45,8 +46,8 @@ class Wall:
         length = np.linalg.norm(normal)
         if length == 0:
             raise TensegrityError("wall normal has length 0")
-        object.__setattr__(self, "point", point)
-        object.__setattr__(self, "normal", normal / length)
+        object.__setattr__(self, "point", fixed(point))
+        object.__setattr__(self, "normal", fixed(normal / length))
         if self.extent is None:
             return
         extent = np.atleast_2d(floats("wall extent", self.extent))
@@ -57,7 +58,7 @@ class Wall:
         unit = np.vstack([extent / sides[:, None], self.normal])
         if np.max(np.abs(unit @ unit.T - np.eye(len(unit)))) > SQUARE:
             raise TensegrityError("wall extent is not perpendicular to the normal and to itself")
-        object.__setattr__(self, "extent", extent)
+        object.__setattr__(self, "extent", fixed(extent))
 
     @classmethod
     def between(cls, start, stop, side):

@@ -10,6 +10,7 @@ PACKAGES = ("derivations", "tensegrity", "granular", "figures", "benchmarks")
 ORDER = [  # inside tensegrity: each may import what stands before it
     "errors",
     "check",
+    "readonly",
     "codegen",
     "enclosure",
     "native",
