@@ -8,7 +8,7 @@ Source: seeds/000, part II, "Discrete element modeling" (the potentials W_i).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Sequence, Sized
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from granular.crystal import Crystal
 from granular.materials import Material
 from tensegrity import Chain, State, TensegrityError, check
 
+PER_BEAD = 2000  # bytes: each contact is a spring of its own
 WALL_MASS = 1.0  # kg: of the site that stands for a wall; it is held, any number will do
 
 
@@ -169,7 +170,9 @@ def chain(
 def _beads(beads):
     """A sequence of beads as a tuple."""
     if isinstance(beads, Bead) or not isinstance(beads, Iterable):
-        raise TensegrityError(f"beads {beads!r} are not a sequence of Beads")
+        raise TensegrityError(f"beads {check.shown(beads)} are not a sequence of Beads")
+    if isinstance(beads, Sized):
+        check.room(f"a chain of {len(beads)} beads", PER_BEAD * len(beads))
     beads = tuple(beads)
     for number, bead in enumerate(beads):
         if not isinstance(bead, Bead):

@@ -12,7 +12,7 @@ import numpy as np
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.kernel import Compiled, kernel
-from tensegrity.lattice import Chain
+from tensegrity.lattice import PER_SITE, Chain
 from tensegrity.scene import State, velocities
 
 TOGETHER = (64, 32, 16, 8)  # lanes that one compiled loop takes
@@ -42,8 +42,12 @@ class Ensemble(Chain):
 
     def __init__(self, chain: Chain, lanes: int):
         if not isinstance(chain, Chain) or isinstance(chain, Ensemble):
-            raise TensegrityError(f"chain {chain!r} is not a Chain")
+            raise TensegrityError(f"chain {check.shown(chain)} is not a Chain")
         self.chain, self.lanes = chain, check.whole("lanes", lanes, least=1)
+        check.room(
+            f"a run of {chain.sites} sites in {self.lanes} lanes",
+            PER_SITE * chain.sites * self.lanes,
+        )
         super().__init__(chain.springs, chain.sites, chain.mass, chain.ends)
 
     @property
@@ -60,10 +64,11 @@ class Ensemble(Chain):
         v = np.zeros(self.shape)
         for site, values in velocities(velocity):
             try:
-                values = np.broadcast_to(np.asarray(values, dtype=float), self.lanes)
+                values = np.broadcast_to(check.floats("velocity", values), self.lanes)
             except ValueError:
                 raise TensegrityError(
-                    f"velocity {values!r} of site {site} must be one number or {self.lanes}"
+                    f"velocity {check.shown(values)} of site {site} must be one number or "
+                    f"{self.lanes}"
                 ) from None
             for lane, value in enumerate(values):
                 v[:, lane] += self.chain.at_rest({site: float(value)}).v

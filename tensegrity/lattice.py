@@ -20,6 +20,7 @@ from tensegrity.readonly import fixed
 from tensegrity.scene import SMALLEST_MASS, Scene, State, law_table, velocities
 
 ENDS = ("free", "fixed")
+PER_SITE = 120  # bytes that a run takes for each site, its rows apart
 
 
 class Chain(Scene):
@@ -45,10 +46,15 @@ class Chain(Scene):
         ends: tuple[str, str] = ("free", "free"),
     ):
         self.sites = check.whole("sites", sites, least=2)
+        check.room(f"a run of {self.sites} sites", PER_SITE * self.sites)
         self.springs = self._springs(spring)
         self.mass = self._masses(mass)
-        if not isinstance(ends, (tuple, list)) or len(ends) != 2 or not set(ends) <= set(ENDS):
-            raise TensegrityError(f"ends {ends!r} must be two of {ENDS}")
+        if (
+            not isinstance(ends, (tuple, list))
+            or len(ends) != 2
+            or any(e not in ENDS for e in ends)
+        ):
+            raise TensegrityError(f"ends {check.shown(ends)} must be two of {ENDS}")
         self.ends = tuple(ends)
         _ = self.segments  # refuses springs that the compiled loop cannot take
 
@@ -56,7 +62,9 @@ class Chain(Scene):
         if isinstance(spring, Potential):
             return (spring,) * (self.sites - 1)
         if not isinstance(spring, Sequence):
-            raise TensegrityError(f"spring {spring!r} is not a Potential or a sequence of them")
+            raise TensegrityError(
+                f"spring {check.shown(spring)} is not a Potential or a sequence of them"
+            )
         springs = tuple(spring)
         if len(springs) != self.sites - 1:
             raise TensegrityError(f"{len(springs)} springs for {self.sites - 1} bonds")
@@ -66,10 +74,7 @@ class Chain(Scene):
         return springs
 
     def _masses(self, mass):
-        try:
-            given = np.asarray(mass, dtype=float)
-        except (TypeError, ValueError):
-            raise TensegrityError(f"mass {mass!r} is not a number or a sequence of them") from None
+        given = check.floats("mass", mass)
         if given.ndim and given.shape != (self.sites,):
             raise TensegrityError(f"mass has shape {given.shape}, must be ({self.sites},)")
         masses = np.broadcast_to(given, (self.sites,)).copy()

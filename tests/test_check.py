@@ -1,6 +1,8 @@
 """What is a number wherever one is asked for, and what is none."""
 
 import math
+import tracemalloc
+from collections.abc import Sequence
 from decimal import Decimal
 from fractions import Fraction
 
@@ -8,8 +10,26 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from granular import Bead, Contact, Material, Striker, materials
-from tensegrity import TensegrityError, check
+from granular import (
+    Bead,
+    Contact,
+    Material,
+    Striker,
+    chain,
+    diamond_guide,
+    materials,
+    y_guide,
+)
+from tensegrity import (
+    Chain,
+    Ensemble,
+    PowerLaw,
+    Record,
+    State,
+    TensegrityError,
+    check,
+    simulate,
+)
 
 
 @pytest.mark.parametrize(
@@ -104,3 +124,56 @@ def test_text_that_reads_as_a_number_is_none_of_a_bead():
 def test_beads_whose_mass_is_no_number_are_refused():
     with pytest.raises(TensegrityError, match="mass inf kg is not finite"):
         Bead(1e200, STEEL)
+
+
+SPRING = PowerLaw(1.0, 1.5, preload=0.1)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: Chain(SPRING, 10**12), r"a run of 1000000000000 sites would take 1\.2e\+05"),
+        (lambda: Ensemble(Chain(SPRING, 3), 10**12), "a run of 3 sites in 10+ lanes would take"),
+        (lambda: y_guide(10**9, bead=Bead(0.005, STEEL)), "a guide with a stem of 10+ and"),
+        (lambda: diamond_guide(5, 10**9 + 1, bead=Bead(0.005, STEEL)), "branches of 10+1 beads"),
+        (lambda: chain(Many()), "a chain of 10+ beads would take"),
+    ],
+)
+def test_what_no_memory_holds_is_refused_before_it_is_taken(make, words):
+    tracemalloc.start()
+    try:
+        with pytest.raises(TensegrityError, match=rf"{words}.* GB of memory, .* GB are free"):
+            make()
+        assert tracemalloc.get_traced_memory()[1] < 1e7
+    finally:
+        tracemalloc.stop()
+
+
+class Many(Sequence):
+    """More beads than there are."""
+
+    def __len__(self):
+        return 10**12
+
+    def __getitem__(self, number):
+        return Bead(0.005, STEEL)
+
+
+def test_a_chain_is_refused_by_what_its_run_takes(monkeypatch):
+    """The figure said is not less than what a run takes, and not twice as much."""
+    sites = 50_000
+
+    def run(sites):
+        start = State(np.zeros(sites), np.r_[0.01, np.zeros(sites - 1)])
+        simulate(Chain(SPRING, sites), start, 0.1, dt=0.1, record=Record(sites=[0]))
+
+    run(3)  # what is made once, such as the kernel
+    tracemalloc.start()
+    run(sites)
+    taken = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    monkeypatch.setattr(check, "free_memory", lambda: 0.9 * taken)
+    with pytest.raises(TensegrityError, match="would take"):
+        Chain(SPRING, sites)
+    monkeypatch.setattr(check, "free_memory", lambda: 2 * taken)
+    Chain(SPRING, sites)
