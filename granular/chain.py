@@ -13,7 +13,7 @@ from collections.abc import Iterable, Sequence, Sized
 import numpy as np
 
 from granular.beads import Bead, Striker
-from granular.contact import checked_law, hertz
+from granular.contact import checked_law, contact_of, hertz
 from granular.crystal import Crystal
 from granular.materials import Material
 from tensegrity import Chain, State, TensegrityError, check
@@ -45,7 +45,8 @@ class BeadChain(Crystal, Chain):
             parts["wall"] = (len(self.beads),)
         self.parts = parts
         neighbours = (*self.beads[1:], *(() if end is None else (end,)))
-        self._contacts = [law(a, b) for a, b in zip(self.beads, neighbours, strict=False)]
+        pairs = zip(self.beads, neighbours, strict=False)
+        self._contacts = [contact_of(law, a, b) for a, b in pairs]
         self._carried = np.cumsum(loads)[: sites - 1]  # by each contact in equilibrium [N]
         self._unstruck = np.cumsum([0.0, *loads[1:]] if striker else loads)[: sites - 1]
         springs = [
@@ -150,9 +151,9 @@ def chain(
     """
     beads = _beads(beads)
     if striker is not None and not isinstance(striker, Striker):
-        raise TensegrityError(f"striker {striker!r} is not a Striker")
+        raise TensegrityError(f"striker {check.shown(striker)} is not a Striker")
     if end is not None and not isinstance(end, Material):
-        raise TensegrityError(f"end {end!r} is not the Material of a wall")
+        raise TensegrityError(f"end {check.shown(end)} is not the Material of a wall")
     if not beads or len(beads) + (striker is not None) + (end is not None) < 2:
         raise TensegrityError(f"a chain of {len(beads)} beads has no contact: give more beads")
     gravity = check.number("gravity", gravity, least=0, unit="m/s^2")
@@ -176,5 +177,5 @@ def _beads(beads):
     beads = tuple(beads)
     for number, bead in enumerate(beads):
         if not isinstance(bead, Bead):
-            raise TensegrityError(f"bead {number} is {bead!r}, not a Bead")
+            raise TensegrityError(f"bead {number} is {check.shown(bead)}, not a Bead")
     return beads

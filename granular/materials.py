@@ -48,6 +48,9 @@ class Material:
 class _Catalogue(dict):
     """Materials by name; a name that is not there raises TensegrityError with those that are."""
 
+    def __getitem__(self, name):
+        return super().__getitem__(name) if isinstance(name, str) else self.__missing__(name)
+
     def __missing__(self, name):
         raise TensegrityError(f"material {check.shown(name)} is not one of {', '.join(self)}")
 

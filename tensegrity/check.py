@@ -101,6 +101,18 @@ def vector(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.fl
     return value
 
 
+def rows(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.floating]:
+    """Numbers for all of something, or for many instants: an array (..., *shape).
+
+    Floating numbers of any precision are kept as they are.
+    """
+    if not isinstance(value, np.ndarray) or value.dtype.kind != "f":
+        value = floats(name, value)
+    if value.shape[max(value.ndim - len(shape), 0) :] != shape:
+        raise TensegrityError(f"{name} of shape {value.shape} must have shape (..., *{shape})")
+    return value
+
+
 def room(what: str, size: float) -> None:
     """Refuse what takes more memory than there is, before it is taken; `size` in bytes."""
     free = free_memory()

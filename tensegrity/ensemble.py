@@ -78,13 +78,21 @@ class Ensemble(Chain):
 
     def check(self, state):
         """Refuse a state of another shape, or one that a chain alone refuses."""
-        self._refuse_other(state, f"ensemble has {self.shape}, (sites, lanes)")
+        self._refuse_other(state)
         for lane in range(self.lanes):
             self.chain.check(self.lane(state, lane))
 
     def lane(self, state, number):
-        """The state of one of the chains."""
+        """The state of one of the chains, by its number from 0."""
+        self._refuse_other(state)
+        number = check.whole("lane", number, least=0)
+        if number >= self.lanes:
+            raise TensegrityError(f"lane {number} must be below {self.lanes}")
         return State(*(np.ascontiguousarray(x[:, number]) for x in (state.u, state.v)))
+
+    @property
+    def _words(self):
+        return f"ensemble has {self.shape}, (sites, lanes)"
 
     @property
     def shape(self):
@@ -98,10 +106,10 @@ class Ensemble(Chain):
 
     def elongation(self, u):
         """r_j = u[j+1] - u[j] [m]; u of shape (..., sites, lanes)."""
-        return np.diff(u, axis=-2)
+        return np.diff(check.rows("displacements", u, self.shape), axis=-2)
 
     def _per_bond(self, name, u):
-        turned = np.moveaxis(np.asarray(u, dtype=float), -1, -2)
+        turned = np.moveaxis(check.rows("displacements", u, self.shape), -1, -2)
         r, (springs, first) = np.diff(turned, axis=-1), self.segment_springs
         parts = [
             getattr(spring, name)(r[..., start:stop])

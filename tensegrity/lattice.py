@@ -52,7 +52,7 @@ class Chain(Scene):
         if (
             not isinstance(ends, (tuple, list))
             or len(ends) != 2
-            or any(e not in ENDS for e in ends)
+            or any(not isinstance(e, str) or e not in ENDS for e in ends)
         ):
             raise TensegrityError(f"ends {check.shown(ends)} must be two of {ENDS}")
         self.ends = tuple(ends)
@@ -70,7 +70,7 @@ class Chain(Scene):
             raise TensegrityError(f"{len(springs)} springs for {self.sites - 1} bonds")
         for number, one in enumerate(springs):
             if not isinstance(one, Potential):
-                raise TensegrityError(f"spring {number} is {one!r}, not a Potential")
+                raise TensegrityError(f"spring {number} is {check.shown(one)}, not a Potential")
         return springs
 
     def _masses(self, mass):
@@ -85,6 +85,10 @@ class Chain(Scene):
                 f"mass {masses[site]:g} kg of site {site} must be at least {SMALLEST_MASS:g}"
             )
         return masses
+
+    @property
+    def _words(self):
+        return f"chain has ({self.sites},) sites"
 
     @property
     def held(self):
@@ -128,7 +132,7 @@ class Chain(Scene):
 
     def check(self, state):
         """Refuse a state of another size, one that moves a held site, or one out of domain."""
-        self._refuse_other(state, f"chain has ({self.sites},) sites")
+        self._refuse_other(state)
         for site in self.held:
             if state.u[site] or state.v[site]:
                 raise TensegrityError(
@@ -141,7 +145,7 @@ class Chain(Scene):
 
     def elongation(self, u):
         """r_j = u[j+1] - u[j] [m] along the last axis."""
-        return np.diff(u, axis=-1)
+        return np.diff(check.rows("displacements", u, self.shape), axis=-1)
 
     def bond_energy(self, u):
         """Energy of each bond [J]; u of shape (..., sites) gives (..., sites - 1)."""
@@ -152,7 +156,7 @@ class Chain(Scene):
         return self._per_bond("tension", u)
 
     def _per_bond(self, name, u):
-        r = self.elongation(np.asarray(u, dtype=float))
+        r = self.elongation(u)
         springs, first = self.segment_springs
         parts = [
             getattr(spring, name)(r[..., start:stop])
@@ -162,6 +166,7 @@ class Chain(Scene):
 
     def energy(self, state):
         """Total energy [J]."""
+        self._refuse_other(state)
         with np.errstate(over="ignore"):  # to inf, which `check` refuses
             kinetic = 0.5 * np.sum(self.mass * state.v**2)
         return float(kinetic + np.sum(self.bond_energy(state.u)))
@@ -175,6 +180,7 @@ class Chain(Scene):
 
     def momentum(self, state):
         """Total momentum [kg m/s], > 0 towards higher sites."""
+        self._refuse_other(state)
         return float(np.sum(self.mass * state.v))
 
     clearance = None  # all contacts are bonds

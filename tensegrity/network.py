@@ -95,11 +95,11 @@ class Network(Scene):
         self.mass = per_site("mass", mass, "kg", self.sites)
         self.radius = None if radius is None else per_site("radius", radius, "m", self.sites)
         self.walls = plane_walls(walls, self.dim)
-        if np.size(wall_contacts) and self.radius is None:
-            raise TensegrityError(
-                f"{len(wall_contacts)} wall contacts need the radius of the sites"
-            )
         self.wall_contacts = touching(wall_contacts, self.walls, self.positions)
+        if len(self.wall_contacts) and self.radius is None:
+            raise TensegrityError(
+                f"{len(self.wall_contacts)} wall contacts need the radius of the sites"
+            )
         springs = springs_of(spring, len(self.bonds), "bond")
         if len(self.wall_contacts) or wall_spring is not None:
             springs += springs_of(wall_spring, len(self.wall_contacts), "wall contact")
@@ -185,6 +185,10 @@ class Network(Scene):
         if self.radius is None:
             return None
         return Clearance(self.positions, self.radius, self.bonds, self.walls, self.wall_contacts)
+
+    @property
+    def _words(self):
+        return f"network has {self.shape} (sites, dim)"
 
     @property
     def shape(self):
@@ -292,7 +296,7 @@ class Network(Scene):
 
     def check(self, state):
         """Refuse a state of another shape, one that moves a held site, or one out of domain."""
-        self._refuse_other(state, f"network has {self.shape} (sites, dim)")
+        self._refuse_other(state)
         for site in self.held:
             if state.u[site].any() or state.v[site].any():
                 raise TensegrityError(
@@ -308,7 +312,7 @@ class Network(Scene):
 
     def elongation(self, u):
         """Elongation of each bond [m]; (..., bonds)."""
-        u = np.asarray(u, dtype=float)
+        u = check.rows("displacements", u, self.shape)
         i, j = self.bonds.T
         place = self._geometry[:, : len(self.bonds)]
         w = np.moveaxis(u[..., j, :] - u[..., i, :], -1, 0)
@@ -322,7 +326,7 @@ class Network(Scene):
 
     def wall_gap(self, u):
         """Gap of each wall contact [m]: distance from the wall's plane less the radius."""
-        u = np.asarray(u, dtype=float)
+        u = check.rows("displacements", u, self.shape)
         place = self._geometry[:, len(self.bonds) :]
         return place[self.dim] + np.einsum("...bk,kb->...b", u[..., self.wall_contacts[:, 0], :],
                                            place[: self.dim])  # fmt: skip
@@ -354,6 +358,7 @@ class Network(Scene):
 
     def energy(self, state):
         """Total energy [J], the potential of the loads included."""
+        self._refuse_other(state)
         with np.errstate(over="ignore"):  # to inf, which `check` refuses
             kinetic = 0.5 * np.sum(self.mass[:, None] * state.v**2)
         stored = np.sum(self.bond_energy(state.u)) + np.sum(self.wall_energy(state.u))
@@ -374,10 +379,12 @@ class Network(Scene):
 
     def momentum(self, state):
         """Total momentum [kg m/s]; (dim,)."""
+        self._refuse_other(state)
         return self.mass @ state.v
 
     def angular_momentum(self, state):
         """Total angular momentum about the origin [kg m^2/s]; a float in the plane, else (3,)."""
+        self._refuse_other(state)
         x, p = self.positions + state.u, self.mass[:, None] * state.v
         if self.dim == 2:
             return float(np.sum(x[:, 0] * p[:, 1] - x[:, 1] * p[:, 0]))

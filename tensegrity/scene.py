@@ -93,19 +93,20 @@ class Scene(ReadOnly):
         """
         return None
 
-    def _refuse_other(self, state, words):
-        """Refuse what is no state of this shape; `words` say what the shape is."""
+    def _refuse_other(self, state):
+        """Refuse what is no state of this shape."""
         if not isinstance(state, State):
             raise TensegrityError(f"state is {type(state).__name__}, not a State")
         if state.u.shape != self.shape:
-            raise TensegrityError(f"state has shape {state.u.shape}, the {words}")
+            raise TensegrityError(f"state has shape {state.u.shape}, the {self._words}")
 
 
 def velocities(given):
     """Pairs of a site and its velocity, from a dict or None."""
-    if not isinstance(given or {}, Mapping):
-        raise TensegrityError(f"velocity {given!r} must be a dict {{site: velocity}}")
-    return (given or {}).items()
+    given = {} if given is None else given
+    if not isinstance(given, Mapping):
+        raise TensegrityError(f"velocity {check.shown(given)} must be a dict {{site: velocity}}")
+    return given.items()
 
 
 def law_table(springs):

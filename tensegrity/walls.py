@@ -74,10 +74,11 @@ class Wall(ReadOnly):
 
     def height(self, x):
         """Distance of points x (..., dim) from the wall's plane [m], > 0 on the normal's side."""
-        return (x - self.point) @ self.normal
+        return (check.rows("points", x, self.point.shape) - self.point) @ self.normal
 
     def overhang(self, x):
         """How far the foot of points x (..., dim) lies beyond the nearest edge [m]; < 0 inside."""
+        x = check.rows("points", x, self.point.shape)
         if self.extent is None:
             return np.full(np.shape(x)[:-1], -np.inf)
         sides = np.linalg.norm(self.extent, axis=1)
@@ -86,6 +87,7 @@ class Wall(ReadOnly):
 
     def distance(self, x):
         """Distance of points x (..., dim) from the nearest point of the wall [m]."""
+        x = check.rows("points", x, self.point.shape)
         height = self.height(x)
         if self.extent is None:
             return np.abs(height)
