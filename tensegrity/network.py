@@ -26,6 +26,7 @@ from tensegrity.network_input import (
     site_number,
     springs_of,
     touching,
+    whole_pairs,
 )
 from tensegrity.network_loop import Contacts, kernel
 from tensegrity.potential import Potential
@@ -95,11 +96,10 @@ class Network(Scene):
         self.mass = per_site("mass", mass, "kg", self.sites)
         self.radius = None if radius is None else per_site("radius", radius, "m", self.sites)
         self.walls = plane_walls(walls, self.dim)
-        self.wall_contacts = touching(wall_contacts, self.walls, self.positions)
-        if len(self.wall_contacts) and self.radius is None:
-            raise TensegrityError(
-                f"{len(self.wall_contacts)} wall contacts need the radius of the sites"
-            )
+        pairs = whole_pairs("wall_contacts", wall_contacts)
+        if len(pairs) and self.radius is None:
+            raise TensegrityError(f"{len(pairs)} wall contacts need the radius of the sites")
+        self.wall_contacts = touching(pairs, self.walls, self.positions)
         springs = springs_of(spring, len(self.bonds), "bond")
         if len(self.wall_contacts) or wall_spring is not None:
             springs += springs_of(wall_spring, len(self.wall_contacts), "wall contact")

@@ -75,7 +75,6 @@ def plane_walls(walls, dim):
 
 def touching(contacts, walls, positions):
     """Pairs of a site and a wall that reaches beside it, none twice; (contacts, 2)."""
-    contacts = whole_pairs("wall_contacts", contacts)
     for number, (site, wall) in enumerate(contacts.tolist()):
         site_number(f"site of wall contact {number}:", site, len(positions))
         if not 0 <= wall < len(walls):
