@@ -159,7 +159,7 @@ CALLS = [
     (WAVE.elongation, {"x": 0.0}),
     (WAVE.rate, {"x": 0.0}),
     (WAVE.displacement, {"x": 0.0}),
-    (largest_speed, {"potential": SPRING, "mass": 1.0, "family": None, "closest": 1e-2}),
+    (largest_speed, {"potential": SPRING, "mass": 1.0, "family": None, "closest": 0.04}),
     (limit_load, {"prism": Prism(1.0, 0.7, 0.01, 1.0, 10.0, 100.0), "prestrain": 0.012}),
     (first_loss, {"prism": ELASTIC, "support": "plates"}),
     (lowest, {"prism": ELASTIC, "path": equilibrium_path(ELASTIC)[:2], "support": "plates",
