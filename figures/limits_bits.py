@@ -11,7 +11,7 @@ from figures._limits import listed, prism_chain
 from tensegrity import Record, State, simulate
 from tensegrity.kernel import Interpreted
 from tensegrity.methods import METHODS
-from tensegrity.pieces import LONG
+from tensegrity.pieces import LONG, processors
 
 NAME = "limits_bits"
 GROUP = "limits"
@@ -21,7 +21,7 @@ SHORT = 64  # for what takes the slow engine
 DT, LOOKS = 0.1, 13
 T_END, T_SHORT = 24.0, 240.0
 SPEED = 0.02
-THREADS = (1, 2, 3)
+THREADS = tuple(range(1, min(processors(), 3) + 1))
 
 
 @contextmanager

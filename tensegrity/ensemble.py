@@ -12,7 +12,7 @@ import numpy as np
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.kernel import Compiled, kernel
-from tensegrity.lattice import Chain
+from tensegrity.lattice import PER_SITE, Chain
 from tensegrity.scene import State, velocities
 
 TOGETHER = (64, 32, 16, 8)  # lanes that one compiled loop takes
@@ -42,10 +42,18 @@ class Ensemble(Chain):
 
     def __init__(self, chain: Chain, lanes: int):
         if not isinstance(chain, Chain) or isinstance(chain, Ensemble):
-            raise TensegrityError(f"chain {chain!r} is not a Chain")
+            raise TensegrityError(f"chain {check.shown(chain)} is not a Chain")
         self.chain, self.lanes = chain, check.whole("lanes", lanes, least=1)
-        self.step_share = chain.step_share
+        check.room(
+            f"a run of {chain.sites} sites in {self.lanes} lanes",
+            PER_SITE * chain.sites * self.lanes,
+        )
         super().__init__(chain.springs, chain.sites, chain.mass, chain.ends)
+
+    @property
+    def step_share(self):
+        """That of the chain."""
+        return self.chain.step_share
 
     def with_springs(self, springs):
         """The same ensemble with other springs, one for each run of equal bonds."""
@@ -56,10 +64,11 @@ class Ensemble(Chain):
         v = np.zeros(self.shape)
         for site, values in velocities(velocity):
             try:
-                values = np.broadcast_to(np.asarray(values, dtype=float), self.lanes)
+                values = np.broadcast_to(check.floats("velocity", values), self.lanes)
             except ValueError:
                 raise TensegrityError(
-                    f"velocity {values!r} of site {site} must be one number or {self.lanes}"
+                    f"velocity {check.shown(values)} of site {site} must be one number or "
+                    f"{self.lanes}"
                 ) from None
             for lane, value in enumerate(values):
                 v[:, lane] += self.chain.at_rest({site: float(value)}).v
@@ -69,13 +78,21 @@ class Ensemble(Chain):
 
     def check(self, state):
         """Refuse a state of another shape, or one that a chain alone refuses."""
-        self._refuse_other(state, f"ensemble has {self.shape}, (sites, lanes)")
+        self._refuse_other(state)
         for lane in range(self.lanes):
             self.chain.check(self.lane(state, lane))
 
     def lane(self, state, number):
-        """The state of one of the chains."""
+        """The state of one of the chains, by its number from 0."""
+        self._refuse_other(state)
+        number = check.whole("lane", number, least=0)
+        if number >= self.lanes:
+            raise TensegrityError(f"lane {number} must be below {self.lanes}")
         return State(*(np.ascontiguousarray(x[:, number]) for x in (state.u, state.v)))
+
+    @property
+    def _words(self):
+        return f"ensemble has {self.shape}, (sites, lanes)"
 
     @property
     def shape(self):
@@ -89,10 +106,10 @@ class Ensemble(Chain):
 
     def elongation(self, u):
         """r_j = u[j+1] - u[j] [m]; u of shape (..., sites, lanes)."""
-        return np.diff(u, axis=-2)
+        return np.diff(check.rows("displacements", u, self.shape), axis=-2)
 
     def _per_bond(self, name, u):
-        turned = np.moveaxis(np.asarray(u, dtype=float), -1, -2)
+        turned = np.moveaxis(check.rows("displacements", u, self.shape), -1, -2)
         r, (springs, first) = np.diff(turned, axis=-1), self.segment_springs
         parts = [
             getattr(spring, name)(r[..., start:stop])

@@ -24,8 +24,9 @@ def simulate(scene, state, t_end, *, method=None, dt=None, tol=None, record=None
         Initial displacements [m] and velocities [m/s]; not changed.
     t_end : float
         Duration [s], >= 0.
-    method : str, optional
-        Name of a method, `tensegrity.methods.METHODS`.  By default "rkn6"; "verlet" where `dt`
+    method : str or Method, optional
+        Name of a method, `tensegrity.methods.METHODS`, or a `Splitting` or `Nystrom` of
+        `tensegrity.methods` with rows of your own.  By default "rkn6"; "verlet" where `dt`
         is given or a `tol` above 1e-3; "processed6" where a smaller `tol` is given and no contact
         of a chain can open.
     dt : float, optional
@@ -57,20 +58,21 @@ def simulate(scene, state, t_end, *, method=None, dt=None, tol=None, record=None
         raise TensegrityError(f"scene {scene!r} is not a scene, such as a Chain")
     scene.check(state)
     t_end = check.number("t_end", t_end, least=0, unit="s")
+    dt = None if dt is None else check.number("dt", dt, above=0, unit="s")
+    tol = None if tol is None else check.number("tol", tol, least=ROUND_OFF)
     if dt is not None and tol is not None:
         raise TensegrityError(f"dt {dt!r} s and tol {tol!r} exclude each other: give one")
     method = methods.find(_default(scene, dt, tol) if method is None else method)
     if method.chains_only and not isinstance(scene, Chain):
         raise TensegrityError(f"method {method.name!r} runs a Chain only")
     record = Record() if record is None else record
-    if not isinstance(record, Record):
-        raise TensegrityError(f"record {record!r} is not a Record")
+    check.kind("record", record, Record)
     record.check(scene.sites)
     problem = Problem(scene, state, t_end, method, record)
     if dt is not None:
-        run = fixed_step(problem, check.number("dt", dt, above=0, unit="s"))
+        run = fixed_step(problem, dt)
     elif tol is not None:
-        run = to_tolerance(problem, check.number("tol", tol, least=ROUND_OFF))
+        run = to_tolerance(problem, tol)
     else:
         run = default_step(problem)
     return replace(run, wall_time=time.perf_counter() - started)

@@ -26,10 +26,12 @@ from tensegrity.network_input import (
     site_number,
     springs_of,
     touching,
+    whole_pairs,
 )
 from tensegrity.network_loop import Contacts, kernel
 from tensegrity.once import once
 from tensegrity.potential import Potential
+from tensegrity.readonly import fixed
 from tensegrity.scene import KINK_SHARE, Scene, State, law_table, velocities
 from tensegrity.walls import Wall
 
@@ -95,15 +97,14 @@ class Network(Scene):
         self.mass = per_site("mass", mass, "kg", self.sites)
         self.radius = None if radius is None else per_site("radius", radius, "m", self.sites)
         self.walls = plane_walls(walls, self.dim)
-        if np.size(wall_contacts) and self.radius is None:
-            raise TensegrityError(
-                f"{len(wall_contacts)} wall contacts need the radius of the sites"
-            )
-        self.wall_contacts = touching(wall_contacts, self.walls, self.positions)
-        self.springs = springs_of(spring, len(self.bonds), "bond")
+        pairs = whole_pairs("wall_contacts", wall_contacts)
+        if len(pairs) and self.radius is None:
+            raise TensegrityError(f"{len(pairs)} wall contacts need the radius of the sites")
+        self.wall_contacts = touching(pairs, self.walls, self.positions)
+        springs = springs_of(spring, len(self.bonds), "bond")
         if len(self.wall_contacts) or wall_spring is not None:
-            count = len(self.wall_contacts)
-            self.springs += springs_of(wall_spring, count, "wall contact")
+            springs += springs_of(wall_spring, len(self.wall_contacts), "wall contact")
+        self.springs = springs
         self.loads = np.zeros(self.shape) if loads is None else numbers("loads", loads, self.shape)
         self.held = held_sites(held, self.sites)
         self._set_geometry(lengths, wall_gaps)
@@ -146,10 +147,11 @@ class Network(Scene):
         gaps = (np.array(heights, dtype=np.longdouble) - radius).astype(float)
         if wall_gaps is not None:
             gaps = near_positions(wall_gaps, gaps, radius)
-        self._geometry = np.zeros((self.dim + 2, len(self.springs)))
-        self._geometry[: self.dim] = np.concatenate([self._reference, normals]).T
-        self._geometry[self.dim] = np.concatenate([opening, gaps])
-        self._geometry[-1, : len(self.bonds)] = lengths
+        geometry = np.zeros((self.dim + 2, len(self.springs)))
+        geometry[: self.dim] = np.concatenate([self._reference, normals]).T
+        geometry[self.dim] = np.concatenate([opening, gaps])
+        geometry[-1, : len(self.bonds)] = lengths
+        self._geometry = geometry
 
     # the engine's view
 
@@ -161,7 +163,7 @@ class Network(Scene):
             if id(spring) not in known:
                 known[id(spring)] = numbers.setdefault(spring, len(numbers))
             group[k] = known[id(spring)]
-        return list(numbers), group
+        return list(numbers), fixed(group)
 
     @cached_property
     def contacts(self):
@@ -170,11 +172,12 @@ class Network(Scene):
         laws, law, parameters = law_table(springs)
         kind = np.full(len(self.springs), WALL)
         kind[: len(self.bonds)] = PAIR
+        first = np.concatenate([self.bonds[:, 0], self.sites + self.wall_contacts[:, 1]])
+        second = np.concatenate([self.bonds[:, 1], self.wall_contacts[:, 0]])
+        arrays = (fixed(x) for x in (kind, law[group], first, second))
         return Contacts(
-            laws, kind, law[group],
-            np.concatenate([self.bonds[:, 0], self.sites + self.wall_contacts[:, 1]]),
-            np.concatenate([self.bonds[:, 1], self.wall_contacts[:, 0]]),
-            self._geometry, parameters[group], self.inverse_mass, self.loads, len(self.walls),
+            laws, *arrays, self._geometry, fixed(parameters[group]), self.inverse_mass, self.loads,
+            len(self.walls),
         )  # fmt: skip
 
     @cached_property
@@ -183,6 +186,10 @@ class Network(Scene):
         if self.radius is None:
             return None
         return Clearance(self.positions, self.radius, self.bonds, self.walls, self.wall_contacts)
+
+    @property
+    def _words(self):
+        return f"network has {self.shape} (sites, dim)"
 
     @property
     def shape(self):
@@ -290,7 +297,7 @@ class Network(Scene):
 
     def check(self, state):
         """Refuse a state of another shape, one that moves a held site, or one out of domain."""
-        self._refuse_other(state, f"network has {self.shape} (sites, dim)")
+        self._refuse_other(state)
         for site in self.held:
             if state.u[site].any() or state.v[site].any():
                 raise TensegrityError(
@@ -306,7 +313,7 @@ class Network(Scene):
 
     def elongation(self, u):
         """Elongation of each bond [m]; (..., bonds)."""
-        u = np.asarray(u, dtype=float)
+        u = check.rows("displacements", u, self.shape)
         i, j = self.bonds.T
         place = self._geometry[:, : len(self.bonds)]
         w = np.moveaxis(u[..., j, :] - u[..., i, :], -1, 0)
@@ -320,7 +327,7 @@ class Network(Scene):
 
     def wall_gap(self, u):
         """Gap of each wall contact [m]: distance from the wall's plane less the radius."""
-        u = np.asarray(u, dtype=float)
+        u = check.rows("displacements", u, self.shape)
         place = self._geometry[:, len(self.bonds) :]
         return place[self.dim] + np.einsum("...bk,kb->...b", u[..., self.wall_contacts[:, 0], :],
                                            place[: self.dim])  # fmt: skip
@@ -352,6 +359,7 @@ class Network(Scene):
 
     def energy(self, state):
         """Total energy [J], the potential of the loads included."""
+        self._refuse_other(state)
         with np.errstate(over="ignore"):  # to inf, which `check` refuses
             kinetic = 0.5 * np.sum(self.mass[:, None] * state.v**2)
         stored = np.sum(self.bond_energy(state.u)) + np.sum(self.wall_energy(state.u))
@@ -372,10 +380,12 @@ class Network(Scene):
 
     def momentum(self, state):
         """Total momentum [kg m/s]; (dim,)."""
+        self._refuse_other(state)
         return self.mass @ state.v
 
     def angular_momentum(self, state):
         """Total angular momentum about the origin [kg m^2/s]; a float in the plane, else (3,)."""
+        self._refuse_other(state)
         x, p = self.positions + state.u, self.mass[:, None] * state.v
         if self.dim == 2:
             return float(np.sum(x[:, 0] * p[:, 1] - x[:, 1] * p[:, 0]))

@@ -17,6 +17,8 @@ from tensegrity.errors import TensegrityError
 INSTANTS = 500  # kept by default
 PER_INSTANT = 48  # bytes of memory for the numbers of the recorded steps, at most
 
+_free_memory = check.free_memory
+
 
 @dataclass(frozen=True)
 class Record:
@@ -97,15 +99,6 @@ def _refuse_more(size, room, what):
             f"record of {size / 1e9:.3g} GB exceeds the {room / 1e9:.3g} GB of {what}: keep fewer "
             "steps or sites" + (", or give a path" if what == "memory" else "")
         )
-
-
-def _free_memory():
-    """Memory that can be had without swapping [bytes]."""
-    try:
-        lines = Path("/proc/meminfo").read_text().splitlines()
-        return next(int(x.split()[1]) * 1024 for x in lines if x.startswith("MemAvailable"))
-    except (OSError, StopIteration):
-        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
 
 
 def _row(kind, *fields):

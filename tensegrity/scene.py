@@ -10,6 +10,7 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+from tensegrity.readonly import ReadOnly, fixed
 
 SMALLEST_MASS = 1e-300  # kg: its inverse is still a number
 KINK_SHARE = 1 / 16  # of a default step where contacts open: the force has a kink there
@@ -21,21 +22,29 @@ class State:
 
     Parameters
     ----------
-    u : ndarray of float64, (sites,) or (sites, dim)
-        Displacement [m]; of a chain, > 0 towards higher sites.
-    v : ndarray of float64, shape of u
-        Velocity [m/s].
+    u : array_like, (sites,) or (sites, dim)
+        Displacement [m]; of a chain, > 0 towards higher sites.  Kept as an array of float64,
+        C-contiguous: integers, other floats, views and lists are converted, what is right already
+        is not copied.
+    v : array_like, shape of u
+        Velocity [m/s], likewise.
+
+    Raises
+    ------
+    TensegrityError
+        What is not made of real numbers (complex ones, truth values, text), or not finite, or of
+        another shape.
     """
 
     u: np.ndarray
     v: np.ndarray
 
     def __post_init__(self):
-        shape = np.shape(self.u)
-        if len(shape) not in (1, 2):
-            raise TensegrityError(f"displacement has {len(shape)} dimensions, must have 1 or 2")
-        object.__setattr__(self, "u", check.vector("displacement", self.u, shape))
-        object.__setattr__(self, "v", check.vector("velocity", self.v, shape))
+        u = check.floats("displacement", self.u)
+        if u.ndim not in (1, 2):
+            raise TensegrityError(f"displacement has {u.ndim} dimensions, must have 1 or 2")
+        object.__setattr__(self, "u", check.vector("displacement", u, u.shape))
+        object.__setattr__(self, "v", check.vector("velocity", self.v, u.shape))
 
     def __add__(self, other):
         """Superposition, for waves too far apart to act on each other."""
@@ -50,8 +59,10 @@ class State:
         return State(self.u.copy(), -self.v)
 
 
-class Scene:
+class Scene(ReadOnly):
     """Base of scenes; `mass` (sites,), `held` and `shape` are theirs.
+
+    What a scene is built from cannot be changed; make another one.
 
     Attributes
     ----------
@@ -68,8 +79,8 @@ class Scene:
     def inverse_mass(self):
         """1/m [1/kg], 0 for a held site; (sites,)."""
         w = 1 / self.mass
-        w[self.held] = 0
-        return w
+        w[list(self.held)] = 0
+        return fixed(w)
 
     def available_energy(self, state):
         """What one spring could get of the energy [J]: all of it."""
@@ -82,19 +93,20 @@ class Scene:
         """
         return None
 
-    def _refuse_other(self, state, words):
-        """Refuse what is no state of this shape; `words` say what the shape is."""
+    def _refuse_other(self, state):
+        """Refuse what is no state of this shape."""
         if not isinstance(state, State):
             raise TensegrityError(f"state is {type(state).__name__}, not a State")
         if state.u.shape != self.shape:
-            raise TensegrityError(f"state has shape {state.u.shape}, the {words}")
+            raise TensegrityError(f"state has shape {state.u.shape}, the {self._words}")
 
 
 def velocities(given):
     """Pairs of a site and its velocity, from a dict or None."""
-    if not isinstance(given or {}, Mapping):
-        raise TensegrityError(f"velocity {given!r} must be a dict {{site: velocity}}")
-    return (given or {}).items()
+    given = {} if given is None else given
+    if not isinstance(given, Mapping):
+        raise TensegrityError(f"velocity {check.shown(given)} must be a dict {{site: velocity}}")
+    return given.items()
 
 
 def law_table(springs):
@@ -104,4 +116,5 @@ def law_table(springs):
     parameters = np.zeros((len(springs), width))
     for row, spring in zip(parameters, springs, strict=True):
         row[: len(spring._values)] = spring._values
-    return laws, np.array([laws.index(spring._law) for spring in springs], dtype=int), parameters
+    law = np.array([laws.index(spring._law) for spring in springs], dtype=int)
+    return laws, fixed(law), fixed(parameters)

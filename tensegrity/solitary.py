@@ -164,8 +164,8 @@ class SolitaryWave:
         if not isinstance(chain, Chain) or isinstance(chain, Ensemble):
             raise TensegrityError(f"chain is {type(chain).__name__}, not a Chain")
         at = check.number("at", at)
-        if direction not in (1, -1):
-            raise TensegrityError(f"direction {direction!r} must be 1 or -1")
+        if check.whole("direction", direction, least=-1) == 0 or direction > 1:
+            raise TensegrityError(f"direction {direction} must be 1 or -1")
         self._check_place(chain, at, self.reach(tail), tail)
         x = np.arange(chain.sites) - at
         u, v = self.displacement(x), -direction * self.speed * self.rate(x)
@@ -241,7 +241,7 @@ def solitary_wave(
         The amplitude lies outside the domain of the potential.
     """
     if not isinstance(potential, Potential):
-        raise TensegrityError(f"potential {potential!r} is not a Potential")
+        raise TensegrityError(f"potential {check.shown(potential)} is not a Potential")
     mass = check.number("mass", mass, above=0, unit="kg")
     given = {"speed": speed, "speed_ratio": speed_ratio, "amplitude": amplitude, "energy": energy}
     asked = {name: value for name, value in given.items() if value is not None}
@@ -300,10 +300,7 @@ def _family(potential, sign):
 
 
 def _distances(x):
-    try:
-        x = np.asarray(x, dtype=float)
-    except (TypeError, ValueError):
-        raise TensegrityError(f"x {x!r} is not an array of distances") from None
+    x = check.floats("x", x)
     if np.isnan(x).any():
         raise TensegrityError("x nan sites is not a number")
     return x
@@ -311,8 +308,8 @@ def _distances(x):
 
 def _sign(potential, family, amplitude):
     """-1 or 1, the sign of the elongation."""
-    if family is not None and family not in SIGNS:
-        raise TensegrityError(f"family {family!r} must be one of {', '.join(SIGNS)}")
+    if family is not None and not (isinstance(family, str) and family in SIGNS):
+        raise TensegrityError(f"family {check.shown(family)} must be one of {', '.join(SIGNS)}")
     if amplitude is not None:
         if amplitude == 0:
             raise TensegrityError("amplitude 0 m must not be 0")
@@ -364,7 +361,7 @@ def largest_speed(potential, mass=1.0, family=None, closest=1e-3):
     shows how well.
     """
     if not isinstance(potential, Potential):
-        raise TensegrityError(f"potential {potential!r} is not a Potential")
+        raise TensegrityError(f"potential {check.shown(potential)} is not a Potential")
     mass = check.number("mass", mass, above=0, unit="kg")
     closest = check.number("closest", closest, least=1 - STROKE)
     if closest > 0.1:

@@ -250,7 +250,7 @@ FAULTS = (
     ),
     Fault(
         "tensegrity/scene.py",
-        "        w[self.held] = 0\n",
+        "        w[list(self.held)] = 0\n",
         "",
         "tests/test_lattice.py::test_mixed_chain_follows_newton",
     ),

@@ -11,6 +11,7 @@ ORDER = [  # inside tensegrity: each may import what stands before it
     "errors",
     "once",
     "check",
+    "readonly",
     "codegen",
     "native",
     "methods",

@@ -214,7 +214,7 @@ def test_stiffening_prisms_carry_rarefactions_above_a_threshold():
 @pytest.mark.parametrize("read", ["elongation", "rate", "displacement"])
 def test_places_that_are_no_numbers_are_refused(read, x):
     wave = solitary_wave(TODA, speed_ratio=1.4)
-    with pytest.raises(TensegrityError, match="is not a"):
+    with pytest.raises(TensegrityError, match=r"x .* is not (a number|made of numbers)"):
         getattr(wave, read)(x)
 
 
