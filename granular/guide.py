@@ -55,6 +55,8 @@ class Guide(Crystal, Network):
         if striker is not None and not isinstance(striker, Striker):
             raise TensegrityError(f"striker {striker!r} is not a Striker")
         _fill(layout, beads)
+        self._made_of = {"layout": layout, "beads": beads, "wall": wall, "striker": striker}
+        self._made_of["end"] = end
         if end is not None:
             layout = layout.stopped([p for p in layout.parts if p in _last_parts(layout)])
         layout.check()
@@ -86,6 +88,7 @@ class Guide(Crystal, Network):
             wall_gaps=layout.wall_gaps(),
             radius=None if layout.blind else [bead.radius for bead in self.beads],
         )
+        self._contacts = springs.contacts
 
     @cached_property
     def clearance(self):
@@ -178,12 +181,13 @@ class _Springs:
     """One spring object for all contacts of the same kind of partners."""
 
     def __init__(self, law):
-        self._law, self._known = law, {}
+        self._law, self._known, self.contacts = law, {}, []
 
     def __call__(self, bead, other):
         pair = bead, other
         if pair not in self._known:
-            self._known[pair] = self._law(bead, other).spring()
+            self.contacts.append(self._law(bead, other))
+            self._known[pair] = self.contacts[-1].spring()
         return self._known[pair]
 
 
