@@ -113,7 +113,7 @@ def write(path, kind, data):
     OSError
         If it cannot be written; a file that was there stays as it was.
     """
-    writer, path = _Writer(), Path(path)
+    writer, path = _Writer(), _checked(path)
     parts = {
         name: writer.scene(value) if name == "scene" else writer.value(value)
         for name, value in data.items()
@@ -140,7 +140,7 @@ def read(path, kind, make=dict):
     TensegrityError
         There is no such file, or it is damaged, or holds something else.
     """
-    path = Path(path)
+    path = _checked(path)
     if not path.is_file():
         raise TensegrityError(f"there is no file {path}")
     try:
@@ -154,9 +154,13 @@ def read(path, kind, make=dict):
     except UnknownKind:
         raise
     except Exception as error:  # what a damaged file makes of zip, NumPy, JSON and our own kinds
-        raise TensegrityError(
-            f"{path} is no {kind} of this toolkit, or damaged: {error}"
-        ) from error
+        raise TensegrityError(f"{path} holds no {kind}, or is damaged: {error}") from error
+
+
+def _checked(path):
+    if not isinstance(path, (str, os.PathLike)):
+        raise TensegrityError(f"path {path!r} is not a path")
+    return Path(path)
 
 
 class UnknownKind(TensegrityError):

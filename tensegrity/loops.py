@@ -39,6 +39,11 @@ class Loop:
         [s]
     begun : bool
         Whether a first step was done, so that `v` lacks a closing kick.
+
+    Attributes
+    ----------
+    range : ndarray, (ranges that the scene keeps, 2)
+        Smallest and largest elongation [m] from `forget_range` to `look`.
     """
 
     def __init__(self, scene, u, v, method, dt, begun):
@@ -49,35 +54,34 @@ class Loop:
         if close is not None:
             self._out = np.empty_like(u), np.empty_like(v)
             self._close = scene.bind(*self._out, close, dt)
+        bound = self._others, self._close, self._first
+        self._bound = [loop for loop in bound if loop is not None]
 
     def forget_range(self):
         """Start anew to record elongations and the way travelled."""
-        for loop in (self._first, self._others, self._close):
-            if loop is not None:
-                loop.forget_range()
+        for loop in self._bound:
+            loop.forget_range()
 
     def advance(self, steps, begun):
         """Do at least one step; `begun` says whether one was done before."""
-        if self._first is not None and not begun:
+        first = self._first is not None and not begun
+        if first:
             self._first.advance(1)
-            steps -= 1
-        if steps:
-            self._others.advance(steps)
+        if steps > first:
+            self._others.advance(steps - first)
 
     def look(self):
-        """Copies of u and v after the closing kick."""
+        """Copies of u and v after the closing kick; then `range` is that of all done before."""
         if self._close is None:
+            self.range = self._others.range
             return self._u.copy(), self._v.copy()
         self._out[0][:], self._out[1][:] = self._u, self._v
         self._close.advance(1)
+        self.range = self._bound[0].range.copy()
+        for loop in self._bound[1:]:
+            np.minimum(self.range[:, 0], loop.range[:, 0], out=self.range[:, 0])
+            np.maximum(self.range[:, 1], loop.range[:, 1], out=self.range[:, 1])
         return self._out[0].copy(), self._out[1].copy()
-
-    @property
-    def range(self):
-        """Smallest and largest elongation of what the loop keeps ranges of; (ranges, 2)."""
-        loops = [x for x in (self._first, self._others, self._close) if x is not None]
-        low = np.min([x.range[:, 0] for x in loops], axis=0)
-        return np.stack([low, np.max([x.range[:, 1] for x in loops], axis=0)], axis=1)
 
     @property
     def travel(self):

@@ -1,5 +1,12 @@
 """Runs that are killed, interrupted or fail go on to the end they had, to the same bits."""
 
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+
 import numpy as np
 import pytest
 import sympy as sp
@@ -10,14 +17,18 @@ from granular import Bead, Striker, chain, materials, y_guide
 from tensegrity import (
     Chain,
     Ensemble,
+    LockingError,
     Potential,
     PowerLaw,
     Prism,
     Record,
+    RecordError,
+    TensegrityError,
     march,
     resume,
     simulate,
 )
+from tensegrity.record import beside
 
 STEEL = Bead(4.76e-3, materials["steel"])
 
@@ -124,3 +135,169 @@ def test_an_interrupted_run_goes_on_to_the_same_bits(tmp_path, monkeypatch, name
     assert repr(run.scene) == repr(scene)
     assert np.array_equal(np.load(path)["v"], whole.v)
     same(resume(path), whole)  # again: nothing is left to do
+
+
+def test_a_full_disk_loses_the_row_and_not_the_run(tmp_path, monkeypatch):
+    scene, state = blow()
+    whole = simulate(scene, state, 8.0, dt=0.1, record=Record(every=2))
+    path, write, calls = tmp_path / "run.npy", os.pwrite, []
+
+    def full(file, data, place):
+        calls.append(place)
+        if len(calls) > 20:
+            raise OSError(28, "No space left on device")
+        return write(file, data, place)
+
+    monkeypatch.setattr("tensegrity.rows.os.pwrite", full)
+    record = Record(every=2, path=path, checkpoint=0.0)
+    with pytest.raises(RecordError, match="No space left") as caught:
+        simulate(scene, state, 8.0, dt=0.1, record=record)
+    monkeypatch.undo()
+    kept = len(np.load(path))
+    assert kept == len(caught.value.run.t) == 9
+    same(resume(path), whole)
+
+
+def test_a_state_that_cannot_be_written_leaves_the_one_before(tmp_path, monkeypatch):
+    scene, state = blow()
+    whole = simulate(scene, state, 8.0, dt=0.1, record=Record(every=2))
+    path, replace, calls = tmp_path / "run.npy", os.replace, []
+
+    def full(one, two):
+        calls.append(two)
+        if len(calls) > 5:
+            raise OSError(28, "No space left on device")
+        replace(one, two)
+
+    monkeypatch.setattr("tensegrity.archive.os.replace", full)
+    with pytest.raises(RecordError, match=r"run\.npy\.state\.npz: No space left") as caught:
+        simulate(scene, state, 8.0, dt=0.1, record=Record(every=2, path=path, checkpoint=0.0))
+    monkeypatch.undo()
+    assert np.array_equal(np.load(path)["t"], caught.value.run.t)
+    same(resume(path), whole)
+    assert sorted(x.name for x in tmp_path.iterdir()) == ["run.npy", "run.npy.state.npz"]
+
+
+def test_a_run_that_locked_locks_again(tmp_path):
+    one, path = prism_chain(), tmp_path / "run.npy"
+    record = Record(every=10, path=path, checkpoint=1e9)
+    with pytest.raises(LockingError) as first:
+        simulate(one, one.at_rest({0: 0.3}), 9.0, dt=0.001, record=record)
+    with pytest.raises(LockingError) as second:
+        resume(path)
+    assert str(first.value) == str(second.value)
+    assert np.array_equal(first.value.run.t, second.value.run.t)
+
+
+def test_a_scene_of_a_users_own_energy_is_asked_for_and_recognised(tmp_path, monkeypatch):
+    one, path = toda(), tmp_path / "run.npy"
+    state = one.at_rest({0: 0.5})
+    whole = simulate(one, state, 5.0, dt=0.1, record=Record(every=1))
+    interrupt(monkeypatch, 9)
+    simulate(one, state, 5.0, dt=0.1, record=Record(every=1, path=path, checkpoint=1e9))
+    monkeypatch.undo()
+    with pytest.raises(TensegrityError, match=r"give it as `scene`; it printed Chain\(12 sites"):
+        resume(path)
+    heavier = Chain(one.springs[0], 12, 2.0)
+    for wrong in (toda(2.1), heavier, prism_chain(12), Chain(one.springs[0], 13), "chain"):
+        with pytest.raises(TensegrityError, match="is not that of"):
+            resume(path, scene=wrong)
+    same(resume(path, scene=toda()), whole)
+
+
+def test_a_scene_that_can_be_built_may_be_given_too(tmp_path):
+    scene, state = blow()
+    path = tmp_path / "run.npy"
+    record = Record(path=path, checkpoint=0)
+    run = simulate(scene, state, 1.0, dt=0.1, record=record)
+    assert resume(path, scene).scene is scene
+    same(resume(path, scene), run)
+    with pytest.raises(TensegrityError, match="is not that of"):
+        resume(path, prism_chain(25))
+
+
+def test_files_that_do_not_belong_together_are_refused(tmp_path):
+    scene, state = blow()
+    path, other = tmp_path / "run.npy", tmp_path / "other.npy"
+    with pytest.raises(TensegrityError, match=r"no file .*run\.npy\.state\.npz"):
+        resume(path)
+    with pytest.raises(TensegrityError, match="is not a path"):
+        resume(3)
+    record = Record(path=path, checkpoint=0, every=1)
+    simulate(scene, state, 1.0, dt=0.1, record=record)
+    with pytest.raises(TensegrityError, match="exists"):
+        simulate(scene, state, 1.0, dt=0.1, record=record)
+    simulate(scene, state, 1.0, dt=0.1, record=Record(path=other, sites=[1]))
+    whole = path.read_bytes()
+    for wrong in (other.read_bytes(), whole[:300], b"", b"precious"):
+        path.write_bytes(wrong)
+        with pytest.raises(TensegrityError, match=r"record path .*run\.npy holds"):
+            resume(path)
+        assert path.read_bytes() == wrong
+    path.unlink()
+    with pytest.raises(TensegrityError, match=r"record path .*run\.npy holds"):
+        resume(path)
+    path.write_bytes(whole)
+    beside(path).write_bytes(beside(path).read_bytes()[:-200])
+    with pytest.raises(TensegrityError, match="holds no state, or is damaged"):
+        resume(path)
+
+
+KILLED = """
+import sys
+from test_resume import blow
+from tensegrity import Record, simulate
+chain, state = blow()
+record = Record(interval=0.413, path=sys.argv[1], checkpoint=0.003)
+simulate(chain, state, 400.0, dt=0.05, method="rkn6", record=record)
+"""
+
+
+def _kills(tmp_path, seed, count):
+    """Kill at random moments, look, and go on in a new process that is killed as well."""
+    scene, state = blow()
+    whole = simulate(scene, state, 400.0, dt=0.05, method="rkn6", record=Record(interval=0.413))
+    here = os.path.dirname(__file__)
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([here, os.path.dirname(here)])}
+    moments, path, seen, number = random.Random(seed), None, 0, 0
+    for kill in range(count):
+        code = "import sys\nfrom tensegrity import resume\nresume(sys.argv[1])"
+        if path is None:
+            path, code, seen, number = tmp_path / f"{kill}.npy", KILLED, 0, number + 1
+        running = subprocess.Popen([sys.executable, "-c", code, str(path)], env=environment)
+        until = time.monotonic() + 60
+        while not beside(path).exists() or _rows(path) <= seen:
+            assert running.poll() is None or _rows(path) == len(whole.t)
+            assert time.monotonic() < until
+            if _rows(path) == len(whole.t):
+                break
+            time.sleep(0.002)
+        time.sleep(moments.uniform(0, 0.5))
+        running.send_signal(signal.SIGKILL)
+        running.wait()
+        rows = np.load(path, allow_pickle=False)
+        assert len(rows) >= seen  # nothing that was there is gone
+        seen = len(rows)
+        assert np.array_equal(rows["t"], whole.t[:seen])
+        assert np.array_equal(rows["u"], whole.u[:seen])
+        assert seen > 0
+        if seen == len(whole.t) or kill == count - 1:
+            same(resume(path), whole)
+            path = None
+    return number
+
+
+def _rows(path):
+    try:
+        return len(np.load(path, mmap_mode="r"))
+    except (OSError, ValueError):
+        return 0
+
+
+def test_a_killed_run_is_resumed_to_the_same_bits(tmp_path):
+    _kills(tmp_path, 1, 3)
+
+
+@pytest.mark.slow
+def test_twenty_kills_at_random_moments_lose_nothing(tmp_path):
+    _kills(tmp_path, 2, 20)
