@@ -246,3 +246,14 @@ def test_every_potential_of_the_toolkit_is_told_from_others():
         with pytest.raises(TensegrityError) as two:
             again.tension(-5.0 if spring.domain[0] > -5 else np.nan)
         assert str(one.value) == str(two.value)
+
+
+def test_a_wall_comes_back_to_the_bit():
+    """Also where the length of its unit normal is not 1 to the last bit."""
+    rng = np.random.default_rng(5)
+    walls = [Wall([0.0, 0.0], normal) for normal in rng.normal(size=(40, 2))]
+    assert any((wall.normal / np.linalg.norm(wall.normal) != wall.normal).any() for wall in walls)
+    for wall in walls:
+        writer = archive._Writer()
+        again = archive._Reader(writer.objects, writer.arrays).value(writer.value(wall))
+        assert np.array_equal(again.normal, wall.normal)

@@ -26,6 +26,7 @@ from tensegrity import (
     TensegrityError,
     march,
     resume,
+    rows,
     simulate,
 )
 from tensegrity.record import beside
@@ -178,6 +179,23 @@ def test_a_state_that_cannot_be_written_leaves_the_one_before(tmp_path, monkeypa
     assert sorted(x.name for x in tmp_path.iterdir()) == ["run.npy", "run.npy.state.npz"]
 
 
+def test_no_state_of_a_trial_stands_beside_the_rows_of_the_next(tmp_path, monkeypatch):
+    scene, state = blow()
+    path, begin, calls = tmp_path / "run.npy", rows.FileRows.__init__, []
+
+    def killed(self, *arguments):
+        begin(self, *arguments)
+        calls.append(beside(path).exists())
+        if len(calls) == 2:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(rows.FileRows, "__init__", killed)
+    with pytest.raises(KeyboardInterrupt):
+        simulate(scene, state, 8.0, tol=1e-9, record=Record(path=path, checkpoint=1e9))
+    assert calls == [False, False]
+    assert not beside(path).exists()
+
+
 def test_a_run_that_locked_locks_again(tmp_path):
     one, path = prism_chain(), tmp_path / "run.npy"
     record = Record(every=10, path=path, checkpoint=1e9)
@@ -275,11 +293,11 @@ def _kills(tmp_path, seed, count):
         time.sleep(moments.uniform(0, 0.5))
         running.send_signal(signal.SIGKILL)
         running.wait()
-        rows = np.load(path, allow_pickle=False)
-        assert len(rows) >= seen  # nothing that was there is gone
-        seen = len(rows)
-        assert np.array_equal(rows["t"], whole.t[:seen])
-        assert np.array_equal(rows["u"], whole.u[:seen])
+        kept = np.load(path, allow_pickle=False)
+        assert len(kept) >= seen  # nothing that was there is gone
+        seen = len(kept)
+        assert np.array_equal(kept["t"], whole.t[:seen])
+        assert np.array_equal(kept["u"], whole.u[:seen])
         assert seen > 0
         if seen == len(whole.t) or kill == count - 1:
             same(resume(path), whole)
