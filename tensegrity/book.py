@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tensegrity import archive
-from tensegrity.errors import RecordError
+from tensegrity.errors import LockingError, RecordError, StabilityError
 from tensegrity.run import Run
 
 
@@ -106,12 +106,19 @@ class Book:
         """The run up to its last sound state, which is the last row, and what it failed by."""
         try:
             if not isinstance(failure, RecordError):
-                self.catch_up()
-                self.keep_state()
+                self._settle()
                 self.keep_last()
         except RecordError as error:
             failure = error
         return self.run(complete=False), failure
+
+    def _settle(self):
+        """Record what is due and keep the state, unless what is due is what failed."""
+        try:
+            self.catch_up()
+        except (LockingError, StabilityError):
+            return
+        self.keep_state()
 
     def run(self, complete):
         """The run so far."""

@@ -6,7 +6,7 @@ from networks import patch, pushed
 from scenes import prism_chain, smooth_blow
 
 from granular import Bead, Striker, materials, y_guide
-from tensegrity import Ensemble, LockingError, Record, TensegrityError, simulate
+from tensegrity import Ensemble, LockingError, Record, TensegrityError, march, simulate
 from tensegrity.methods import METHODS
 from tensegrity.tuning import simulate_tuned
 
@@ -116,6 +116,25 @@ def test_a_run_that_locks_between_instants_ends_with_its_final_state():
     run = caught.value.run
     assert run.t[:-1] == pytest.approx(0.0717 * np.arange(len(run.t) - 1), rel=1e-14)
     assert run.t[-1] == run.steps * run.dt
+    assert np.array_equal(run.u[-1], run.final.u)
+
+
+def test_a_shorter_step_that_fails_ends_the_run_with_what_it_had(monkeypatch):
+    """A whole step can be sound where a part of it meets an end of the domain."""
+    chain, state = blow()
+    look, calls = march._Watch.look_back, []
+
+    def failing(self, part):
+        calls.append(part)
+        if len(calls) > 2:
+            raise LockingError("there")
+        return look(self, part)
+
+    monkeypatch.setattr(march._Watch, "look_back", failing)
+    with pytest.raises(LockingError) as caught:
+        simulate(chain, state, 4.0, dt=0.1, record=Record(times=TIMES))
+    run = caught.value.run
+    assert run.t == pytest.approx([*TIMES[:3], 1.3], rel=1e-14)
     assert np.array_equal(run.u[-1], run.final.u)
 
 
