@@ -109,15 +109,15 @@ def text(tables):
     """What the page says."""
     bits, apart = tables["bits"], tables["apart"]
     same = [n for n, k in zip(bits["run"], bits["numbers that differ"], strict=True) if k == 0]
-    other = [k for k in apart if k not in ("time [s]", "repeated")]
+    other = [k for k in apart if k != "time [s]" and np.any(apart[k])]
+    quiet = [k for k in apart if k != "time [s]" and not np.any(apart[k])]
     ends = listed([f"{name} {apart[name][-1]:.0e}" for name in other])
     return (
         f"On one machine and build, of {bits['numbers compared'][0]} numbers of a run with "
-        f"{SITES} sites none differs in any bit when it is {listed(same)}. What does change last "
-        "digits is any other order of operations: the closing kick of a step and the first of the "
-        "next are one, except where a row is recorded. Such a "
-        f"difference grows from 1e-16; after {T_SHORT:g} s on {SHORT} sites, relative: {ends}. So "
-        "compare runs bit for bit only with the same `record`."
+        f"{SITES} sites none differs in any bit when it is {listed(same)}; nor, on {SHORT} sites, "
+        f"when it is {listed(quiet)}. What does change last digits is any other order of "
+        f"operations. Such a difference grows from 1e-16; after {T_SHORT:g} s, relative: {ends}. "
+        "So compare runs bit for bit only on the same engine."
     )
 
 

@@ -35,6 +35,7 @@ class BeadChain(Crystal, Chain):
     """
 
     def __init__(self, beads, striker, loads, end, law):
+        self._made_of = {"beads": beads, "striker": striker, "loads": loads, "end": end}
         self.striker = striker
         self.beads = (striker.bead, *beads) if striker else tuple(beads)
         first = len(self.beads) - len(beads)

@@ -57,6 +57,8 @@ class Guide(Crystal, Network):
         if striker is not None and not isinstance(striker, Striker):
             raise TensegrityError(f"striker {check.shown(striker)} is not a Striker")
         _fill(layout, beads)
+        parts = {"layout": layout, "beads": beads, "wall": wall, "striker": striker, "end": end}
+        self._made_of = parts
         if end is not None:
             layout = layout.stopped([p for p in layout.parts if p in _last_parts(layout)])
         layout.check()
@@ -88,6 +90,7 @@ class Guide(Crystal, Network):
             wall_gaps=layout.wall_gaps(),
             radius=None if layout.blind else [bead.radius for bead in self.beads],
         )
+        self._contacts = springs.contacts
 
     @cached_property
     def clearance(self):
@@ -180,12 +183,13 @@ class _Springs:
     """One spring object for all contacts of the same kind of partners."""
 
     def __init__(self, law):
-        self._law, self._known = law, {}
+        self._law, self._known, self.contacts = law, {}, []
 
     def __call__(self, bead, other):
         pair = bead, other
         if pair not in self._known:
-            self._known[pair] = contact_of(self._law, bead, other).spring()
+            self.contacts.append(contact_of(self._law, bead, other))
+            self._known[pair] = self.contacts[-1].spring()
         return self._known[pair]
 
 

@@ -52,6 +52,8 @@ def simulate(scene, state, t_end, *, method=None, dt=None, tol=None, record=None
         `dt` is beyond the method's stability limit; during a run with `.run`, the part done.
     LockingError
         A spring reached an end of its domain; with `.run`, the part done.
+    RecordError
+        A row or a state could not be written; with `.run`, the part done.
     """
     started = time.perf_counter()
     if not hasattr(scene, "check"):
@@ -67,8 +69,9 @@ def simulate(scene, state, t_end, *, method=None, dt=None, tol=None, record=None
         raise TensegrityError(f"method {method.name!r} runs a Chain only")
     record = Record() if record is None else record
     check.kind("record", record, Record)
-    record.check(scene.sites)
-    problem = Problem(scene, state, t_end, method, record)
+    record.check(scene.sites, t_end)
+    choice = "dt" if dt is not None else "default" if tol is None else "tol"
+    problem = Problem(scene, state, t_end, method, record, choice=choice)
     if dt is not None:
         run = fixed_step(problem, dt)
     elif tol is not None:
