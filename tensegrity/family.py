@@ -84,7 +84,8 @@ class Family:
             rows = np.array([sizes, gain, self._excess.energy(r), self.potential.stiffness(r)])
             energy = (self.rest + gain) * sizes**2
             good = np.isfinite(rows).all(axis=0) & np.isfinite(energy) & (energy > SMALLEST)
-        first = int(np.argmax(good)) if self.rest == 0 else 0  # forces of small crests underflow
+        # without a scale the energies of the smallest crests underflow
+        first = 0 if math.isfinite(self._excess.scale) else int(np.argmax(good))
         good = good[first:]
         rows = rows[:, first:][:, : len(good) if good.all() else int(np.argmin(good))]
         if rows.shape[1] < 2:

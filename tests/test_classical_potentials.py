@@ -45,8 +45,9 @@ def misfit(wave):
     """Largest |m c^2 r - V'(r) * tent| over the largest |V'|, the integral by Gauss's rule: no
     Fourier series, no transform, none of the solver's functions."""
     nodes, weights = np.polynomial.legendre.leggauss(16)
-    near = np.array([0.0, 0.001, 0.003, 0.01, 0.03, 0.1, 0.3])  # of the crest, sharp at a wall
-    x, force = np.linspace(0, min(wave.reach(1e-6), 40.0), 17), []
+    near = np.array([0.0, 0.001, 0.003, 0.01, 0.03, 0.1, 0.3])
+    near = np.concatenate([near, 1 - near, 1 + near])  # at a wall crest and feet are sharp
+    x, force = np.linspace(0, wave.reach(1e-6), 9), []
     for at in x:
         edges = np.unique(np.clip([-1, 0, 1, *(near - at), *(-near - at)], -1, 1))
         half = np.diff(edges)[:, None] / 2
@@ -183,3 +184,12 @@ def test_contacts_as_hard_as_walls_carry_waves(exponent):
     one, other = (solitary_wave(PowerLaw(1.0, exponent), amplitude=-a) for a in (1.0, 1.5))
     assert one.residual <= 1e-12
     assert other.speed / one.speed == pytest.approx(1.5 ** ((exponent - 1) / 2), rel=1e-12)
+
+
+@pytest.mark.parametrize("preload", [1e-30, 10.0, 100.0, 1e9])
+def test_a_precompressed_contact_has_one_wave_whatever_its_preload(preload):
+    """... in overlaps under the preload: F^(2/3)."""
+    one, other = (
+        solitary_wave(PowerLaw(1.0, 1.5, preload=f), speed_ratio=1.1) for f in (1.0, preload)
+    )
+    assert other.amplitude == pytest.approx(one.amplitude * preload ** (2 / 3), rel=1e-12)
