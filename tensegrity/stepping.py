@@ -34,6 +34,10 @@ def _crossing(spring, energy, side):
     end = spring.domain[side > 0]
     if np.isinf(end):
         r = side * 2.0 ** (np.arange(-6 * BINADES, 6 * BINADES + 1) / 6)
+        with np.errstate(all="ignore"):
+            known = np.isfinite(spring.stiffness(r))
+        known = known | (np.cumsum(known) == 0)
+        r = r if known.all() else r[: np.argmin(known)]  # powers of it over- and underflow
     else:
         close = np.logspace(-DECADES, 0, 20 * DECADES + 1)
         r = side * np.unique(abs(end) * np.concatenate([close, 1 - close[:-1]]))

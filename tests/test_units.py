@@ -122,12 +122,22 @@ def stability(u):
     return {"height": (found.height, LENGTH), "load": (found.load, FORCE)}
 
 
-def lennard_jones(u):
+def lennard_jones_spring(u):
     r, depth, size = sp.symbols("r depth size")
     values = {depth: u(1e-3, *ENERGY), size: u(2e-4, *LENGTH)}
-    energy = depth * ((1 + r / size) ** -12 - 2 * (1 + r / size) ** -6)
-    spring = Potential(energy, r, values, domain=(-values[size], np.inf))
-    return of_wave(u, spring, speed_ratio=1.01)
+    energy = depth * ((1 + r / size) ** -12 - 2 * (1 + r / size) ** -6 + 1)
+    return Potential(energy, r, values, domain=(-values[size], np.inf))
+
+
+def lennard_jones(u):
+    return of_wave(u, lennard_jones_spring(u), speed_ratio=1.01)
+
+
+def torn(u):
+    """Energy enough to tear every bond: no elongation is out of reach."""
+    row = Chain(lennard_jones_spring(u), 8, u(0.02, *MASS))
+    state = State(np.zeros(8), u(np.eye(8)[3] * 0.5, *SPEED))
+    return of_run(u, simulate(row, state, u(5e-4, *TIME)), row)
 
 
 def vacuum(u):
@@ -191,6 +201,7 @@ SCENES = {
     "limit load": limit,
     "loss of stability": stability,
     "Lennard-Jones": lennard_jones,
+    "chain that tears": torn,
     "sonic vacuum": vacuum,
     "preloaded contact": preloaded,
     "chain, default step": chain_run,
