@@ -175,7 +175,7 @@ def first_loss(prism, support="plates"):
 
     height = path.height[row]
     if values[row - 1, 0] > 0:
-        height = brentq(lowest_at, path.height[row], path.height[row - 1], xtol=1e-13)
+        height = brentq(lowest_at, path.height[row], path.height[row - 1], xtol=1e-300, rtol=1e-13)
     load = -float(prism.potential().tension(height - prism.height))
     return Loss(float(height), load, bool(symmetric[row, 0]))
 

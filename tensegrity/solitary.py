@@ -19,12 +19,11 @@ from tensegrity.ensemble import Ensemble
 from tensegrity.errors import TensegrityError
 from tensegrity.family import SIGNS, STROKE, Family, refined
 from tensegrity.lattice import Chain
-from tensegrity.potential import Potential, PowerLaw
+from tensegrity.potential import Potential
 from tensegrity.scene import State
-from tensegrity.travelling import Grid, amplitude_is, cosine_sum
+from tensegrity.travelling import Grid, NoWave, cosine_sum
 
 LEAST_LEVEL = 1e-8  # of the crest, at which a width is asked for
-SMALL, LARGE = 1e-15, 1.0  # elongations [m] that show whether a force underflows
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,10 +252,9 @@ def solitary_wave(
     value = check.number(name, value)
     sound = sound_speed(potential, mass)
     sign = _sign(potential, family, value if name == "amplitude" else None)
-    side = _family(potential, sign)
+    side = Family(potential, sign)
     if name == "amplitude":
-        profile = side.wave(abs(value))
-        condition = amplitude_is(1.0)
+        profile, condition = side.with_size(abs(value))
     elif name == "energy":
         value = check.number("energy", value, above=0, unit="J")
         profile, condition = side.with_energy(value)
@@ -272,31 +270,23 @@ def solitary_wave(
                 "has no decaying tail"
             )
         stiffness = mass * speed * speed
-        if not side.rest < stiffness < math.inf:
+        above = side.rest * (speed / sound - 1) * (speed / sound + 1) if sound else stiffness
+        if not (above > 0 and stiffness < math.inf):
             raise TensegrityError(
                 f"speed {float(speed)} sites/s gives m c^2 = {float(stiffness)} N/m, must be a "
                 f"number above the stiffness at rest, {side.rest} N/m"
             )
-        profile, condition = side.with_stiffness(stiffness, mass)
-    profile, residual = refined(profile, condition)
-    return _wave(potential, mass, sound, profile, residual)
-
-
-def _family(potential, sign):
-    """The family of that sign; one whose small forces are no numbers is refused as what it is."""
-    if math.isinf(potential.domain[int(sign > 0)]):
-        small, large = (float(sign * potential.tension(sign * r)) for r in (SMALL, LARGE))
-        if small == 0 < large:
-            least = math.log10(np.finfo(float).smallest_subnormal)
-            what = ""
-            if isinstance(potential, PowerLaw):
-                most = (math.log10(potential.parameters["stiffness"]) - least) / -math.log10(SMALL)
-                what = f": exponent {potential.exponent:g} must be below {most:.4g}"
-            raise TensegrityError(
-                f"waves are sought from crests of {SMALL:g} m up, but the force there, "
-                f"{large:g} N at {LARGE:g} m, is below the smallest number{what}"
-            )
-    return Family(potential, sign)
+        profile, condition = side.with_stiffness(above, mass)
+    try:
+        exact, residual = refined(profile, condition)
+    except NoWave:
+        near = _wave(potential, mass, sound, profile, profile.residual())
+        raise TensegrityError(
+            f"no solitary wave of {side.name} with {name} {value:g}: the nearest one found has a "
+            f"crest of {near.amplitude:.6g} m, speed {near.speed:.6g} sites/s and energy "
+            f"{near.energy:.6g} J, where the family ends"
+        ) from None
+    return _wave(potential, mass, sound, exact, residual)
 
 
 def _distances(x):
@@ -366,9 +356,9 @@ def largest_speed(potential, mass=1.0, family=None, closest=1e-3):
     closest = check.number("closest", closest, least=1 - STROKE)
     if closest > 0.1:
         raise TensegrityError(f"closest {closest:g} must be at most 0.1")
-    side = _family(potential, _sign(potential, family, None))
+    side = Family(potential, _sign(potential, family, None))
     if math.isfinite(side.front[1]):
-        return math.sqrt(side.front[1] / mass)
+        return math.sqrt((side.rest + side.front[1]) / mass)
     if math.isinf(side.end):
         raise TensegrityError("no largest speed: the spring does not lock (its domain is open)")
     return math.sqrt(side.stiffness_at_end(closest) / mass)
@@ -376,7 +366,7 @@ def largest_speed(potential, mass=1.0, family=None, closest=1e-3):
 
 def _wave(potential, mass, sound, profile, residual):
     law, grid = profile.law, profile.grid
-    stiffness = profile.mu * law.force / law.reference  # m c^2
+    stiffness = profile.mu * law.secant  # m c^2
     speed = math.sqrt(stiffness / mass)
     tension = law.force * grid.coefficients(law.tension(profile.rho))
     rates = grid.box * tension / stiffness

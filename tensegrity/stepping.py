@@ -8,7 +8,9 @@ import numpy as np
 
 from tensegrity.errors import StabilityError
 
-DECADES = 16  # how far the search for the reachable elongations looks, up and down
+DECADES = 16  # of its range that a search looks down, where the range has an end
+BINADES = 1000  # up and down, where it has none: all sizes, whatever the units
+LOOKS = 4  # of the search for a crossing, 256 times finer from the second on
 
 
 @lru_cache(maxsize=4096)
@@ -30,14 +32,19 @@ def reachable(spring, energy):
 def _crossing(spring, energy, side):
     """First elongation on one side where V exceeds `energy`, and whether it is the end."""
     end = spring.domain[side > 0]
-    close = np.logspace(-DECADES, 0, 20 * DECADES + 1)
     if np.isinf(end):
-        r = side * np.concatenate([close, 1 / close[-2::-1]])
+        r = side * 2.0 ** (np.arange(-6 * BINADES, 6 * BINADES + 1) / 6)
+        with np.errstate(all="ignore"):
+            known = np.isfinite(spring.stiffness(r))
+        known = known | (np.cumsum(known) == 0)
+        r = r if known.all() else r[: np.argmin(known)]  # powers of it over- and underflow
     else:
+        close = np.logspace(-DECADES, 0, 20 * DECADES + 1)
         r = side * np.unique(abs(end) * np.concatenate([close, 1 - close[:-1]]))
         r = np.clip(r, *spring.domain)
-    for _ in range(2):  # a coarse look, then a fine one at the crossing
-        outside = np.flatnonzero(~(spring.energy(r) <= energy))
+    for _ in range(LOOKS):
+        with np.errstate(all="ignore"):
+            outside = np.flatnonzero(~(spring.energy(r) <= energy))
         if outside.size == 0:
             return float(r[-1]), bool(np.isfinite(end))
         first = int(outside[0])

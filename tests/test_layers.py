@@ -54,6 +54,7 @@ ORDER = [  # inside tensegrity: each may import what stands before it
     "observables",
     "budget",
     "tuning",
+    "excess",
     "travelling",
     "family",
     "solitary",
