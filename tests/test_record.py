@@ -60,7 +60,7 @@ def test_a_record_beyond_memory_is_refused_with_its_size(monkeypatch):
 def test_a_record_beyond_the_disk_is_refused_with_its_size(tmp_path, monkeypatch):
     chain = prism_chain(1000)
     usage = type("", (), {"free": 1_000_000})
-    monkeypatch.setattr(rows.shutil, "disk_usage", lambda _: usage)
+    monkeypatch.setattr("shutil.disk_usage", lambda _: usage)
     wanted = Record(every=1, path=tmp_path / "run.npy")
     with pytest.raises(TensegrityError, match="disk space"):
         simulate(chain, smooth_blow(chain), 10.0, dt=0.001, record=wanted)
