@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from granular.beads import Bead
 from granular.materials import Material
 from tensegrity import PowerLaw, TensegrityError, check
@@ -31,11 +33,16 @@ class Contact:
     exponent: float = 1.5
 
     def __post_init__(self):
-        check.number("contact constant", self.constant, above=0, unit="N/m^n")
-        check.number("contact exponent", self.exponent, above=0)
+        constant = check.number("contact constant", self.constant, above=0, unit="N/m^n")
+        exponent = check.number("contact exponent", self.exponent, above=0)
+        object.__setattr__(self, "constant", constant)
+        object.__setattr__(self, "exponent", exponent)
 
     def overlap(self, force):
         """Overlap [m] under a compressive force [N] >= 0; any shape."""
+        force = check.floats("contact force", force)
+        if np.any(~(force >= 0)):
+            raise TensegrityError("contact forces must be at least 0 N")
         return (force / self.constant) ** (1 / self.exponent)
 
     def spring(self, preload=0.0, length=None):
@@ -67,7 +74,7 @@ def hertz(bead: Bead, other: Bead | Material) -> Contact:
         `bead` is not a Bead, or `other` neither.
     """
     if not isinstance(bead, Bead):
-        raise TensegrityError(f"{bead!r} is not a Bead")
+        raise TensegrityError(f"{check.shown(bead)} is not a Bead")
     for_pair, for_wall = _constants()
     one = bead.material
     if isinstance(other, Material):
@@ -75,7 +82,7 @@ def hertz(bead: Bead, other: Bead | Material) -> Contact:
             for_wall(one.modulus, other.modulus, one.poisson, other.poisson, bead.contact_radius)
         )
     if not isinstance(other, Bead):
-        raise TensegrityError(f"{other!r} is neither a Bead nor a Material")
+        raise TensegrityError(f"{check.shown(other)} is neither a Bead nor a Material")
     two = other.material
     radii = bead.contact_radius, other.contact_radius
     return Contact(for_pair(one.modulus, two.modulus, one.poisson, two.poisson, *radii))
@@ -93,8 +100,20 @@ def power(constant: float, exponent: float):
 def checked_law(law):
     """A law of contact as `chain` and the guides take it, if it can be one."""
     if not callable(law):
-        raise TensegrityError(f"law {law!r} is not a function of two partners, such as hertz")
+        raise TensegrityError(
+            f"law {check.shown(law)} is not a function of two partners, such as hertz"
+        )
     return law
+
+
+def contact_of(law, bead, other):
+    """The contact that a law gives to two partners."""
+    try:
+        contact = law(bead, other)
+    except TypeError as error:  # such as a wrong number of arguments
+        raise TensegrityError(f"law {check.shown(law)} of two partners: {error}") from error
+    check.kind("what the law gives to two partners", contact, Contact)
+    return contact
 
 
 @once

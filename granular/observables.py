@@ -8,10 +8,11 @@ the forces of its contacts, each taken along the bead's displacement (derived in
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 
-from granular.crystal import rows
+from granular.crystal import crystal_of, rows
 from tensegrity import TensegrityError, check
 from tensegrity.observables import passage
 
@@ -19,14 +20,13 @@ CLOCK = 3e-6  # s: sampling interval of the paper's density plots
 LEVEL = 0.05  # of the largest peak: smaller ones do not count as pulses
 
 
-def sensor_force(run, scene, part, number):
+def sensor_force(run, part, number):
     """Force that a sensor in a bead reads, seeds/001, eq. (5).
 
     Parameters
     ----------
     run : Run
-        With the bead and its neighbours recorded.
-    scene : Crystal
+        Of a chain or a guide of beads, with the bead and its neighbours recorded.
     part : str
         Such as "stem 1".
     number : int
@@ -40,17 +40,19 @@ def sensor_force(run, scene, part, number):
     Raises
     ------
     TensegrityError
-        No such bead, or the bead or a neighbour was not recorded.
+        Not a run, or one of a scene without beads; no such bead; the bead or a neighbour was not
+        recorded.
     """
-    return _sensed(run, scene, part, number, scene.cosines)
+    return _sensed(run, part, number, lambda u, site: run.scene.cosines(u, site))
 
 
-def mean_force(run, scene, part, number):
+def mean_force(run, part, number):
     """Half the sum of the forces of a bead's contacts [N], (T,), whatever their directions."""
-    return _sensed(run, scene, part, number, lambda u, site: 1.0)
+    return _sensed(run, part, number, lambda u, site: 1.0)
 
 
-def _sensed(run, scene, part, number, share):
+def _sensed(run, part, number, share):
+    scene = crystal_of(run)
     site = scene.site(part, number)
     u = rows(run, scene.needed(site))
     touching = scene.contacts_at(site)
@@ -59,7 +61,13 @@ def _sensed(run, scene, part, number, share):
 
 def density(run, sites):
     """Sensor forces of several beads of a run of all sites [N], (T, beads)."""
-    u, scene = rows(run, range(run.scene.sites)), run.scene
+    scene = crystal_of(run)
+    u = rows(run, range(scene.sites))
+    if not isinstance(sites, Iterable):
+        raise TensegrityError(f"sites {check.shown(sites)} are not a sequence of sites")
+    sites = tuple(sites)
+    if not sites:
+        raise TensegrityError("sites is empty: nothing to read")
     for site in sites:
         if check.whole("site", site, least=0) >= scene.sites:
             raise TensegrityError(f"site {site} must be below {scene.sites}")
@@ -93,7 +101,7 @@ def peak(t, force, between=(-math.inf, math.inf)):
     from scipy.interpolate import make_interp_spline
 
     t, force = _record(t, force)
-    inside = (t >= between[0]) & (t <= between[1])
+    inside = _within(t, between)
     if inside.sum() < 12:
         raise TensegrityError(f"{inside.sum()} instants between {between} s are too few for a peak")
     t, force = t[inside], force[inside]
@@ -102,12 +110,12 @@ def peak(t, force, between=(-math.inf, math.inf)):
     return instant, float(spline(instant))
 
 
-def speed(run, scene, part, numbers, between=(-math.inf, math.inf)):
+def speed(run, part, numbers, between=(-math.inf, math.inf)):
     """Speed of the leading pulse between two sensors of a part.
 
     Parameters
     ----------
-    run, scene, part
+    run, part
         As for `sensor_force`.
     numbers : (int, int)
         Of the two beads.
@@ -125,11 +133,19 @@ def speed(run, scene, part, numbers, between=(-math.inf, math.inf)):
     TensegrityError
         As `sensor_force` and `peak`; the same bead twice, or both peaks at one instant.
     """
-    way = scene.distance(part, numbers)
-    first, second = (peak(run.t, sensor_force(run, scene, part, n), between)[0] for n in numbers)
+    way = crystal_of(run).distance(part, numbers)
+    first, second = (peak(run.t, sensor_force(run, part, n), between)[0] for n in numbers)
     if first == second:
         raise TensegrityError(f"beads {numbers} of {part} peak at the same instant, {first:g} s")
     return way / (second - first)
+
+
+def _within(t, between):
+    """Which instants lie between two others, both included."""
+    if not isinstance(between, (tuple, list)) or len(between) != 2:
+        raise TensegrityError(f"between {check.shown(between)} must be two instants")
+    first, last = (check.number("end of between", x, finite=False, unit="s") for x in between)
+    return (t >= first) & (t <= last)
 
 
 def sampled(t, force, interval=CLOCK, phase=0.0):
@@ -176,7 +192,7 @@ def sampled_peak(t, force, between=(-math.inf, math.inf), interval=CLOCK, phase=
     Parameters as for `peak` and `sampled`; an instant is off by up to half an interval.
     """
     times, values = sampled(t, force, interval, phase)
-    inside = (times >= between[0]) & (times <= between[1])
+    inside = _within(times, between)
     if not inside.any():
         raise TensegrityError(f"no sample every {interval:g} s between {between} s")
     largest = np.argmax(values[inside])
@@ -210,7 +226,7 @@ def pulses(t, force, level=LEVEL):
 
 def _record(t, force):
     """Instants and forces as arrays (T,), T >= 2, if they are a record."""
-    t, force = (np.asarray(x, dtype=float) for x in (t, force))
+    t, force = check.floats("instants", t), check.floats("forces", force)
     if t.ndim != 1 or len(t) < 2 or force.shape != t.shape:
         raise TensegrityError(
             f"a record of instants of shape {t.shape} and forces of shape {force.shape} must have "
@@ -239,7 +255,8 @@ def part_energies(run):
         [J]: kinetic, and half that of each contact of two beads.  "walls" hold all of theirs;
         the sum is the total energy.
     """
-    scene, u = run.scene, rows(run, range(run.scene.sites))
+    scene = crystal_of(run)
+    u = rows(run, range(scene.sites))
     inside = scene.bead_energies(u, run.v)
     energies = {
         part: inside[:, list(sites)].sum(axis=1)
@@ -255,14 +272,15 @@ def momentum(run):
     Constant in a guide, and in a chain without loads and end wall (a held site takes impulse
     that is not recorded).  All sites must have been recorded.
     """
-    rows(run, range(run.scene.sites))
+    rows(run, range(crystal_of(run).sites))
     total = np.einsum("s,ts...->t...", run.scene.mass, run.v)
     return total if run.impulse is None else total + run.impulse.sum(axis=1)
 
 
 def overlaps(run, part=None):
     """Largest and mean peak overlap of the contacts between beads of a part (all: None) [m]."""
-    scene, u = run.scene, rows(run, range(run.scene.sites))
+    scene = crystal_of(run)
+    u = rows(run, range(scene.sites))
     chosen = scene.contacts_within(part)
     if not chosen:
         raise TensegrityError(f"part {part!r} has no contact of two of its beads")

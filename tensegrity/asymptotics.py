@@ -18,10 +18,12 @@ import numpy as np
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
+from tensegrity.potential import Potential
 
 
 def sound_speed(spring, mass=1.0):
     """sqrt(V''(0)/m), in sites per second; 0 in a sonic vacuum."""
+    check.kind("spring", spring, Potential)
     mass = check.number("mass", mass, above=0, unit="kg")
     stiffness = float(spring.stiffness(0.0))
     if stiffness < 0:
@@ -46,7 +48,8 @@ def sech2(spring, speed_ratio, x):
         r = (V''/V''') (gamma/2)^2 sech^2(gamma x/2) [m], gamma^2 = 24 (c - cs)/cs; negative
         (compression) where the spring stiffens in compression, V''' < 0.  Error O(gamma^4).
     """
-    ratio = check.number("speed_ratio", speed_ratio)
+    check.kind("spring", spring, Potential)
+    x, ratio = _places(x), check.number("speed_ratio", speed_ratio)
     if ratio <= 1:
         raise TensegrityError(f"speed_ratio {ratio:g} must be above 1")
     stiffness, slope = float(spring.stiffness(0.0)), float(spring.stiffness_slope(0.0))
@@ -56,15 +59,23 @@ def sech2(spring, speed_ratio, x):
             f"V''' = {slope:g} N/m^2 not 0"
         )
     with np.errstate(over="ignore"):  # far away cosh is infinite and the wave 0
-        return _sech2()(stiffness, slope, ratio, np.asarray(x, dtype=float))
+        return _sech2()(stiffness, slope, ratio, x)
 
 
 def tent(spring, x):
     """Elongation [m] of the wave that reaches the locking stroke: -d (1 - |x|) for |x| < 1."""
-    stroke = -spring.domain[0]
+    check.kind("spring", spring, Potential)
+    x, stroke = _places(x), -spring.domain[0]
     if math.isinf(stroke):
         raise TensegrityError("no tent: the spring has no locking stroke (its domain is open)")
-    return _tent()(stroke, np.asarray(x, dtype=float))
+    return _tent()(stroke, x)
+
+
+def _places(x):
+    x = check.floats("x", x)
+    if np.isnan(x).any():
+        raise TensegrityError("x nan sites is not a number")
+    return x
 
 
 @once

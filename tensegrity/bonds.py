@@ -7,12 +7,13 @@ The loop keeps the elongations met of every bond that has parameters of its own,
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
 
 from tensegrity.codegen import is_long
+from tensegrity.readonly import fixed
 
 PAIR, WALL = 0, 1
 KINDS = ("pair", "wall")
@@ -61,7 +62,8 @@ class Bonds:
     @cached_property
     def runs(self):
         """The order in which the loop does them."""
-        return line_runs(self) if self.contacts is None else net_runs(self)
+        found = line_runs(self) if self.contacts is None else net_runs(self)
+        return Runs(*(fixed(getattr(found, field.name)) for field in fields(Runs)))
 
     @cached_property
     def own(self):
@@ -189,3 +191,16 @@ def net_runs(bonds):
     return Runs(
         source, np.array(first), found // len(KINDS), np.array(own, dtype=int), found % len(KINDS)
     )
+
+
+def by_spring(group, springs, low, high):
+    """Ranges of elongation of all springs from those of their bonds; (springs, 2)."""
+    if springs == 1 and low.size:
+        return np.array([[low.min(), high.max()]])
+    if np.array_equal(group, np.arange(springs)):
+        return np.stack([low, high], axis=1)
+    found = np.empty((springs, 2), dtype=low.dtype)
+    found[:, 0], found[:, 1] = np.inf, -np.inf
+    np.minimum.at(found[:, 0], group, low)
+    np.maximum.at(found[:, 1], group, high)
+    return found

@@ -14,6 +14,8 @@ from functools import cache
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
 
@@ -178,6 +180,15 @@ def functions(law):
     result["head"] = ca.Function("head", [r, p], [head])
     result["tail"] = ca.Function("tail", [r, h, p], [tail])
     return result
+
+
+def evaluate(law, order, parameters, r):
+    """The order-th derivative of a law on CasADi's machine; see `Compiled.evaluate`."""
+    function = functions(law)[DERIVATIVES[order]]
+    p = np.asarray(parameters, dtype=float)[: len(law.parameters)]
+    if p.ndim == 2 and r.size:
+        p = np.tile(p, r.size // r.shape[-1])
+    return np.array(function(r.reshape(1, -1), p.reshape(len(p), -1))).reshape(r.shape)
 
 
 @cache

@@ -7,6 +7,7 @@ import ctypes
 import numpy as np
 
 from tensegrity import codegen, geometry
+from tensegrity.bonds import by_spring
 from tensegrity.methods import Splitting
 from tensegrity.native import library
 from tensegrity.once import once
@@ -88,9 +89,7 @@ class Compiled:
         r : ndarray, C-contiguous, (..., n)
         """
         if codegen.DERIVATIVES[order] not in self.laws[law].compiled:
-            from tensegrity.interpreted import evaluate
-
-            return evaluate(self.laws[law], order, parameters, r)
+            return codegen.evaluate(self.laws[law], order, parameters, r)
         rows = max((len(one.parameters) for one in self.laws), default=0)
         p = np.zeros((rows, *np.shape(parameters)[1:]), dtype=self.dtype)
         p[: len(parameters)] = parameters[:rows]
@@ -250,19 +249,6 @@ class BoundLine(_Bound):
     def range(self):
         found = self._range[self._low], self._range[self._high]
         return by_spring(self._kept, self._springs, *found)
-
-
-def by_spring(group, springs, low, high):
-    """Ranges of elongation of all springs from those of their bonds; (springs, 2)."""
-    if springs == 1 and low.size:
-        return np.array([[low.min(), high.max()]])
-    if np.array_equal(group, np.arange(springs)):
-        return np.stack([low, high], axis=1)
-    found = np.empty((springs, 2), dtype=low.dtype)
-    found[:, 0], found[:, 1] = np.inf, -np.inf
-    np.minimum.at(found[:, 0], group, low)
-    np.maximum.at(found[:, 1], group, high)
-    return found
 
 
 class BoundNet(_Bound):

@@ -14,6 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
+from tensegrity import check
 from tensegrity.codegen import deflated, horner, to_casadi
 from tensegrity.continuation import Problem, Settings, trace
 from tensegrity.errors import EquilibriumError, RangeError, TensegrityError
@@ -422,7 +423,7 @@ class ElasticPotential(Potential):
         return np.column_stack([np.sinh(z), rise])
 
     def _evaluate(self, order, r, closed=False):
-        r = np.asarray(r, dtype=float)
+        r = check.floats("elongation", r)
         if np.isnan(r).any():
             raise TensegrityError("elongation nan m is not a number")
         low, high = self._domain

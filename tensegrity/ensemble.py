@@ -17,7 +17,8 @@ from tensegrity import check, kernel
 from tensegrity.bonds import Bonds
 from tensegrity.compiled import Compiled
 from tensegrity.errors import TensegrityError
-from tensegrity.scene import Scene, State, velocities
+from tensegrity.readonly import fixed
+from tensegrity.scene import PER_SITE, Scene, State, velocities
 from tensegrity.springs import Springs
 
 TOGETHER = (64, 32, 16, 8)  # lanes that one compiled loop takes
@@ -48,35 +49,92 @@ class Ensemble(Scene):
 
     def __init__(self, scenes: Scene | Sequence[Scene], lanes: int | None = None):
         if isinstance(scenes, Scene) and lanes is not None:
-            scenes = (scenes,) * check.whole("lanes", lanes, least=1)
+            lanes = check.whole("lanes", lanes, least=1)
+            check.room(
+                f"a run of {scenes.sites} sites in {lanes} lanes", PER_SITE * scenes.sites * lanes
+            )
+            scenes = (scenes,) * lanes
         elif lanes is not None or isinstance(scenes, Scene) or not isinstance(scenes, Sequence):
             raise TensegrityError(
-                f"scenes {scenes!r}, lanes {lanes!r}: give a scene and lanes, or several scenes"
+                f"scenes {check.shown(scenes)}, lanes {check.shown(lanes)}: give a scene and "
+                "lanes, or several scenes"
             )
         self.scenes = tuple(scenes)
         for number, scene in enumerate(self.scenes):
             if not isinstance(scene, Scene) or isinstance(scene, Ensemble):
-                raise TensegrityError(f"scene {number} is {scene!r}, not a Chain or a Network")
+                raise TensegrityError(
+                    f"scene {number} is {check.shown(scene)}, not a Chain or a Network"
+                )
         if not self.scenes:
             raise TensegrityError("scenes is empty")
         one = self.scenes[0]
         for number, scene in enumerate(self.scenes):
             if not one.is_alike(scene):
                 raise TensegrityError(f"scene {number}, {scene!r}, differs in shape from {one!r}")
-        self.lanes, self.sites, self.dim = len(self.scenes), one.sites, one.dim
-        self.shape = (*one.shape, self.lanes)
-        self.step_share = min(scene.step_share for scene in self.scenes)
-        self.turns, self.wall_count = one.turns, one.wall_count
-        self._same = all(scene is one for scene in self.scenes)
+
+    # what all have in common
+
+    @property
+    def lanes(self):
+        """Number of scenes."""
+        return len(self.scenes)
+
+    @property
+    def sites(self):
+        """Number of sites of each scene."""
+        return self.scenes[0].sites
+
+    @property
+    def dim(self):
+        """Coordinates of a site."""
+        return self.scenes[0].dim
+
+    @property
+    def shape(self):
+        """Shape of the displacements of a state."""
+        return (*self.scenes[0].shape, self.lanes)
+
+    @property
+    def turns(self):
+        """Whether bonds may turn."""
+        return self.scenes[0].turns
+
+    @property
+    def wall_count(self):
+        """Number of walls of each scene."""
+        return self.scenes[0].wall_count
+
+    @property
+    def step_share(self):
+        """The least of all scenes."""
+        return min(scene.step_share for scene in self.scenes)
+
+    @cached_property
+    def held(self):
+        """Numbers of the sites that are held in some lane."""
+        return tuple(sorted({site for scene in self.scenes for site in scene.held}))
+
+    @cached_property
+    def mass(self):
+        """[kg]; (sites, lanes)."""
+        return fixed(np.stack([scene.mass for scene in self.scenes], axis=1))
+
+    @cached_property
+    def inverse_mass(self):
+        """1/m [1/kg], 0 for a held site; (sites, lanes)."""
+        return fixed(np.stack([scene.inverse_mass for scene in self.scenes], axis=1))
+
+    @cached_property
+    def _same(self):
+        return all(scene is self.scenes[0] for scene in self.scenes)
 
     # the engine's view
 
     @cached_property
     def springs(self):
         """One for each bond in each lane."""
-        return tuple(
-            s for bond in zip(*(x.springs for x in self.scenes), strict=True) for s in bond
-        )
+        each = zip(*(scene.springs for scene in self.scenes), strict=True)
+        return tuple(spring for bond in each for spring in bond)
 
     @cached_property
     def spring_table(self):
@@ -179,13 +237,14 @@ class Ensemble(Scene):
         for site, values in velocities(velocity):
             try:
                 wanted = (*self.shape[1:-1], self.lanes)
-                given = np.asarray(values, dtype=float)
+                given = check.floats("velocity", values)
                 if given.shape == self.shape[1:-1]:
                     given = given[..., None]
                 given = np.broadcast_to(given, wanted)
-            except (TypeError, ValueError):
+            except ValueError:
                 raise TensegrityError(
-                    f"velocity {values!r} of site {site} must be one number or {self.lanes}"
+                    f"velocity {check.shown(values)} of site {site} must be one number or "
+                    f"{self.lanes}"
                 ) from None
             for lane, scene in enumerate(self.scenes):
                 one = given[..., lane]
@@ -196,13 +255,21 @@ class Ensemble(Scene):
 
     def check(self, state):
         """Refuse a state of another shape, or one that a scene alone refuses."""
-        self._refuse_other(state, f"ensemble has {self.shape}, lanes last")
+        self._refuse_other(state)
         for lane, scene in enumerate(self.scenes):
             scene.check(self.lane(state, lane))
 
     def lane(self, state, number):
-        """The state of one of the scenes."""
+        """The state of one of the scenes, by its number from 0."""
+        self._refuse_other(state)
+        number = check.whole("lane", number, least=0)
+        if number >= self.lanes:
+            raise TensegrityError(f"lane {number} must be below {self.lanes}")
         return State(*(np.ascontiguousarray(x[..., number]) for x in (state.u, state.v)))
+
+    @property
+    def _words(self):
+        return f"ensemble has {self.shape}, lanes last"
 
     # what is computed from displacements u (..., sites[, dim], lanes)
 
@@ -213,10 +280,12 @@ class Ensemble(Scene):
 
     def elongation(self, u):
         """Elongation of each bond [m]; (..., bonds, lanes)."""
+        u = check.rows("displacements", u, self.shape)
         return self._each(lambda scene, k: scene.elongation(u[..., k]))
 
     def stretch(self, u):
         """Elongation of every spring [m]; (..., springs, lanes)."""
+        u = check.rows("displacements", u, self.shape)
         return self._each(lambda scene, k: scene.stretch(u[..., k]))
 
     def bond_energy(self, u):
@@ -353,7 +422,7 @@ def _side_by_side(ensemble, method):
         return None
     if not isinstance(kernel.kernel(laws), Compiled):
         return None
-    weights = np.stack([scene.inverse_mass for scene in ensemble.scenes], axis=1)
+    weights = ensemble.inverse_mass
 
     def bonds(lanes):
         mine = group if group.ndim == 1 else group[:, lanes]

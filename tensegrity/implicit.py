@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from tensegrity import forces
-from tensegrity.compiled import by_spring
+from tensegrity.bonds import by_spring
 from tensegrity.errors import StabilityError
 
 ITERATIONS = 60

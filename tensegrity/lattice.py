@@ -14,7 +14,7 @@ import numpy as np
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.potential import Potential
-from tensegrity.scene import SMALLEST_MASS, Scene, State, velocities
+from tensegrity.scene import PER_SITE, SMALLEST_MASS, Scene, State, velocities
 
 ENDS = ("free", "fixed")
 
@@ -34,6 +34,9 @@ class Chain(Scene):
         "free" or "fixed" for the first and the last site; a fixed site is held at u = 0.
     """
 
+    dim = 1
+    loads = 0.0
+
     def __init__(
         self,
         spring: Potential | Sequence[Potential],
@@ -42,10 +45,15 @@ class Chain(Scene):
         ends: tuple[str, str] = ("free", "free"),
     ):
         self.sites = check.whole("sites", sites, least=2)
+        check.room(f"a run of {self.sites} sites", PER_SITE * self.sites)
         self.springs = self._springs(spring)
         self.mass = self._masses(mass)
-        if not isinstance(ends, (tuple, list)) or len(ends) != 2 or not set(ends) <= set(ENDS):
-            raise TensegrityError(f"ends {ends!r} must be two of {ENDS}")
+        if (
+            not isinstance(ends, (tuple, list))
+            or len(ends) != 2
+            or any(not isinstance(e, str) or e not in ENDS for e in ends)
+        ):
+            raise TensegrityError(f"ends {check.shown(ends)} must be two of {ENDS}")
         self.ends = tuple(ends)
         _ = self.loop_bonds  # refuses springs that the compiled loop cannot take
 
@@ -53,20 +61,19 @@ class Chain(Scene):
         if isinstance(spring, Potential):
             return (spring,) * (self.sites - 1)
         if not isinstance(spring, Sequence):
-            raise TensegrityError(f"spring {spring!r} is not a Potential or a sequence of them")
+            raise TensegrityError(
+                f"spring {check.shown(spring)} is not a Potential or a sequence of them"
+            )
         springs = tuple(spring)
         if len(springs) != self.sites - 1:
             raise TensegrityError(f"{len(springs)} springs for {self.sites - 1} bonds")
         for number, one in enumerate(springs):
             if not isinstance(one, Potential):
-                raise TensegrityError(f"spring {number} is {one!r}, not a Potential")
+                raise TensegrityError(f"spring {number} is {check.shown(one)}, not a Potential")
         return springs
 
     def _masses(self, mass):
-        try:
-            given = np.asarray(mass, dtype=float)
-        except (TypeError, ValueError):
-            raise TensegrityError(f"mass {mass!r} is not a number or a sequence of them") from None
+        given = check.floats("mass", mass)
         if given.ndim and given.shape != (self.sites,):
             raise TensegrityError(f"mass has shape {given.shape}, must be ({self.sites},)")
         masses = np.broadcast_to(given, (self.sites,)).copy()
@@ -76,8 +83,11 @@ class Chain(Scene):
             raise TensegrityError(
                 f"mass {masses[site]:g} kg of site {site} must be at least {SMALLEST_MASS:g}"
             )
-        masses.flags.writeable = False
         return masses
+
+    @property
+    def _words(self):
+        return f"chain has ({self.sites},) sites"
 
     @property
     def held(self):
@@ -103,7 +113,7 @@ class Chain(Scene):
 
     def check(self, state):
         """Refuse a state of another size, one that moves a held site, or one out of domain."""
-        self._refuse_other(state, f"chain has ({self.sites},) sites")
+        self._refuse_other(state)
         for site in self.held:
             if state.u[site] or state.v[site]:
                 raise TensegrityError(
@@ -116,7 +126,7 @@ class Chain(Scene):
 
     def elongation(self, u):
         """r_j = u[j+1] - u[j] [m] along the last axis."""
-        return np.diff(u, axis=-1)
+        return np.diff(check.rows("displacements", u, self.shape), axis=-1)
 
     def bond_energy(self, u):
         """Energy of each bond [J]; u of shape (..., sites) gives (..., sites - 1)."""
@@ -131,10 +141,11 @@ class Chain(Scene):
         return self._per_bond("stiffness", u)
 
     def _per_bond(self, name, u):
-        return self.spring_table.evaluate(name, self.elongation(np.asarray(u, dtype=float)))
+        return self.spring_table.evaluate(name, self.elongation(u))
 
     def energy(self, state):
         """Total energy [J]."""
+        self._refuse_other(state)
         with np.errstate(over="ignore"):  # to inf, which `check` refuses
             kinetic = 0.5 * np.sum(self.mass * state.v**2)
         return float(kinetic + np.sum(self.bond_energy(state.u)))
@@ -148,6 +159,7 @@ class Chain(Scene):
 
     def momentum(self, state):
         """Total momentum [kg m/s], > 0 towards higher sites."""
+        self._refuse_other(state)
         return float(np.sum(self.mass * state.v))
 
     @property

@@ -14,6 +14,7 @@ from tensegrity.condensed import numbers, problem
 from tensegrity.continuation import Settings, fold_problem, fold_start, refined_fold, trace
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
+from tensegrity.prism import Prism
 from tensegrity.table import Table
 
 PRESTRAIN = 1  # its place in the parameters of `condensed.problem`
@@ -56,6 +57,7 @@ def limit_load(prism, prestrain):
     TensegrityError
         If the prism is rigid or has no fold.
     """
+    check.kind("prism", prism, Prism)
     prestrain = check.number("prestrain", prestrain, least=0)
     if prism.is_rigid:
         raise TensegrityError("limit_load needs elastic bases or bars: k_base, k_bar are inf")

@@ -30,8 +30,10 @@ from tensegrity.network_input import (
     site_number,
     springs_of,
     touching,
+    whole_pairs,
 )
 from tensegrity.potential import Potential
+from tensegrity.readonly import fixed
 from tensegrity.scene import KINK_SHARE, Scene, State, velocities
 from tensegrity.walls import Wall
 
@@ -103,15 +105,14 @@ class Network(Scene):
         self.mass = per_site("mass", mass, "kg", self.sites)
         self.radius = None if radius is None else per_site("radius", radius, "m", self.sites)
         self.walls = plane_walls(walls, self.dim)
-        if np.size(wall_contacts) and self.radius is None:
-            raise TensegrityError(
-                f"{len(wall_contacts)} wall contacts need the radius of the sites"
-            )
-        self.wall_contacts = touching(wall_contacts, self.walls, self.positions)
-        self.springs = springs_of(spring, len(self.bonds), "bond")
+        pairs = whole_pairs("wall_contacts", wall_contacts)
+        if len(pairs) and self.radius is None:
+            raise TensegrityError(f"{len(pairs)} wall contacts need the radius of the sites")
+        self.wall_contacts = touching(pairs, self.walls, self.positions)
+        springs = springs_of(spring, len(self.bonds), "bond")
         if len(self.wall_contacts) or wall_spring is not None:
-            count = len(self.wall_contacts)
-            self.springs += springs_of(wall_spring, count, "wall contact")
+            springs += springs_of(wall_spring, len(self.wall_contacts), "wall contact")
+        self.springs = springs
         self.loads = np.zeros(self.shape) if loads is None else numbers("loads", loads, self.shape)
         self.held = held_sites(held, self.sites)
         self._set_geometry(lengths, wall_gaps)
@@ -155,11 +156,12 @@ class Network(Scene):
         gaps = (np.array(heights, dtype=np.longdouble) - radius).astype(float)
         if wall_gaps is not None:
             gaps = near_positions(wall_gaps, gaps, radius)
-        self._geometry = np.zeros((self.dim + 2, len(self.springs)))
+        geometry = np.zeros((self.dim + 2, len(self.springs)))
         reference = np.sign(apart) if self.dim == 1 else apart
-        self._geometry[: self.dim] = np.concatenate([reference.astype(float), normals]).T
-        self._geometry[self.dim] = np.concatenate([opening, gaps])
-        self._geometry[-1, : len(self.bonds)] = lengths
+        geometry[: self.dim] = np.concatenate([reference.astype(float), normals]).T
+        geometry[self.dim] = np.concatenate([opening, gaps])
+        geometry[-1, : len(self.bonds)] = lengths
+        self._geometry = geometry
 
     # the engine's view
 
@@ -168,12 +170,10 @@ class Network(Scene):
         """Bonds and wall contacts with their geometry."""
         kind = np.full(len(self.springs), WALL)
         kind[: len(self.bonds)] = PAIR
-        contacts = Contacts(
-            kind,
-            np.concatenate([self.bonds[:, 0], self.sites + self.wall_contacts[:, 1]]),
-            np.concatenate([self.bonds[:, 1], self.wall_contacts[:, 0]]),
-            self._geometry, self.loads, len(self.walls),
-        )  # fmt: skip
+        first = np.concatenate([self.bonds[:, 0], self.sites + self.wall_contacts[:, 1]])
+        second = np.concatenate([self.bonds[:, 1], self.wall_contacts[:, 0]])
+        arrays = (fixed(x) for x in (kind, first, second))
+        contacts = Contacts(*arrays, self._geometry, self.loads, len(self.walls))
         return Bonds(*self.spring_table.table, self.spring_table.group, self.inverse_mass, contacts)
 
     @cached_property
@@ -193,30 +193,34 @@ class Network(Scene):
         if self.law is None:
             return self
         pairs, walls = self.clearance.near(np.asarray(u, dtype=float))
-        other, count = copy(self), len(self.bonds)
-        own, on_walls = self.springs[:count], self.springs[count:]
+        springs, count = self.springs, len(self.bonds)
         of_pairs = tuple(self.law(i, j) for i, j in pairs.tolist())
         of_walls = tuple(self.law(site, self.walls[wall]) for site, wall in walls.tolist())
         gaps = self._geometry[self.dim, count:]
-        reach = self.radius[pairs].sum(axis=1)
-        other._forget()
-        given = {
-            "law": None,
-            "radius": self.radius,
-            "bonds": np.concatenate([self.bonds, pairs]),
-            "wall_contacts": np.concatenate([self.wall_contacts, walls]),
-            "springs": own + of_pairs + on_walls + of_walls,
-            "clearance": None,
-        }
-        other.__dict__.update(given)
-        other._set_geometry(np.concatenate([self.lengths, reach]), None)
-        other._geometry[self.dim, len(other.bonds) : len(other.bonds) + len(gaps)] = gaps
+        bonds = np.concatenate([self.bonds, pairs])
+        other = self._with(
+            law=None, clearance=None, bonds=fixed(bonds),
+            wall_contacts=fixed(np.concatenate([self.wall_contacts, walls])),
+            springs=springs[:count] + of_pairs + springs[count:] + of_walls,
+        )  # fmt: skip
+        lengths = np.concatenate([self.lengths, self.radius[pairs].sum(axis=1)])
+        for name in ("_geometry", "lengths"):
+            other.__dict__.pop(name)
+        other._set_geometry(lengths, None)
+        geometry = other.__dict__.pop("_geometry").copy()
+        geometry[self.dim, len(bonds) : len(bonds) + len(gaps)] = gaps
+        other._geometry = geometry
         return other
 
-    def _forget(self):
-        """Drop what was computed from springs and contacts, in a copy that gets others."""
-        for name in ("spring_table", "contact_bonds", "loop_bonds", "closing", "clearance"):
-            self.__dict__.pop(name, None)
+    def _with(self, **changed):
+        """This network with other springs or contacts; what is computed from them is dropped."""
+        other = copy(self)
+        other.__dict__.update(changed)
+        return other
+
+    @property
+    def _words(self):
+        return f"network has {self.shape} (sites, dim)"
 
     @property
     def shape(self):
@@ -253,10 +257,7 @@ class Network(Scene):
 
     def with_springs(self, springs):
         """The same network with other springs, one for each different spring of `spring_table`."""
-        other = copy(self)
-        other._forget()
-        other.__dict__["springs"] = tuple(springs[k] for k in self.spring_table.group)
-        return other
+        return self._with(springs=tuple(springs[k] for k in self.spring_table.group))
 
     def arrays(self, state):
         """u and v as the loop advances them: sites, and behind them walls and a spare row."""
@@ -289,7 +290,7 @@ class Network(Scene):
         """Elongation [m] at which the ends of each different spring's shortest bond meet."""
         found, pairs = np.full(len(self.spring_table), -np.inf), len(self.bonds)
         np.maximum.at(found, self.spring_table.group[:pairs], -self.lengths)
-        return found
+        return fixed(found)
 
     def opened(self, ranges):
         """Whether a contact both pushes and is open within given ranges (springs, 2)."""
@@ -343,7 +344,7 @@ class Network(Scene):
 
     def check(self, state):
         """Refuse a state of another shape, one that moves a held site, or one out of domain."""
-        self._refuse_other(state, f"network has {self.shape} (sites, dim)")
+        self._refuse_other(state)
         for site in self.held:
             if state.u[site].any() or state.v[site].any():
                 raise TensegrityError(
@@ -359,22 +360,22 @@ class Network(Scene):
 
     def elongation(self, u):
         """Elongation of each bond [m]; (..., bonds)."""
-        return self._contacts(u)[0][..., : len(self.bonds)]
+        return self._pulled(u)[0][..., : len(self.bonds)]
 
     def direction(self, u):
         """Unit vector of each bond, from its first site to its second; (..., bonds, dim)."""
-        return self._contacts(u)[1][..., : len(self.bonds), :]
+        return self._pulled(u)[1][..., : len(self.bonds), :]
 
     def wall_gap(self, u):
         """Gap of each wall contact [m]: distance from the wall's plane less the radius."""
-        return self._contacts(u)[0][..., len(self.bonds) :]
+        return self._pulled(u)[0][..., len(self.bonds) :]
 
     def stretch(self, u):
         """Elongation of each bond [m], and gap of each wall contact; (..., springs)."""
-        return self._contacts(u)[0]
+        return self._pulled(u)[0]
 
-    def _contacts(self, u):
-        return forces.elongations(self.contact_bonds, np.asarray(u, dtype=float))
+    def _pulled(self, u):
+        return forces.elongations(self.contact_bonds, check.rows("displacements", u, self.shape))
 
     def bond_energy(self, u):
         """Energy of each bond [J]; (..., bonds)."""
@@ -397,6 +398,7 @@ class Network(Scene):
 
     def energy(self, state):
         """Total energy [J], the potential of the loads included."""
+        self._refuse_other(state)
         with np.errstate(over="ignore"):  # to inf, which `check` refuses
             kinetic = 0.5 * np.sum(self.mass[:, None] * state.v**2)
         stored = np.sum(self._per_contact("energy", state.u))
@@ -418,10 +420,12 @@ class Network(Scene):
 
     def momentum(self, state):
         """Total momentum [kg m/s]; (dim,)."""
+        self._refuse_other(state)
         return self.mass @ state.v
 
     def angular_momentum(self, state):
         """Total angular momentum about the origin [kg m^2/s]; a float, in space (3,)."""
+        self._refuse_other(state)
         x, p = self.positions + state.u, self.mass[:, None] * state.v
         if self.dim == 1:
             return 0.0

@@ -14,10 +14,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tensegrity import check
 from tensegrity.codegen import to_casadi
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
+from tensegrity.prism import Prism
 from tensegrity.response import equilibrium_path
+from tensegrity.table import Table
 
 HORIZONTAL = np.eye(18)[:, [3 * node + axis for node in range(6) for axis in (0, 1)]]
 UPRIGHT = np.eye(18)[:, [11, 14, 17]]
@@ -79,6 +82,7 @@ def tangents(prism, base, twist, height):
     ndarray, (rows, 18, 18)
         [N/m], in the order of `derivations.nodes.POSITIONS`.
     """
+    check.kind("prism", prism, Prism)
     if math.isinf(prism.k_base) or math.isinf(prism.k_bar):
         raise TensegrityError(
             f"k_base {prism.k_base:g} N/m and k_bar {prism.k_bar:g} N/m must be finite for the "
@@ -118,8 +122,9 @@ def lowest(prism, path, support="plates", count=4):
     tuple of two ndarrays, (rows, count)
         Eigenvalues in ascending order [N/m], and whether each mode keeps the threefold symmetry.
     """
-    if support not in SUPPORTS:
-        raise TensegrityError(f"support {support!r} must be one of {', '.join(SUPPORTS)}")
+    _refuse_support(support)
+    check.kind("path", path, Table)
+    count = check.whole("count", count, least=1)
     matrices = tangents(prism, path.base, path.twist, path.height)
     values, symmetric = [], []
     for row, matrix in enumerate(matrices):
@@ -129,6 +134,13 @@ def lowest(prism, path, support="plates", count=4):
         values.append(found[:count])
         symmetric.append([_keeps_symmetry(mode) for mode in (motions @ modes[:, :count]).T])
     return np.array(values), np.array(symmetric)
+
+
+def _refuse_support(support):
+    if not isinstance(support, str) or support not in SUPPORTS:
+        raise TensegrityError(
+            f"support {check.shown(support)} must be one of {', '.join(SUPPORTS)}"
+        )
 
 
 def _keeps_symmetry(mode):
@@ -150,6 +162,7 @@ def first_loss(prism, support="plates"):
     """
     from scipy.optimize import brentq
 
+    _refuse_support(support)
     path = equilibrium_path(prism)
     values, symmetric = lowest(prism, path, support, 1)
     lost = np.flatnonzero(values[1:, 0] < 0)
@@ -162,7 +175,7 @@ def first_loss(prism, support="plates"):
 
     height = path.height[row]
     if values[row - 1, 0] > 0:
-        height = brentq(lowest_at, path.height[row], path.height[row - 1], xtol=1e-13)
+        height = brentq(lowest_at, path.height[row], path.height[row - 1], xtol=1e-300, rtol=1e-13)
     load = -float(prism.potential().tension(height - prism.height))
     return Loss(float(height), load, bool(symmetric[row, 0]))
 

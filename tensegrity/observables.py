@@ -11,7 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from tensegrity import check
+from tensegrity.ensemble import Ensemble
 from tensegrity.errors import TensegrityError
+from tensegrity.lattice import Chain
 
 ROUND_OFF = 1e-12  # of a crest: less is nothing
 CREST = 0.5  # an extremum counts as the pulse if it is this part of the largest
@@ -35,6 +37,7 @@ def passage(t, elongation, rate):
     from scipy.interpolate import BarycentricInterpolator
     from scipy.optimize import brentq
 
+    t, elongation, rate = _columns(t=t, elongation=elongation, rate=rate)
     size = np.abs(elongation)
     large = size >= CREST * size.max()
     turns = (rate[:-1] * rate[1:] <= 0) & (large[:-1] | large[1:]) & (size.max() > 0)
@@ -60,6 +63,8 @@ def arrival(run, bond):
     bond : int
         Bond j joins sites j and j + 1.
     """
+    if not all(isinstance(getattr(run, name, None), np.ndarray) for name in ("t", "u", "v")):
+        raise TensegrityError(f"run is {type(run).__name__}, not a Run")
     bond = check.whole("bond", bond, least=0)
     if run.u.ndim != 2:
         raise TensegrityError(
@@ -74,10 +79,15 @@ def arrival(run, bond):
 
 def speed(run, bonds):
     """Speed of the leading pulse between two bonds of a run, in sites per second."""
-    first, second = bonds
+    if not isinstance(bonds, (tuple, list)) or len(bonds) != 2:
+        raise TensegrityError(f"bonds {check.shown(bonds)} must be two numbers of bonds")
+    first, second = (check.whole("bond", bond, least=0) for bond in bonds)
     if first == second:
         raise TensegrityError(f"bonds {first} and {second} must differ")
-    return (second - first) / (arrival(run, second) - arrival(run, first))
+    passed, then = arrival(run, first), arrival(run, second)
+    if passed == then:
+        raise TensegrityError(f"crests pass the bonds {first} and {second} at once, at {then:g} s")
+    return (second - first) / (then - passed)
 
 
 def duration(run, bond, level=0.05):
@@ -141,6 +151,10 @@ def pulses(chain, state, fraction=0.1):
     -------
     list of Pulse
     """
+    check.kind("chain", chain, Chain)
+    if isinstance(chain, Ensemble):
+        raise TensegrityError("chain is an Ensemble: take one of its lanes")
+    chain.energy(state)  # refuses what is no state of it
     fraction = check.number("fraction", fraction, above=0)
     if fraction > 1:
         raise TensegrityError(f"fraction {fraction:g} must be at most 1")
@@ -189,6 +203,15 @@ def tail_front(chain, state, level=0.5):
     return j + 0.5 + float(np.log(behind[j] / threshold) / np.log(behind[j] / behind[j + 1]))
 
 
+def _columns(**given):
+    """Arrays of one axis, of the same length and not empty; finite."""
+    arrays = [check.floats(name, value) for name, value in given.items()]
+    shape = arrays[0].shape
+    if len(shape) != 1 or not shape[0]:
+        raise TensegrityError(f"{next(iter(given))} has shape {shape}, must have one axis, (n,)")
+    return [check.vector(name, x, shape) for name, x in zip(given, arrays, strict=True)]
+
+
 def _crests(r, fraction):
     """Bonds whose |elongation| is a maximum between neighbours of `fraction` of the largest."""
     size = np.abs(r)
@@ -224,7 +247,7 @@ def crest(elongation):
     elongation : ndarray, (bonds,)
         At one instant [m].  The parabola through the extremum and its neighbours refines both.
     """
-    r = np.asarray(elongation, dtype=float)
+    (r,) = _columns(elongation=elongation)
     inner = [j for j in _crests(r, CREST) if 0 < j < len(r) - 1] if r.any() else []
     if not inner:
         raise TensegrityError("no crest within the chain")
@@ -245,7 +268,8 @@ def width(x, profile, level=0.05):
     level = check.number("level", level, above=0)
     if level >= 1:
         raise TensegrityError(f"level {level:g} must be below 1")
-    size = np.abs(np.asarray(profile, dtype=float))
+    x, profile = _columns(x=x, profile=profile)
+    size = np.abs(profile)
     top = int(np.argmax(size))
     left = np.flatnonzero(size[: top + 1] < level * size[top])
     right = top + np.flatnonzero(size[top:] < level * size[top])

@@ -9,13 +9,16 @@ numbers: the result equals that of one loop bit for bit, whatever the number of 
 from __future__ import annotations
 
 import os
+import warnings
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 
+from tensegrity import check
 from tensegrity.compiled import BoundLine
+from tensegrity.errors import TensegrityError
 
 BLOCK = 64  # as in line.h
 HALO = 4 * BLOCK
@@ -23,11 +26,32 @@ PIECE = 512 * BLOCK  # bonds: what two arrays of them take fits the cache of one
 LONG = 2 * PIECE  # bonds from which pieces are worth it
 
 
-def threads():
-    """Threads used for long chains: $TENSEGRITY_THREADS, or one per processor we may use."""
-    given = os.environ.get("TENSEGRITY_THREADS", "")
-    if given.isdigit() and int(given) > 0:
-        return int(given)
+def threads() -> int:
+    """Threads used for long chains: $TENSEGRITY_THREADS, or one per processor we may use.
+
+    More than that would only get in each other's way: fewer are taken, with a warning.
+    """
+    given, most = os.environ.get("TENSEGRITY_THREADS", "").strip(), processors()
+    if not given:
+        return most
+    if not (given.isascii() and given.isdigit() and given.strip("0")):
+        raise TensegrityError(
+            f"TENSEGRITY_THREADS {check.shown(given)} must be a whole number, at least 1"
+        )
+    digits = given.lstrip("0")
+    if len(digits) <= len(str(most)) and int(digits) <= most:
+        return int(digits)
+    warnings.warn(
+        f"TENSEGRITY_THREADS {check.shown(given)} is more than the processors we may use: {most} "
+        "threads are taken",
+        RuntimeWarning,
+        stacklevel=2,
+    )
+    return most
+
+
+def processors() -> int:
+    """Number of processors that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

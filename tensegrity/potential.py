@@ -16,6 +16,7 @@ from tensegrity.codegen import Law, check_law
 from tensegrity.errors import LockingError, TensegrityError
 from tensegrity.kernel import kernel
 from tensegrity.once import once
+from tensegrity.readonly import fixed
 
 
 class Potential:
@@ -54,13 +55,15 @@ class Potential:
         import sympy as sp
 
         if not isinstance(elongation, sp.Symbol):
-            raise TensegrityError(f"elongation {elongation!r} is not a SymPy symbol")
-        energy = sp.sympify(energy) if isinstance(energy, (int, float)) else energy
+            raise TensegrityError(f"elongation {check.shown(elongation)} is not a SymPy symbol")
+        if isinstance(energy, (int, float)):
+            energy = sp.sympify(check.number("energy", energy, unit="J"))
         if not isinstance(energy, sp.Expr):
-            raise TensegrityError(f"energy {energy!r} is not a SymPy expression")
-        if not isinstance(parameters or {}, Mapping):
-            raise TensegrityError(f"parameters {parameters!r} must be a dict of numbers")
-        given = {str(key): value for key, value in (parameters or {}).items()}
+            raise TensegrityError(f"energy {check.shown(energy)} is not a SymPy expression")
+        parameters = {} if parameters is None else parameters
+        if not isinstance(parameters, Mapping):
+            raise TensegrityError(f"parameters {check.shown(parameters)} must be a dict of numbers")
+        given = {str(key): value for key, value in parameters.items()}
         symbols = sorted(energy.free_symbols - {elongation}, key=str)
         names = [str(s) for s in symbols]
         unknown = sorted(set(given) - set(names))
@@ -78,10 +81,12 @@ class Potential:
 
     def _set(self, law, values, length, domain, ends=("lowest", "highest")):
         self._law = law
-        self._values = np.array(values, dtype=float)
+        self._values = fixed(np.array(values, dtype=float))
         self._length = None if length is None else check.number("length", length, above=0, unit="m")
         if not isinstance(domain, (tuple, list, np.ndarray)) or len(domain) != 2:
-            raise TensegrityError(f"domain {domain!r} must be (lowest, highest) elongation")
+            raise TensegrityError(
+                f"domain {check.shown(domain)} must be (lowest, highest) elongation"
+            )
         low, high = (check.number("domain end", x, finite=False) for x in domain)
         if not low < 0 < high:
             raise TensegrityError(f"domain ({low:g}, {high:g}) m must contain 0 m inside")
@@ -155,7 +160,7 @@ class Potential:
         return self._evaluate(3, r)
 
     def _evaluate(self, order, r, closed=False):
-        r = np.asarray(r, dtype=float)
+        r = check.floats("elongation", r)
         if np.isnan(r).any():
             raise TensegrityError("elongation nan m is not a number")
         low, high = self._domain
@@ -257,10 +262,15 @@ class PowerLaw(Potential):
         values = [stiffness, preload, overlap]
         domain = (-math.inf, math.inf)
         self._set(_power_law(exponent), values, length, domain)
-        self.exponent = exponent
+        self._exponent = exponent
         given = {"stiffness": stiffness, "exponent": exponent, "preload": preload}
         given |= {} if length is None else {"length": self._length}
         self._origin = call("PowerLaw", **given)
+
+    @property
+    def exponent(self):
+        """n."""
+        return self._exponent
 
 
 SMALLEST = 1e-100  # overlap [m] from which a contact counts as closed

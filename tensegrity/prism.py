@@ -251,4 +251,5 @@ def _first_limit(potential, samples=4000):
     if falling.size == 0:
         return np.nextafter(low, 0) * (1 - 1e-15)
     first = falling[0]
-    return brentq(lambda x: float(potential.stiffness(x)), r[first], r[first - 1] if first else 0.0)
+    before = r[first - 1] if first else 0.0
+    return brentq(lambda x: float(potential.stiffness(x)), r[first], before, xtol=1e-300)

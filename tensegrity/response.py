@@ -19,6 +19,7 @@ from tensegrity.condensed import numbers, problem, stable
 from tensegrity.continuation import Settings, trace
 from tensegrity.errors import NoLocking, TensegrityError
 from tensegrity.once import once
+from tensegrity.prism import Prism
 from tensegrity.table import Event, Table
 
 ROWS = 200  # of a rigid prism, and of the part where base strings are slack
@@ -126,6 +127,8 @@ def equilibrium_path(prism, *, min_height=0.0, max_load=math.inf, max_height=Non
     TensegrityError
         If a bound is outside its range: 0 <= min_height < height < max_height, max_load > 0.
     """
+    check.kind("prism", prism, Prism)
+    past_contact = check.truth("past_contact", past_contact)
     min_height = check.number("min_height", min_height, least=0, unit="m")
     max_load = check.number("max_load", max_load, above=0, finite=False, unit="N")
     if min_height >= prism.height:

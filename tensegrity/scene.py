@@ -9,11 +9,12 @@ from functools import cached_property
 import numpy as np
 
 from tensegrity import check, forces, kernel
-from tensegrity.bonds import Bonds
-from tensegrity.compiled import by_spring
+from tensegrity.bonds import Bonds, by_spring
 from tensegrity.errors import TensegrityError
+from tensegrity.readonly import ReadOnly, fixed
 from tensegrity.springs import Springs
 
+PER_SITE = 160  # bytes that a run takes for each site, its rows apart
 SMALLEST_MASS = 1e-300  # kg: its inverse is still a number
 KINK_SHARE = 1 / 16  # of a default step where contacts open: the force has a kink there
 
@@ -24,21 +25,29 @@ class State:
 
     Parameters
     ----------
-    u : ndarray of float64, (sites,) or (sites, dim)
-        Displacement [m]; of a chain, > 0 towards higher sites.
-    v : ndarray of float64, shape of u
-        Velocity [m/s].
+    u : array_like, (sites,) or (sites, dim)
+        Displacement [m]; of a chain, > 0 towards higher sites.  Kept as an array of float64,
+        C-contiguous: integers, other floats, views and lists are converted, what is right already
+        is not copied.
+    v : array_like, shape of u
+        Velocity [m/s], likewise.
+
+    Raises
+    ------
+    TensegrityError
+        What is not made of real numbers (complex ones, truth values, text), or not finite, or of
+        another shape.
     """
 
     u: np.ndarray
     v: np.ndarray
 
     def __post_init__(self):
-        shape = np.shape(self.u)
-        if len(shape) not in (1, 2, 3):
-            raise TensegrityError(f"displacement has {len(shape)} dimensions, must have 1 to 3")
-        object.__setattr__(self, "u", check.vector("displacement", self.u, shape))
-        object.__setattr__(self, "v", check.vector("velocity", self.v, shape))
+        u = check.floats("displacement", self.u)
+        if u.ndim not in (1, 2, 3):
+            raise TensegrityError(f"displacement has {u.ndim} dimensions, must have 1 to 3")
+        object.__setattr__(self, "u", check.vector("displacement", u, u.shape))
+        object.__setattr__(self, "v", check.vector("velocity", self.v, u.shape))
 
     def __add__(self, other):
         """Superposition, for waves too far apart to act on each other."""
@@ -53,13 +62,16 @@ class State:
         return State(self.u.copy(), -self.v)
 
 
-class Scene:
+class Scene(ReadOnly):
     """Base of scenes, and what `simulate` asks of one.
 
-    A scene has `sites`, their `mass` (sites,), the numbers of those `held`, the `shape` of u, and
-    one of `springs` for each bond.  It says what `elongation(u)` its bonds have, what its
-    `energy(state)` is, and with `frequency_of(k)` how fast it vibrates at most where its bonds
-    are not stiffer than k; the rest follows, or has a default here.
+    A scene has `sites` of `dim` coordinates, their `mass` (sites,), the numbers of those `held`,
+    constant `loads` [N], the `shape` of u, and one of `springs` for each bond.  It says what
+    `elongation(u)` its bonds have, what its `energy(state)` is, and with `frequency_of(k)` how
+    fast it vibrates at most where its bonds are not stiffer than k; the rest follows, or has a
+    default here.
+
+    What a scene is built from cannot be changed; make another one.
 
     Attributes
     ----------
@@ -68,8 +80,6 @@ class Scene:
     closing : float or ndarray
         Elongation [m] at which the ends of a bond of each different spring meet, -inf where they
         cannot.
-    dim : int
-        Coordinates of a site.
     spring_lengths : ndarray, (springs,), or None
         Length of each bond [m], where springs count as different for it.
     turns : bool
@@ -81,7 +91,6 @@ class Scene:
     """
 
     step_share = 1.0
-    dim = 1
     closing = -np.inf
     turns = False
     spring_lengths = None
@@ -92,8 +101,8 @@ class Scene:
     def inverse_mass(self):
         """1/m [1/kg], 0 for a held site; (sites,)."""
         w = 1 / self.mass
-        w[self.held] = 0
-        return w
+        w[list(self.held)] = 0
+        return fixed(w)
 
     @cached_property
     def spring_table(self):
@@ -181,8 +190,6 @@ class Scene:
         """
         return None
 
-    loads = 0.0  # constant forces [N], shape of u
-
     @property
     def contact_bonds(self):
         """Bonds with their geometry, which a loop over neighbours in a row does without."""
@@ -207,7 +214,7 @@ class Scene:
         tension = self.spring_table.evaluate("tension", r)
         pull = forces.pulls(self.contact_bonds, tension, along)[: self.sites].reshape(u.shape)
         pull = pull + self.loads
-        pull[self.held] = 0
+        pull[list(self.held)] = 0
         return pull
 
     def stiffness(self, u):
@@ -230,7 +237,7 @@ class Scene:
         tension, stiffness = (self.spring_table.evaluate(x, r) for x in ("tension", "stiffness"))
         found = forces.tangent(self.contact_bonds, r, along, tension, stiffness)
         free = np.ones(u.shape, dtype=bool)
-        free[self.held] = False
+        free[list(self.held)] = False
         free = np.append(free.ravel(), np.zeros(found.shape[0] - u.size, dtype=bool))
         kept = free[found.row] & free[found.col]
         entries = found.data[kept], (found.row[kept], found.col[kept])
@@ -241,16 +248,17 @@ class Scene:
         self.check(State(u, np.zeros(self.shape)))
         return u
 
-    def _refuse_other(self, state, words):
-        """Refuse what is no state of this shape; `words` say what the shape is."""
+    def _refuse_other(self, state):
+        """Refuse what is no state of this shape."""
         if not isinstance(state, State):
             raise TensegrityError(f"state is {type(state).__name__}, not a State")
         if state.u.shape != self.shape:
-            raise TensegrityError(f"state has shape {state.u.shape}, the {words}")
+            raise TensegrityError(f"state has shape {state.u.shape}, the {self._words}")
 
 
 def velocities(given):
     """Pairs of a site and its velocity, from a dict or None."""
-    if not isinstance(given or {}, Mapping):
-        raise TensegrityError(f"velocity {given!r} must be a dict {{site: velocity}}")
-    return (given or {}).items()
+    given = {} if given is None else given
+    if not isinstance(given, Mapping):
+        raise TensegrityError(f"velocity {check.shown(given)} must be a dict {{site: velocity}}")
+    return given.items()

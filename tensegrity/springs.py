@@ -13,11 +13,14 @@ import numpy as np
 from tensegrity.errors import StabilityError, TensegrityError
 from tensegrity.kernel import kernel
 from tensegrity.potential import Potential
+from tensegrity.readonly import fixed
 
 ORDERS = ("energy", "tension", "stiffness")
-DECADES = 16  # how far a search for elongations looks, up and down
-CLOSE = np.logspace(-DECADES, 0, 20 * DECADES + 1)
+CLOSE = np.logspace(-16, 0, 321)  # shares of a range at which a search looks
 EVEN = np.linspace(0, 1, 201)
+BINADES = 2.0 ** np.arange(-1000, 1001)  # where the range has no end
+FINE = 2.0 ** (np.arange(-324, 1) / 6)
+LOOKS = 3  # after the first, each 256 times finer
 
 
 class Springs:
@@ -34,7 +37,7 @@ class Springs:
 
     Attributes
     ----------
-    different : list of Potential
+    different : tuple of Potential
     group : ndarray of int, `shape`
         The number in `different` of each bond's spring.
     """
@@ -49,8 +52,8 @@ class Springs:
             if same not in known:
                 known[same] = numbers.setdefault((spring, size), len(numbers))
             group[k] = known[same]
-        self.different = [spring for spring, _ in numbers]
-        self.group = group if shape is None else group.reshape(shape)
+        self.different = tuple(spring for spring, _ in numbers)
+        self.group = fixed(group if shape is None else group.reshape(shape))
 
     def __len__(self):
         return len(self.different)
@@ -65,17 +68,17 @@ class Springs:
             row[: len(spring._values)] = spring._values
         place = {law: k for k, law in enumerate(laws)}
         numbers = [place[spring._law] for spring in self.different]
-        return laws, np.array(numbers, dtype=int), parameters
+        return laws, fixed(np.array(numbers, dtype=int)), fixed(parameters)
 
     @cached_property
     def reach(self):
         """Lowest and highest elongation that a run can follow [m]; (springs, 2)."""
-        return np.array([spring.reach for spring in self.different]).reshape(-1, 2)
+        return fixed(np.array([spring.reach for spring in self.different]).reshape(-1, 2))
 
     @cached_property
     def domains(self):
         """Lowest and highest elongation [m]; (springs, 2)."""
-        return np.array([spring.domain for spring in self.different]).reshape(-1, 2)
+        return fixed(np.array([spring.domain for spring in self.different]).reshape(-1, 2))
 
     @cached_property
     def _alike(self):
@@ -84,7 +87,7 @@ class Springs:
         for k, spring in enumerate(self.different):
             plain = type(spring)._evaluate is Potential._evaluate
             sets.setdefault(spring._law if plain else k, []).append(k)
-        return [np.array(numbers) for numbers in sets.values()]
+        return tuple(fixed(np.array(numbers)) for numbers in sets.values())
 
     @cached_property
     def _columns(self):
@@ -93,7 +96,7 @@ class Springs:
         place = np.zeros(len(self), dtype=int)
         for k, numbers in enumerate(self._alike):
             place[numbers] = k
-        return [np.flatnonzero(place[flat] == k) for k in range(len(self._alike))]
+        return tuple(fixed(np.flatnonzero(place[flat] == k)) for k in range(len(self._alike)))
 
     def evaluate(self, name: str, r: np.ndarray) -> np.ndarray:
         """Energy [J], tension [N] or stiffness [N/m] of each bond.
@@ -184,21 +187,49 @@ class Springs:
 
     def _crossings(self, energy, side):
         """First elongation on one side where V exceeds `energy`, and whether it is the end."""
-        end, sign = self.domains[:, side], (-1, 1)[side]
-        bounded = np.isfinite(end)
-        free = np.concatenate([CLOSE, 1 / CLOSE[-2::-1]])
-        held = np.sort(np.concatenate([CLOSE, 1 - CLOSE[:-1]]))
-        r = np.where(bounded, np.abs(np.where(bounded, end, 0)) * held[:, None], free[:, None])
-        r = np.clip(sign * r, *self.domains.T)
-        every = np.arange(len(self))
-        for _ in range(2):  # a coarse look, then a fine one at the crossing
-            outside = ~(self._each("energy", r, every) <= energy)
-            found, first = outside.any(axis=0), np.argmax(outside, axis=0)
-            beyond = r[first, every]
-            before = np.where(first > 0, r[np.maximum(first - 1, 0), every], 0.0)
-            last = np.where(found, beyond, r[-1])
-            r = np.where(found, np.linspace(before, beyond, 257)[1:], r[-1])
-        return last, ~found & bounded
+        end = self.domains[:, side]
+        bounded, last = np.isfinite(end), np.empty(len(self))
+        locks = np.zeros(len(self), dtype=bool)
+        for numbers, look in (
+            (np.flatnonzero(bounded), self._look_to_the_end),
+            (np.flatnonzero(~bounded), self._look_at_all_sizes),
+        ):
+            if numbers.size:
+                before, beyond, found = look(energy, side, numbers)
+                for _ in range(LOOKS):
+                    r = np.linspace(before, beyond, 257)[1:]
+                    before, beyond = self._first(r, ~(self._each("energy", r, numbers) <= energy))
+                last[numbers], locks[numbers] = beyond, bounded[numbers] & ~found
+        return last, locks
+
+    @staticmethod
+    def _first(r, outside):
+        """The points before and at the first one outside of each column, or the last twice."""
+        every = np.arange(r.shape[1])
+        first = np.where(outside.any(axis=0), np.argmax(outside, axis=0), len(r))
+        before = np.where(first > 0, r[np.maximum(first - 1, 0), every], 0.0)
+        return before, np.where(first < len(r), r[np.minimum(first, len(r) - 1), every], before)
+
+    def _look_to_the_end(self, energy, side, numbers):
+        """Points around the crossing of springs whose domain ends on that side."""
+        held = np.sort(np.concatenate([CLOSE, 1 - CLOSE[:-1]]))[:, None]
+        r = np.clip(self.domains[numbers, side] * held, *self.domains[numbers].T)
+        outside = ~(self._each("energy", r, numbers) <= energy)
+        return *self._first(r, outside), outside.any(axis=0)
+
+    def _look_at_all_sizes(self, energy, side, numbers):
+        """The same of springs whose domain has no end on that side, whatever their units."""
+        r = np.repeat((-1, 1)[side] * BINADES[:, None], len(numbers), axis=1)
+        with np.errstate(all="ignore"):  # powers over- and underflow
+            known = np.isfinite(self._each("stiffness", r, numbers))
+            begun = np.cumsum(known, axis=0) > 0
+            high = begun & ~(self._each("energy", r, numbers) <= energy)
+            before, beyond = self._first(r, high | (begun & ~known))
+            limit, _ = self._first(r, begun & ~known)
+            beyond = np.where(np.abs(beyond) > np.abs(limit), limit, beyond)
+            r = beyond * FINE[:, None]  # a narrow barrier may stand before it
+            before, beyond = self._first(r, ~(self._each("energy", r, numbers) <= energy))
+        return before, beyond, np.ones(len(numbers), dtype=bool)
 
 
 def _sizes(lengths):

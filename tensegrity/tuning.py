@@ -100,7 +100,7 @@ def simulate_tuned(chain, state, t_end, spring_at, *, dt, method="rkn6", record=
         the round-off of that does not change smoothly.
     dt : float
         Step [s]; the step used is the largest not above it that divides `t_end` evenly.
-    method : str
+    method : str or Splitting
         A splitting method.
     record : Record, optional
 
@@ -130,8 +130,7 @@ def simulate_tuned(chain, state, t_end, spring_at, *, dt, method="rkn6", record=
             f"{MOST_STEPS:g}"
         )
     record = Record() if record is None else record
-    if not isinstance(record, Record):
-        raise TensegrityError(f"record {record!r} is not a Record")
+    check.kind("record", record, Record)
     record.check(chain.sites)
     if not callable(spring_at):
         raise TensegrityError(f"spring_at {spring_at!r} is not a function of time")

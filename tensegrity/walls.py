@@ -8,20 +8,18 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+from tensegrity.readonly import ReadOnly, fixed
 
 SQUARE = 1e-9  # cosine of the angle of directions that pass as perpendicular
 
 
 def floats(name, value):
     """A copy of `value` as a float array."""
-    try:
-        return np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        raise TensegrityError(f"{name} {value!r} is not made of numbers") from None
+    return np.array(check.floats(name, value))
 
 
 @dataclass(frozen=True, eq=False)
-class Wall:
+class Wall(ReadOnly):
     """A flat wall, unbounded or a piece.
 
     Parameters
@@ -48,8 +46,8 @@ class Wall:
         length = np.linalg.norm(normal)
         if length == 0:
             raise TensegrityError("wall normal has length 0")
-        object.__setattr__(self, "point", point)
-        object.__setattr__(self, "normal", normal / length)
+        object.__setattr__(self, "point", fixed(point))
+        object.__setattr__(self, "normal", fixed(normal / length))
         if self.extent is None:
             return
         extent = np.atleast_2d(floats("wall extent", self.extent))
@@ -60,7 +58,7 @@ class Wall:
         unit = np.vstack([extent / sides[:, None], self.normal])
         if np.max(np.abs(unit @ unit.T - np.eye(len(unit)))) > SQUARE:
             raise TensegrityError("wall extent is not perpendicular to the normal and to itself")
-        object.__setattr__(self, "extent", extent)
+        object.__setattr__(self, "extent", fixed(extent))
 
     @classmethod
     def between(cls, start, stop, side):
@@ -76,10 +74,11 @@ class Wall:
 
     def height(self, x):
         """Distance of points x (..., dim) from the wall's plane [m], > 0 on the normal's side."""
-        return (x - self.point) @ self.normal
+        return (check.rows("points", x, self.point.shape) - self.point) @ self.normal
 
     def overhang(self, x):
         """How far the foot of points x (..., dim) lies beyond the nearest edge [m]; < 0 inside."""
+        x = check.rows("points", x, self.point.shape)
         if self.extent is None:
             return np.full(np.shape(x)[:-1], -np.inf)
         sides = np.linalg.norm(self.extent, axis=1)
@@ -88,6 +87,7 @@ class Wall:
 
     def distance(self, x):
         """Distance of points x (..., dim) from the nearest point of the wall [m]."""
+        x = check.rows("points", x, self.point.shape)
         height = self.height(x)
         if self.extent is None:
             return np.abs(height)

@@ -32,6 +32,7 @@ from tensegrity import (
 )
 from tensegrity.continuation import ContinuationError
 from tensegrity.limit import limit_load
+from tensegrity.readonly import ReadOnly
 
 RIGID = Prism(1.0, 0.7, 0.01, 1.0)
 SOFT = Prism(1.0, 0.5, 0.4, 1.0, k_base=2.0, k_bar=20.0)
@@ -125,6 +126,8 @@ def same(one, other):
         return False
     if type(one).__eq__ is not object.__eq__ and not (is_dataclass(one) and holds_arrays(one)):
         return one == other
+    if isinstance(one, ReadOnly):  # what was computed from it is not taken along
+        return same(one.__getstate__(), other.__getstate__())
     return same(getattr(one, "__dict__", {}), getattr(other, "__dict__", {}))
 
 

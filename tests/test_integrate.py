@@ -356,11 +356,10 @@ def test_an_implicit_step_that_cannot_be_solved_ends_the_run():
     assert not caught.value.run.complete
 
 
-@pytest.mark.parametrize("name", ["gauss4", "processed6"])
-def test_some_methods_are_for_chains_only(name):
-    network = Network([[0.0, 0.0], [1.0, 0.0]], [(0, 1)], PowerLaw(1.0, 1.5))
-    with pytest.raises(TensegrityError, match=f"'{name}' runs a Chain only"):
-        simulate(network, network.at_rest(), 1.0, method=name)
+def test_a_processed_method_runs_no_scene_whose_contacts_are_watched():
+    network = Network([[0.0, 0.0], [1.0, 0.0]], [(0, 1)], PowerLaw(1.0, 1.5), radius=0.5)
+    with pytest.raises(TensegrityError, match="'processed6' runs no scene whose sites have a rad"):
+        simulate(network, network.at_rest(), 1.0, method="processed6")
 
 
 def test_a_step_that_becomes_too_coarse_is_noticed_with_time_and_site():

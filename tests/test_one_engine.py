@@ -231,9 +231,9 @@ def scenes_with_a_state():
 def test_forces_are_the_slope_of_the_energy_and_stiffness_that_of_the_forces(number):
     scene, u = list(scenes_with_a_state())[number]
     if isinstance(scene, Chain):
-        u[scene.held] = 0
+        u[list(scene.held)] = 0
     at_rest, free = np.zeros(scene.shape), np.ones(scene.shape, dtype=bool)
-    free[scene.held] = False
+    free[list(scene.held)] = False
     h = 1e-5
     forces, stiffness = scene.forces(u), scene.stiffness(u).toarray()
     assert np.abs(stiffness).max() > 0.1
@@ -246,7 +246,7 @@ def test_forces_are_the_slope_of_the_energy_and_stiffness_that_of_the_forces(num
         assert forces.ravel()[k] == pytest.approx(-slope, abs=1e-9)
         change = (scene.forces(one) - scene.forces(two)).ravel() / (2 * h)
         np.testing.assert_allclose(stiffness[:, k], -change * free.ravel(), atol=2e-8)
-    assert not forces[scene.held].any()
+    assert not forces[list(scene.held)].any()
     assert not stiffness[~free.ravel()].any()
 
 
