@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tensegrity import methods
+from tensegrity import check, methods
 from tensegrity.condensed import ElasticPotential
 from tensegrity.ensemble import Ensemble
 from tensegrity.errors import TensegrityError
@@ -113,7 +113,7 @@ def write(path, kind, data):
     OSError
         If it cannot be written; a file that was there stays as it was.
     """
-    writer, path = _Writer(), _checked(path)
+    writer, path = _Writer(), check.path("path", path)
     parts = {
         name: writer.scene(value) if name == "scene" else writer.value(value)
         for name, value in data.items()
@@ -140,7 +140,7 @@ def read(path, kind, make=dict):
     TensegrityError
         There is no such file, or it is damaged, or holds something else.
     """
-    path = _checked(path)
+    path = check.path("path", path)
     if not path.is_file():
         raise TensegrityError(f"there is no file {path}")
     try:
@@ -155,12 +155,6 @@ def read(path, kind, make=dict):
         raise
     except Exception as error:  # what a damaged file makes of zip, NumPy, JSON and our own kinds
         raise TensegrityError(f"{path} holds no {kind}, or is damaged: {error}") from error
-
-
-def _checked(path):
-    if not isinstance(path, (str, os.PathLike)):
-        raise TensegrityError(f"path {path!r} is not a path")
-    return Path(path)
 
 
 class UnknownKind(TensegrityError):

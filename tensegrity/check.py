@@ -113,6 +113,15 @@ def rows(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.floa
     return value
 
 
+def path(name: str, value: object) -> Path:
+    """A path that names something, from text or a path."""
+    if not isinstance(value, (str, os.PathLike)):
+        raise TensegrityError(f"{name} {shown(value)} is not a path")
+    if not Path(value).name or "\0" in str(value):
+        raise TensegrityError(f"{name} {shown(str(value))} names no file")
+    return Path(value)
+
+
 def room(what: str, size: float) -> None:
     """Refuse what takes more memory than there is, before it is taken; `size` in bytes."""
     free = free_memory()

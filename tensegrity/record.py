@@ -83,9 +83,7 @@ class Record:
                 raise TensegrityError("sites is empty: nothing to record")
             object.__setattr__(self, "sites", kept)
         if self.path is not None:
-            if not isinstance(self.path, (str, os.PathLike)):
-                raise TensegrityError(f"path {self.path!r} is not a path")
-            object.__setattr__(self, "path", Path(self.path))
+            object.__setattr__(self, "path", check.path("path", self.path))
         if self.checkpoint is not None:
             seconds = check.number("checkpoint", self.checkpoint, least=0, unit="s")
             object.__setattr__(self, "checkpoint", seconds)

@@ -6,7 +6,7 @@ import os
 import time
 from dataclasses import replace
 
-from tensegrity import archive
+from tensegrity import archive, check
 from tensegrity.book import Sound, Start
 from tensegrity.errors import TensegrityError
 from tensegrity.march import Problem
@@ -44,8 +44,7 @@ def resume(path: str | os.PathLike, scene=None) -> Run:
         As `simulate`.
     """
     started = time.perf_counter()
-    if not isinstance(path, (str, os.PathLike)):
-        raise TensegrityError(f"path {path!r} is not a path")
+    path = check.path("path", path)
     data = archive.read(beside(path), "state")
     scene = _same(data["scene"], scene, path)
     problem = Problem(

@@ -6,6 +6,7 @@ of wrong values.
 
 import inspect
 import math
+import tempfile
 import warnings
 from types import SimpleNamespace
 
@@ -26,6 +27,7 @@ from tensegrity import (
     PowerLaw,
     Prism,
     Record,
+    Run,
     State,
     TensegrityError,
     Wall,
@@ -34,6 +36,7 @@ from tensegrity import (
     equilibrium_path,
     methods,
     observables,
+    resume,
     simulate,
     solitary_wave,
     tuning,
@@ -73,6 +76,10 @@ WALL = Wall((0, 0), (0, 1))
 WAVE = solitary_wave(SPRING, speed_ratio=2.0)
 RUN = simulate(LINE, LINE.at_rest({0: 0.03}), 20.0, record=Record(every=1))
 BEADS_RUN = simulate(BEADS, BEADS.start(), 6e-5, record=Record(every=1))
+FOLDER = tempfile.TemporaryDirectory()
+FILE = f"{FOLDER.name}/run.npy"
+simulate(LINE, LINE.at_rest({0: 0.01}), 1.0, dt=0.1, record=Record(path=FILE, checkpoint=1.0))
+RUN.save(f"{FOLDER.name}/kept")
 T = np.linspace(0.0, 1e-4, 200)
 FORCE = np.exp(-(((T - 5e-5) / 1e-5) ** 2))
 X = np.linspace(-5.0, 5.0, 101)
@@ -123,7 +130,10 @@ CALLS = [
     (LINE.bond_tension, {"u": np.zeros(24)}),
     (LINE.energy, {"state": LINE.at_rest()}),
     (LINE.momentum, {"state": LINE.at_rest()}),
-    (Ensemble, {"chain": Chain(SPRING, 3), "lanes": 2}),
+    (Ensemble, {"scenes": Chain(SPRING, 3), "lanes": 2}),
+    (Ensemble, {"scenes": [Chain(SPRING, 3)] * 2}),
+    (LINE.forces, {"u": np.zeros(24)}),
+    (NET.stiffness, {"u": np.zeros((3, 2))}),
     (LANES.at_rest, {"velocity": {0: [0.1, 0.2]}}),
     (lambda value: LANES.at_rest({0: value}), {"value": 0.1}),
     (LANES.lane, {"state": LANES.at_rest(), "number": 0}),
@@ -145,6 +155,11 @@ CALLS = [
     (NET.momentum, {"state": NET.at_rest()}),
     (NET.angular_momentum, {"state": NET.at_rest()}),
     (Record, {"every": 1, "sites": [0, 1], "path": None}),
+    (Record, {"times": [0.1, 0.2]}),
+    (Record, {"interval": 0.1, "path": FILE, "checkpoint": 1.0}),
+    (resume, {"path": FILE, "scene": None}),
+    (RUN.save, {"path": f"{FOLDER.name}/saved"}),
+    (Run.load, {"path": f"{FOLDER.name}/kept"}),
     (simulate, {"scene": LINE, "state": LINE.at_rest({0: 0.01}), "t_end": 1.0, "method": "rkn6",
                 "dt": 0.1, "record": Record()}),
     (simulate, {"scene": LINE, "state": LINE.at_rest({0: 0.01}), "t_end": 1.0, "tol": 1e-4}),
@@ -239,7 +254,10 @@ def outcome(function, arguments):
 
 
 @pytest.mark.parametrize(("function", "good"), CALLS, ids=map(label, CALLS))
-def test_wrong_arguments_meet_a_tensegrity_error_or_an_answer(function, good):
+def test_wrong_arguments_meet_a_tensegrity_error_or_an_answer(
+    function, good, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)  # some wrong paths are paths
     answer = outcome(function, good)
     assert not isinstance(answer, Exception), f"the good call: {answer}"
     for name, value in good.items():
