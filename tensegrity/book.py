@@ -127,5 +127,5 @@ class Book:
             problem.scene, table["t"], table["u"], table["v"], table["energy"], watch.look()[0],
             problem.method.name, watch.dt, watch.sound.done, self._kept, complete,
             impulse=table["impulse"] if self._walls[0] else None, force=problem.force,
-            met=watch.met,
+            met=watch.met, fastest=watch.fastest if problem.scene.follows else None,
         )  # fmt: skip

@@ -61,9 +61,10 @@ class Ensemble(Scene):
             )
         self.scenes = tuple(scenes)
         for number, scene in enumerate(self.scenes):
-            if not isinstance(scene, Scene) or isinstance(scene, Ensemble):
+            if not isinstance(scene, Scene) or isinstance(scene, Ensemble) or scene.follows:
                 raise TensegrityError(
-                    f"scene {number} is {check.shown(scene)}, not a Chain or a Network"
+                    f"scene {number} is {check.shown(scene)}, not a Chain or a Network of fixed "
+                    "contacts"
                 )
         if not self.scenes:
             raise TensegrityError("scenes is empty")

@@ -15,6 +15,7 @@ from tensegrity.clearance import Clearance, Tracker
 from tensegrity.errors import ContactError, StabilityError
 
 SKIN = 0.25  # of the mean radius
+NEAREST = 6  # sites that one may well touch in a run
 
 
 class Following(Clearance):
@@ -31,6 +32,22 @@ class Following(Clearance):
         beside = self._by_wall(x, walls, lambda wall, at: wall.overhang(at)) < 0
         before = self._by_wall(x, walls, lambda wall, at: wall.height(at)) > 0
         return _sorted(pairs), _sorted(walls[beside & before])
+
+    def likely(self, u):
+        """Pairs of each site with its nearest ones, and with all walls; sorted."""
+        from scipy.spatial import cKDTree
+
+        count = min(NEAREST + 1, self.sites)
+        _, near = cKDTree(self.positions + u).query(self.positions + u, k=count)
+        near = near.reshape(self.sites, -1)
+        pairs = np.stack([np.repeat(np.arange(self.sites), count), near.ravel()], axis=1)
+        pairs = np.unique(np.sort(pairs[pairs[:, 0] != pairs[:, 1]], axis=1), axis=0)
+        low, high = np.sort(pairs, axis=1).T
+        pairs = pairs[~np.isin(low * self.sites + high, self._listed)]
+        walls = np.indices((self.sites, len(self.walls))).reshape(2, -1).T
+        known = {tuple(pair) for pair in self.wall_contacts.tolist()}
+        walls = [pair for pair in walls.tolist() if tuple(pair) not in known]
+        return pairs, np.array(walls, dtype=int).reshape(-1, 2)
 
     def check(self, u):
         """Nothing to refuse: what touches is listed."""
@@ -53,8 +70,13 @@ class Follower(Tracker):
         Displacements at which the list is to be made.
     """
 
+    def is_new(self):
+        """Whether contacts have to be listed anew since this was asked."""
+        new, self._new = self._new, False
+        return new
+
     def _list(self, u):
-        self.at = u.copy()
+        self._new, self.at = hasattr(self, "at"), u.copy()  # the first list is the scene's own
         x = self._of.positions + u
         _, listed = self._of.near(u)
         every = self._of.wall_pairs(x)

@@ -55,14 +55,12 @@ class Problem:
         different = dict.fromkeys(spring.force for spring in self.moved.spring_table.different)
         return ", ".join(different)
 
-    def largest_step(self, ranges):
-        """Stability limit [s] for elongations within `ranges`; inf where all V'' vanish."""
-        omega = self.scene.frequency(ranges)
+    def largest_step(self, omega):
+        """Stability limit [s] at an angular frequency [rad/s]; inf where it is 0."""
         return self.method.stability_limit / omega if omega > 0 else math.inf
 
-    def natural_step(self, ranges):
-        """The step [s] that fractions are taken of, for elongations within `ranges`."""
-        omega = self.scene.frequency(ranges)
+    def natural_step(self, omega):
+        """The step [s] that fractions are taken of, at an angular frequency [rad/s]."""
         return self.method.scale / omega if omega > 0 else math.inf
 
 
@@ -147,24 +145,48 @@ class _Watch:
         scene = problem.moved
         self._problem, self.dt, self.allowed = problem, dt, allowed
         self._energy = problem.scene.available_energy(problem.state)
-        self._springs, self._domains = scene.spring_table.different, scene.spring_table.reach
-        self._safe = np.zeros_like(self._domains)  # ranges of elongation known to be allowed
-        self._limit = math.inf  # stability limit within them [s]
-        self.met = np.zeros_like(self._domains)  # smallest and largest elongation, 0 included
+        u = problem.state.u if start is None else start.sound.seen[0][: scene.sites]
+        self._list(scene.listed(u))
         if start is None or not start.sound.done:
             self._u, self._v = scene.arrays(problem.state)
             seen = self._u.copy(), self._v.copy()
             self.sound = Sound(*seen, 0, seen)
         else:
-            self.met[:], self.sound = start.met, start.sound
+            self.sound = start.sound
+            if start.met.shape == self.met.shape:
+                self.met[:] = start.met
             self._u, self._v = self.sound.u.copy(), self.sound.v.copy()
         self._tracker = scene.clearance and scene.clearance.tracker(self._u[: scene.sites])
         self._most = math.inf  # steps that can be done without a look for new contacts
+        self._loop, self._fastest = None, 0.0
+
+    def _list(self, scene):
+        """Take the contacts that a scene lists, with no range of theirs known to be allowed."""
+        springs = scene.spring_table
+        self._scene, self._springs, self._domains = scene, springs.different, springs.reach
+        self._safe = np.zeros_like(self._domains)  # ranges of elongation known to be allowed
+        self._stiffness = None  # bound of each spring's within them [N/m]
+        self._limit = math.inf  # stability limit there [s]
+        self.met = np.zeros_like(self._domains)  # smallest and largest elongation, 0 included
+
+    def _list_anew(self):
+        """Go on with the contacts that may form from here on."""
+        met = dict(zip(self._scene.spring_table.kinds, self.met, strict=True))
+        self._fastest = self.fastest
+        self._list(self._problem.moved.listed(self._tracker.at))
+        for row, kind in enumerate(self._scene.spring_table.kinds):
+            self.met[row] = met.get(kind, 0.0)
         self._loop = None
+
+    @property
+    def fastest(self):
+        """Bound on the largest angular frequency over all elongations met [rad/s]."""
+        within = self._scene.stiffness_within(self.met)
+        return max(self._fastest, self._scene.fastest(within))
 
     def _begin(self):
         """Enter the variables of the method's steps."""
-        scene, dt, method = self._problem.moved, self.dt, self._problem.method
+        scene, dt, method = self._scene, self.dt, self._problem.method
         enter, self._leave = method.processor or (None, None)
         begun = self.sound.done > 0
         if enter is not None and not begun:
@@ -202,7 +224,7 @@ class _Watch:
         for rows in (enter, method, leave):
             if rows is None:
                 continue
-            loop = self._problem.moved.bind(u, v, rows, part)
+            loop = self._scene.bind(u, v, rows, part)
             loop.advance(1)
             if not self._is_inside(self._met(loop, u), u, v):
                 raise self._error(t, loop, u)
@@ -234,6 +256,8 @@ class _Watch:
         if self._block(before.done, steps):
             if self._tracker is None or self._is_clear(before.done, steps):
                 self._keep(steps)
+                if self._tracker is not None and self._tracker.is_new():
+                    self._list_anew()
             else:
                 self._u[:], self._v[:] = before.u, before.v
             return
@@ -244,6 +268,9 @@ class _Watch:
             if self._tracker is not None:
                 self._is_clear(k, 1)
             self._keep(1)
+            if self._tracker is not None and self._tracker.is_new():
+                self._list_anew()
+                return
         raise StabilityError(f"a block of {steps} steps went wrong, but not step by step")
 
     def _block(self, done, steps):
@@ -288,7 +315,7 @@ class _Watch:
         """Elongations met; a method that evaluates forces elsewhere ends at others."""
         if not isinstance(self._problem.method, Nystrom) or not np.isfinite(u).all():
             return loop.range
-        here = self._problem.moved.present_ranges(u[: self._problem.scene.sites])
+        here = self._scene.present_ranges(u[: self._scene.sites])
         low, high = np.minimum(loop.range[:, 0], here[:, 0]), np.maximum(loop.range, here)[:, 1]
         return np.stack([low, high], axis=1)
 
@@ -303,22 +330,27 @@ class _Watch:
         if not self._is_inside(met, u, v):
             return False
         below, above = met[:, 0] < self._safe[:, 0], met[:, 1] > self._safe[:, 1]
-        if not (below.any() or above.any()):
+        grown = np.flatnonzero(below | above)
+        if not grown.size:
             return True
         low, high = self._domains.T
+        if self._stiffness is None:
+            self._stiffness = self._scene.stiffness_within(self._safe)
         for margin in (0.1, 0.01, 0.0):  # wider than met, so as not to ask again soon
             wider = self._safe.copy()
             wider[below, 0] = _towards(low[below], met[below, 0], margin)
             wider[above, 1] = _towards(high[above], met[above, 1], margin)
-            self._limit = self._problem.largest_step(wider)
+            stiffness = self._stiffness.copy()
+            stiffness[grown] = self._scene.stiffness_within(wider, grown)
+            self._limit = self._problem.largest_step(self._scene.fastest(stiffness))
             if self.dt <= self.allowed * self._limit:
-                self._safe = wider
+                self._safe, self._stiffness = wider, stiffness
                 return True
         return False
 
     def _error(self, t, loop, after):
         """What went wrong in the step that ended at t with displacements `after`."""
-        scene, u = self._problem.moved, after[: self._problem.scene.sites]
+        scene, u = self._scene, after[: self._scene.sites]
         if not np.isfinite(u).all():
             before = self.state()
             u = before.u + self.dt * before.v

@@ -190,9 +190,26 @@ class Network(Scene):
         Where contacts are followed these are the bonds, and behind them, sorted by their sites, all
         pairs that may touch before any site moved by an eighth of its radius; else all it has.
         """
-        if self.law is None:
+        if not self.follows:
             return self
-        pairs, walls = self.clearance.near(np.asarray(u, dtype=float))
+        return self._listing(*self.clearance.near(np.asarray(u, dtype=float)))
+
+    def likely(self, u):
+        """This network with contacts of sites nearest each other, and of all with walls."""
+        return self._listing(*self.clearance.likely(u)) if self.follows else self
+
+    @property
+    def follows(self):
+        """Whether contacts come and go, so that only those near are listed."""
+        return self.law is not None
+
+    @property
+    def step_share(self):
+        """Of the default step that a method takes for smooth springs."""
+        return KINK_SHARE / 2 if self.follows else 1.0  # every contact opens
+
+    def _listing(self, pairs, walls):
+        """This network with these contacts besides its own, and none that are followed."""
         springs, count = self.springs, len(self.bonds)
         of_pairs = tuple(self.law(i, j) for i, j in pairs.tolist())
         of_walls = tuple(self.law(site, self.walls[wall]) for site, wall in walls.tolist())
@@ -303,6 +320,8 @@ class Network(Scene):
 
     def finer_share(self, met):
         """That of opening contacts; under loads, whose work was not known at first, the same."""
+        if self.follows:
+            return self.step_share
         if self.opened(met):
             return min(self.step_share, KINK_SHARE)
         return self.step_share if np.any(self.loads) else None
@@ -399,6 +418,8 @@ class Network(Scene):
     def energy(self, state):
         """Total energy [J], the potential of the loads included."""
         self._refuse_other(state)
+        if self.follows:
+            return self.listed(state.u).energy(state)
         with np.errstate(over="ignore"):  # to inf, which `check` refuses
             kinetic = 0.5 * np.sum(self.mass[:, None] * state.v**2)
         stored = np.sum(self._per_contact("energy", state.u))

@@ -70,7 +70,7 @@ def _same(kept, given, path):
     known = kept.fingerprint if isinstance(kept, archive.Printed) else archive.fingerprint(kept)
     if archive.fingerprint(given) != known:
         raise TensegrityError(
-            f"scene {given!r} is not that of {path}, which printed {kept!r}: sites, masses, "
-            "springs or their numbers differ"
+            f"scene {check.shown(given)} is not that of {path}, which printed {kept!r}: sites, "
+            "masses, springs or their numbers differ"
         )
     return given

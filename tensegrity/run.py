@@ -39,6 +39,9 @@ class Run:
         Recorded energies are exact anyhow.
     met : ndarray, (runs of equal springs, 2)
         Smallest and largest elongation met at any stage [m], 0 included.
+    fastest : float or None
+        Bound on the largest angular frequency over the elongations met [rad/s], where contacts
+        are followed; `met` is then that of the springs listed last.
     wall_time : float
         [s], all trial runs included.
     impulse : ndarray, (T, walls, dim), or None
@@ -59,6 +62,7 @@ class Run:
     error_estimate: float | None = None
     force: str = "exact"
     met: np.ndarray | None = field(default=None, repr=False)
+    fastest: float | None = field(default=None, repr=False)
     wall_time: float = 0.0
     impulse: np.ndarray | None = None
 

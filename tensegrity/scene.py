@@ -82,6 +82,8 @@ class Scene(ReadOnly):
         cannot.
     spring_lengths : ndarray, (springs,), or None
         Length of each bond [m], where springs count as different for it.
+    follows : bool
+        Whether contacts come and go, so that only those near are listed.
     turns : bool
         Whether bonds may turn, so that their tension resists motion across them.
     clearance : Clearance or None
@@ -92,7 +94,7 @@ class Scene(ReadOnly):
 
     step_share = 1.0
     closing = -np.inf
-    turns = False
+    turns = follows = False
     spring_lengths = None
     clearance = None
     wall_count = 0
@@ -178,6 +180,14 @@ class Scene(ReadOnly):
         group = np.broadcast_to(group.reshape(*group.shape, *[1] * (r.ndim - group.ndim)), r.shape)
         ranges = by_spring(group.ravel(), len(self.spring_table), r.ravel(), r.ravel())
         return np.stack([np.minimum(ranges[:, 0], 0), np.maximum(ranges[:, 1], 0)], axis=1)
+
+    def listed(self, u):
+        """The scene with the contacts that may act near displacements u: here it has them all."""
+        return self
+
+    def likely(self, u):
+        """The scene with contacts that may well form in a run from displacements u."""
+        return self
 
     def available_energy(self, state):
         """What one spring could get of the energy [J]: all of it."""

@@ -37,6 +37,8 @@ class Springs:
 
     Attributes
     ----------
+    kinds : tuple
+        What tells the different springs apart, in other scenes too.
     different : tuple of Potential
     group : ndarray of int, `shape`
         The number in `different` of each bond's spring.
@@ -52,6 +54,7 @@ class Springs:
             if same not in known:
                 known[same] = numbers.setdefault((spring, size), len(numbers))
             group[k] = known[same]
+        self.kinds = tuple(numbers)
         self.different = tuple(spring for spring, _ in numbers)
         self.group = fixed(group if shape is None else group.reshape(shape))
 

@@ -38,7 +38,8 @@ STUCK = 3  # refinements in a row that bring nothing: round-off is reached
 
 def fixed_step(problem, dt):
     """Run with a given step."""
-    limit = problem.largest_step(stepping.present_ranges(problem.scene, problem.state))
+    scene = problem.scene.listed(problem.state.u)
+    limit = problem.largest_step(scene.frequency(scene.present_ranges(problem.state.u)))
     steps = count(problem, dt)
     used = problem.t_end / steps if steps else 0.0
     if used > limit:
@@ -68,7 +69,8 @@ def settled(problem, run):
     if share is None:
         return run
     fraction = problem.method.step * share
-    steps = count(problem, fraction * problem.natural_step(run.met))
+    omega = scene.frequency(run.met) if run.fastest is None else run.fastest
+    steps = count(problem, fraction * problem.natural_step(omega))
     return run if steps <= run.steps else refined(problem, steps, MARGIN * fraction)[0]
 
 
@@ -77,7 +79,9 @@ def expected_steps(problem, fraction, share=1.0):
     of the scene to meet in one bond."""
     if not problem.t_end:
         return 0
-    step = problem.natural_step(stepping.expected_ranges(problem.scene, problem.state, share))
+    scene = problem.scene.likely(problem.state.u)
+    omega = scene.frequency(stepping.expected_ranges(scene, problem.state, share))
+    step = problem.natural_step(omega)
     return max(count(problem, fraction * step), CHECKPOINTS)
 
 
@@ -187,7 +191,7 @@ def with_polynomials(problem, run, checks, tol, margin):
     scene = problem.scene
     if problem.record.checkpoint is not None:
         return None  # a state that is kept has to say what the forces are
-    if saved(problem, run, tol) < WORTH:
+    if scene.follows or saved(problem, run, tol) < WORTH:
         return None
     springs = scene.spring_table.different
     ranges = [_widened(spring, *met, margin) for spring, met in zip(springs, run.met, strict=True)]
