@@ -197,8 +197,6 @@ def by_spring(group, springs, low, high):
     """Ranges of elongation of all springs from those of their bonds; (springs, 2)."""
     if springs == 1 and low.size:
         return np.array([[low.min(), high.max()]])
-    if np.array_equal(group, np.arange(springs)):
-        return np.stack([low, high], axis=1)
     found = np.empty((springs, 2), dtype=low.dtype)
     found[:, 0], found[:, 1] = np.inf, -np.inf
     np.minimum.at(found[:, 0], group, low)

@@ -57,6 +57,7 @@ class Compiled:
     def __init__(self, laws, own=None, dim=0, lanes=1, extended=False):
         self.laws, self.own, self.dim, self.lanes = laws, own or (None,) * len(laws), dim, lanes
         self.dtype = np.dtype(np.longdouble if extended else np.float64)
+        self._most = max((len(law.parameters) for law in laws), default=0)
         flags = ["-DEXTENDED"] * extended + [f"-DLANES={lanes}"] * (lanes > 1)
         flags += [f"-DDIM={dim}"] * (dim > 0)
         helpers = geometry.helpers(dim) if dim else ()
@@ -90,9 +91,12 @@ class Compiled:
         """
         if codegen.DERIVATIVES[order] not in self.laws[law].compiled:
             return codegen.evaluate(self.laws[law], order, parameters, r)
-        rows = max((len(one.parameters) for one in self.laws), default=0)
-        p = np.zeros((rows, *np.shape(parameters)[1:]), dtype=self.dtype)
-        p[: len(parameters)] = parameters[:rows]
+        rows = self._most
+        if len(parameters) == rows:
+            p = self.numbers(parameters)
+        else:
+            p = np.zeros((rows, *np.shape(parameters)[1:]), dtype=self.dtype)
+            p[: len(parameters)] = parameters[:rows]
         out = np.empty_like(r)
         given = p.ctypes.data, r.ctypes.data, out.ctypes.data
         if p.ndim == 1:
@@ -224,6 +228,7 @@ class BoundLine(_Bound):
         structure = _LINE(*(x.ctypes.data for x in arrays), len(runs.law), *counts)
         self._set_steps(loop, structure, arrays, method, dt, u.size)
         self._kept, self._low, self._high = self._order(range_at, seen)
+        self._apart = np.array_equal(self._kept, np.arange(self._springs))
         self.forget_range()
 
     def _order(self, range_at, seen):
@@ -248,6 +253,8 @@ class BoundLine(_Bound):
     @property
     def range(self):
         found = self._range[self._low], self._range[self._high]
+        if self._apart:
+            return np.stack(found, axis=1)
         return by_spring(self._kept, self._springs, *found)
 
 

@@ -54,11 +54,12 @@ class Loop:
         if close is not None:
             self._out = np.empty_like(u), np.empty_like(v)
             self._close = scene.bind(*self._out, close, dt)
-        bound = self._others, self._close, self._first
-        self._bound = [loop for loop in bound if loop is not None]
+        self._bound = [loop for loop in (self._others, self._close) if loop is not None]
 
     def forget_range(self):
         """Start anew to record elongations and the way travelled."""
+        if self._first in self._bound:
+            self._bound.remove(self._first)
         for loop in self._bound:
             loop.forget_range()
 
@@ -66,7 +67,9 @@ class Loop:
         """Do at least one step; `begun` says whether one was done before."""
         first = self._first is not None and not begun
         if first:
+            self._first.forget_range()
             self._first.advance(1)
+            self._bound.append(self._first)
         if steps > first:
             self._others.advance(steps - first)
 
@@ -86,4 +89,4 @@ class Loop:
     @property
     def travel(self):
         """Bound on how far any coordinate of a site moved since `forget_range` [m]."""
-        return sum(x.travel for x in (self._first, self._others) if x is not None)
+        return sum(x.travel for x in self._bound if x is not self._close)

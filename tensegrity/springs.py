@@ -18,7 +18,7 @@ from tensegrity.readonly import fixed
 ORDERS = ("energy", "tension", "stiffness")
 CLOSE = np.logspace(-16, 0, 321)  # shares of a range at which a search looks
 EVEN = np.linspace(0, 1, 201)
-BINADES = 2.0 ** np.arange(-1000, 1001)  # where the range has no end
+SIZES = 2.0 ** np.arange(-1000, 1001, 4)  # where the range has no end
 FINE = 2.0 ** (np.arange(-324, 1) / 6)
 LOOKS = 3  # after the first, each 256 times finer
 
@@ -113,26 +113,19 @@ class Springs:
         if len(self) == 1:
             return getattr(self.different[0], name)(r)
         flat = r.reshape(*r.shape[: r.ndim - self.group.ndim], -1)
-        out, group = np.empty_like(flat), self.group.ravel()
-        for numbers, columns in zip(self._alike, self._columns, strict=True):
-            out[..., columns] = self._of(name, numbers, flat[..., columns], group[columns])
+        if len(self._sets) == 1:
+            return self._sets[0].evaluate(name, flat).reshape(r.shape)
+        out = np.empty_like(flat)
+        for one, columns in zip(self._sets, self._columns, strict=True):
+            out[..., columns] = one.evaluate(name, flat[..., columns])
         return out.reshape(r.shape)
 
-    def _of(self, name, numbers, r, group):
-        """The same for bonds of one set of springs."""
-        if len(numbers) == 1:
-            return getattr(self.different[numbers[0]], name)(r)
-        order = ORDERS.index(name)
-        low, high = self.domains[group].T
-        inside = (r >= low) & (r <= high) if order == 0 else (r > low) & (r < high)
-        if not inside.all():
-            worst = tuple(x[0] for x in np.nonzero(~inside))
-            if np.isnan(r[worst]):
-                raise TensegrityError("elongation nan m is not a number")
-            raise self.different[group[worst[-1]]].beyond(float(r[worst]))
-        laws, law, parameters = self.table
-        one = laws[law[numbers[0]]]
-        return kernel((one,)).evaluate(0, order, parameters[group].T, np.ascontiguousarray(r))
+    @cached_property
+    def _sets(self):
+        """The bonds of each of these sets of springs."""
+        group = self.group.ravel()
+        each = zip(self._alike, self._columns, strict=True)
+        return tuple(_Alike(self, numbers[0], group[columns]) for numbers, columns in each)
 
     def _each(self, name, r, numbers):
         """The same of different springs at points r (points, numbers)."""
@@ -140,7 +133,7 @@ class Springs:
         for alike in self._alike:
             mine = np.flatnonzero(np.isin(numbers, alike)) if len(self._alike) > 1 else slice(None)
             if r[:, mine].size:
-                out[:, mine] = self._of(name, alike, r[:, mine], numbers[mine])
+                out[:, mine] = _Alike(self, alike[0], numbers[mine]).evaluate(name, r[:, mine])
         return out
 
     def largest(self, name, ranges, numbers=None):
@@ -222,7 +215,7 @@ class Springs:
 
     def _look_at_all_sizes(self, energy, side, numbers):
         """The same of springs whose domain has no end on that side, whatever their units."""
-        r = np.repeat((-1, 1)[side] * BINADES[:, None], len(numbers), axis=1)
+        r = np.repeat((-1, 1)[side] * SIZES[:, None], len(numbers), axis=1)
         with np.errstate(all="ignore"):  # powers over- and underflow
             known = np.isfinite(self._each("stiffness", r, numbers))
             begun = np.cumsum(known, axis=0) > 0
@@ -233,6 +226,32 @@ class Springs:
             r = beyond * FINE[:, None]  # a narrow barrier may stand before it
             before, beyond = self._first(r, ~(self._each("energy", r, numbers) <= energy))
         return before, beyond, np.ones(len(numbers), dtype=bool)
+
+
+class _Alike:
+    """Bonds whose springs have one law, or are one spring, with their numbers side by side."""
+
+    def __init__(self, springs, first, group):
+        self._springs, self._group = springs, group
+        self._one = springs.different[first] if np.all(group == first) else None
+        if self._one is None:
+            laws, law, parameters = springs.table
+            self._law, self._values = laws[law[first]], np.ascontiguousarray(parameters[group].T)
+            self._low, self._high = springs.domains[group].T
+
+    def evaluate(self, name, r):
+        """Energy [J], tension [N] or stiffness [N/m] at elongations r (..., bonds)."""
+        if self._one is not None:
+            return getattr(self._one, name)(r)
+        order = ORDERS.index(name)
+        above = r >= self._low if order == 0 else r > self._low
+        inside = above & (r <= self._high if order == 0 else r < self._high)
+        if not inside.all():
+            worst = tuple(x[0] for x in np.nonzero(~inside))
+            if np.isnan(r[worst]):
+                raise TensegrityError("elongation nan m is not a number")
+            raise self._springs.different[self._group[worst[-1]]].beyond(float(r[worst]))
+        return kernel((self._law,)).evaluate(0, order, self._values, np.ascontiguousarray(r))
 
 
 def _sizes(lengths):

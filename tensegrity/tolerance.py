@@ -80,7 +80,10 @@ def expected_steps(problem, fraction, share=1.0):
     if not problem.t_end:
         return 0
     scene = problem.scene.likely(problem.state.u)
-    omega = scene.frequency(stepping.expected_ranges(scene, problem.state, share))
+    if scene is problem.scene and share == 1.0:
+        omega = scene.fastest(problem.expected[1])
+    else:
+        omega = scene.frequency(stepping.expected_ranges(scene, problem.state, share))
     step = problem.natural_step(omega)
     return max(count(problem, fraction * step), CHECKPOINTS)
 
