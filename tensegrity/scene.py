@@ -166,7 +166,7 @@ class Scene(ReadOnly):
 
     def frequency(self, ranges):
         """Bound on the largest angular frequency [rad/s] over given ranges (springs, 2)."""
-        return self.fastest(self.stiffness_within(ranges))
+        return self.fastest(self.stiffness_within(np.asarray(ranges, dtype=float)))
 
     def fastest(self, stiffness):
         """The same for a bound of the stiffness of each spring [N/m], (springs,)."""

@@ -304,7 +304,7 @@ def test_without_a_compiler_the_same_calls_run_with_one_warning(cache, compiler,
         text=True,
         check=True,
     )
-    assert answer.stdout.startswith("1 chains run on CasADi's virtual machine")
+    assert answer.stdout.startswith("1 scenes run on CasADi's virtual machine")
     for word in ("slower", "ziglang", "set CC"):
         assert word in answer.stdout
 
