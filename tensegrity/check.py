@@ -1,13 +1,31 @@
 """Checks of what a user hands in; a failed one says which quantity, its value and its bound."""
 
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tensegrity.errors import TensegrityError
 
+if TYPE_CHECKING:
+    from typing import Any
 
-def number(name, value, *, above=None, least=None, finite=True, unit=""):
+    from numpy.typing import ArrayLike
+
+    from tensegrity.typing import Array
+
+
+def number(
+    name: str,
+    value: Any,
+    *,
+    above: float | None = None,
+    least: float | None = None,
+    finite: bool = True,
+    unit: str = "",
+) -> float:
     """`value` as a float, if it is one number within its bounds."""
     try:
         value = float(value)
@@ -23,7 +41,7 @@ def number(name, value, *, above=None, least=None, finite=True, unit=""):
     return value
 
 
-def whole(name, value, *, least):
+def whole(name: str, value: object, *, least: int) -> int:
     """`value` as an int, if it is a whole number not below `least`."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
         raise TensegrityError(f"{name} {value!r} is not a whole number")
@@ -32,7 +50,7 @@ def whole(name, value, *, least):
     return int(value)
 
 
-def vector(name, value, shape):
+def vector(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
     """A state array as the compiled loop takes it: float64, C-contiguous, finite.
 
     Sequences are converted; an array of another type or layout is refused, because a
