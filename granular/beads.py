@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from granular.materials import Material
 from tensegrity import TensegrityError, check
@@ -32,10 +33,20 @@ class Bead:
 
     diameter: float
     material: Material
-    mass: float | None = None
-    contact_radius: float | None = None
+    mass: float = None  # type: ignore[assignment]
+    contact_radius: float = None  # type: ignore[assignment]
 
-    def __post_init__(self):
+    if TYPE_CHECKING:  # what is not given follows from the rest
+
+        def __init__(
+            self,
+            diameter: float,
+            material: Material,
+            mass: float | None = None,
+            contact_radius: float | None = None,
+        ) -> None: ...
+
+    def __post_init__(self) -> None:
         check.number("diameter", self.diameter, above=0, unit="m")
         _require("material", self.material, Material)
         if self.mass is None:
@@ -46,7 +57,7 @@ class Bead:
         check.number("contact radius", self.contact_radius, above=0, unit="m")
 
     @property
-    def radius(self):
+    def radius(self) -> float:
         """Half the diameter [m]."""
         return self.diameter / 2
 
@@ -70,12 +81,12 @@ class Striker:
     bead: Bead
     speed: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         _require("striker", self.bead, Bead)
         check.number("speed of the striker, towards the chain", self.speed, above=0, unit="m/s")
 
 
-def volume(diameter):
+def volume(diameter: float) -> float:
     """Volume of a sphere [m^3]."""
     return math.pi / 6 * diameter**3
 
@@ -114,7 +125,7 @@ def coated(core: Bead, coating: Material, thickness: float) -> Bead:
     return Bead(core.diameter, coating, core.mass, core.contact_radius + thickness)
 
 
-def _require(name, value, kind):
+def _require(name: str, value: object, kind: type) -> None:
     if not isinstance(value, kind):
         known = "; take one of granular.materials" if kind is Material else ""
         raise TensegrityError(f"{name} {value!r} is not a {kind.__name__}{known}")

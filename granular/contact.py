@@ -9,10 +9,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from typing import TYPE_CHECKING
 
 from granular.beads import Bead
 from granular.materials import Material
 from tensegrity import PowerLaw, TensegrityError, check
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tensegrity.typing import Number
+
+    ContactLaw = Callable[[Bead, Bead | Material], "Contact"]
 
 
 @dataclass(frozen=True)
@@ -30,15 +38,15 @@ class Contact:
     constant: float
     exponent: float = 1.5
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         check.number("contact constant", self.constant, above=0, unit="N/m^n")
         check.number("contact exponent", self.exponent, above=0)
 
-    def overlap(self, force):
+    def overlap(self, force: Number) -> Number:
         """Overlap [m] under a compressive force [N] >= 0; any shape."""
         return (force / self.constant) ** (1 / self.exponent)
 
-    def spring(self, preload=0.0, length=None):
+    def spring(self, preload: float = 0.0, length: float | None = None) -> PowerLaw:
         """The bond of two beads that touch under a compressive preload [N]."""
         return PowerLaw(self.constant, self.exponent, preload, length)
 
@@ -81,7 +89,7 @@ def hertz(bead: Bead, other: Bead | Material) -> Contact:
     return Contact(for_pair(one.modulus, two.modulus, one.poisson, two.poisson, *radii))
 
 
-def power(constant: float, exponent: float):
+def power(constant: float, exponent: float) -> ContactLaw:
     """A law like `hertz` that gives every contact the same constant [N/m^n] and exponent n.
 
     Both > 0.  To be passed as `law` of `chain`, `y_guide` and `diamond_guide`.
@@ -90,7 +98,7 @@ def power(constant: float, exponent: float):
     return lambda bead, other: contact
 
 
-def checked_law(law):
+def checked_law(law: ContactLaw) -> ContactLaw:
     """A law of contact as `chain` and the guides take it, if it can be one."""
     if not callable(law):
         raise TensegrityError(f"law {law!r} is not a function of two partners, such as hertz")
@@ -98,7 +106,7 @@ def checked_law(law):
 
 
 @cache
-def _constants():
+def _constants() -> tuple[Callable[..., float], Callable[..., float]]:
     """alpha of two spheres and of a sphere on a wall, as functions of numbers."""
     import sympy as sp
 

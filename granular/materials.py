@@ -33,7 +33,7 @@ class Material:
     density: float
     source: str = ""
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         check.number(f"modulus of {self.name}", self.modulus, above=0, unit="Pa")
         check.number(f"density of {self.name}", self.density, above=0, unit="kg/m^3")
         poisson = check.number(f"Poisson's ratio of {self.name}", self.poisson, above=-1)
@@ -41,10 +41,10 @@ class Material:
             raise TensegrityError(f"Poisson's ratio {poisson:g} of {self.name} must be at most 0.5")
 
 
-class _Catalogue(dict):
+class _Catalogue(dict[str, Material]):
     """Materials by name; a name that is not there raises TensegrityError with those that are."""
 
-    def __missing__(self, name):
+    def __missing__(self, name: str) -> Material:
         raise TensegrityError(f"material {name!r} is not one of {', '.join(self)}")
 
 

@@ -8,6 +8,7 @@ the forces of its contacts, each taken along the bead's displacement (derived in
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,11 +16,20 @@ from granular.crystal import rows
 from tensegrity import TensegrityError, check
 from tensegrity.observables import passage
 
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import ArrayLike
+
+    from granular.crystal import Crystal
+    from tensegrity.run import Run
+    from tensegrity.typing import Array, Recorded
+
 CLOCK = 3e-6  # s: sampling interval of the paper's density plots
 LEVEL = 0.05  # of the largest peak: smaller ones do not count as pulses
 
 
-def sensor_force(run, scene, part, number):
+def sensor_force(run: Recorded, scene: Crystal, part: str, number: int) -> Array:
     """Force that a sensor in a bead reads, seeds/001, eq. (5).
 
     Parameters
@@ -45,19 +55,25 @@ def sensor_force(run, scene, part, number):
     return _sensed(run, scene, part, number, scene.cosines)
 
 
-def mean_force(run, scene, part, number):
+def mean_force(run: Recorded, scene: Crystal, part: str, number: int) -> Array:
     """Half the sum of the forces of a bead's contacts [N], (T,), whatever their directions."""
     return _sensed(run, scene, part, number, lambda u, site: 1.0)
 
 
-def _sensed(run, scene, part, number, share):
+def _sensed(
+    run: Recorded,
+    scene: Crystal,
+    part: str,
+    number: int,
+    share: Callable[[Array, int], Array | float],
+) -> Array:
     site = scene.site(part, number)
     u = rows(run, scene.needed(site))
     touching = scene.contacts_at(site)
     return (scene.contact_forces(u)[:, touching] * share(u, site)).sum(axis=-1) / 2
 
 
-def density(run, sites):
+def density(run: Recorded, sites: Sequence[int]) -> Array:
     """Sensor forces of several beads of a run of all sites [N], (T, beads)."""
     u, scene = rows(run, range(run.scene.sites)), run.scene
     for site in sites:
@@ -70,7 +86,9 @@ def density(run, sites):
     return np.stack(columns, axis=1)
 
 
-def peak(t, force, between=(-math.inf, math.inf)):
+def peak(
+    t: ArrayLike, force: ArrayLike, between: tuple[float, float] = (-math.inf, math.inf)
+) -> tuple[float, float]:
     """Instant and height of the first large peak of a recorded force.
 
     Parameters
@@ -102,7 +120,13 @@ def peak(t, force, between=(-math.inf, math.inf)):
     return instant, float(spline(instant))
 
 
-def speed(run, scene, part, numbers, between=(-math.inf, math.inf)):
+def speed(
+    run: Recorded,
+    scene: Crystal,
+    part: str,
+    numbers: tuple[int, int],
+    between: tuple[float, float] = (-math.inf, math.inf),
+) -> float:
     """Speed of the leading pulse between two sensors of a part.
 
     Parameters
@@ -132,7 +156,9 @@ def speed(run, scene, part, numbers, between=(-math.inf, math.inf)):
     return way / (second - first)
 
 
-def sampled(t, force, interval=CLOCK, phase=0.0):
+def sampled(
+    t: ArrayLike, force: ArrayLike, interval: float = CLOCK, phase: float = 0.0
+) -> tuple[Array, Array]:
     """A recorded force as an oscilloscope reads it.
 
     Parameters
@@ -170,7 +196,13 @@ def sampled(t, force, interval=CLOCK, phase=0.0):
     return times, CubicSpline(t, force)(times)
 
 
-def sampled_peak(t, force, between=(-math.inf, math.inf), interval=CLOCK, phase=0.0):
+def sampled_peak(
+    t: ArrayLike,
+    force: ArrayLike,
+    between: tuple[float, float] = (-math.inf, math.inf),
+    interval: float = CLOCK,
+    phase: float = 0.0,
+) -> tuple[float, float]:
     """Instant and height of the largest sample that an oscilloscope reads between two instants.
 
     Parameters as for `peak` and `sampled`; an instant is off by up to half an interval.
@@ -183,7 +215,7 @@ def sampled_peak(t, force, between=(-math.inf, math.inf), interval=CLOCK, phase=
     return float(times[inside][largest]), float(values[inside][largest])
 
 
-def pulses(t, force, level=LEVEL):
+def pulses(t: ArrayLike, force: ArrayLike, level: float = LEVEL) -> tuple[Array, Array]:
     """Instants and heights of all peaks above a part of the largest; two arrays (pulses,).
 
     A peak counts if the force falls below three quarters of the lower of two neighbours between
@@ -208,7 +240,7 @@ def pulses(t, force, level=LEVEL):
     return t[found[distinct] - 1], facts["peak_heights"][distinct]
 
 
-def _record(t, force):
+def _record(t: ArrayLike, force: ArrayLike) -> tuple[Array, Array]:
     """Instants and forces as arrays (T,), T >= 2, if they are a record."""
     t, force = (np.asarray(x, dtype=float) for x in (t, force))
     if t.ndim != 1 or len(t) < 2 or force.shape != t.shape:
@@ -225,7 +257,7 @@ def _record(t, force):
     return t, force
 
 
-def part_energies(run):
+def part_energies(run: Recorded) -> dict[str, Array]:
     """Energy of each part of the scene at the recorded instants.
 
     Parameters
@@ -249,7 +281,7 @@ def part_energies(run):
     return {**energies, "walls": scene.walls_hold(u)}
 
 
-def momentum(run):
+def momentum(run: Run) -> Array:
     """Momentum of all beads and of what the walls of a guide have taken [N s], (T[, dim]).
 
     Constant in a guide, and in a chain without loads and end wall (a held site takes impulse
@@ -260,7 +292,7 @@ def momentum(run):
     return total if run.impulse is None else total + run.impulse.sum(axis=1)
 
 
-def overlaps(run, part=None):
+def overlaps(run: Recorded, part: str | None = None) -> tuple[float, float]:
     """Largest and mean peak overlap of the contacts between beads of a part (all: None) [m]."""
     scene, u = run.scene, rows(run, range(run.scene.sites))
     chosen = scene.contacts_within(part)
