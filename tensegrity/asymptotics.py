@@ -13,14 +13,23 @@ from __future__ import annotations
 
 import math
 from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
-def sound_speed(spring, mass=1.0):
+    from numpy.typing import ArrayLike
+
+    from tensegrity.potential import Potential
+    from tensegrity.typing import Array
+
+
+def sound_speed(spring: Potential, mass: float = 1.0) -> float:
     """sqrt(V''(0)/m), in sites per second; 0 in a sonic vacuum."""
     mass = check.number("mass", mass, above=0, unit="kg")
     stiffness = float(spring.stiffness(0.0))
@@ -29,7 +38,7 @@ def sound_speed(spring, mass=1.0):
     return math.sqrt(stiffness / mass)
 
 
-def sech2(spring, speed_ratio, x):
+def sech2(spring: Potential, speed_ratio: float, x: ArrayLike) -> Array:
     """Elongation of the small-amplitude solitary wave.
 
     Parameters
@@ -59,7 +68,7 @@ def sech2(spring, speed_ratio, x):
         return _sech2()(stiffness, slope, ratio, np.asarray(x, dtype=float))
 
 
-def tent(spring, x):
+def tent(spring: Potential, x: ArrayLike) -> Array:
     """Elongation [m] of the wave that reaches the locking stroke: -d (1 - |x|) for |x| < 1."""
     stroke = -spring.domain[0]
     if math.isinf(stroke):
@@ -68,7 +77,7 @@ def tent(spring, x):
 
 
 @cache
-def _sech2():
+def _sech2() -> Callable[..., Array]:
     """Elongation as a function of stiffness, its slope, c/cs and x."""
     import sympy as sp
 
@@ -83,7 +92,7 @@ def _sech2():
 
 
 @cache
-def _tent():
+def _tent() -> Callable[..., Array]:
     """Elongation as a function of the locking stroke and x."""
     import sympy as sp
 

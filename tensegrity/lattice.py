@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +18,15 @@ from tensegrity.errors import TensegrityError
 from tensegrity.kernel import Segments, kernel
 from tensegrity.potential import Potential
 from tensegrity.scene import SMALLEST_MASS, Scene, State, law_table, velocities
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from typing import Any
+
+    from numpy.typing import ArrayLike
+
+    from tensegrity.methods import Method
+    from tensegrity.typing import Array, Indices
 
 ENDS = ("free", "fixed")
 
@@ -40,18 +50,18 @@ class Chain(Scene):
         self,
         spring: Potential | Sequence[Potential],
         sites: int,
-        mass: float | Sequence[float] = 1.0,
+        mass: ArrayLike = 1.0,
         ends: tuple[str, str] = ("free", "free"),
-    ):
+    ) -> None:
         self.sites = check.whole("sites", sites, least=2)
         self.springs = self._springs(spring)
         self.mass = self._masses(mass)
         if not isinstance(ends, (tuple, list)) or len(ends) != 2 or not set(ends) <= set(ENDS):
             raise TensegrityError(f"ends {ends!r} must be two of {ENDS}")
-        self.ends = tuple(ends)
+        self.ends = ends[0], ends[1]
         _ = self.segments  # refuses springs that the compiled loop cannot take
 
-    def _springs(self, spring):
+    def _springs(self, spring: Potential | Sequence[Potential]) -> tuple[Potential, ...]:
         if isinstance(spring, Potential):
             return (spring,) * (self.sites - 1)
         if not isinstance(spring, Sequence):
@@ -64,7 +74,7 @@ class Chain(Scene):
                 raise TensegrityError(f"spring {number} is {one!r}, not a Potential")
         return springs
 
-    def _masses(self, mass):
+    def _masses(self, mass: ArrayLike) -> Array:
         try:
             given = np.asarray(mass, dtype=float)
         except (TypeError, ValueError):
@@ -82,28 +92,28 @@ class Chain(Scene):
         return masses
 
     @property
-    def held(self):
+    def held(self) -> list[int]:
         """Numbers of the sites that are held."""
         return [s for s, end in zip((0, self.sites - 1), self.ends, strict=True) if end == "fixed"]
 
     @cached_property
-    def segment_springs(self):
+    def segment_springs(self) -> tuple[list[Potential], list[int]]:
         """The spring of each run of equal bonds, and the first bond of each run."""
         first = [0] + [j for j in range(1, len(self.springs)) if self._differs(j)]
         return [self.springs[j] for j in first], [*first, len(self.springs)]
 
-    def _differs(self, bond):
+    def _differs(self, bond: int) -> bool:
         left, right = self.springs[bond - 1], self.springs[bond]
         return left is not right and left != right
 
     @cached_property
-    def segments(self):
+    def segments(self) -> Segments:
         """Bonds as the kernel takes them."""
         springs, first = self.segment_springs
         laws, law, parameters = law_table(springs)
         return Segments(laws, np.array(first), law, parameters)
 
-    def with_springs(self, springs):
+    def with_springs(self, springs: Iterable[Potential]) -> Chain:
         """The same chain with other springs, one for each run of equal bonds."""
         counts = np.diff(self.segment_springs[1])
         each = [spring for spring, n in zip(springs, counts, strict=True) for _ in range(n)]
@@ -121,7 +131,7 @@ class Chain(Scene):
         self.check(state)
         return state
 
-    def check(self, state):
+    def check(self, state: State) -> None:
         """Refuse a state of another size, one that moves a held site, or one out of domain."""
         self._refuse_other(state, f"chain has ({self.sites},) sites")
         for site in self.held:
@@ -134,19 +144,19 @@ class Chain(Scene):
         if not np.isfinite(energy):
             raise TensegrityError(f"energy {energy} J of the state must be finite")
 
-    def elongation(self, u):
+    def elongation(self, u: ArrayLike) -> Array:
         """r_j = u[j+1] - u[j] [m] along the last axis."""
         return np.diff(u, axis=-1)
 
-    def bond_energy(self, u):
+    def bond_energy(self, u: ArrayLike) -> Array:
         """Energy of each bond [J]; u of shape (..., sites) gives (..., sites - 1)."""
         return self._per_bond("energy", u)
 
-    def bond_tension(self, u):
+    def bond_tension(self, u: ArrayLike) -> Array:
         """Tension of each bond [N]; u of shape (..., sites) gives (..., sites - 1)."""
         return self._per_bond("tension", u)
 
-    def _per_bond(self, name, u):
+    def _per_bond(self, name: str, u: ArrayLike) -> Array:
         r = self.elongation(np.asarray(u, dtype=float))
         springs, first = self.segment_springs
         parts = [
@@ -155,20 +165,20 @@ class Chain(Scene):
         ]
         return np.concatenate(parts, axis=-1)
 
-    def energy(self, state):
+    def energy(self, state: State) -> float:
         """Total energy [J]."""
         with np.errstate(over="ignore"):  # to inf, which `check` refuses
             kinetic = 0.5 * np.sum(self.mass * state.v**2)
         return float(kinetic + np.sum(self.bond_energy(state.u)))
 
-    def site_energy(self, u, v):
+    def site_energy(self, u: Array, v: Array) -> Array:
         """Kinetic energy of each site and half that of its bonds [J]; (..., sites)."""
         half = self.bond_energy(u) / 2
         edge = np.zeros((*half.shape[:-1], 1))
         left, right = np.concatenate([edge, half], -1), np.concatenate([half, edge], -1)
         return 0.5 * self.mass * v**2 + left + right
 
-    def momentum(self, state):
+    def momentum(self, state: State) -> float:
         """Total momentum [kg m/s], > 0 towards higher sites."""
         return float(np.sum(self.mass * state.v))
 
@@ -176,25 +186,25 @@ class Chain(Scene):
     wall_count = 0
 
     @property
-    def shape(self):
+    def shape(self) -> tuple[int, ...]:
         """Shape of the displacements of a state."""
         return (self.sites,)
 
     @property
-    def cost(self):
+    def cost(self) -> int:
         """Work of one evaluation of all forces, in bonds."""
         return self.sites - 1
 
-    def arrays(self, state):
+    def arrays(self, state: State) -> tuple[Array, Array]:
         """Copies of u and v as the loop advances them."""
         return state.u.copy(), state.v.copy()
 
-    def bind(self, u, v, method, dt):
+    def bind(self, u: Array, v: Array, method: Method, dt: float) -> Any:
         """This chain in the loop, advancing `u` and `v` in place."""
         engine = kernel(self.segments.laws)
         return engine.bind(u, v, self.inverse_mass, self.segments, method, dt)
 
-    def watched(self):
+    def watched(self) -> tuple[list[Potential], Indices]:
         """The springs whose ranges of elongation the loop keeps, and where each begins.
 
         Returns
@@ -206,13 +216,13 @@ class Chain(Scene):
         springs, _ = self.segment_springs
         return springs, np.arange(len(springs))
 
-    def present_ranges(self, u):
+    def present_ranges(self, u: Array) -> Array:
         """Smallest and largest elongation, 0 included, of what the loop keeps ranges of."""
         r, first = self.elongation(u), self.segment_springs[1][:-1]
         low, high = (end.reduceat(r, first) for end in (np.minimum, np.maximum))
         return np.stack([np.minimum(low, 0), np.maximum(high, 0)], axis=1)
 
-    def frequency(self, ranges):
+    def frequency(self, ranges: Array) -> float:
         """Bound on the largest angular frequency [rad/s] over given ranges of elongation.
 
         The eigenvalues of M^-1 K are at most max over bonds of 2 k (1/m_left + 1/m_right).
@@ -225,18 +235,18 @@ class Chain(Scene):
         ]
         return float(np.sqrt(np.max(2 * np.array(stiffness) * mobility)))
 
-    def extreme(self, row, u, side):
+    def extreme(self, row: int, u: Array, side: int) -> str:
         """Where an elongation of that row is lowest (side 0) or highest (1), in words."""
         first = self.segment_springs[1]
         part = self.elongation(u)[first[row] : first[row + 1]]
         bond = int(first[row] + (np.argmax(part) if side else np.argmin(part)))
         return f"between sites {bond} and {bond + 1}"
 
-    def stiffest(self, u, ranges):
+    def stiffest(self, u: Array, ranges: Array) -> str:
         """Where the stretch is largest, in words."""
         bond = int(np.argmax(np.abs(self.elongation(u))))
         return f"between sites {bond} and {bond + 1}"
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         kinds = len(self.segment_springs[0])
         return f"Chain({self.sites} sites, {kinds} run(s) of equal springs, ends {self.ends})"

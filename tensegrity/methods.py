@@ -13,10 +13,20 @@ import math
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from tensegrity.errors import TensegrityError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from typing import Any
+
+    from tensegrity.typing import Array
+
+    Matrix = tuple[Array, Array, Array, Array]  # xx, xv, vx, vv
+    Rows = Iterable[Iterable[Any]]
 
 ROUGH = 1e-3  # for tolerances above it the simplest method is cheapest
 ROUND_OFF = 1e-9  # in the trace of a step's matrix, beyond the bound of a stable one
@@ -48,15 +58,24 @@ class Method:
     explicit = True
     reversible = True
     chains_only = False
-    processor = None
+    processor: ClassVar[tuple[Splitting, Splitting] | None] = None
+    if TYPE_CHECKING:  # what each kind of method brings
+        symplectic: ClassVar[bool]
+        _slack: ClassVar[float]
+        _bisected: ClassVar[float]
+
+        @property
+        def stages(self) -> int: ...
+        def step_matrix(self, z: Array | float) -> Matrix: ...
+        def _excess(self, z: Array) -> Array: ...
 
     @property
-    def scale(self):
+    def scale(self) -> float:
         """The dt * omega that `step` is a fraction of."""
         return self.stability_limit
 
     @cached_property
-    def stability_limit(self):
+    def stability_limit(self) -> float:
         """Largest stable dt * omega on the harmonic oscillator, found from the coefficients."""
         z = np.linspace(0, 2.0 * self.stages + 1, 200_001)[1:]
         first = int(np.flatnonzero(self._excess(z) > self._slack)[0])
@@ -84,11 +103,11 @@ class Splitting(Method):
     _slack, _bisected = ROUND_OFF, 0.0
 
     @property
-    def stages(self):
+    def stages(self) -> int:
         """Force evaluations per step."""
         return len(self.drifts)
 
-    def step_matrix(self, z):
+    def step_matrix(self, z: Array | float) -> Matrix:
         """Entries (xx, xv, vx, vv) of a step's matrix for (x, v/omega), z = dt * omega."""
         one, nil = np.ones_like(z, dtype=float), np.zeros_like(z, dtype=float)
         x, v = [one, nil], [nil, one]  # rows: dependence on the initial (x, v)
@@ -97,7 +116,7 @@ class Splitting(Method):
             x = [a + drift * z * b for a, b in zip(x, v, strict=True)]
         return *x, *v
 
-    def _excess(self, z):
+    def _excess(self, z: Array) -> Array:
         """Beyond stability if positive: the determinant is 1, the trace must be in [-2, 2]."""
         xx, _, _, vv = self.step_matrix(z)
         return np.abs(xx + vv) - 2
@@ -120,11 +139,11 @@ class Processed(Splitting):
     chains_only = True  # contacts are looked for in the scene's own variables
 
     @cached_property
-    def processor(self):
+    def processor(self) -> tuple[Splitting, Splitting]:  # type: ignore[override]
         """Splittings that lead into the variables of the steps, and out."""
         rows = self.entry, tuple(row[::-1] for row in self.entry)
         common = self.name, self.order, self.step, self.reference, self.when_not
-        return tuple(Splitting(*common, *pair) for pair in rows)
+        return tuple(Splitting(*common, *pair) for pair in rows)  # type: ignore[return-value]
 
 
 @dataclass(frozen=True)
@@ -148,15 +167,15 @@ class Nystrom(Method):
     _slack = _bisected = GAIN
 
     @property
-    def stages(self):
+    def stages(self) -> int:
         """Force evaluations per step."""
         return len(self.nodes)
 
-    def step_matrix(self, z):
+    def step_matrix(self, z: Array | float) -> Matrix:
         """Entries (xx, xv, vx, vv) of a step's matrix for (x, v/omega), z = dt * omega."""
         entries = []
         for x, v in ((1.0, 0.0), (0.0, 1.0)):
-            slopes = []
+            slopes: list[Any] = []
             for node, row in zip(self.nodes, self.matrix, strict=True):
                 place = x + node * z * v + sum(a * k for a, k in zip(row, slopes, strict=False))
                 slopes.append(-(z**2) * place)
@@ -166,7 +185,7 @@ class Nystrom(Method):
         (xx, vx), (xv, vv) = entries
         return xx, xv, vx, vv
 
-    def _excess(self, z):
+    def _excess(self, z: Array) -> Array:
         """Beyond stability if positive: both eigenvalues are within the unit circle where the
         determinant is at most 1 and the trace at most 1 + determinant, in size."""
         xx, xv, vx, vv = self.step_matrix(z)
@@ -183,7 +202,7 @@ class Gauss(Nystrom):
     scale = 1.0
     stability_limit = math.inf
 
-    def step_matrix(self, z):
+    def step_matrix(self, z: Array | float) -> Matrix:
         """Entries (xx, xv, vx, vv) of a step's matrix for (x, v/omega), z = dt * omega."""
         z = np.asarray(z, dtype=float)
         squared = z[..., None, None] ** 2
@@ -195,7 +214,7 @@ class Gauss(Nystrom):
         return xx, xv, -z * turned[..., 0], 1 - z * turned[..., 1]
 
 
-def gauss_rows(stages):
+def gauss_rows(stages: int) -> dict[str, Any]:
     """Rows of the Nystrom form of Gauss collocation with that many stages, order 2 stages."""
     import numpy.polynomial.legendre as legendre
     from numpy.polynomial import Polynomial
@@ -210,7 +229,7 @@ def gauss_rows(stages):
     return nystrom_of(matrix, weights)
 
 
-def nystrom_of(matrix, weights):
+def nystrom_of(matrix: Rows, weights: Iterable[Any]) -> dict[str, Any]:
     """Rows of the Nystrom form of a Runge-Kutta method, on (u, v)' = (v, a(u)).
 
     Its stages' velocities are v + dt sum_j matrix[i][j] a_j; put into the stages' positions they
@@ -225,7 +244,7 @@ def nystrom_of(matrix, weights):
     }
 
 
-def palindrome(half, odd):
+def palindrome(half: tuple[float, ...], odd: bool) -> tuple[float, ...]:
     """A full row of an odd or even number of entries, from its first half without the last
     entry of it, which makes the sum 1."""
     half = (*half, 1 - 2 * sum(half) if odd else 0.5 - sum(half))
@@ -254,7 +273,9 @@ _BLANES_MOAN_DRIFTS = palindrome(
 )
 
 
-def there_and_back(kicks, drifts):
+def there_and_back(
+    kicks: tuple[float, ...], drifts: tuple[float, ...]
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Rows of a step followed by the same step with its time reversed in sign."""
     back = (-kick for kick in kicks[1:])
     return (*kicks[:-1], kicks[-1] - kicks[0], *back), (*drifts, *(-drift for drift in drifts))
@@ -357,14 +378,14 @@ METHODS = {
 }
 
 
-def find(name):
+def find(name: str | Method) -> Method:
     """The method of that name."""
     if name not in METHODS:
         raise TensegrityError(f"method {name!r} is not one of {', '.join(METHODS)}")
     return METHODS[name]
 
 
-def default(dt, tol, smooth):
+def default(dt: float | None, tol: float | None, smooth: bool) -> str:
     """Name of the method used where none is asked for; `smooth` where no contact can open."""
     if dt is not None or (tol is not None and tol > ROUGH):
         return "verlet"

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cache, cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -31,6 +32,15 @@ from tensegrity.network_loop import Contacts, kernel
 from tensegrity.potential import Potential
 from tensegrity.scene import KINK_SHARE, Scene, State, law_table, velocities
 from tensegrity.walls import Wall
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from typing import Any
+
+    from numpy.typing import ArrayLike
+
+    from tensegrity.methods import Method
+    from tensegrity.typing import Array, Indices
 
 PAIR, WALL = 0, 1  # as in network_loop.KINDS
 
@@ -67,22 +77,24 @@ class Network(Scene):
         Sites that stay at u = 0.
     """
 
+    held: Sequence[int]
+
     def __init__(
         self,
-        positions,
-        bonds,
+        positions: ArrayLike,
+        bonds: ArrayLike,
         spring: Potential | Sequence[Potential],
-        lengths=None,
-        mass=1.0,
+        lengths: ArrayLike | None = None,
+        mass: ArrayLike = 1.0,
         walls: Sequence[Wall] = (),
         *,
-        wall_contacts=(),
+        wall_contacts: ArrayLike = (),
         wall_spring: Potential | Sequence[Potential] | None = None,
-        wall_gaps=None,
-        radius=None,
-        loads=None,
+        wall_gaps: ArrayLike | None = None,
+        radius: ArrayLike | None = None,
+        loads: ArrayLike | None = None,
         held: Sequence[int] = (),
-    ):
+    ) -> None:
         self.positions = numbers("positions", positions)
         if self.positions.ndim != 2 or self.positions.shape[1] not in (2, 3):
             raise TensegrityError(
@@ -96,7 +108,7 @@ class Network(Scene):
         self.walls = plane_walls(walls, self.dim)
         if np.size(wall_contacts) and self.radius is None:
             raise TensegrityError(
-                f"{len(wall_contacts)} wall contacts need the radius of the sites"
+                f"{len(np.asarray(wall_contacts))} wall contacts need the radius of the sites"
             )
         self.wall_contacts = touching(wall_contacts, self.walls, self.positions)
         self.springs = springs_of(spring, len(self.bonds), "bond")
@@ -109,11 +121,11 @@ class Network(Scene):
         _ = self.contacts  # refuses springs that the compiled loop cannot take
         self._refuse_unlisted(np.zeros(self.shape))
 
-    def _refuse_unlisted(self, u):
+    def _refuse_unlisted(self, u: Array) -> None:
         if self.clearance is not None:
             self.clearance.check(u)
 
-    def _set_geometry(self, lengths, wall_gaps):
+    def _set_geometry(self, lengths: ArrayLike | None, wall_gaps: ArrayLike | None) -> None:
         i, j = self.bonds.T
         exact = self.positions.astype(np.longdouble)
         self._reference = (exact[j] - exact[i]).astype(float)
@@ -153,9 +165,11 @@ class Network(Scene):
     # the engine's view
 
     @cached_property
-    def _groups(self):
+    def _groups(self) -> tuple[list[Potential], Indices]:
         """The different springs, and for each contact the number of its spring."""
-        numbers, known, group = {}, {}, np.zeros(len(self.springs), dtype=int)
+        numbers: dict[Potential, int] = {}
+        known: dict[int, int] = {}
+        group = np.zeros(len(self.springs), dtype=int)
         for k, spring in enumerate(self.springs):
             if id(spring) not in known:
                 known[id(spring)] = numbers.setdefault(spring, len(numbers))
@@ -163,7 +177,7 @@ class Network(Scene):
         return list(numbers), group
 
     @cached_property
-    def contacts(self):
+    def contacts(self) -> Contacts:
         """Contacts as the loop takes them."""
         springs, group = self._groups
         laws, law, parameters = law_table(springs)
@@ -177,47 +191,47 @@ class Network(Scene):
         )  # fmt: skip
 
     @cached_property
-    def clearance(self):
+    def clearance(self) -> Clearance | None:
         """What watches over the contacts that are not listed; None where sites have no radius."""
         if self.radius is None:
             return None
         return Clearance(self.positions, self.radius, self.bonds, self.walls, self.wall_contacts)
 
     @property
-    def shape(self):
+    def shape(self) -> tuple[int, ...]:
         """Shape of the displacements of a state."""
         return self.positions.shape
 
     @property
-    def wall_count(self):
+    def wall_count(self) -> int:
         """Number of walls."""
         return len(self.walls)
 
     @property
-    def cost(self):
+    def cost(self) -> int:
         """Work of one evaluation of all forces, in bonds of a chain."""
         return 3 * len(self.springs) + self.sites
 
-    def arrays(self, state):
+    def arrays(self, state: State) -> tuple[Array, Array]:
         """u and v as the loop advances them: sites, walls, and a spare row."""
         u, v = np.zeros((2, self.contacts.rows, self.dim))
         u[: self.sites], v[: self.sites] = state.u, state.v
         return u, v
 
-    def bind(self, u, v, method, dt):
+    def bind(self, u: Array, v: Array, method: Method, dt: float) -> Any:
         """This network in the loop, advancing the rows of `arrays` in place."""
         return kernel(self.contacts.laws, self.dim).bind(u, v, self.contacts, method, dt)
 
-    def watched(self):
+    def watched(self) -> tuple[list[Potential], Indices]:
         """The different springs, and for each contact the number of its spring."""
         return self._groups
 
-    def present_ranges(self, u):
+    def present_ranges(self, u: Array) -> Array:
         """Smallest and largest elongation of each contact, 0 included; (contacts, 2)."""
         r = np.concatenate([self.elongation(u), self.wall_gap(u)])
         return np.stack([np.minimum(r, 0), np.maximum(r, 0)], axis=1)
 
-    def frequency(self, ranges):
+    def frequency(self, ranges: Array) -> float:
         """Bound on the largest angular frequency [rad/s] over given ranges (contacts, 2).
 
         Gershgorin's circles of M^-1 K: a bond's block has the eigenvalues V'' along it and
@@ -241,24 +255,24 @@ class Network(Scene):
         return float(np.sqrt(np.max(total[: self.sites] * self.inverse_mass)))
 
     @property
-    def closing(self):
+    def closing(self) -> Array:  # type: ignore[override]
         """Elongation [m] at which the ends of each contact meet, -inf for walls; (contacts,)."""
         return np.append(-self.lengths, np.full(len(self.wall_contacts), -np.inf))
 
-    def opened(self, ranges):
+    def opened(self, ranges: Array) -> bool:
         """Whether a contact both pushes and is open within given ranges (contacts, 2)."""
         low, high = ranges.T
         pushes = self._per_contact("tension", low, 0) != 0
         slack = [self._per_contact(name, high, 0) == 0 for name in ("tension", "stiffness")]
         return bool(np.any(pushes & slack[0] & slack[1] & (low < 0) & (high > 0)))
 
-    def finer_share(self, met):
+    def finer_share(self, met: Array) -> float | None:
         """That of opening contacts; under loads, whose work was not known at first, the same."""
         if self.opened(met):
             return min(self.step_share, KINK_SHARE)
         return self.step_share if np.any(self.loads) else None
 
-    def extreme(self, row, u, side):
+    def extreme(self, row: int, u: Array, side: int) -> str:
         """Where the contact of that row is, in words."""
         if row < len(self.bonds):
             i, j = self.bonds[row].tolist()
@@ -266,7 +280,7 @@ class Network(Scene):
         site, wall = self.wall_contacts[row - len(self.bonds)].tolist()
         return f"between site {site} and wall {wall}"
 
-    def stiffest(self, u, ranges):
+    def stiffest(self, u: Array, ranges: Array) -> str:
         """Where the contact is that was stretched most, or whose ends met, in words."""
         apart = self.lengths + ranges[: len(self.bonds), 0]
         if np.any(apart <= 0):
@@ -277,7 +291,7 @@ class Network(Scene):
 
     # states
 
-    def at_rest(self, velocity: Mapping[int, Sequence[float]] | None = None) -> State:
+    def at_rest(self, velocity: Mapping[int, ArrayLike] | None = None) -> State:
         """The undisplaced state, some sites given a velocity [m/s]: {site: (dim,)}."""
         v = np.zeros(self.shape)
         for site, value in velocities(velocity):
@@ -287,7 +301,7 @@ class Network(Scene):
         self.check(state)
         return state
 
-    def check(self, state):
+    def check(self, state: State) -> None:
         """Refuse a state of another shape, one that moves a held site, or one out of domain."""
         self._refuse_other(state, f"network has {self.shape} (sites, dim)")
         for site in self.held:
@@ -303,7 +317,7 @@ class Network(Scene):
 
     # what is computed from displacements u (..., sites, dim)
 
-    def elongation(self, u):
+    def elongation(self, u: ArrayLike) -> Array:
         """Elongation of each bond [m]; (..., bonds)."""
         u = np.asarray(u, dtype=float)
         i, j = self.bonds.T
@@ -311,36 +325,36 @@ class Network(Scene):
         w = np.moveaxis(u[..., j, :] - u[..., i, :], -1, 0)
         return _elongation(self.dim)(*place[: self.dim], *w, *place[self.dim :])
 
-    def direction(self, u):
+    def direction(self, u: Array) -> Array:
         """Unit vector of each bond, from its first site to its second; (..., bonds, dim)."""
         i, j = self.bonds.T
         apart = self._reference + u[..., j, :] - u[..., i, :]
         return apart / np.linalg.norm(apart, axis=-1, keepdims=True)
 
-    def wall_gap(self, u):
+    def wall_gap(self, u: ArrayLike) -> Array:
         """Gap of each wall contact [m]: distance from the wall's plane less the radius."""
         u = np.asarray(u, dtype=float)
         place = self._geometry[:, len(self.bonds) :]
         return place[self.dim] + np.einsum("...bk,kb->...b", u[..., self.wall_contacts[:, 0], :],
                                            place[: self.dim])  # fmt: skip
 
-    def bond_energy(self, u):
+    def bond_energy(self, u: ArrayLike) -> Array:
         """Energy of each bond [J]; (..., bonds)."""
         return self._per_contact("energy", self.elongation(u), 0)
 
-    def bond_tension(self, u):
+    def bond_tension(self, u: ArrayLike) -> Array:
         """Tension of each bond [N]; (..., bonds)."""
         return self._per_contact("tension", self.elongation(u), 0)
 
-    def wall_energy(self, u):
+    def wall_energy(self, u: ArrayLike) -> Array:
         """Energy of each wall contact [J]; (..., wall contacts)."""
         return self._per_contact("energy", self.wall_gap(u), len(self.bonds))
 
-    def wall_load(self, u):
+    def wall_load(self, u: ArrayLike) -> Array:
         """Contact force of each wall contact [N], compression > 0; (..., wall contacts)."""
         return -self._per_contact("tension", self.wall_gap(u), len(self.bonds))
 
-    def _per_contact(self, name, r, start):
+    def _per_contact(self, name: str, r: Array, start: int) -> Array:
         springs, group = self._groups
         group = group[start : start + r.shape[-1]]
         values = np.empty_like(r)
@@ -349,14 +363,14 @@ class Network(Scene):
             values[..., members] = getattr(springs[number], name)(r[..., members])
         return values
 
-    def energy(self, state):
+    def energy(self, state: State) -> float:
         """Total energy [J], the potential of the loads included."""
         with np.errstate(over="ignore"):  # to inf, which `check` refuses
             kinetic = 0.5 * np.sum(self.mass[:, None] * state.v**2)
         stored = np.sum(self.bond_energy(state.u)) + np.sum(self.wall_energy(state.u))
         return float(kinetic + stored - np.sum(self.loads * state.u))
 
-    def site_energy(self, u, v):
+    def site_energy(self, u: Array, v: Array) -> Array:
         """Energy of each site [J]: motion, half its bonds, walls, load; (..., sites)."""
         result = 0.5 * self.mass * np.sum(v**2, axis=-1) - np.sum(self.loads * u, axis=-1)
         bonds, walls = self.bond_energy(u) / 2, self.wall_energy(u)
@@ -369,18 +383,18 @@ class Network(Scene):
             np.add.at(rows, sites, np.moveaxis(energy, -1, 0))
         return result
 
-    def momentum(self, state):
+    def momentum(self, state: State) -> Array:
         """Total momentum [kg m/s]; (dim,)."""
         return self.mass @ state.v
 
-    def angular_momentum(self, state):
+    def angular_momentum(self, state: State) -> float | Array:
         """Total angular momentum about the origin [kg m^2/s]; a float in the plane, else (3,)."""
         x, p = self.positions + state.u, self.mass[:, None] * state.v
         if self.dim == 2:
             return float(np.sum(x[:, 0] * p[:, 1] - x[:, 1] * p[:, 0]))
         return np.cross(x, p).sum(axis=0)
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return (
             f"Network({self.sites} sites in {self.dim} dimensions, {len(self.bonds)} bonds, "
             f"{len(self.walls)} walls with {len(self.wall_contacts)} contacts)"
@@ -388,7 +402,7 @@ class Network(Scene):
 
 
 @cache
-def _elongation(dim):
+def _elongation(dim: int) -> Callable[..., Array]:
     """The elongation of `derivations.geometry` in NumPy: (D, w, g, L) -> r."""
     import sympy as sp
 

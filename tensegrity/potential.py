@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +17,15 @@ from tensegrity import check
 from tensegrity.codegen import Law, check_law
 from tensegrity.errors import LockingError, TensegrityError
 from tensegrity.kernel import kernel
+
+if TYPE_CHECKING:
+    from collections.abc import Hashable
+    from typing import Any
+
+    import sympy as sp
+    from numpy.typing import ArrayLike
+
+    from tensegrity.typing import Array
 
 
 class Potential:
@@ -48,8 +58,13 @@ class Potential:
     smooth = True  # its derivatives do not jump anywhere
 
     def __init__(
-        self, energy, elongation, parameters=None, length=None, domain=(-math.inf, math.inf)
-    ):
+        self,
+        energy: sp.Expr | float,
+        elongation: sp.Symbol,
+        parameters: Mapping[Any, float] | None = None,
+        length: float | None = None,
+        domain: tuple[float, float] = (-math.inf, math.inf),
+    ) -> None:
         import sympy as sp
 
         if not isinstance(elongation, sp.Symbol):
@@ -75,7 +90,14 @@ class Potential:
         check_law(law)
         self._set(law, values, length, domain)
 
-    def _set(self, law, values, length, domain, ends=("lowest", "highest")):
+    def _set(
+        self,
+        law: Law,
+        values: ArrayLike,
+        length: float | None,
+        domain: tuple[float, float],
+        ends: tuple[str, str] = ("lowest", "highest"),
+    ) -> None:
         self._law = law
         self._values = np.array(values, dtype=float)
         self._length = None if length is None else check.number("length", length, above=0, unit="m")
@@ -88,43 +110,50 @@ class Potential:
         self._ends = ends
 
     @classmethod
-    def _from_law(cls, law, values, length, domain, ends):
+    def _from_law(
+        cls,
+        law: Law,
+        values: ArrayLike,
+        length: float | None,
+        domain: tuple[float, float],
+        ends: tuple[str, str],
+    ) -> Potential:
         """A potential from a law that brings more than its energy."""
         potential = cls.__new__(cls)
         potential._set(law, values, length, domain, ends)
         return potential
 
     @property
-    def length(self):
+    def length(self) -> float | None:
         """Length at r = 0 [m], or None where none was given."""
         return self._length
 
     @property
-    def domain(self):
+    def domain(self) -> tuple[float, float]:
         """(lowest, highest) elongation [m]."""
         return self._domain
 
     @property
-    def reach(self):
+    def reach(self) -> tuple[float, float]:
         """(lowest, highest) elongation [m] that a run can follow: `domain`, or a part of it."""
         return self._domain
 
     @property
-    def force(self):
+    def force(self) -> str:
         """What a run computes the tension by."""
         return "exact"
 
     @property
-    def parameters(self):
+    def parameters(self) -> dict[str, float]:
         """Numbers of the law's parameters, {name: float}."""
         names = (str(s) for s in self._law.parameters)
         return dict(zip(names, self._values.tolist(), strict=True))
 
-    def energy(self, r):
+    def energy(self, r: ArrayLike) -> Array:
         """Energy V [J] at elongations r [m] of any shape, the ends of the domain included."""
         return self._evaluate(0, r, closed=True)
 
-    def tension(self, r):
+    def tension(self, r: ArrayLike) -> Array:
         """Tension dV/dr at given elongations.
 
         Parameters
@@ -144,15 +173,15 @@ class Potential:
         """
         return self._evaluate(1, r)
 
-    def stiffness(self, r):
+    def stiffness(self, r: ArrayLike) -> Array:
         """Tangent stiffness d2V/dr2 [N/m] at elongations r [m] of any shape."""
         return self._evaluate(2, r)
 
-    def stiffness_slope(self, r):
+    def stiffness_slope(self, r: ArrayLike) -> Array:
         """Third derivative d3V/dr3 [N/m^2] at elongations r [m] of any shape."""
         return self._evaluate(3, r)
 
-    def _evaluate(self, order, r, closed=False):
+    def _evaluate(self, order: int, r: ArrayLike, closed: bool = False) -> Array:
         r = np.asarray(r, dtype=float)
         if np.isnan(r).any():
             raise TensegrityError("elongation nan m is not a number")
@@ -165,7 +194,7 @@ class Potential:
         out = kernel((self._law,)).evaluate(0, order, self._values, flat)
         return out.reshape(r.shape)
 
-    def beyond(self, r):
+    def beyond(self, r: float) -> LockingError:
         """The error for an elongation at or beyond an end of the domain or of the reach."""
         side = int(r > 0)
         bound, way = self._domain[side], ("at or below", "at or above")[side]
@@ -173,18 +202,18 @@ class Potential:
             f"elongation {r:.6g} m is {way} {bound:.6g} m, where {self._ends[side]}"
         )
 
-    def __eq__(self, other):
+    def __eq__(self, other: object) -> bool:
         if not isinstance(other, Potential):
             return NotImplemented
         return self._key() == other._key()
 
-    def __hash__(self):
+    def __hash__(self) -> int:
         return hash(self._key())
 
-    def _key(self):
+    def _key(self) -> Hashable:
         return self._law, self._values.tobytes(), self._length, self._domain
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         given = ", ".join(f"{k}={v:g}" for k, v in self.parameters.items())
         low, high = self._domain
         return (
@@ -226,7 +255,9 @@ class PowerLaw(Potential):
 
     smooth = False
 
-    def __init__(self, stiffness, exponent, preload=0.0, length=None):
+    def __init__(
+        self, stiffness: float, exponent: float, preload: float = 0.0, length: float | None = None
+    ) -> None:
         stiffness = check.number("stiffness", stiffness, above=0, unit="N/m^n")
         exponent = check.number("exponent", exponent, above=0)
         preload = check.number("preload", preload, least=0, unit="N")
@@ -245,7 +276,7 @@ SMALLEST = 1e-100  # overlap [m] from which a contact counts as closed
 
 
 @cache
-def _power_law(exponent):
+def _power_law(exponent: float) -> Law:
     import sympy as sp
 
     r = sp.Symbol("r", real=True)
@@ -255,7 +286,7 @@ def _power_law(exponent):
     closed, gap = sp.Heaviside(overlap - r - SMALLEST), sp.Symbol("gap")
     pressed = sp.Max(overlap - r, SMALLEST)
 
-    def stored(gap):
+    def stored(gap: sp.Expr) -> sp.Expr:
         return stiffness / (n + 1) * gap ** (n + 1)
 
     energy = closed * stored(pressed) - stored(overlap) + preload * r

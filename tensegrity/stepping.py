@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tensegrity.errors import StabilityError
 
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tensegrity.potential import Potential
+    from tensegrity.scene import Scene, State
+    from tensegrity.typing import Array
+
 DECADES = 16  # how far the search for the reachable elongations looks, up and down
 
 
 @lru_cache(maxsize=4096)
-def reachable(spring, energy):
+def reachable(spring: Potential, energy: float) -> tuple[float, float, bool]:
     """Elongations around 0 that a spring can reach with a given energy.
 
     Returns
@@ -27,7 +35,7 @@ def reachable(spring, energy):
     return low, high, down or up
 
 
-def _crossing(spring, energy, side):
+def _crossing(spring: Potential, energy: float, side: int) -> tuple[float, bool]:
     """First elongation on one side where V exceeds `energy`, and whether it is the end."""
     end = spring.domain[side > 0]
     close = np.logspace(-DECADES, 0, 20 * DECADES + 1)
@@ -47,18 +55,18 @@ def _crossing(spring, energy, side):
 
 
 @lru_cache(maxsize=4096)
-def largest_stiffness(spring, low, high):
+def largest_stiffness(spring: Potential, low: float, high: float) -> float:
     """Largest V'' between two elongations [N/m], both inside the domain; at least 0."""
     return max(_largest("stiffness", spring.stiffness, low, high), 0.0)
 
 
 @lru_cache(maxsize=4096)
-def largest_tension(spring, low, high):
+def largest_tension(spring: Potential, low: float, high: float) -> float:
     """Largest size of V' between two elongations [N], both inside the domain."""
     return _largest("tension", lambda r: np.abs(spring.tension(r)), low, high)
 
 
-def _largest(name, function, low, high):
+def _largest(name: str, function: Callable[[Array], Array], low: float, high: float) -> float:
     close = np.logspace(-DECADES, 0, 20 * DECADES + 1)
     even = np.linspace(0, 1, 201)
     r = np.concatenate([low * close, low * even, high * close, high * even])
@@ -70,7 +78,7 @@ def _largest(name, function, low, high):
     return largest
 
 
-def expected_ranges(scene, state, share=1.0):
+def expected_ranges(scene: Scene, state: State, share: float = 1.0) -> Array:
     """Elongations each spring of a scene can reach if it gets a share of the state's energy.
 
     Where that is the end of its domain, or where the sites of a bond come to the same place, the
@@ -93,6 +101,6 @@ def expected_ranges(scene, state, share=1.0):
     return ranges
 
 
-def present_ranges(scene, state):
+def present_ranges(scene: Scene, state: State) -> Array:
     """Elongations of each spring of a scene at this moment, 0 included."""
     return scene.present_ranges(state.u)
