@@ -17,6 +17,9 @@ from typing import TYPE_CHECKING
 from tensegrity.errors import TensegrityError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from typing import Any
+
     import sympy as sp
 
 DERIVATIVES = ("energy", "tension", "stiffness", "slope")
@@ -49,7 +52,7 @@ class Law:
     split = True  # the compiled loop may compute a square root of it ahead
     compiled = DERIVATIVES  # what is compiled besides the tension in the loop
 
-    def forms(self):
+    def forms(self) -> tuple[Any, Any, Sequence[Any]]:
         """The law in CasADi.
 
         Returns
@@ -85,7 +88,7 @@ class Law:
         return r, p, [ca.substitute(form, y, y_of_r) if passed else form for form in forms]
 
 
-def to_casadi(expression, symbols):
+def to_casadi(expression: Any, symbols: Sequence[Any]) -> Callable[..., Any]:
     """A SymPy expression, or a list of them, as a function of CasADi SX symbols.
 
     Common subexpressions are kept.
@@ -140,7 +143,7 @@ def deflated(coefficients, root):
     return quotient[::-1]
 
 
-def check_law(law):
+def check_law(law: Law) -> None:
     """Refuse a law that cannot be translated, saying why."""
     import sympy as sp
 
@@ -154,7 +157,7 @@ def check_law(law):
 
 
 @cache
-def functions(law):
+def functions(law: Any) -> Any:
     """CasADi functions of a law.
 
     Returns
@@ -180,7 +183,7 @@ def functions(law):
 
 
 @cache
-def cost(law):
+def cost(law: Any) -> float:
     """Seconds that a tension takes in a compiled loop, roughly: counted, not measured."""
     import casadi as ca
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,17 +17,24 @@ from tensegrity.continuation import Settings, fold_problem, fold_start, refined_
 from tensegrity.errors import TensegrityError
 from tensegrity.table import Table
 
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from typing import Any
+
+    from tensegrity.continuation import Problem
+    from tensegrity.prism import Prism
+
 PRESTRAIN = 1  # its place in the parameters of `condensed.problem`
 SETTINGS = Settings(tolerance=1e-7, largest=0.05)
 
 
 @cache
-def _folds(rigid_base):
+def _folds(rigid_base: bool) -> Problem:
     return fold_problem(problem(rigid_base), "fold", PRESTRAIN)
 
 
 @cache
-def _values(rigid_base):
+def _values(rigid_base: bool) -> Callable[..., Any]:
     """Height, twist, base and load as a function of (unknowns, parameters)."""
     import casadi as ca
 
@@ -35,7 +43,7 @@ def _values(rigid_base):
     return ca.Function("values", [of.z, of.p], [ca.vertcat(*values)])
 
 
-def limit_load(prism, prestrain):
+def limit_load(prism: Prism, prestrain: float) -> Table:
     """Limit load from the prism's own prestrain to another one, by continuation of the fold.
 
     Parameters

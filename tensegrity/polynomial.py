@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
 from itertools import product
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,6 +30,10 @@ from tensegrity import check, enclosure
 from tensegrity.codegen import Law, deflated, horner
 from tensegrity.errors import RangeError, ResolutionError, TensegrityError
 from tensegrity.potential import Potential
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import Any
 
 DEGREES = tuple(range(7, 48, 4))
 NODES = 96
@@ -55,12 +60,12 @@ class PolynomialLaw:
     compiled = ("energy", "tension")
 
     @property
-    def parameters(self):
+    def parameters(self) -> tuple[str, ...]:
         """Names: interval, tension at rest, coefficients of (tension - that)/r."""
         coefficients = tuple(f"q{k}" for k in range(self.degree))
         return ("middle", "per_half", "tension_at_rest", *coefficients)
 
-    def forms(self):
+    def forms(self) -> tuple[Any, Any, Sequence[Any]]:
         """The law in CasADi; see `codegen.Law.forms`."""
         import casadi as ca
 
@@ -113,7 +118,7 @@ class Polynomial(Potential):
     True
     """
 
-    def __init__(self, spring, low, high, error=1e-12):
+    def __init__(self, spring: Potential, low: float, high: float, error: float = 1e-12) -> None:
         if not isinstance(spring, Potential):
             raise TensegrityError(f"spring {spring!r} is not a Potential")
         low, high = (check.number("end of the range", x, unit="m") for x in (low, high))
@@ -169,17 +174,17 @@ class Polynomial(Potential):
         )
 
     @property
-    def error(self):
+    def error(self) -> float:
         """The bound of the error, or the estimate where there is no bound."""
         return self.error_estimate if self.error_bound is None else self.error_bound
 
     @property
-    def force(self):
+    def force(self) -> str:
         """What stands for the tension."""
         low, high = self.domain
         return f"polynomial of degree {self.degree} on [{low:.4g}, {high:.4g}] m"
 
-    def beyond(self, r):
+    def beyond(self, r: float) -> RangeError:
         """The error for an elongation at or beyond an end of the range."""
         return RangeError(str(super().beyond(r)))
 
@@ -205,7 +210,7 @@ class Polynomial(Potential):
         argument = 4 * UNIT * (1 + abs(middle) * per_half) * (np.arange(len(q)) * q).sum()
         return farthest * (scheme + argument) + 2 * UNIT * abs(at_rest)
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         kind = "error_estimate" if self.error_bound is None else "error_bound"
         return f"Polynomial(degree {self.degree}, domain={self.domain} m, {kind}={self.error:.2g})"
 

@@ -8,11 +8,19 @@ import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from tensegrity.typing import Array, Indices
 
 INSTANTS = 500  # kept by default
 PER_INSTANT = 48  # bytes of memory for the numbers of the recorded steps, at most
@@ -39,7 +47,7 @@ class Record:
     sites: Sequence[int] | None = None
     path: str | os.PathLike | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.every is not None:
             check.whole("every", self.every, least=1)
         if self.sites is not None:
@@ -54,7 +62,7 @@ class Record:
                 raise TensegrityError(f"path {self.path!r} is not a path")
             object.__setattr__(self, "path", Path(self.path))
 
-    def check(self, sites):
+    def check(self, sites: int) -> None:
         """Refuse sites that a scene does not have, and a path that cannot be a new file."""
         self.columns(sites)
         if self.path is None:
@@ -64,7 +72,9 @@ class Record:
         if not self.path.parent.is_dir():
             raise TensegrityError(f"record path {self.path}: there is no folder {self.path.parent}")
 
-    def rows(self, instants, shape, walls=(0,)):
+    def rows(
+        self, instants: int, shape: int | tuple[int, ...], walls: tuple[int, ...] = (0,)
+    ) -> Rows | FileRows:
         """Room for that many rows, in memory or in the file.
 
         `shape` is that of u: (sites[, dim]); `walls` that of the impulses: (walls[, dim]).
@@ -75,7 +85,7 @@ class Record:
             return Rows(instants, kind)
         return FileRows(self.path, instants, kind)
 
-    def columns(self, sites):
+    def columns(self, sites: int) -> Any:
         """Numbers of the recorded sites of a scene, or a slice of all."""
         if self.sites is None:
             return slice(None)
@@ -83,7 +93,7 @@ class Record:
             raise TensegrityError(f"recorded site {max(self.sites)} must be below {sites}")
         return list(self.sites)
 
-    def steps(self, total):
+    def steps(self, total: int) -> Indices:
         """Numbers of the recorded steps of a run of `total` steps."""
         every = self.every or max(1, -(-total // INSTANTS))
         _refuse_more(PER_INSTANT * (total // every + 2), _free_memory(), "memory")
@@ -116,17 +126,17 @@ def _row(kind, *fields):
 class Rows:
     """Rows in memory: time, energy, and u and v of the kept sites."""
 
-    def __init__(self, instants, kind):
+    def __init__(self, instants: int, kind: np.dtype[Any]) -> None:
         _refuse_more(instants * kind.itemsize, _free_memory(), "memory")
         self._rows = np.zeros(instants, dtype=kind)
         self._count = 0
 
-    def add(self, t, energy, u, v, impulse=()):
+    def add(self, t: float, energy: float, u: Array, v: Array, impulse: ArrayLike = ()) -> None:
         """Append a row."""
         self._rows[self._count] = _row(self._rows.dtype, t, energy, u, v, impulse)
         self._count += 1
 
-    def finished(self):
+    def finished(self) -> NDArray[Any]:
         """The rows written so far, as a structured array with fields t, energy, u, v."""
         return self._rows[: self._count]
 
@@ -134,7 +144,7 @@ class Rows:
 class FileRows:
     """Rows in a .npy file whose header counts only rows that are written in full."""
 
-    def __init__(self, path, instants, kind):
+    def __init__(self, path: Any, instants: int, kind: np.dtype[Any]) -> None:
         _refuse_more(instants * kind.itemsize, shutil.disk_usage(path.parent).free, "disk space")
         self._path, self._kind, self._count = path, kind, 0
         self._row = np.zeros(1, dtype=kind)
@@ -151,14 +161,14 @@ class FileRows:
         self._file.write(header.getvalue())
         self._file.seek(0, os.SEEK_END)
 
-    def add(self, t, energy, u, v, impulse=()):
+    def add(self, t: float, energy: float, u: Array, v: Array, impulse: ArrayLike = ()) -> None:
         """Append a row: first its bytes, then the count that makes it visible."""
         self._row[0] = _row(self._kind, t, energy, u, v, impulse)
         self._file.write(self._row.tobytes())
         self._count += 1
         self._write_header()
 
-    def finished(self):
+    def finished(self) -> NDArray[Any]:
         """The rows written so far, mapped from the file."""
         self._file.close()
         if self._count == 0:

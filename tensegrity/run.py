@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tensegrity.scene import State
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from matplotlib.axes import Axes
+
+    from tensegrity.typing import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,11 +51,11 @@ class Run:
         What each wall received since the start [N s], where the scene has walls.
     """
 
-    scene: object = field(repr=False)
-    t: np.ndarray
-    u: np.ndarray
-    v: np.ndarray
-    energy: np.ndarray
+    scene: Any = field(repr=False)
+    t: Array
+    u: Array
+    v: Array
+    energy: Array
     final: State
     method: str
     dt: float
@@ -56,23 +64,23 @@ class Run:
     complete: bool = True
     error_estimate: float | None = None
     force: str = "exact"
-    met: np.ndarray | None = field(default=None, repr=False)
+    met: Array = field(default=None, repr=False)  # type: ignore[arg-type]
     wall_time: float = 0.0
-    impulse: np.ndarray | None = None
+    impulse: Array | None = None
 
     @property
-    def energy_error(self):
+    def energy_error(self) -> float:
         """Largest relative deviation of the total energy from its first value."""
         deviation = np.max(np.abs(self.energy - self.energy[0]))
         return float(deviation / abs(self.energy[0])) if self.energy[0] else float(deviation)
 
-    def plot(self, axes=None):
+    def plot(self, axes: Axes | None = None) -> Axes:
         """Space-time density of energy; needs all sites recorded. Returns the axes."""
         from tensegrity.plotting import energy_density
 
         return energy_density(self, axes)
 
-    def __str__(self):
+    def __str__(self) -> str:
         estimate = "" if self.error_estimate is None else f", estimated {self.error_estimate:.1e}"
         return (
             f"{self.method}, dt = {self.dt:.4g} s, {self.steps} steps to t = {self.t[-1]:.6g} s"
