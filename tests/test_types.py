@@ -29,7 +29,7 @@ INNER = {  # what nobody calls but the modules around them
 }
 MODULES = sorted(
     path
-    for package in ("tensegrity", "granular")
+    for package in ("tensegrity", "granular", "derivations")
     for path in (ROOT / package).glob("*.py")
     if path.stem not in INNER
 )
