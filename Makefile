@@ -7,7 +7,7 @@ PYTHON := $(shell for p in python3.11 python3.12 python3.13 python3; do \
 BIN = .venv/bin
 READY = .venv/ready
 
-.PHONY: figures derivations test test-slow bench lint clean
+.PHONY: figures derivations test test-slow faults bench lint clean
 
 figures: $(READY)
 	$(BIN)/python -m figures
@@ -20,6 +20,10 @@ test: $(READY)
 
 test-slow: $(READY)
 	$(BIN)/python -m pytest -m slow
+
+# Breaks a copy of the code, line by line, and sees a test fail each time; some minutes.
+faults: $(READY)
+	$(BIN)/python -m tests.faults
 
 bench: $(READY)
 	$(BIN)/python -m pip install --quiet --editable '.[bench]'

@@ -134,7 +134,7 @@ _ROWS = {
 }  # fmt: skip
 
 SPLITTINGS = {
-    name: Splitting(name, order, 0.1, reference, "", *rows)
+    name: Splitting(name, order, 0.1, *rows, reference=reference)
     for name, (order, rows, reference) in _ROWS.items()
 }
 

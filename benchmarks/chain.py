@@ -14,7 +14,9 @@ import numpy as np
 
 from benchmarks._timing import best, table
 from tensegrity import Chain, Prism, native, simulate
-from tensegrity.kernel import Compiled, Interpreted
+from tensegrity.compiled import Compiled
+from tensegrity.interpreted import Interpreted
+from tensegrity.kernel import bind
 from tensegrity.methods import METHODS
 from tensegrity.prism import _rigid_law
 
@@ -122,7 +124,8 @@ def _numba_rival(spring, u, v, steps, **options):
 
 def _ours(engine, chain, u, v, steps):
     method = METHODS["verlet"]
-    bound = engine.bind(u, v, chain.inverse_mass, chain.segments, method, DT)
+    bonds = chain.loop_bonds
+    bound = bind(u, v, bonds, method, DT, engine.of(bonds))
     return lambda: bound.advance(steps)
 
 
@@ -135,16 +138,15 @@ def rivals(sites):
     """All contestants on a chain of that many sites, and the bond-steps of one call of each."""
     spring = Prism(1.0, 0.8, 0.02, 1.0).potential()
     chain = Chain(spring, sites)
-    laws = chain.segments.laws
     steps = max(40, WORK // sites)  # the closing kick of a call costs a stage
-    calls = {"compiled": _ours(Compiled(laws), chain, *_start(sites), steps)}
+    calls = {"compiled": _ours(Compiled, chain, *_start(sites), steps)}
     work = {"compiled": steps * (sites - 1)}
     slow = max(3, steps // 20)
     calls["numpy"] = _numpy_rival(spring, *_start(sites), slow)
     work["numpy"] = slow * (sites - 1)
     if sites <= 100_000:
         steady = max(51, slow - slow % 50 + 1)
-        calls["interpreted"] = _ours(Interpreted(laws), chain, *_start(sites), steady)
+        calls["interpreted"] = _ours(Interpreted, chain, *_start(sites), steady)
         work["interpreted"] = steady * (sites - 1)
     try:
         import numba  # noqa: F401
@@ -163,7 +165,7 @@ def overheads():
     """Seconds of one call of the prepared loop, and of a whole `simulate` of one step."""
     chain = Chain(Prism(1.0, 0.8, 0.02, 1.0).potential(), 2)
     u, v = np.zeros(2), np.zeros(2)
-    prepared = _ours(Compiled(chain.segments.laws), chain, u, v, 1)
+    prepared = _ours(Compiled, chain, u, v, 1)
     state = chain.at_rest({0: 0.001})
     times = best(
         {

@@ -28,7 +28,8 @@ from tensegrity import (
     codegen,
     simulate,
 )
-from tensegrity.kernel import Compiled, kernel
+from tensegrity.compiled import BoundLine, Compiled
+from tensegrity.kernel import bind, kernel
 from tensegrity.methods import METHODS
 from tensegrity.pieces import BoundPieces
 
@@ -83,13 +84,13 @@ def contestants(family):
 
 
 def bound_loop(engine, chain, u, v):
-    return engine.bind(u, v, chain.inverse_mass, chain.segments, METHODS["verlet"], DT)
+    return bind(u, v, chain.loop_bonds, METHODS["verlet"], DT, engine)
 
 
 def motion(spring, speed, extended=False):
     """Displacements after the run."""
     chain = Chain(spring, SITES)
-    engine = Compiled(chain.segments.laws, extended=True) if extended else kernel((spring._law,))
+    engine = Compiled.of(chain.loop_bonds, extended=True) if extended else kernel((spring._law,))
     dtype = np.longdouble if extended else float
     state = blow(chain, speed)
     u, v = state.u.astype(dtype), state.v.astype(dtype)
@@ -178,7 +179,7 @@ def ensembles():
     steps = {lanes: TIMED * 64 // lanes for lanes in LANES}
     for lanes in LANES:
         u = 1e-3 * np.sin(np.arange(LANED * lanes) ** 2).reshape(LANED, lanes)
-        loop = bound_loop(Compiled(chain.segments.laws, lanes=lanes), chain, u, np.zeros_like(u))
+        loop = bound_loop(Compiled.of(chain.loop_bonds, lanes), chain, u, np.zeros_like(u))
         loops[lanes] = lambda loop=loop, lanes=lanes: loop.advance(steps[lanes])
     return {n: t * 1e9 / steps[n] / n / (LANED - 1) for n, t in best(loops).items()}
 
@@ -188,14 +189,12 @@ def long_chains():
     spring, found = FAMILIES["rigid"][0], {}
     for sites in LONG:
         chain, loops = Chain(spring, sites), {}
-        engine, steps = Compiled(chain.segments.laws), 1000 * LONG[0] // sites
+        engine, steps = Compiled.of(chain.loop_bonds), 1000 * LONG[0] // sites
         for threads in (0, 1, 2):
             u, v = 1e-3 * np.sin(np.arange(sites) % 1000.0), np.zeros(sites)
-            parts = u, v, chain.inverse_mass, chain.segments, METHODS["verlet"], DT
-            if threads:
-                loop = BoundPieces(engine, *parts, threads)
-            else:
-                loop = engine.bind(*parts, divided=False)
+            parts = u, v, chain.loop_bonds, METHODS["verlet"], DT
+            pieces = BoundPieces(engine, *parts, threads) if threads else None
+            loop = pieces or BoundLine(engine, *parts)
             loops[threads] = lambda loop=loop, steps=steps: loop.advance(steps)
         times = best(loops)
         found[sites] = [times[n] * 1e9 / steps / (sites - 1) for n in (0, 1, 2)]

@@ -12,7 +12,8 @@ import numpy as np
 from benchmarks._candidates import GRADIENTS, SPLITTINGS, evaluations, run_gradient
 from figures.__main__ import OUTPUT, STYLE, write, write_table
 from tensegrity import Chain, Prism, TensegrityError, solitary_wave
-from tensegrity.kernel import Compiled
+from tensegrity.compiled import Compiled
+from tensegrity.kernel import bind
 from tensegrity.methods import METHODS
 
 SITES = 128
@@ -55,7 +56,7 @@ def final(chain, state, method, dt, steps, engine=None):
         if engine is None:
             loop = chain.bind(u, v, rows, dt)
         else:
-            loop = engine.bind(u, v, chain.inverse_mass, chain.segments, rows, dt)
+            loop = bind(u, v, chain.loop_bonds, rows, dt, engine)
         loop.advance(times)
     return u[: chain.sites], v[: chain.sites]
 
@@ -86,7 +87,7 @@ def measure(scene, levels=LEVELS):
     chain, state, t_end = scene
     fastest = omega(*scene)
     scale = t_end * fastest
-    engine = Compiled(chain.segments.laws, extended=EXTENDED)
+    engine = Compiled.of(chain.loop_bonds, extended=EXTENDED)
     steps = int(REFERENCE * scale / METHODS["rkn6"].stages)
     exact = final(chain, state, METHODS["rkn6"], t_end / steps, steps, engine)
     found = {}

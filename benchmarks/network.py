@@ -9,9 +9,11 @@ import warnings
 import numpy as np
 
 from benchmarks._timing import best, table
-from tensegrity import Network, PowerLaw
+from tensegrity import Network, PowerLaw, State
+from tensegrity.compiled import Compiled
+from tensegrity.interpreted import Interpreted
+from tensegrity.kernel import bind
 from tensegrity.methods import METHODS
-from tensegrity.network_loop import CompiledNetwork, InterpretedNetwork
 
 STIFFNESS, DT = 1.0, 1e-3
 WORK = 3_000_000  # contact-steps of one call
@@ -38,10 +40,9 @@ def _touching(x):
 
 
 def _ours(kind, network, velocity, steps):
-    u, v = (np.zeros((network.contacts.rows, network.dim)) for _ in range(2))
-    v[: network.sites] = velocity
-    engine = kind(network.contacts.laws, network.dim)
-    bound = engine.bind(u, v, network.contacts, METHODS["verlet"], DT)
+    bonds = network.loop_bonds
+    u, v = network.arrays(State(np.zeros(network.shape), velocity))
+    bound = bind(u, v, bonds, METHODS["verlet"], DT, kind.of(bonds))
     return lambda: bound.advance(steps)
 
 
@@ -100,9 +101,9 @@ def rivals(network):
     steps = max(3, WORK // contacts)
     few = max(2, steps // 50)
     calls = {
-        "compiled": _ours(CompiledNetwork, network, velocity, steps),
+        "compiled": _ours(Compiled, network, velocity, steps),
         "numpy bincount": _numpy(network, velocity, few),
-        "interpreted": _ours(InterpretedNetwork, network, velocity, few),
+        "interpreted": _ours(Interpreted, network, velocity, few),
     }
     work = {"compiled": steps * contacts}
     work |= dict.fromkeys(("numpy bincount", "interpreted"), few * contacts)

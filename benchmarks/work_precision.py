@@ -37,7 +37,7 @@ from tensegrity import (
     native,
     solitary_wave,
 )
-from tensegrity.kernel import Compiled
+from tensegrity.compiled import Compiled
 from tensegrity.methods import METHODS
 
 LEVELS = 10.0 ** -np.arange(2.0, 13.0)
@@ -126,7 +126,7 @@ def reference(run):
     """u and v at the end, and an estimate of their error."""
     scene, state, t_end = run
     smooth = isinstance(scene, Chain) and scene.springs[0].smooth
-    engine = Compiled(scene.segments.laws, EXTENDED) if smooth else None
+    engine = Compiled.of(scene.loop_bonds, extended=EXTENDED) if smooth else None
     least = REFERENCE * t_end * omega(*run) / METHODS["rkn6"].stages
     steps = 2 * math.ceil((1 if smooth else 10) * least / 2)
     fine, coarse = (
@@ -147,7 +147,7 @@ def ours(scene, exact):
     chain, state, t_end = scene.run
     scale = t_end * omega(*scene.run)
     for name, method in METHODS.items():
-        if method.chains_only and not isinstance(chain, Chain):
+        if method.processor and chain.clearance is not None:
             continue
         limit = method.stability_limit if method.explicit else 4.0
         steps, most = math.ceil(1.1 * scale / limit), MOST / (1 if method.explicit else 150)
@@ -261,7 +261,7 @@ def ensemble():
 
     def advanced(law, method, steps):
         line = Chain(law, ENSEMBLE_SITES)
-        engine = Compiled(line.segments.laws, lanes=LANES)
+        engine = Compiled.of(line.loop_bonds, LANES)
 
         def prepare():
             return lambda: final(line, states, method, ENSEMBLE_END / steps, steps, engine)
@@ -281,7 +281,7 @@ def build_time(chain):
     """Seconds to generate and compile the loop of a chain, nothing cached."""
     with tempfile.TemporaryDirectory() as folder:
         began = time.perf_counter()
-        text = codegen.c_text(chain.segments.laws)
+        text = codegen.c_text(chain.loop_bonds.laws)
         flags = (*native.FLAGS, native.NATIVE, *native.WIDE)
         native._build(text, native.compilers()[0], flags, Path(folder) / "entry")
         return time.perf_counter() - began

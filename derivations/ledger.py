@@ -95,7 +95,7 @@ class Check:
 @cache
 def derived(entry: Entry) -> Any:
     """The derived form of an entry, computed once a process."""
-    return entry.derive()  # type: ignore[misc]
+    return entry.derive()
 
 
 def check(entry: Entry, printed: Any = None) -> Check:

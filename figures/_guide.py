@@ -40,7 +40,7 @@ def followed(scene, t_end, dt=DT, every=ROWS):
 
 def curves(run, sensors):
     """Sensor forces as a table: t and one column for each (part, number)."""
-    columns = {f"{part} {n} [N]": sensor_force(run, run.scene, part, n) for part, n in sensors}
+    columns = {f"{part} {n} [N]": sensor_force(run, part, n) for part, n in sensors}
     return {"t [s]": run.t, **columns}
 
 

@@ -30,7 +30,7 @@ def data():
     guide = y_guide(bead=STEEL, striker=_guide.light(SPEED))
     run = _guide.followed(guide, END, every=2)
     coarse = _guide.followed(guide, END, COARSE * run.dt, every=1)
-    numbers = [peak(run.t, sensor_force(run, guide, "branch 1", n))[1] for n in range(1, 16)]
+    numbers = [peak(run.t, sensor_force(run, "branch 1", n))[1] for n in range(1, 16)]
     return {
         "curves": _guide.curves(run, SENSORS),
         "peaks": _peaks(run),
@@ -48,7 +48,7 @@ def data():
 def _read(run):
     """Forces in the order of the wave's passage and the time in which each is looked at."""
     order = [*SENSORS, ("stem 1", 16), ("stem 1", 12)]
-    forces = [sensor_force(run, run.scene, *sensor) for sensor in order]
+    forces = [sensor_force(run, *sensor) for sensor in order]
     after = peak(run.t, forces[1])[0] + BEYOND
     return forces, [(-math.inf, math.inf)] * 4 + [(after, math.inf)] * 2
 

@@ -22,7 +22,7 @@ def data():
     tables = _guide.scene_tables(run, _guide.MIXED, 2)
     before = {"branch 1": (0, 0.4e-3), "branch 2": (0, 1.0e-3)}  # anything returns
     for part, window in before.items():
-        tables["numbers"][f"speed in {part} [m/s]"] = [speed(run, guide, part, BEADS, window)]
+        tables["numbers"][f"speed in {part} [m/s]"] = [speed(run, part, BEADS, window)]
     return tables
 
 

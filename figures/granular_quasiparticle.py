@@ -73,9 +73,9 @@ def _split(guide):
     And the momentum left to slow beads between them, over the incident wave's.
     """
     run = simulate(guide, guide.start(), END, dt=DT, method="rkn6", record=Record())
-    force = {n: sensor_force(run, guide, "stem 1", n) for n in (12, 16)}
+    force = {n: sensor_force(run, "stem 1", n) for n in (12, 16)}
     instant, incident = peak(run.t, force[16])
-    transmitted = peak(run.t, sensor_force(run, guide, "branch 1", 8))[1]
+    transmitted = peak(run.t, sensor_force(run, "branch 1", 8))[1]
     found = []
     for n in (16, 12):
         inside = (run.t > instant + WITHIN[0]) & (run.t < instant + WITHIN[1])

@@ -71,13 +71,13 @@ def _run(guide, t_end):
 
 def _half(keywords):
     run = _run(y_guide(bead=STEEL, striker=_guide.light(0.585), **keywords), HALF_END)
-    stem = sensor_force(run, run.scene, "stem 1", 16)
+    stem = sensor_force(run, "stem 1", 16)
     instant, incident = peak(run.t, stem)
-    there = peak(run.t, sensor_force(run, run.scene, "branch 1", 4))[1]
+    there = peak(run.t, sensor_force(run, "branch 1", 4))[1]
     back = peak(run.t, stem, (instant + BEYOND, math.inf))[1]
     guide = y_guide(bead=STEEL, branches=(STEEL, PTFE), striker=_guide.light(0.585), **keywords)
     soft = _run(guide, 0.6e-3)
-    return incident / there, incident / back, sensor_force(soft, guide, "branch 2", 7).max()
+    return incident / there, incident / back, sensor_force(soft, "branch 2", 7).max()
 
 
 def _full(keywords, coated):
@@ -85,7 +85,7 @@ def _full(keywords, coated):
         bead=STEEL, branches=(STEEL, coated), striker=_guide.light(0.5), **keywords
     )
     run = _run(guide, FULL_END)
-    forces = [sensor_force(run, guide, *s).max() for s in (("branch 2", 7), ("stem 2", 5))]
+    forces = [sensor_force(run, *s).max() for s in (("branch 2", 7), ("stem 2", 5))]
     held = part_energies(run)["branch 2"] / run.energy[0]
     return *forces, float(np.interp(AT, run.t, held))
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from figures._limits import prism_chain, slope
-from tensegrity.kernel import Compiled
+from tensegrity.compiled import Compiled
+from tensegrity.kernel import bind
 from tensegrity.methods import METHODS
 
 NAME = "limits_round_off"
@@ -30,7 +31,7 @@ def energy(engine, chain, u, v):
     """Energy beside that of the drift, in extended precision, of states in either precision."""
     u, v = u.astype(engine.dtype), v.astype(engine.dtype)
     r, v = np.diff(u), v - v.mean()
-    (values,) = chain.segments.parameters
+    (values,) = chain.loop_bonds.parameters
     bonds = engine.evaluate(0, 0, values, np.ascontiguousarray(r))
     return bonds.sum() + (v**2).sum() / 2
 
@@ -39,14 +40,14 @@ def growth(drift, steps=STEPS):
     """Differences of double from extended precision against the number of steps."""
     chain, method = prism_chain(SITES), METHODS[METHOD]
     stops = np.unique(np.geomspace(10, steps, LOOKS).astype(int))
-    engines = [Compiled(chain.segments.laws, extended=extended) for extended in (False, True)]
+    engines = [Compiled.of(chain.loop_bonds, extended=extended) for extended in (False, True)]
     found = []
     for velocity in starts(drift):
         pairs = [
             (np.zeros(SITES, engine.dtype), velocity.astype(engine.dtype)) for engine in engines
         ]
         loops = [
-            engine.bind(*pair, chain.inverse_mass, chain.segments, method, DT)
+            bind(*pair, chain.loop_bonds, method, DT, engine)
             for engine, pair in zip(engines, pairs, strict=True)
         ]
         scale, done, rows = energy(engines[1], chain, *pairs[1]), 0, []

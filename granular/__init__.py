@@ -4,9 +4,12 @@ from granular.beads import Bead, Striker, bead_of_mass, coated
 from granular.chain import BeadChain, chain
 from granular.contact import Contact, hertz, power
 from granular.guide import Guide, diamond_guide, y_guide
+from granular.kept import keep_scenes
 from granular.materials import Material, materials
 from granular.observables import sensor_force
 from tensegrity import simulate
+
+keep_scenes()
 
 __all__ = [
     "Bead",

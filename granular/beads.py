@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from granular.materials import Material
-from tensegrity import TensegrityError, check
+from tensegrity import check
 
 
 @dataclass(frozen=True)
@@ -47,14 +47,14 @@ class Bead:
         ) -> None: ...
 
     def __post_init__(self) -> None:
-        check.number("diameter", self.diameter, above=0, unit="m")
+        diameter = check.number("diameter", self.diameter, above=0, unit="m")
         _require("material", self.material, Material)
-        if self.mass is None:
-            object.__setattr__(self, "mass", self.material.density * volume(self.diameter))
-        if self.contact_radius is None:
-            object.__setattr__(self, "contact_radius", self.diameter / 2)
-        check.number("mass", self.mass, above=0, unit="kg")
-        check.number("contact radius", self.contact_radius, above=0, unit="m")
+        mass = self.material.density * volume(diameter) if self.mass is None else self.mass
+        radius = diameter / 2 if self.contact_radius is None else self.contact_radius
+        object.__setattr__(self, "diameter", diameter)
+        object.__setattr__(self, "mass", check.number("mass", mass, above=0, unit="kg"))
+        radius = check.number("contact radius", radius, above=0, unit="m")
+        object.__setattr__(self, "contact_radius", radius)
 
     @property
     def radius(self) -> float:
@@ -83,12 +83,15 @@ class Striker:
 
     def __post_init__(self) -> None:
         _require("striker", self.bead, Bead)
-        check.number("speed of the striker, towards the chain", self.speed, above=0, unit="m/s")
+        speed = check.number(
+            "speed of the striker, towards the chain", self.speed, above=0, unit="m/s"
+        )
+        object.__setattr__(self, "speed", speed)
 
 
 def volume(diameter: float) -> float:
     """Volume of a sphere [m^3]."""
-    return math.pi / 6 * diameter**3
+    return math.pi / 6 * diameter * diameter * diameter  # inf where it has no number, no error
 
 
 def bead_of_mass(mass: float, material: Material) -> Bead:
@@ -126,6 +129,5 @@ def coated(core: Bead, coating: Material, thickness: float) -> Bead:
 
 
 def _require(name: str, value: object, kind: type) -> None:
-    if not isinstance(value, kind):
-        known = "; take one of granular.materials" if kind is Material else ""
-        raise TensegrityError(f"{name} {value!r} is not a {kind.__name__}{known}")
+    known = "; take one of granular.materials" if kind is Material else ""
+    check.kind(name, value, kind, known)

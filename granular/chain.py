@@ -8,13 +8,13 @@ Source: seeds/000, part II, "Discrete element modeling" (the potentials W_i).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Sequence, Sized
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from granular.beads import Bead, Striker
-from granular.contact import checked_law, hertz
+from granular.contact import checked_law, contact_of, hertz
 from granular.crystal import Crystal
 from granular.materials import Material
 from tensegrity import Chain, State, TensegrityError, check
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from granular.contact import ContactLaw
     from tensegrity.typing import Array
 
+PER_BEAD = 2000  # bytes: each contact is a spring of its own
 WALL_MASS = 1.0  # kg: of the site that stands for a wall; it is held, any number will do
 
 
@@ -48,17 +49,19 @@ class BeadChain(Crystal, Chain):
         end: Material | None,
         law: ContactLaw,
     ) -> None:
+        self._made_of = {"beads": beads, "striker": striker, "loads": loads, "end": end}
         self.striker = striker
-        self.beads = (striker.bead, *beads) if striker else tuple(beads)
+        self.beads: tuple[Bead, ...] = (striker.bead, *beads) if striker else tuple(beads)
         first = len(self.beads) - len(beads)
         sites = len(self.beads) + (end is not None)
-        self.parts = {"chain": tuple(range(first, len(self.beads)))}
-        if striker:
-            self.parts = {"striker": (0,), **self.parts}
+        parts: dict[str, tuple[int, ...]] = {"striker": (0,)} if striker else {}
+        parts["chain"] = tuple(range(first, len(self.beads)))
         if end is not None:
-            self.parts["wall"] = (len(self.beads),)
+            parts["wall"] = (len(self.beads),)
+        self.parts = parts
         neighbours = (*self.beads[1:], *(() if end is None else (end,)))
-        self._contacts = [law(a, b) for a, b in zip(self.beads, neighbours, strict=False)]
+        pairs = zip(self.beads, neighbours, strict=False)
+        self._contacts = [contact_of(law, a, b) for a, b in pairs]
         self._carried = np.cumsum(loads)[: sites - 1]  # by each contact in equilibrium [N]
         self._unstruck = np.cumsum([0.0, *loads[1:]] if striker else loads)[: sites - 1]
         springs = [
@@ -163,9 +166,9 @@ def chain(
     """
     beads = _beads(beads)
     if striker is not None and not isinstance(striker, Striker):
-        raise TensegrityError(f"striker {striker!r} is not a Striker")
+        raise TensegrityError(f"striker {check.shown(striker)} is not a Striker")
     if end is not None and not isinstance(end, Material):
-        raise TensegrityError(f"end {end!r} is not the Material of a wall")
+        raise TensegrityError(f"end {check.shown(end)} is not the Material of a wall")
     if not beads or len(beads) + (striker is not None) + (end is not None) < 2:
         raise TensegrityError(f"a chain of {len(beads)} beads has no contact: give more beads")
     gravity = check.number("gravity", gravity, least=0, unit="m/s^2")
@@ -183,9 +186,11 @@ def chain(
 def _beads(beads: Sequence[Bead]) -> tuple[Bead, ...]:
     """A sequence of beads as a tuple."""
     if isinstance(beads, Bead) or not isinstance(beads, Iterable):
-        raise TensegrityError(f"beads {beads!r} are not a sequence of Beads")
+        raise TensegrityError(f"beads {check.shown(beads)} are not a sequence of Beads")
+    if isinstance(beads, Sized):
+        check.room(f"a chain of {len(beads)} beads", PER_BEAD * len(beads))
     beads = tuple(beads)
     for number, bead in enumerate(beads):
         if not isinstance(bead, Bead):
-            raise TensegrityError(f"bead {number} is {bead!r}, not a Bead")
+            raise TensegrityError(f"bead {number} is {check.shown(bead)}, not a Bead")
     return beads

@@ -8,12 +8,14 @@ Source: seeds/000, part II, "Hertz interaction potentials"; seeds/001, eqs. (3),
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from granular.beads import Bead
 from granular.materials import Material
 from tensegrity import PowerLaw, TensegrityError, check
+from tensegrity.once import once
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -39,11 +41,16 @@ class Contact:
     exponent: float = 1.5
 
     def __post_init__(self) -> None:
-        check.number("contact constant", self.constant, above=0, unit="N/m^n")
-        check.number("contact exponent", self.exponent, above=0)
+        constant = check.number("contact constant", self.constant, above=0, unit="N/m^n")
+        exponent = check.number("contact exponent", self.exponent, above=0)
+        object.__setattr__(self, "constant", constant)
+        object.__setattr__(self, "exponent", exponent)
 
     def overlap(self, force: Number) -> Number:
         """Overlap [m] under a compressive force [N] >= 0; any shape."""
+        force = check.floats("contact force", force)  # type: ignore[assignment]
+        if np.any(~(force >= 0)):
+            raise TensegrityError("contact forces must be at least 0 N")
         return (force / self.constant) ** (1 / self.exponent)
 
     def spring(self, preload: float = 0.0, length: float | None = None) -> PowerLaw:
@@ -75,7 +82,7 @@ def hertz(bead: Bead, other: Bead | Material) -> Contact:
         `bead` is not a Bead, or `other` neither.
     """
     if not isinstance(bead, Bead):
-        raise TensegrityError(f"{bead!r} is not a Bead")
+        raise TensegrityError(f"{check.shown(bead)} is not a Bead")
     for_pair, for_wall = _constants()
     one = bead.material
     if isinstance(other, Material):
@@ -83,7 +90,7 @@ def hertz(bead: Bead, other: Bead | Material) -> Contact:
             for_wall(one.modulus, other.modulus, one.poisson, other.poisson, bead.contact_radius)
         )
     if not isinstance(other, Bead):
-        raise TensegrityError(f"{other!r} is neither a Bead nor a Material")
+        raise TensegrityError(f"{check.shown(other)} is neither a Bead nor a Material")
     two = other.material
     radii = bead.contact_radius, other.contact_radius
     return Contact(for_pair(one.modulus, two.modulus, one.poisson, two.poisson, *radii))
@@ -101,11 +108,23 @@ def power(constant: float, exponent: float) -> ContactLaw:
 def checked_law(law: ContactLaw) -> ContactLaw:
     """A law of contact as `chain` and the guides take it, if it can be one."""
     if not callable(law):
-        raise TensegrityError(f"law {law!r} is not a function of two partners, such as hertz")
+        raise TensegrityError(
+            f"law {check.shown(law)} is not a function of two partners, such as hertz"
+        )
     return law
 
 
-@cache
+def contact_of(law: ContactLaw, bead: Bead, other: Bead | Material) -> Contact:
+    """The contact that a law gives to two partners."""
+    try:
+        contact = law(bead, other)
+    except TypeError as error:  # such as a wrong number of arguments
+        raise TensegrityError(f"law {check.shown(law)} of two partners: {error}") from error
+    check.kind("what the law gives to two partners", contact, Contact)
+    return contact
+
+
+@once
 def _constants() -> tuple[Callable[..., float], Callable[..., float]]:
     """alpha of two spheres and of a sphere on a wall, as functions of numbers."""
     import sympy as sp

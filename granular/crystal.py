@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity import TensegrityError, check
+from tensegrity import Run, TensegrityError, check
 from tensegrity.scene import KINK_SHARE
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
+    from typing import Any
 
     from granular.beads import Bead, Striker
     from tensegrity.typing import Array, Recorded
@@ -57,7 +58,7 @@ class Crystal:
     def members(self, part: str) -> tuple[int, ...]:
         """Sites of a part; TensegrityError if there is no such part."""
         if not isinstance(part, str) or part not in self.parts:
-            raise TensegrityError(f"part {part!r} is not one of {', '.join(self.parts)}")
+            raise TensegrityError(f"part {check.shown(part)} is not one of {', '.join(self.parts)}")
         return self.parts[part]
 
     def site(self, part: str, number: int) -> int:
@@ -76,11 +77,24 @@ class Crystal:
 
     def distance(self, part: str, numbers: tuple[int, int]) -> float:
         """Length of the way through touching beads of a part between two numbers [m], > 0."""
-        if np.shape(numbers) != (2,) or numbers[0] == numbers[1]:
+        if not isinstance(numbers, (tuple, list)) or len(numbers) != 2:
             raise TensegrityError(f"numbers {numbers!r} of {part} must be two different beads")
         first, second = sorted(self.site(part, n) for n in numbers)
+        if first == second:
+            raise TensegrityError(f"numbers {numbers!r} of {part} must be two different beads")
         diameters = [self.beads[s].diameter for s in range(first, second + 1)]
         return sum(diameters) - (diameters[0] + diameters[-1]) / 2
+
+
+def crystal_of(run: Any) -> Crystal:
+    """The scene of a run, if it is one of beads."""
+    if not isinstance(run, Run):
+        raise TensegrityError(f"run is {type(run).__name__}, not a Run")
+    if not isinstance(run.scene, Crystal):
+        raise TensegrityError(
+            f"the scene of the run is {type(run.scene).__name__}, not a chain or guide of beads"
+        )
+    return run.scene
 
 
 def rows(run: Recorded, sites: Iterable[int]) -> Array:

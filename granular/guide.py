@@ -9,26 +9,26 @@ slid off its wall.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from granular.beads import Bead, Striker
-from granular.contact import checked_law, hertz
+from granular.contact import checked_law, contact_of, hertz
 from granular.crystal import Crystal
 from granular.layout import TOUCH, Layout, diamond_layout, y_layout
 from granular.materials import Material, materials
-from tensegrity import Network, State, TensegrityError, Wall
+from tensegrity import Network, State, TensegrityError, Wall, check
 from tensegrity.clearance import Clearance
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
     from typing import Any
 
     from numpy.typing import ArrayLike
 
-    from granular.contact import ContactLaw
+    from granular.contact import Contact, ContactLaw
     from granular.layout import Piece
     from tensegrity.potential import PowerLaw
     from tensegrity.typing import Array, Indices
@@ -68,28 +68,31 @@ class Guide(Crystal, Network):
         end: Material | None = None,
         law: ContactLaw = hertz,
     ) -> None:
+        check.kind("layout", layout, Layout)
         sides = len(layout.walls)
         for name, material in (("wall", wall), *((("end", end),) if end is not None else ())):
             if not isinstance(material, Material):
-                raise TensegrityError(f"{name} {material!r} is not a Material")
+                raise TensegrityError(f"{name} {check.shown(material)} is not a Material")
         if striker is not None and not isinstance(striker, Striker):
-            raise TensegrityError(f"striker {striker!r} is not a Striker")
+            raise TensegrityError(f"striker {check.shown(striker)} is not a Striker")
         _fill(layout, beads)
+        parts = {"layout": layout, "beads": beads, "wall": wall, "striker": striker, "end": end}
+        self._made_of = parts
         if end is not None:
             layout = layout.stopped([p for p in layout.parts if p in _last_parts(layout)])
         layout.check()
         self.layout, self.striker = layout, striker
         first = 0 if striker is None else 1
-        self.parts = {p: tuple(b + first for b in sites) for p, sites in layout.parts.items()}
+        parts = {p: tuple(b + first for b in sites) for p, sites in layout.parts.items()}
         filled = [beads[part] for part, sites in layout.parts.items() for _ in sites]
         positions, bonds = layout.positions, layout.contacts() + first
         if striker is not None:
-            self.parts = {"striker": (0,), **self.parts}
+            parts = {"striker": (0,), **parts}
             filled = [striker.bead, *filled]
             before = positions[0] - [striker.bead.radius + filled[1].radius, 0.0]
             positions = np.concatenate([[before], positions])
             bonds = np.concatenate([[[0, 1]], bonds])
-        self.beads = tuple(filled)
+        self.parts, self.beads = parts, tuple(filled)
         touched = np.add(layout.wall_contacts(), (first, 0))
         solids: list[Any] = [wall if number < sides else end for _, number in touched]
         springs, walls = _Springs(checked_law(law)), tuple(_wall(piece) for piece in layout.walls)
@@ -106,6 +109,7 @@ class Guide(Crystal, Network):
             wall_gaps=layout.wall_gaps(),
             radius=None if layout.blind else [bead.radius for bead in self.beads],
         )
+        self._contacts = springs.contacts
 
     @cached_property
     def clearance(self) -> Clearance | None:
@@ -201,20 +205,24 @@ class _Springs:
     def __init__(self, law: ContactLaw) -> None:
         self._law = law
         self._known: dict[tuple[Bead, Bead | Material], PowerLaw] = {}
+        self.contacts: list[Contact] = []
 
     def __call__(self, bead: Bead, other: Bead | Material) -> PowerLaw:
         pair = bead, other
         if pair not in self._known:
-            self._known[pair] = self._law(bead, other).spring()
+            self.contacts.append(contact_of(self._law, bead, other))
+            self._known[pair] = self.contacts[-1].spring()
         return self._known[pair]
 
 
 def _fill(layout: Layout, beads: Mapping[str, Bead]) -> None:
     """Refuse beads that do not fit the layout."""
+    if not isinstance(beads, Mapping):
+        raise TensegrityError(f"beads {check.shown(beads)} must be a dict of parts and Beads")
     for part in layout.parts:
         bead = beads.get(part)
         if not isinstance(bead, Bead):
-            raise TensegrityError(f"bead {bead!r} of {part} is not a Bead")
+            raise TensegrityError(f"bead {check.shown(bead)} of {part} is not a Bead")
         if abs(bead.diameter - layout.diameter) > TOUCH * layout.diameter:
             raise TensegrityError(
                 f"beads of {part} have diameter {bead.diameter:.6g} m, must be that of the guide, "
@@ -314,12 +322,12 @@ def diamond_guide(
 
 def _diameter(bead: Bead) -> float:
     if not isinstance(bead, Bead):
-        raise TensegrityError(f"bead {bead!r} is not a Bead")
+        raise TensegrityError(f"bead {check.shown(bead)} is not a Bead")
     return bead.diameter
 
 
 def _filling(bead: Bead, branches: tuple[Bead, Bead] | None) -> dict[str, Bead]:
     branches = (bead, bead) if branches is None else branches
     if not isinstance(branches, (tuple, list)) or len(branches) != 2:
-        raise TensegrityError(f"branches {branches!r} must be two beads")
+        raise TensegrityError(f"branches {check.shown(branches)} must be two beads")
     return {"stem 1": bead, "branch 1": branches[0], "branch 2": branches[1]}

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity import TensegrityError, check
+from tensegrity.readonly import ReadOnly, fixed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 
     from tensegrity.typing import Array, Indices
 
+PER_PAIR = 40  # bytes: all pairs of beads are looked at
 TOUCH = 1e-9  # of a diameter: closer than this, beads that should touch do
 SIDE = math.pi / 6  # direction of two first branch beads that touch each other
 BEVEL = 0.25  # half length of a bevel, in diameters
@@ -80,7 +82,7 @@ class Piece:
 
 
 @dataclass(frozen=True, eq=False)
-class Layout:
+class Layout(ReadOnly):
     """Where beads and walls are.
 
     Attributes
@@ -104,6 +106,10 @@ class Layout:
     gap: float = 0.0
     walls: tuple[Piece, ...] = ()
     blind: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "positions", fixed(self.positions))
+        object.__setattr__(self, "parts", fixed(self.parts))
 
     def contacts(self) -> Indices:
         """Pairs of beads that touch, each once and the lower first; (contacts, 2)."""
@@ -319,9 +325,12 @@ def _checked(
     half_angle = check.number("half angle", half_angle, above=0, unit="rad")
     if half_angle >= math.pi / 2:
         raise TensegrityError(f"half angle {half_angle:g} rad must be below {math.pi / 2:g}")
+    stem, branch = check.whole("stem", stem, least=2), check.whole("branch", branch, least=2)
+    beads = stem + 2 * branch
+    check.room(f"a guide with a stem of {stem} and branches of {branch} beads", PER_PAIR * beads**2)
     return (
-        check.whole("stem", stem, least=2),
-        check.whole("branch", branch, least=2),
+        stem,
+        branch,
         half_angle,
         check.number("diameter", diameter, above=0, unit="m"),
         check.number("gap of the walls", gap, least=0, unit="m"),

@@ -34,18 +34,25 @@ class Material:
     source: str = ""
 
     def __post_init__(self) -> None:
-        check.number(f"modulus of {self.name}", self.modulus, above=0, unit="Pa")
-        check.number(f"density of {self.name}", self.density, above=0, unit="kg/m^3")
+        check.kind("name of a material", self.name, str)
+        check.kind(f"source of {self.name}", self.source, str)
+        modulus = check.number(f"modulus of {self.name}", self.modulus, above=0, unit="Pa")
+        density = check.number(f"density of {self.name}", self.density, above=0, unit="kg/m^3")
         poisson = check.number(f"Poisson's ratio of {self.name}", self.poisson, above=-1)
         if poisson > 0.5:
             raise TensegrityError(f"Poisson's ratio {poisson:g} of {self.name} must be at most 0.5")
+        for name, value in (("modulus", modulus), ("poisson", poisson), ("density", density)):
+            object.__setattr__(self, name, value)
 
 
 class _Catalogue(dict[str, Material]):
     """Materials by name; a name that is not there raises TensegrityError with those that are."""
 
+    def __getitem__(self, name: str) -> Material:
+        return super().__getitem__(name) if isinstance(name, str) else self.__missing__(name)
+
     def __missing__(self, name: str) -> Material:
-        raise TensegrityError(f"material {name!r} is not one of {', '.join(self)}")
+        raise TensegrityError(f"material {check.shown(name)} is not one of {', '.join(self)}")
 
 
 TALK, PAPER = "seeds/000, part II", "seeds/001, Table I"

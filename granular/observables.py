@@ -8,11 +8,12 @@ the forces of its contacts, each taken along the bead's displacement (derived in
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from granular.crystal import rows
+from granular.crystal import crystal_of, rows
 from tensegrity import TensegrityError, check
 from tensegrity.observables import passage
 
@@ -21,22 +22,20 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from granular.crystal import Crystal
     from tensegrity.run import Run
-    from tensegrity.typing import Array, Recorded
+    from tensegrity.typing import Array, Flags
 
 CLOCK = 3e-6  # s: sampling interval of the paper's density plots
 LEVEL = 0.05  # of the largest peak: smaller ones do not count as pulses
 
 
-def sensor_force(run: Recorded, scene: Crystal, part: str, number: int) -> Array:
+def sensor_force(run: Run, part: str, number: int) -> Array:
     """Force that a sensor in a bead reads, seeds/001, eq. (5).
 
     Parameters
     ----------
     run : Run
-        With the bead and its neighbours recorded.
-    scene : Crystal
+        Of a chain or a guide of beads, with the bead and its neighbours recorded.
     part : str
         Such as "stem 1".
     number : int
@@ -50,32 +49,36 @@ def sensor_force(run: Recorded, scene: Crystal, part: str, number: int) -> Array
     Raises
     ------
     TensegrityError
-        No such bead, or the bead or a neighbour was not recorded.
+        Not a run, or one of a scene without beads; no such bead; the bead or a neighbour was not
+        recorded.
     """
-    return _sensed(run, scene, part, number, scene.cosines)
+    return _sensed(run, part, number, lambda u, site: run.scene.cosines(u, site))
 
 
-def mean_force(run: Recorded, scene: Crystal, part: str, number: int) -> Array:
+def mean_force(run: Run, part: str, number: int) -> Array:
     """Half the sum of the forces of a bead's contacts [N], (T,), whatever their directions."""
-    return _sensed(run, scene, part, number, lambda u, site: 1.0)
+    return _sensed(run, part, number, lambda u, site: 1.0)
 
 
 def _sensed(
-    run: Recorded,
-    scene: Crystal,
-    part: str,
-    number: int,
-    share: Callable[[Array, int], Array | float],
+    run: Run, part: str, number: int, share: Callable[[Array, int], Array | float]
 ) -> Array:
+    scene = crystal_of(run)
     site = scene.site(part, number)
     u = rows(run, scene.needed(site))
     touching = scene.contacts_at(site)
     return (scene.contact_forces(u)[:, touching] * share(u, site)).sum(axis=-1) / 2
 
 
-def density(run: Recorded, sites: Sequence[int]) -> Array:
+def density(run: Run, sites: Sequence[int]) -> Array:
     """Sensor forces of several beads of a run of all sites [N], (T, beads)."""
-    u, scene = rows(run, range(run.scene.sites)), run.scene
+    scene = crystal_of(run)
+    u = rows(run, range(scene.sites))
+    if not isinstance(sites, Iterable):
+        raise TensegrityError(f"sites {check.shown(sites)} are not a sequence of sites")
+    sites = tuple(sites)
+    if not sites:
+        raise TensegrityError("sites is empty: nothing to read")
     for site in sites:
         if check.whole("site", site, least=0) >= scene.sites:
             raise TensegrityError(f"site {site} must be below {scene.sites}")
@@ -111,7 +114,7 @@ def peak(
     from scipy.interpolate import make_interp_spline
 
     t, force = _record(t, force)
-    inside = (t >= between[0]) & (t <= between[1])
+    inside = _within(t, between)
     if inside.sum() < 12:
         raise TensegrityError(f"{inside.sum()} instants between {between} s are too few for a peak")
     t, force = t[inside], force[inside]
@@ -121,8 +124,7 @@ def peak(
 
 
 def speed(
-    run: Recorded,
-    scene: Crystal,
+    run: Run,
     part: str,
     numbers: tuple[int, int],
     between: tuple[float, float] = (-math.inf, math.inf),
@@ -131,7 +133,7 @@ def speed(
 
     Parameters
     ----------
-    run, scene, part
+    run, part
         As for `sensor_force`.
     numbers : (int, int)
         Of the two beads.
@@ -149,11 +151,19 @@ def speed(
     TensegrityError
         As `sensor_force` and `peak`; the same bead twice, or both peaks at one instant.
     """
-    way = scene.distance(part, numbers)
-    first, second = (peak(run.t, sensor_force(run, scene, part, n), between)[0] for n in numbers)
+    way = crystal_of(run).distance(part, numbers)
+    first, second = (peak(run.t, sensor_force(run, part, n), between)[0] for n in numbers)
     if first == second:
         raise TensegrityError(f"beads {numbers} of {part} peak at the same instant, {first:g} s")
     return way / (second - first)
+
+
+def _within(t: Array, between: tuple[float, float]) -> Flags:
+    """Which instants lie between two others, both included."""
+    if not isinstance(between, (tuple, list)) or len(between) != 2:
+        raise TensegrityError(f"between {check.shown(between)} must be two instants")
+    first, last = (check.number("end of between", x, finite=False, unit="s") for x in between)
+    return (t >= first) & (t <= last)
 
 
 def sampled(
@@ -208,7 +218,7 @@ def sampled_peak(
     Parameters as for `peak` and `sampled`; an instant is off by up to half an interval.
     """
     times, values = sampled(t, force, interval, phase)
-    inside = (times >= between[0]) & (times <= between[1])
+    inside = _within(times, between)
     if not inside.any():
         raise TensegrityError(f"no sample every {interval:g} s between {between} s")
     largest = np.argmax(values[inside])
@@ -242,7 +252,7 @@ def pulses(t: ArrayLike, force: ArrayLike, level: float = LEVEL) -> tuple[Array,
 
 def _record(t: ArrayLike, force: ArrayLike) -> tuple[Array, Array]:
     """Instants and forces as arrays (T,), T >= 2, if they are a record."""
-    t, force = (np.asarray(x, dtype=float) for x in (t, force))
+    t, force = check.floats("instants", t), check.floats("forces", force)
     if t.ndim != 1 or len(t) < 2 or force.shape != t.shape:
         raise TensegrityError(
             f"a record of instants of shape {t.shape} and forces of shape {force.shape} must have "
@@ -257,7 +267,7 @@ def _record(t: ArrayLike, force: ArrayLike) -> tuple[Array, Array]:
     return t, force
 
 
-def part_energies(run: Recorded) -> dict[str, Array]:
+def part_energies(run: Run) -> dict[str, Array]:
     """Energy of each part of the scene at the recorded instants.
 
     Parameters
@@ -271,7 +281,8 @@ def part_energies(run: Recorded) -> dict[str, Array]:
         [J]: kinetic, and half that of each contact of two beads.  "walls" hold all of theirs;
         the sum is the total energy.
     """
-    scene, u = run.scene, rows(run, range(run.scene.sites))
+    scene = crystal_of(run)
+    u = rows(run, range(scene.sites))
     inside = scene.bead_energies(u, run.v)
     energies = {
         part: inside[:, list(sites)].sum(axis=1)
@@ -287,14 +298,15 @@ def momentum(run: Run) -> Array:
     Constant in a guide, and in a chain without loads and end wall (a held site takes impulse
     that is not recorded).  All sites must have been recorded.
     """
-    rows(run, range(run.scene.sites))
+    rows(run, range(crystal_of(run).sites))
     total = np.einsum("s,ts...->t...", run.scene.mass, run.v)
     return total if run.impulse is None else total + run.impulse.sum(axis=1)
 
 
-def overlaps(run: Recorded, part: str | None = None) -> tuple[float, float]:
+def overlaps(run: Run, part: str | None = None) -> tuple[float, float]:
     """Largest and mean peak overlap of the contacts between beads of a part (all: None) [m]."""
-    scene, u = run.scene, rows(run, range(run.scene.sites))
+    scene = crystal_of(run)
+    u = rows(run, range(scene.sites))
     chosen = scene.contacts_within(part)
     if not chosen:
         raise TensegrityError(f"part {part!r} has no contact of two of its beads")

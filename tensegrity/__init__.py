@@ -7,6 +7,7 @@ from tensegrity.errors import (
     LockingError,
     NoLocking,
     RangeError,
+    RecordError,
     ResolutionError,
     StabilityError,
     TensegrityError,
@@ -19,6 +20,7 @@ from tensegrity.potential import Potential, PowerLaw
 from tensegrity.prism import Prism
 from tensegrity.record import Record
 from tensegrity.response import EquilibriumPath, equilibrium_path
+from tensegrity.resume import resume
 from tensegrity.run import Run
 from tensegrity.scene import State
 from tensegrity.solitary import SolitaryWave, solitary_wave
@@ -39,6 +41,7 @@ __all__ = [
     "Prism",
     "RangeError",
     "Record",
+    "RecordError",
     "ResolutionError",
     "Run",
     "SolitaryWave",
@@ -47,6 +50,7 @@ __all__ = [
     "TensegrityError",
     "Wall",
     "equilibrium_path",
+    "resume",
     "simulate",
     "solitary_wave",
 ]

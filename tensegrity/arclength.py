@@ -2,19 +2,21 @@
 
 The expressions of a problem become CasADi functions in scaled unknowns asinh(unknown/scale).  A
 step is one function, compiled where there is a compiler; the Newton step on the system of an
-event is made when it is first needed.  The arrays these functions work on are fixed: two threads
-must not trace the same problem at once.
+event is made when it is first needed.  Each thread has its own arrays for them to work on: any
+number may trace the same problem at once.
 """
 
 from __future__ import annotations
 
 import ctypes
 import math
+import threading
 from dataclasses import dataclass
 
 import numpy as np
 
 from tensegrity.native import CompilerError, library
+from tensegrity.once import once
 
 ITERATIONS = 3  # Newton iterations in a step
 POLISH = 20  # iterations that locate an event
@@ -24,7 +26,7 @@ TINY = 1e-300  # keeps quotients of zeros finite
 class Machine:
     """The CasADi functions of a problem, in scaled unknowns asinh(unknown/scale)."""
 
-    def __init__(self, problem):
+    def __init__(self, problem) -> None:
         import casadi as ca
 
         m, p, scale = len(problem.unknowns), problem.p, ca.DM(problem.scale)
@@ -44,9 +46,9 @@ class Machine:
         self.judged = 2 * m + values.numel()  # where the figures of a step begin
         linear = ca.Function("linear", [z, p], [g, jacobian])
         judge = ca.Function("judge", [z, p], [values, g / size, roots, *slopes])
-        self._advance = _Fast("advance", *_advance(m, p, linear, judge), compiled=True)
-        self._linear = _Fast("linear", [z, p], ca.vertcat(g, ca.vec(ca.densify(jacobian))))
-        self._values = _Fast("values", [z, p], ca.vertcat(z, values))
+        self._advance = _fast("advance", *_advance(m, p, linear, judge), compiled=True)
+        self._linear = _fast("linear", [z, p], ca.vertcat(g, ca.vec(ca.densify(jacobian))))
+        self._values = _fast("values", [z, p], ca.vertcat(z, values))
         self.kinds = (*self.roots, *self.folds)
         self._systems = (
             {
@@ -61,18 +63,16 @@ class Machine:
         for name, slope in zip(self.folds, slopes, strict=True):
             system = ca.vertcat(g, jacobian @ tangent, ca.dot(slope, tangent), stretched)
             self._systems[name] = ([ca.vertcat(z, tangent), normal], system)
-        self._p, self._newton = p, {}
+        self._p, self._newton_step = p, once(self._made_newton_step)
 
-    def _newton_step(self, kind):
-        """One Newton step on the system of an event, made when it is first needed."""
+    def _made_newton_step(self, kind):
+        """One Newton step on the system of an event."""
         import casadi as ca
 
-        if kind not in self._newton:
-            (x, *normal), system = self._systems[kind]
-            new = x - ca.solve(ca.jacobian(system, x), system)
-            step = ca.vertcat(new, ca.norm_2((new - x) / (1 + ca.fabs(new))))
-            self._newton[kind] = _Fast("newton", [x, *normal, self._p], step, compiled=True)
-        return self._newton[kind]
+        (x, *normal), system = self._systems[kind]
+        new = x - ca.solve(ca.jacobian(system, x), system)
+        step = ca.vertcat(new, ca.norm_2((new - x) / (1 + ca.fabs(new))))
+        return _fast("newton", [x, *normal, self._p], step, compiled=True)
 
     def advance(self, before, here, step, p):
         """The point `step` beyond `here`, and the figures by which it is judged."""
@@ -148,23 +148,34 @@ class Point:
         return self.data[self.m : 2 * self.m]
 
 
-class _Fast:
+def _fast(name, inputs, output, compiled=False):
+    """Such a function of CasADi expressions, compiled where wanted and where that is possible."""
+    import casadi as ca
+
+    function, code = ca.Function(name, inputs, [ca.densify(output)]), None
+    if compiled:
+        generator = ca.CodeGenerator("step.c")
+        generator.add(function)
+        try:
+            code = library(generator.dump())[name]
+        except CompilerError:
+            return _Fast(function, None)
+        code.argtypes = [ctypes.c_void_p] * 4 + [ctypes.c_int]
+    return _Fast(function, code)
+
+
+class _Fast(threading.local):
     """A function of vectors with one vector as its result, called in about a microsecond.
 
     It reads and writes fixed arrays, compiled or, without a compiler, on CasADi's machine; an
-    ordinary call of a CasADi function takes 20 us.
+    ordinary call of a CasADi function takes 20 us.  Each thread has its own arrays: `__init__`
+    runs in each when it first comes here.
     """
 
-    def __init__(self, name, inputs, output, compiled=False):
-        import casadi as ca
-
-        function = ca.Function(name, inputs, [ca.densify(output)])
+    def __init__(self, function, code) -> None:
         self.arguments = [np.zeros(max(function.numel_in(i), 1)) for i in range(function.n_in())]
         self.result = np.zeros(function.numel_out(0))
-        try:
-            self._call = self._compiled(function) if compiled else self._interpreted(function)
-        except CompilerError:
-            self._call = self._interpreted(function)
+        self._call = self._compiled(function, code) if code else self._interpreted(function)
 
     def _interpreted(self, function):
         self._buffer, call = function.buffer()  # kept: the process dies without it
@@ -173,13 +184,7 @@ class _Fast:
         self._buffer.set_res(0, memoryview(self.result))
         return call
 
-    def _compiled(self, function):
-        import casadi as ca
-
-        generator = ca.CodeGenerator("step.c")
-        generator.add(function)
-        call = library(generator.dump())[function.name()]
-        call.argtypes = [ctypes.c_void_p] * 4 + [ctypes.c_int]
+    def _compiled(self, function, code):
         addresses = [x.ctypes.data for x in self.arguments]
         self._arguments = (ctypes.c_void_p * len(addresses))(*addresses)
         self._results = (ctypes.c_void_p * 1)(self.result.ctypes.data)
@@ -191,7 +196,7 @@ class _Fast:
             self._work[0].ctypes.data,
             0,
         )
-        return lambda: call(*given)
+        return lambda: code(*given)
 
     def __call__(self, *values):
         """The result, in an array that the next call overwrites."""

@@ -12,25 +12,26 @@ metamaterials".
 from __future__ import annotations
 
 import math
-from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+from tensegrity.once import once
+from tensegrity.potential import Potential
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import ArrayLike
 
-    from tensegrity.potential import Potential
     from tensegrity.typing import Array
 
 
 def sound_speed(spring: Potential, mass: float = 1.0) -> float:
     """sqrt(V''(0)/m), in sites per second; 0 in a sonic vacuum."""
+    check.kind("spring", spring, Potential)
     mass = check.number("mass", mass, above=0, unit="kg")
     stiffness = float(spring.stiffness(0.0))
     if stiffness < 0:
@@ -55,7 +56,8 @@ def sech2(spring: Potential, speed_ratio: float, x: ArrayLike) -> Array:
         r = (V''/V''') (gamma/2)^2 sech^2(gamma x/2) [m], gamma^2 = 24 (c - cs)/cs; negative
         (compression) where the spring stiffens in compression, V''' < 0.  Error O(gamma^4).
     """
-    ratio = check.number("speed_ratio", speed_ratio)
+    check.kind("spring", spring, Potential)
+    x, ratio = _places(x), check.number("speed_ratio", speed_ratio)
     if ratio <= 1:
         raise TensegrityError(f"speed_ratio {ratio:g} must be above 1")
     stiffness, slope = float(spring.stiffness(0.0)), float(spring.stiffness_slope(0.0))
@@ -65,18 +67,26 @@ def sech2(spring: Potential, speed_ratio: float, x: ArrayLike) -> Array:
             f"V''' = {slope:g} N/m^2 not 0"
         )
     with np.errstate(over="ignore"):  # far away cosh is infinite and the wave 0
-        return _sech2()(stiffness, slope, ratio, np.asarray(x, dtype=float))
+        return _sech2()(stiffness, slope, ratio, x)
 
 
 def tent(spring: Potential, x: ArrayLike) -> Array:
     """Elongation [m] of the wave that reaches the locking stroke: -d (1 - |x|) for |x| < 1."""
-    stroke = -spring.domain[0]
+    check.kind("spring", spring, Potential)
+    x, stroke = _places(x), -spring.domain[0]
     if math.isinf(stroke):
         raise TensegrityError("no tent: the spring has no locking stroke (its domain is open)")
-    return _tent()(stroke, np.asarray(x, dtype=float))
+    return _tent()(stroke, x)
 
 
-@cache
+def _places(x: ArrayLike) -> Array:
+    x = check.floats("x", x)
+    if np.isnan(x).any():
+        raise TensegrityError("x nan sites is not a number")
+    return x
+
+
+@once
 def _sech2() -> Callable[..., Array]:
     """Elongation as a function of stiffness, its slope, c/cs and x."""
     import sympy as sp
@@ -91,7 +101,7 @@ def _sech2() -> Callable[..., Array]:
     return sp.lambdify(symbols, elongation, modules="numpy")
 
 
-@cache
+@once
 def _tent() -> Callable[..., Array]:
     """Elongation as a function of the locking stroke and x."""
     import sympy as sp

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity import check
-from tensegrity.ensemble import Ensemble
 from tensegrity.errors import TensegrityError
 from tensegrity.lattice import Chain
 from tensegrity.run import Run
@@ -74,7 +73,7 @@ def beyond(run: Run, bond: int) -> Budget:
     if not isinstance(run, Run):
         raise TensegrityError(f"run is {type(run).__name__}, not a Run")
     chain = run.scene
-    if not isinstance(chain, Chain) or isinstance(chain, Ensemble):
+    if not isinstance(chain, Chain):
         raise TensegrityError(f"the scene of the run is {type(chain).__name__}, not a Chain")
     bond = check.whole("bond", bond, least=0)
     if bond > chain.sites - 2:

@@ -1,25 +1,31 @@
-"""Checks of what a user hands in; a failed one says which quantity, its value and its bound."""
+"""Checks of what a user hands in; a failed one says which quantity, its value and its bound.
+
+A number is what Python's and NumPy's real numbers are: not a truth value, not text, not complex.
+"""
 
 from __future__ import annotations
 
 import math
+import os
+import sys
+from numbers import Integral, Real
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from tensegrity.errors import TensegrityError
 
 if TYPE_CHECKING:
     from typing import Any
 
-    from numpy.typing import ArrayLike
-
-    from tensegrity.typing import Array
+LONGEST = 80  # characters of a value that a message shows
 
 
 def number(
     name: str,
-    value: Any,
+    value: object,
     *,
     above: float | None = None,
     least: float | None = None,
@@ -27,47 +33,151 @@ def number(
     unit: str = "",
 ) -> float:
     """`value` as a float, if it is one number within its bounds."""
+    value = _scalar(value)
+    if not (_is(value, Real) or _is_symbolic_constant(value)):
+        raise TensegrityError(f"{name} {shown(value)} is not a number")
     try:
         value = float(value)
-    except (TypeError, ValueError):
-        raise TensegrityError(f"{name} {value!r} is not a number") from None
-    shown = f"{name} {value:g}{unit and ' ' + unit}"
+    except OverflowError:
+        raise TensegrityError(f"{name} must be within {sys.float_info.max:g} in size") from None
+    words = f"{name} {value:g}{unit and ' ' + unit}"
     if math.isnan(value) or (finite and math.isinf(value)):
-        raise TensegrityError(f"{shown} is not {'finite' if finite else 'a number'}")
+        raise TensegrityError(f"{words} is not {'finite' if finite else 'a number'}")
     if above is not None and not value > above:
-        raise TensegrityError(f"{shown} must be above {above:g}")
+        raise TensegrityError(f"{words} must be above {above:g}")
     if least is not None and not value >= least:
-        raise TensegrityError(f"{shown} must be at least {least:g}")
+        raise TensegrityError(f"{words} must be at least {least:g}")
     return value
 
 
 def whole(name: str, value: object, *, least: int) -> int:
     """`value` as an int, if it is a whole number not below `least`."""
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
-        raise TensegrityError(f"{name} {value!r} is not a whole number")
+    value = _scalar(value)
+    if not _is(value, Integral):
+        raise TensegrityError(f"{name} {shown(value)} is not a whole number")
     if value < least:
-        raise TensegrityError(f"{name} {value} must be at least {least}")
+        raise TensegrityError(f"{name} {shown(value)} must be at least {least}")
+    if value > sys.maxsize:
+        raise TensegrityError(f"{name} must be at most {sys.maxsize}")
     return int(value)
 
 
-def vector(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
-    """A state array as the compiled loop takes it: float64, C-contiguous, finite.
+def truth(name: str, value: object) -> bool:
+    """`value` as a bool, if it is True or False."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise TensegrityError(f"{name} {shown(value)} must be True or False")
+    return bool(value)
 
-    Sequences are converted; an array of another type or layout is refused, because a
-    silent copy would hide that the loop does not work on the caller's memory.
+
+def kind(name: str, value: object, wanted: type, words: str = "") -> None:
+    """Refuse what is not of the wanted class; `words` say where one comes from."""
+    if not isinstance(value, wanted):
+        article = "an" if wanted.__name__[0] in "AEIOU" else "a"
+        raise TensegrityError(f"{name} {shown(value)} is not {article} {wanted.__name__}{words}")
+
+
+def floats(name: str, value: ArrayLike) -> NDArray[np.float64]:
+    """Numbers as an array of float64, C-contiguous, of any shape.
+
+    Integers, other floats, views and sequences are converted; an array that is already right is
+    returned itself.  Complex numbers, truth values, text and objects are refused.
     """
-    if not isinstance(value, np.ndarray):
-        try:
-            value = np.array(value, dtype=float)
-        except (TypeError, ValueError):
-            raise TensegrityError(f"{name} is not an array of numbers") from None
-    if value.dtype != np.float64:
-        raise TensegrityError(f"{name} has dtype {value.dtype}, must be float64")
+    if isinstance(value, np.ndarray):
+        if value.dtype.kind not in "iuf":
+            raise TensegrityError(f"{name} has dtype {value.dtype}, must be real numbers")
+    elif type(value) is not float:
+        value = _array(name, value)
+    with np.errstate(over="ignore"):  # a long double may be inf as a float64
+        return np.require(value, np.float64, ("C", "A", "E"))
+
+
+def vector(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """A state array as the compiled loop takes it: float64, C-contiguous, finite, of that shape.
+
+    Converted as by `floats`; not copied where it is right already.
+    """
+    value = floats(name, value)
     if value.shape != shape:
         raise TensegrityError(f"{name} has shape {value.shape}, must be {shape}")
-    if not value.flags.c_contiguous:
-        raise TensegrityError(f"{name} is not C-contiguous; pass numpy.ascontiguousarray of it")
     if not np.isfinite(value).all():
         where = int(np.flatnonzero(~np.isfinite(value.ravel()))[0])
         raise TensegrityError(f"{name} is {value.ravel()[where]} at index {where}, must be finite")
     return value
+
+
+def rows(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """Numbers for all of something, or for many instants: an array (..., *shape).
+
+    Floating numbers of any precision are kept as they are.
+    """
+    if not isinstance(value, np.ndarray) or value.dtype.kind != "f":
+        value = floats(name, value)
+    if value.shape[max(value.ndim - len(shape), 0) :] != shape:
+        raise TensegrityError(f"{name} of shape {value.shape} must have shape (..., *{shape})")
+    return value
+
+
+def path(name: str, value: object) -> Path:
+    """A path that names something, from text or a path."""
+    if not isinstance(value, (str, os.PathLike)):
+        raise TensegrityError(f"{name} {shown(value)} is not a path")
+    if not Path(value).name or "\0" in str(value):
+        raise TensegrityError(f"{name} {shown(str(value))} names no file")
+    return Path(value)
+
+
+def room(what: str, size: float) -> None:
+    """Refuse what takes more memory than there is, before it is taken; `size` in bytes."""
+    free = free_memory()
+    if size > free:
+        raise TensegrityError(
+            f"{what} would take {size / 1e9:.3g} GB of memory, {free / 1e9:.3g} GB are free"
+        )
+
+
+def free_memory() -> int:
+    """Memory that can be had without swapping [bytes]."""
+    try:
+        lines = Path("/proc/meminfo").read_text().splitlines()
+        return next(int(x.split()[1]) * 1024 for x in lines if x.startswith("MemAvailable"))
+    except (OSError, StopIteration):
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+
+
+def shown(value: object) -> str:
+    """`repr` of any value, shortened."""
+    try:
+        text = repr(value)
+    except ValueError:  # an int of thousands of digits
+        text = f"of type {type(value).__name__}"
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
+
+
+def _scalar(value: Any) -> Any:
+    """What an array without dimensions holds; anything else as it is."""
+    return value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value
+
+
+def _is(value: object, tower: type) -> bool:
+    return isinstance(value, tower) and not isinstance(value, bool)
+
+
+def _is_symbolic_constant(value: object) -> bool:
+    """Whether a SymPy expression is a real number, such as pi/6."""
+    return all(getattr(value, name, False) is True for name in ("is_number", "is_extended_real"))
+
+
+def _array(name: str, value: Any) -> Any:
+    try:
+        array = np.array(value)
+        if array.dtype.kind in "iuf" and not _has_truth(value):
+            return array
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise TensegrityError(f"{name} {shown(value)} is not made of numbers")
+
+
+def _has_truth(value: Any) -> bool:
+    """Whether a nested sequence holds truth values, which NumPy would take for 0 and 1."""
+    flat = np.array(value, dtype=object).ravel()
+    return not {bool, np.bool_}.isdisjoint(map(type, flat))

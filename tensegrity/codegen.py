@@ -2,7 +2,7 @@
 
 A `Law` is a scalar energy of one elongation with named parameters.  CasADi differentiates it
 (unless the law brings its own form of the tension) and writes the C; the text is used as
-CasADi writes it, between `prelude.c` and `chain.c`.  A law may also be made of CasADi
+CasADi writes it, between `prelude.c` and the text of a loop.  A law may also be made of CasADi
 expressions from the start: what is asked of it is a hash, `parameters`, `forms()`, and `split`
 and `compiled` as in `Law`.
 """
@@ -14,7 +14,10 @@ from functools import cache
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from tensegrity.errors import TensegrityError
+from tensegrity.once import once
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -156,7 +159,7 @@ def check_law(law: Law) -> None:
         raise TensegrityError(f"energy {law.energy} cannot be translated: {error}") from error
 
 
-@cache
+@once
 def functions(law: Any) -> Any:
     """CasADi functions of a law.
 
@@ -180,6 +183,15 @@ def functions(law: Any) -> Any:
     result["head"] = ca.Function("head", [r, p], [head])
     result["tail"] = ca.Function("tail", [r, h, p], [tail])
     return result
+
+
+def evaluate(law, order, parameters, r):
+    """The order-th derivative of a law on CasADi's machine; see `Compiled.evaluate`."""
+    function = functions(law)[DERIVATIVES[order]]
+    p = np.asarray(parameters, dtype=float)[: len(law.parameters)]
+    if p.ndim == 2 and r.size:
+        p = np.tile(p, r.size // r.shape[-1])
+    return np.array(function(r.reshape(1, -1), p.reshape(len(p), -1))).reshape(r.shape)
 
 
 @cache
@@ -247,19 +259,24 @@ def _split_at_root(tension, r, h, p):
     return (roots[0] if roots else ca.SX(0)), tail
 
 
-def c_text(laws, loop=("chain.c", "nystrom.c"), helpers=()):
+def c_text(laws, loop="line", own=None, helpers=()):
     """C source of a loop over bonds of the given laws, numbered in their order.
 
     Parameters
     ----------
     laws : sequence of Law
-    loop : sequence of str
-        Files of the loop.
+    loop : str
+        "line" or "net": the files `<loop>.h`, `<loop>_law.c`, once for each kind of run, and
+        `<loop>.c`.
+    own : sequence of (tuple of int or None), optional
+        For each law the numbers of the parameters that bonds of a run may each have their own of;
+        None where no run has bonds that the loop tells apart.
     helpers : sequence of (casadi.Function, str)
         What the loop needs besides, and the C by which it is called.
     """
     import casadi as ca
 
+    own = own or (None,) * len(laws)
     generator = ca.CodeGenerator("laws.c")
     hooks = []
     for number, law in enumerate(laws):
@@ -274,30 +291,62 @@ def c_text(laws, loop=("chain.c", "nystrom.c"), helpers=()):
                 f"static inline real {name}_{number}({takes}) {{ real y; const real *arg[] = "
                 f"{{{gives}}}; real *res[] = {{&y}}; {unique}(arg, res, 0, 0, 0); return y; }}"
             )
+        if own[number] is not None:
+            hooks.append(_take(number, len(law.parameters), own[number]))
     for function, hook in helpers:
         generator.add(function)
         hooks.append(hook)
-    listed = " ".join(f"X({number})" for number in range(len(laws)))
-    lengths = " ".join(
-        f"X({number}, {'LONG' if functions(law)['tail'].n_instructions() > LONG else 'SHORT'})"
-        for number, law in enumerate(laws)
-    )
+    runs = [(number, kind) for number, law in enumerate(laws) for kind in kinds(law, own[number])]
     evaluations = " ".join(
         f"X({number}, {DERIVATIVES.index(name)}, {name})"
         for number, law in enumerate(laws)
         for name in law.compiled
     )
-    count = max((len(law.parameters) for law in laws), default=0)
-    here = files(__package__)
-    return "\n".join(
-        [
-            here.joinpath("prelude.c").read_text(),
-            generator.dump(),
-            *hooks,
-            f"#define PARAMETERS {count}",
-            f"#define LAWS(X) {listed}",
-            f"#define LENGTHS(X) {lengths}",
-            f"#define EVALUATIONS(X) {evaluations}",
-            *(here.joinpath(name).read_text() for name in loop),
+    parts = ["prelude.c", generator.dump(), *hooks]
+    parts += [
+        f"#define PARAMETERS {max((len(law.parameters) for law in laws), default=0)}",
+        f"#define RUNS(X) {' '.join(f'X({number}, {kind})' for number, kind in runs)}",
+        f"#define EVALUATIONS(X) {evaluations}",
+        f"{loop}.h",
+    ]
+    for number, kind in runs:
+        parts += [
+            f"#define K {number}",
+            f"#define OWNED {kind}",
+            f"#define IS_LONG {int(is_long(laws[number]))}",
+            f"{loop}_law.c",
+            "#undef K",
+            "#undef OWNED",
+            "#undef IS_LONG",
         ]
+    parts += [f"{loop}.c", "steps.c", "evaluate.c"]
+    return "\n".join(_file(part) if part.endswith((".c", ".h")) else part for part in parts)
+
+
+def _file(name):
+    """The text of a file of the loop, such that messages and profiles name its lines."""
+    return f'#line 1 "{name}"\n{files(__package__).joinpath(name).read_text()}'
+
+
+def is_long(law):
+    """Whether a law is compiled apart from the loop, once."""
+    return functions(law)["tail"].n_instructions() > LONG
+
+
+def kinds(law, own):
+    """Kinds of runs compiled for a law: 0 where bonds share all parameters, 1 where not."""
+    if own is None:
+        return (0,)
+    return (1,) if is_long(law) else (0, 1)
+
+
+def _take(number, count, own):
+    """C that gathers the parameters of bond q of a run, those of its own from columns of `all`."""
+    each = " ".join(
+        f"p[{k}] = own[{own.index(k)} * all + q];" if k in own else f"p[{k}] = shared[{k}];"
+        for k in range(count)
+    )
+    return (
+        f"static inline void take_{number}(real *p, const real *restrict shared, "
+        f"const real *restrict own, integer all, integer q) {{ {each} }}"
     )

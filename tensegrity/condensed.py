@@ -10,16 +10,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tensegrity import check
 from tensegrity.codegen import deflated, horner, to_casadi
 from tensegrity.continuation import Problem, Settings, trace
 from tensegrity.errors import EquilibriumError, RangeError, TensegrityError
 from tensegrity.kernel import kernel
-from tensegrity.potential import Potential
+from tensegrity.once import once
+from tensegrity.potential import Potential, call
 
 if TYPE_CHECKING:
     from collections.abc import Hashable, Sequence
@@ -40,7 +42,7 @@ SAMPLES = 512  # elongations at which that is tried
 HALVINGS = 8  # of the part of the domain on which it is tried
 
 
-@cache
+@once
 def _forms(rigid_base):
     """What `derivations.mixed` gives, as CasADi expressions of unknowns z and parameters p."""
     import casadi as ca
@@ -64,7 +66,7 @@ def _forms(rigid_base):
     return z, p, found | {"half_turn": unknowns[2], "rise": unknowns[3]}
 
 
-@cache
+@once
 def problem(rigid_base: bool = False) -> Problem:
     """Equilibria of a prism as a branch, parametrised by the rise h - h0.
 
@@ -117,7 +119,7 @@ def numbers(prism: Members, height: float = -1.0, load: float = math.inf) -> lis
     ]
 
 
-@cache
+@once
 def _tangent(rigid_base):
     """Symmetric tangent of the energy in (base, twist, bar tension, height).
 
@@ -165,7 +167,7 @@ def stable(z: Array, p: Sequence[float], rigid_base: bool) -> tuple[Flags, Flags
     return only_multiplier(matrices), only_multiplier(matrices[:, :-1, :-1])
 
 
-@cache
+@once
 def _inner(rigid_base):
     """Newton step at given height, and energy with its derivatives in the height."""
     import casadi as ca
@@ -242,7 +244,7 @@ class ElasticLaw:
         )  # fmt: skip
 
 
-@cache
+@once
 def _unknowns(law):
     import casadi as ca
 
@@ -273,6 +275,7 @@ class ElasticPotential(Potential):
     def __init__(self, prism: Members, preload: float = 0.0) -> None:
         self._key_of = (prism, preload)
         self._prism, self._preload = prism, preload
+        self._origin = call(f"{prism}.potential", preload=preload)
         self._rigid_base = math.isinf(prism.k_base)
         self._p = numbers(prism)
         self._at_rest = self._loaded() if preload else self._zero()
@@ -322,7 +325,7 @@ class ElasticPotential(Potential):
         return z[:, -1], np.arcsinh(z), tangents[:, :-1] / tangents[:, -1:], end
 
     @property
-    def _law(self) -> ElasticLaw:  # type: ignore[override]
+    def _law(self) -> ElasticLaw:
         if self._in_loop[0] is None:
             raise EquilibriumError(
                 f"the compiled loop finds no equilibria of {self._prism} about its length "
@@ -331,7 +334,7 @@ class ElasticPotential(Potential):
         return self._in_loop[0]
 
     @property
-    def _values(self) -> Array:  # type: ignore[override]
+    def _values(self) -> Array:
         return self._in_loop[1]
 
     @property
@@ -433,7 +436,7 @@ class ElasticPotential(Potential):
         return np.column_stack([np.sinh(z), rise])
 
     def _evaluate(self, order: int, r: ArrayLike, closed: bool = False) -> Array:
-        r = np.asarray(r, dtype=float)
+        r = check.floats("elongation", r)
         if np.isnan(r).any():
             raise TensegrityError("elongation nan m is not a number")
         low, high = self._domain

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,6 +24,7 @@ from tensegrity import check
 from tensegrity.arclength import TINY, Machine, virtual_start
 from tensegrity.errors import TensegrityError
 from tensegrity.events import leave_start, located
+from tensegrity.once import once
 from tensegrity.table import Event, Table
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ class Problem:
     z: Any
     p: Any
     residual: Any
-    scale: Any = None
+    scale: tuple[float, ...] | None = None
     size: Any = None
     roots: dict[str, Any] = field(default_factory=dict)
     folds: Any = None
@@ -95,9 +95,11 @@ class Problem:
         if self.folds is None:
             object.__setattr__(self, "folds", {"fold": self.z[m - 1]})
 
-    @cached_property
+        object.__setattr__(self, "_made", once(lambda: Machine(self)))
+
+    @property
     def _machine(self):
-        return Machine(self)
+        return self._made()
 
 
 @dataclass(frozen=True)
@@ -199,6 +201,7 @@ def trace(
     -------
     Branch
         It ends at the first event in `stop`; simple bifurcations on the way are events too.
+        Threads may trace the same problem at once.
 
     Raises
     ------

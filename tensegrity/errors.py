@@ -53,3 +53,12 @@ class ResolutionError(TensegrityError):
 
 class EquilibriumError(TensegrityError):
     """No equilibrium state carries the load that was asked for."""
+
+
+class RecordError(TensegrityError):
+    """A row or a state could not be written; what was written before is whole.
+
+    Raised by a run, it carries the recorded part in `run` (None elsewhere).
+    """
+
+    run = None

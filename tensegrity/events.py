@@ -73,22 +73,28 @@ def _between(before, here, part):
 
 def _locate(machine, before, here, index, sign, p):
     """The point where event function number `index` vanishes between two points."""
-    low, high = (0.0, before.tests[index] or sign * ROOT_AT_START), (1.0, here.tests[index])
+    low = 0.0, before.tests[index] or sign * ROOT_AT_START, before.z
+    high = 1.0, here.tests[index], here.z
     kind = machine.kinds[index]
     for _ in range(BISECTIONS):
         part = low[0] + (high[0] - low[0]) * low[1] / (low[1] - high[1])
         guess, tangent = _between(before, here, part)
         z = machine.polish(kind, guess, tangent, p)
-        near = (high[0] - low[0]) * here.length + 1e-12
-        if z is not None and np.linalg.norm(z - guess) <= near:
+        if z is not None and _between_ends(z, low[2], high[2]):
             return machine.exactly_at(z, tangent, p)
         part = (low[0] + high[0]) / 2
         middle = machine.at(*_between(before, here, part), p)
         if middle.tests[index] * sign > 0:
-            low = part, middle.tests[index]
+            low = part, middle.tests[index], middle.z
         else:
-            high = part, middle.tests[index]
+            high = part, middle.tests[index], middle.z
     return middle
+
+
+def _between_ends(z, low, high):
+    """Whether z is no farther from either end than they are apart: else it is another root."""
+    apart = np.linalg.norm(high - low) + 1e-12
+    return np.linalg.norm(z - low) <= apart and np.linalg.norm(z - high) <= apart
 
 
 def _chord(before, z):

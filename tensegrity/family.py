@@ -7,12 +7,14 @@ one is near what is asked; that one is then solved to round-off.
 
 from __future__ import annotations
 
+import contextlib
 import math
 from functools import cached_property
 
 import numpy as np
 
 from tensegrity.errors import ResolutionError, TensegrityError
+from tensegrity.excess import excess
 from tensegrity.travelling import (
     Grid,
     NoWave,
@@ -27,8 +29,12 @@ from tensegrity.travelling import (
 
 SIGNS = {"compression": -1, "rarefaction": 1}  # of the elongation
 TARGET, LARGEST = 2e-13, 1e-12  # residual aimed at, and the largest that is returned
-HUGE = 1e70  # forces, energies whose cubes are still numbers
-NOT_SMALL = 1e-3  # relative excess from which differences of tensions are taken
+LEAST = 2.0**-52  # of the scale of a spring: a crest whose wave is no faster than sound
+LEAST_OF_END = 2.0**-30  # of the domain where the spring has no scale
+MOST_BINADES = 1023
+SMALLEST = np.finfo(float).tiny  # number that keeps all its digits
+PER_BINADE = 6  # sizes in the table
+TINY = 2.0**-1000  # m: smallest size in the table of a spring without a scale
 ROUGH = 1e-4  # residual, and Newton's last step, while a wave is sought
 FIRST_POINTS, MOST_POINTS = 192, 32768
 ROUGH_TAIL, TAIL = 1e-8, 1e-17  # of the crest, expected at the end of the grid
@@ -41,6 +47,7 @@ FRONT = 1 - 1e-6  # part of the size of a front
 STROKE = 0.9995  # part of the stroke to the end of the domain that a wave is looked for in
 CLOSE = 0.03  # relative distance from which Newton's method is trusted to reach the target
 SEARCHES = 60
+NARROW = 5e-3  # step in `Coordinate` at which the last wave of a family is told
 NODES = 6  # waves, the stroke left halved from one to the next, from which a limit is taken
 FACTOR = 4.0  # largest change of amplitude/(stroke left) in a step of the search
 
@@ -48,64 +55,64 @@ FACTOR = 4.0  # largest change of amplitude/(stroke left) in a step of the searc
 class Family:
     """The waves of one sign: a family, ordered by the size a > 0 [m] of the crest's elongation."""
 
-    def __init__(self, potential, sign):
+    def __init__(self, potential, sign) -> None:
         self.potential, self.sign = potential, sign
         self.name = next(name for name, s in SIGNS.items() if s == sign)
         self.end = sign * potential.domain[int(sign > 0)]
-        self.rest = float(potential.stiffness(0.0))
-        self.sizes, self.tension, self.energy, self.stiffness = self._table()
-        self.largest = self.sizes[-1]
-        self.excess, self.long_wave = self._excess()
+        self._excess = excess(potential)
+        self.rest = self._excess.rest
+        self.sizes, self.gain, self.energy, self.stiffness = self._table()
+        self.secant = self.rest + self.gain  # |V'|/a
+        self.long_wave = self._long_wave()
         self._check_existence()
 
     def _table(self):
-        """Sizes up to the end of the domain, |V'|, V and V'' there, while the spring resists and
-        all is finite; (4, n)."""
+        """Sizes a up to the end of the domain, |V'|/a - V''(0), V - V''(0) a^2/2 and V'' there,
+        while the spring resists and all is finite; (4, n)."""
+        scale = min(self._excess.scale, self.end)
+        least = (LEAST if math.isfinite(self._excess.scale) else LEAST_OF_END) * scale
         if math.isinf(self.end):
-            sizes = np.logspace(-15, 9, 481)
+            first = math.log2(TINY) if math.isinf(least) else math.log2(least)
+            sizes = 2.0 ** (np.arange(PER_BINADE * (MOST_BINADES - first)) / PER_BINADE + first)
         else:
-            near, far = np.logspace(-9, -1, 161), 1 - np.logspace(0, math.log10(1 - STROKE), 161)
-            sizes = self.end * np.sort(np.concatenate([near, far[far > 0.1]]))
+            near = 2.0 ** -(np.arange(4, -math.log2(least / self.end), 1 / PER_BINADE))
+            far = 1 - np.logspace(0, math.log10(1 - STROKE), 161)
+            sizes = self.end * np.sort(np.concatenate([near, far[far > 1 / 16]]))
         r = self.sign * sizes
         with np.errstate(all="ignore"):
-            rows = [sizes, self.sign * self.potential.tension(r), self.potential.energy(r)]
-            rows = np.array([*rows, self.potential.stiffness(r)])
-            good = (np.abs(rows) < HUGE).all(axis=0) & (rows[1] > 0)
-        rows = rows[:, : len(sizes) if good.all() else int(np.argmin(good))]
+            gain = self._excess.tension(r) / r
+            rows = np.array([sizes, gain, self._excess.energy(r), self.potential.stiffness(r)])
+            energy = (self.rest + gain) * sizes**2
+            good = np.isfinite(rows).all(axis=0) & np.isfinite(energy) & (energy > SMALLEST)
+        # without a scale the energies of the smallest crests underflow
+        first = 0 if math.isfinite(self._excess.scale) else int(np.argmax(good))
+        good = good[first:]
+        rows = rows[:, first:][:, : len(good) if good.all() else int(np.argmin(good))]
         if rows.shape[1] < 2:
             raise TensegrityError(
                 f"no solitary wave of {self.name}: this spring does not resist {self.name}"
             )
         return rows
 
-    def _excess(self):
-        """|V'| - V''(0) a [N], and m c^2 - V''(0) [N/m] of the long-wave equation, at `sizes` a.
+    def _long_wave(self):
+        """m c^2 - V''(0) [N/m] of the long-wave equation, at `sizes` a.
 
         The equation m c^2 r = T + T''/12, T = V'(r), has the integral
-        T'^2/24 = m c^2 (r T - V) - T^2/2, which vanishes at the crest.  For small waves the
-        excess over the linear law comes from V'' - V''(0): a plain difference would be round-off.
+        T'^2/24 = m c^2 (r T - V) - T^2/2, which vanishes at the crest.
         """
-        from scipy.integrate import cumulative_trapezoid
-
-        a, rest = self.sizes, self.rest
-        gain = self.stiffness - rest
-
-        def extra(direct, integrand, linear):
-            integral = cumulative_trapezoid(integrand, a, initial=0) + integrand[0] * a[0] / 2
-            return np.where(np.abs(integral) > NOT_SMALL * linear, direct, integral)
-
-        first = extra(self.tension - rest * a, gain, rest * a)
-        second = extra(a * self.tension - self.energy - rest * a**2 / 2, a * gain, rest * a**2 / 2)
-        twice = rest * a**2 + 2 * second  # 2 (r T - V): not positive where the spring gives way
-        excess = 2 * rest * (a * first - second) + first**2
-        good = (twice > 0) & (first > 0)
-        return first, np.where(good, excess / np.where(good, twice, 1.0), -rest)
+        unit = self.rest + np.abs(self.gain)
+        gain, rest = self.gain / unit, self.rest / unit
+        energy = 2 * self.energy / self.sizes / self.sizes / unit
+        twice = rest + 2 * gain - energy  # 2 (r T - V)/a^2: not positive where the spring gives way
+        good = (twice > 0) & (gain > 0)
+        above = (rest * energy + gain**2) / np.where(good, twice, 1.0)
+        return np.where(good, above * unit, -self.rest)
 
     def _check_existence(self):
         """A wave needs V'(r)/r > V''(0) at its crest: m c^2 |r| = |K V'| is at most max |V'| there,
         and c > cs for a tail that decays."""
-        secant = self.rest + self.excess / self.sizes
-        grows = secant.max() > secant[0] * (1 + 1e-9)
+        secant = self.secant
+        grows = self.gain.max() > 1e-9 * self.rest and secant.max() > secant[0] * (1 + 1e-9)
         if not (grows and self.long_wave.max() > 1e-9 * self.rest):
             raise TensegrityError(
                 f"no solitary wave of {self.name}: V'(r)/r does not rise above its value at rest, "
@@ -118,12 +125,29 @@ class Family:
         """|V'| [N] as a function of the size, interpolated in logarithms; positive."""
         from scipy.interpolate import CubicHermiteSpline
 
-        slope = self.sizes * self.stiffness / self.tension
-        spline = CubicHermiteSpline(np.log(self.sizes), np.log(self.tension), slope)
-        return lambda size: np.exp(spline(np.log(np.maximum(size, self.sizes[0]))))
+        a = self.sizes
+        slope = self.stiffness / self.secant
+        spline = CubicHermiteSpline(np.log(a), np.log(self.secant) + np.log(a), slope)
+
+        def tension(size):
+            place = np.log(np.maximum(size, SMALLEST))
+            inside = np.maximum(place, spline.x[0])
+            return np.exp(spline(inside) + slope[0] * (place - inside))
+
+        return tension
+
+    def _rise(self, size):
+        """m c^2 - V''(0) [N/m] of the long-wave equation; not positive where there is no wave."""
+        return float(np.interp(math.log(size), np.log(self.sizes), self.long_wave))
 
     def wave(self, size):
         """The wave of that size, roughly resolved."""
+        if size < self.sizes[0]:
+            why = "its speed would be that of sound" if self.rest else "its energy would be 0"
+            raise NoWave(
+                f"crest {self.sign * size:g} m must be at least {self.sizes[0]:g} m in size: {why} "
+                "to round-off"
+            )
         if size >= self.front[0]:
             raise NoWave(
                 f"crest {self.sign * size:g} m must be below {self.front[0]:g} m in size: the "
@@ -131,28 +155,27 @@ class Family:
                 "and endless"
             )
         law = Scaled(self.potential, self.sign * size)
-        above = np.interp(math.log(size), np.log(self.sizes), self.long_wave)
-        mu = law.rest + above * law.reference / law.force
+        nu = self._rise(size) / law.secant
         points, length = FIRST_POINTS, 0.0
         while points <= MOST_POINTS:
-            if not mu > law.rest:
+            if not nu > 0:
                 raise NoWave(
                     f"no solitary wave of {self.name} with a crest of {self.sign * size:g} m: it "
                     "would be slower than sound"
                 )
-            needed = _half_length(mu / law.rest if law.rest > 0 else math.inf, ROUGH_TAIL)
+            needed = _half_length(law, nu, ROUGH_TAIL)
             if needed > 1.2 * length:
                 length, decay = needed, -math.log(ROUGH_TAIL) / (needed - CORE)
-                profile = started(law, Grid(points, length), min(decay, 2.5), self._rough(size))
+                profile = started(law, Grid(points, length), min(decay, 2.5), self._rough(size), nu)
             else:
                 profile = profile.on(Grid(points, length))
             profile = solved(profile, amplitude_is(1.0), ROUGH)
-            mu = profile.mu
+            nu = profile.nu
             if profile.tail > ROUGH and length < LONGEST * needed:
                 length *= 2  # the core is wide, as for a force hardly steeper than linear
-            elif mu > law.rest and profile.tail > NO_TAIL:
+            elif profile.tail > NO_TAIL:
                 raise NoWave(f"no localised wave with a crest of {self.sign * size:g} m")
-            elif mu > law.rest and profile.residual() < ROUGH:
+            elif profile.defect() < ROUGH:
                 return profile
             points *= 2
         raise ResolutionError(
@@ -172,33 +195,52 @@ class Family:
             law = Scaled(self.potential, self.sign * self.end * (1 - part))
             near = self.wave(abs(law.reference))
             profile, _ = refined(near, amplitude_is(1.0))
-            values.append(profile.mu * law.force / law.reference)
+            values.append(profile.mu * law.secant)
         return extrapolated(np.sqrt(left), values)
 
-    def with_stiffness(self, target, mass):
-        """A wave near, and the condition, for m c^2 = target [N/m]."""
+    def with_size(self, size):
+        """A wave near, and the condition, for a crest of that size [m]."""
 
-        def excess(profile):
-            law = profile.law
-            return math.log((profile.mu - law.rest) * law.force / law.reference) - wanted
+        def crest(profile):
+            return abs(profile.law.reference)
 
-        def say(value):
-            return f"speed {math.sqrt(value / mass):.6g} sites/s"
+        def reached(profile):
+            return f"crest {self.sign * crest(profile):.6g} m"
 
-        wanted = math.log(target - self.rest)
-        fast = np.flatnonzero(self.long_wave > target - self.rest)
-        start = self.sizes[fast[0]] if fast.size else self.largest
-        if target >= self.front[1]:
+        if not self.sizes[0] <= size < self.front[0]:
+            self.wave(size)  # says why not
+        profile = self._search(
+            lambda profile: math.log(crest(profile) / size), size,
+            f"crest {self.sign * size:.6g} m", reached,
+        )  # fmt: skip
+        return profile, amplitude_is(size / crest(profile))
+
+    def with_stiffness(self, above, mass):
+        """A wave near, and the condition, for m c^2 - V''(0) = above [N/m]."""
+
+        def say(above):
+            return f"speed {math.sqrt((self.rest + above) / mass):.6g} sites/s"
+
+        if above >= self.front[1]:
             raise TensegrityError(
-                f"{say(target)} must be below {say(self.front[1])}: the spring softens, and as "
+                f"{say(above)} must be below {say(self.front[1])}: the spring softens, and as "
                 f"waves of {self.name} approach that speed their tops grow flat and endless"
             )
 
         def reached(profile):
-            return say(profile.mu * profile.law.force / profile.law.reference)
+            return say(profile.nu * profile.law.secant)
 
-        profile = self._search(excess, start, say(target), reached)
-        return profile, speed_is(target * profile.law.reference / profile.law.force)
+        def excess(profile):
+            return math.log(profile.nu) + math.log(profile.law.secant) - math.log(above)
+
+        start = self._start(self.long_wave > above)
+        profile = self._search(excess, start, say(above), reached)
+        return profile, speed_is(above / profile.law.secant)
+
+    def _start(self, enough):
+        """The first size at which a wave may exist and has enough of something, or the last."""
+        found = np.flatnonzero(enough & (self.long_wave > 0))
+        return self.sizes[found[0]] if found.size else self.sizes[-1]
 
     def with_energy(self, target):
         """A wave near, and the condition, for an energy [J]."""
@@ -209,17 +251,16 @@ class Family:
         def reached(profile):
             return f"energy {joules(profile):.6g} J"
 
-        enough = np.flatnonzero(2 * self.energy > target)
-        start = self.sizes[enough[0]] if enough.size else self.sizes[-1]
+        stored = self.rest * self.sizes**2 / 2 + self.energy
         profile = self._search(
-            lambda profile: math.log(joules(profile) / target), start, f"energy {target:.6g} J",
-            reached,
+            lambda profile: math.log(joules(profile) / target), self._start(2 * stored > target),
+            f"energy {target:.6g} J", reached,
         )  # fmt: skip
         return profile, energy_is(target / (profile.law.reference * profile.law.force))
 
     @cached_property
     def front(self):
-        """Size [m] and m c^2 [N/m] of the front that ends a family, (inf, inf) without one.
+        """Size [m] and m c^2 - V''(0) [N/m] of the front that ends a family, else (inf, inf).
 
         Where a spring softens after it has stiffened the waves grow flat tops, whose ends are
         fronts: between r = 0 and r the forces balance if m c^2 = V'(r)/r, the energy flows if
@@ -233,43 +274,50 @@ class Family:
 
         def surplus(size):
             r = self.sign * size
-            return float(r * self.potential.tension(r) - 2 * self.potential.energy(r))
+            return float(r * self._excess.tension(r) - 2 * self._excess.energy(r))
 
         low, high = self.sizes[[top - 1, top + 1]]
         if not surplus(low) > 0 > surplus(high):
             return math.inf, math.inf
         size = brentq(surplus, low, high, xtol=1e-300, rtol=1e-14)
-        return size, float(self.potential.tension(self.sign * size)) / (self.sign * size)
+        return size, float(self._excess.tension(self.sign * size)) / (self.sign * size)
+
+    @property
+    def _last(self):
+        """Size of the largest wave that is looked for [m]."""
+        return min(self.sizes[-1], FRONT * min(self.end, self.front[0]))
 
     def _search(self, excess, start, asked, reached):
-        """Secant steps in the size until |excess| < CLOSE; excess must rise with the size."""
-        largest, end = self.largest, min(self.end, self.front[0])
-        largest = min(largest, FRONT * end)
-        coordinate = Coordinate(end)
+        """Secant steps in the size until |excess| < CLOSE; excess must rise with the size.
+
+        Where waves end on the way, the last one found is told by `reached`.
+        """
+        largest = self._last
+        coordinate = Coordinate(min(self.end, self.front[0]))
         size, before = min(start, largest), None
-        reason = "the search did not settle"
         low, high = -math.inf, math.inf  # coordinates between which the wave must lie
+        below = above = None  # waves found there
+        reason = "the search did not settle"
         for _ in range(SEARCHES):
             here = coordinate(size)
             try:
                 profile = self.wave(size)
                 gap = excess(profile)
-            except NoWave as error:  # below the threshold of the family
-                profile, gap, reason = None, None, error
+            except (NoWave, ResolutionError) as error:
+                gap, reason = None, error
             if gap is not None and abs(gap) < CLOSE:
                 return profile
-            if gap is None or gap < 0:
-                low = max(low, here)
-                if size == largest:
-                    what = f": {reason}" if gap is None else f" is above {reached(profile)}"
-                    raise TensegrityError(
-                        f"{asked}{what}, that of the wave with a crest of "
-                        f"{self.sign * largest:.6g} m, the largest before the end of the domain "
-                        "or of the family"
-                    )
-            else:
+            if gap is None and below:
                 high = min(high, here)
-            if high - low < 1e-12 * (1 + abs(high)):
+            elif gap is None or gap < 0:
+                low, below = max(low, here), below if gap is None else profile
+            else:
+                high, above = min(high, here), profile
+            if below and (size == largest or (not above and high - low < NARROW)):
+                raise self._beyond(asked, "above", reached, below, "largest")
+            if above and not below and high - low < NARROW:
+                raise self._beyond(asked, "below", reached, above, "smallest")
+            if (gap is None and size == largest) or high - low < 1e-12 * (1 + abs(high)):
                 break
             slope = 1.0
             if before and gap is not None and before[0] != here:
@@ -283,6 +331,17 @@ class Family:
             size = min(coordinate.size(new), largest)
         raise TensegrityError(f"{asked}: no solitary wave of {self.name} found ({reason})")
 
+    def _beyond(self, asked, side, reached, profile, last):
+        """The error for what lies beyond the last wave found on one side."""
+        range_ = f"the {last} found before the end of the domain or of the family"
+        if last == "smallest":
+            with contextlib.suppress(TensegrityError):
+                range_ += f"; its largest has {reached(self.wave(self._last))}"
+        return TensegrityError(
+            f"no solitary wave of {self.name} with {asked}: it is {side} {reached(profile)}, that "
+            f"of the wave with a crest of {profile.law.reference:.6g} m, {range_}"
+        )
+
 
 def extrapolated(x, y):
     """Value at 0 of the polynomial through points (x, y)."""
@@ -294,7 +353,7 @@ def extrapolated(x, y):
 class Coordinate:
     """log(a/(end - a)), or log a where there is no end."""
 
-    def __init__(self, end):
+    def __init__(self, end) -> None:
         self.end = end
 
     def __call__(self, size):
@@ -304,30 +363,30 @@ class Coordinate:
         return math.exp(value) if math.isinf(self.end) else self.end / (1 + math.exp(-value))
 
 
-def _half_length(ratio_squared, tail):
+def _half_length(law, nu, tail):
     """Sites from the crest to where `tail` of it is left."""
-    decay = min(decay_rate(math.sqrt(ratio_squared)), SLOWEST_DECAY)
-    return CORE - math.log(tail) / decay
+    gain = nu / law.rest if law.rest > 0 else math.inf
+    return CORE - math.log(tail) / min(decay_rate(gain), SLOWEST_DECAY)
 
 
 def refined(profile, condition):
     """Solve on longer and finer grids until tail and residual are round-off."""
     law = profile.law
-    length = _half_length(profile.mu / law.rest if law.rest > 0 else math.inf, TAIL)
+    length = _half_length(law, profile.nu, TAIL)
     density = profile.grid.points / profile.grid.half_length
     previous, tail = math.inf, math.inf
     while (points := _even(length * density)) <= MOST_POINTS:
         profile = solved(profile.on(Grid(points, length)), condition)
-        residual = profile.residual()
-        if residual <= TARGET or previous / 4 < residual <= LARGEST:
-            round_off = 4 * np.finfo(float).eps * profile.mu / (profile.mu - law.rest)
+        defect = profile.defect()
+        if defect <= TARGET or previous / 4 < defect <= LARGEST:
+            round_off = 4 * np.finfo(float).eps
             if profile.tail <= TAIL_LEFT + round_off or profile.tail > tail / 2:
-                return profile, residual
+                return profile, profile.residual()
             tail, length = profile.tail, 1.3 * length
         else:
-            previous, density = residual, 2 * density
+            previous, density = defect, 2 * density
     raise ResolutionError(
-        f"residual {residual:.1e} with {profile.grid.points} points must be at most {LARGEST:g}: "
+        f"residual {defect:.1e} with {profile.grid.points} points must be at most {LARGEST:g}: "
         f"the wave with a crest of {law.reference * profile.rho[0]:.9g} m is not resolved"
     )
 

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 from tensegrity import check, methods
 from tensegrity.errors import TensegrityError
-from tensegrity.lattice import Chain
 from tensegrity.march import Problem
 from tensegrity.record import Record
 from tensegrity.run import Run
+from tensegrity.scene import Scene
 from tensegrity.tolerance import ROUND_OFF, default_step, fixed_step, to_tolerance
 
 if TYPE_CHECKING:
@@ -32,15 +32,17 @@ def simulate(
 
     Parameters
     ----------
-    scene : Chain
+    scene : Scene
+        A `Chain`, a `Network`, an `Ensemble`, or what `granular` builds.
     state : State
         Initial displacements [m] and velocities [m/s]; not changed.
     t_end : float
         Duration [s], >= 0.
-    method : str, optional
-        Name of a method, `tensegrity.methods.METHODS`.  By default "rkn6"; "verlet" where `dt`
+    method : str or Method, optional
+        Name of a method, `tensegrity.methods.METHODS`, or a `Splitting` or `Nystrom` of
+        `tensegrity.methods` with rows of your own.  By default "rkn6"; "verlet" where `dt`
         is given or a `tol` above 1e-3; "processed6" where a smaller `tol` is given and no contact
-        of a chain can open.
+        can open.
     dt : float, optional
         Step [s]; the step used is the largest not above it that divides `t_end` evenly.  By
         default a small fraction of the stability limit, at the largest stiffness that any
@@ -64,31 +66,37 @@ def simulate(
         `dt` is beyond the method's stability limit; during a run with `.run`, the part done.
     LockingError
         A spring reached an end of its domain; with `.run`, the part done.
+    RecordError
+        A row or a state could not be written; with `.run`, the part done.
     """
     started = time.perf_counter()
-    if not hasattr(scene, "check"):
+    if not isinstance(scene, Scene):
         raise TensegrityError(f"scene {scene!r} is not a scene, such as a Chain")
     scene.check(state)
     t_end = check.number("t_end", t_end, least=0, unit="s")
+    dt = None if dt is None else check.number("dt", dt, above=0, unit="s")
+    tol = None if tol is None else check.number("tol", tol, least=ROUND_OFF)
     if dt is not None and tol is not None:
         raise TensegrityError(f"dt {dt!r} s and tol {tol!r} exclude each other: give one")
     method = methods.find(_default(scene, dt, tol) if method is None else method)
-    if method.chains_only and not isinstance(scene, Chain):
-        raise TensegrityError(f"method {method.name!r} runs a Chain only")
+    if method.processor is not None and scene.clearance is not None:
+        raise TensegrityError(
+            f"method {method.name!r} runs no scene whose sites have a radius: contacts are looked "
+            "for in the scene's own variables, its steps have others"
+        )
     record = Record() if record is None else record
-    if not isinstance(record, Record):
-        raise TensegrityError(f"record {record!r} is not a Record")
-    record.check(scene.sites)
-    problem = Problem(scene, state, t_end, method, record)
+    check.kind("record", record, Record)
+    record.check(scene.sites, t_end)
+    choice = "dt" if dt is not None else "default" if tol is None else "tol"
+    problem = Problem(scene, state, t_end, method, record, choice=choice)
     if dt is not None:
-        run = fixed_step(problem, check.number("dt", dt, above=0, unit="s"))
+        run = fixed_step(problem, dt)
     elif tol is not None:
-        run = to_tolerance(problem, check.number("tol", tol, least=ROUND_OFF))
+        run = to_tolerance(problem, tol)
     else:
         run = default_step(problem)
     return replace(run, wall_time=time.perf_counter() - started)
 
 
 def _default(scene, dt, tol):
-    smooth = isinstance(scene, Chain) and all(spring.smooth for spring in scene.segment_springs[0])
-    return methods.default(dt, tol, smooth)
+    return methods.default(dt, tol, scene.smooth and scene.clearance is None)

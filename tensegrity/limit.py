@@ -6,7 +6,6 @@ Source: seeds/000, part III, "Effects of element rigidity and internal prestress
 from __future__ import annotations
 
 import math
-from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +14,8 @@ from tensegrity import check
 from tensegrity.condensed import numbers, problem
 from tensegrity.continuation import Settings, fold_problem, fold_start, refined_fold, trace
 from tensegrity.errors import TensegrityError
+from tensegrity.once import once
+from tensegrity.prism import Prism
 from tensegrity.table import Table
 
 if TYPE_CHECKING:
@@ -22,18 +23,17 @@ if TYPE_CHECKING:
     from typing import Any
 
     from tensegrity.continuation import Problem
-    from tensegrity.prism import Prism
 
 PRESTRAIN = 1  # its place in the parameters of `condensed.problem`
 SETTINGS = Settings(tolerance=1e-7, largest=0.05)
 
 
-@cache
+@once
 def _folds(rigid_base: bool) -> Problem:
     return fold_problem(problem(rigid_base), "fold", PRESTRAIN)
 
 
-@cache
+@once
 def _values(rigid_base: bool) -> Callable[..., Any]:
     """Height, twist, base and load as a function of (unknowns, parameters)."""
     import casadi as ca
@@ -64,6 +64,7 @@ def limit_load(prism: Prism, prestrain: float) -> Table:
     TensegrityError
         If the prism is rigid or has no fold.
     """
+    check.kind("prism", prism, Prism)
     prestrain = check.number("prestrain", prestrain, least=0)
     if prism.is_rigid:
         raise TensegrityError("limit_load needs elastic bases or bars: k_base, k_bar are inf")

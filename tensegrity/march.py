@@ -9,15 +9,17 @@ step to say where and when.
 from __future__ import annotations
 
 import math
+import time
 from dataclasses import dataclass
 
 import numpy as np
 
+from tensegrity.book import Book, Sound
 from tensegrity.clearance import CAUTION
-from tensegrity.errors import ContactError, LockingError, StabilityError
+from tensegrity.errors import ContactError, LockingError, RecordError, StabilityError
+from tensegrity.loops import Loop
 from tensegrity.methods import Method, Nystrom
 from tensegrity.record import Record
-from tensegrity.run import Run
 from tensegrity.scene import State
 
 BLOCK = 2_000_000  # bonds x stages x steps in one call of the loop: about 5 ms
@@ -30,7 +32,8 @@ class Problem:
     """What is to be run, the step apart.
 
     `surrogate` is the scene with springs that are fitted to those of `scene`: it is moved, while
-    checks and recorded energies are those of `scene`.
+    checks and recorded energies are those of `scene`.  `choice` says what chose the step: "dt",
+    "tol" or "default".
     """
 
     scene: object
@@ -39,6 +42,7 @@ class Problem:
     method: Method
     record: Record
     surrogate: object = None
+    choice: str = "dt"
 
     @property
     def moved(self):
@@ -48,7 +52,7 @@ class Problem:
     @property
     def force(self):
         """What the tensions of the springs are computed by."""
-        different = dict.fromkeys(spring.force for spring in self.moved.watched()[0])
+        different = dict.fromkeys(spring.force for spring in self.moved.spring_table.different)
         return ", ".join(different)
 
     def largest_step(self, ranges):
@@ -73,8 +77,17 @@ def count(problem, dt):
     return math.ceil(steps)
 
 
-def march(problem, steps, allowed, checkpoints=0):
+def march(problem, steps, allowed, checkpoints=0, start=None):
     """Run with one step, watching that it stays below `allowed` of the stability limit.
+
+    Parameters
+    ----------
+    problem : Problem
+    steps : int
+    allowed : float
+    checkpoints : int, optional
+    start : Start, optional
+        Where a run that was broken off goes on.
 
     Returns
     -------
@@ -82,57 +95,43 @@ def march(problem, steps, allowed, checkpoints=0):
     checks : structured ndarray
         All sites at `checkpoints` + 1 evenly spaced instants, which `steps` is a multiple of.
     """
-    scene, shape = problem.scene, problem.scene.shape
-    dt = problem.t_end / steps if steps else 0.0
-    watch = _Watch(problem, dt, allowed)
-    recorded = problem.record.steps(steps)
-    checked = np.arange(checkpoints + 1 if checkpoints else 0) * (steps // (checkpoints or 1))
-    stops = np.union1d(recorded, checked) if checkpoints else recorded
-    columns = problem.record.columns(scene.sites)
-    kept = tuple(np.arange(scene.sites)[columns].tolist())
-    walls = watch.impulse().shape
-    rows = problem.record.rows(len(recorded) + 1, (len(kept), *shape[1:]), walls)
-    checks = Record().rows(len(checked), shape, walls)
+    scene, seconds = problem.scene, problem.record.checkpoint
+    watch = _Watch(problem, problem.t_end / steps if steps else 0.0, allowed, start)
+    book = Book(problem, watch, steps, start and start.count)
+    checks = Record().rows(
+        checkpoints + 1 if checkpoints else 0, scene.shape, watch.impulse().shape
+    )
+    apart = steps // checkpoints if checkpoints else steps  # steps between two of them
     largest = max(FEWEST, BLOCK // (scene.cost * problem.method.stages))
-
-    def keep():
-        state = watch.state()
-        u, v = state.u[columns], state.v[columns]
-        rows.add(watch.sound[2] * dt, scene.energy(state), u, v, watch.impulse())
-
-    def keep_last():
-        done = watch.sound[2]
-        if recorded[np.searchsorted(recorded, done)] != done:
-            keep()
-
-    def result(complete):
-        table = rows.finished()
-        return Run(
-            scene, table["t"], table["u"], table["v"], table["energy"], watch.state(),
-            problem.method.name, dt, watch.sound[2], kept, complete,
-            impulse=table["impulse"] if walls[0] else None, force=problem.force, met=watch.met,
-        )  # fmt: skip
-
-    with _progress(steps) as bar:
-        try:
-            to_record, to_check = np.isin(stops, recorded), np.isin(stops, checked)
-            for stop, wanted, compared in zip(stops, to_record, to_check, strict=True):
-                while (done := watch.sound[2]) < stop:
-                    watch.advance(min(int(stop) - done, largest))
-                    bar.update(watch.sound[2] - done)
-                if wanted:
-                    keep()
-                if compared:
-                    state = watch.state()
-                    checks.add(stop * dt, 0.0, state.u, state.v, watch.impulse())
-        except KeyboardInterrupt:
-            keep_last()
-            return result(complete=False), checks.finished()
-        except (ContactError, LockingError, StabilityError) as error:
-            keep_last()
-            error.run = result(complete=False)
-            raise
-    return result(complete=True), checks.finished()
+    since, failure = time.monotonic(), None
+    book.keep_state()
+    try:
+        with _progress(steps) as bar:
+            while True:
+                done = watch.sound.done
+                bar.update(done - bar.n)
+                book.catch_up()
+                if checkpoints and done == checks.count * apart:
+                    state, impulse = watch.look()
+                    checks.add(done * watch.dt, 0.0, state.u, state.v, impulse)
+                if done == steps:
+                    break
+                if seconds is not None and time.monotonic() - since > seconds:
+                    book.keep_state()
+                    since = time.monotonic()
+                stop = min(book.stop(), checks.count * apart if checkpoints else steps)
+                watch.advance(min(stop - done, largest))
+        book.keep_state()
+        return book.run(complete=True), checks.finished()
+    except KeyboardInterrupt:
+        pass
+    except (ContactError, LockingError, StabilityError, RecordError) as error:
+        failure = error
+    run, failure = book.broken_off(failure)
+    if failure is None:
+        return run, checks.finished()
+    failure.run = run
+    raise failure
 
 
 def _progress(steps):
@@ -144,36 +143,39 @@ def _progress(steps):
 class _Watch:
     """Advances block by block and refuses a block that left what the step allows."""
 
-    def __init__(self, problem, dt, allowed):
+    def __init__(self, problem, dt, allowed, start=None) -> None:
         scene = problem.moved
-        self._problem, self._dt, self._allowed = problem, dt, allowed
+        self._problem, self.dt, self.allowed = problem, dt, allowed
         self._energy = problem.scene.available_energy(problem.state)
-        self._u, self._v = scene.arrays(problem.state)
-        springs, self._rows = scene.watched()
-        self._springs = springs
-        self._domains = np.array([s.reach for s in springs]).reshape(-1, 2)[self._rows]
+        self._springs, self._domains = scene.spring_table.different, scene.spring_table.reach
         self._safe = np.zeros_like(self._domains)  # ranges of elongation known to be allowed
         self._limit = math.inf  # stability limit within them [s]
         self.met = np.zeros_like(self._domains)  # smallest and largest elongation, 0 included
-        self._tracker = scene.clearance and scene.clearance.tracker(problem.state.u)
+        if start is None or not start.sound.done:
+            self._u, self._v = scene.arrays(problem.state)
+            seen = self._u.copy(), self._v.copy()
+            self.sound = Sound(*seen, 0, seen)
+        else:
+            self.met[:], self.sound = start.met, start.sound
+            self._u, self._v = self.sound.u.copy(), self.sound.v.copy()
+        self._tracker = scene.clearance and scene.clearance.tracker(self._u[: scene.sites])
         self._most = math.inf  # steps that can be done without a look for new contacts
-        self._seen = self._u.copy(), self._v.copy()  # what the last sound arrays stand for
-        self.sound = *self._seen, 0  # last sound arrays, and the steps by then
         self._loop = None
 
     def _begin(self):
         """Enter the variables of the method's steps."""
-        scene, dt, method = self._problem.moved, self._dt, self._problem.method
-        self._out, self._leave = None, None
-        if method.processor is not None:
-            enter, leave = method.processor
+        scene, dt, method = self._problem.moved, self.dt, self._problem.method
+        enter, self._leave = method.processor or (None, None)
+        begun = self.sound.done > 0
+        if enter is not None and not begun:
             loop = scene.bind(self._u, self._v, enter, dt)
             loop.advance(1)
             self._check_processor(loop, self._u, self._v, 0.0)
-            self.sound = self._u.copy(), self._v.copy(), 0
+            self.sound = self.sound._replace(u=self._u.copy(), v=self._v.copy())
+        if self._leave is not None:
             self._out = np.empty_like(self._u), np.empty_like(self._v)
-            self._leave = scene.bind(*self._out, leave, dt)
-        self._loop = scene.bind(self._u, self._v, method, dt)
+            self._leave = scene.bind(*self._out, self._leave, dt)
+        self._loop = Loop(scene, self._u, self._v, method, dt, begun)
 
     def _check_processor(self, loop, u, v, t):
         if not self._is_sound(loop, u, v):
@@ -181,20 +183,44 @@ class _Watch:
             if isinstance(error, LockingError):
                 raise error
             raise StabilityError(
-                f"dt {self._dt:.6g} s is too coarse for the processor of "
+                f"dt {self.dt:.6g} s is too coarse for the processor of "
                 f"{self._problem.method.name} at t = {t:.6g} s"
             )
         self._see(loop)
 
+    def look(self):
+        """The last sound state, and the impulse given to each wall by then."""
+        return self._parted(*self.sound.seen)
+
+    def look_back(self, part):
+        """The same a time `part` [s] after the step before the last one, by a shorter step of the
+        method on a copy."""
+        u, v = (x.copy() for x in self.sound.before)
+        method = self._problem.method
+        enter, leave = method.processor or (None, None)
+        t = (self.sound.done - 1) * self.dt + part
+        for rows in (enter, method, leave):
+            if rows is None:
+                continue
+            loop = self._problem.moved.bind(u, v, rows, part)
+            loop.advance(1)
+            if not self._is_inside(self._met(loop, u), u, v):
+                raise self._error(t, loop, u)
+        return self._parted(u, v)
+
+    def _parted(self, u, v):
+        """Rows of the loop's arrays as a state, and the impulses behind them, (walls[, dim])."""
+        scene = self._problem.scene
+        walls = slice(scene.sites, scene.sites + scene.wall_count)
+        return State(u[: scene.sites], v[: scene.sites]), v[walls]
+
     def state(self):
         """The last sound state."""
-        sites = self._problem.scene.sites
-        return State(self._seen[0][:sites], self._seen[1][:sites])
+        return self.look()[0]
 
     def impulse(self):
-        """Impulse given to each wall so far, (walls[, dim]); the rows behind the sites."""
-        scene = self._problem.scene
-        return self._seen[1][scene.sites : scene.sites + scene.wall_count]
+        """Impulse given to each wall so far, (walls[, dim])."""
+        return self.look()[1]
 
     def advance(self, steps):
         """Advance, perhaps by fewer steps.
@@ -203,37 +229,40 @@ class _Watch:
         """
         if self._loop is None:
             self._begin()
-        before_u, before_v, done = self.sound
+        before = self.sound
         steps = min(steps, self._most)
-        self._loop.forget_range()
-        self._loop.advance(steps)
-        if self._is_sound(self._loop, self._u, self._v):
-            if self._tracker is None or self._is_clear(done, steps):
-                self._keep(done + steps)
+        if self._block(before.done, steps):
+            if self._tracker is None or self._is_clear(before.done, steps):
+                self._keep(steps)
             else:
-                self._u[:], self._v[:] = before_u, before_v
+                self._u[:], self._v[:] = before.u, before.v
             return
-        self._u[:], self._v[:] = before_u, before_v
-        for k in range(done, done + steps):
-            self._loop.forget_range()
-            self._loop.advance(1)
-            if not self._is_sound(self._loop, self._u, self._v):
-                raise self._error((k + 1) * self._dt, self._loop, self._u)
+        self._u[:], self._v[:] = before.u, before.v
+        for k in range(before.done, before.done + steps):
+            if not self._block(k, 1):
+                raise self._error((k + 1) * self.dt, self._loop, self._u)
             if self._tracker is not None:
                 self._is_clear(k, 1)
-            self._keep(k + 1)
+            self._keep(1)
         raise StabilityError(f"a block of {steps} steps went wrong, but not step by step")
 
-    def _keep(self, done):
-        u, v = self._u.copy(), self._v.copy()
-        seen = u, v
+    def _block(self, done, steps):
+        """Do steps, and look: whether all is sound."""
+        self._loop.forget_range()
+        self._loop.advance(steps, done > 0)
+        self._looked = self._loop.look()
+        return self._is_sound(self._loop, *self._looked)
+
+    def _keep(self, steps):
+        seen, done = self._looked, self.sound.done + steps
         if self._leave is not None:
-            self._out[0][:], self._out[1][:] = u, v
+            self._out[0][:], self._out[1][:] = seen
             self._leave.forget_range()
             self._leave.advance(1)
-            self._check_processor(self._leave, *self._out, done * self._dt)
+            self._check_processor(self._leave, *self._out, done * self.dt)
             seen = self._out[0].copy(), self._out[1].copy()
-        self.sound, self._seen = (u, v, done), seen
+        before = self.sound.seen if steps == 1 else None
+        self.sound = Sound(self._u.copy(), self._v.copy(), done, seen, before)
         self._see(self._loop)
 
     def _see(self, loop):
@@ -248,7 +277,7 @@ class _Watch:
             self._most = max(1, min(steps // 2, int(CAUTION * steps / share)))
             return False
         if share >= 1:
-            self._tracker.judge(u, (done + 1) * self._dt)
+            self._tracker.judge(u, (done + 1) * self.dt)
         else:
             self._tracker.accept(u, travel)
         share = self._tracker.share(travel)
@@ -263,22 +292,26 @@ class _Watch:
         low, high = np.minimum(loop.range[:, 0], here[:, 0]), np.maximum(loop.range, here)[:, 1]
         return np.stack([low, high], axis=1)
 
-    def _is_sound(self, loop, u, v):
-        met = self._met(loop, u)
+    def _is_inside(self, met, u, v):
         low, high = self._domains.T
         if np.any(met[:, 0] <= low) or np.any(met[:, 1] >= high):
             return False
-        if not (np.isfinite(u).all() and np.isfinite(v).all()):
+        return bool(np.isfinite(u).all() and np.isfinite(v).all())
+
+    def _is_sound(self, loop, u, v):
+        met = self._met(loop, u)
+        if not self._is_inside(met, u, v):
             return False
         below, above = met[:, 0] < self._safe[:, 0], met[:, 1] > self._safe[:, 1]
         if not (below.any() or above.any()):
             return True
+        low, high = self._domains.T
         for margin in (0.1, 0.01, 0.0):  # wider than met, so as not to ask again soon
             wider = self._safe.copy()
             wider[below, 0] = _towards(low[below], met[below, 0], margin)
             wider[above, 1] = _towards(high[above], met[above, 1], margin)
             self._limit = self._problem.largest_step(wider)
-            if self._dt <= self._allowed * self._limit:
+            if self.dt <= self.allowed * self._limit:
                 self._safe = wider
                 return True
         return False
@@ -288,22 +321,22 @@ class _Watch:
         scene, u = self._problem.moved, after[: self._problem.scene.sites]
         if not np.isfinite(u).all():
             before = self.state()
-            u = before.u + self._dt * before.v
+            u = before.u + self.dt * before.v
         met, (low, high) = self._met(loop, after), self._domains.T
         for row, side in np.argwhere(np.stack([met[:, 0] <= low, met[:, 1] >= high], axis=1)):
-            spring, where = self._springs[self._rows[row]], scene.extreme(row, u, side)
+            spring, where = self._springs[row], scene.extreme(int(row), u, side)
             barrier = float(spring.energy(spring.reach[side]))
             if self._energy < barrier:
                 return StabilityError(
-                    f"dt {self._dt:.6g} s is too coarse: the spring {where} passed the end of "
+                    f"dt {self.dt:.6g} s is too coarse: the spring {where} passed the end of "
                     f"its domain at t = {t:.6g} s, which takes {barrier:.6g} J, with "
                     f"{self._energy:.6g} J in the whole scene"
                 )
             error = spring.beyond(met[row, side])
             return type(error)(f"{error}: the spring {where} got there at t = {t:.6g} s")
         return StabilityError(
-            f"dt {self._dt:.6g} s is beyond {self._allowed * self._limit:.6g} s, "
-            f"{self._allowed:g} of the stability limit of {self._problem.method.name} at the "
+            f"dt {self.dt:.6g} s is beyond {self.allowed * self._limit:.6g} s, "
+            f"{self.allowed:g} of the stability limit of {self._problem.method.name} at the "
             f"stiffness met at t = {t:.6g} s {scene.stiffest(u, met)}"
         )
 

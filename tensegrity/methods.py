@@ -10,17 +10,19 @@ symplectic and time-reversible, and stable with any step.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from tensegrity import check
 from tensegrity.errors import TensegrityError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Sequence
     from typing import Any
 
     from tensegrity.typing import Array
@@ -31,11 +33,15 @@ if TYPE_CHECKING:
 ROUGH = 1e-3  # for tolerances above it the simplest method is cheapest
 ROUND_OFF = 1e-9  # in the trace of a step's matrix, beyond the bound of a stable one
 GAIN = 1e-12  # in the amplification of a step, beyond 1
+EXACT = 1e-12  # in the sums of coefficients, and between those that mirror each other
+MOST_STAGES = 250  # pieces of a long chain overlap by no more sites
 
 
 @dataclass(frozen=True)
 class Method:
     """What all methods have.
+
+    `simulate` takes any `Splitting` or `Nystrom`, also one that `METHODS` does not list.
 
     Attributes
     ----------
@@ -44,20 +50,19 @@ class Method:
         Global error ~ dt^order on smooth springs.
     step : float
         Default dt over the stability limit, or over 1/omega where there is none.
-    reference : str
-    when_not : str
+    reference : str, optional
+    when_not : str, optional
         Where another method serves better.
     """
 
     name: str
     order: int
     step: float
-    reference: str
-    when_not: str
+    reference: str = field(default="", kw_only=True)
+    when_not: str = field(default="", kw_only=True)
 
     explicit = True
     reversible = True
-    chains_only = False
     processor: ClassVar[tuple[Splitting, Splitting] | None] = None
     if TYPE_CHECKING:  # what each kind of method brings
         symplectic: ClassVar[bool]
@@ -68,6 +73,32 @@ class Method:
         def stages(self) -> int: ...
         def step_matrix(self, z: Array | float) -> Matrix: ...
         def _excess(self, z: Array) -> Array: ...
+
+    def __post_init__(self) -> None:
+        for name in ("name", "reference", "when_not"):
+            check.kind(f"{name} of a method", getattr(self, name), str)
+        self._set("order", check.whole(f"order of {self.name!r}", self.order, least=1))
+        self._set("step", check.number(f"step of {self.name!r}", self.step, above=0))
+
+    def _set(self, name: str, value: Any) -> None:
+        object.__setattr__(self, name, value)
+
+    def _set_rows(self, *names: str) -> None:
+        for name in names:
+            self._set(name, _row(f"{name} of {self.name!r}", getattr(self, name)))
+
+    def _require(self, holds: bool, words: str) -> None:
+        if not holds:
+            raise TensegrityError(f"method {self.name!r}: {words}")
+
+    def _require_sum(self, words: str, row: Iterable[float], wanted: float) -> None:
+        total = math.fsum(row)
+        self._require(abs(total - wanted) <= EXACT, f"{words} is {total:.15g}, must be {wanted:g}")
+
+    def _require_stages(self) -> None:
+        self._require(
+            1 <= self.stages <= MOST_STAGES, f"{self.stages} stages must be 1 to {MOST_STAGES}"
+        )
 
     @property
     def scale(self) -> float:
@@ -94,13 +125,48 @@ class Splitting(Method):
     Attributes
     ----------
     kicks : tuple, (stages + 1,)
+        Of sum 1; 0 at both ends for a step that begins and ends with a drift.
     drifts : tuple, (stages,)
+        Of sum 1.
+
+    Examples
+    --------
+    Suzuki's fourth-order composition of five steps of Verlet, in a run:
+
+    >>> from tensegrity import Chain, Prism, simulate
+    >>> a = 1 / (4 - 4 ** (1 / 3))
+    >>> parts = (a, a, 1 - 4 * a, a, a)
+    >>> kicks = [(x + y) / 2 for x, y in zip((0, *parts), (*parts, 0))]
+    >>> suzuki = Splitting("suzuki4", order=4, step=0.1, kicks=kicks, drifts=parts)
+    >>> chain = Chain(Prism(1.0, 0.7, 0.01, 1.0).potential(), 20)
+    >>> simulate(chain, chain.at_rest({0: 0.01}), 5.0, method=suzuki).method
+    'suzuki4'
     """
 
     kicks: tuple[float, ...]
     drifts: tuple[float, ...]
     symplectic = True
     _slack, _bisected = ROUND_OFF, 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._set_rows("kicks", "drifts")
+
+    def check(self) -> None:
+        """Refuse rows that are no step of time dt, or not the palindrome that they should be."""
+        kicks, drifts = self.kicks, self.drifts
+        self._require(
+            len(kicks) == len(drifts) + 1,
+            f"{len(kicks)} kicks and {len(drifts)} drifts: there must be one kick more",
+        )
+        self._require_stages()
+        self._require_sum("sum of the kicks", kicks, 1)
+        self._require_sum("sum of the drifts", drifts, 1)
+        if self.reversible:
+            self._require(
+                _mirrors(kicks) and _mirrors(drifts),
+                "kicks and drifts must be palindromes for the method to be reversible in time",
+            )
 
     @property
     def stages(self) -> int:
@@ -136,13 +202,26 @@ class Processed(Splitting):
     """
 
     entry: tuple[tuple[float, ...], tuple[float, ...]]
-    chains_only = True  # contacts are looked for in the scene's own variables
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        rows = _tuple(f"entry of {self.name!r}", self.entry)
+        self._set("entry", tuple(_row(f"entry of {self.name!r}", row) for row in rows))
+
+    def check(self) -> None:
+        """Refuse rows as `Splitting` does, and an entry that is no pair of such rows."""
+        super().check()
+        lengths = [len(row) for row in self.entry]
+        self._require(
+            len(lengths) == 2 and 2 <= lengths[0] == lengths[1] + 1 <= MOST_STAGES,
+            f"rows of {lengths} in the entry must be kicks and drifts, one kick more",
+        )
 
     @cached_property
     def processor(self) -> tuple[Splitting, Splitting]:  # type: ignore[override]
         """Splittings that lead into the variables of the steps, and out."""
         rows = self.entry, tuple(row[::-1] for row in self.entry)
-        common = self.name, self.order, self.step, self.reference, self.when_not
+        common = self.name, self.order, self.step
         return tuple(Splitting(*common, *pair) for pair in rows)  # type: ignore[return-value]
 
 
@@ -165,6 +244,32 @@ class Nystrom(Method):
     velocities: tuple[float, ...]
     symplectic = reversible = False
     _slack = _bisected = GAIN
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._set_rows("nodes", "positions", "velocities")
+        rows = _tuple(f"matrix of {self.name!r}", self.matrix)
+        self._set("matrix", tuple(_row(f"matrix of {self.name!r}", row) for row in rows))
+
+    def check(self) -> None:
+        """Refuse rows that are no step of time dt of the order said, or of the kind said."""
+        count = self.stages
+        shape = {len(self.matrix), len(self.positions), len(self.velocities)}
+        self._require(
+            shape | {len(row) for row in self.matrix} == {count},
+            f"matrix, positions and velocities must have {count} entries a row, as the nodes",
+        )
+        self._require_stages()
+        self._require_sum("sum of the velocities", self.velocities, 1)
+        if self.order > 1:
+            turned = [a * b for a, b in zip(self.velocities, self.nodes, strict=True)]
+            self._require_sum("sum of the positions", self.positions, 0.5)
+            self._require_sum("sum of velocities times nodes", turned, 0.5)
+        ahead = any(a for i, row in enumerate(self.matrix) for a in row[i:])
+        self._require(
+            not (self.explicit and ahead),
+            "the matrix must be 0 on its diagonal and above for the method to be explicit",
+        )
 
     @property
     def stages(self) -> int:
@@ -197,7 +302,7 @@ class Nystrom(Method):
 class Gauss(Nystrom):
     """Gauss collocation: the Nystrom form with a full matrix, stages solved for."""
 
-    symplectic = reversible = chains_only = True
+    symplectic = reversible = True
     explicit = False
     scale = 1.0
     stability_limit = math.inf
@@ -249,6 +354,21 @@ def palindrome(half: tuple[float, ...], odd: bool) -> tuple[float, ...]:
     entry of it, which makes the sum 1."""
     half = (*half, 1 - 2 * sum(half) if odd else 0.5 - sum(half))
     return half + half[-2::-1] if odd else half + half[::-1]
+
+
+def _tuple(name: str, values: Any) -> tuple[Any, ...]:
+    if isinstance(values, (str, bytes)) or not isinstance(values, Iterable):
+        raise TensegrityError(f"{name} {check.shown(values)} must be a sequence")
+    return tuple(values)
+
+
+def _row(name: str, values: Any) -> tuple[float, ...]:
+    """Coefficients as plain floats."""
+    return tuple(check.number(name, value) for value in _tuple(name, values))
+
+
+def _mirrors(row: Sequence[float]) -> bool:
+    return all(abs(a - b) <= EXACT for a, b in zip(row, row[::-1], strict=True))
 
 
 _BLANES_MOAN_KICKS = palindrome(
@@ -378,11 +498,17 @@ METHODS = {
 }
 
 
-def find(name: str | Method) -> Method:
-    """The method of that name."""
-    if name not in METHODS:
-        raise TensegrityError(f"method {name!r} is not one of {', '.join(METHODS)}")
-    return METHODS[name]
+def find(method: str | Method) -> Method:
+    """The method of that name, or the one given, if its rows can be run."""
+    if isinstance(method, str) and method in METHODS:
+        return METHODS[method]
+    if not isinstance(method, (Splitting, Nystrom)):
+        raise TensegrityError(
+            f"method {check.shown(method)} is not one of {', '.join(METHODS)}, nor a Splitting or "
+            "a Nystrom of tensegrity.methods"
+        )
+    method.check()
+    return method
 
 
 def default(dt: float | None, tol: float | None, smooth: bool) -> str:

@@ -14,6 +14,7 @@ import os
 import platform
 import shlex
 import shutil
+import signal
 import stat
 import subprocess
 import sys
@@ -39,11 +40,15 @@ NATIVE = "-march=native"
 WIDE = ("-mprefer-vector-width=512",) if platform.machine() in ("x86_64", "AMD64") else ()
 
 RENAMES = 50
+LIMIT = 120.0  # s: a compiler that takes longer hangs, or would slow down all that it serves
 LIBRARY, DIGEST, SOURCE = "kernel.so", "kernel.sha256", "kernel.c"
 
 
+hung = set()  # compilers that took longer than LIMIT: not asked again by this process
+
+
 class CompilerError(RuntimeError):
-    """The compiler refused the generated text, or could not be run."""
+    """The compiler refused the generated text, could not be run, or hung."""
 
 
 def compilers():
@@ -70,12 +75,36 @@ def _has_zig():
 def _identity(command):
     """What `command --version` says, or None where it cannot be run."""
     try:
-        answer = subprocess.run(
-            [*command, "--version"], capture_output=True, timeout=60, check=True
-        )
-    except (OSError, subprocess.SubprocessError):
+        code, said = _call((*command, "--version"), subprocess.DEVNULL)
+    except (OSError, subprocess.TimeoutExpired):
         return None
-    return answer.stdout.decode(errors="replace")
+    return None if code else said
+
+
+def _call(command, errors=subprocess.STDOUT):
+    """Exit code and output of a command; all that it started is ended with it after `LIMIT`.
+
+    The output goes to a file: of a pipe, what outlives the command could keep the end open.
+    """
+    with tempfile.TemporaryFile() as said:
+        process = subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=said, stderr=errors, start_new_session=True
+        )
+        try:
+            code = process.wait(LIMIT)
+        except BaseException:  # also Ctrl-C, which a group of its own does not hear
+            _end(process)
+            raise
+        said.seek(0)
+        return code, said.read().decode(errors="replace")
+
+
+def _end(process):
+    if hasattr(os, "killpg"):
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+    process.kill()
+    process.wait()
 
 
 @cache
@@ -96,7 +125,11 @@ def cache_folder():
     $XDG_CACHE_HOME/tensegrity or ~/.cache/tensegrity; a temporary folder, for this process
     only and with a warning, where that cannot be made or is open to others.
     """
-    root = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
+    root = os.environ.get("XDG_CACHE_HOME", "")
+    if not os.path.isabs(root):  # the XDG specification: a relative one is to be ignored
+        root = os.path.join(os.path.expanduser("~"), ".cache")
+    if not os.path.isabs(root):
+        return _temporary_folder("no home folder is known; set HOME or XDG_CACHE_HOME")
     folder = Path(root) / "tensegrity"
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -111,7 +144,9 @@ def cache_folder():
 def _refuse_open(folder):
     if hasattr(os, "getuid"):
         state = folder.stat()
-        if state.st_uid != os.getuid() or state.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+        if state.st_uid != os.getuid():
+            raise PermissionError(f"it belongs to user {state.st_uid}, not to {os.getuid()}")
+        if state.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
             raise PermissionError(f"others can write here (mode {stat.S_IMODE(state.st_mode):o})")
 
 
@@ -147,10 +182,13 @@ def library(text, extra_flags=()):
     Raises
     ------
     CompilerError
-        Where no compiler can be run, or all refuse the text; with their last lines.
+        Where no compiler can be run, or all refuse the text or hang; with their last lines.
     """
     complaints = []
     for command in compilers():
+        if command in hung:
+            complaints.append(f"{shlex.join(command)} was ended after {LIMIT:g} s")
+            continue
         identity = _identity(command)
         if identity is None:
             complaints.append(f"{shlex.join(command)} cannot be run")
@@ -160,6 +198,8 @@ def library(text, extra_flags=()):
                 return _load(text, command, identity, (*flags, *extra_flags))
             except CompilerError as error:
                 complaint = str(error)
+                if command in hung:
+                    break
         complaints.append(complaint)
     raise CompilerError("; ".join(complaints) or "no C compiler found")
 
@@ -192,15 +232,14 @@ def _build(text, command, flags, entry):
     try:
         source, made = beside / SOURCE, beside / LIBRARY
         source.write_text(text)
-        answer = subprocess.run(
-            [*command, *flags, str(source), "-o", str(made), "-lm"],
-            capture_output=True,
-            text=True,
-            errors="replace",
-        )
-        if answer.returncode or not made.is_file():
-            last = "\n".join((answer.stderr or answer.stdout).strip().splitlines()[-5:])
-            raise CompilerError(f"{shlex.join(command)} failed ({answer.returncode}): {last}")
+        try:
+            code, said = _call((*command, *flags, str(source), "-o", str(made), "-lm"))
+        except subprocess.TimeoutExpired:
+            hung.add(command)
+            raise CompilerError(f"{shlex.join(command)} was ended after {LIMIT:g} s") from None
+        if code or not made.is_file():
+            last = "\n".join(said.strip().splitlines()[-5:])
+            raise CompilerError(f"{shlex.join(command)} failed ({code}): {last}")
         (beside / DIGEST).write_text(hashlib.sha256(made.read_bytes()).hexdigest())
         for _ in range(RENAMES):
             if _intact(entry):  # here, or in another process that finished first

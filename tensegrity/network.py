@@ -8,15 +8,19 @@ formed (see `tensegrity.clearance`).  Source: seeds/001, eqs. (1)-(6).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from functools import cache, cached_property
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity import check, stepping
+from tensegrity import check, forces
+from tensegrity.bonds import PAIR, WALL, Bonds, Contacts
 from tensegrity.clearance import Clearance
 from tensegrity.errors import TensegrityError
+from tensegrity.following import Following
 from tensegrity.network_input import (
     held_sites,
     joined_pairs,
@@ -27,22 +31,19 @@ from tensegrity.network_input import (
     site_number,
     springs_of,
     touching,
+    whole_pairs,
 )
-from tensegrity.network_loop import Contacts, kernel
 from tensegrity.potential import Potential
-from tensegrity.scene import KINK_SHARE, Scene, State, law_table, velocities
+from tensegrity.readonly import fixed
+from tensegrity.scene import KINK_SHARE, Scene, State, velocities
 from tensegrity.walls import Wall
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-    from typing import Any
+    from typing import Any, Self
 
     from numpy.typing import ArrayLike
 
-    from tensegrity.methods import Method
-    from tensegrity.typing import Array, Indices
-
-PAIR, WALL = 0, 1  # as in network_loop.KINDS
+    from tensegrity.typing import Array
 
 
 class Network(Scene):
@@ -75,9 +76,13 @@ class Network(Scene):
         Constant forces [N].
     held : sequence of int, optional
         Sites that stay at u = 0.
+    contacts : {"fixed", "follow"}, optional
+        "follow": beside the bonds, sites that come near each other or a wall get a contact before
+        they touch and lose it when they are apart again; needs `radius` and `law`.
+    law : Potential or callable (site, other) -> Potential, optional
+        Of the contacts that are followed, in the gap between the surfaces; `other` is a site or a
+        Wall.  Give the same object for like contacts.
     """
-
-    held: Sequence[int]
 
     def __init__(
         self,
@@ -94,11 +99,13 @@ class Network(Scene):
         radius: ArrayLike | None = None,
         loads: ArrayLike | None = None,
         held: Sequence[int] = (),
+        contacts: str = "fixed",
+        law: Potential | Callable[[int, int | Wall], Potential] | None = None,
     ) -> None:
         self.positions = numbers("positions", positions)
-        if self.positions.ndim != 2 or self.positions.shape[1] not in (2, 3):
+        if self.positions.ndim != 2 or self.positions.shape[1] not in (1, 2, 3):
             raise TensegrityError(
-                f"positions have shape {self.positions.shape}, must be (sites, 2) or (sites, 3)"
+                f"positions have shape {self.positions.shape}, must be (sites, 1), 2 or 3"
             )
         self.sites, self.dim = self.positions.shape
         check.whole("sites", self.sites, least=1)
@@ -106,19 +113,19 @@ class Network(Scene):
         self.mass = per_site("mass", mass, "kg", self.sites)
         self.radius = None if radius is None else per_site("radius", radius, "m", self.sites)
         self.walls = plane_walls(walls, self.dim)
-        if np.size(wall_contacts) and self.radius is None:
-            raise TensegrityError(
-                f"{len(np.asarray(wall_contacts))} wall contacts need the radius of the sites"
-            )
-        self.wall_contacts = touching(wall_contacts, self.walls, self.positions)
-        self.springs = springs_of(spring, len(self.bonds), "bond")
+        pairs = whole_pairs("wall_contacts", wall_contacts)
+        if len(pairs) and self.radius is None:
+            raise TensegrityError(f"{len(pairs)} wall contacts need the radius of the sites")
+        self.wall_contacts = touching(pairs, self.walls, self.positions)
+        springs = springs_of(spring, len(self.bonds), "bond")
         if len(self.wall_contacts) or wall_spring is not None:
-            count = len(self.wall_contacts)
-            self.springs += springs_of(wall_spring, count, "wall contact")
+            springs += springs_of(wall_spring, len(self.wall_contacts), "wall contact")
+        self.springs = springs
         self.loads = np.zeros(self.shape) if loads is None else numbers("loads", loads, self.shape)
         self.held = held_sites(held, self.sites)
         self._set_geometry(lengths, wall_gaps)
-        _ = self.contacts  # refuses springs that the compiled loop cannot take
+        self.law = _followed_law(contacts, law, self.radius)
+        _ = self.loop_bonds  # refuses springs that the compiled loop cannot take
         self._refuse_unlisted(np.zeros(self.shape))
 
     def _refuse_unlisted(self, u: Array) -> None:
@@ -128,8 +135,8 @@ class Network(Scene):
     def _set_geometry(self, lengths: ArrayLike | None, wall_gaps: ArrayLike | None) -> None:
         i, j = self.bonds.T
         exact = self.positions.astype(np.longdouble)
-        self._reference = (exact[j] - exact[i]).astype(float)
-        distance = np.sqrt(np.sum((exact[j] - exact[i]) ** 2, axis=1))
+        apart = exact[j] - exact[i]
+        distance = np.sqrt(np.sum(apart**2, axis=1))
         same = np.flatnonzero(distance == 0)
         if same.size:
             raise TensegrityError(
@@ -157,45 +164,71 @@ class Network(Scene):
         gaps = (np.array(heights, dtype=np.longdouble) - radius).astype(float)
         if wall_gaps is not None:
             gaps = near_positions(wall_gaps, gaps, radius)
-        self._geometry = np.zeros((self.dim + 2, len(self.springs)))
-        self._geometry[: self.dim] = np.concatenate([self._reference, normals]).T
-        self._geometry[self.dim] = np.concatenate([opening, gaps])
-        self._geometry[-1, : len(self.bonds)] = lengths
+        geometry = np.zeros((self.dim + 2, len(self.springs)))
+        reference = np.sign(apart) if self.dim == 1 else apart
+        geometry[: self.dim] = np.concatenate([reference.astype(float), normals]).T
+        geometry[self.dim] = np.concatenate([opening, gaps])
+        geometry[-1, : len(self.bonds)] = lengths
+        self._geometry = geometry
 
     # the engine's view
 
     @cached_property
-    def _groups(self) -> tuple[list[Potential], Indices]:
-        """The different springs, and for each contact the number of its spring."""
-        numbers: dict[Potential, int] = {}
-        known: dict[int, int] = {}
-        group = np.zeros(len(self.springs), dtype=int)
-        for k, spring in enumerate(self.springs):
-            if id(spring) not in known:
-                known[id(spring)] = numbers.setdefault(spring, len(numbers))
-            group[k] = known[id(spring)]
-        return list(numbers), group
-
-    @cached_property
-    def contacts(self) -> Contacts:
-        """Contacts as the loop takes them."""
-        springs, group = self._groups
-        laws, law, parameters = law_table(springs)
+    def contact_bonds(self) -> Bonds:
+        """Bonds and wall contacts with their geometry."""
         kind = np.full(len(self.springs), WALL)
         kind[: len(self.bonds)] = PAIR
-        return Contacts(
-            laws, kind, law[group],
-            np.concatenate([self.bonds[:, 0], self.sites + self.wall_contacts[:, 1]]),
-            np.concatenate([self.bonds[:, 1], self.wall_contacts[:, 0]]),
-            self._geometry, parameters[group], self.inverse_mass, self.loads, len(self.walls),
-        )  # fmt: skip
+        first = np.concatenate([self.bonds[:, 0], self.sites + self.wall_contacts[:, 1]])
+        second = np.concatenate([self.bonds[:, 1], self.wall_contacts[:, 0]])
+        arrays = (fixed(x) for x in (kind, first, second))
+        contacts = Contacts(*arrays, self._geometry, self.loads, len(self.walls))  # type: ignore[call-arg]
+        return Bonds(*self.spring_table.table, self.spring_table.group, self.inverse_mass, contacts)
 
     @cached_property
     def clearance(self) -> Clearance | None:
         """What watches over the contacts that are not listed; None where sites have no radius."""
         if self.radius is None:
             return None
-        return Clearance(self.positions, self.radius, self.bonds, self.walls, self.wall_contacts)
+        kind = Clearance if self.law is None else Following
+        return kind(self.positions, self.radius, self.bonds, self.walls, self.wall_contacts)
+
+    def listed(self, u: Array) -> Self:
+        """This network with contacts of its list only, for displacements near u (sites, dim).
+
+        Where contacts are followed these are the bonds, and behind them, sorted by their sites, all
+        pairs that may touch before any site moved by an eighth of its radius; else all it has.
+        """
+        if self.law is None:
+            return self
+        pairs, walls = self.clearance.near(np.asarray(u, dtype=float))
+        springs, count = self.springs, len(self.bonds)
+        of_pairs = tuple(self.law(i, j) for i, j in pairs.tolist())
+        of_walls = tuple(self.law(site, self.walls[wall]) for site, wall in walls.tolist())
+        gaps = self._geometry[self.dim, count:]
+        bonds = np.concatenate([self.bonds, pairs])
+        other = self._with(
+            law=None, clearance=None, bonds=fixed(bonds),
+            wall_contacts=fixed(np.concatenate([self.wall_contacts, walls])),
+            springs=springs[:count] + of_pairs + springs[count:] + of_walls,
+        )  # fmt: skip
+        lengths = np.concatenate([self.lengths, self.radius[pairs].sum(axis=1)])
+        for name in ("_geometry", "lengths"):
+            other.__dict__.pop(name)
+        other._set_geometry(lengths, None)
+        geometry = other.__dict__.pop("_geometry").copy()
+        geometry[self.dim, len(bonds) : len(bonds) + len(gaps)] = gaps
+        other._geometry = geometry
+        return other
+
+    def _with(self, **changed: Any) -> Self:
+        """This network with other springs or contacts; what is computed from them is dropped."""
+        other = copy(self)
+        other.__dict__.update(changed)
+        return other
+
+    @property
+    def _words(self) -> str:
+        return f"network has {self.shape} (sites, dim)"
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -212,59 +245,69 @@ class Network(Scene):
         """Work of one evaluation of all forces, in bonds of a chain."""
         return 3 * len(self.springs) + self.sites
 
+    @property
+    def spring_lengths(self) -> Array | None:
+        """Length of each bond, 0 for wall contacts [m]; (springs,)."""
+        return self._geometry[-1]
+
+    @cached_property
+    def loop_bonds(self) -> Bonds:
+        """Bonds as the loop takes them: those of a chain where that is what they are."""
+        bonds, count = self.contact_bonds, np.arange(len(self.bonds))
+        row = [count, count + 1]
+        if (
+            self.dim == 1 and self.sites == len(count) + 1 and self.radius is None
+            and np.array_equal(self.bonds.T, row) and not self.walls and not self.loads.any()
+            and np.all(self._geometry[0] > 0) and not self._geometry[1].any()
+        ):  # fmt: skip
+            return replace(bonds, contacts=None)
+        return bonds
+
+    def with_springs(self, springs: Sequence[Potential]) -> Self:
+        """The same network with other springs, one for each different spring of `spring_table`."""
+        return self._with(springs=tuple(springs[k] for k in self.spring_table.group))
+
     def arrays(self, state: State) -> tuple[Array, Array]:
-        """u and v as the loop advances them: sites, walls, and a spare row."""
-        u, v = np.zeros((2, self.contacts.rows, self.dim))
+        """u and v as the loop advances them: sites, and behind them walls and a spare row."""
+        if self.loop_bonds.contacts is None:
+            return super().arrays(state)
+        u, v = np.zeros((2, self.loop_bonds.contacts.rows, self.dim))
         u[: self.sites], v[: self.sites] = state.u, state.v
         return u, v
 
-    def bind(self, u: Array, v: Array, method: Method, dt: float) -> Any:
-        """This network in the loop, advancing the rows of `arrays` in place."""
-        return kernel(self.contacts.laws, self.dim).bind(u, v, self.contacts, method, dt)
+    def frequency_of(self, stiffness: Array) -> float:
+        """Bound on the largest angular frequency [rad/s] for stiffnesses of the contacts [N/m].
 
-    def watched(self) -> tuple[list[Potential], Indices]:
-        """The different springs, and for each contact the number of its spring."""
-        return self._groups
-
-    def present_ranges(self, u: Array) -> Array:
-        """Smallest and largest elongation of each contact, 0 included; (contacts, 2)."""
-        r = np.concatenate([self.elongation(u), self.wall_gap(u)])
-        return np.stack([np.minimum(r, 0), np.maximum(r, 0)], axis=1)
-
-    def frequency(self, ranges: Array) -> float:
-        """Bound on the largest angular frequency [rad/s] over given ranges (contacts, 2).
-
-        Gershgorin's circles of M^-1 K: a bond's block has the eigenvalues V'' along it and
-        V'/distance across it, and stands twice in the rows of a site; a wall's stands once.
+        Gershgorin's circles of M^-1 K: a bond's block stands twice in the rows of a site, a
+        wall's once.
         """
-        springs, group = self._groups
-        low, high = np.full(len(springs), np.inf), np.full(len(springs), -np.inf)
-        np.minimum.at(low, group, ranges[:, 0])
-        np.maximum.at(high, group, ranges[:, 1])
-        ends = list(zip(springs, low.tolist(), high.tolist(), strict=True))
-        k = np.array([stepping.largest_stiffness(*end) for end in ends])[group]
-        t = np.array([stepping.largest_tension(*end) for end in ends])[group]
-        pairs = len(self.bonds)
-        shortest = self.lengths + ranges[:pairs, 0]
-        if np.any(shortest <= 0):
-            return np.inf  # the two sites of a bond coincide
-        k[:pairs] = 2 * np.maximum(k[:pairs], t[:pairs] / shortest)
-        total = np.zeros(self.contacts.rows)
-        np.add.at(total, self.contacts.first, k)
-        np.add.at(total, self.contacts.second, k)
+        k, contacts = stiffness.copy(), self.contact_bonds.contacts
+        k[: len(self.bonds)] *= 2
+        total = np.zeros(contacts.rows)
+        np.add.at(total, contacts.first, k)
+        np.add.at(total, contacts.second, k)
         return float(np.sqrt(np.max(total[: self.sites] * self.inverse_mass)))
 
     @property
-    def closing(self) -> Array:  # type: ignore[override]
-        """Elongation [m] at which the ends of each contact meet, -inf for walls; (contacts,)."""
-        return np.append(-self.lengths, np.full(len(self.wall_contacts), -np.inf))
+    def turns(self) -> bool:
+        """Whether bonds may turn: not on a line."""
+        return self.dim > 1
+
+    @cached_property
+    def closing(self) -> Array:
+        """Elongation [m] at which the ends of each different spring's shortest bond meet."""
+        found, pairs = np.full(len(self.spring_table), -np.inf), len(self.bonds)
+        np.maximum.at(found, self.spring_table.group[:pairs], -self.lengths)
+        return fixed(found)
 
     def opened(self, ranges: Array) -> bool:
-        """Whether a contact both pushes and is open within given ranges (contacts, 2)."""
-        low, high = ranges.T
-        pushes = self._per_contact("tension", low, 0) != 0
-        slack = [self._per_contact(name, high, 0) == 0 for name in ("tension", "stiffness")]
-        return bool(np.any(pushes & slack[0] & slack[1] & (low < 0) & (high > 0)))
+        """Whether a contact both pushes and is open within given ranges (springs, 2)."""
+        for spring, (low, high) in zip(self.spring_table.different, ranges, strict=True):
+            if low < 0 < high:
+                slack = not (spring.tension(high) or spring.stiffness(high))
+                if slack and spring.tension(low):
+                    return True
+        return False
 
     def finer_share(self, met: Array) -> float | None:
         """That of opening contacts; under loads, whose work was not known at first, the same."""
@@ -272,26 +315,32 @@ class Network(Scene):
             return min(self.step_share, KINK_SHARE)
         return self.step_share if np.any(self.loads) else None
 
-    def extreme(self, row: int, u: Array, side: int) -> str:
-        """Where the contact of that row is, in words."""
-        if row < len(self.bonds):
-            i, j = self.bonds[row].tolist()
+    def extreme(self, spring: int, u: Array, side: int) -> str:
+        """Where a contact of that spring is shortest (side 0) or longest (1), in words."""
+        contacts = np.flatnonzero(self.spring_table.group == spring)
+        r = self.stretch(u)[contacts]
+        return self._where(int(contacts[np.argmax(r) if side else np.argmin(r)]))
+
+    def _where(self, contact: int) -> str:
+        if contact < len(self.bonds):
+            i, j = self.bonds[contact].tolist()
             return f"between sites {i} and {j}"
-        site, wall = self.wall_contacts[row - len(self.bonds)].tolist()
+        site, wall = self.wall_contacts[contact - len(self.bonds)].tolist()
         return f"between site {site} and wall {wall}"
 
     def stiffest(self, u: Array, ranges: Array) -> str:
         """Where the contact is that was stretched most, or whose ends met, in words."""
-        apart = self.lengths + ranges[: len(self.bonds), 0]
-        if np.any(apart <= 0):
-            return f"{self.extreme(int(np.argmin(apart)), u, 0)}, which came to the same place"
         if not len(self.springs):
             return ""
-        return self.extreme(int(np.nanargmax(np.max(np.abs(ranges), axis=1))), u, 0)
+        apart = ranges[:, 0] - self.closing
+        if np.any(apart <= 0):
+            return f"{self.extreme(int(np.argmin(apart)), u, 0)}, which came to the same place"
+        spring = int(np.nanargmax(np.max(np.abs(ranges), axis=1)))
+        return self.extreme(spring, u, int(ranges[spring, 1] > -ranges[spring, 0]))
 
     # states
 
-    def at_rest(self, velocity: Mapping[int, ArrayLike] | None = None) -> State:
+    def at_rest(self, velocity: Mapping[int, Sequence[float]] | None = None) -> State:
         """The undisplaced state, some sites given a velocity [m/s]: {site: (dim,)}."""
         v = np.zeros(self.shape)
         for site, value in velocities(velocity):
@@ -303,7 +352,7 @@ class Network(Scene):
 
     def check(self, state: State) -> None:
         """Refuse a state of another shape, one that moves a held site, or one out of domain."""
-        self._refuse_other(state, f"network has {self.shape} (sites, dim)")
+        self._refuse_other(state)
         for site in self.held:
             if state.u[site].any() or state.v[site].any():
                 raise TensegrityError(
@@ -319,61 +368,55 @@ class Network(Scene):
 
     def elongation(self, u: ArrayLike) -> Array:
         """Elongation of each bond [m]; (..., bonds)."""
-        u = np.asarray(u, dtype=float)
-        i, j = self.bonds.T
-        place = self._geometry[:, : len(self.bonds)]
-        w = np.moveaxis(u[..., j, :] - u[..., i, :], -1, 0)
-        return _elongation(self.dim)(*place[: self.dim], *w, *place[self.dim :])
+        return self._pulled(u)[0][..., : len(self.bonds)]
 
     def direction(self, u: Array) -> Array:
         """Unit vector of each bond, from its first site to its second; (..., bonds, dim)."""
-        i, j = self.bonds.T
-        apart = self._reference + u[..., j, :] - u[..., i, :]
-        return apart / np.linalg.norm(apart, axis=-1, keepdims=True)
+        return self._pulled(u)[1][..., : len(self.bonds), :]
 
     def wall_gap(self, u: ArrayLike) -> Array:
         """Gap of each wall contact [m]: distance from the wall's plane less the radius."""
-        u = np.asarray(u, dtype=float)
-        place = self._geometry[:, len(self.bonds) :]
-        return place[self.dim] + np.einsum("...bk,kb->...b", u[..., self.wall_contacts[:, 0], :],
-                                           place[: self.dim])  # fmt: skip
+        return self._pulled(u)[0][..., len(self.bonds) :]
+
+    def stretch(self, u: ArrayLike) -> Array:
+        """Elongation of each bond [m], and gap of each wall contact; (..., springs)."""
+        return self._pulled(u)[0]
+
+    def _pulled(self, u: ArrayLike) -> Any:
+        return forces.elongations(self.contact_bonds, check.rows("displacements", u, self.shape))
 
     def bond_energy(self, u: ArrayLike) -> Array:
         """Energy of each bond [J]; (..., bonds)."""
-        return self._per_contact("energy", self.elongation(u), 0)
+        return self._per_contact("energy", u)[..., : len(self.bonds)]
 
     def bond_tension(self, u: ArrayLike) -> Array:
         """Tension of each bond [N]; (..., bonds)."""
-        return self._per_contact("tension", self.elongation(u), 0)
+        return self._per_contact("tension", u)[..., : len(self.bonds)]
 
     def wall_energy(self, u: ArrayLike) -> Array:
         """Energy of each wall contact [J]; (..., wall contacts)."""
-        return self._per_contact("energy", self.wall_gap(u), len(self.bonds))
+        return self._per_contact("energy", u)[..., len(self.bonds) :]
 
     def wall_load(self, u: ArrayLike) -> Array:
         """Contact force of each wall contact [N], compression > 0; (..., wall contacts)."""
-        return -self._per_contact("tension", self.wall_gap(u), len(self.bonds))
+        return -self._per_contact("tension", u)[..., len(self.bonds) :]
 
-    def _per_contact(self, name: str, r: Array, start: int) -> Array:
-        springs, group = self._groups
-        group = group[start : start + r.shape[-1]]
-        values = np.empty_like(r)
-        for number in np.unique(group):
-            members = group == number
-            values[..., members] = getattr(springs[number], name)(r[..., members])
-        return values
+    def _per_contact(self, name: str, u: ArrayLike) -> Array:
+        return self.spring_table.evaluate(name, self.stretch(u))
 
     def energy(self, state: State) -> float:
         """Total energy [J], the potential of the loads included."""
+        self._refuse_other(state)
         with np.errstate(over="ignore"):  # to inf, which `check` refuses
             kinetic = 0.5 * np.sum(self.mass[:, None] * state.v**2)
-        stored = np.sum(self.bond_energy(state.u)) + np.sum(self.wall_energy(state.u))
+        stored = np.sum(self._per_contact("energy", state.u))
         return float(kinetic + stored - np.sum(self.loads * state.u))
 
     def site_energy(self, u: Array, v: Array) -> Array:
         """Energy of each site [J]: motion, half its bonds, walls, load; (..., sites)."""
         result = 0.5 * self.mass * np.sum(v**2, axis=-1) - np.sum(self.loads * u, axis=-1)
-        bonds, walls = self.bond_energy(u) / 2, self.wall_energy(u)
+        bonds, walls = np.split(self._per_contact("energy", u), [len(self.bonds)], axis=-1)
+        bonds = bonds / 2
         rows = np.moveaxis(result, -1, 0)  # a view: sites first
         for sites, energy in (
             (self.bonds[:, 0], bonds),
@@ -385,11 +428,15 @@ class Network(Scene):
 
     def momentum(self, state: State) -> Array:
         """Total momentum [kg m/s]; (dim,)."""
+        self._refuse_other(state)
         return self.mass @ state.v
 
     def angular_momentum(self, state: State) -> float | Array:
-        """Total angular momentum about the origin [kg m^2/s]; a float in the plane, else (3,)."""
+        """Total angular momentum about the origin [kg m^2/s]; a float, in space (3,)."""
+        self._refuse_other(state)
         x, p = self.positions + state.u, self.mass[:, None] * state.v
+        if self.dim == 1:
+            return 0.0
         if self.dim == 2:
             return float(np.sum(x[:, 0] * p[:, 1] - x[:, 1] * p[:, 0]))
         return np.cross(x, p).sum(axis=0)
@@ -401,12 +448,31 @@ class Network(Scene):
         )
 
 
-@cache
-def _elongation(dim: int) -> Callable[..., Array]:
-    """The elongation of `derivations.geometry` in NumPy: (D, w, g, L) -> r."""
-    import sympy as sp
+@dataclass(frozen=True)
+class FollowedLaw:
+    """The spring of a contact that forms, from what a user gave."""
 
-    from derivations import geometry
+    given: Potential | Callable[..., Any]
 
-    symbols = (*(x for v in geometry.vectors(dim) for x in v), geometry.initial, geometry.length)
-    return sp.lambdify(symbols, geometry.elongation(dim), "numpy", cse=True)
+    def __post_init__(self) -> None:
+        if not (isinstance(self.given, Potential) or callable(self.given)):
+            raise TensegrityError(
+                f"law {self.given!r} is not a Potential or a function of two that touch"
+            )
+
+    def __call__(self, site: int, other: Any) -> Potential:
+        spring = self.given if isinstance(self.given, Potential) else self.given(site, other)
+        if not isinstance(spring, Potential):
+            raise TensegrityError(f"law of {site!r} and {other!r} is {spring!r}, not a Potential")
+        return spring
+
+
+def _followed_law(contacts: str, law: Any, radius: Array | None) -> Any:
+    """The law of contacts that are followed; None where they are fixed."""
+    if contacts not in ("fixed", "follow"):
+        raise TensegrityError(f"contacts {contacts!r} must be 'fixed' or 'follow'")
+    if contacts == "follow" and radius is None:
+        raise TensegrityError("contacts 'follow' need the radius of the sites")
+    if contacts == "fixed" and law is not None:
+        raise TensegrityError("law given, but contacts are 'fixed'")
+    return FollowedLaw(law) if contacts == "follow" else None

@@ -40,14 +40,13 @@ def per_site(name: str, value: ArrayLike, unit: str, sites: int) -> Array:
         raise TensegrityError(
             f"{name} {values[bad[0]]:g} {unit} of site {bad[0]} must be at least {SMALLEST_MASS:g}"
         )
-    values.flags.writeable = False
     return values
 
 
 def held_sites(held: Iterable[int], sites: int) -> list[int]:
     """Sites without motion, sorted."""
     if not isinstance(held, Iterable):
-        raise TensegrityError(f"held {held!r} is not a sequence of sites")
+        raise TensegrityError(f"held {check.shown(held)} is not a sequence of sites")
     return sorted({site_number("held site", site, sites) for site in held})
 
 
@@ -68,11 +67,11 @@ def joined_pairs(bonds: ArrayLike, sites: int) -> Indices:
 def plane_walls(walls: Iterable[Wall], dim: int) -> tuple[Wall, ...]:
     """Walls of as many coordinates as the sites."""
     if not isinstance(walls, Iterable):
-        raise TensegrityError(f"walls {walls!r} are not a sequence of Walls")
+        raise TensegrityError(f"walls {check.shown(walls)} are not a sequence of Walls")
     walls = tuple(walls)
     for number, wall in enumerate(walls):
         if not isinstance(wall, Wall):
-            raise TensegrityError(f"wall {number} is {wall!r}, not a Wall")
+            raise TensegrityError(f"wall {number} is {check.shown(wall)}, not a Wall")
         if wall.point.size != dim:
             raise TensegrityError(
                 f"wall {number} has {wall.point.size} coordinates, the sites have {dim}"
@@ -80,9 +79,8 @@ def plane_walls(walls: Iterable[Wall], dim: int) -> tuple[Wall, ...]:
     return walls
 
 
-def touching(contacts: ArrayLike, walls: Sequence[Wall], positions: Array) -> Indices:
+def touching(contacts: Indices, walls: Sequence[Wall], positions: Array) -> Indices:
     """Pairs of a site and a wall that reaches beside it, none twice; (contacts, 2)."""
-    contacts = whole_pairs("wall_contacts", contacts)
     for number, (site, wall) in enumerate(contacts.tolist()):
         site_number(f"site of wall contact {number}:", site, len(positions))
         if not 0 <= wall < len(walls):
@@ -117,8 +115,11 @@ def numbers(name: str, value: ArrayLike, shape: tuple[int, ...] | None = None) -
 
 def whole_pairs(name: str, pairs: ArrayLike) -> Indices:
     """Pairs of whole numbers as an array (n, 2)."""
-    array = np.array(pairs)
-    if array.size == 0:
+    try:
+        array = np.array(pairs)
+    except ValueError:  # of different lengths
+        raise TensegrityError(f"{name} {check.shown(pairs)} must be pairs of numbers") from None
+    if array.size == 0 and isinstance(pairs, (tuple, list, np.ndarray)):
         return np.zeros((0, 2), dtype=int)
     if array.ndim != 2 or array.shape[1] != 2 or array.dtype.kind not in "iu":
         raise TensegrityError(
@@ -141,11 +142,15 @@ def springs_of(
     if isinstance(spring, Potential):
         return (spring,) * count
     if not isinstance(spring, Sequence):
-        raise TensegrityError(f"spring {spring!r} of the {name}s is not a Potential, nor a list")
+        raise TensegrityError(
+            f"spring {check.shown(spring)} of the {name}s is not a Potential, nor a list"
+        )
     springs = tuple(spring)
     if len(springs) != count:
         raise TensegrityError(f"{len(springs)} springs for {count} {name}s")
     for number, one in enumerate(springs):
         if not isinstance(one, Potential):
-            raise TensegrityError(f"spring of {name} {number} is {one!r}, not a Potential")
+            raise TensegrityError(
+                f"spring of {name} {number} is {check.shown(one)}, not a Potential"
+            )
     return springs

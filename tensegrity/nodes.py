@@ -11,14 +11,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tensegrity import check
 from tensegrity.codegen import to_casadi
 from tensegrity.errors import TensegrityError
+from tensegrity.once import once
+from tensegrity.prism import Prism
 from tensegrity.response import equilibrium_path
+from tensegrity.table import Table
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -26,9 +29,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from tensegrity.prism import Prism
     from tensegrity.response import EquilibriumPath
-    from tensegrity.table import Table
     from tensegrity.typing import Array, Flags
 
 HORIZONTAL = np.eye(18)[:, [3 * node + axis for node in range(6) for axis in (0, 1)]]
@@ -58,7 +59,7 @@ class Loss:
     symmetric: bool
 
 
-@cache
+@once
 def _tangent() -> tuple[Callable[..., Any], Callable[..., Any]]:
     import casadi as ca
 
@@ -91,6 +92,7 @@ def tangents(prism: Prism, base: ArrayLike, twist: ArrayLike, height: ArrayLike)
     ndarray, (rows, 18, 18)
         [N/m], in the order of `derivations.nodes.POSITIONS`.
     """
+    check.kind("prism", prism, Prism)
     if math.isinf(prism.k_base) or math.isinf(prism.k_bar):
         raise TensegrityError(
             f"k_base {prism.k_base:g} N/m and k_bar {prism.k_bar:g} N/m must be finite for the "
@@ -132,8 +134,9 @@ def lowest(
     tuple of two ndarrays, (rows, count)
         Eigenvalues in ascending order [N/m], and whether each mode keeps the threefold symmetry.
     """
-    if support not in SUPPORTS:
-        raise TensegrityError(f"support {support!r} must be one of {', '.join(SUPPORTS)}")
+    _refuse_support(support)
+    check.kind("path", path, Table)
+    count = check.whole("count", count, least=1)
     matrices = tangents(prism, path.base, path.twist, path.height)
     values, symmetric = [], []
     for row, matrix in enumerate(matrices):
@@ -143,6 +146,13 @@ def lowest(
         values.append(found[:count])
         symmetric.append([_keeps_symmetry(mode) for mode in (motions @ modes[:, :count]).T])
     return np.array(values), np.array(symmetric)
+
+
+def _refuse_support(support: str) -> None:
+    if not isinstance(support, str) or support not in SUPPORTS:
+        raise TensegrityError(
+            f"support {check.shown(support)} must be one of {', '.join(SUPPORTS)}"
+        )
 
 
 def _keeps_symmetry(mode: Array) -> bool:
@@ -164,6 +174,7 @@ def first_loss(prism: Prism, support: str = "plates") -> Loss:
     """
     from scipy.optimize import brentq
 
+    _refuse_support(support)
     path = equilibrium_path(prism)
     values, symmetric = lowest(prism, path, support, 1)
     lost = np.flatnonzero(values[1:, 0] < 0)
@@ -176,7 +187,7 @@ def first_loss(prism: Prism, support: str = "plates") -> Loss:
 
     height = path.height[row]
     if values[row - 1, 0] > 0:
-        height = brentq(lowest_at, path.height[row], path.height[row - 1], xtol=1e-13)
+        height = brentq(lowest_at, path.height[row], path.height[row - 1], xtol=1e-300, rtol=1e-13)
     load = -float(prism.potential().tension(height - prism.height))
     return Loss(float(height), load, bool(symmetric[row, 0]))
 

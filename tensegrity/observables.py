@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity import check
+from tensegrity.ensemble import Ensemble
 from tensegrity.errors import TensegrityError
+from tensegrity.lattice import Chain
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from tensegrity.lattice import Chain
     from tensegrity.scene import State
     from tensegrity.typing import Array, Indices, Recorded
 
@@ -43,6 +44,7 @@ def passage(t: Array, elongation: Array, rate: Array) -> float:
     from scipy.interpolate import BarycentricInterpolator
     from scipy.optimize import brentq
 
+    t, elongation, rate = _columns(t=t, elongation=elongation, rate=rate)
     size = np.abs(elongation)
     large = size >= CREST * size.max()
     turns = (rate[:-1] * rate[1:] <= 0) & (large[:-1] | large[1:]) & (size.max() > 0)
@@ -68,6 +70,8 @@ def arrival(run: Recorded, bond: int) -> float:
     bond : int
         Bond j joins sites j and j + 1.
     """
+    if not all(isinstance(getattr(run, name, None), np.ndarray) for name in ("t", "u", "v")):
+        raise TensegrityError(f"run is {type(run).__name__}, not a Run")
     bond = check.whole("bond", bond, least=0)
     if run.u.ndim != 2:
         raise TensegrityError(
@@ -82,10 +86,15 @@ def arrival(run: Recorded, bond: int) -> float:
 
 def speed(run: Recorded, bonds: tuple[int, int]) -> float:
     """Speed of the leading pulse between two bonds of a run, in sites per second."""
-    first, second = bonds
+    if not isinstance(bonds, (tuple, list)) or len(bonds) != 2:
+        raise TensegrityError(f"bonds {check.shown(bonds)} must be two numbers of bonds")
+    first, second = (check.whole("bond", bond, least=0) for bond in bonds)
     if first == second:
         raise TensegrityError(f"bonds {first} and {second} must differ")
-    return (second - first) / (arrival(run, second) - arrival(run, first))
+    passed, then = arrival(run, first), arrival(run, second)
+    if passed == then:
+        raise TensegrityError(f"crests pass the bonds {first} and {second} at once, at {then:g} s")
+    return (second - first) / (then - passed)
 
 
 def duration(run: Recorded, bond: int, level: float = 0.05) -> float:
@@ -149,6 +158,10 @@ def pulses(chain: Chain, state: State, fraction: float = 0.1) -> list[Pulse]:
     -------
     list of Pulse
     """
+    check.kind("chain", chain, Chain)
+    if isinstance(chain, Ensemble):
+        raise TensegrityError("chain is an Ensemble: take one of its lanes")
+    chain.energy(state)  # refuses what is no state of it
     fraction = check.number("fraction", fraction, above=0)
     if fraction > 1:
         raise TensegrityError(f"fraction {fraction:g} must be at most 1")
@@ -197,6 +210,15 @@ def tail_front(chain: Chain, state: State, level: float = 0.5) -> float:
     return j + 0.5 + float(np.log(behind[j] / threshold) / np.log(behind[j] / behind[j + 1]))
 
 
+def _columns(**given: ArrayLike) -> list[Array]:
+    """Arrays of one axis, of the same length and not empty; finite."""
+    arrays = [check.floats(name, value) for name, value in given.items()]
+    shape = arrays[0].shape
+    if len(shape) != 1 or not shape[0]:
+        raise TensegrityError(f"{next(iter(given))} has shape {shape}, must have one axis, (n,)")
+    return [check.vector(name, x, shape) for name, x in zip(given, arrays, strict=True)]
+
+
 def _crests(r: Array, fraction: float) -> Indices:
     """Bonds whose |elongation| is a maximum between neighbours of `fraction` of the largest."""
     size = np.abs(r)
@@ -232,7 +254,7 @@ def crest(elongation: ArrayLike) -> tuple[float, float]:
     elongation : ndarray, (bonds,)
         At one instant [m].  The parabola through the extremum and its neighbours refines both.
     """
-    r = np.asarray(elongation, dtype=float)
+    (r,) = _columns(elongation=elongation)
     inner = [j for j in _crests(r, CREST) if 0 < j < len(r) - 1] if r.any() else []
     if not inner:
         raise TensegrityError("no crest within the chain")
@@ -253,7 +275,8 @@ def width(x: Array, profile: ArrayLike, level: float = 0.05) -> float:
     level = check.number("level", level, above=0)
     if level >= 1:
         raise TensegrityError(f"level {level:g} must be below 1")
-    size = np.abs(np.asarray(profile, dtype=float))
+    x, profile = _columns(x=x, profile=profile)
+    size = np.abs(profile)
     top = int(np.argmax(size))
     left = np.flatnonzero(size[: top + 1] < level * size[top])
     right = top + np.flatnonzero(size[top:] < level * size[top])

@@ -9,22 +9,49 @@ numbers: the result equals that of one loop bit for bit, whatever the number of 
 from __future__ import annotations
 
 import os
+import warnings
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 
-BLOCK = 64  # as in chain.c
+from tensegrity import check
+from tensegrity.compiled import BoundLine
+from tensegrity.errors import TensegrityError
+
+BLOCK = 64  # as in line.h
 HALO = 4 * BLOCK
 PIECE = 512 * BLOCK  # bonds: what two arrays of them take fits the cache of one processor
 LONG = 2 * PIECE  # bonds from which pieces are worth it
 
 
-def threads():
-    """Threads used for long chains: $TENSEGRITY_THREADS, or one per processor we may use."""
-    given = os.environ.get("TENSEGRITY_THREADS", "")
-    if given.isdigit() and int(given) > 0:
-        return int(given)
+def threads() -> int:
+    """Threads used for long chains: $TENSEGRITY_THREADS, or one per processor we may use.
+
+    More than that would only get in each other's way: fewer are taken, with a warning.
+    """
+    given, most = os.environ.get("TENSEGRITY_THREADS", "").strip(), processors()
+    if not given:
+        return most
+    if not (given.isascii() and given.isdigit() and given.strip("0")):
+        raise TensegrityError(
+            f"TENSEGRITY_THREADS {check.shown(given)} must be a whole number, at least 1"
+        )
+    digits = given.lstrip("0")
+    if len(digits) <= len(str(most)) and int(digits) <= most:
+        return int(digits)
+    warnings.warn(
+        f"TENSEGRITY_THREADS {check.shown(given)} is more than the processors we may use: {most} "
+        "threads are taken",
+        RuntimeWarning,
+        stacklevel=2,
+    )
+    return most
+
+
+def processors() -> int:
+    """Number of processors that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
@@ -44,9 +71,9 @@ class BoundPieces:
 
     Parameters
     ----------
-    engine : Compiled
-    u, v, inverse_mass : ndarray, (sites,)
-    segments : Segments
+    loop : Compiled
+    u, v : ndarray, (sites,)
+    bonds : Bonds
     method : Splitting
     dt : float
         [s]
@@ -54,24 +81,29 @@ class BoundPieces:
         Threads.
     """
 
-    def __init__(self, engine, u, v, inverse_mass, segments, method, dt, count):
-        self._u, self._v, self._pool = u, v, _pool(count)
+    travel = 0.0  # only networks look for contacts
+
+    def __init__(self, loop, u, v, bonds, method, dt, count) -> None:
+        self._pool = _pool(count)
         self._together = (HALO - 2) // method.stages  # steps between two exchanges
-        bonds = int(segments.first[-1])
-        pieces = count * -(-bonds // (count * PIECE))
-        ends = [start_of_block(segments.first, bonds * k // pieces) for k in range(pieces)]
+        total = len(bonds.group)
+        pieces = count * -(-total // (count * PIECE))
+        ends = [start_of_block(bonds.runs.first, total * k // pieces) for k in range(pieces)]
         self._pieces = [
-            _Piece(engine, u, v, inverse_mass, segments, method, dt, start, stop)
-            for start, stop in zip(ends, [*ends[1:], bonds], strict=True)
+            _Piece(loop, u, v, bonds, method, dt, start, stop)
+            for start, stop in zip(ends, [*ends[1:], total], strict=True)
         ]
-        self.range = np.empty((len(segments.law), 2))
-        self.forget_range()
 
     def forget_range(self):
-        """Start anew to record the smallest and the largest elongation of each segment."""
-        self.range[:, 0], self.range[:, 1] = np.inf, -np.inf
+        """Start anew to record elongations."""
         for piece in self._pieces:
             piece.loop.forget_range()
+
+    @property
+    def range(self):
+        """Smallest and largest elongation of each different spring since `forget_range`."""
+        each = np.array([piece.loop.range for piece in self._pieces])
+        return np.stack([each[..., 0].min(axis=0), each[..., 1].max(axis=0)], axis=1)
 
     def advance(self, steps):
         """Advance u and v by whole steps."""
@@ -83,32 +115,28 @@ class BoundPieces:
             for work in (_Piece.advance, _Piece.give):  # all take before any gives
                 list(self._pool.map(work, self._pieces))
             done += part
-        for piece in self._pieces:
-            piece.see(self.range)
 
 
 class _Piece:
     """Bonds from `start` to `stop` of a chain, with a halo on either side."""
 
-    def __init__(self, engine, u, v, inverse_mass, segments, method, dt, start, stop):
-        first, bonds = segments.first, int(segments.first[-1])
-        low = start_of_block(first, max(start - HALO, 0), down=True)
-        high = min(start_of_block(first, min(stop + HALO, bonds)), bonds)
-        cuts = {low, start, stop, high}
-        edges = np.array(sorted(cuts | {int(x) for x in first if low < x < high}))
-        parent = np.searchsorted(first, edges[:-1], side="right") - 1
-        own = type(segments)(
-            segments.laws, edges - low, segments.law[parent], segments.parameters[parent]
+    def __init__(self, loop, u, v, bonds, method, dt, start, stop) -> None:
+        runs, total = bonds.runs, len(bonds.group)
+        low = start_of_block(runs.first, max(start - HALO, 0), down=True)
+        high = min(start_of_block(runs.first, min(stop + HALO, total)), total)
+        inside = {int(x) for x in runs.first if low < x < high}
+        edges = np.array(sorted({low, start, stop, high} | inside))
+        parent = np.searchsorted(runs.first, edges[:-1], side="right") - 1
+        part = replace(
+            runs, first=edges, law=runs.law[parent], own=runs.own[parent], kind=runs.kind[parent]
         )
         self._globals, self._sites = (u, v), slice(low, high + 1)
         self._local = u[self._sites].copy(), v[self._sites].copy()
-        self.loop = engine.bind(
-            *self._local, inverse_mass[self._sites], own, method, dt, divided=False
-        )
-        self._mine = slice(start, stop + (stop == bonds))
+        weights = replace(bonds, inverse_mass=bonds.inverse_mass[self._sites])
+        mine = (edges[:-1] >= start) & (edges[:-1] < stop)
+        self.loop = BoundLine(loop, *self._local, weights, method, dt, part, mine)
+        self._mine = slice(start, stop + (stop == total))
         self._inner = slice(start - low, self._mine.stop - low)
-        rows = np.flatnonzero((edges[:-1] >= start) & (edges[:-1] < stop))
-        self._rows, self._parents = rows, parent[rows]
         self.order = 0, False, True  # arguments of `advance_part`
 
     def advance(self):
@@ -121,11 +149,6 @@ class _Piece:
         """Hand out the part that is right."""
         for local, whole in zip(self._local, self._globals, strict=True):
             whole[self._mine] = local[self._inner]
-
-    def see(self, whole):
-        """Widen the ranges of elongation of the chain's segments."""
-        np.minimum.at(whole[:, 0], self._parents, self.loop.range[self._rows, 0])
-        np.maximum.at(whole[:, 1], self._parents, self.loop.range[self._rows, 1])
 
 
 def start_of_block(first, bond, down=False):

@@ -1,51 +1,55 @@
-"""Steps of any method in plain NumPy, for scenes that run without a compiled loop."""
+"""The text of explicit steps outside of C: for arrays, and for CasADi's expressions of them.
+
+A step is a function (acceleration, u, v, moved) -> u, v, where acceleration(u) gives the
+accelerations and moved(change of u) is told of every move.
+"""
 
 from __future__ import annotations
 
-import numpy as np
 
-from tensegrity.methods import Splitting
+def split(kicks, drifts):
+    """Kicks of velocities and drifts of displacements in turn; both times dt."""
+
+    def step(acceleration, u, v, moved):
+        for kick, drift in zip(kicks, drifts, strict=True):
+            if kick:
+                v = v + kick * acceleration(u)
+            if drift:
+                move = drift * v
+                moved(move)
+                u = u + move
+        return u, v
+
+    return step
 
 
-def advance(acceleration, u, v, method, dt, steps, moving):
-    """Advance u and v in place.
+def merged(method, dt):
+    """Steps of a splitting in a row: the first, each of the others, and what closes the last.
 
-    Parameters
-    ----------
-    acceleration : callable u -> a
-    u, v : ndarray
-    method : Method
-    dt : float
-        [s]
-    steps : int
-    moving : int
-        Rows of u that are sites.
-
-    Returns
-    -------
-    float
-        Bound on how far any coordinate of a site moved [m].
+    The closing kick of a step and the first of the next are one.
     """
-    step = _split if isinstance(method, Splitting) else _nystrom
-    return sum(step(acceleration, u, v, method, dt, moving) for _ in range(steps))
+    kicks, drifts = [dt * kick for kick in method.kicks], [dt * drift for drift in method.drifts]
+    *opening, closing = kicks
+    repeated = [opening[0] + closing, *opening[1:]]
+    last = split([closing], [0.0]) if closing else None
+    return split(opening, drifts), split(repeated, drifts), last
 
 
-def _split(acceleration, u, v, method, dt, moving):
-    travel = 0.0
-    for kick, drift in zip(method.kicks, (*method.drifts, 0.0), strict=True):
-        if kick:
-            v += kick * dt * acceleration(u)
-        move = drift * dt * v
-        u += move
-        travel += np.max(np.abs(move[:moving]))
-    return travel
+def nystrom(method, dt):
+    """A step of an explicit Runge-Kutta-Nystrom method."""
 
+    def combined(value, factor, coefficients, slopes):
+        for coefficient, slope in zip(coefficients, slopes, strict=False):
+            if coefficient:
+                value = value + factor * coefficient * slope
+        return value
 
-def _nystrom(acceleration, u, v, method, dt, moving):
-    slopes = np.zeros((method.stages, *u.shape))
-    for s, (node, row) in enumerate(zip(method.nodes, method.matrix, strict=True)):
-        slopes[s] = acceleration(u + node * dt * v + dt**2 * np.tensordot(row, slopes, 1))
-    move = dt * v + dt**2 * np.tensordot(method.positions, slopes, 1)
-    u += move
-    v += dt * np.tensordot(method.velocities, slopes, 1)
-    return np.max(np.abs(move[:moving]))
+    def step(acceleration, u, v, moved):
+        slopes = []
+        for node, row in zip(method.nodes, method.matrix, strict=True):
+            slopes.append(acceleration(combined(u + node * dt * v, dt**2, row, slopes)))
+        move = combined(dt * v, dt**2, method.positions, slopes)
+        moved(move)
+        return u + move, combined(v, dt, method.velocities, slopes)
+
+    return step

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +16,8 @@ from tensegrity import check
 from tensegrity.codegen import Law, check_law
 from tensegrity.errors import LockingError, TensegrityError
 from tensegrity.kernel import kernel
+from tensegrity.once import once
+from tensegrity.readonly import fixed
 
 if TYPE_CHECKING:
     from collections.abc import Hashable
@@ -56,6 +57,7 @@ class Potential:
     """
 
     smooth = True  # its derivatives do not jump anywhere
+    _origin = ""  # the call that made it, where that is another than its class
 
     def __init__(
         self,
@@ -68,13 +70,15 @@ class Potential:
         import sympy as sp
 
         if not isinstance(elongation, sp.Symbol):
-            raise TensegrityError(f"elongation {elongation!r} is not a SymPy symbol")
-        energy = sp.sympify(energy) if isinstance(energy, (int, float)) else energy
+            raise TensegrityError(f"elongation {check.shown(elongation)} is not a SymPy symbol")
+        if isinstance(energy, (int, float)):
+            energy = sp.sympify(check.number("energy", energy, unit="J"))
         if not isinstance(energy, sp.Expr):
-            raise TensegrityError(f"energy {energy!r} is not a SymPy expression")
-        if not isinstance(parameters or {}, Mapping):
-            raise TensegrityError(f"parameters {parameters!r} must be a dict of numbers")
-        given = {str(key): value for key, value in (parameters or {}).items()}
+            raise TensegrityError(f"energy {check.shown(energy)} is not a SymPy expression")
+        parameters = {} if parameters is None else parameters
+        if not isinstance(parameters, Mapping):
+            raise TensegrityError(f"parameters {check.shown(parameters)} must be a dict of numbers")
+        given = {str(key): value for key, value in parameters.items()}
         symbols = sorted(energy.free_symbols - {elongation}, key=str)
         names = [str(s) for s in symbols]
         unknown = sorted(set(given) - set(names))
@@ -99,10 +103,12 @@ class Potential:
         ends: tuple[str, str] = ("lowest", "highest"),
     ) -> None:
         self._law = law
-        self._values = np.array(values, dtype=float)
+        self._values = fixed(np.array(values, dtype=float))
         self._length = None if length is None else check.number("length", length, above=0, unit="m")
         if not isinstance(domain, (tuple, list, np.ndarray)) or len(domain) != 2:
-            raise TensegrityError(f"domain {domain!r} must be (lowest, highest) elongation")
+            raise TensegrityError(
+                f"domain {check.shown(domain)} must be (lowest, highest) elongation"
+            )
         low, high = (check.number("domain end", x, finite=False) for x in domain)
         if not low < 0 < high:
             raise TensegrityError(f"domain ({low:g}, {high:g}) m must contain 0 m inside")
@@ -117,10 +123,12 @@ class Potential:
         length: float | None,
         domain: tuple[float, float],
         ends: tuple[str, str],
+        origin: str = "",
     ) -> Potential:
-        """A potential from a law that brings more than its energy."""
+        """A potential from a law that brings more than its energy, and the call it came from."""
         potential = cls.__new__(cls)
         potential._set(law, values, length, domain, ends)
+        potential._origin = origin
         return potential
 
     @property
@@ -182,7 +190,7 @@ class Potential:
         return self._evaluate(3, r)
 
     def _evaluate(self, order: int, r: ArrayLike, closed: bool = False) -> Array:
-        r = np.asarray(r, dtype=float)
+        r = check.floats("elongation", r)
         if np.isnan(r).any():
             raise TensegrityError("elongation nan m is not a number")
         low, high = self._domain
@@ -208,17 +216,34 @@ class Potential:
         return self._key() == other._key()
 
     def __hash__(self) -> int:
-        return hash(self._key())
+        if "_hash" not in self.__dict__:
+            self._hash = hash(self._key())
+        return self._hash
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != "_hash"}  # of here
 
     def _key(self) -> Hashable:
         return self._law, self._values.tobytes(), self._length, self._domain
 
     def __repr__(self) -> str:
-        given = ", ".join(f"{k}={v:g}" for k, v in self.parameters.items())
-        low, high = self._domain
-        return (
-            f"{type(self).__name__}({given}; length={self._length}, domain=({low:g}, {high:g}) m)"
-        )
+        if self._origin:
+            return self._origin
+        values = ", ".join(f"{name!r}: {shown(value)}" for name, value in self.parameters.items())
+        length = "" if self._length is None else f", length={shown(self._length)}"
+        domain = ", ".join(map(shown, self._domain))
+        law = self._law
+        return f"Potential({law.energy}, {law.elongation}, {{{values}}}{length}, domain=({domain}))"
+
+
+def shown(number: float) -> str:
+    """The shortest text that reads back as this number: 1 rather than 1.0."""
+    return repr(float(number)).removesuffix(".0")
+
+
+def call(name: str, **given: Any) -> str:
+    """The text of a call with these numbers, such as f(x=1, y=2)."""
+    return f"{name}({', '.join(f'{key}={shown(value)}' for key, value in given.items())})"
 
 
 class PowerLaw(Potential):
@@ -269,13 +294,21 @@ class PowerLaw(Potential):
         values = [stiffness, preload, overlap]
         domain = (-math.inf, math.inf)
         self._set(_power_law(exponent), values, length, domain)
-        self.exponent = exponent
+        self._exponent = exponent
+        given: dict[str, Any] = {"stiffness": stiffness, "exponent": exponent, "preload": preload}
+        given |= {} if length is None else {"length": self._length}
+        self._origin = call("PowerLaw", **given)
+
+    @property
+    def exponent(self) -> float:
+        """n."""
+        return self._exponent
 
 
 SMALLEST = 1e-100  # overlap [m] from which a contact counts as closed
 
 
-@cache
+@once
 def _power_law(exponent: float) -> Law:
     import sympy as sp
 

@@ -41,3 +41,9 @@ static inline real smaller(real x, real y) { return x < y ? x : y; }
 #define fmin smaller
 
 #define EACH(n) _Pragma("GCC ivdep") for (integer i = 0; i < (n); i++)
+
+/* Names of what the text of one law defines, for law number K and a kind of run. */
+#define PASTED(a, b) a##_##b
+#define PASTE(a, b) PASTED(a, b)
+#define LAW(name) PASTE(name, K)
+#define OF(name) PASTE(LAW(name), OWNED)

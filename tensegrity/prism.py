@@ -7,8 +7,7 @@ reference is the self-stressed state at twist 5 pi/6.  Source: seeds/000, part I
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from functools import cache
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -16,7 +15,8 @@ import numpy as np
 from tensegrity import check
 from tensegrity.codegen import Law
 from tensegrity.errors import EquilibriumError, NoLocking, TensegrityError
-from tensegrity.potential import Potential
+from tensegrity.once import once
+from tensegrity.potential import Potential, call
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -80,6 +80,10 @@ class Prism:
     def _check(self, name: str, **bounds: Any) -> None:
         object.__setattr__(self, name, check.number(name, getattr(self, name), **bounds))
 
+    def __repr__(self) -> str:
+        given = {name: value for name, value in asdict(self).items() if value != math.inf}
+        return call("Prism", **given)
+
     @property
     def is_rigid(self) -> bool:
         """Whether bases and bars are rigid, so that the height alone describes the prism."""
@@ -131,6 +135,7 @@ class Prism:
             V(r) = U(h1 + r) - U(h1) + F0 r about the loaded height h1, which is its `length`.
             Its domain ends where the bars meet (twist pi) or the prism is flat (height 0), and
             where it is stretched to twist 0; with elastic members see `ElasticPotential`.
+            Threads may ask for potentials, and of them, at once.
 
         Raises
         ------
@@ -163,10 +168,21 @@ class Prism:
         law = _rigid_law()
         numbers = [float(values[symbol]) for symbol in derived.PARAMETERS]
         domain = -float(values[derived.lock]), float(values[derived.stroke])
-        return Potential._from_law(law, numbers, height, domain, ends)
+        origin = call(f"{self}.potential", preload=preload)
+        return Potential._from_law(law, numbers, height, domain, ends, origin)
 
 
-@cache
+@once
+def _decimals() -> Any:
+    """Arithmetic with `DIGITS` decimals, apart from mpmath's own, which all threads share."""
+    import mpmath
+
+    context = mpmath.MPContext()
+    context.dps = DIGITS
+    return context
+
+
+@once
 def _numeric(derive: Callable[[], Iterable[Any]]) -> Callable[..., list[Any]]:
     """The expressions that `derive()` gives, in a fixed order, as one function for mpmath."""
     import sympy as sp
@@ -176,21 +192,19 @@ def _numeric(derive: Callable[[], Iterable[Any]]) -> Callable[..., list[Any]]:
 
     fields = (p.base, p.reference_height, p.prestrain, p.k_cross, p.k_base, p.k_bar)
     symbols = (*fields, r.loaded_height, r.preload)
-    return sp.lambdify(symbols, list(derive()), modules="mpmath")
+    own = {name: getattr(_decimals(), name) for name in dir(_decimals()) if name[0] != "_"}
+    return sp.lambdify(symbols, list(derive()), modules=[own, "mpmath"])
 
 
 def _exact(
     derive: Callable[[], Iterable[Any]], prism: Prism, height: float = 1.0, preload: float = 0.0
 ) -> list[Any]:
     """Values of derived expressions to `DIGITS` decimals, the prism's fields taken as exact."""
-    import mpmath
-
     fields = (prism.base, prism.height, prism.prestrain, prism.k_cross, prism.k_base, prism.k_bar)
-    with mpmath.workdps(DIGITS):
-        return _numeric(derive)(*(mpmath.mpf(x) for x in (*fields, height, preload)))
+    return _numeric(derive)(*map(_decimals().mpf, (*fields, height, preload)))
 
 
-@cache
+@once
 def _rigid_law() -> Law:
     from derivations import rigid_elastic as derived
 
@@ -243,4 +257,5 @@ def _first_limit(potential: Potential, samples: int = 4000) -> float:
     if falling.size == 0:
         return np.nextafter(low, 0) * (1 - 1e-15)
     first = falling[0]
-    return brentq(lambda x: float(potential.stiffness(x)), r[first], r[first - 1] if first else 0.0)
+    before = r[first - 1] if first else 0.0
+    return brentq(lambda x: float(potential.stiffness(x)), r[first], before, xtol=1e-300)

@@ -10,7 +10,6 @@ hang upright and pull alone.  Source: seeds/000, part III, "Numerical approach".
 from __future__ import annotations
 
 import math
-from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +19,8 @@ from tensegrity.codegen import to_casadi
 from tensegrity.condensed import numbers, problem, stable
 from tensegrity.continuation import Settings, trace
 from tensegrity.errors import NoLocking, TensegrityError
+from tensegrity.once import once
+from tensegrity.prism import Prism
 from tensegrity.table import Event, Table
 
 if TYPE_CHECKING:
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
 
     from tensegrity.continuation import Branch
     from tensegrity.potential import Potential
-    from tensegrity.prism import Prism
     from tensegrity.typing import Array, Flags
 
     Columns = dict[str, Any]
@@ -156,13 +156,16 @@ def equilibrium_path(
     -------
     EquilibriumPath
         It ends at contact, flat, or at the bounds asked for.  The rows of a prism with rigid
-        bases and bars stay finite; its contact event carries load = inf.
+        bases and bars stay finite; its contact event carries load = inf.  Threads may trace
+        paths at once, and processes send them.
 
     Raises
     ------
     TensegrityError
         If a bound is outside its range: 0 <= min_height < height < max_height, max_load > 0.
     """
+    check.kind("prism", prism, Prism)
+    past_contact = check.truth("past_contact", past_contact)
     min_height = check.number("min_height", min_height, least=0, unit="m")
     max_load = check.number("max_load", max_load, above=0, finite=False, unit="N")
     if min_height >= prism.height:
@@ -384,7 +387,7 @@ def _rigid_columns(prism: Prism, potential: Potential, r: Array, locked: bool = 
     }
 
 
-@cache
+@once
 def _half_turn() -> Callable[..., Any]:
     """Tangent of half the turn from the reference, from constant length of bars and bases."""
     import casadi as ca

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tensegrity import archive
+from tensegrity.errors import TensegrityError
 from tensegrity.scene import State
 
 if TYPE_CHECKING:
-    from typing import Any
+    from os import PathLike
+    from typing import Any, Self
 
     from matplotlib.axes import Axes
 
@@ -71,8 +74,51 @@ class Run:
     @property
     def energy_error(self) -> float:
         """Largest relative deviation of the total energy from its first value."""
+        if not len(self.energy):
+            return 0.0
         deviation = np.max(np.abs(self.energy - self.energy[0]))
         return float(deviation / abs(self.energy[0])) if self.energy[0] else float(deviation)
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write all of the run to one .npz file, whole or not at all, without pickle.
+
+        Parameters
+        ----------
+        path : str or path
+            A file that is there is replaced.  The scene is kept as the numbers it is built from;
+            one that is made of a user's own energy as what it prints.
+
+        Raises
+        ------
+        TensegrityError
+            If the file cannot be written.
+        """
+        try:
+            archive.write(path, "run", {f.name: getattr(self, f.name) for f in fields(self)})
+        except OSError as error:
+            raise TensegrityError(f"run not saved to {path}: {error.strerror}") from error
+
+    @classmethod
+    def load(cls, path: str | PathLike[str]) -> Self:
+        """The run that was saved to a file; nothing in it is evaluated or unpickled.
+
+        Parameters
+        ----------
+        path : str or path
+
+        Returns
+        -------
+        Run
+            With its scene, or, where that was kept as what it prints, one that prints so and
+            raises a TensegrityError when it is asked for more.
+
+        Raises
+        ------
+        TensegrityError
+            If there is no such file, or it is damaged or something else, or its scene is of a
+            package that was not imported, such as `granular`.
+        """
+        return archive.read(path, "run", lambda data: cls(**data))
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Space-time density of energy; needs all sites recorded. Returns the axes."""
@@ -82,8 +128,9 @@ class Run:
 
     def __str__(self) -> str:
         estimate = "" if self.error_estimate is None else f", estimated {self.error_estimate:.1e}"
+        end = f"{self.t[-1]:.6g}" if len(self.t) else "0"
         return (
-            f"{self.method}, dt = {self.dt:.4g} s, {self.steps} steps to t = {self.t[-1]:.6g} s"
+            f"{self.method}, dt = {self.dt:.4g} s, {self.steps} steps to t = {end} s"
             f"{'' if self.complete else ' (incomplete)'}\n"
             f"force: {self.force}\n"
             f"{len(self.t)} instants of {len(self.sites)} sites recorded\n"

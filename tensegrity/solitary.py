@@ -16,13 +16,12 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.asymptotics import sound_speed
-from tensegrity.ensemble import Ensemble
 from tensegrity.errors import TensegrityError
 from tensegrity.family import SIGNS, STROKE, Family, refined
 from tensegrity.lattice import Chain
-from tensegrity.potential import Potential, PowerLaw
+from tensegrity.potential import Potential
 from tensegrity.scene import State
-from tensegrity.travelling import Grid, amplitude_is, cosine_sum
+from tensegrity.travelling import Grid, NoWave, cosine_sum
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -30,7 +29,6 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array
 
 LEAST_LEVEL = 1e-8  # of the crest, at which a width is asked for
-SMALL, LARGE = 1e-15, 1.0  # elongations [m] that show whether a force underflows
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,11 +165,11 @@ class SolitaryWave:
         TensegrityError
             If the wave does not fit the chain, its springs or masses, or both ends are fixed.
         """
-        if not isinstance(chain, Chain) or isinstance(chain, Ensemble):
+        if not isinstance(chain, Chain):
             raise TensegrityError(f"chain is {type(chain).__name__}, not a Chain")
         at = check.number("at", at)
-        if direction not in (1, -1):
-            raise TensegrityError(f"direction {direction!r} must be 1 or -1")
+        if check.whole("direction", direction, least=-1) == 0 or direction > 1:
+            raise TensegrityError(f"direction {direction} must be 1 or -1")
         self._check_place(chain, at, self.reach(tail), tail)
         x = np.arange(chain.sites) - at
         u, v = self.displacement(x), -direction * self.speed * self.rate(x)
@@ -254,7 +252,7 @@ def solitary_wave(
         The amplitude lies outside the domain of the potential.
     """
     if not isinstance(potential, Potential):
-        raise TensegrityError(f"potential {potential!r} is not a Potential")
+        raise TensegrityError(f"potential {check.shown(potential)} is not a Potential")
     mass = check.number("mass", mass, above=0, unit="kg")
     given = {"speed": speed, "speed_ratio": speed_ratio, "amplitude": amplitude, "energy": energy}
     asked = {name: value for name, value in given.items() if value is not None}
@@ -266,10 +264,9 @@ def solitary_wave(
     value = check.number(name, value)
     sound = sound_speed(potential, mass)
     sign = _sign(potential, family, value if name == "amplitude" else None)
-    side = _family(potential, sign)
+    side = Family(potential, sign)
     if name == "amplitude":
-        profile = side.wave(abs(value))
-        condition = amplitude_is(1.0)
+        profile, condition = side.with_size(abs(value))
     elif name == "energy":
         value = check.number("energy", value, above=0, unit="J")
         profile, condition = side.with_energy(value)
@@ -285,38 +282,27 @@ def solitary_wave(
                 "has no decaying tail"
             )
         stiffness = mass * speed * speed
-        if not side.rest < stiffness < math.inf:
+        above = side.rest * (speed / sound - 1) * (speed / sound + 1) if sound else stiffness
+        if not (above > 0 and stiffness < math.inf):
             raise TensegrityError(
                 f"speed {float(speed)} sites/s gives m c^2 = {float(stiffness)} N/m, must be a "
                 f"number above the stiffness at rest, {side.rest} N/m"
             )
-        profile, condition = side.with_stiffness(stiffness, mass)
-    profile, residual = refined(profile, condition)
-    return _wave(potential, mass, sound, profile, residual)
-
-
-def _family(potential, sign):
-    """The family of that sign; one whose small forces are no numbers is refused as what it is."""
-    if math.isinf(potential.domain[int(sign > 0)]):
-        small, large = (float(sign * potential.tension(sign * r)) for r in (SMALL, LARGE))
-        if small == 0 < large:
-            least = math.log10(np.finfo(float).smallest_subnormal)
-            what = ""
-            if isinstance(potential, PowerLaw):
-                most = (math.log10(potential.parameters["stiffness"]) - least) / -math.log10(SMALL)
-                what = f": exponent {potential.exponent:g} must be below {most:.4g}"
-            raise TensegrityError(
-                f"waves are sought from crests of {SMALL:g} m up, but the force there, "
-                f"{large:g} N at {LARGE:g} m, is below the smallest number{what}"
-            )
-    return Family(potential, sign)
+        profile, condition = side.with_stiffness(above, mass)
+    try:
+        exact, residual = refined(profile, condition)
+    except NoWave:
+        near = _wave(potential, mass, sound, profile, profile.residual())
+        raise TensegrityError(
+            f"no solitary wave of {side.name} with {name} {value:g}: the nearest one found has a "
+            f"crest of {near.amplitude:.6g} m, speed {near.speed:.6g} sites/s and energy "
+            f"{near.energy:.6g} J, where the family ends"
+        ) from None
+    return _wave(potential, mass, sound, exact, residual)
 
 
 def _distances(x):
-    try:
-        x = np.asarray(x, dtype=float)
-    except (TypeError, ValueError):
-        raise TensegrityError(f"x {x!r} is not an array of distances") from None
+    x = check.floats("x", x)
     if np.isnan(x).any():
         raise TensegrityError("x nan sites is not a number")
     return x
@@ -324,8 +310,8 @@ def _distances(x):
 
 def _sign(potential, family, amplitude):
     """-1 or 1, the sign of the elongation."""
-    if family is not None and family not in SIGNS:
-        raise TensegrityError(f"family {family!r} must be one of {', '.join(SIGNS)}")
+    if family is not None and not (isinstance(family, str) and family in SIGNS):
+        raise TensegrityError(f"family {check.shown(family)} must be one of {', '.join(SIGNS)}")
     if amplitude is not None:
         if amplitude == 0:
             raise TensegrityError("amplitude 0 m must not be 0")
@@ -379,14 +365,14 @@ def largest_speed(
     shows how well.
     """
     if not isinstance(potential, Potential):
-        raise TensegrityError(f"potential {potential!r} is not a Potential")
+        raise TensegrityError(f"potential {check.shown(potential)} is not a Potential")
     mass = check.number("mass", mass, above=0, unit="kg")
     closest = check.number("closest", closest, least=1 - STROKE)
     if closest > 0.1:
         raise TensegrityError(f"closest {closest:g} must be at most 0.1")
-    side = _family(potential, _sign(potential, family, None))
+    side = Family(potential, _sign(potential, family, None))
     if math.isfinite(side.front[1]):
-        return math.sqrt(side.front[1] / mass)
+        return math.sqrt((side.rest + side.front[1]) / mass)
     if math.isinf(side.end):
         raise TensegrityError("no largest speed: the spring does not lock (its domain is open)")
     return math.sqrt(side.stiffness_at_end(closest) / mass)
@@ -394,7 +380,7 @@ def largest_speed(
 
 def _wave(potential, mass, sound, profile, residual):
     law, grid = profile.law, profile.grid
-    stiffness = profile.mu * law.force / law.reference  # m c^2
+    stiffness = profile.mu * law.secant  # m c^2
     speed = math.sqrt(stiffness / mass)
     tension = law.force * grid.coefficients(law.tension(profile.rho))
     rates = grid.box * tension / stiffness

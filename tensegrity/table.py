@@ -36,9 +36,10 @@ class Event:
     note: str = ""
 
     def __getattr__(self, name: str) -> float:
-        if not name.startswith("_") and name in self.at:
-            return self.at[name]
-        raise AttributeError(f"event has no {name!r}, only {', '.join(self.at)}")
+        at = self.__dict__.get("at", {})  # none yet in a copy that is being made
+        if name in at:
+            return at[name]
+        raise AttributeError(f"event has no {name!r}, only {', '.join(at)}")
 
     def __str__(self) -> str:
         return f"{self.kind}: " + ", ".join(f"{k} {v:.6g}" for k, v in self.at.items())

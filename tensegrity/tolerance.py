@@ -55,9 +55,15 @@ def default_step(problem):
     What the energy at the start cannot tell, the run does: whether contacts opened, and how far
     loads drove them.  Where that asks for a finer step, it is run again.
     """
+    fraction = problem.method.step * problem.scene.step_share
+    return settled(
+        problem, refined(problem, expected_steps(problem, fraction), MARGIN * fraction)[0]
+    )
+
+
+def settled(problem, run):
+    """A run with an expected step, or another where it met what asks for a finer one."""
     scene = problem.scene
-    fraction = problem.method.step * scene.step_share
-    run = refined(problem, expected_steps(problem, fraction), MARGIN * fraction)[0]
     share = scene.finer_share(run.met) if run.complete and run.steps else None
     if share is None:
         return run
@@ -75,7 +81,15 @@ def expected_steps(problem, fraction, share=1.0):
     return max(count(problem, fraction * step), CHECKPOINTS)
 
 
-def refined(problem, steps, allowed, checkpoints=0):
+def resumed(problem, steps, allowed, start):
+    """Go on with a run that was broken off, from a `march.Start`."""
+    if problem.choice == "dt":
+        return march(problem, steps, allowed, start=start)[0]
+    run = refined(problem, steps, allowed, start=start)[0]
+    return settled(problem, run) if problem.choice == "default" else run
+
+
+def refined(problem, steps, allowed, checkpoints=0, start=None):
     """March with a step chosen here: refine it where the run met a larger stiffness than expected.
 
     Returns what `march` returns; a spring that still reaches the end of its domain after
@@ -83,13 +97,13 @@ def refined(problem, steps, allowed, checkpoints=0):
     """
     for number in range(MOST_REFINEMENTS):
         try:
-            return march(problem, steps, allowed, checkpoints)
+            return march(problem, steps, allowed, checkpoints, start)
         except (StabilityError, LockingError) as error:
             if problem.surrogate is not None and isinstance(error, RangeError):
                 raise  # another range helps, another step does not
             if number >= REFINEMENTS and isinstance(error, LockingError):
                 raise
-            steps *= 2
+            steps, start = 2 * steps, None
     return march(problem, steps, 1.0, checkpoints)
 
 
@@ -171,9 +185,11 @@ def with_polynomials(problem, run, checks, tol, margin):
         If that run leaves the range.
     """
     scene = problem.scene
-    if not hasattr(scene, "with_springs") or saved(problem, run, tol) < WORTH:
+    if problem.record.checkpoint is not None:
+        return None  # a state that is kept has to say what the forces are
+    if saved(problem, run, tol) < WORTH:
         return None
-    springs = scene.segment_springs[0]
+    springs = scene.spring_table.different
     ranges = [_widened(spring, *met, margin) for spring, met in zip(springs, run.met, strict=True)]
     error, least = max(FIRST_ERROR * tol, LEAST_ERROR), 0.0
     for _ in range(FITS):
@@ -203,11 +219,11 @@ def with_polynomials(problem, run, checks, tol, margin):
 def saved(problem, run, tol):
     """Seconds that fitted forces save, roughly, in all runs that a tolerance takes."""
     scene, order = problem.scene, problem.method.order
-    springs, first = scene.segment_springs
+    springs, count = scene.spring_table.different, np.bincount(scene.spring_table.group.ravel())
     fitted = cost(PolynomialLaw(DEGREES[len(DEGREES) // 2]))
     gains = [max(cost(spring._law) - fitted, 0.0) for spring in springs]
     steps = run.steps * max(tol ** (-1 / order), 1.0)
-    calls = steps * problem.method.stages * np.diff(first)
+    calls = steps * problem.method.stages * count
     return float(np.dot(gains, calls)) - PER_FIT * len(springs)
 
 

@@ -8,9 +8,14 @@ periodic one, so L must reach where the tail is round-off.
 
 Everything here is scaled by a reference elongation A of either sign: r = A rho, T = V'(A) f(rho),
 m c^2 = mu V'(A)/A.  So mu rho = K f(rho), with f(1) = 1, for compression and for extension.
+
+Near the sound speed that equation says next to nothing: f is almost rest rho, mu almost rest.
+What it says beyond the linear law is nu rho + rest (1 - K) rho = K g(rho), nu = mu - rest and
+g = f - rest rho, see `excess`.  It is solved as rho = P g(rho), P = K/(nu + rest (1 - K)), which
+is as well conditioned at the sound speed as far above it.
 Starting values come from the map rho -> K f/(K f)(0): at given norm it climbs the energy of
 a convex law (M. Herrmann, Proc. R. Soc. Edinburgh A 140, 753 (2010)), so it needs no small wave
-to begin with.  Newton's method does the rest, mu being an unknown beside rho.  The amplitude
+to begin with.  Newton's method does the rest, mu nu being an unknown beside rho.  The amplitude
 orders the waves of a family: it is the natural parameter, and no arc length is followed.
 """
 
@@ -23,14 +28,20 @@ from functools import cached_property
 import numpy as np
 
 from tensegrity.errors import TensegrityError
+from tensegrity.excess import excess
 
 SWEEPS = 400  # of the map that starts Newton's method
 ROUGHLY = 1e-3  # change of rho in a sweep that ends them
 ITERATIONS = 25
+PATIENCE = 5  # iterations without a step smaller than all before
 CONVERGED = 1e-9  # last step of Newton's method: the next one would square it
 STUCK = 1e-6  # ... or one from which on they no longer shrink: the residual will judge
 DENSE = 600  # points up to which the tangent is formed; beyond, GMRES on cosine transforms
+HALVINGS = 30  # of a step of Newton's method that leaves the domain
 FINER = 4  # the residual is taken on a grid so many times finer
+
+
+SINE_RISE = [(-1) ** n / math.factorial(2 * n + 3) for n in range(8, -1, -1)]  # (1 - sin y/y)/y^2
 
 
 class NoWave(TensegrityError):
@@ -38,24 +49,30 @@ class NoWave(TensegrityError):
 
 
 class Scaled:
-    """f, f' and its energy for a potential and a reference elongation A [m] of either sign."""
+    """f, g, g' and the energy for a potential and a reference elongation A [m] of either sign."""
 
-    def __init__(self, potential, reference):
+    def __init__(self, potential, reference) -> None:
         self.potential, self.reference = potential, reference
-        self.force = float(potential.tension(reference))  # V'(A) [N]
-        self.rest = self._stiffness(0.0)
+        self._excess = excess(potential)
+        gain = float(self._excess.tension(reference)) / reference
+        self.secant = self._excess.rest + gain  # V'(A)/A [N/m]
+        self.rest, self.gain = self._excess.rest / self.secant, gain / self.secant
+        self.force = self.secant * reference  # V'(A) [N]
 
     def tension(self, rho):
-        return self.potential.tension(self.reference * rho) / self.force
+        return self.rest * rho + self.beyond(rho)
 
-    def stiffness(self, rho):
-        return self._stiffness(rho)
+    def beyond(self, rho):
+        """g = f - rest rho."""
+        return self._excess.tension(self.reference * rho) / self.reference / self.secant
 
-    def _stiffness(self, rho):
-        return self.potential.stiffness(self.reference * rho) * (self.reference / self.force)
+    def slope(self, rho):
+        """g'."""
+        return self._excess.stiffness(self.reference * rho) / self.secant
 
     def energy(self, rho):
-        return self.potential.energy(self.reference * rho) / (self.reference * self.force)
+        beyond = self._excess.energy(self.reference * rho) / self.reference / self.reference
+        return self.rest * rho * rho / 2 + beyond / self.secant
 
 
 @dataclass(frozen=True)
@@ -101,15 +118,26 @@ class Grid:
         a[[0, -1]] *= 2
         return dct(a, type=1) / 2
 
+    @cached_property
+    def unsmooth(self):
+        """Symbol of 1 - K, also where it is small."""
+        half = self.wave_numbers / 2
+        series = np.polyval(SINE_RISE, np.minimum(half, 1) ** 2)
+        rise = np.where(half < 1, half**2 * series, 1 - self.box)
+        return rise * (1 + self.box)
+
+    def apply(self, symbol, values):
+        """An even convolution, given by its symbol, of values on the grid."""
+        return self.values(symbol * self.coefficients(values))
+
     def smooth(self, values):
         """K applied to values on the grid."""
-        return self.values(self.box**2 * self.coefficients(values))
+        return self.apply(self.box**2, values)
 
-    @cached_property
-    def matrix(self):
-        """K as a matrix between values on the grid, (N + 1, N + 1)."""
+    def matrix(self, symbol):
+        """An even convolution as a matrix between values on the grid, (N + 1, N + 1)."""
         n = self.points
-        kernel = np.fft.irfft(self.box**2, 2 * n)  # of the whole period
+        kernel = np.fft.irfft(symbol, 2 * n)  # of the whole period
         i = np.arange(n + 1)
         matrix = kernel[np.abs(i[:, None] - i)] + kernel[(i[:, None] + i) % (2 * n)]
         matrix[:, [0, -1]] /= 2
@@ -141,12 +169,30 @@ def cosine_sum(coefficients, wave_numbers, x, function=np.cos):
 
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """A solution (rho, mu) on a grid."""
+    """A solution (rho, nu) on a grid."""
 
     law: Scaled
     grid: Grid
     rho: np.ndarray
-    mu: float
+    nu: float
+
+    @property
+    def mu(self):
+        return self.law.rest + self.nu
+
+    @property
+    def symbol(self):
+        """Symbol of P."""
+        return self.grid.box**2 / self._resistance
+
+    @property
+    def _resistance(self):
+        return self.nu + self.law.rest * self.grid.unsmooth
+
+    @property
+    def symbol_rate(self):
+        """nu times the derivative of the symbol of P in nu."""
+        return -self.symbol * (self.nu / self._resistance)
 
     @property
     def energy(self):
@@ -160,19 +206,29 @@ class Profile:
         """Largest part of the crest that is left at the end of the grid."""
         return float(np.max(np.abs(self.rho[-(self.grid.points // 16) :])) / self.rho[0])
 
+    @cached_property
+    def _fine(self):
+        return self.on(Grid(FINER * self.grid.points, self.grid.half_length))
+
     def residual(self):
         """max |mu rho - K f(rho)| over max f, on a finer grid."""
-        fine = Grid(FINER * self.grid.points, self.grid.half_length)
-        rho = self.grid.moved(self.rho, fine)
+        rho, grid = self._fine.rho, self._fine.grid
         f = self.law.tension(rho)
-        return float(np.max(np.abs(self.mu * rho - fine.smooth(f))) / np.max(np.abs(f)))
+        return float(np.max(np.abs(self.mu * rho - grid.smooth(f))) / np.max(np.abs(f)))
+
+    def defect(self):
+        """max |rho - P g(rho)| on a finer grid: an error of the wave, however slow."""
+        fine = self._fine
+        return float(
+            np.max(np.abs(fine.rho - fine.grid.apply(fine.symbol, self.law.beyond(fine.rho))))
+        )
 
     def on(self, grid):
         """The same profile on another grid, not solved there."""
         return replace(self, grid=grid, rho=self.grid.moved(self.rho, grid))
 
 
-# What holds a wave: a function of (profile) -> value, gradient in rho, derivative in mu.
+# What holds a wave: a function of (profile) -> value, gradient in rho, nu times derivative in nu.
 
 
 def amplitude_is(rho):
@@ -186,9 +242,9 @@ def amplitude_is(rho):
     return condition
 
 
-def speed_is(mu):
-    """mu as given."""
-    return lambda profile: (profile.mu / mu - 1, np.zeros_like(profile.rho), 1 / mu)
+def speed_is(nu):
+    """nu as given."""
+    return lambda profile: (profile.nu / nu - 1, np.zeros_like(profile.rho), profile.nu / nu)
 
 
 def energy_is(energy):
@@ -196,26 +252,28 @@ def energy_is(energy):
 
     def condition(profile):
         rho, law = profile.rho, profile.law
-        gradient = 1.5 * law.tension(rho) + rho * law.stiffness(rho) / 2
+        gradient = 1.5 * law.tension(rho) + rho * (law.rest + law.slope(rho)) / 2
         return profile.energy / energy - 1, profile.grid.weights * gradient / energy, 0.0
 
     return condition
 
 
-def started(law, grid, decay, tension):
+def started(law, grid, decay, tension, nu):
     """A rough profile with rho(0) = 1: a bump of given decay, swept until it hardly changes.
 
-    `tension` is f, or a cheaper function close to it.
+    `tension` is f, or a cheaper function close to it; `nu` a guess that stands where the sweeps
+    give none.
     """
     rho = 1 / np.cosh(np.minimum(decay * grid.x / 2, 300)) ** 2
-    mu = 1.0
     for _ in range(SWEEPS):
         new = grid.smooth(tension(rho))
-        mu, new = new[0], new / new[0]
+        new = new / new[0]
         change, rho = np.max(np.abs(new - rho)), new
         if change < ROUGHLY:
             break
-    return Profile(law, grid, rho, float(mu))
+    pull = grid.smooth(law.beyond(rho)) - law.rest * grid.apply(grid.unsmooth, rho)
+    mean = float(grid.weights @ (rho * pull) / (grid.weights @ rho**2))
+    return Profile(law, grid, rho, mean if mean > 0 else nu)
 
 
 def solved(profile, condition, converged=CONVERGED):
@@ -226,74 +284,90 @@ def solved(profile, condition, converged=CONVERGED):
     NoWave
         If it does not converge.
     """
-    previous = math.inf
+    previous = best = math.inf
+    since_best = 0
     for _ in range(ITERATIONS):
         try:
-            step_rho, step_mu = _newton_step(profile, condition)
+            step_rho, step_nu = _newton_step(profile, condition)
         except (np.linalg.LinAlgError, ValueError) as error:
             raise NoWave(f"the tangent of the travelling wave is singular: {error}") from None
-        profile = _stepped(profile, step_rho, step_mu)
-        size = max(np.max(np.abs(step_rho)), abs(step_mu / profile.mu))
+        size = max(np.max(np.abs(step_rho)), abs(step_nu / profile.nu))
+        profile = _stepped(profile, step_rho, step_nu)
         if size < converged or (size < STUCK and size > previous / 4):
             return profile
-        previous = size
+        since_best = 0 if size < best else since_best + 1
+        previous, best = size, min(best, size)
+        if since_best == PATIENCE:
+            break
     raise NoWave(f"no travelling wave found: the last iteration still moved {previous:.1e}")
 
 
-def _stepped(profile, step_rho, step_mu):
+def _stepped(profile, step_rho, step_nu):
     """The whole step, or the part of it that stays in the domain of the potential."""
-    for _ in range(30):
-        new = replace(profile, rho=profile.rho + step_rho, mu=profile.mu + step_mu)
-        low, high = profile.law.potential.domain
+    low, high = profile.law.potential.domain
+    for _ in range(HALVINGS):
+        new = replace(profile, rho=profile.rho + step_rho, nu=profile.nu + step_nu)
         r = profile.law.reference * new.rho
-        if new.mu > 0 and low < r.min() and r.max() < high:
+        if new.nu > 0 and low < r.min() and r.max() < high:
             return new
-        step_rho, step_mu = step_rho / 2, step_mu / 2
-    raise NoWave("no travelling wave found within the domain of the potential")
+        step_rho, step_nu = step_rho / 2, step_nu / 2
+    raise NoWave("no travelling wave found faster than sound and within the spring's domain")
 
 
 def _newton_step(profile, condition):
-    grid, rho, mu = profile.grid, profile.rho, profile.mu
-    f, slope = profile.law.tension(rho), profile.law.stiffness(rho)
+    """Steps of rho and nu."""
+    grid, rho, law = profile.grid, profile.rho, profile.law
+    g, slope, symbol = law.beyond(rho), law.slope(rho), profile.symbol
     gap, row, corner = condition(profile)
-    right = -np.append(mu * rho - grid.smooth(f), gap)
+    column = -grid.apply(profile.symbol_rate, g)  # of step_nu/nu
+    right = -np.append(rho - grid.apply(symbol, g), gap)
+    if not np.isfinite(right).all():
+        raise ValueError("it is not finite")
     if grid.points <= DENSE:
         matrix = np.empty((grid.points + 2, grid.points + 2))
-        matrix[:-1, :-1] = -grid.matrix * slope
-        matrix[:-1, :-1].flat[:: grid.points + 2] += mu
-        matrix[:-1, -1], matrix[-1, :-1], matrix[-1, -1] = rho, row, corner
+        matrix[:-1, :-1] = -grid.matrix(symbol) * slope
+        matrix[:-1, :-1].flat[:: grid.points + 2] += 1
+        matrix[:-1, -1], matrix[-1, :-1], matrix[-1, -1] = column, row, corner
         step = np.linalg.solve(matrix, right)
     else:
-        step = _by_gmres(grid, rho, mu, slope, row, corner, right)
-    return step[:-1], float(step[-1])
+        step = _by_gmres(grid, symbol, slope, column, row, corner, right)
+    return step[:-1], float(step[-1]) * profile.nu
 
 
-def _by_gmres(grid, rho, mu, slope, row, corner, right):
+def _by_gmres(grid, symbol, slope, column, row, corner, right):
     from scipy.sparse.linalg import LinearOperator, gmres
 
     def tangent(step):
         step = np.ravel(step)
-        upper = mu * step[:-1] - grid.smooth(slope * step[:-1]) + step[-1] * rho
+        upper = step[:-1] - grid.apply(symbol, slope * step[:-1]) + step[-1] * column
         return np.append(upper, row @ step[:-1] + corner * step[-1])
 
     n = len(right)
     operator = LinearOperator((n, n), matvec=tangent, dtype=float)
-    step, failed = gmres(operator, right, rtol=1e-6, restart=100, maxiter=3)
+    step, failed = gmres(operator, right, rtol=1e-6, restart=100, maxiter=1)
     if failed:
         raise NoWave("the linear solver of the travelling wave did not converge")
     return step
 
 
-def decay_rate(speed_ratio):
-    """kappa > 0 of the tail exp(-kappa |x|) in a linear lattice: sinh(kappa/2)/(kappa/2) = c/cs."""
+def decay_rate(gain):
+    """kappa > 0 of the tail exp(-kappa |x|) in a linear lattice, from gain = (c/cs)^2 - 1.
+
+    sinh(kappa/2)/(kappa/2) = c/cs.
+    """
     from scipy.optimize import brentq
 
-    if math.isinf(speed_ratio):
+    if math.isinf(gain):
         return math.inf
+    wanted = math.log1p(gain) / 2
 
-    def excess(half):
-        return math.log(math.sinh(half) / half) - math.log(speed_ratio)
+    def surplus(half):
+        square = half * half
+        series = square / 6 * (1 + square / 20 * (1 + square / 42 * (1 + square / 72)))
+        return (
+            math.log1p(series) if half < 0.1 else half + math.log(-math.expm1(-2 * half) / 2 / half)
+        ) - wanted
 
     # sinh(y)/y > exp(y)/(4 y) and > 1 + y^2/6
-    high = min(2 * math.log(speed_ratio) + 4, math.sqrt(6 * (speed_ratio - 1)) * 1.001 + 1e-9)
-    return 2 * brentq(excess, 1e-12, high, xtol=1e-300, rtol=1e-14)
+    high = min(2 * wanted + 4, 1.001 * math.sqrt(6 * math.expm1(wanted)))
+    return 2 * brentq(surplus, high / 8, high, xtol=1e-300, rtol=1e-14)

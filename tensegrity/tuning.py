@@ -23,7 +23,6 @@ import numpy as np
 
 from tensegrity import check, methods
 from tensegrity.condensed import ElasticPotential
-from tensegrity.ensemble import Ensemble
 from tensegrity.errors import ResolutionError, StabilityError, TensegrityError
 from tensegrity.kernel import kernel
 from tensegrity.lattice import Chain
@@ -119,7 +118,7 @@ def simulate_tuned(
         the round-off of that does not change smoothly.
     dt : float
         Step [s]; the step used is the largest not above it that divides `t_end` evenly.
-    method : str
+    method : str or Splitting
         A splitting method.
     record : Record, optional
 
@@ -135,7 +134,7 @@ def simulate_tuned(
     LockingError
         A spring reached an end of its domain; says which and when.
     """
-    if not isinstance(chain, Chain) or isinstance(chain, Ensemble):
+    if not isinstance(chain, Chain):
         raise TensegrityError(f"chain is {type(chain).__name__}, not a Chain")
     chain.check(state)
     t_end = check.number("t_end", t_end, above=0, unit="s")
@@ -149,8 +148,7 @@ def simulate_tuned(
             f"{MOST_STEPS:g}"
         )
     record = Record() if record is None else record
-    if not isinstance(record, Record):
-        raise TensegrityError(f"record {record!r} is not a Record")
+    check.kind("record", record, Record)
     record.check(chain.sites)
     if not callable(spring_at):
         raise TensegrityError(f"spring_at {spring_at!r} is not a function of time")
@@ -232,7 +230,7 @@ class _Springs:
                     f"spring_at(0) is {name}: its numbers are fitted anew at each instant and "
                     f"carry round-off that no series in time follows; take {instead}"
                 )
-        if any(s is not first and s != first for s in chain.segment_springs[0]):
+        if any(s is not first and s != first for s in chain.spring_table.different):
             raise TensegrityError("the springs of the chain differ from spring_at(0)")
         self._law, self._length = first._law, first.length
         self._engine, self._change = kernel((self._law,)), kernel((Change(self._law),))

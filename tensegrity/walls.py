@@ -9,6 +9,7 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+from tensegrity.readonly import ReadOnly, fixed
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -20,14 +21,11 @@ SQUARE = 1e-9  # cosine of the angle of directions that pass as perpendicular
 
 def floats(name: str, value: ArrayLike) -> Array:
     """A copy of `value` as a float array."""
-    try:
-        return np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        raise TensegrityError(f"{name} {value!r} is not made of numbers") from None
+    return np.array(check.floats(name, value))
 
 
 @dataclass(frozen=True, eq=False)
-class Wall:
+class Wall(ReadOnly):
     """A flat wall, unbounded or a piece.
 
     Parameters
@@ -36,7 +34,7 @@ class Wall:
         A point of it [m]: the middle of a piece.
     normal : array_like, (dim,)
         Direction towards the side where the sites are; its length does not matter.
-    extent : array_like, (dim - 1, dim) or, in the plane, (2,), optional
+    extent : array_like, (dim - 1, dim) or, in the plane, (2,), optional; none on a line
         From the middle to the edges [m]: the half sides of a piece, perpendicular to the normal
         and to each other.  By default the wall has no end.
     """
@@ -53,15 +51,15 @@ class Wall:
 
     def __post_init__(self) -> None:
         point = floats("wall point", self.point)
-        if point.shape not in ((2,), (3,)):
-            raise TensegrityError(f"wall point has shape {point.shape}, must be (2,) or (3,)")
+        if point.shape not in ((1,), (2,), (3,)):
+            raise TensegrityError(f"wall point has shape {point.shape}, must be (1,), (2,) or (3,)")
         check.vector("wall point", point, point.shape)
         normal = check.vector("wall normal", floats("wall normal", self.normal), point.shape)
         length = np.linalg.norm(normal)
         if length == 0:
             raise TensegrityError("wall normal has length 0")
-        object.__setattr__(self, "point", point)
-        object.__setattr__(self, "normal", normal / length)
+        object.__setattr__(self, "point", fixed(point))
+        object.__setattr__(self, "normal", fixed(normal / length))
         if self.extent is None:
             return
         extent = np.atleast_2d(floats("wall extent", self.extent))
@@ -72,7 +70,7 @@ class Wall:
         unit = np.vstack([extent / sides[:, None], self.normal])
         if np.max(np.abs(unit @ unit.T - np.eye(len(unit)))) > SQUARE:
             raise TensegrityError("wall extent is not perpendicular to the normal and to itself")
-        object.__setattr__(self, "extent", extent)
+        object.__setattr__(self, "extent", fixed(extent))
 
     @classmethod
     def between(cls, start: ArrayLike, stop: ArrayLike, side: ArrayLike) -> Wall:
@@ -88,10 +86,11 @@ class Wall:
 
     def height(self, x: Array) -> Array:
         """Distance of points x (..., dim) from the wall's plane [m], > 0 on the normal's side."""
-        return (x - self.point) @ self.normal
+        return (check.rows("points", x, self.point.shape) - self.point) @ self.normal
 
     def overhang(self, x: Array) -> Array:
         """How far the foot of points x (..., dim) lies beyond the nearest edge [m]; < 0 inside."""
+        x = check.rows("points", x, self.point.shape)
         if self.extent is None:
             return np.full(np.shape(x)[:-1], -np.inf)
         sides = np.linalg.norm(self.extent, axis=1)
@@ -100,6 +99,7 @@ class Wall:
 
     def distance(self, x: Array) -> Array:
         """Distance of points x (..., dim) from the nearest point of the wall [m]."""
+        x = check.rows("points", x, self.point.shape)
         height = self.height(x)
         if self.extent is None:
             return np.abs(height)

@@ -3,8 +3,9 @@
 import numpy as np
 
 from tensegrity import Network, PowerLaw, Wall
+from tensegrity.compiled import Compiled
+from tensegrity.kernel import bind
 from tensegrity.methods import METHODS
-from tensegrity.network_loop import CompiledNetwork
 
 SPACING = 1.0
 SPRING = PowerLaw(1.0, 1.5, preload=0.3, length=SPACING)
@@ -63,6 +64,6 @@ def fork(stem=6, branch=5, wall_contacts=True):
 def extended(network, state, method, dt, steps):
     """Rows of u and v after some steps of the same text, compiled in long double."""
     u, v = (x.astype(np.longdouble) for x in network.arrays(state))
-    engine = CompiledNetwork(network.contacts.laws, network.dim, extended=True)
-    engine.bind(u, v, network.contacts, METHODS[method], dt).advance(steps)
+    engine = Compiled.of(network.loop_bonds, extended=True)
+    bind(u, v, network.loop_bonds, METHODS[method], dt, engine).advance(steps)
     return u[: network.sites], v[: network.sites]

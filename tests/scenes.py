@@ -3,7 +3,8 @@
 import numpy as np
 
 from tensegrity import Chain, Prism
-from tensegrity.kernel import Compiled
+from tensegrity.compiled import Compiled
+from tensegrity.kernel import bind
 from tensegrity.methods import METHODS
 
 
@@ -21,9 +22,9 @@ def extended(chain, state, method, dt, steps):
     """u and v after some steps of the same generated text, compiled in long double."""
     method = METHODS[method]
     u, v = state.u.astype(np.longdouble), state.v.astype(np.longdouble)
-    engine = Compiled(chain.segments.laws, extended=True)
+    engine = Compiled.of(chain.loop_bonds, extended=True)
     for rows, times in passes(method, steps):
-        engine.bind(u, v, chain.inverse_mass, chain.segments, rows, dt).advance(times)
+        bind(u, v, chain.loop_bonds, rows, dt, engine).advance(times)
     return u, v
 
 

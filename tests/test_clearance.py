@@ -33,6 +33,16 @@ def test_an_unlisted_contact_is_noticed_in_the_step_in_which_it_forms():
     assert 2.0 - 1e-9 <= caught.value.run.t[-1] + 1e-3 <= 2.0 + 2e-3
 
 
+@pytest.mark.parametrize("gap", [0.2, 0.6, 1.0, 1.3, 2.0])
+def test_beads_that_move_towards_each_other_are_noticed_in_that_step(gap):
+    """Both use up the gap, on the diagonal, where bounds of coordinates bound the way best."""
+    along = np.array([1.0, 1.0]) / np.sqrt(2)
+    network = Network([[0.0, 0.0], (1 + gap) * along], [], SPRING, radius=0.5)
+    with pytest.raises(ContactError, match="sites 0 and 1") as caught:
+        simulate(network, network.at_rest({0: along, 1: -along}), 10.0, dt=1e-3, record=FEW)
+    assert gap / 2 - 1e-9 <= caught.value.run.t[-1] + 1e-3 <= gap / 2 + 2e-3
+
+
 def test_a_graze_between_two_records_is_noticed():
     """Closest approach 0.9999 of the contact distance, for a moment in a long run."""
     network, state = flying(np.arcsin(0.9999 / 3))

@@ -265,6 +265,38 @@ def test_root_passed_twice_within_one_step_is_found_on_both_sides_of_the_fold():
     assert np.allclose([branch.events[0].v, branch.events[2].v], [exact, -exact], rtol=1e-7)
 
 
+def test_loose_tolerance_does_not_step_across_a_bend():
+    """Beyond the bend the branch runs as before, so only the corrector's long way tells."""
+    width = 0.01
+    problem = planar(
+        lambda v, c, p: v - 0.05 * (1 + ca.tanh((c - 1) / width)),
+        roots={"end": lambda v, c, p: c - 3 + 0 * v},
+    )
+    loose = Settings(tolerance=1e6, first=0.1, largest=0.1)
+    branch = trace(problem, [0.0, 0.0], [0.0], loose, direction=1, stop=("end",))
+    assert (np.abs(branch.parameter - 1) < width).sum() > 5
+
+
+@pytest.mark.parametrize("step", np.linspace(0.2, 0.5, 13))
+def test_events_lie_between_the_rows_that_they_are_told_to(step):
+    """Newton's method, started near a crest of the event function, runs off to other roots."""
+    problem = planar(
+        lambda v, c, p: v,
+        roots={
+            "wave": lambda v, c, p: ca.sin(10 * c) + 0.3 + 0 * v,
+            "end": lambda v, c, p: c - 6 + 0 * v,
+        },
+    )
+    even = Settings(first=step, largest=step)
+    branch = trace(problem, [0.0, 0.0], [0.0], even, direction=1, stop=("end",))
+    waves = [e for e in branch.events if e.kind == "wave"]
+    assert waves
+    for event in waves:
+        low, high = branch.parameter[event.row : event.row + 2]
+        assert low - 1e-12 <= event.parameter <= high + 1e-12
+        assert abs(np.sin(10 * event.parameter) + 0.3) < 1e-13
+
+
 # --- the table -------------------------------------------------------------------------------
 
 
@@ -281,10 +313,27 @@ def test_branch_indexes_and_slices_like_a_table():
         branch.w  # noqa: B018
 
 
+def test_events_of_a_slice_count_its_own_rows():
+    branch = circle()
+    for start, step in ((5, 1), (4, 2)):
+        part = branch[start::step]
+        assert part.events
+        for event in part.events:
+            (whole,) = (e for e in branch.events if e.at == event.at)
+            assert start + step * event.row == whole.row
+            assert part.v[event.row] == branch.v[whole.row]
+
+
 def test_branch_prints_its_events_and_end():
     story = str(circle())
     assert "fold: v " in story
     assert story.endswith("ends: below")
+
+
+def test_a_part_of_a_branch_says_whether_its_end_was_cut_off():
+    branch = circle()
+    assert branch[:-1].end == "cut here"
+    assert branch[3:].end == branch[::-1].end == branch.end == "below"
 
 
 def test_branch_writes_csv_that_reads_back_exactly(tmp_path):

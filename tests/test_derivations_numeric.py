@@ -8,7 +8,7 @@ import sympy as sp
 from derivations import prism, rigid_response
 from tensegrity import Prism
 from tensegrity.codegen import functions
-from tensegrity.kernel import Compiled
+from tensegrity.compiled import Compiled
 from tensegrity.native import CompilerError
 
 EPS = np.finfo(float).eps
@@ -52,3 +52,28 @@ def test_casadi_c_and_sympy_agree_on_the_same_points(exact, order, rng):
                 bound = 32 * EPS * (abs(value) + abs(height * slope))
                 for engine, found in results.items():
                     assert abs(float(found[k]) - value) <= bound, engine
+
+
+def test_force_and_energy_grow_towards_locking_with_the_stated_powers():
+    """Slopes in log-log scale of the force and of what the energy lacks at locking."""
+    numbers = {prism.base: 1, prism.reference_height: sp.Rational(7, 10), prism.k_cross: 1}
+    numbers[prism.prestrain] = sp.Rational(1, 100)
+    bar = sp.sqrt(prism.at_reference(prism.bar_length_squared()))
+    known = {rigid_response.bar: bar, rigid_response.circumradius: prism.CIRCUMRADIUS}
+    known[rigid_response.natural_cross] = prism.natural_lengths()[0]
+    lock = sp.sqrt(rigid_response.locking_height_squared())
+    forms = [rigid_response.force(), rigid_response.potential_energy()]
+    force, energy = (f.subs(known).subs(numbers) for f in forms)
+    lock = lock.subs(numbers)
+
+    def at(form, gap):
+        return form.subs(rigid_response.height, lock + gap).evalf(60)
+
+    gaps = [sp.Rational(1, 10**k) for k in (24, 25)]
+    held = energy.subs(rigid_response.height, lock).evalf(60)
+    for stated, (near, nearer) in zip(
+        rigid_response.lock_order(),
+        ([at(force, g) for g in gaps], [held - at(energy, g) for g in gaps]),
+        strict=True,
+    ):
+        assert abs(sp.log(near / nearer, 10).evalf() - stated) < 1e-6

@@ -10,7 +10,9 @@ from scenes import extended
 from tensegrity import Chain, EquilibriumError, Prism, RangeError, equilibrium_path, simulate
 from tensegrity.asymptotics import sound_speed
 from tensegrity.codegen import functions
-from tensegrity.kernel import Compiled, Interpreted
+from tensegrity.compiled import Compiled
+from tensegrity.interpreted import Interpreted
+from tensegrity.kernel import bind
 from tensegrity.methods import METHODS
 
 INF = math.inf
@@ -59,8 +61,7 @@ def test_engines_take_the_elastic_law(engine):
     chain = Chain(softening(), 131)
     u, v = 0.05 * np.sin(np.arange(131) ** 2), np.zeros(131)
     single = replace(METHODS["verlet"], kicks=(1.0, 0.0))
-    loop = engine(chain.segments.laws)
-    bound = loop.bind(u, v, chain.inverse_mass, chain.segments, single, 0.1)
+    bound = bind(u, v, chain.loop_bonds, single, 0.1, engine.of(chain.loop_bonds))
     f = np.concatenate([[0], chain.springs[0].tension(np.diff(u)), [0]])
     bound.advance(1)
     np.testing.assert_allclose(v, 0.1 * np.diff(f), rtol=0, atol=1e-15)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import sympy as sp
 from scenes import prism_chain
 
 from granular import Bead, Striker, chain, materials
@@ -9,6 +10,7 @@ from tensegrity import (
     Chain,
     Ensemble,
     LockingError,
+    Potential,
     PowerLaw,
     Prism,
     Record,
@@ -66,6 +68,20 @@ def test_locking_is_told_with_its_lane():
     ensemble = Ensemble(prism_chain(10), 3)
     with pytest.raises(LockingError, match="between sites 0 and 1 of lane 2"):
         simulate(ensemble, ensemble.at_rest({0: [0.01, 0.02, 0.5]}), 10.0)
+
+
+@pytest.mark.parametrize("end", [-0.1, 0.1])
+def test_every_lane_is_watched_at_both_ends_of_the_domain(end):
+    """A law that goes on beyond its domain, so that the range met alone can tell."""
+    r = sp.Symbol("r")
+    spring = Potential(r**2 / 2, r, domain=(-0.1, 0.1))
+    chain = Chain(spring, 6, ends=("free", "fixed"))
+    for lanes, far in ((17, 0), (17, 7), (17, 16), (11, 9)):  # groups of 16, 8 and 1
+        ensemble = Ensemble(chain, lanes)
+        start = ensemble.at_rest({0: [-2 * end * (lane == far) for lane in range(lanes)]})
+        with pytest.raises(LockingError, match=f"sites 0 and 1 of lane {far} got there") as caught:
+            simulate(ensemble, start, 4.0, dt=0.01)
+        assert 0.09 < np.abs(caught.value.run.met).max() < 0.1
 
 
 def test_states_of_another_shape_are_refused():

@@ -4,10 +4,12 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scenes import prism_chain
 
 from derivations import contact as derived
 from granular import Bead, Striker, bead_of_mass, chain, hertz, materials, power, simulate
 from granular.observables import (
+    density,
     mean_force,
     momentum,
     overlaps,
@@ -63,7 +65,7 @@ def test_the_long_wave_constant_is_one_percent_low(steel):
     lam = derived.nesterenko()[0].subs({n: sp.Rational(3, 2), amplitude: 1})
     alpha = hertz(STEEL, STEEL).constant
     height = peak(steel.t, steel.scene.contact_forces(steel.u)[:, 150])[1]
-    measured = speed(steel, steel.scene, "chain", (110, 160)) / STEEL.diameter
+    measured = speed(steel, "chain", (110, 160)) / STEEL.diameter
     constant = measured * STEEL.mass**0.5 / alpha ** (1 / 3) / height ** (1 / 6)
     assert 0.985 < float(sp.sqrt(lam)) / constant < 0.992
 
@@ -71,7 +73,7 @@ def test_the_long_wave_constant_is_one_percent_low(steel):
 def test_wave_spans_about_five_beads(steel):
     """Length on which the compression exceeds one percent of its peak; long waves: cos^4."""
     shortening = steel.scene.overlaps(steel.u)[:, 150]
-    v = speed(steel, steel.scene, "chain", (110, 160))
+    v = speed(steel, "chain", (110, 160))
     measured = width(steel.t * v / STEEL.diameter, np.maximum(shortening, 0), 0.01)
     kappa = float(derived.nesterenko()[1].subs(derived.exponent, 1.5))
     long_wave = 2 * np.arccos(0.01 ** (1 / 4)) / kappa
@@ -104,7 +106,7 @@ def test_force_and_speed_scale_with_momentum_between_chains():
         slow = (alpha**2 / bead.mass**2 * velocity) ** 0.2  # inverse time of an impact
         run = simulate(scene, scene.start(), 75 / slow / 0.8, record=Record(every=1))
         height = peak(run.t, scene.contact_forces(run.u)[:, 65])[1]
-        rate = speed(run, scene, "chain", (45, 65)) / bead.diameter
+        rate = speed(run, "chain", (45, 65)) / bead.diameter
         momentum, _ = pulse(run, 50)
         found.append(
             (
@@ -117,9 +119,9 @@ def test_force_and_speed_scale_with_momentum_between_chains():
 
 def test_bead_force_is_the_mean_of_its_contacts(steel):
     contacts = steel.scene.contact_forces(steel.u)
-    sensed = sensor_force(steel, steel.scene, "chain", 12)
+    sensed = sensor_force(steel, "chain", 12)
     np.testing.assert_allclose(sensed, (contacts[:, 11] + contacts[:, 12]) / 2, atol=1e-15)
-    assert np.array_equal(sensed, mean_force(steel, steel.scene, "chain", 12))
+    assert np.array_equal(sensed, mean_force(steel, "chain", 12))
     assert sensed[0] == 0
     assert sensed.max() / contacts[:, 100].max() == pytest.approx(0.7073, abs=2e-3)
 
@@ -128,12 +130,10 @@ def test_a_sensor_needs_its_neighbours_recorded_and_nothing_more(steel):
     some = Record(every=1, sites=[13, 11, 12])
     how = {"dt": steel.dt, "method": "rkn6", "record": some}
     part = simulate(steel.scene, steel.scene.start(), 500 * steel.dt, **how)
-    full = sensor_force(steel, steel.scene, "chain", 12)
-    np.testing.assert_allclose(
-        sensor_force(part, steel.scene, "chain", 12), full[: len(part.t)], rtol=1e-9
-    )
+    full = sensor_force(steel, "chain", 12)
+    np.testing.assert_allclose(sensor_force(part, "chain", 12), full[: len(part.t)], rtol=1e-9)
     with pytest.raises(TensegrityError, match="site 10 is needed"):
-        sensor_force(part, steel.scene, "chain", 11)
+        sensor_force(part, "chain", 11)
 
 
 def test_oscilloscope_reads_the_curve_at_its_clock():
@@ -296,3 +296,33 @@ def test_exponents_other_than_hertz_carry_waves_too():
 def test_bad_input_is_refused_with_its_bound(make, words):
     with pytest.raises(TensegrityError, match=words):
         make()
+
+
+def test_readings_of_what_has_no_beads_are_refused(steel):
+    plain = prism_chain(4)
+    other = simulate(plain, plain.at_rest({0: 0.01}), 1.0)
+    for read in (
+        lambda run: sensor_force(run, "chain", 2),
+        lambda run: mean_force(run, "chain", 2),
+        lambda run: speed(run, "chain", (2, 3)),
+        lambda run: density(run, [1]),
+        part_energies,
+        momentum,
+        overlaps,
+    ):
+        with pytest.raises(TensegrityError, match="scene of the run is Chain, not a chain or"):
+            read(other)
+        for none in (None, steel.scene):
+            with pytest.raises(TensegrityError, match=r"run is .*, not a Run"):
+                read(none)
+    for part in ("stem 1", None, []):
+        with pytest.raises(TensegrityError, match=r"part .* is not one of striker, chain"):
+            sensor_force(steel, part, 1)
+    for number, words in (
+        (0, "at least 1"),
+        (10**6, "at most"),
+        (1.5, "not a whole"),
+        (True, "not"),
+    ):
+        with pytest.raises(TensegrityError, match=words):
+            sensor_force(steel, "chain", number)

@@ -44,15 +44,13 @@ def single(dt=None, every=1, guide=None, **how):
 def ratios(run):
     """V_t/V_i, V_r/V_i, F_i/F_t, F_i/F_r by eq. (5) and located peaks."""
     scene = run.scene
-    (first, _), (second, height) = (
-        peak(run.t, sensor_force(run, scene, "stem 1", n)) for n in (12, 16)
-    )
+    (first, _), (second, height) = (peak(run.t, sensor_force(run, "stem 1", n)) for n in (12, 16))
     after = second + 40e-6, math.inf
     incident = scene.distance("stem 1", (12, 16)) / (second - first)
-    transmitted = speed(run, scene, "branch 1", (4, 8))
-    reflected = -speed(run, scene, "stem 1", (12, 16), after)
-    there = peak(run.t, sensor_force(run, scene, "branch 1", 4))[1]
-    back = peak(run.t, sensor_force(run, scene, "stem 1", 16), after)[1]
+    transmitted = speed(run, "branch 1", (4, 8))
+    reflected = -speed(run, "stem 1", (12, 16), after)
+    there = peak(run.t, sensor_force(run, "branch 1", 4))[1]
+    back = peak(run.t, sensor_force(run, "stem 1", 16), after)[1]
     return np.array([transmitted / incident, reflected / incident, height / there, height / back])
 
 
@@ -139,24 +137,23 @@ def test_eq_5_is_the_derived_force_across_the_middle_plane(mixed):
     expected = derived(forces[:, ahead], forces[:, behind], *angle)
     moved = free & (forces[:, ahead] + forces[:, behind] > 1e-3)
     assert moved.sum() > 50
-    sensed = sensor_force(mixed, scene, "branch 2", number)
+    sensed = sensor_force(mixed, "branch 2", number)
     np.testing.assert_allclose(sensed[moved], expected[moved], rtol=1e-6)
 
 
 def test_eq_5_and_the_plain_mean_differ_at_the_corner_only(fig2, mixed):
-    scene = mixed.scene
-    corner = [f(mixed, scene, "branch 1", 24).max() for f in (sensor_force, mean_force)]
+    corner = [f(mixed, "branch 1", 24).max() for f in (sensor_force, mean_force)]
     assert 0.01 < abs(corner[0] / corner[1] - 1) < 0.2
-    inner = [f(fig2, fig2.scene, "branch 1", 8).max() for f in (sensor_force, mean_force)]
+    inner = [f(fig2, "branch 1", 8).max() for f in (sensor_force, mean_force)]
     assert inner[0] == pytest.approx(inner[1], rel=1e-9)
-    assert (sensor_force(mixed, scene, "stem 2", 19)[:10] == 0).all()  # not yet touched
+    assert (sensor_force(mixed, "stem 2", 19)[:10] == 0).all()  # not yet touched
 
 
 def test_density_holds_the_sensor_of_each_site(mixed):
     scene = mixed.scene
     sites = [scene.site("stem 1", 5), scene.site("branch 1", 24)]
     found = density(mixed, sites)
-    np.testing.assert_allclose(found[:, 1], sensor_force(mixed, scene, "branch 1", 24))
+    np.testing.assert_allclose(found[:, 1], sensor_force(mixed, "branch 1", 24))
     assert found.shape == (len(mixed.t), 2)
 
 
@@ -168,8 +165,8 @@ def test_sensors_need_only_their_neighbours(fig2):
         guide, guide.start(), 200 * fig2.dt, dt=fig2.dt, method="rkn6",
         record=Record(every=2, sites=needed),
     )  # fmt: skip
-    part = sensor_force(some, guide, "branch 1", 1)
-    full = sensor_force(fig2, guide, "branch 1", 1)
+    part = sensor_force(some, "branch 1", 1)
+    full = sensor_force(fig2, "branch 1", 1)
     np.testing.assert_allclose(part, full[: len(part)], rtol=1e-9)
     with pytest.raises(TensegrityError, match="was not recorded"):
         rows(some, [5])
@@ -187,7 +184,7 @@ def test_walls_that_run_on_change_the_ptfe_branch_and_nothing_symmetric():
             guide = y_guide(bead=STEEL, branches=branches, striker=light(0.585), through=through)
             run = simulate(guide, guide.start(), 0.6e-3, dt=0.2e-6, method="rkn6",
                            record=Record(every=4))  # fmt: skip
-            heights[branches[1], through] = sensor_force(run, guide, "branch 2", 7).max()
+            heights[branches[1], through] = sensor_force(run, "branch 2", 7).max()
     steel, ptfe = (heights[b, STEEL.radius / 2] / heights[b, 0.0] - 1 for b in (STEEL, PTFE))
     assert abs(steel) < 1e-6
     assert abs(ptfe) > 0.02
@@ -286,9 +283,9 @@ def test_bad_input_is_refused_with_its_bound(make, words):
         (lambda run: density(run, [-1]), "site -1 must be at least 0"),
         (lambda run: overlaps(run, "x"), "part 'x' is not one of striker, stem 1"),
         (lambda run: overlaps(run, "striker"), "part 'striker' has no contact"),
-        (lambda run: speed(run, run.scene, "stem 1", (3, 3)), "must be two different beads"),
-        (lambda run: speed(run, run.scene, "stem 1", (3,)), "must be two different beads"),
-        (lambda run: speed(run, run.scene, "stem 1", 3), "must be two different beads"),
+        (lambda run: speed(run, "stem 1", (3, 3)), "must be two different beads"),
+        (lambda run: speed(run, "stem 1", (3,)), "must be two different beads"),
+        (lambda run: speed(run, "stem 1", 3), "must be two different beads"),
     ],
 )
 def test_readings_that_make_no_sense_are_refused(fig2, read, words):

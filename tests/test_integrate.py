@@ -13,6 +13,7 @@ from tensegrity import (
     Network,
     Potential,
     PowerLaw,
+    Prism,
     Record,
     StabilityError,
     State,
@@ -183,6 +184,36 @@ def test_a_step_longer_than_the_run_is_the_run():
     assert run.dt == 0.1
 
 
+def pulled(spring, energy):
+    """Two masses that fly apart with that energy [J]."""
+    chain = Chain(spring, 2)
+    return chain, chain.at_rest({0: -math.sqrt(energy), 1: math.sqrt(energy)})
+
+
+R = sp.Symbol("r")
+RIGID = Prism(1.0, 0.8, 0.02, 1.0).potential()
+PLAIN = Potential(R**2 / 2, R, domain=(-0.1, 0.1))  # a law that goes on beyond its domain
+
+
+@pytest.mark.parametrize("method", ["verlet", "rkn6", "rk4"])
+@pytest.mark.parametrize("spring", [RIGID, PLAIN], ids=["to twist 0", "a bounded domain"])
+def test_a_spring_pulled_to_the_upper_end_of_its_domain_ends_the_run_there(spring, method):
+    """In the very step that passes it; with a little less energy it comes back."""
+    high = spring.domain[1]
+    barrier = float(spring.energy(high * (1 - 1e-12)))
+    chain, state = pulled(spring, 1.05 * barrier)
+    with pytest.raises(LockingError, match="twist 0" if spring is RIGID else "0.1 m") as caught:
+        simulate(chain, state, 2.0, dt=1e-3, method=method, record=Record(every=10))
+    run = caught.value.run
+    (reached,) = chain.elongation(run.final.u)
+    (rate,) = np.diff(run.final.v)
+    assert max(reached, run.met[0, 1]) < high < reached + 1.5e-3 * rate
+    chain, state = pulled(spring, 0.95 * barrier)
+    quarter = 0.4 if spring is RIGID else 2.0
+    run = simulate(chain, state, quarter, dt=1e-3, method=method)
+    assert 0.9 * high < run.met[0, 1] < high
+
+
 def test_momentum_is_kept_to_round_off():
     chain = prism_chain()
     start = smooth_blow(chain)
@@ -325,11 +356,10 @@ def test_an_implicit_step_that_cannot_be_solved_ends_the_run():
     assert not caught.value.run.complete
 
 
-@pytest.mark.parametrize("name", ["gauss4", "processed6"])
-def test_some_methods_are_for_chains_only(name):
-    network = Network([[0.0, 0.0], [1.0, 0.0]], [(0, 1)], PowerLaw(1.0, 1.5))
-    with pytest.raises(TensegrityError, match=f"'{name}' runs a Chain only"):
-        simulate(network, network.at_rest(), 1.0, method=name)
+def test_a_processed_method_runs_no_scene_whose_contacts_are_watched():
+    network = Network([[0.0, 0.0], [1.0, 0.0]], [(0, 1)], PowerLaw(1.0, 1.5), radius=0.5)
+    with pytest.raises(TensegrityError, match="'processed6' runs no scene whose sites have a rad"):
+        simulate(network, network.at_rest(), 1.0, method="processed6")
 
 
 def test_a_step_that_becomes_too_coarse_is_noticed_with_time_and_site():

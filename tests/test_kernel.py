@@ -5,7 +5,9 @@ import pytest
 from scenes import plain_forces, prism_chain, smooth_blow
 
 from tensegrity import Chain, PowerLaw, Prism
-from tensegrity.kernel import Compiled, Interpreted
+from tensegrity.compiled import Compiled
+from tensegrity.interpreted import Interpreted
+from tensegrity.kernel import bind
 from tensegrity.methods import METHODS
 
 
@@ -18,7 +20,7 @@ def mixed_chain():
 def advanced(engine, chain, state, method, dt, steps):
     method = METHODS[method]
     u, v = state.u.copy(), state.v.copy()
-    bound = engine.bind(u, v, chain.inverse_mass, chain.segments, method, dt)
+    bound = bind(u, v, chain.loop_bonds, method, dt, engine.of(chain.loop_bonds))
     bound.advance(steps)
     return u, v, bound.range.copy()
 
@@ -39,7 +41,7 @@ COMPILED = pytest.param(Compiled, marks=pytest.mark.needs_compiler)
 def test_engine_against_plain_python(engine):
     chain = mixed_chain()
     state = smooth_blow(chain)
-    u, v, _ = advanced(engine(chain.segments.laws), chain, state, "verlet", 0.05, 60)
+    u, v, _ = advanced(engine, chain, state, "verlet", 0.05, 60)
     plain_u, plain_v = plain_verlet(chain, state, 0.05, 60)
     np.testing.assert_allclose(u, plain_u, rtol=0, atol=1e-15)
     np.testing.assert_allclose(v, plain_v, rtol=0, atol=1e-15)
@@ -50,9 +52,9 @@ def test_engine_against_plain_python(engine):
 @pytest.mark.parametrize("chain", [prism_chain(100), mixed_chain()], ids=["uniform", "mixed"])
 def test_engines_agree_to_the_growth_of_round_off(chain, method):
     """Two orders of summation differ by eps a step, which grows no faster than the steps do."""
-    state, laws, steps = smooth_blow(chain), chain.segments.laws, 173
-    u, v, met = advanced(Compiled(laws), chain, state, method, 0.1, steps)
-    other_u, other_v, other_met = advanced(Interpreted(laws), chain, state, method, 0.1, steps)
+    state, steps = smooth_blow(chain), 173
+    u, v, met = advanced(Compiled, chain, state, method, 0.1, steps)
+    other_u, other_v, other_met = advanced(Interpreted, chain, state, method, 0.1, steps)
     eps = np.finfo(float).eps
     assert np.max(np.abs(u - other_u)) < steps * eps * np.max(np.abs(u))
     assert np.max(np.abs(v - other_v)) < steps * eps * np.max(np.abs(v))
@@ -77,7 +79,7 @@ def test_blocks_of_any_length(sites):
     """The compiled loop against the same steps in plain NumPy, around its block length."""
     chain = Chain(PowerLaw(1.0, 3.0, preload=0.2), sites)
     state = chain.at_rest({0: 0.1, sites - 1: -0.05})
-    u, v, met = advanced(Compiled(chain.segments.laws), chain, state, "verlet", 0.1, 5)
+    u, v, met = advanced(Compiled, chain, state, "verlet", 0.1, 5)
     x, y, low = state.u.copy(), state.v.copy(), np.inf
     spring = chain.springs[0]
     for k in range(6):

@@ -1,15 +1,17 @@
 """The coefficients of the methods, apart from any chain."""
 
+from dataclasses import replace
 from math import factorial
 
 import numpy as np
 import pytest
+from networks import patch, pushed
 from numpy.polynomial import Polynomial
-from scenes import passes
+from scenes import passes, prism_chain, smooth_blow
 
-from tensegrity import plain
+from tensegrity import plain, simulate
 from tensegrity.errors import TensegrityError
-from tensegrity.methods import METHODS, default, find
+from tensegrity.methods import METHODS, Method, Nystrom, Splitting, default, find, nystrom_of
 
 EXPLICIT = [method for method in METHODS.values() if method.explicit]
 SPLITTINGS = [method for method in EXPLICIT if method.symplectic]
@@ -117,3 +119,118 @@ def test_names():
     assert default(None, 1e-3, True) == "processed6"
     with pytest.raises(TensegrityError, match="method 'euler'"):
         find("euler")
+
+
+def suzuki(**changed):
+    """Suzuki's composition of five steps of Verlet: not a row of the table."""
+    a = 1 / (4 - 4 ** (1 / 3))
+    drifts = (a, a, 1 - 4 * a, a, a)
+    kicks = [(x + y) / 2 for x, y in zip((0.0, *drifts), (*drifts, 0.0), strict=True)]
+    given = {"name": "suzuki4", "order": 4, "step": 0.1, "kicks": kicks, "drifts": drifts}
+    return Splitting(**given | changed)
+
+
+def midpoint(**changed):
+    """The explicit midpoint rule in Nystrom's form."""
+    given = {
+        "name": "midpoint",
+        "order": 2,
+        "step": 0.05,
+        "nodes": (0, 0.5),
+        "matrix": ((0, 0),) * 2,
+    }
+    given |= {"positions": (0.5, 0), "velocities": (0, 1)}
+    return Nystrom(**given | changed)
+
+
+KUTTA = Nystrom(
+    "kutta3",
+    order=3,
+    step=0.05,
+    **nystrom_of(((0, 0, 0), (1 / 2, 0, 0), (-1, 2, 0)), (1 / 6, 2 / 3, 1 / 6)),
+)
+
+
+@pytest.mark.parametrize("method", [suzuki(), KUTTA], ids=lambda method: method.name)
+def test_a_method_of_ones_own_runs_with_its_order_and_name(method):
+    chain = prism_chain(24)
+    state = smooth_blow(chain)
+    exact = simulate(chain, state, 8.0, tol=1e-12).final
+    errors = []
+    for steps in (40, 80):
+        run = simulate(chain, state, 8.0, dt=8.0 / steps, method=method)
+        assert (run.method, run.steps) == (method.name, steps)
+        errors.append(np.abs(run.final.u - exact.u).max())
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(method.order, abs=0.35)
+    assert simulate(chain, state, 8.0, method=method).energy_error < 1e-4
+    assert method.name not in METHODS
+
+
+def test_a_method_of_ones_own_runs_networks_and_tolerances():
+    network = patch(3)
+    run = simulate(network, pushed(network), 1.0, method=suzuki(), dt=0.01)
+    same = simulate(network, pushed(network), 1.0, method="rkn6", dt=0.01)
+    np.testing.assert_allclose(run.final.u, same.final.u, atol=1e-7)
+    chain = prism_chain(8)
+    state = smooth_blow(chain)
+    run = simulate(chain, state, 2.0, method=suzuki(), tol=1e-6)
+    exact = simulate(chain, state, 2.0, tol=1e-12).final.u
+    assert np.abs(run.final.u - exact).max() <= 1e-6 * np.abs(run.u).max()
+
+
+def test_rows_become_tuples_of_plain_floats():
+    method = suzuki(kicks=np.array(suzuki().kicks), drifts=list(suzuki().drifts))
+    assert method == suzuki()
+    assert hash(method) == hash(suzuki())
+    assert all(type(x) is float for x in (*method.kicks, *method.drifts, method.step))
+
+
+@pytest.mark.parametrize(
+    ("make", "why"),
+    [
+        (lambda: suzuki(kicks=suzuki().kicks[1:]), "5 kicks and 5 drifts: there must be one kick"),
+        (lambda: suzuki(drifts=()), "6 kicks and 0 drifts"),
+        (lambda: suzuki(drifts=(), kicks=(1,)), "0 stages must be 1 to"),
+        (lambda: suzuki(drifts=(1 / 300,) * 300, kicks=(1 / 301,) * 301), "300 stages must be 1"),
+        (lambda: suzuki(drifts=(0.2, 0.2, 0.2, 0.2, 0.3)), r"sum of the drifts is 1\.1, must be 1"),
+        (lambda: suzuki(kicks=(0.5, 0, 0, 0, 0, 0.4)), r"sum of the kicks is 0\.9, must be 1"),
+        (lambda: suzuki(kicks=(0.5, 0.25, 0, 0, 0, 0.25)), "must be palindromes"),
+        (lambda: suzuki(drifts=(0.5, 0.25, 0, 0, 0.25)), "must be palindromes"),
+        (lambda: suzuki(kicks="half"), "kicks of 'suzuki4' 'half' must be a sequence"),
+        (lambda: suzuki(kicks=("1", 0, 0, 0, 0, 0)), "kicks of 'suzuki4' '1' is not a number"),
+        (lambda: suzuki(drifts=1.0), r"drifts of 'suzuki4' 1\.0 must be a sequence"),
+        (lambda: suzuki(order=0), "order of 'suzuki4' 0 must be at least 1"),
+        (lambda: suzuki(step=0), "step of 'suzuki4' 0 must be above 0"),
+        (lambda: suzuki(name=4), "name of a method 4 is not a str"),
+        (lambda: midpoint(matrix=((0, 0), (0, 0.5))), "0 on its diagonal and above"),
+        (lambda: midpoint(matrix=((0, 0), (0,))), "must have 2 entries a row"),
+        (lambda: midpoint(nodes=(0,)), "must have 1 entries a row"),
+        (lambda: midpoint(velocities=(0, 0.5)), r"sum of the velocities is 0\.5, must be 1"),
+        (lambda: midpoint(positions=(1, 0)), r"sum of the positions is 1, must be 0\.5"),
+        (lambda: midpoint(nodes=(0, 1)), r"velocities times nodes is 1, must be 0\.5"),
+        (lambda: midpoint(matrix=3), "matrix of 'midpoint' 3 must be a sequence"),
+        (lambda: replace(METHODS["processed6"], entry=((1.0,), ())), r"rows of \[1, 0\]"),
+        (lambda: replace(METHODS["processed6"], entry=3), "entry of 'processed6' 3 must be"),
+        (lambda: Method("bare", 2, 0.1), "is not one of verlet, "),
+        (lambda: [], r"method \[\] is not one of"),
+        (lambda: METHODS, "is not one of"),
+    ],
+)
+def test_rows_that_are_no_method_are_refused(make, why):
+    chain = prism_chain(4)
+    with pytest.raises(TensegrityError, match=why):
+        simulate(chain, chain.at_rest(), 1.0, method=make())
+
+
+def test_a_splitting_that_does_not_claim_to_be_reversible_need_not_be_a_palindrome():
+    class OneWay(Splitting):
+        reversible = False
+
+    method = OneWay("euler", order=1, step=0.05, kicks=(1, 0), drifts=(1,))
+    chain = prism_chain(8)
+    assert simulate(chain, smooth_blow(chain), 2.0, dt=0.01, method=method).energy_error < 1e-2
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_all_methods_of_the_table_pass_the_check(method):
+    METHODS[method].check()

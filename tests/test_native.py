@@ -143,8 +143,94 @@ def test_a_folder_that_others_can_write_is_refused(cache):
 def test_a_folder_of_somebody_else_is_refused(cache, monkeypatch):
     cache.mkdir(mode=0o700)
     monkeypatch.setattr(os, "getuid", lambda: os.stat(cache).st_uid + 1)
-    with pytest.warns(RuntimeWarning, match="others can write"):
+    owner = os.stat(cache).st_uid
+    with pytest.warns(RuntimeWarning, match=rf"it belongs to user {owner}, not to {owner + 1}"):
         assert answer() == 42
+
+
+@pytest.mark.parametrize("home", [None, "beside"])
+def test_without_a_home_nothing_is_written_where_the_process_stands(tmp_path, monkeypatch, home):
+    """No HOME and no entry among the users leave "~" as it is; a relative folder is no better."""
+    import pwd
+
+    def nobody(_):
+        raise KeyError("no such user")
+
+    for name in ("XDG_CACHE_HOME", "HOME"):
+        monkeypatch.delenv(name, raising=False)
+    if home is not None:
+        monkeypatch.setenv("HOME", home)
+        monkeypatch.setenv("XDG_CACHE_HOME", home)
+    monkeypatch.setattr(pwd, "getpwuid", nobody)
+    monkeypatch.chdir(tmp_path)
+    native.cache_folder.cache_clear()
+    with pytest.warns(RuntimeWarning, match="set HOME or XDG_CACHE_HOME"):
+        folder = native.cache_folder()
+    native.cache_folder.cache_clear()
+    assert folder.is_absolute()
+    assert folder.stat().st_mode & 0o777 == 0o700
+    assert list(tmp_path.iterdir()) == []
+
+
+HANGS = """#!/bin/sh
+[ "$1" = --version ] && echo hanging && exit
+sleep 300 & echo $! >> {file}; wait
+"""
+
+
+@pytest.fixture
+def hanging(tmp_path, monkeypatch):
+    """A compiler that says its version and then waits for a child; the file of their ids."""
+    started, command = tmp_path / "started", tmp_path / "hangcc"
+    command.write_text(HANGS.format(file=started))
+    command.chmod(0o755)
+    monkeypatch.setenv("CC", str(command))
+    monkeypatch.setattr(native, "LIMIT", 0.5)
+    native.hung.clear()
+    yield started
+    native.hung.clear()
+
+
+def _is_alive(pid):
+    try:
+        return open(f"/proc/{pid}/stat").read().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+@pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs /proc")
+def test_a_compiler_that_hangs_is_ended_with_all_it_started_and_not_asked_again(cache, hanging):
+    before = time.monotonic()
+    for _ in range(3):
+        with pytest.raises(native.CompilerError, match=r"was ended after 0\.5 s"):
+            native.library(TEXT)
+    assert time.monotonic() - before < 10
+    (child,) = hanging.read_text().split()
+    until = time.monotonic() + 5
+    while _is_alive(child) and time.monotonic() < until:
+        time.sleep(0.02)
+    assert not _is_alive(child)
+    assert list(cache.iterdir()) == []
+
+
+def test_an_interrupt_ends_the_compiler_too(cache, hanging, monkeypatch):
+    monkeypatch.setattr(native, "LIMIT", 60.0)
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    previous = signal.signal(signal.SIGALRM, interrupt)
+    signal.setitimer(signal.ITIMER_REAL, 1.0)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            native.library(TEXT)
+    finally:
+        signal.signal(signal.SIGALRM, previous)
+    (child,) = hanging.read_text().split()
+    until = time.monotonic() + 5
+    while _is_alive(child) and time.monotonic() < until:
+        time.sleep(0.02)
+    assert not _is_alive(child)
 
 
 def test_without_a_usable_folder_a_temporary_one_serves(cache, tmp_path):
@@ -204,10 +290,15 @@ print(len(seen), *(w.message for w in seen))
 """
 
 
-@pytest.mark.parametrize("compiler", ["/nowhere/cc", "false"])
-def test_without_a_compiler_the_same_calls_run_with_one_warning(cache, compiler):
+@pytest.mark.parametrize("compiler", ["/nowhere/cc", "false", "hanging"])
+def test_without_a_compiler_the_same_calls_run_with_one_warning(cache, compiler, request):
+    limit = ""
+    if compiler == "hanging":
+        request.getfixturevalue("hanging")
+        compiler = os.environ["CC"]
+        limit = "from tensegrity import native; native.LIMIT = 0.5\n"
     answer = subprocess.run(
-        [sys.executable, "-c", RUN],
+        [sys.executable, "-c", limit + RUN],
         env={**_environment(), "CC": compiler},
         capture_output=True,
         text=True,

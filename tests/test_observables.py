@@ -1,5 +1,6 @@
 """Instruments on exact waves, alone and two far apart, where the right answer is known."""
 
+import numpy as np
 import pytest
 
 from tensegrity import Chain, Prism, Record, TensegrityError, simulate, solitary_wave
@@ -54,6 +55,24 @@ def test_opposite_momenta_of_waves_that_run_apart(waves):
     first, second = pulses(chain, state)
     assert first.momentum == pytest.approx(fast.momentum, rel=1e-10)
     assert second.momentum == pytest.approx(-slow.momentum, rel=1e-10)
+
+
+def test_waves_that_overlap_are_cut_at_the_least_elongation_between_them(waves):
+    """Each site counts once, what is at the cuts included."""
+    fast, slow = waves
+    chain = Chain(SPRING, 80)
+    state = slow.launch(chain, at=40.5) + fast.launch(chain, at=44.5)
+    r = np.abs(chain.elongation(state.u))
+    first, second = pulses(chain, state)
+    least = 40 + int(np.argmin(r[40:45]))
+    assert r[least] > 0.01 * r.max()  # or the cut would not matter
+    assert (second.last, first.first) == (least, least + 1)
+    each = chain.site_energy(state.u, state.v)
+    for pulse in (first, second):
+        inside = slice(pulse.first, pulse.last + 1)
+        assert pulse.energy == pytest.approx(each[inside].sum(), rel=1e-12)
+        assert pulse.momentum == pytest.approx((chain.mass * state.v)[inside].sum(), rel=1e-12)
+    assert first.energy + second.energy == pytest.approx(chain.energy(state), rel=1e-9)
 
 
 def test_pulses_are_counted_above_the_stated_fraction(waves):

@@ -6,8 +6,8 @@ import os
 import numpy as np
 import pytest
 
-from tensegrity import Chain, PowerLaw, Prism, simulate
-from tensegrity.kernel import Compiled
+from tensegrity import Chain, PowerLaw, Prism, TensegrityError, pieces, simulate
+from tensegrity.compiled import BoundLine, Compiled
 from tensegrity.methods import METHODS
 from tensegrity.pieces import HALO, LONG, BoundPieces, start_of_block
 
@@ -36,13 +36,13 @@ def test_pieces_equal_the_whole_bit_for_bit(scene, threads, method):
     ranges = chain.present_ranges(np.stack([start[0], -start[0]]).max(axis=0))
     dt = 0.99 * method.stability_limit / chain.frequency(ranges)
     start[:, chain.held] = 0
-    engine = Compiled(chain.segments.laws)
+    engine = Compiled.of(chain.loop_bonds)
     steps = 2 * (HALO // method.stages) + 7
     results = []
     for divided in (False, True):
         u, v = start.copy()
-        parts = engine, u, v, chain.inverse_mass, chain.segments, method, dt
-        loop = BoundPieces(*parts, threads) if divided else engine.bind(*parts[1:], divided=False)
+        parts = u, v, chain.loop_bonds, method, dt
+        loop = BoundPieces(engine, *parts, threads) if divided else BoundLine(engine, *parts)
         for n in (1, steps):  # a second call takes up what the first left
             loop.advance(n)
         results.append((u, v, loop.range.copy()))
@@ -55,10 +55,36 @@ def test_runs_do_not_depend_on_the_number_of_threads(monkeypatch, threads):
     chain = uniform()
     state = chain.at_rest({0: 0.03, chain.sites // 2: -0.02, chain.sites - 1: 0.01})
     alone = simulate(chain, state, 6.0, dt=0.1)
+    monkeypatch.setattr(pieces, "processors", lambda: 3)
     monkeypatch.setenv("TENSEGRITY_THREADS", threads)
     run = simulate(chain, state, 6.0, dt=0.1)
     assert run.final.u.tobytes() == alone.final.u.tobytes()
     assert run.final.v.tobytes() == alone.final.v.tobytes()
+
+
+@pytest.mark.parametrize(("given", "taken"), [("", 4), ("1", 1), (" 4 ", 4), ("003", 3)])
+def test_threads_are_those_asked_for_or_one_a_processor(monkeypatch, given, taken):
+    monkeypatch.setattr(pieces, "processors", lambda: 4)
+    monkeypatch.setenv("TENSEGRITY_THREADS", given)
+    assert pieces.threads() == taken
+    monkeypatch.delenv("TENSEGRITY_THREADS")
+    assert pieces.threads() == 4
+
+
+@pytest.mark.parametrize("given", ["5", "20000", "9" * 5000])
+def test_more_threads_than_processors_are_not_taken(monkeypatch, given):
+    monkeypatch.setattr(pieces, "processors", lambda: 4)
+    monkeypatch.setenv("TENSEGRITY_THREADS", given)
+    with pytest.warns(RuntimeWarning, match="more than the processors we may use: 4 threads"):
+        assert pieces.threads() == 4
+
+
+@pytest.mark.parametrize("given", ["²", "٣", "0", "-1", "1.5", "many"])
+def test_what_is_no_number_of_threads_is_refused(monkeypatch, given):
+    monkeypatch.setenv("TENSEGRITY_THREADS", given)
+    chain = uniform(LONG + 100)
+    with pytest.raises(TensegrityError, match=r"TENSEGRITY_THREADS .* must be a whole number"):
+        simulate(chain, chain.at_rest({0: 0.03}), 1.0, dt=0.1)
 
 
 def test_blocks_begin_where_the_loop_begins_them():
@@ -75,6 +101,7 @@ def _final(chain):
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are not forked here")
 def test_a_forked_process_has_threads_of_its_own(monkeypatch):
     """A forked process has the parent's pool but not its threads: it must not wait for them."""
+    monkeypatch.setattr(pieces, "processors", lambda: 2)
     monkeypatch.setenv("TENSEGRITY_THREADS", "2")
     chain = uniform(LONG + 100)
     here = _final(chain)

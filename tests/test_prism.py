@@ -155,6 +155,42 @@ def test_impossible_power_laws_are_refused(bad):
         PowerLaw(*bad)
 
 
+@pytest.mark.parametrize("members", [{}, {"k_base": 20.0, "k_bar": 200.0}, {"k_bar": 1e3 / 3}])
+@pytest.mark.parametrize("preload", [0.0, 0.05 / 3])
+def test_the_potential_of_a_prism_prints_as_the_call_that_makes_it(members, preload):
+    spring = Prism(**{**GOOD, "prestrain": 0.1 / 3}, **members).potential(preload)
+    again = eval(repr(spring), {"Prism": Prism})
+    assert again == spring
+    assert repr(again) == repr(spring)
+
+
+def test_potentials_print_what_a_user_gave():
+    spring = Prism(base=1, height=0.7, prestrain=0.01, k_cross=1).potential(preload=0.05)
+    shown = "Prism(base=1, height=0.7, prestrain=0.01, k_cross=1).potential(preload=0.05)"
+    assert repr(spring) == shown
+    r, k = sp.symbols("r k")
+    toda = Potential(k * (sp.exp(-r) + r - 1), r, {k: 2.0}, domain=(-1, math.inf))
+    assert repr(toda) == "Potential(k*(r - 1 + exp(-r)), r, {'k': 2}, domain=(-1, inf))"
+    names = {"Potential": Potential, "exp": sp.exp, "r": r, "k": k, "inf": math.inf}
+    assert eval(repr(toda), names) == toda
+
+
+@pytest.mark.parametrize("law", [(2.0, 1.5), (1 / 3, 1.4, 0.1), (5e9, 1.5, 0.3, 4.76e-3)])
+def test_power_laws_print_as_the_call_that_makes_them(law):
+    spring = PowerLaw(*law)
+    assert eval(repr(spring), {"PowerLaw": PowerLaw}) == spring
+    assert repr(PowerLaw(2.0, 1.5)) == "PowerLaw(stiffness=2, exponent=1.5, preload=0)"
+
+
+@pytest.mark.parametrize("spring", [Prism(**GOOD).potential(), PowerLaw(1.0, 1.5)])
+def test_a_potential_is_hashed_once(spring, monkeypatch):
+    """A dict of potentials asks for the hash at each look-up, of numbers that never change."""
+    asked, key = [], Potential._key
+    monkeypatch.setattr(Potential, "_key", lambda self: asked.append(self) or key(self))
+    assert hash(spring) == hash(spring)
+    assert len(asked) == 1
+
+
 def test_potentials_survive_pickling():
     for spring in (Prism(**GOOD).potential(0.1), PowerLaw(1.0, 1.5)):
         copy = pickle.loads(pickle.dumps(spring))

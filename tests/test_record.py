@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scenes import prism_chain, smooth_blow
 
-from tensegrity import LockingError, Record, TensegrityError, record, simulate
+from tensegrity import LockingError, Record, TensegrityError, check, simulate
 
 
 def test_a_file_holds_the_same_rows_as_memory(tmp_path):
@@ -52,7 +52,7 @@ def test_paths_that_cannot_be_written_are_refused_before_any_work(tmp_path):
 
 def test_a_record_beyond_memory_is_refused_with_its_size(monkeypatch):
     chain = prism_chain(1000)
-    monkeypatch.setattr(record, "_free_memory", lambda: 10_000_000)
+    monkeypatch.setattr(check, "free_memory", lambda: 10_000_000)
     with pytest.raises(TensegrityError, match=r"0\.16\d* GB exceeds the 0.01 GB of memory"):
         simulate(chain, smooth_blow(chain), 10.0, dt=0.001, record=Record(every=1))
 
@@ -60,7 +60,7 @@ def test_a_record_beyond_memory_is_refused_with_its_size(monkeypatch):
 def test_a_record_beyond_the_disk_is_refused_with_its_size(tmp_path, monkeypatch):
     chain = prism_chain(1000)
     usage = type("", (), {"free": 1_000_000})
-    monkeypatch.setattr(record.shutil, "disk_usage", lambda _: usage)
+    monkeypatch.setattr("shutil.disk_usage", lambda _: usage)
     wanted = Record(every=1, path=tmp_path / "run.npy")
     with pytest.raises(TensegrityError, match="disk space"):
         simulate(chain, smooth_blow(chain), 10.0, dt=0.001, record=wanted)

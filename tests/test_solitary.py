@@ -154,10 +154,10 @@ def test_two_domain_lengths_agree():
     wave = solitary_wave(PRISM, speed_ratio=1.05)
     law, grid = Scaled(PRISM, wave.amplitude), wave._grid
     rho = wave.elongation(grid.x) / wave.amplitude
-    mu = wave.speed**2 * law.reference / law.force
+    nu = wave.speed**2 * law.reference / law.force - law.rest
     longer = Grid(2 * grid.points, 2 * grid.half_length)
-    again = solved(Profile(law, grid, rho, mu).on(longer), amplitude_is(1.0))
-    assert again.mu == pytest.approx(mu, rel=1e-14)
+    again = solved(Profile(law, grid, rho, nu).on(longer), amplitude_is(1.0))
+    assert again.nu == pytest.approx(nu, rel=1e-13)
     assert np.abs(again.rho[: grid.points + 1] - rho).max() < 1e-13
 
 
@@ -166,11 +166,11 @@ def test_a_domain_too_short_for_the_tail_shows():
     wave = solitary_wave(PRISM, speed_ratio=1.05)
     law, grid = Scaled(PRISM, wave.amplitude), Grid(192, wave._grid.half_length / 4)
     rho = wave.elongation(grid.x) / wave.amplitude
-    mu = wave.speed**2 * law.reference / law.force
-    short = solved(Profile(law, grid, rho, mu), amplitude_is(1.0))
+    nu = wave.speed**2 * law.reference / law.force - law.rest
+    short = solved(Profile(law, grid, rho, nu), amplitude_is(1.0))
     assert short.residual() < 1e-12
     assert short.tail > 1e-5
-    assert abs(short.mu / mu - 1) > 1e-9
+    assert abs(short.nu / nu - 1) > 1e-9
 
 
 def test_wave_is_the_same_by_speed_amplitude_and_energy():
@@ -214,7 +214,7 @@ def test_stiffening_prisms_carry_rarefactions_above_a_threshold():
 @pytest.mark.parametrize("read", ["elongation", "rate", "displacement"])
 def test_places_that_are_no_numbers_are_refused(read, x):
     wave = solitary_wave(TODA, speed_ratio=1.4)
-    with pytest.raises(TensegrityError, match="is not a"):
+    with pytest.raises(TensegrityError, match=r"x .* is not (a number|made of numbers)"):
         getattr(wave, read)(x)
 
 
@@ -289,9 +289,10 @@ def test_launch_refuses_what_does_not_fit():
         (PowerLaw(1.0, 0.5), {"speed": 1.1}, "does not rise"),
         (PowerLaw(1.0, 1.5), {"amplitude": 1.0}, "does not resist"),
         (PowerLaw(1.0, 1.5), {"speed_ratio": 1.1}, "sonic vacuum"),
-        (PowerLaw(1.0, 40.0), {"amplitude": -1.0}, r"exponent 40 must be below 21\.\d"),
         (PowerLaw(1.0, 40.0), {"amplitude": 1.0}, "does not resist"),
-        (Potential(R**40, R), {"amplitude": -1.0}, "40 N at 1 m, is below the smallest number$"),
+        (PowerLaw(1.0, 40.0), {"amplitude": -1e-8}, "its energy would be 0 to round-off"),
+        (PRISM, {"amplitude": -5e-324}, "its speed would be that of sound to round-off"),
+        (Potential(sp.exp(-R), R), {"speed": 1.1}, "tension -1 N at r = 0 must be 0"),
         (TODA, {"speed": 1e200}, r"speed 1e\+200 sites/s gives m c\^2 = inf N/m"),
         (TODA, {"speed": 10.0, "mass": 1e308}, r"m c\^2 = inf N/m"),
         (PowerLaw(1.0, 1.5), {"speed": 1e-170}, r"m c\^2 = 0\.0 N/m, must be a number above"),
@@ -352,9 +353,9 @@ def test_largest_speed_is_the_limit_from_two_sets_of_waves(shape):
 def test_softening_ends_a_family_at_the_speed_of_a_front():
     """Near it the wave has a flat top at the level the front joins to rest."""
     spring, _ = ELASTIC[1]
-    size, stiffness = family.Family(spring, -1).front
+    size, above = family.Family(spring, -1).front
     wave = solitary_wave(spring, amplitude=-0.998 * size)
-    assert wave.speed**2 == pytest.approx(stiffness, rel=1e-5)
+    assert wave.speed**2 == pytest.approx(spring.stiffness(0.0) + above, rel=1e-5)
     assert wave.speed < largest_speed(spring)
     assert wave.width(0.5) > 2 * solitary_wave(spring, amplitude=-0.5 * size).width(0.5)
 

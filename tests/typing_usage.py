@@ -6,6 +6,7 @@ Lines with `type: ignore` are mistakes; the checker complains of each that it wo
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, assert_type
 
 import numpy as np
@@ -44,6 +45,7 @@ from tensegrity import (
     Prism,
     RangeError,
     Record,
+    RecordError,
     ResolutionError,
     Run,
     SolitaryWave,
@@ -56,6 +58,7 @@ from tensegrity import (
     equilibrium_path,
     methods,
     observables,
+    resume,
     simulate,
     solitary_wave,
     tuning,
@@ -99,9 +102,10 @@ def springs(spring: Potential) -> Sequence[Potential]:
     beads = PowerLaw(stiffness=1.0, exponent=1.5, preload=2)
     fitted = Polynomial(spring, -0.1, 0.1, error=1e-8)
     assert_type(beads.parameters, dict[str, float])
-    assert_type(fitted.error, float)
+    assert_type(fitted.error_estimate, float)
     PowerLaw(1.0, "3/2")  # type: ignore[arg-type]
     Polynomial(1.0, -0.1, 0.1)  # type: ignore[arg-type]
+    assert_type(fitted.degree, int)
     Potential(toda, r, domain=(0.0,))  # type: ignore[arg-type]
     return toda, beads, fitted
 
@@ -123,12 +127,20 @@ def chains(spring: Potential) -> Run:
     lanes = Ensemble(chain, lanes=8)
     runs = simulate(lanes, lanes.at_rest({1: np.linspace(0.0, 0.1, 8)}), 10.0, tol=1e-6)
     assert_type(lanes.lane_energy(runs.u, runs.v), Array)
+    various = Ensemble(scenes=[chain, Chain(spring, 20, mass=2.0)])
+    assert_type(various.lane(various.at_rest(), 1), State)
+    assert_type(various.lanes, int)
+    assert_type(chain.forces(run.final.u), Array)
+    chain.stiffness([0.0] * 20).toarray()
     Chain(spring, 20.5)  # type: ignore[arg-type]
     Chain(1.0, 20)  # type: ignore[arg-type]
     Chain(spring, 20, ends="free")  # type: ignore[arg-type]
     Ensemble(spring, 3)  # type: ignore[arg-type]
     State(np.zeros(3))  # type: ignore[call-arg]
     Record(every=0.5)  # type: ignore[arg-type]
+    Record(times=1.0)  # type: ignore[arg-type]
+    Ensemble([chain], scenes=[chain])  # type: ignore[misc]
+    chain.forces(None)  # type: ignore[arg-type]
     simulate(chain, state)  # type: ignore[call-arg]
     simulate(spring, state, 1.0)  # type: ignore[arg-type]
     simulate(chain, np.zeros(20), 1.0)  # type: ignore[arg-type]
@@ -137,9 +149,24 @@ def chains(spring: Potential) -> Run:
     return run
 
 
+def kept(chain: Chain, state: State) -> Run:
+    record = Record(sites=[0], times=[0.5, 1.0], interval=0.25, path="rows.npy", checkpoint=60)
+    run = simulate(chain, state, 10.0, method=methods.METHODS["rkn6"], record=record)
+    run.save("run.npz")
+    assert_type(Run.load(Path("run.npz")), Run)
+    assert_type(resume("rows.npy"), Run)
+    resume(run)  # type: ignore[arg-type]
+    resume("rows.npy", state)  # type: ignore[arg-type]
+    run.save()  # type: ignore[call-arg]
+    Record(path=3)  # type: ignore[arg-type]
+    simulate(chain, state, 10.0, method=6)  # type: ignore[arg-type]
+    return run
+
+
 def networks(spring: Potential) -> Array:
     floor = Wall.between((-1, 0), (5, 0), side=(0, 1))
     Wall(point=[0.0, 0.0], normal=np.array([0.0, 1.0]))
+    beads = PowerLaw(1.0, 1.5)
     network = Network(
         positions=[(0.0, 0.5), (1.0, 0.5)],
         bonds=[(0, 1)],
@@ -147,12 +174,24 @@ def networks(spring: Potential) -> Array:
         radius=0.5,
         walls=[floor],
         wall_contacts=[(0, 0)],
-        wall_spring=PowerLaw(1.0, 1.5),
+        wall_spring=beads,
         held=[1],
     )
     run = simulate(network, network.at_rest({0: (0.3, -0.1)}), 2.0)
     assert_type(network.momentum(run.final), Array)
     assert run.impulse is not None
+    line = Network([[0.0], [1.0]], [(0, 1)], spring)
+    assert_type(line.forces([[0.0], [0.1]]), Array)
+    loose = Network(
+        [(0.0, 0.0, 0.0), (3.0, 0.0, 0.0)],
+        [],
+        (),
+        radius=1.0,
+        contacts="follow",
+        law=lambda site, other: beads if isinstance(other, Wall) else spring,
+    )
+    assert_type(loose.angular_momentum(run.final), float | Array)
+    Network([(0.0, 0.5)], [], (), radius=1.0, contacts="follow", law=1.5)  # type: ignore[arg-type]
     Network([(0.0, 0.5)], [], spring, walls=floor)  # type: ignore[arg-type]
     Network([(0.0, 0.5)], [], spring, 1.0, 1.0, (), [])  # type: ignore[call-arg]
     return run.impulse
@@ -205,9 +244,11 @@ def of_methods() -> list[float]:
     verlet = methods.find("verlet")
     assert_type(verlet, methods.Method)
     assert_type(verlet.symplectic, bool)
-    own = methods.Splitting("own", 2, 0.05, "none", "never", kicks=(0.5, 0.5), drifts=(1.0,))
+    own = methods.Splitting("own", 2, 0.05, (0.5, 0.5), drifts=(1.0,), when_not="never")
     assert_type(own.step_matrix(0.1)[0], Array)
-    methods.Splitting("own", 2, 0.05, "none", "never", kicks=0.5, drifts=1.0)  # type: ignore[arg-type]
+    methods.Splitting("own", 2, 0.05, kicks=0.5, drifts=1.0)  # type: ignore[arg-type]
+    methods.Splitting("own", 2, 0.05, (0.5, 0.5), (1.0,), "none")  # type: ignore[call-arg]
+    own.check()
     methods.METHODS[2]  # type: ignore[index]
     return [method.stability_limit * method.stages for method in methods.METHODS.values()]
 
@@ -217,7 +258,7 @@ def refused(spring: Potential) -> str:
         spring.tension(-10.0)
     except (LockingError, StabilityError, ContactError) as error:
         return f"{error} after {error.run.steps} steps"
-    except (RangeError, NoLocking, ResolutionError, EquilibriumError) as error:
+    except (RangeError, NoLocking, ResolutionError, EquilibriumError, RecordError) as error:
         known: TensegrityError = error
         raise known from None
     return ""
@@ -252,8 +293,8 @@ def beads() -> Run:
     return run
 
 
-def sensed(run: Run, scene: Guide) -> Array:
-    force = sensor_force(run, scene, "stem 1", 3)
+def sensed(run: Run) -> Array:
+    force = sensor_force(run, "stem 1", 3)
     assert_type(force, Array)
     assert_type(sensors.peak(run.t, force, between=(0.0, 1.0)), tuple[float, float])
     assert_type(sensors.sampled_peak(run.t, force), tuple[float, float])
@@ -261,9 +302,9 @@ def sensed(run: Run, scene: Guide) -> Array:
     assert_type(sensors.pulses(run.t, force), tuple[Array, Array])
     assert_type(sensors.part_energies(run), dict[str, Array])
     assert_type(sensors.overlaps(run, "stem 1"), tuple[float, float])
-    assert_type(sensors.speed(run, scene, "stem 1", (3, 7)), float)
-    mean = sensors.mean_force(run, scene, "stem 1", 3)
+    assert_type(sensors.speed(run, "stem 1", (3, 7)), float)
+    mean = sensors.mean_force(run, "stem 1", 3)
     sensors.peak(run.t)  # type: ignore[call-arg]
-    sensor_force(run, scene, 3, "stem 1")  # type: ignore[arg-type]
-    sensors.part_energies(scene)  # type: ignore[arg-type]
+    sensor_force(run, 3, "stem 1")  # type: ignore[arg-type]
+    sensors.part_energies(run.final)  # type: ignore[arg-type]
     return mean + sensors.momentum(run)[:, 0] + sensors.density(run, [1])[:, 0]

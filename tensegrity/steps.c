@@ -1,7 +1,23 @@
-/* Explicit Runge-Kutta-Nystrom steps for u'' = acceleration(u), one text for every scene.
+/* Steps of every method, one text for every scene.
 
-   Included behind a loop that defines `scene`, with u and v, and acceleration(scene, u, a). */
+   Included behind a loop that defines `scene`, stage(scene, a, b): a kick by a and a drift by b,
+   and acceleration(scene, u, a). */
 
+/* `steps` steps of a splitting; the closing kick of a step and the first of the next are one.  A
+   part of a run may be `opened` by the closing kick of the part before, and leave its own to the
+   next. */
+void advance_part(const scene *c, integer steps, integer opened, integer close)
+{
+    real closing = c->closing ? c->kicks[c->stages] : 0;
+    for (integer k = 0; k < steps; k++)
+        for (integer i = 0; i < c->stages; i++)
+            stage(c, c->kicks[i] + ((k > 0 || opened) && i == 0 ? closing : 0), c->drifts[i]);
+    if (steps > 0 && c->closing && close) stage(c, closing, 0);
+}
+
+void advance(const scene *c, integer steps) { advance_part(c, steps, 0, 1); }
+
+/* Explicit Runge-Kutta-Nystrom steps for u'' = acceleration(u). */
 typedef struct {
     const real *nodes, *velocities;  /* (stages) dt times the coefficients */
     const real *matrix, *positions;  /* (stages, stages), (stages) dt^2 times them */

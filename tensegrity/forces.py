@@ -1,0 +1,107 @@
+"""Forces of bonds and their derivatives in NumPy: for statics, modes and implicit steps.
+
+Rows are those of `Bonds`: sites, and in a network walls and a spare one; the last two may be left
+out of `u`, as they do not move contacts.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tensegrity.once import once
+
+
+def elongations(bonds, u):
+    """Elongation r of each bond [m], (..., bonds), and its gradient, (..., bonds, dim).
+
+    `u` has the shape (..., rows, dim), on a line (..., sites).
+    """
+    if bonds.contacts is None:
+        return np.diff(u, axis=-1), np.ones((*u.shape[:-1], u.shape[-1] - 1, 1))
+    c, dim = bonds.contacts, bonds.dim
+    pair = c.kind == 0
+    w = u[..., c.second, :] - np.where(pair[:, None], u[..., np.where(pair, c.first, 0), :], 0)
+    reference, gap, length = c.geometry[:dim], c.geometry[dim], c.geometry[dim + 1]
+    r = gap + np.sum(reference.T * w, axis=-1)  # walls, and on a line
+    along = np.broadcast_to(reference.T, w.shape).astype(w.dtype)
+    if dim > 1:
+        axes = (*reference[:, pair], *np.moveaxis(w[..., pair, :], -1, 0))
+        r[..., pair] = _elongation(dim)(*axes, gap[pair], length[pair])
+        apart = reference.T[pair] + w[..., pair, :]
+        along[..., pair, :] = apart / np.sqrt(np.sum(apart**2, axis=-1, keepdims=True))
+    return r, along
+
+
+@once
+def _elongation(dim):
+    """The elongation of `derivations.geometry` in NumPy: (D, w, g, L) -> r."""
+    import sympy as sp
+
+    from derivations import geometry
+
+    symbols = (*(x for v in geometry.vectors(dim) for x in v), geometry.initial, geometry.length)
+    return sp.lambdify(symbols, geometry.elongation(dim), "numpy", cse=True)
+
+
+def ends(bonds):
+    """Rows of the first and of the second site or wall of each bond."""
+    if bonds.contacts is None:
+        count = np.arange(len(bonds.group))
+        return count, count + 1
+    return bonds.contacts.first, bonds.contacts.second
+
+
+def rows(bonds):
+    """Number of rows that bonds join."""
+    return len(bonds.group) + 1 if bonds.contacts is None else bonds.contacts.rows
+
+
+def pulls(bonds, tension, along):
+    """What bonds pull at the rows [N], (..., rows, dim)."""
+    found = np.zeros((*tension.shape[:-1], rows(bonds), along.shape[-1]), dtype=tension.dtype)
+    each = np.moveaxis(tension[..., None] * along, -2, 0)
+    first, second = ends(bonds)
+    by_row = np.moveaxis(found, -2, 0)  # a view
+    np.add.at(by_row, first, each)
+    np.subtract.at(by_row, second, each)
+    return found
+
+
+def tangent(bonds, r, along, tension, stiffness):
+    """Derivative of what bonds pull at the rows, with its sign turned: the stiffness matrix.
+
+    Parameters
+    ----------
+    r, tension, stiffness : ndarray, (bonds,)
+        Elongation [m], force [N], and its derivative [N/m].
+    along : ndarray, (bonds, dim)
+
+    Returns
+    -------
+    scipy.sparse.coo_array, (rows dim, rows dim)
+        [N/m]; a wall has columns of zeros, as its row does not move it.
+    """
+    from scipy.sparse import coo_array
+
+    dim = along.shape[1]
+    block = stiffness[:, None, None] * along[:, :, None] * along[:, None, :]
+    pair = np.ones(len(r), dtype=bool)
+    if bonds.contacts is not None:
+        pair = bonds.contacts.kind == 0
+        apart = np.where(pair, bonds.contacts.geometry[-1] + r, 1.0)
+        across = np.eye(dim) - along[:, :, None] * along[:, None, :]
+        block = block + np.where(pair, tension / apart, 0.0)[:, None, None] * across
+    first, second = ends(bonds)
+    parts = [(second, second, block, slice(None)), (first, second, -block, slice(None))]
+    parts += [(first, first, block, pair), (second, first, -block, pair)]
+    axis = np.arange(dim)
+    at, to, values = [], [], []
+    for row, column, matrix, members in parts:
+        shape = matrix[members].shape
+        at.append(np.broadcast_to(dim * row[members][:, None, None] + axis[:, None], shape).ravel())
+        to.append(np.broadcast_to(dim * column[members][:, None, None] + axis, shape).ravel())
+        values.append(matrix[members].ravel())
+    size = dim * rows(bonds)
+    return coo_array(
+        (np.concatenate(values), (np.concatenate(at), np.concatenate(to))), shape=(size, size)
+    )

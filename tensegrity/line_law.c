@@ -1,0 +1,133 @@
+/* A stage, and the accelerations, over a run of bonds of law number K of a chain.
+
+   A stage is a kick v += a w (tension right - tension left) followed by a drift u += b v, done
+   in one pass over the run in blocks that stay in the nearest cache.  The innermost square root
+   of a law (head) is computed in the loop that updates the block before, apart from the rest
+   (tail): what limits a processor here is the longest chain of slow operations that fits its
+   window, not their number alone. */
+
+#if OWNED
+#define P(q) real p[PARAMETERS + 1]; LAW(take)(p, shared, own, all, q);
+#define SEEN(q) low[q] = r[i] < low[q] ? r[i] : low[q]; high[q] = r[i] > high[q] ? r[i] : high[q];
+#else
+#define P(q)
+#define SEEN(q) low[i] = r[i] < low[i] ? r[i] : low[i]; high[i] = r[i] > high[i] ? r[i] : high[i];
+#endif
+
+#define HEAD(j)                                                                             \
+    P((j) - start + i)                                                                      \
+    r[i] = u[(j) + i + LANES] - u[(j) + i];                                                 \
+    SEEN((j) - start + i)                                                                   \
+    h[i] = LAW(head)(r[i], p);
+
+#define UPDATE(j)                                                                           \
+    v[(j) + i] += a * w[(j) + i] * (f[i + LANES] - f[i]);                                   \
+    u[(j) + i] += b * v[(j) + i];
+
+/* A long law is kept in a function of its own, so that it is compiled once only. */
+#if IS_LONG
+__attribute__((noinline, flatten)) static void OF(row)(
+    integer n, const real *restrict r, const real *restrict h, real *restrict f,
+    const real *shared, const real *own, integer all)
+{
+#if OWNED
+    EACH(n) { P(i) f[i] = LAW(tail)(r[i], h[i], p); }
+#else
+    EACH(n) f[i] = LAW(tail)(r[i], h[i], shared);
+#endif
+}
+#if OWNED
+#define TAILS(j, n) OF(row)(n, r, h, f + LANES, shared, own + ((j) - start), all);
+#else
+#define TAILS(j, n) OF(row)(n, r, h, f + LANES, p, own, all);
+#endif
+#else
+#define TAILS(j, n) EACH(n) { P((j) - start + i) f[i + LANES] = LAW(tail)(r[i], h[i], p); }
+#endif
+
+__attribute__((flatten)) static void OF(stage)(
+    const scene *c, integer s, real a, real b, real *left)
+{
+    real r[BLOCK], h[BLOCK], f[BLOCK + LANES];
+    real *restrict u = c->u, *restrict v = c->v;
+    const real *restrict w = c->w;
+    const integer start = LANES * c->first[s], last = LANES * c->first[s + 1];
+    const integer all = last - start;
+    const real *restrict shared = c->shared + s * PARAMETERS, *restrict own = c->own + c->own_at[s];
+    real *range = c->range + c->range_at[s];
+    integer j = start;
+#if OWNED
+    real *restrict low = range, *restrict high = range + all;
+#else
+    const integer used = all < BLOCK ? all : BLOCK;
+    real p[PARAMETERS + 1], low[BLOCK], high[BLOCK];
+    for (int i = 0; i < PARAMETERS; i++) p[i] = shared[i];
+    for (int i = 0; i < used; i++) low[i] = range[0], high[i] = range[1];
+#endif
+    for (int l = 0; l < LANES; l++) f[l] = left[l];
+    integer odd = all % BLOCK;
+    if (odd) {
+        EACH(odd) { HEAD(j) }
+        TAILS(j, odd)
+        EACH(odd) { UPDATE(j) }
+        CARRY(odd)
+        j += odd;
+    }
+    if (j < last) {
+        EACH(BLOCK) { HEAD(j) }
+        for (; j + BLOCK < last; j += BLOCK) {
+            TAILS(j, BLOCK)
+            EACH(BLOCK) { HEAD(j + BLOCK) UPDATE(j) }
+            CARRY(BLOCK)
+        }
+        TAILS(j, BLOCK)
+        EACH(BLOCK) { UPDATE(j) }
+        CARRY(BLOCK)
+    }
+    for (int l = 0; l < LANES; l++) left[l] = f[l];
+#if !OWNED
+    for (int i = 0; i < used; i++) {
+        range[0] = low[i] < range[0] ? low[i] : range[0];
+        range[1] = high[i] > range[1] ? high[i] : range[1];
+    }
+#endif
+}
+
+__attribute__((flatten)) static void OF(pull)(
+    const scene *c, integer s, const real *restrict u, real *restrict a, real *left)
+{
+    real r[BLOCK], f[BLOCK + LANES];
+    const integer start = LANES * c->first[s], last = LANES * c->first[s + 1];
+    const integer all = last - start;
+    const real *restrict shared = c->shared + s * PARAMETERS, *restrict own = c->own + c->own_at[s];
+    real *range = c->range + c->range_at[s];
+#if OWNED
+    real *restrict low = range, *restrict high = range + all;
+#else
+    real p[PARAMETERS + 1];
+    for (int i = 0; i < PARAMETERS; i++) p[i] = shared[i];
+#endif
+    for (integer j = start, n; j < last; j += n) {
+        n = last - j;
+        n = n < BLOCK ? n : BLOCK;
+        for (int l = 0; l < LANES; l++) f[l] = left[l];
+        EACH(n) r[i] = u[j + i + LANES] - u[j + i];
+        EACH(n) { P(j - start + i) f[i + LANES] = LAW(tail)(r[i], LAW(head)(r[i], p), p); }
+        EACH(n) a[j + i] = c->w[j + i] * (f[i + LANES] - f[i]);
+#if OWNED
+        EACH(n) { SEEN(j - start + i) }
+#else
+        for (integer i = 0; i < n; i++) {
+            range[0] = r[i] < range[0] ? r[i] : range[0];
+            range[1] = r[i] > range[1] ? r[i] : range[1];
+        }
+#endif
+        for (int l = 0; l < LANES; l++) left[l] = f[n + l];
+    }
+}
+
+#undef P
+#undef SEEN
+#undef HEAD
+#undef UPDATE
+#undef TAILS

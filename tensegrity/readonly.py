@@ -1,0 +1,65 @@
+"""What scenes are built from, kept as it was: attributes that are set once, arrays not writeable.
+
+What follows from these (weights, contacts, kernels) is computed once and kept, and results refer
+to their scene; a scene changed afterwards would contradict both.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+
+class FixedDict(dict[Any, Any]):
+    """A dict that cannot be changed."""
+
+    def _refuse(self, *_: Any, **__: Any) -> Any:
+        raise TypeError("this dict cannot be changed: make another, dict(this) | {...}")
+
+    __setitem__ = __delitem__ = __ior__ = _refuse
+    clear = pop = popitem = setdefault = update = _refuse
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (dict(self),)
+
+
+def fixed(value: Any) -> Any:
+    """The same value, for good: arrays copied and not writeable, lists as tuples, dicts fixed."""
+    if isinstance(value, np.ndarray):
+        if value.flags.writeable:
+            value = value.copy()
+            value.flags.writeable = False
+        return value
+    if type(value) is dict:
+        return FixedDict(value)
+    return tuple(value) if type(value) is list else value
+
+
+class ReadOnly:
+    """Base of what has attributes that are set once, by `__init__`, and `fixed` then.
+
+    Pickles and copies keep them so; values of `cached_property` are not taken along.
+    """
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in self.__dict__ or hasattr(type(self), name):
+            raise AttributeError(
+                f"{name} of a {type(self).__name__} cannot be changed: make another one"
+            )
+        object.__setattr__(self, name, fixed(value))
+
+    def __delattr__(self, name: str) -> None:
+        raise AttributeError(f"{name} of a {type(self).__name__} cannot be deleted")
+
+    def __getstate__(self) -> dict[str, Any]:
+        kept = self.__dict__.items()
+        made = cached_property
+        return {n: x for n, x in kept if not isinstance(getattr(type(self), n, None), made)}
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        self.__dict__.update((name, fixed(value)) for name, value in state.items())

@@ -1,0 +1,167 @@
+"""Rows of a run, in memory or in a file that is whole after every row.
+
+A row counts once it is written in full: an interrupt, a full disk or a killed process in the
+midst of one leaves the rows before it, and the next attempt writes it anew.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import shutil
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tensegrity import check
+from tensegrity.errors import RecordError, TensegrityError
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from tensegrity.typing import Array
+
+
+def need_memory(size):
+    """Refuse a record of more bytes than there is memory for."""
+    _refuse_more(size, check.free_memory(), "memory")
+
+
+def _refuse_more(size, room, what):
+    if size > room:
+        raise TensegrityError(
+            f"record of {size / 1e9:.3g} GB exceeds the {room / 1e9:.3g} GB of {what}: keep fewer "
+            "steps or sites" + (", or give a path" if what == "memory" else "")
+        )
+
+
+def _row(kind, *fields):
+    """The fields that rows of this kind have: impulses where there are walls."""
+    return fields[: len(kind.names)]
+
+
+class Rows:
+    """Rows in memory: time, energy, and u and v of the kept sites."""
+
+    def __init__(self, instants: int, kind: np.dtype[Any]) -> None:
+        need_memory(instants * kind.itemsize)
+        self._rows = np.zeros(instants, dtype=kind)
+        self.count = 0
+
+    def add(self, t: float, energy: float, u: Array, v: Array, impulse: ArrayLike = ()) -> None:
+        """Append a row."""
+        self._rows[self.count] = _row(self._rows.dtype, t, energy, u, v, impulse)
+        self.count += 1
+
+    def finished(self) -> NDArray[Any]:
+        """The rows written so far, as a structured array with fields t, energy, u, v."""
+        return self._rows[: self.count]
+
+
+class FileRows:
+    """Rows in a .npy file whose header counts only rows that are written in full.
+
+    Parameters
+    ----------
+    path : Path
+    instants : int
+        Rows that will be needed.
+    kind : numpy.dtype
+    count : int, optional
+        Rows to go on after; the file has them, and what it has beyond stays readable until it
+        is written over.  By default the file is begun.
+    """
+
+    def __init__(
+        self, path: Any, instants: int, kind: np.dtype[Any], count: int | None = None
+    ) -> None:
+        self._path, self._kind, self.count = path, kind, count or 0
+        missing = instants - self.count
+        _refuse_more(missing * kind.itemsize, shutil.disk_usage(path.parent).free, "disk space")
+        self._row, self._shown = np.zeros(1, dtype=kind), 0
+        if count is not None:
+            self._shown = len(_mapped(path, kind, count))
+        try:
+            flags = os.O_RDWR | getattr(os, "O_BINARY", 0)
+            flags |= os.O_CREAT | os.O_TRUNC if count is None else 0
+            self._file = os.open(path, flags, 0o666)
+            self._size = len(self._header(0))
+            if count is None:
+                _write(self._file, self._header(0), 0)
+        except OSError as error:
+            raise self._refused(error) from error
+
+    def _header(self, count):
+        """NumPy pads the header so that a growing count always fits its place."""
+        header = io.BytesIO()
+        descr = np.lib.format.dtype_to_descr(self._kind)
+        shape = {"descr": descr, "fortran_order": False, "shape": (count,)}
+        np.lib.format.write_array_header_2_0(header, shape)
+        return header.getvalue()
+
+    def _refused(self, error):
+        return RecordError(f"record path {self._path}: {error.strerror} after {self.count} rows")
+
+    def add(self, t: float, energy: float, u: Array, v: Array, impulse: ArrayLike = ()) -> None:
+        """Append a row: first its bytes, then the count that makes it visible.
+
+        Raises
+        ------
+        RecordError
+            If either cannot be written; the rows before stay as they are.
+        """
+        self._row[0] = _row(self._kind, t, energy, u, v, impulse)
+        try:
+            place = self._size + self.count * self._kind.itemsize
+            _write(self._file, self._row.tobytes(), place)
+            if self.count >= self._shown:
+                self._show(self.count + 1)
+        except OSError as error:
+            raise self._refused(error) from error
+        self.count += 1
+
+    def _show(self, count):
+        try:
+            _write(self._file, self._header(count), 0)
+        except OSError:  # half a header may stand there: the one before again
+            _write(self._file, self._header(self._shown), 0)
+            raise
+        self._shown = count
+
+    def flush(self):
+        """Wait until the disk has what was written."""
+        os.fsync(self._file)
+
+    def finished(self) -> NDArray[Any]:
+        """The rows written so far, mapped from the file."""
+        if self._file is not None:
+            file, self._file = self._file, None  # type: ignore[assignment]
+            os.close(file)
+        return _mapped(self._path, self._kind, self.count)[: self.count]
+
+
+def _mapped(path, kind, count):
+    """Rows of a file that has at least `count` of that kind."""
+    try:
+        rows = np.lib.format.open_memmap(path, mode="r") if count else _read(path)
+    except (OSError, ValueError) as error:
+        raise TensegrityError(f"record path {path} holds no rows: {error}") from error
+    if rows.dtype != kind or len(rows) < count:
+        raise TensegrityError(
+            f"record path {path} holds {len(rows)} rows of another run, or fewer than {count}"
+        )
+    return rows
+
+
+def _read(path):
+    return np.load(path, allow_pickle=False)  # no rows, perhaps, which cannot be mapped
+
+
+def _write(file, data, place):
+    """Write all of it: the system may take a part, and say why with the rest only."""
+    view = memoryview(data)
+    while view:
+        done = os.pwrite(file, view, place)
+        view, place = view[done:], place + done

@@ -1,0 +1,463 @@
+"""Faults that must not survive: slips of one line, and for each the test that notices it.
+
+`python -m tests.faults [WORD ...]` breaks a copy of the tree, one line at a time, and runs that
+test alone, which has to pass before and fail then; a word picks the faults in whose file or
+test it occurs.  What a slip is: a sign, an index, a factor, a guard that was dropped.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+OUTSIDE = shutil.ignore_patterns(".*", "*.egg-info", "build", "output", "__pycache__")
+PATIENCE = 600  # seconds for one test
+FAILED = 1  # what pytest returns where tests ran and some failed
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One slip.
+
+    Attributes
+    ----------
+    file : str
+        Path from the root.
+    text : str
+        What stands there, once in the file.
+    fault : str
+        What a slip would make of it.
+    test : str
+        Node of the test that must fail then.
+    """
+
+    file: str
+    text: str
+    fault: str
+    test: str
+
+    def broken(self, source: str) -> str:
+        """The file's text with the slip; ValueError unless `text` stands there exactly once."""
+        if (found := source.count(self.text)) != 1:
+            raise ValueError(f"{self.text!r} stands {found} times in {self.file}, must be once")
+        return source.replace(self.text, self.fault)
+
+
+FAULTS = (
+    # derivations
+    Fault(
+        "derivations/prism.py",
+        "+ sp.Rational(3, 2) * k_bar * (",
+        "+ 3 * k_bar * (",
+        "tests/test_nodes.py::test_energy_of_the_members_is_that_of_the_prism_at_symmetric_positions",
+    ),
+    Fault(
+        "derivations/prism.py",
+        "return _squared_distance(lower[0], upper[2])",
+        "return _squared_distance(lower[0], upper[1])",
+        "tests/test_derivations_prism.py::test_axial_stiffness_is_the_condensed_hessian",
+    ),
+    Fault(
+        "derivations/waves.py",
+        "symbol = stiffness * (shift - 2 + 1 / shift) / mass",
+        "symbol = stiffness * (shift - 1 + 1 / shift) / mass",
+        "tests/test_derivations_waves.py::test_dispersion_is_that_of_a_ring_of_masses",
+    ),
+    Fault(
+        "derivations/contact.py",
+        "curvature = 1 / radius_1 + 1 / radius_2",
+        "curvature = 1 / radius_1 - 1 / radius_2",
+        "tests/test_derivations_waves.py::test_hertz_constant_of_two_materials",
+    ),
+    Fault(
+        "derivations/rigid_response.py",
+        "k_cross * (1 - natural_cross / length) * kappa",
+        "k_cross * (1 + natural_cross / length) * kappa",
+        "tests/test_derivations_prism.py::test_force_near_locking_and_energy_there",
+    ),
+    # engine
+    Fault(
+        "tensegrity/steps.c",
+        "(k > 0 || opened) && i == 0",
+        "k > 0 && i == 0",
+        "tests/test_pieces.py::test_pieces_equal_the_whole_bit_for_bit",
+    ),
+    Fault(
+        "tensegrity/net_law.c",
+        "force[to[i] + k] -= along[k][i];",
+        "force[to[i] + k] += along[k][i];",
+        "tests/test_network.py::test_free_patch_keeps_energy_momentum_and_angular_momentum",
+    ),
+    Fault(
+        "tensegrity/plain.py",
+        "slopes.append(acceleration(combined(u + node * dt * v, dt**2, row, slopes)))",
+        "slopes.append(acceleration(combined(u + node * dt * v, dt, row, slopes)))",
+        "tests/test_network.py::test_engines_agree",
+    ),
+    Fault(
+        "tensegrity/bonds.py",
+        "joins = varied.copy()",
+        "joins = np.zeros_like(varied)",
+        "tests/test_one_engine.py::test_lanes_have_masses_and_springs_of_their_own",
+    ),
+    Fault(
+        "tensegrity/line_law.c",
+        "low[q] = r[i] < low[q] ? r[i] : low[q];",
+        "low[q] = r[i];",
+        "tests/test_one_engine.py::test_bonds_with_parameters_of_their_own_pull_as_each_alone",
+    ),
+    Fault(
+        "tensegrity/forces.py",
+        "parts += [(first, first, block, pair), (second, first, -block, pair)]",
+        "parts += [(first, first, block, slice(None)), (second, first, -block, slice(None))]",
+        "tests/test_one_engine.py::"
+        "test_forces_are_the_slope_of_the_energy_and_stiffness_that_of_the_forces",
+    ),
+    Fault(
+        "tensegrity/springs.py",
+        "r[np.minimum(first, len(r) - 1), every], before)",
+        "r[np.maximum(first - 1, 0), every], before)",
+        "tests/test_integrate.py::test_the_default_step_keeps_the_energy",
+    ),
+    Fault(
+        "tensegrity/pieces.py",
+        "return start if down else start + odd",
+        "return start + odd",
+        "tests/test_pieces.py::test_blocks_begin_where_the_loop_begins_them",
+    ),
+    Fault(
+        "tensegrity/implicit.py",
+        "slopes[:, self._w == 0] = 0",
+        "slopes[:, self._w == 0] *= 1",
+        "tests/test_lattice.py::test_held_sites_stay_exactly_where_they_are_in_long_implicit_steps",
+    ),
+    Fault(
+        "tensegrity/methods.py",
+        "1 - 2 * sum(half) if odd",
+        "1 - sum(half) if odd",
+        "tests/test_methods.py::test_rows_are_consistent_palindromes",
+    ),
+    # springs
+    Fault(
+        "tensegrity/potential.py",
+        "return stiffness / (n + 1) * gap ** (n + 1)",
+        "return stiffness / n * gap ** (n + 1)",
+        "tests/test_prism.py::test_power_law_pushes_only",
+    ),
+    Fault(
+        "tensegrity/potential.py",
+        "energy = closed * stored(pressed) - stored(overlap) + preload * r",
+        "energy = closed * stored(pressed) + preload * r",
+        "tests/test_prism.py::test_power_law_pushes_only",
+    ),
+    Fault(
+        "tensegrity/polynomial.py",
+        "(q[k] + (k + 1) * t_at_rest * s[-1])",
+        "(q[k] + k * t_at_rest * s[-1])",
+        "tests/test_polynomial.py::test_energy_is_the_exact_antiderivative",
+    ),
+    Fault(
+        "tensegrity/polynomial.py",
+        "np.sin(_angles(DENSE * NODES) / 2)",
+        "np.sin(_angles(NODES) / 2)",
+        "tests/test_polynomial.py::test_an_error_that_no_node_sees_is_estimated",
+    ),
+    Fault(
+        "tensegrity/polynomial.py",
+        "gap = float(np.abs(self.tension(between) - exact).max()) / peak",
+        "gap = float(np.abs(self.tension(between) - exact).max())",
+        "tests/test_polynomial.py::test_error_estimate_is_right_within_a_hundredth",
+    ),
+    # branches
+    Fault(
+        "tensegrity/arclength.py",
+        "* (1 + (1 - cosine) / 12)",
+        "* (1 + (1 - cosine) / 6)",
+        "tests/test_continuation.py::test_arc_length_is_that_of_the_curve_to_fourth_order",
+    ),
+    Fault(
+        "tensegrity/arclength.py",
+        "(tangent + t * (curve + bend))",
+        "(tangent + t * curve)",
+        "tests/test_continuation.py::test_rows_grow_like_the_fourth_root_of_the_tolerance",
+    ),
+    Fault(
+        "tensegrity/table.py",
+        "if len(self) - 1 not in kept:",
+        "if len(self) - 1 in kept:",
+        "tests/test_continuation.py::test_a_part_of_a_branch_says_whether_its_end_was_cut_off",
+    ),
+    Fault(
+        "tensegrity/continuation.py",
+        "            and turned <= settings.turn\n",
+        "",
+        "tests/test_continuation.py::test_tangents_of_neighbouring_rows_turn_no_more_than_asked",
+    ),
+    Fault(
+        "tensegrity/events.py",
+        "return machine.exactly_at(z, tangent, p)",
+        "return machine.exactly_at(guess, tangent, p)",
+        "tests/test_continuation.py::test_user_events_are_roots_to_round_off_and_come_in_order",
+    ),
+    # prisms
+    Fault(
+        "tensegrity/prism.py",
+        "float(unloaded.tension(r)) + preload",
+        "float(unloaded.tension(r)) - preload",
+        "tests/test_prism.py::test_preload_shifts_to_the_loaded_equilibrium",
+    ),
+    Fault(
+        "tensegrity/response.py",
+        "-3 * prism.k_cross * (height - cross)",
+        "-prism.k_cross * (height - cross)",
+        "tests/test_response.py::test_beyond_slack_the_prism_without_base_strings_is_in_equilibrium",
+    ),
+    Fault(
+        "tensegrity/response.py",
+        '"twist": 5 * math.pi / 6 + turn',
+        '"twist": 5 * math.pi / 6 - turn',
+        "tests/test_response.py::test_rigid_rows_keep_the_length_of_the_bars",
+    ),
+    Fault(
+        "tensegrity/nodes.py",
+        "[[2, 0, 1, 5, 3, 4]] @ rotation.T",
+        "[[2, 0, 1, 5, 3, 4]] @ rotation",
+        "tests/test_nodes.py::test_thick_prism_first_loses_the_symmetric_fold",
+    ),
+    Fault(
+        "tensegrity/limit.py",
+        '"load": load * prism.k_cross * prism.base',
+        '"load": load * prism.k_cross',
+        "tests/test_limit.py::test_continued_fold_is_the_fold_of_every_prism_on_the_way",
+    ),
+    # scenes
+    Fault(
+        "tensegrity/clearance.py",
+        "self._pairs), initial=math.inf) / 2,",
+        "self._pairs), initial=math.inf),",
+        "tests/test_clearance.py::test_beads_that_move_towards_each_other_are_noticed_in_that_step",
+    ),
+    Fault(
+        "tensegrity/clearance.py",
+        "if moved > of.skin / 4:",
+        "if moved > math.inf:",
+        "tests/test_clearance.py::test_a_bead_far_away_is_found_when_it_comes",
+    ),
+    Fault(
+        "tensegrity/ensemble.py",
+        "np.maximum.at(found[:, 1], place, high)",
+        "found[place, 1] = high",
+        "tests/test_ensemble.py::test_every_lane_is_watched_at_both_ends_of_the_domain",
+    ),
+    Fault(
+        "tensegrity/ensemble.py",
+        "np.minimum.at(found[:, 0], place, low)",
+        "found[place, 0] = low",
+        "tests/test_ensemble.py::test_every_lane_is_watched_at_both_ends_of_the_domain",
+    ),
+    Fault(
+        "tensegrity/walls.py",
+        "beyond = np.maximum(along - sides, 0)",
+        "beyond = np.maximum(sides - along, 0)",
+        "tests/test_clearance.py::test_an_unlisted_wall_is_noticed",
+    ),
+    Fault(
+        "tensegrity/lattice.py",
+        "np.sqrt(np.max(2 * stiffness * mobility))",
+        "np.sqrt(np.max(stiffness * mobility))",
+        "tests/test_integrate.py::test_stability_limit_on_both_sides",
+    ),
+    Fault(
+        "tensegrity/scene.py",
+        "        w[list(self.held)] = 0\n",
+        "",
+        "tests/test_lattice.py::test_mixed_chain_follows_newton",
+    ),
+    # runs
+    Fault(
+        "tensegrity/march.py",
+        "np.any(met[:, 1] >= high)",
+        "np.any(met[:, 1] >= 1.01 * high)",
+        "tests/test_integrate.py::test_a_spring_pulled_to_the_upper_end_of_its_domain_ends_the_run_there",
+    ),
+    Fault(
+        "tensegrity/stepping.py",
+        "    ranges[:, 0] = np.maximum(ranges[:, 0], scene.closing / 2)\n",
+        "",
+        "tests/test_network.py::test_a_spinning_bond_runs_though_its_energy_could_close_it",
+    ),
+    Fault(
+        "tensegrity/tolerance.py",
+        "return 2**order - 1 if difference <= 2 * expected else 1",
+        "return 2**order - 1",
+        "tests/test_integrate.py::test_how_much_an_error_estimate_trusts_the_order",
+    ),
+    Fault(
+        "tensegrity/tolerance.py",
+        "low, high = low - room, high + room",
+        "low, high = low + room, high + room",
+        "tests/test_polynomial.py::test_a_range_left_is_widened",
+    ),
+    Fault(
+        "tensegrity/tuning.py",
+        "self._parameters(self._rates, t) * (2 / self._t_end)",
+        "self._parameters(self._rates, t) / self._t_end",
+        "tests/test_tuning.py::test_prestrain_drawn_in_does_work_that_the_energy_keeps",
+    ),
+    Fault(
+        "tensegrity/tuning.py",
+        "domains[:, 0].max(), domains[:, 1].min()",
+        "domains[:, 0].min(), domains[:, 1].max()",
+        "tests/test_tuning.py::test_a_spring_may_use_the_stroke_that_it_has_at_that_instant",
+    ),
+    # waves
+    Fault(
+        "tensegrity/asymptotics.py",
+        "math.sqrt(stiffness / mass)",
+        "math.sqrt(stiffness * mass)",
+        "tests/test_waves.py::test_sound_speed_of_a_linear_chain_is_that_of_long_waves",
+    ),
+    Fault(
+        "tensegrity/asymptotics.py",
+        "x, stroke = _places(x), -spring.domain[0]",
+        "x, stroke = _places(x), spring.domain[1]",
+        "tests/test_waves.py::test_tent_spans_two_sites_and_reaches_the_locking_stroke",
+    ),
+    Fault(
+        "tensegrity/travelling.py",
+        "density = rho * self.law.tension(rho) / 2 +",
+        "density = rho * self.law.tension(rho) +",
+        "tests/test_solitary.py::test_wave_is_the_same_by_speed_amplitude_and_energy",
+    ),
+    Fault(
+        "tensegrity/solitary.py",
+        "masses = stiffness / 2 * (grid",
+        "masses = stiffness * (grid",
+        "tests/test_solitary.py::test_toda_soliton_by_amplitude_has_its_closed_speed_momentum_and_energy",
+    ),
+    # measure
+    Fault(
+        "tensegrity/observables.py",
+        "inside = slice(low + 1, high + 1)",
+        "inside = slice(low + 1, high)",
+        "tests/test_observables.py::test_waves_that_overlap_are_cut_at_the_least_elongation_between_them",
+    ),
+    Fault(
+        "tensegrity/observables.py",
+        "place=j + 0.5 + shift",
+        "place=j + 0.5 - shift",
+        "tests/test_observables.py::test_energy_and_momentum_of_two_waves_far_apart",
+    ),
+    Fault(
+        "tensegrity/budget.py",
+        "bonds[:, bond + 1 :].sum(axis=1)",
+        "bonds[:, bond:].sum(axis=1)",
+        "tests/test_budget.py::test_energy_and_momentum_beyond_any_bond_close",
+    ),
+    Fault(
+        "tensegrity/budget.py",
+        "[-tension * run.v[:, bond + 1], -tension]",
+        "[-tension * run.v[:, bond], -tension]",
+        "tests/test_budget.py::test_energy_and_momentum_beyond_any_bond_close",
+    ),
+    Fault(
+        "tensegrity/plotting.py",
+        "scene.site_energy(run.u, run.v)",
+        "scene.site_energy(run.u, 0 * run.v)",
+        "tests/test_plotting.py::test_plot_shows_energy_over_sites_and_time",
+    ),
+    # granular
+    Fault(
+        "granular/beads.py",
+        "return math.pi / 6 * diameter * diameter",
+        "return math.pi / 3 * diameter * diameter",
+        "tests/test_granular_contact.py::test_printed_masses_are_density_times_volume_to_one_percent",
+    ),
+    Fault(
+        "granular/beads.py",
+        "core.contact_radius + thickness",
+        "core.contact_radius",
+        "tests/test_granular_contact.py::test_coated_bead_keeps_mass_and_place_of_its_core",
+    ),
+    Fault(
+        "granular/contact.py",
+        "** (1 / self.exponent)",
+        "** self.exponent",
+        "tests/test_granular_chain.py::test_striker_on_a_loaded_chain_starts_without_overlap_and_keeps_the_energy",
+    ),
+    Fault(
+        "granular/chain.py",
+        "            energies[..., -2] -= energies[..., -1]\n",
+        "",
+        "tests/test_granular_chain.py::test_energies_of_the_parts_add_up",
+    ),
+    Fault(
+        "granular/crystal.py",
+        "- (diameters[0] + diameters[-1]) / 2",
+        "- diameters[0]",
+        "tests/test_granular_chain.py::test_distance_of_beads_of_unequal_diameters_is_that_of_their_centres",
+    ),
+    Fault(
+        "granular/observables.py",
+        'facts["peak_heights"] / 4',
+        'facts["peak_heights"] / 2',
+        "tests/test_granular_chain.py::test_neighbours_are_two_pulses_if_the_force_between_falls_below_three_quarters",
+    ),
+)
+
+
+def chosen(words: list[str]) -> list[Fault]:
+    """The faults in whose file or test one of the words occurs; all where there is none."""
+    return [f for f in FAULTS if not words or any(w in f.file or w in f.test for w in words)]
+
+
+def outcome(root: Path, tests: list[str]) -> int:
+    """What pytest returns for some tests of the tree at `root`."""
+    path = os.pathsep.join([str(root), str(root / "tests")])
+    environment = {**os.environ, "PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1"}
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests]
+    try:
+        return subprocess.run(
+            command, cwd=root, env=environment, capture_output=True, timeout=PATIENCE
+        ).returncode
+    except subprocess.TimeoutExpired:
+        return -1
+
+
+def survives(root: Path, fault: Fault) -> bool:
+    """Whether the test of a fault does not notice it in the tree at `root`, left as it was."""
+    path = root / fault.file
+    source = path.read_text()
+    path.write_text(fault.broken(source))
+    try:
+        return outcome(root, [fault.test]) != FAILED
+    finally:
+        path.write_text(source)
+
+
+def main(words: list[str]) -> int:
+    """Try the chosen faults; the number of those that survive, at least 1 if none was tried."""
+    faults, survivors = chosen(words), 0
+    with tempfile.TemporaryDirectory() as folder:
+        root = Path(folder) / "tree"
+        shutil.copytree(ROOT, root, ignore=OUTSIDE)
+        if not faults or outcome(root, list(dict.fromkeys(f.test for f in faults))) != 0:
+            print("no fault of that name" if not faults else "a test fails before any fault")
+            return 1
+        for fault in faults:
+            survived = survives(root, fault)
+            survivors += survived
+            word = "SURVIVES" if survived else "noticed"
+            print(f"{word:8} {fault.file}: {fault.text.strip()}  [{fault.test}]", flush=True)
+    print(f"{len(faults) - survivors} of {len(faults)} faults noticed")
+    return survivors
+
+
+if __name__ == "__main__":
+    sys.exit(min(main(sys.argv[1:]), 1))

@@ -1,0 +1,259 @@
+"""Runs in files: what comes back is what was saved, and nothing in a file is believed blindly."""
+
+import json
+import subprocess
+import sys
+from dataclasses import fields
+
+import numpy as np
+import pytest
+from networks import fork, patch, pushed
+from test_resume import elastic, guide, lanes, struck, toda
+
+from granular import Bead, Striker, diamond_guide, materials, power
+from tensegrity import (
+    Chain,
+    Network,
+    PowerLaw,
+    Prism,
+    Record,
+    Run,
+    State,
+    TensegrityError,
+    Wall,
+    archive,
+    simulate,
+)
+from tensegrity.archive import fingerprint
+
+
+def blow():
+    loaded = Prism(1.0, 0.7, 0.01, 1.0).potential(preload=0.01)
+    flat = Prism(1.0, 0.25, 0.1, 1.0).potential()
+    one = Chain([loaded] * 5 + [flat] * 6, 12, ends=("fixed", "free"))
+    return one, one.at_rest({3: 0.02})
+
+
+def walls():
+    network = fork()
+    v = np.zeros(network.shape)
+    v[0, 0] = 0.5
+    return network, State(np.zeros(network.shape), v)
+
+
+def space():
+    """Given lengths, loads, a held site, a slanting wall, three dimensions."""
+    x = np.array([[0, 0, 0.5], [1, 0.1, 0.5], [0.2, 1, 0.6]])
+    wall = Wall([0, 0, 0], [0.1, 0.2, 3.0])
+    network = Network(
+        x, [(0, 1), (1, 2)], [PowerLaw(1.0, 1.5, 0.2), PowerLaw(2.0, 2.0, 0.1)], [1.01, 1.2],
+        mass=[1, 2, 3], walls=[wall], wall_contacts=[(0, 0)], wall_spring=PowerLaw(3.0, 1.5),
+        radius=0.4, loads=np.full((3, 3), 1e-3), held=[2],
+    )  # fmt: skip
+    return network, network.at_rest({0: (0.0, 0.0, -0.1)})
+
+
+def diamond():
+    steel = Bead(4.76e-3, materials["steel"])
+    scene = diamond_guide(4, 5, bead=steel, striker=Striker(steel, 0.5), law=power(2e9, 1.4))
+    return scene, scene.start()
+
+
+SCENES = {
+    "rigid prisms": (blow, 3.0),
+    "elastic prisms, power laws, masses": (elastic, 3.0),
+    "lanes": (lanes, 2.0),
+    "network": (lambda: (patch(), pushed(patch())), 2.0),
+    "walls": (walls, 2e-5),
+    "space": (space, 0.3),
+    "beads": (struck, 3e-5),
+    "guide": (guide, 3e-5),
+    "diamond": (diamond, 3e-5),
+}
+
+
+def equal(one, two):
+    for name in (f.name for f in fields(Run) if f.name not in ("scene", "final")):
+        a, b = getattr(one, name), getattr(two, name)
+        assert np.array_equal(a, b), name
+        assert isinstance(a, type(b)), name
+    assert np.array_equal(one.final.u, two.final.u)
+    assert np.array_equal(one.final.v, two.final.v)
+    assert str(one) == str(two)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_run_comes_back_with_a_scene_that_runs_to_the_same_bits(tmp_path, name):
+    make, t_end = SCENES[name]
+    scene, state = make()
+    run = simulate(scene, state, t_end, dt=t_end / 40, record=Record(every=5, sites=[1, 0]))
+    run.save(tmp_path / "run")
+    back = Run.load(tmp_path / "run")
+    equal(run, back)
+    assert type(back.scene) is type(scene)
+    assert repr(back.scene) == repr(scene)
+    assert fingerprint(back.scene) == fingerprint(scene)
+    again = simulate(back.scene, state, t_end, dt=t_end / 40)
+    assert np.array_equal(again.final.u, run.final.u)
+    assert np.array_equal(again.final.v, run.final.v)
+    assert back.scene.energy(run.final) == run.energy[-1]
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_two_scenes_that_differ_have_different_fingerprints(name):
+    known = {fingerprint(make()[0]) for make, _ in SCENES.values()}
+    assert len(known) == len(SCENES)
+    assert fingerprint(SCENES[name][0]()[0]) in known
+
+
+def test_a_run_with_polynomials_and_rows_in_a_file_comes_back(tmp_path, monkeypatch):
+    monkeypatch.setattr("tensegrity.tolerance.WORTH", -np.inf)
+    scene, state = elastic()
+    run = simulate(scene, state, 3.0, tol=1e-6, record=Record(path=tmp_path / "rows.npy"))
+    assert run.force.startswith("polynomial")
+    run.save(tmp_path / "run.npz")
+    equal(run, Run.load(str(tmp_path / "run.npz")))
+
+
+def test_a_users_own_energy_leaves_its_print_out(tmp_path):
+    scene = toda()
+    run = simulate(scene, scene.at_rest({0: 0.5}), 2.0, dt=0.1)
+    path = tmp_path / "run.npz"
+    run.save(path)
+    back = Run.load(path)
+    equal(run, back)
+    assert repr(back.scene) == repr(scene)
+    assert not hasattr(back.scene, "energy")
+    with pytest.raises(TensegrityError, match=r"sites of the scene Chain\(12 sites.*again"):
+        back.plot()
+    with pytest.raises(TensegrityError, match="not a scene"):
+        simulate(back.scene, run.final, 1.0)
+    back.save(path)
+    assert repr(Run.load(path).scene) == repr(scene)
+    assert fingerprint(toda()) == fingerprint(scene) != fingerprint(toda(2.1))
+
+
+def test_nothing_in_a_file_is_unpickled_or_evaluated(tmp_path):
+    """A text in the place of a number stays a text, which constructors refuse."""
+    scene, state = blow()
+    path = tmp_path / "run.npz"
+    simulate(scene, state, 1.0, dt=0.1).save(path)
+    with np.load(path, allow_pickle=False) as kept:
+        arrays = dict(kept)
+    assert all(array.dtype.kind in "fiubU" for array in arrays.values())
+    whole = json.loads(str(arrays.pop("text")))
+    number = next(n for n, (_, name, _) in enumerate(whole["objects"]) if name == "Chain")
+    for parts in (
+        {"sites": "__import__('os').mkdir('made')"},
+        {"mass": "exp(1)"},
+        {"ends": ["open", "free"]},
+        {"sites": 13},
+        {"more": 1},
+    ):
+        changed = json.loads(json.dumps(whole))
+        changed["objects"][number][2] |= parts
+        with open(path, "wb") as file:
+            np.savez(file, text=np.array(json.dumps(changed)), **arrays)
+        with pytest.raises(TensegrityError, match="holds no run, or is damaged"):
+            Run.load(path)
+    changed = json.loads(json.dumps(whole))
+    changed["objects"][number][1] = "Popen"
+    with open(path, "wb") as file:
+        np.savez(file, text=np.array(json.dumps(changed)), **arrays)
+    with pytest.raises(TensegrityError, match="nothing here knows a Popen"):
+        Run.load(path)
+
+
+def test_damaged_and_foreign_files_are_refused(tmp_path):
+    scene, state = blow()
+    path, bad = tmp_path / "run.npz", tmp_path / "bad.npz"
+    run = simulate(scene, state, 1.0, dt=0.1)
+    run.save(path)
+    whole = path.read_bytes()
+    rng = np.random.default_rng(4)
+    for place in [*rng.integers(0, len(whole), 150).tolist(), *range(0, 60, 3)]:
+        damaged = bytearray(whole)
+        damaged[place] ^= 0xFF
+        bad.write_bytes(damaged)
+        try:
+            back = Run.load(bad)
+        except TensegrityError:
+            continue
+        equal(run, back)  # a byte that means nothing, such as a date
+    for content in (b"", b"precious", whole[:1000], whole[1000:]):
+        bad.write_bytes(content)
+        with pytest.raises(TensegrityError, match="holds no run, or is damaged"):
+            Run.load(bad)
+    np.savez(bad, a=np.arange(3))
+    with pytest.raises(TensegrityError, match="holds no run"):
+        Run.load(bad)
+    archive.write(bad, "state", {"done": 3})
+    with pytest.raises(TensegrityError, match="it holds a state"):
+        Run.load(bad)
+    with pytest.raises(TensegrityError, match="no file"):
+        Run.load(tmp_path / "nothing")
+    for wrong in (3, None):
+        with pytest.raises(TensegrityError, match="is not a path"):
+            Run.load(wrong)
+        with pytest.raises(TensegrityError, match="is not a path"):
+            run.save(wrong)
+
+
+def test_a_file_is_replaced_whole_or_not_at_all(tmp_path, monkeypatch):
+    scene, state = blow()
+    path = tmp_path / "run.npz"
+    run = simulate(scene, state, 1.0, dt=0.1)
+    run.save(path)
+    before = path.read_bytes()
+
+    def full(number):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("tensegrity.archive.os.fsync", full)
+    with pytest.raises(TensegrityError, match=r"run\.npz: No space left"):
+        run.save(path)
+    assert path.read_bytes() == before
+    assert [x.name for x in tmp_path.iterdir()] == ["run.npz"]
+    with pytest.raises(TensegrityError, match="not saved"):
+        run.save(tmp_path / "no folder" / "run.npz")
+
+
+def test_a_scene_of_beads_needs_its_package(tmp_path):
+    scene, state = struck()
+    path = tmp_path / "run.npz"
+    simulate(scene, state, 1e-5, dt=1e-6).save(path)
+    code = "import sys\nfrom tensegrity import Run\nRun.load(sys.argv[1])"
+    for first, words in (("", "import granular first"), ("import granular\n", "")):
+        answer = subprocess.run(
+            [sys.executable, "-c", first + code, str(path)], capture_output=True, text=True,
+        )  # fmt: skip
+        assert words in answer.stderr
+        assert (answer.returncode == 0) == (not words), answer.stderr
+
+
+def test_every_potential_of_the_toolkit_is_told_from_others():
+    """What the file of a potential holds is enough to make an equal one."""
+    rigid = Prism(1.0, 0.7, 0.01, 1.0).potential(0.02)
+    for spring in (rigid, PowerLaw(1.0, 1.5, 0.3, 0.1), elastic()[0].springs[0]):
+        writer = archive._Writer()
+        text = json.loads(json.dumps(writer.value(spring)))
+        again = archive._Reader(writer.objects, writer.arrays).value(text)
+        assert not writer.opaque
+        assert again == spring
+        assert type(again) is type(spring)
+        with pytest.raises(TensegrityError) as one:
+            spring.tension(-5.0 if spring.domain[0] > -5 else np.nan)
+        with pytest.raises(TensegrityError) as two:
+            again.tension(-5.0 if spring.domain[0] > -5 else np.nan)
+        assert str(one.value) == str(two.value)
+
+
+def test_a_wall_comes_back_to_the_bit():
+    """Also where the length of its unit normal is not 1 to the last bit."""
+    rng = np.random.default_rng(5)
+    walls = [Wall([0.0, 0.0], normal) for normal in rng.normal(size=(40, 2))]
+    assert any((wall.normal / np.linalg.norm(wall.normal) != wall.normal).any() for wall in walls)
+    for wall in walls:
+        writer = archive._Writer()
+        again = archive._Reader(writer.objects, writer.arrays).value(writer.value(wall))
+        assert np.array_equal(again.normal, wall.normal)

@@ -1,0 +1,179 @@
+"""What is a number wherever one is asked for, and what is none."""
+
+import math
+import tracemalloc
+from collections.abc import Sequence
+from decimal import Decimal
+from fractions import Fraction
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from granular import (
+    Bead,
+    Contact,
+    Material,
+    Striker,
+    chain,
+    diamond_guide,
+    materials,
+    y_guide,
+)
+from tensegrity import (
+    Chain,
+    Ensemble,
+    PowerLaw,
+    Record,
+    State,
+    TensegrityError,
+    check,
+    simulate,
+)
+
+
+@pytest.mark.parametrize(
+    "given",
+    [2, 2.0, np.float32(2), np.float64(2), np.longdouble(2), np.int64(2), np.uint8(2),
+     np.array(2), np.array(2.0, dtype=np.float32), Fraction(2), sp.Integer(2), 2 * sp.pi / sp.pi],
+)  # fmt: skip
+def test_real_numbers_of_any_kind_are_plain_floats(given):
+    value = check.number("mass", given)
+    assert type(value) is float
+    assert value == 2
+
+
+def test_constants_of_sympy_are_numbers_and_its_symbols_are_not():
+    assert check.number("angle", sp.pi / 4) == math.pi / 4
+    for bad in (sp.Symbol("x", real=True), sp.I, sp.true):
+        with pytest.raises(TensegrityError, match=r"angle .* is not a number"):
+            check.number("angle", bad)
+
+
+class Text(str):
+    """A kind of text of one's own."""
+
+
+NO_NUMBERS = [
+    None, "1.5", Text("1.5"), b"1", True, np.True_, np.array(True), np.array("1.5"), 1j,
+    np.complex128(1), Decimal("1.5"), [1.0], (1.0,), np.array([1.0]), {}, {1.0}, object(), float,
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("bad", NO_NUMBERS, ids=repr)
+def test_what_is_no_number_is_told_so(bad):
+    with pytest.raises(TensegrityError, match=r"mass .* is not a number"):
+        check.number("mass", bad)
+    with pytest.raises(TensegrityError, match=r"sites .* is not a whole number"):
+        check.whole("sites", bad, least=0)
+
+
+@pytest.mark.parametrize(
+    "huge",
+    [10**400, -(10**400), 10**5000, Fraction(10**400)],
+    ids=("huge", "low", "beyond printing", "fraction"),
+)
+def test_numbers_beyond_every_float_are_refused_in_a_line(huge):
+    with pytest.raises(TensegrityError, match=r"mass must be within 1\.79769e\+308") as caught:
+        check.number("mass", huge)
+    assert len(str(caught.value)) < 200
+
+
+def test_whole_numbers_beyond_every_count_are_refused():
+    assert check.whole("sites", np.array(3), least=2) == 3
+    assert type(check.whole("sites", np.int8(3), least=2)) is int
+    for huge in (10**400, 10**5000, 2**63):
+        with pytest.raises(TensegrityError, match="sites must be at most"):
+            check.whole("sites", huge, least=2)
+    with pytest.raises(TensegrityError, match=r"sites .* must be at least 2"):
+        check.whole("sites", -(10**5000), least=2)
+
+
+def test_long_values_are_shown_short():
+    with pytest.raises(TensegrityError) as caught:
+        check.number("mass", list(range(1000)))
+    assert len(str(caught.value)) < 200
+
+
+STEEL = materials["steel"]
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        Bead(np.float32(0.5), STEEL, np.int64(2), Fraction(1, 4)),
+        Contact(10, np.float32(1.5)),
+        Material("lead", 16, np.float32(0.25), np.int64(11340)),
+        Striker(Bead(0.5, STEEL), np.float32(0.5)),
+    ],
+)
+def test_beads_and_what_they_are_made_of_keep_plain_floats(made):
+    for name, value in vars(made).items():
+        if isinstance(value, (int, float, np.number)):
+            assert type(value) is float, name
+
+
+def test_text_that_reads_as_a_number_is_none_of_a_bead():
+    for bad in ("0.005", True, b"1"):
+        with pytest.raises(TensegrityError, match=r"diameter .* is not a number"):
+            Bead(bad, STEEL)
+        with pytest.raises(TensegrityError, match=r"speed .* is not a number"):
+            Striker(Bead(0.005, STEEL), bad)
+
+
+def test_beads_whose_mass_is_no_number_are_refused():
+    with pytest.raises(TensegrityError, match="mass inf kg is not finite"):
+        Bead(1e200, STEEL)
+
+
+SPRING = PowerLaw(1.0, 1.5, preload=0.1)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: Chain(SPRING, 10**12), r"a run of 1000000000000 sites would take 1\.6e\+05"),
+        (lambda: Ensemble(Chain(SPRING, 3), 10**12), "a run of 3 sites in 10+ lanes would take"),
+        (lambda: y_guide(10**9, bead=Bead(0.005, STEEL)), "a guide with a stem of 10+ and"),
+        (lambda: diamond_guide(5, 10**9 + 1, bead=Bead(0.005, STEEL)), "branches of 10+1 beads"),
+        (lambda: chain(Many()), "a chain of 10+ beads would take"),
+    ],
+)
+def test_what_no_memory_holds_is_refused_before_it_is_taken(make, words):
+    tracemalloc.start()
+    try:
+        with pytest.raises(TensegrityError, match=rf"{words}.* GB of memory, .* GB are free"):
+            make()
+        assert tracemalloc.get_traced_memory()[1] < 1e7
+    finally:
+        tracemalloc.stop()
+
+
+class Many(Sequence):
+    """More beads than there are."""
+
+    def __len__(self):
+        return 10**12
+
+    def __getitem__(self, number):
+        return Bead(0.005, STEEL)
+
+
+def test_a_chain_is_refused_by_what_its_run_takes(monkeypatch):
+    """The figure said is not less than what a run takes, and not twice as much."""
+    sites = 50_000
+
+    def run(sites):
+        start = State(np.zeros(sites), np.r_[0.01, np.zeros(sites - 1)])
+        simulate(Chain(SPRING, sites), start, 0.1, dt=0.1, record=Record(sites=[0]))
+
+    run(3)  # what is made once, such as the kernel
+    tracemalloc.start()
+    run(sites)
+    taken = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    monkeypatch.setattr(check, "free_memory", lambda: 0.9 * taken)
+    with pytest.raises(TensegrityError, match="would take"):
+        Chain(SPRING, sites)
+    monkeypatch.setattr(check, "free_memory", lambda: 2 * taken)
+    Chain(SPRING, sites)

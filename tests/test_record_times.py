@@ -1,0 +1,176 @@
+"""Rows at instants of the user's choice, whatever the step, as accurate as the run."""
+
+import numpy as np
+import pytest
+from networks import patch, pushed
+from scenes import prism_chain, smooth_blow
+
+from granular import Bead, Striker, materials, y_guide
+from tensegrity import Ensemble, LockingError, Record, TensegrityError, march, simulate
+from tensegrity.methods import METHODS
+from tensegrity.tuning import simulate_tuned
+
+TIMES = (0.0, 0.137, 0.31, 1.2345, 1.2346, 3.3, 4.0)
+ALL = ["verlet", "rkn6", "processed6", "rk4", "gauss4"]
+
+
+def lanes():
+    ensemble = Ensemble(prism_chain(12), 9)
+    return ensemble, ensemble.at_rest({1: np.linspace(0.01, 0.03, 9)})
+
+
+def blow():
+    one = prism_chain(24)
+    return one, smooth_blow(one)
+
+
+def triangles():
+    network = patch()
+    return network, pushed(network)
+
+
+SCENES = {"chain": blow, "lanes": lanes, "network": triangles}
+CASES = [(s, m) for s in SCENES for m in ALL]
+
+
+@pytest.mark.parametrize(("name", "method"), CASES)
+def test_values_between_steps_have_the_order_and_the_accuracy_of_the_run(name, method):
+    scene, state = SCENES[name]()
+    record = Record(times=TIMES)
+
+    def rows(steps, method=method):
+        run = simulate(scene, state, TIMES[-1], dt=4.0 / steps, method=method, record=record)
+        assert run.t.tolist() == list(TIMES)
+        assert run.steps == steps
+        return np.stack([run.u, run.v])
+
+    exact, counts = rows(400, "rkn6"), np.array([18, 27, 40])
+    errors = [np.abs(rows(n) - exact).max(axis=(0, *range(2, exact.ndim))) for n in counts]
+    between, ends = np.array(errors)[:, 3:-1].max(axis=1), np.array(errors)[:, -1]
+    fitted = -np.polyfit(np.log(counts), np.log(between), 1)[0]
+    order = METHODS[method].order
+    assert order - 0.4 < fitted < order + 2, errors
+    assert np.all(between < 3 * ends)
+
+
+@pytest.mark.parametrize("method", ALL)
+def test_what_is_recorded_changes_no_bit_of_the_run(method):
+    chain, state = blow()
+    options = {"dt": 0.1, "method": method}
+    plain = simulate(chain, state, 8.0, **options)
+    for record in (Record(every=1), Record(every=7), Record(interval=0.33), Record(times=TIMES)):
+        run = simulate(chain, state, 8.0, **options, record=record)
+        for name in ("u", "v"):
+            assert np.array_equal(getattr(run.final, name), getattr(plain.final, name)), record
+        same = np.isin(run.t, plain.t)
+        assert np.array_equal(run.u[same], plain.u[np.isin(plain.t, run.t)])
+
+
+def test_what_is_recorded_changes_no_bit_where_contacts_open_and_walls_are():
+    steel = Bead(4.76e-3, materials["steel"])
+    guide = y_guide(5, 4, bead=steel, striker=Striker(steel, 0.5))
+    plain = simulate(guide, guide.start(), 1e-4)
+    run = simulate(guide, guide.start(), 1e-4, record=Record(interval=1.7e-6))
+    assert run.dt == plain.dt
+    assert np.array_equal(run.final.v, plain.final.v)
+    assert np.array_equal(run.impulse[-1], plain.impulse[-1])
+    assert np.array_equal(run.met, plain.met)
+    expected = np.interp(run.t, plain.t, plain.impulse[:, 0, 1])
+    np.testing.assert_allclose(run.impulse[:, 0, 1], expected, rtol=0, atol=1e-2 * expected[-1])
+
+
+def test_lanes_and_a_network_too():
+    for scene, state in (lanes(), triangles()):
+        plain = simulate(scene, state, 4.0, dt=0.1)
+        run = simulate(scene, state, 4.0, dt=0.1, record=Record(times=TIMES))
+        assert np.array_equal(run.final.u, plain.final.u)
+        assert np.array_equal(run.final.v, plain.final.v)
+
+
+def test_an_interval_goes_from_the_start_to_the_end():
+    chain, state = blow()
+    run = simulate(chain, state, 1.0, record=Record(interval=0.3))
+    assert run.t == pytest.approx([0, 0.3, 0.6, 0.9, 1.0], abs=1e-15)
+    even = simulate(chain, state, 1.0, record=Record(interval=0.1))
+    assert len(even.t) == 11
+    assert even.t[-1] == 1.0
+    assert simulate(chain, state, 0.0, record=Record(interval=0.1)).t.tolist() == [0.0]
+    assert simulate(chain, state, 1.0, record=Record(interval=5.0)).t.tolist() == [0.0, 1.0]
+
+
+def test_instants_do_not_depend_on_the_step_that_a_tolerance_takes(tmp_path):
+    chain, state = blow()
+    path = tmp_path / "run.npy"
+    run = simulate(chain, state, 4.0, tol=1e-10, record=Record(times=TIMES, path=path, sites=[3]))
+    assert np.load(path)["t"].tolist() == run.t.tolist() == list(TIMES)
+    assert run.u.shape == (len(TIMES), 1)
+    exact = simulate(chain, state, 4.0, dt=0.01, method="rkn6", record=Record(times=TIMES))
+    largest = np.abs(exact.u).max()
+    assert np.abs(run.u[:, 0] - exact.u[:, 3]).max() < 1e-10 * largest
+
+
+def test_a_run_that_locks_between_instants_ends_with_its_final_state():
+    chain = prism_chain()
+    with pytest.raises(LockingError) as caught:
+        simulate(chain, chain.at_rest({0: 0.3}), 9.0, dt=0.001, record=Record(interval=0.0717))
+    run = caught.value.run
+    assert run.t[:-1] == pytest.approx(0.0717 * np.arange(len(run.t) - 1), rel=1e-14)
+    assert run.t[-1] == run.steps * run.dt
+    assert np.array_equal(run.u[-1], run.final.u)
+
+
+def test_a_shorter_step_that_fails_ends_the_run_with_what_it_had(monkeypatch):
+    """A whole step can be sound where a part of it meets an end of the domain."""
+    chain, state = blow()
+    look, calls = march._Watch.look_back, []
+
+    def failing(self, part):
+        calls.append(part)
+        if len(calls) > 2:
+            raise LockingError("there")
+        return look(self, part)
+
+    monkeypatch.setattr(march._Watch, "look_back", failing)
+    with pytest.raises(LockingError) as caught:
+        simulate(chain, state, 4.0, dt=0.1, record=Record(times=TIMES))
+    run = caught.value.run
+    assert run.t == pytest.approx([*TIMES[:3], 1.3], rel=1e-14)
+    assert np.array_equal(run.u[-1], run.final.u)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"every": 2, "times": [1.0]}, "every and times exclude"),
+        ({"interval": 0.1, "times": [1.0]}, "times and interval exclude"),
+        ({"times": []}, "times is empty"),
+        ({"times": "12"}, "sequence of instants"),
+        ({"times": 1.0}, "sequence of instants"),
+        ({"times": [0.0, -1.0]}, "-1 s must be at least 0"),
+        ({"times": [0.0, 0.5, 0.5]}, "time 0.5 s to record follows 0.5 s"),
+        ({"times": [0.0, float("nan")]}, "not finite"),
+        ({"times": [0.1, "x"]}, "'x' is not a number"),
+        ({"interval": 0.0}, "interval 0 s must be above 0"),
+        ({"interval": float("inf")}, "not finite"),
+        ({"checkpoint": 1.0}, "needs a path"),
+        ({"checkpoint": -1.0, "path": "run.npy"}, "at least 0"),
+    ],
+)
+def test_records_that_mean_nothing_are_refused(options, words):
+    with pytest.raises(TensegrityError, match=words):
+        Record(**options)
+
+
+def test_instants_that_a_run_does_not_reach_are_refused():
+    chain, state = blow()
+    with pytest.raises(TensegrityError, match=r"time 1\.5 s to record is after the end, 1 s"):
+        simulate(chain, state, 1.0, record=Record(times=[0.0, 1.5, 2.0]))
+    with pytest.raises(TensegrityError, match="GB of memory"):
+        simulate(chain, state, 1.0, record=Record(interval=1e-13))
+
+
+def test_springs_that_are_tuned_are_recorded_by_steps_only():
+    chain, state = blow()
+    with pytest.raises(TensegrityError, match="times of a record is for `simulate`"):
+        simulate_tuned(chain, state, 1.0, lambda t: chain.springs[0], dt=0.1,
+                       record=Record(times=[0.5]))  # fmt: skip
