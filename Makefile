@@ -32,6 +32,7 @@ bench: $(READY)
 lint: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/mypy
 
 # The copy of pyproject.toml says for which one the environment was made: comparing content, a
 # fresh checkout of the same file costs nothing.

@@ -1,21 +1,28 @@
 """`python -m derivations`: write the report, or check the ledger."""
 
+from __future__ import annotations
+
 import argparse
 import os
 import sys
 import time
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
 from derivations import ledger, report
 from derivations.argument import NAMES
 
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+    from typing import Any
+
 OUTPUT = Path("derivations") / "output"
 
 
-def check(progress):
+def check(progress: Callable[[Iterable[Any]], Iterable[Any]]) -> int:
     """Re-derive and hold every entry of the ledger; the number of disagreements."""
     start, checks = time.perf_counter(), []
     for entry in progress(ledger.entries()):
@@ -34,7 +41,7 @@ def check(progress):
     return len(failed)
 
 
-def main(arguments=None):
+def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit status."""
     parser = argparse.ArgumentParser(prog="python -m derivations", description=__doc__)
     parser.add_argument("name", nargs="?", choices=NAMES, help="this derivation only")

@@ -1,7 +1,14 @@
 """A derivation as it is read: sentences, each with the formula that the program found."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from types import ModuleType
+    from typing import Any
 
 NAMES = (
     "prism",
@@ -30,12 +37,12 @@ class Step:
     text: str
     formulas: tuple = ()
 
-    def __init__(self, text, *formulas):
+    def __init__(self, text: str, *formulas: Any) -> None:
         object.__setattr__(self, "text", text)
         object.__setattr__(self, "formulas", formulas)
 
 
-def derivation(name):
+def derivation(name: str) -> ModuleType:
     """The module that holds one derivation.
 
     Raises

@@ -6,6 +6,8 @@ Source: seeds/000, part II, "Discrete element modeling"; seeds/001, eqs. (1)-(5)
 V. F. Nesterenko, Dynamics of Heterogeneous Materials (2001), chapter 1.
 """
 
+from __future__ import annotations
+
 from functools import cache
 
 import sympy as sp
@@ -23,7 +25,7 @@ compression, wave, mass, speed, position = sp.symbols("xi xi_m m c x", positive=
 
 
 @cache
-def sinking():
+def sinking() -> sp.Expr:
     """Displacement at rho under the pressure p_m sqrt(1 - rho^2/A^2), times the plane modulus.
 
     Boussinesq: p dA/(pi distance), summed along chords through the point: a chord's pressure
@@ -37,7 +39,7 @@ def sinking():
 
 
 @cache
-def hertz():
+def hertz() -> tuple[sp.Expr, sp.Expr]:
     """(overlap, force) in the contact radius A: sinking = overlap - gap, rho^2/(2 R)."""
     depth = sp.Symbol("delta")
     mismatch = sinking() / effective_modulus - (depth - place**2 / (2 * effective_radius))
@@ -50,7 +52,7 @@ def hertz():
 
 
 @cache
-def hertz_constant():
+def hertz_constant() -> tuple[sp.Expr, sp.Expr]:
     """alpha_ij, in F = alpha delta^n; and n."""
     depth, load = hertz()
     (radius,) = sp.solve(depth - overlap, contact_radius)
@@ -62,18 +64,18 @@ def hertz_constant():
     return sp.simplify(force / overlap**n).subs(pair), n
 
 
-def wall_constant():
+def wall_constant() -> sp.Expr:
     """alpha of a sphere i on a plane wall j: r_j without bound."""
     return sp.limit(hertz_constant()[0], radius_2, sp.oo)
 
 
-def power_law_energy():
+def power_law_energy() -> sp.Expr:
     """Energy of a contact of overlap delta: the work of F = alpha delta^n."""
     return sp.integrate(constant * overlap**exponent, overlap)
 
 
 @cache
-def long_wave():
+def long_wave() -> tuple[sp.Expr, dict[str, sp.Expr]]:
     """Tension terms of the chain for slow variation: (lead, correction) of m c^2 xi / alpha.
 
     The bond between sites x and x+1 shortens by the mean of xi over it. Expanded about the
@@ -100,7 +102,7 @@ def long_wave():
 
 
 @cache
-def nesterenko():
+def nesterenko() -> tuple[sp.Expr, sp.Expr, sp.Expr]:
     """(lambda, kappa, power): xi = xi_m cos^power(kappa x), m c^2 = alpha lambda(xi_m).
 
     lambda xi = xi^n + n/24 ((n - 1) xi^(n-2) xi'^2 + 2 xi^(n-1) xi'') with the coefficients
@@ -121,7 +123,7 @@ def nesterenko():
     return sp.factor(value) * wave ** (exponent - 1), sp.sqrt(sp.factor(kappa)), power_value
 
 
-def scalings():
+def scalings() -> tuple[sp.Expr, sp.Expr]:
     """Exponents s, t in F_m ~ I^s and V ~ I^t: I ~ c xi, c^2 ~ xi^(n-1), F ~ xi^n."""
     wave_speed = (exponent - 1) / 2
     momentum = sp.simplify(wave_speed + 1)
@@ -129,7 +131,7 @@ def scalings():
 
 
 @cache
-def effective_mass():
+def effective_mass() -> sp.Expr:
     """P^2/(2 E m) of Nesterenko's wave, n = 3/2, its energy by the virial theorem.
 
     2 T = sum of force times overlap on the mean, so T/E = (n + 1)/(n + 3).
@@ -143,7 +145,7 @@ def effective_mass():
     return sp.simplify(mean[0] ** 2 / (2 * kinetic * (n + 3) / (n + 1)))
 
 
-def rarefaction_sign():
+def rarefaction_sign() -> sp.Expr:
     """Sign of the small waves' strain under precompression: that of V''/V''' of the power law."""
     at_rest = sp.Symbol("delta_0", positive=True)
     energy = power_law_energy().subs(overlap, at_rest - sp.Symbol("r"))
@@ -151,7 +153,7 @@ def rarefaction_sign():
     return sp.sign(sp.simplify(second / third * (exponent - 1))) * sp.sign(exponent - 1)
 
 
-def argument():
+def argument() -> list[Step]:
     lam, kappa, power = nesterenko()
     profile = wave * sp.cos(kappa * position) ** power
     return [

@@ -7,6 +7,8 @@ value at zero instead of a limit.  Source: seeds/000, part III, "Elastic problem
 stiffness".
 """
 
+from __future__ import annotations
+
 from functools import cache
 
 import sympy as sp
@@ -23,7 +25,7 @@ base_compliance, bar_compliance = sp.symbols("c_2 c_3", nonnegative=True)  # 1/k
 bar = sp.Symbol("b", positive=True)
 
 
-def equations():
+def equations() -> tuple[sp.Expr, sp.Expr, sp.Expr]:
     """(g1, g2, g3): gradient of U + 3 f h, each with the normalisation of the talk."""
     energy = prism.energy() + 3 * third_load * height
     g1 = sp.diff(energy, base) / (2 * sp.sqrt(3))
@@ -33,7 +35,7 @@ def equations():
 
 
 @cache
-def cross_length_squared():
+def cross_length_squared() -> sp.Expr:
     """s^2(l, b, h): the twist eliminated by the bar, on the branch 0 < phi < pi."""
     cosine = sp.Symbol("c")
     compatibility = prism.bar_length_squared().subs(sp.cos(twist), cosine) - bar**2
@@ -56,7 +58,7 @@ def _at_reference(expression):
 
 
 @cache
-def string_hessian():
+def string_hessian() -> sp.Matrix:
     """Hessian in (l, b, h) of the energy of the three cross strings, at the reference, k1 = 1.
 
     With s^2 = S and force density q, half k (s - sN)^2 has the second derivatives
@@ -75,12 +77,12 @@ def string_hessian():
 
 
 @cache
-def axial_stiffness():
+def axial_stiffness() -> sp.Expr:
     """K_h0/k1 in eta0, q and the compliances in units of 1/k1: c2 = k1/k2, c3 = k1/k3."""
     return condensed(string_hessian())
 
 
-def condensed(h):
+def condensed(h: sp.Matrix) -> sp.Expr:
     """A string Hessian in (l, b, h), 6/c2 and 3/c3 added to its diagonal, without l and b."""
     soft_base, soft_bar = base_compliance, bar_compliance
     ll, bb, hh = (h[i, i] for i in range(3))
@@ -94,7 +96,7 @@ def condensed(h):
     return hh - eliminated / determinant
 
 
-def axial_stiffness_of_prism():
+def axial_stiffness_of_prism() -> sp.Expr:
     """K_h0 [N/m] in l, h0, p0, k1, k2, k3; an infinite k2 or k3 is a compliance of zero."""
     return k_cross * axial_stiffness().subs(
         {
@@ -107,20 +109,20 @@ def axial_stiffness_of_prism():
     )
 
 
-def limit(**compliances):
+def limit(**compliances: sp.Expr | float) -> sp.Expr:
     """K_h0/k1 for rigid bases (`base=0`), rigid bars (`bar=0`) or both, simplified."""
     symbols = {"base": base_compliance, "bar": bar_compliance}
     value = axial_stiffness().subs({symbols[name]: c for name, c in compliances.items()})
     return sp.cancel(sp.together(value), extension=sp.sqrt(3))
 
 
-def small_prestrain():
+def small_prestrain() -> sp.Expr:
     """Limit of K_h0/(k1 q) as the prestrain vanishes, for any compliances."""
     value = sp.together(axial_stiffness() / extension).subs(extension, 0)
     return sp.cancel(value, extension=sp.sqrt(3))
 
 
-def argument():
+def argument() -> list[Step]:
     g1, g2, g3 = equations()
     symbols = sp.symbols("H_ll H_bb H_hh H_lb H_lh H_bh")
     hessian = string_hessian()

@@ -6,6 +6,8 @@ compression > 0, shared equally by the three nodes of each base.  Nothing is ass
 stiffness.  Source: seeds/000, part III, "Equilibrium problem".
 """
 
+from __future__ import annotations
+
 from functools import cache
 from itertools import pairwise
 
@@ -22,7 +24,7 @@ load = sp.Symbol("F", real=True)
 
 
 @cache
-def residuals():
+def residuals() -> list[sp.Matrix]:
     """Total force on each of the six nodes, as one list of vectors (three lower, three upper)."""
     lower, upper = prism.nodes()
     positions = [*lower, *upper]
@@ -44,19 +46,19 @@ def _reduced(expression):
 
 
 @cache
-def matrix():
+def matrix() -> sp.Matrix:
     """Coefficients of x1, x2, x3 in the three equations of one upper node."""
     return residuals()[3].jacobian(densities)
 
 
 @cache
-def determinant():
+def determinant() -> sp.Expr:
     """Its determinant: no load can be carried, and self-stress is possible, where it vanishes."""
     return sp.factor(_reduced(matrix().det()))
 
 
 @cache
-def force_densities():
+def force_densities() -> tuple[sp.Expr, sp.Expr, sp.Expr]:
     """x1, x2, x3 under the axial load F: from one node, and then found to hold on all six."""
     adjugate = matrix().adjugate() * sp.Matrix([0, 0, load / 3])
     solution = [sp.cancel(_reduced(x) / determinant()) for x in adjugate]
@@ -69,7 +71,7 @@ def force_densities():
 
 
 @cache
-def self_stress():
+def self_stress() -> dict[sp.Expr, tuple[sp.Expr, sp.Expr]]:
     """{twist: (x2/x1, x3/x1)}: the twists at which the unloaded prism can be prestressed."""
     singular = sp.solveset(determinant(), twist, sp.Interval.Lopen(-sp.pi, sp.pi))
     found = {}
@@ -80,21 +82,21 @@ def self_stress():
     return found
 
 
-def tensegrity_twist():
+def tensegrity_twist() -> sp.Expr:
     """The one twist of `self_stress` at which all strings pull while the bars push."""
     (value,) = [t for t, ratios in self_stress().items() if all(r > 0 for r in ratios)]
     return value
 
 
 @cache
-def ratios():
+def ratios() -> tuple[sp.Expr, sp.Expr]:
     """x2/x1 and x3/x1 under any load: functions of the twist alone."""
     first, second, third = force_densities()
     return tuple(sp.cancel(x / first) for x in (second, third))
 
 
 @cache
-def taut_range():
+def taut_range() -> tuple[sp.Expr, sp.Expr]:
     """Open interval of twists in which the three force densities have one sign, and its ends."""
     zeros = {sp.Integer(0), 2 * sp.pi}
     for ratio in ratios():
@@ -111,13 +113,13 @@ def taut_range():
     return good[0][0], good[-1][1]
 
 
-def unloaded_at_low_end():
+def unloaded_at_low_end() -> sp.Expr:
     """Load in terms of x1 where base strings and bars unload together."""
     (value,) = sp.solve(force_densities()[0].subs(twist, taut_range()[0]) - x1, load)
     return value
 
 
-def argument():
+def argument() -> list[Step]:
     low, high = taut_range()
     upper = residuals()[3]
     steps = [

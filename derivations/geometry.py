@@ -6,6 +6,8 @@ digits that they differ in, so the form for the loop has the difference taken ou
 Source: seeds/001, eqs. (1)-(6), where overlaps of micrometres stand beside millimetres.
 """
 
+from __future__ import annotations
+
 from functools import cache
 
 import sympy as sp
@@ -19,7 +21,7 @@ initial = sp.Symbol("g", real=True)  # |D| - L
 
 
 @cache
-def vectors(dim):
+def vectors(dim: int) -> tuple[list[sp.Symbol], list[sp.Symbol]]:
     """Symbols of the reference separation D and of the difference w of the displacements."""
     axes = "xyz"[:dim]
     return sp.symbols([f"D_{a}" for a in axes], real=True), sp.symbols(
@@ -28,7 +30,7 @@ def vectors(dim):
 
 
 @cache
-def plain_elongation(dim):
+def plain_elongation(dim: int) -> sp.Expr:
     """|D + w| - L."""
     return _separation(dim) - length
 
@@ -38,7 +40,7 @@ def _separation(dim):
 
 
 @cache
-def elongation(dim):
+def elongation(dim: int) -> sp.Expr:
     """The same without the difference of like numbers, in g = |D| - L.
 
     a - L = (a^2 - L^2)/(a + L); in the numerator |D|^2 - L^2 with |D| = L + g is left small.
@@ -53,20 +55,20 @@ def elongation(dim):
 
 
 @cache
-def direction(dim):
+def direction(dim: int) -> list[sp.Expr]:
     """Gradient of the elongation in w: the unit vector from the first point to the second."""
     return [sp.simplify(sp.diff(plain_elongation(dim), w)) for w in vectors(dim)[1]]
 
 
 @cache
-def wall_gap(dim):
+def wall_gap(dim: int) -> tuple[sp.Expr, list[sp.Expr]]:
     """Gap of a point to a plane of unit normal D, g at w = 0; and its gradient, the normal."""
     normal, displacement = vectors(dim)
     gap = initial + sum(n * w for n, w in zip(normal, displacement, strict=True))
     return gap, [sp.diff(gap, w) for w in displacement]
 
 
-def argument():
+def argument() -> list[Step]:
     gap, normal = wall_gap(2)
     rate = sp.Symbol("r'")
     return [

@@ -6,6 +6,8 @@ g = s^2 - s0^2 is elementary in C.  The proofs reduce each claim to the sign of 
 Source: seeds/000, part III, "Properties of the elastic potential of rigid-elastic prisms".
 """
 
+from __future__ import annotations
+
 from functools import cache
 
 import sympy as sp
@@ -23,7 +25,7 @@ turn = sp.Symbol("delta", real=True)  # phi - 5 pi/6
 
 
 @cache
-def path():
+def path() -> tuple[sp.Expr, sp.Expr]:
     """(h^2 - h0^2, s^2 - s0^2) as functions of the turn, a = 1: the geometry on b = const."""
     one = sp.Integer(1)
     bars, strings = prism.bar_length_squared(one), prism.cross_length_squared(one)
@@ -34,12 +36,10 @@ def path():
 
 
 @cache
-def derivatives(highest=4):
+def derivatives(highest: int = 4) -> list[sp.Expr]:
     """[V'', V''', ...] at the reference in eta0, q, a, k1: V as a power series in the turn."""
-    order = highest + 1
-    gained = [sp.series(x, turn, 0, order).removeO() for x in path()]
-    r = sp.Symbol("r")
-    unknown = sp.symbols(f"t_1:{highest}")
+    gained = [sp.series(x, turn, 0, highest + 1).removeO() for x in path()]
+    r, *unknown = sp.symbols(f"r t_1:{highest}")
     guess = sum(t * r**k for k, t in enumerate(unknown, 1))
     compatibility = sp.expand((eta + r) ** 2 - eta**2 - gained[0].subs(turn, guess))
     for k, t in enumerate(unknown, 1):  # turn(r), one coefficient after the other
@@ -61,26 +61,26 @@ def derivatives(highest=4):
     ]  # fmt: skip
 
 
-def curvature_ratio():
+def curvature_ratio() -> sp.Expr:
     """h0 V'''/V'': free of the prestrain."""
     second, third = derivatives()[:2]
     return sp.expand(sp.cancel(eta * radius * third / second))
 
 
-def hardening_slenderness_squared():
+def hardening_slenderness_squared() -> sp.Expr:
     """eta0^2 at which V''' changes sign."""
     (value,) = sp.solve(derivatives()[1].subs(eta, sp.sqrt(square)) / square, square)
     return sp.nsimplify(value, [sp.sqrt(3)])
 
 
-def locking_slenderness_squared():
+def locking_slenderness_squared() -> sp.Expr:
     """eta0^2 below which the bars never meet: h_lock = 0."""
     (value,) = sp.solve(square + path()[0].subs(turn, sp.pi - prism.REFERENCE_TWIST), square)
     return sp.expand(value)
 
 
 @cache
-def string_gain():
+def string_gain() -> tuple[sp.Expr, sp.Expr]:
     """g(X) by C = cos phi = (X - X_l)/2 - 1: (C, g) with g up to a constant, sin phi > 0."""
     bars = prism.bar_length_squared(sp.Integer(1)).subs(sp.cos(twist), cosine)
     level = sp.expand(bars - bars.subs(cosine, -1))  # b^2 - h^2 against its value at phi = pi
@@ -90,7 +90,7 @@ def string_gain():
     return as_cosine, g.subs(prism.height, sp.sqrt(square)).subs(cosine, as_cosine)
 
 
-def third_derivative_sign():
+def third_derivative_sign() -> sp.Expr:
     """(s^2)''' divided by positive factors: a polynomial in C = cos phi and X_l = h_lock^2."""
     as_cosine, g = string_gain()
     third = 2 * square * sp.diff(g, square, 3) + 3 * sp.diff(g, square, 2)  # (s^2)'''/(4 h)
@@ -100,7 +100,7 @@ def third_derivative_sign():
 
 
 @cache
-def convexity_coefficients():
+def convexity_coefficients() -> list[sp.Expr]:
     """2 s^2 g'' - g'^2 > 0 (s is convex) for eta0^2 >= sqrt3/6, as a polynomial's coefficients.
 
     phi runs from 5 pi/6 to pi as z from 0 to infinity, tan((pi - phi)/2) = (2 - sqrt3)/(1 + z),
@@ -121,7 +121,7 @@ def convexity_coefficients():
     return sp.Poly(sp.cancel(numerator, extension=sp.sqrt(3)), y, z).coeffs()
 
 
-def prove_hardening():
+def prove_hardening() -> sp.Expr:
     """H3 for eta0^2 > sqrt3/6: three bounds, each from its own argument, and they must agree.
 
     With g of `string_gain` and (k) for the k-th derivative, V(3) is (3/2) k1 times
@@ -142,7 +142,7 @@ def prove_hardening():
     return bound
 
 
-def stroke_condition():
+def stroke_condition() -> sp.Expr:
     """eta0^2 above which turning back by delta takes more height than turning on by it.
 
     V grows with |delta| alone, so V(r) < V(-r) means h(delta) + h(-delta) > 2 h0: squared
@@ -154,12 +154,12 @@ def stroke_condition():
     return sp.simplify(odd**2 / (4 * even))
 
 
-def cubic_stiffness():
+def cubic_stiffness() -> sp.Expr:
     """Force over r^3 at the reference when the prestrain vanishes [N/m^3]."""
     return sp.factor(derivatives()[2].subs(extension, 0) / 6)
 
 
-def argument():
+def argument() -> list[Step]:
     second, third, fourth = derivatives()
     names = [sp.Symbol("V" + "'" * k) for k in (2, 3, 4)]
     force_order, energy_order = lock_order()

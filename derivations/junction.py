@@ -5,6 +5,8 @@ each of two branches at +-theta from the axis. All have the same effective mass,
 are as the squares of the momenta. Source: seeds/001, eq. (7).
 """
 
+from __future__ import annotations
+
 from functools import cache
 
 import sympy as sp
@@ -20,7 +22,7 @@ half_angle = sp.Symbol("theta", positive=True)
 waves = sp.Symbol("n", positive=True)
 
 
-def balances():
+def balances() -> tuple[sp.Expr, sp.Expr]:
     """Axial momentum and energy: what comes minus what leaves; I1 is counted backwards > 0."""
     momentum = incident + reflected - 2 * waves * transmitted * sp.cos(half_angle)
     energy = incident**2 - reflected**2 - 2 * waves * transmitted**2
@@ -28,33 +30,33 @@ def balances():
 
 
 @cache
-def split():
+def split() -> tuple[sp.Expr, sp.Expr]:
     """(I1, I2) for any half-angle and number of waves, the solution with I2 not zero."""
     solutions = sp.solve(balances(), [reflected, transmitted], dict=True)
     (found,) = [s for s in solutions if s[transmitted] != 0]
     return tuple(sp.factor(found[x]) for x in (reflected, transmitted))
 
 
-def at_thirty_degrees():
+def at_thirty_degrees() -> tuple[sp.Expr, sp.Expr]:
     """(I1, I2) of the printed guide: 60 degrees between the branches."""
     return tuple(sp.factor(x.subs(half_angle, sp.pi / 6)) for x in split())
 
 
-def force_ratios():
+def force_ratios() -> tuple[sp.Expr, sp.Expr]:
     """Largest force of the incident wave over that of the transmitted and reflected one, n = 1."""
     power = contact.scalings()[0].subs(contact.exponent, sp.Rational(3, 2))
     back, forth = (x.subs(waves, 1) for x in at_thirty_degrees())
     return (incident / forth) ** power, (incident / back) ** power
 
 
-def no_reflection():
+def no_reflection() -> sp.Expr:
     """Half-angle at which the reflected wave vanishes, n = 1; beyond, none of its kind returns."""
     back = split()[0].subs(waves, 1)
     (cosine,) = sp.solve(sp.numer(sp.together(back)) / incident, sp.cos(half_angle))[-1:]
     return sp.acos(sp.Abs(cosine))
 
 
-def argument():
+def argument() -> list[Step]:
     momentum, energy = balances()
     to_branch, to_stem = force_ratios()
     return [

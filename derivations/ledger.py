@@ -12,9 +12,13 @@ from dataclasses import dataclass
 from enum import Enum
 from functools import cache
 from random import Random
+from typing import TYPE_CHECKING
 
 import mpmath
 import sympy as sp
+
+if TYPE_CHECKING:
+    from typing import Any
 
 POINTS, DIGITS = 50, 30
 EXPANDED_BELOW, SIMPLIFIED_BELOW = 400, 120  # operations beyond which points alone decide
@@ -30,7 +34,7 @@ class Verdict(Enum):
     NO_DATA = "no data in the seed"
 
 
-def as_printed(form):
+def as_printed(form: Any) -> Any:
     """The reading of a form that needs none."""
     return form
 
@@ -83,18 +87,18 @@ class Check:
     confirmed: bool
     how: str
 
-    def __str__(self):
+    def __str__(self) -> str:
         state = self.entry.verdict.value if self.confirmed else "DISAGREES"
         return f"{self.entry.name:32} {state:26} {self.how}"
 
 
 @cache
-def derived(entry):
+def derived(entry: Entry) -> Any:
     """The derived form of an entry, computed once a process."""
     return entry.derive()
 
 
-def check(entry, printed=None):
+def check(entry: Entry, printed: Any = None) -> Check:
     """Hold an entry, or another `printed` form in its place, against the derivation."""
     printed = entry.printed if printed is None else printed
     if printed is None:
@@ -177,7 +181,7 @@ SIGNS = (
 
 
 @cache
-def entries():
+def entries() -> tuple[Entry, ...]:
     """All entries, in the order of the sources."""
     from derivations import ledger_paper, ledger_talk, ledger_waves
 

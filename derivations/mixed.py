@@ -12,6 +12,8 @@ Lengths are in units of the base l0, forces in units of k1 l0.  The equations ar
 compatibility of the bars; the load is -dU/dh.
 """
 
+from __future__ import annotations
+
 from functools import cache
 
 import sympy as sp
@@ -44,7 +46,7 @@ def _turned(expression):
 
 
 @cache
-def gain(squared):
+def gain(squared: sp.Expr) -> sp.Expr:
     """A squared length less its reference value, every term small where the unknowns are."""
     wider, higher = sp.symbols("Lambda Z", real=True)  # l^2 - 1, h^2 - h0^2
     expression, turned = _turned(squared)
@@ -55,12 +57,12 @@ def gain(squared):
     return sp.expand(expression - reference).subs(known | turned)
 
 
-def reference_length(squared):
+def reference_length(squared: sp.Expr) -> sp.Expr:
     return sp.sqrt(prism.at_reference(squared).subs(base, 1))
 
 
 @cache
-def reference_tensions():
+def reference_tensions() -> tuple[sp.Expr, sp.Expr, sp.Expr]:
     """(cross, base, bar) tensions of one member in the self-stressed state; no stiffness left."""
     cross, base_length, bar = prism.natural_lengths()
     lengths = (prism.cross_length(), base, prism.bar_length())
@@ -90,7 +92,7 @@ def _gradient(coordinate):
     return sp.expand(sp.expand(derivative).subs({s: _cross, b: _bar}))
 
 
-def lengths():
+def lengths() -> tuple[sp.Expr, sp.Expr, sp.Expr]:
     """(cross, base, bar) in terms of the unknowns; the bar's from its tension."""
     cross = prism.cross_length_squared()
     return (
@@ -100,7 +102,7 @@ def lengths():
     )
 
 
-def tension_changes():
+def tension_changes() -> tuple[sp.Expr, sp.Expr, sp.Expr]:
     """(cross, base, bar) tensions less those of the self-stressed state."""
     squared = prism.cross_length_squared()
     return (
@@ -110,7 +112,7 @@ def tension_changes():
     )
 
 
-def tensions():
+def tensions() -> tuple[sp.Expr, sp.Expr, sp.Expr]:
     """(cross, base, bar) tension of one member."""
     return tuple(
         start + change
@@ -126,29 +128,29 @@ def _in_unknowns(derivative):
     return expression.subs(known | turned)
 
 
-def base_equilibrium():
+def base_equilibrium() -> sp.Expr:
     """dU/dl."""
     return _in_unknowns(_gradient(base))
 
 
-def twist_equilibrium():
+def twist_equilibrium() -> sp.Expr:
     """dU/d phi."""
     return _in_unknowns(_gradient(twist))
 
 
-def bar_compatibility():
+def bar_compatibility() -> sp.Expr:
     """b^2 from the coordinates less b^2 from the bar's tension."""
     longer = bar_compliance * bar_tension
     bar = reference_length(prism.bar_length_squared())
     return gain(prism.bar_length_squared()) - longer * (2 * bar + longer)
 
 
-def load():
+def load() -> sp.Expr:
     """Total axial load -dU/dh, compression > 0."""
     return -_in_unknowns(_gradient(height))
 
 
-def stored_energy():
+def stored_energy() -> sp.Expr:
     """U - U0, of the tensions and their changes so that its error vanishes with them."""
     members = zip(
         (3, 6, 3),

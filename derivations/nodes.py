@@ -4,6 +4,8 @@ Source: seeds/000, part III; the members are those of `derivations.prism`, whose
 one at symmetric positions.
 """
 
+from __future__ import annotations
+
 from functools import cache
 
 import sympy as sp
@@ -19,7 +21,7 @@ CONSTANTS = (
 )  # fmt: skip
 
 
-def members():
+def members() -> list[tuple[str, int, int]]:
     """(kind, node, node) of the 3 cross strings, 6 base strings and 3 bars; nodes 3 to 5 are up.
 
     A bar joins a lower node to the upper one turned away from it by the twist, a cross string
@@ -32,7 +34,7 @@ def members():
 
 
 @cache
-def energy():
+def energy() -> sp.Expr:
     """Elastic energy of the members, U(positions) [J]."""
     stiffness = {"cross": prism.k_cross, "base": prism.k_base, "bar": prism.k_bar}
     natural = {
@@ -47,7 +49,7 @@ def energy():
     )
 
 
-def symmetric_positions():
+def symmetric_positions() -> list[sp.Expr]:
     """The 18 coordinates in terms of base, twist and height."""
     lower, upper = prism.nodes()
     return [x for node in (*lower, *upper) for x in node]

@@ -6,6 +6,8 @@ typed once, as the positions of six nodes; lengths, energy and natural lengths f
 Source: seeds/000, part III, "Compatibility equations" and "Elastic problem".
 """
 
+from __future__ import annotations
+
 from functools import cache
 
 import sympy as sp
@@ -28,7 +30,9 @@ REFERENCE_TWIST = 5 * sp.pi / 6
 CIRCUMRADIUS = base / sp.sqrt(3)
 
 
-def nodes(height=height, twist=twist, radius=CIRCUMRADIUS):
+def nodes(
+    height: sp.Expr = height, twist: sp.Expr = twist, radius: sp.Expr = CIRCUMRADIUS
+) -> tuple[list[sp.Matrix], list[sp.Matrix]]:
     """Positions of the three lower and of the three upper nodes, as two lists of vectors."""
 
     def triangle(turn, level):
@@ -44,30 +48,30 @@ def _squared_distance(start, end):
 
 
 @cache
-def bar_length_squared(radius=CIRCUMRADIUS):
+def bar_length_squared(radius: sp.Expr = CIRCUMRADIUS) -> sp.Expr:
     """b^2: a bar joins a lower node to the upper node turned away from it by the twist."""
     lower, upper = nodes(radius=radius)
     return _squared_distance(lower[0], upper[0])
 
 
 @cache
-def cross_length_squared(radius=CIRCUMRADIUS):
+def cross_length_squared(radius: sp.Expr = CIRCUMRADIUS) -> sp.Expr:
     """s^2: a cross string joins a lower node to the upper node that follows it."""
     lower, upper = nodes(radius=radius)
     return _squared_distance(lower[0], upper[2])
 
 
-def bar_length():
+def bar_length() -> sp.Expr:
     """b(l, phi, h) [m]."""
     return sp.sqrt(bar_length_squared())
 
 
-def cross_length():
+def cross_length() -> sp.Expr:
     """s(l, phi, h) [m]."""
     return sp.sqrt(cross_length_squared())
 
 
-def energy():
+def energy() -> sp.Expr:
     """Elastic energy of 3 cross strings, 6 base strings and 3 bars, U(l, phi, h) [J]."""
     return (
         sp.Rational(3, 2) * k_cross * (cross_length() - natural_cross) ** 2
@@ -76,13 +80,13 @@ def energy():
     )
 
 
-def at_reference(expression):
+def at_reference(expression: sp.Expr) -> sp.Expr:
     """An expression at the self-stressed state: twist 5 pi/6, height h0."""
     return expression.subs({twist: REFERENCE_TWIST, height: reference_height})
 
 
 @cache
-def natural_lengths():
+def natural_lengths() -> tuple[sp.Expr, sp.Expr, sp.Expr]:
     """Natural lengths (s_N, l_N, b_N) [m] that put the unloaded prism at twist 5 pi/6, height h0.
 
     The prestrain p0 = (s0 - s_N)/s_N gives s_N; l_N and b_N follow because U is stationary
@@ -99,7 +103,7 @@ def natural_lengths():
     return cross, sp.apart(sp.factor(base_length), k_base), sp.apart(sp.factor(bar), k_bar)
 
 
-def argument():
+def argument() -> list[Step]:
     squared = [bar_length_squared(), cross_length_squared()]
     members = sp.symbols("b s", positive=True)
     rises = sp.solve(squared[0] - members[0] ** 2, height)

@@ -3,15 +3,22 @@
 Each derivation is printed as its argument, followed by the ledger entries it decides.
 """
 
+from __future__ import annotations
+
 # ruff: noqa: RUF001 (Greek letters are meant)
 import re
 from html import escape
+from typing import TYPE_CHECKING
 
 import sympy as sp
 from sympy.printing.mathml import MathMLPresentationPrinter
 
 from derivations import ledger
 from derivations.argument import NAMES, derivation
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+    from typing import Any
 
 STYLE = """
 body { font: 1.05rem/1.5 Georgia, 'DejaVu Serif', serif; max-width: 60rem; margin: 2rem auto;
@@ -51,7 +58,7 @@ WORDS = {
 """Plain words and signs of the sources, as they are set on the page."""
 
 
-def prose(text):
+def prose(text: str) -> str:
     """Plain text as HTML, with Greek letters, exponents and indices."""
     for plain, better in WORDS.items():
         text = re.sub(plain, better, text)
@@ -85,7 +92,7 @@ class _Printer(MathMLPresentationPrinter):
         return element("mrow", text("mo", "{"), element("mtable", *rows))
 
 
-def mathml(expression):
+def mathml(expression: sp.Basic | str) -> str:
     """One formula as a displayed MathML element."""
     if isinstance(expression, str):
         return f"<p>{escape(expression)}</p>"
@@ -164,7 +171,9 @@ def _summary(checks):
     )
 
 
-def page(names=NAMES, progress=iter):
+def page(
+    names: Sequence[str] = NAMES, progress: Callable[[Iterable[Any]], Iterable[Any]] = iter
+) -> str:
     """The page of some derivations, as text.
 
     Parameters
@@ -174,7 +183,7 @@ def page(names=NAMES, progress=iter):
     progress : callable (iterable) -> iterable, optional
         Wraps the loop over derivations and ledger entries.
     """
-    work = [(name, None) for name in names]
+    work: list[tuple[str, Any]] = [(name, None) for name in names]
     work += [(name, e) for name in names for e in ledger.entries() if e.derivation == name]
     arguments, checks = {}, []
     for name, entry in progress(work):

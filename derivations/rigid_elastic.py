@@ -7,6 +7,8 @@ Both come from V by a change of variable, the turn delta = phi - phi1 from a kno
 Compatibility reads h^2 - h1^2 = 2 a^2 (cos phi - cos phi1), a quadratic in tan(delta/2).
 """
 
+from __future__ import annotations
+
 from functools import cache
 
 import sympy as sp
@@ -42,7 +44,7 @@ root, root_1 = sp.symbols("rho rho_1")  # 2 a^2 sin phi, now and in the known st
 
 
 @cache
-def turn():
+def turn() -> tuple[sp.Expr, sp.Expr]:
     """(sin delta, 1 - cos delta) as rational functions of z and rho, free of cancellation.
 
     Compatibility, z = 2 a^2 (cos(phi1 + delta) - cos phi1), is a quadratic in tan(delta/2).
@@ -53,14 +55,14 @@ def turn():
 
 
 @cache
-def cross_gain():
+def cross_gain() -> sp.Expr:
     """s^2 - s1^2 in terms of delta, with h eliminated by b = const."""
     squared = prism.cross_length_squared(circumradius) - prism.bar_length_squared(circumradius)
     difference = squared.subs(twist, twist_1 + delta) - squared.subs(twist, twist_1)
     return sp.expand(sp.expand_trig(difference)).subs(circumradius**2, area)
 
 
-def height_rate():
+def height_rate() -> sp.Expr:
     """d phi/d h along b = const, with rho = 2 a^2 sin phi."""
     return turn_rate().subs(sp.sin(twist), root / (2 * circumradius**2)).subs(prism.height, height)
 
@@ -103,7 +105,7 @@ sums of those distances: 2 h stays exact down to h = 0, where a thick prism lies
 
 
 @cache
-def energy():
+def energy() -> sp.Expr:
     """V(r) = U(h1 + r) - U(h1) + F0 r [J], its error proportional to r however small r is."""
     sine, versine = turn()
     gained = versine_gain * versine + sine_gain * sine
@@ -115,7 +117,7 @@ def energy():
 
 
 @cache
-def tension():
+def tension() -> sp.Expr:
     """V'(r) = dU/dh + F0 [N] with two square roots and one division, in r and `THROUGH`.
 
     The known state is the self-stressed one: rho1 = a^2 and s^2 - s0^2 ~ 1 - cos delta.  With
@@ -151,7 +153,7 @@ def tension():
 
 
 @cache
-def half_turn():
+def half_turn() -> sp.Expr:
     """tan(delta/2) from the self-stressed state, in r and `PARAMETERS` without preload."""
     sine, versine = turn()
     tangent = sp.cancel(sine / (2 - versine))
@@ -163,7 +165,7 @@ def half_turn():
 
 
 @cache
-def parameter_expressions():
+def parameter_expressions() -> dict[sp.Symbol, sp.Expr]:
     """The `PARAMETERS` in terms of l, h0, p0, k1, the loaded height h1 and F0.
 
     Returns

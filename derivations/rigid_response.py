@@ -5,6 +5,8 @@ phi(h), V(h), its derivatives, and both ends of the range.  The plain forms foll
 (seeds/000, part III, "Rigid-elastic model").
 """
 
+from __future__ import annotations
+
 from functools import cache
 
 import sympy as sp
@@ -21,7 +23,7 @@ elongation, preload = sp.symbols("r F_0", real=True)
 
 
 @cache
-def cos_twist():
+def cos_twist() -> sp.Expr:
     """cos phi from b = const."""
     cosine = sp.Symbol("c")
     compatibility = prism.bar_length_squared(circumradius).subs(sp.cos(twist), cosine)
@@ -29,25 +31,25 @@ def cos_twist():
 
 
 @cache
-def cross_length():
+def cross_length() -> sp.Expr:
     """s(h): the twist eliminated, on the branch 0 < phi < pi."""
     squared = sp.expand_trig(prism.cross_length_squared(circumradius))
     sine = sp.sqrt(1 - cos_twist() ** 2)
     return sp.sqrt(squared.subs({sp.sin(twist): sine, sp.cos(twist): cos_twist()}))
 
 
-def potential_energy():
+def potential_energy() -> sp.Expr:
     """V(h) = 3/2 k1 (s - s_N)^2 [J]."""
     return sp.Rational(3, 2) * k_cross * (cross_length() - natural_cross) ** 2
 
 
-def force(order=1):
+def force(order: int = 1) -> sp.Expr:
     """d^order V / dh^order: 1 is the axial force [N], tension > 0; 2 the stiffness; 3 its slope."""
     return sp.diff(potential_energy(), height, order)
 
 
 @cache
-def locking_height_squared():
+def locking_height_squared() -> sp.Expr:
     """h^2 at twist pi, where the bars meet on the axis; negative if they never do."""
     square = sp.Symbol("H")
     squared = prism.bar_length_squared()
@@ -58,14 +60,14 @@ def locking_height_squared():
 # --- the same force in the twist, and both ends of the range ---------------------------------
 
 
-def turn_rate():
+def turn_rate() -> sp.Expr:
     """d phi/d h along b = const."""
     squared = prism.bar_length_squared(circumradius)
     return -sp.diff(squared, prism.height) / sp.diff(squared, twist)
 
 
 @cache
-def force_of_twist():
+def force_of_twist() -> sp.Expr:
     """F = dV/dh in terms of h, s and phi: the cross strings pull along the path b = const [N]."""
     squared = prism.cross_length_squared(circumradius)
     slope = sp.diff(squared, prism.height) + sp.diff(squared, twist) * turn_rate()
@@ -74,13 +76,13 @@ def force_of_twist():
     return 3 * k_cross * (length - natural_cross) * prism.height / length * factor
 
 
-def stretched_height():
+def stretched_height() -> sp.Expr:
     """h at twist 0, where the bars stand upright: the other locking end."""
     return sp.sqrt(prism.at_reference(prism.bar_length_squared()))
 
 
 @cache
-def lock_force():
+def lock_force() -> sp.Expr:
     """Leading term of dV/dh above the locking height H, in g = h - H.
 
     There s has a root-like term: s^2 = s_lock^2 - kappa g^(1/2) + O(g).
@@ -93,7 +95,7 @@ def lock_force():
     return sp.Rational(3, 2) * k_cross * (1 - natural_cross / length) * kappa / sp.sqrt(gap)
 
 
-def lock_order():
+def lock_order() -> tuple[sp.Expr, sp.Expr]:
     """Exponent of the distance to locking in the force, and in the energy stored on the way."""
     gap = sp.Symbol("g", positive=True)
     exponent = lock_force().as_coeff_exponent(gap)[1]
@@ -101,7 +103,7 @@ def lock_order():
 
 
 @cache
-def locking_energy():
+def locking_energy() -> sp.Expr:
     """V between the reference and locking [J], finite: both string lengths are."""
     at_lock = prism.cross_length_squared().subs({twist: sp.pi})
     at_lock = sp.expand(at_lock.subs(prism.height**2, locking_height_squared()))
@@ -111,7 +113,7 @@ def locking_energy():
     return sp.Rational(3, 2) * k_cross * (stored[0] - stored[1])
 
 
-def argument():
+def argument() -> list[Step]:
     locked, other = sp.Symbol("h_lock"), sp.Symbol("h_stretch")
     return [
         Step("With l and b fixed, the bar length gives the twist:",

@@ -5,6 +5,8 @@ unless a formula shows h0.  Source: seeds/000, part III, "Properties of the elas
 (after Friesecke & Pego 1999, Friesecke & Matthies 2002).
 """
 
+from __future__ import annotations
+
 from functools import cache
 
 import sympy as sp
@@ -22,7 +24,7 @@ wave_number, time = sp.symbols("k t", positive=True)
 
 
 @cache
-def equation_of_motion():
+def equation_of_motion() -> sp.Expr:
     """Force m u'' on a middle mass, by Lagrange from T - V; W of external forces."""
     u = [sp.Function(f"u_{j}")(time) for j in (0, 1, 2)]
     spring = sp.Function("V")
@@ -42,26 +44,26 @@ def equation_of_motion():
 
 
 @cache
-def dispersion():
+def dispersion() -> sp.Expr:
     """omega^2(k), k per site: a plane wave in the linear lattice m u'' = a (u+ - 2 u + u-)."""
     shift = sp.exp(sp.I * wave_number)
     symbol = stiffness * (shift - 2 + 1 / shift) / mass
     return sp.simplify(-symbol.rewrite(sp.cos))
 
 
-def sound_speed():
+def sound_speed() -> sp.Expr:
     """h0 times the long-wave limit of omega/k."""
     return spacing * sp.sqrt(sp.limit(dispersion() / wave_number**2, wave_number, 0))
 
 
-def speed_of_decay():
+def speed_of_decay() -> sp.Expr:
     """c/cs of the tail exp(-gamma x) of a travelling wave: the dispersion at k = i gamma."""
     squared = (-dispersion() / wave_number**2).subs(wave_number, sp.I * gamma)
     limit = sp.limit(dispersion() / wave_number**2, wave_number, 0)
     return sp.sqrt(sp.simplify(-squared.rewrite(sp.cosh) / limit).rewrite(sp.cosh))
 
 
-def gamma_squared():
+def gamma_squared() -> sp.Expr:
     """Leading term of gamma^2 in c/cs - 1."""
     ratio = sp.Symbol("y", positive=True)
     series = sp.series(sp.simplify(speed_of_decay() ** 2), gamma, 0, 4).removeO()
@@ -70,7 +72,7 @@ def gamma_squared():
 
 
 @cache
-def profiles():
+def profiles() -> tuple[sp.Expr, sp.Expr]:
     """(R1, R2): r = gamma^2 R1 + gamma^4 R2, polynomials in S = sech^2(X/2), X = gamma x.
 
     The travelling wave c^2 m r'' = V'(r+) - 2 V'(r) + V'(r-), divided by D^2 = d^2/dx^2, is
@@ -100,19 +102,19 @@ def profiles():
     return first_profile, sp.factor(p2_value * s + q2_value * s**2).subs(s, wave)
 
 
-def sech_strain():
+def sech_strain() -> sp.Expr:
     """Leading strain r/h0, extension > 0."""
     return gamma**2 * profiles()[0] / spacing
 
 
-def error_order():
+def error_order() -> int:
     """Power of gamma in the error of `sech_strain`: that of the first correction, not zero."""
     corrections = enumerate(profiles()[1:], 2)
     return next(2 * k for k, profile in corrections if sp.simplify(profile) != 0)
 
 
 @cache
-def tent():
+def tent() -> sp.Expr:
     """Strain of the fast limit, extension > 0: V' acts on a bond only at its shortest, x = 0.
 
     Then m c^2 r'' = J (delta(x + 1) - 2 delta(x) + delta(x - 1)), and r(0) = -d gives J.
@@ -124,7 +126,7 @@ def tent():
     return (r.subs(impulse, value) / spacing).subs(position, position / spacing)
 
 
-def largest_speed():
+def largest_speed() -> sp.Expr:
     """Estimate of the largest speed [sites/s]: masses meet one by one and lose c d in the bond.
 
     In the tent a mass moves with velocity c d while its neighbour rests; the energy of their
@@ -134,7 +136,7 @@ def largest_speed():
     return sp.solve(relative - locking_energy, speed)[0]
 
 
-def argument():
+def argument() -> list[Step]:
     strain = sp.Symbol("epsilon")
     return [
         Step("Lagrange's equation of a middle mass; W are potentials of external forces (gravity: "

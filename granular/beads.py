@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from granular.materials import Material
 from tensegrity import check
@@ -32,10 +33,20 @@ class Bead:
 
     diameter: float
     material: Material
-    mass: float | None = None
-    contact_radius: float | None = None
+    mass: float = None  # type: ignore[assignment]
+    contact_radius: float = None  # type: ignore[assignment]
 
-    def __post_init__(self):
+    if TYPE_CHECKING:  # what is not given follows from the rest
+
+        def __init__(
+            self,
+            diameter: float,
+            material: Material,
+            mass: float | None = None,
+            contact_radius: float | None = None,
+        ) -> None: ...
+
+    def __post_init__(self) -> None:
         diameter = check.number("diameter", self.diameter, above=0, unit="m")
         _require("material", self.material, Material)
         mass = self.material.density * volume(diameter) if self.mass is None else self.mass
@@ -46,7 +57,7 @@ class Bead:
         object.__setattr__(self, "contact_radius", radius)
 
     @property
-    def radius(self):
+    def radius(self) -> float:
         """Half the diameter [m]."""
         return self.diameter / 2
 
@@ -70,7 +81,7 @@ class Striker:
     bead: Bead
     speed: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         _require("striker", self.bead, Bead)
         speed = check.number(
             "speed of the striker, towards the chain", self.speed, above=0, unit="m/s"
@@ -78,7 +89,7 @@ class Striker:
         object.__setattr__(self, "speed", speed)
 
 
-def volume(diameter):
+def volume(diameter: float) -> float:
     """Volume of a sphere [m^3]."""
     return math.pi / 6 * diameter * diameter * diameter  # inf where it has no number, no error
 
@@ -117,6 +128,6 @@ def coated(core: Bead, coating: Material, thickness: float) -> Bead:
     return Bead(core.diameter, coating, core.mass, core.contact_radius + thickness)
 
 
-def _require(name, value, kind):
+def _require(name: str, value: object, kind: type) -> None:
     known = "; take one of granular.materials" if kind is Material else ""
     check.kind(name, value, kind, known)

@@ -9,6 +9,7 @@ Source: seeds/000, part II, "Discrete element modeling" (the potentials W_i).
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence, Sized
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +18,12 @@ from granular.contact import checked_law, contact_of, hertz
 from granular.crystal import Crystal
 from granular.materials import Material
 from tensegrity import Chain, State, TensegrityError, check
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from granular.contact import ContactLaw
+    from tensegrity.typing import Array
 
 PER_BEAD = 2000  # bytes: each contact is a spring of its own
 WALL_MASS = 1.0  # kg: of the site that stands for a wall; it is held, any number will do
@@ -34,13 +41,20 @@ class BeadChain(Crystal, Chain):
     striker : Striker or None
     """
 
-    def __init__(self, beads, striker, loads, end, law):
+    def __init__(
+        self,
+        beads: tuple[Bead, ...],
+        striker: Striker | None,
+        loads: Sequence[float],
+        end: Material | None,
+        law: ContactLaw,
+    ) -> None:
         self._made_of = {"beads": beads, "striker": striker, "loads": loads, "end": end}
         self.striker = striker
-        self.beads = (striker.bead, *beads) if striker else tuple(beads)
+        self.beads: tuple[Bead, ...] = (striker.bead, *beads) if striker else tuple(beads)
         first = len(self.beads) - len(beads)
         sites = len(self.beads) + (end is not None)
-        parts = {"striker": (0,)} if striker else {}
+        parts: dict[str, tuple[int, ...]] = {"striker": (0,)} if striker else {}
         parts["chain"] = tuple(range(first, len(self.beads)))
         if end is not None:
             parts["wall"] = (len(self.beads),)
@@ -73,33 +87,33 @@ class BeadChain(Crystal, Chain):
             u[:-1] = -np.cumsum(relief[::-1])[::-1]
         return State(u, v)
 
-    def contact_forces(self, u):
+    def contact_forces(self, u: ArrayLike) -> Array:
         """Compressive force in each contact [N]; u of shape (..., sites) gives (..., sites - 1)."""
         return self._carried - self.bond_tension(u)
 
-    def overlaps(self, u):
+    def overlaps(self, u: ArrayLike) -> Array:
         """Overlap of each contact [m], < 0 for a gap; shapes as for `contact_forces`."""
         at_rest = [c.overlap(f) for c, f in zip(self._contacts, self._carried, strict=True)]
         return at_rest - self.elongation(u)
 
-    def contacts_at(self, site):
+    def contacts_at(self, site: int) -> list[int]:
         """Numbers of the contacts of a site."""
         return [j for j in (site - 1, site) if 0 <= j < self.sites - 1]
 
-    def contacts_within(self, part=None):
+    def contacts_within(self, part: str | None = None) -> list[int]:
         """Numbers of the contacts between beads of a part, or of all."""
         inside = set(range(self.sites) if part is None else self.members(part))
         return [j for j in range(self.sites - 1) if {j, j + 1} <= inside]
 
-    def needed(self, site):
+    def needed(self, site: int) -> list[int]:
         """Sites on which the contacts of a site depend."""
         return [s for s in (site - 1, site, site + 1) if 0 <= s < self.sites]
 
-    def cosines(self, u, site):
+    def cosines(self, u: Array, site: int) -> Array:
         """Share of each contact's force along the bead's displacement: all of it."""
         return np.ones(len(self.contacts_at(site)))
 
-    def bead_energies(self, u, v):
+    def bead_energies(self, u: Array, v: Array) -> Array:
         """Energy of each site [J], the contact with the wall apart; (..., sites)."""
         energies = self.site_energy(u, v)
         if "wall" in self.parts:
@@ -107,7 +121,7 @@ class BeadChain(Crystal, Chain):
             energies[..., -1] = 0
         return energies
 
-    def walls_hold(self, u):
+    def walls_hold(self, u: Array) -> Array:
         """Energy of the contact with the wall [J]; (...)."""
         return self.bond_energy(u)[..., -1] if "wall" in self.parts else np.zeros(u.shape[:-1])
 
@@ -119,7 +133,7 @@ def chain(
     gravity: float = 0.0,
     preload: float = 0.0,
     end: Material | None = None,
-    law=hertz,
+    law: ContactLaw = hertz,
 ) -> BeadChain:
     """A straight chain of touching beads.
 
@@ -169,7 +183,7 @@ def chain(
     return BeadChain(beads, striker, weights, end, checked_law(law))
 
 
-def _beads(beads):
+def _beads(beads: Sequence[Bead]) -> tuple[Bead, ...]:
     """A sequence of beads as a tuple."""
     if isinstance(beads, Bead) or not isinstance(beads, Iterable):
         raise TensegrityError(f"beads {check.shown(beads)} are not a sequence of Beads")

@@ -8,6 +8,7 @@ Source: seeds/000, part II, "Hertz interaction potentials"; seeds/001, eqs. (3),
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +16,13 @@ from granular.beads import Bead
 from granular.materials import Material
 from tensegrity import PowerLaw, TensegrityError, check
 from tensegrity.once import once
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tensegrity.typing import Number
+
+    ContactLaw = Callable[[Bead, Bead | Material], "Contact"]
 
 
 @dataclass(frozen=True)
@@ -32,20 +40,20 @@ class Contact:
     constant: float
     exponent: float = 1.5
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         constant = check.number("contact constant", self.constant, above=0, unit="N/m^n")
         exponent = check.number("contact exponent", self.exponent, above=0)
         object.__setattr__(self, "constant", constant)
         object.__setattr__(self, "exponent", exponent)
 
-    def overlap(self, force):
+    def overlap(self, force: Number) -> Number:
         """Overlap [m] under a compressive force [N] >= 0; any shape."""
-        force = check.floats("contact force", force)
+        force = check.floats("contact force", force)  # type: ignore[assignment]
         if np.any(~(force >= 0)):
             raise TensegrityError("contact forces must be at least 0 N")
         return (force / self.constant) ** (1 / self.exponent)
 
-    def spring(self, preload=0.0, length=None):
+    def spring(self, preload: float = 0.0, length: float | None = None) -> PowerLaw:
         """The bond of two beads that touch under a compressive preload [N]."""
         return PowerLaw(self.constant, self.exponent, preload, length)
 
@@ -88,7 +96,7 @@ def hertz(bead: Bead, other: Bead | Material) -> Contact:
     return Contact(for_pair(one.modulus, two.modulus, one.poisson, two.poisson, *radii))
 
 
-def power(constant: float, exponent: float):
+def power(constant: float, exponent: float) -> ContactLaw:
     """A law like `hertz` that gives every contact the same constant [N/m^n] and exponent n.
 
     Both > 0.  To be passed as `law` of `chain`, `y_guide` and `diamond_guide`.
@@ -97,7 +105,7 @@ def power(constant: float, exponent: float):
     return lambda bead, other: contact
 
 
-def checked_law(law):
+def checked_law(law: ContactLaw) -> ContactLaw:
     """A law of contact as `chain` and the guides take it, if it can be one."""
     if not callable(law):
         raise TensegrityError(
@@ -106,7 +114,7 @@ def checked_law(law):
     return law
 
 
-def contact_of(law, bead, other):
+def contact_of(law: ContactLaw, bead: Bead, other: Bead | Material) -> Contact:
     """The contact that a law gives to two partners."""
     try:
         contact = law(bead, other)
@@ -117,7 +125,7 @@ def contact_of(law, bead, other):
 
 
 @once
-def _constants():
+def _constants() -> tuple[Callable[..., float], Callable[..., float]]:
     """alpha of two spheres and of a sphere on a wall, as functions of numbers."""
     import sympy as sp
 

@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from tensegrity import Run, TensegrityError, check
 from tensegrity.scene import KINK_SHARE
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from typing import Any
+
+    from granular.beads import Bead, Striker
+    from tensegrity.typing import Array, Recorded
 
 
 class Crystal:
@@ -25,20 +34,34 @@ class Crystal:
         contacts (end walls cost most), to 1e-6 where the exponent is 1.
     """
 
+    beads: tuple[Bead, ...]
+    parts: dict[str, tuple[int, ...]]
+    striker: Striker | None
     step_share = KINK_SHARE
+    if TYPE_CHECKING:  # what sensors and sums over parts ask of it besides
+        sites: int
 
-    def __repr__(self):
+        def contact_forces(self, u: Array) -> Array: ...
+        def contacts_at(self, site: int) -> list[int]: ...
+        def contacts_within(self, part: str | None = None) -> list[int]: ...
+        def needed(self, site: int) -> list[int]: ...
+        def cosines(self, u: Array, site: int) -> Array: ...
+        def overlaps(self, u: Array) -> Array: ...
+        def bead_energies(self, u: Array, v: Array) -> Array: ...
+        def walls_hold(self, u: Array) -> Array: ...
+
+    def __repr__(self) -> str:
         parts = ", ".join(f"{name}: {len(sites)}" for name, sites in self.parts.items())
         struck = "" if self.striker is None else f", struck at {self.striker.speed:g} m/s"
         return f"{type(self).__name__}({parts}{struck}) on {super().__repr__()}"
 
-    def members(self, part):
+    def members(self, part: str) -> tuple[int, ...]:
         """Sites of a part; TensegrityError if there is no such part."""
         if not isinstance(part, str) or part not in self.parts:
             raise TensegrityError(f"part {check.shown(part)} is not one of {', '.join(self.parts)}")
         return self.parts[part]
 
-    def site(self, part, number):
+    def site(self, part: str, number: int) -> int:
         """Site of the bead with that number, from 1, in a part.
 
         Raises
@@ -52,7 +75,7 @@ class Crystal:
             raise TensegrityError(f"bead {number} of {part} must be at most {len(sites)}")
         return sites[number - 1]
 
-    def distance(self, part, numbers):
+    def distance(self, part: str, numbers: tuple[int, int]) -> float:
         """Length of the way through touching beads of a part between two numbers [m], > 0."""
         if not isinstance(numbers, (tuple, list)) or len(numbers) != 2:
             raise TensegrityError(f"numbers {numbers!r} of {part} must be two different beads")
@@ -63,7 +86,7 @@ class Crystal:
         return sum(diameters) - (diameters[0] + diameters[-1]) / 2
 
 
-def crystal_of(run):
+def crystal_of(run: Any) -> Crystal:
     """The scene of a run, if it is one of beads."""
     if not isinstance(run, Run):
         raise TensegrityError(f"run is {type(run).__name__}, not a Run")
@@ -74,7 +97,7 @@ def crystal_of(run):
     return run.scene
 
 
-def rows(run, sites):
+def rows(run: Recorded, sites: Iterable[int]) -> Array:
     """Displacements of all sites, of which those named must have been recorded.
 
     Returns

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,6 +22,16 @@ from granular.layout import TOUCH, Layout, diamond_layout, y_layout
 from granular.materials import Material, materials
 from tensegrity import Network, State, TensegrityError, Wall, check
 from tensegrity.clearance import Clearance
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from numpy.typing import ArrayLike
+
+    from granular.contact import Contact, ContactLaw
+    from granular.layout import Piece
+    from tensegrity.potential import PowerLaw
+    from tensegrity.typing import Array, Indices
 
 
 class Guide(Crystal, Network):
@@ -48,7 +59,15 @@ class Guide(Crystal, Network):
     striker : Striker or None
     """
 
-    def __init__(self, layout: Layout, beads, wall, striker=None, end=None, law=hertz):
+    def __init__(
+        self,
+        layout: Layout,
+        beads: Mapping[str, Bead],
+        wall: Material,
+        striker: Striker | None = None,
+        end: Material | None = None,
+        law: ContactLaw = hertz,
+    ) -> None:
         check.kind("layout", layout, Layout)
         sides = len(layout.walls)
         for name, material in (("wall", wall), *((("end", end),) if end is not None else ())):
@@ -75,7 +94,7 @@ class Guide(Crystal, Network):
             bonds = np.concatenate([[[0, 1]], bonds])
         self.parts, self.beads = parts, tuple(filled)
         touched = np.add(layout.wall_contacts(), (first, 0))
-        solids = [wall if number < sides else end for _, number in touched]
+        solids: list[Any] = [wall if number < sides else end for _, number in touched]
         springs, walls = _Springs(checked_law(law)), tuple(_wall(piece) for piece in layout.walls)
         super().__init__(
             positions,
@@ -93,7 +112,7 @@ class Guide(Crystal, Network):
         self._contacts = springs.contacts
 
     @cached_property
-    def clearance(self):
+    def clearance(self) -> Clearance | None:
         """What watches over the contacts that are not listed; None where beads are blind."""
         return None if self.radius is None else _Clearance(self)
 
@@ -104,29 +123,29 @@ class Guide(Crystal, Network):
             v[0, 0] = self.striker.speed
         return State(u, v)
 
-    def contact_forces(self, u):
+    def contact_forces(self, u: Array) -> Array:
         """Compressive force in each contact [N], those with walls last; (..., contacts)."""
         return np.concatenate([-self.bond_tension(u), self.wall_load(u)], axis=-1)
 
-    def overlaps(self, u):
+    def overlaps(self, u: ArrayLike) -> Array:
         """Overlap of each contact of two beads [m], < 0 for a gap; (..., bonds)."""
         return -self.elongation(u)
 
-    def contacts_at(self, site):
+    def contacts_at(self, site: int) -> list[int]:
         """Numbers of the contacts of a bead, those with walls last."""
         walls = len(self.bonds) + np.flatnonzero(self.wall_contacts[:, 0] == site)
         return [*np.flatnonzero((self.bonds == site).any(axis=1)).tolist(), *walls.tolist()]
 
-    def contacts_within(self, part=None):
+    def contacts_within(self, part: str | None = None) -> list[int]:
         """Numbers of the contacts between beads of a part, or between any."""
         sites = range(self.sites) if part is None else self.members(part)
         return np.flatnonzero(np.isin(self.bonds, list(sites)).all(axis=1)).tolist()
 
-    def needed(self, site):
+    def needed(self, site: int) -> list[int]:
         """Sites on which the contacts of a bead depend."""
         return sorted({site, *self.bonds[(self.bonds == site).any(axis=1)].ravel().tolist()})
 
-    def cosines(self, u, site):
+    def cosines(self, u: Array, site: int) -> Array:
         """|n . k| of each contact of a bead, k along its displacement; (..., contacts).
 
         0 for a bead that has not moved.
@@ -140,7 +159,7 @@ class Guide(Crystal, Network):
         across = k @ np.array(normals).reshape(-1, 2).T
         return np.abs(np.concatenate([along, across], axis=-1))
 
-    def bead_energies(self, u, v):
+    def bead_energies(self, u: Array, v: Array) -> Array:
         """Energy of each site [J], contacts with walls apart; (..., sites)."""
         energies = self.site_energy(u, v)
         held = self.wall_energy(u)
@@ -148,7 +167,7 @@ class Guide(Crystal, Network):
             energies[..., site] -= held[..., contact]
         return energies
 
-    def walls_hold(self, u):
+    def walls_hold(self, u: Array) -> Array:
         """Energy of all contacts with walls [J]; (...)."""
         return self.wall_energy(u).sum(axis=-1)
 
@@ -159,9 +178,10 @@ class _Clearance(Clearance):
     Such a bead meets these walls only when its foot comes to stand on them.
     """
 
-    def __init__(self, guide):
+    def __init__(self, guide: Guide) -> None:
         listed = guide.wall_contacts
-        super().__init__(guide.positions, guide.radius, guide.bonds, guide.walls, listed)
+        radius: Any = guide.radius  # the beads of a guide that is watched have one
+        super().__init__(guide.positions, radius, guide.bonds, guide.walls, listed)
         pieces = guide.layout.walls
         self._behind = {
             (bead, number)
@@ -170,7 +190,7 @@ class _Clearance(Clearance):
             for number in (bevel - 1, bevel - 2)
         }
 
-    def wall_gaps(self, x, pairs):
+    def wall_gaps(self, x: Array, pairs: Indices) -> Array:
         """Gap of each (site, wall) [m], or the way to it where a bevel is before it."""
         gaps = super().wall_gaps(x, pairs)
         for row, (site, number) in enumerate(pairs.tolist()):
@@ -182,10 +202,12 @@ class _Clearance(Clearance):
 class _Springs:
     """One spring object for all contacts of the same kind of partners."""
 
-    def __init__(self, law):
-        self._law, self._known, self.contacts = law, {}, []
+    def __init__(self, law: ContactLaw) -> None:
+        self._law = law
+        self._known: dict[tuple[Bead, Bead | Material], PowerLaw] = {}
+        self.contacts: list[Contact] = []
 
-    def __call__(self, bead, other):
+    def __call__(self, bead: Bead, other: Bead | Material) -> PowerLaw:
         pair = bead, other
         if pair not in self._known:
             self.contacts.append(contact_of(self._law, bead, other))
@@ -193,7 +215,7 @@ class _Springs:
         return self._known[pair]
 
 
-def _fill(layout, beads):
+def _fill(layout: Layout, beads: Mapping[str, Bead]) -> None:
     """Refuse beads that do not fit the layout."""
     if not isinstance(beads, Mapping):
         raise TensegrityError(f"beads {check.shown(beads)} must be a dict of parts and Beads")
@@ -209,11 +231,11 @@ def _fill(layout, beads):
             )
 
 
-def _last_parts(layout):
+def _last_parts(layout: Layout) -> tuple[str, ...]:
     return ("stem 2",) if "stem 2" in layout.parts else ("branch 1", "branch 2")
 
 
-def _wall(piece):
+def _wall(piece: Piece) -> Wall:
     middle = np.add(piece.start, piece.end) / 2
     return Wall(middle, piece.normal, piece.along * piece.length / 2)
 
@@ -230,7 +252,7 @@ def y_guide(
     end: Material | None = None,
     gap: float = 0.0,
     through: float = 0.0,
-    law=hertz,
+    law: ContactLaw = hertz,
 ) -> Guide:
     """The first half of the guide of seeds/001: a stem that splits into two branches.
 
@@ -285,7 +307,7 @@ def diamond_guide(
     end: Material | None = None,
     gap: float = 0.0,
     through: float = 0.0,
-    law=hertz,
+    law: ContactLaw = hertz,
 ) -> Guide:
     """The full guide of seeds/001: the branches meet again in a second stem.
 
@@ -298,13 +320,13 @@ def diamond_guide(
     return Guide(layout, beads, wall, striker, end, law)
 
 
-def _diameter(bead):
+def _diameter(bead: Bead) -> float:
     if not isinstance(bead, Bead):
         raise TensegrityError(f"bead {check.shown(bead)} is not a Bead")
     return bead.diameter
 
 
-def _filling(bead, branches):
+def _filling(bead: Bead, branches: tuple[Bead, Bead] | None) -> dict[str, Bead]:
     branches = (bead, bead) if branches is None else branches
     if not isinstance(branches, (tuple, list)) or len(branches) != 2:
         raise TensegrityError(f"branches {check.shown(branches)} must be two beads")

@@ -7,6 +7,7 @@ it was asked, and given again.
 from __future__ import annotations
 
 from dataclasses import fields
+from typing import TYPE_CHECKING
 
 from granular.beads import Bead, Striker
 from granular.chain import BeadChain
@@ -16,8 +17,12 @@ from granular.layout import Layout, Piece
 from granular.materials import Material
 from tensegrity.archive import register
 
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+    from typing import Any
 
-def keep_scenes():
+
+def keep_scenes() -> None:
     """Let files hold scenes of beads."""
     for kind in (Material, Bead, Striker, Contact, Piece, Layout):
         register(kind, _fields)
@@ -25,18 +30,18 @@ def keep_scenes():
         register(kind, _scene, _again(kind))
 
 
-def _fields(x):
+def _fields(x: Any) -> dict[str, Any]:
     return {field.name: getattr(x, field.name) for field in fields(x)}
 
 
-def _scene(x):
+def _scene(x: Any) -> dict[str, Any]:
     return {**x._made_of, "contacts": x._contacts}
 
 
-def _again(kind):
+def _again(kind: Callable[..., Any]) -> Callable[..., Any]:
     """Makes a scene of that kind, with a law that gives the same answers."""
 
-    def make(contacts, **parts):
+    def make(contacts: Iterable[Contact], **parts: Any) -> Any:
         answers = iter(contacts)
         return kind(**parts, law=lambda bead, other: next(answers))
 

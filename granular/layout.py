@@ -16,11 +16,19 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tensegrity import TensegrityError, check
 from tensegrity.readonly import ReadOnly, fixed
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+
+    from numpy.typing import ArrayLike
+
+    from tensegrity.typing import Array, Indices
 
 PER_PAIR = 40  # bytes: all pairs of beads are looked at
 TOUCH = 1e-9  # of a diameter: closer than this, beads that should touch do
@@ -47,27 +55,27 @@ class Piece:
     name: str
 
     @property
-    def is_bevel(self):
+    def is_bevel(self) -> bool:
         """Whether it stands across the edge between two others."""
         return self.name.endswith("bevel")
 
     @property
-    def length(self):
+    def length(self) -> float:
         """[m]."""
         return math.dist(self.start, self.end)
 
     @property
-    def along(self):
+    def along(self) -> Array:
         """Unit vector from `start` to `end`, (2,)."""
         return np.subtract(self.end, self.start) / self.length
 
     @property
-    def normal(self):
+    def normal(self) -> Array:
         """Unit vector towards the beads, (2,)."""
         x, y = self.along
         return np.array([-y, x])
 
-    def place(self, position):
+    def place(self, position: ArrayLike) -> tuple[Array, Array]:
         """Distance from the plane and place along it, from `start` [m]; (..., 2) -> two (...)."""
         away = np.asarray(position) - self.start
         return away @ self.normal, away @ self.along
@@ -93,23 +101,23 @@ class Layout(ReadOnly):
     """
 
     diameter: float
-    positions: np.ndarray
-    parts: dict
+    positions: Array
+    parts: dict[str, tuple[int, ...]]
     gap: float = 0.0
     walls: tuple[Piece, ...] = ()
     blind: bool = False
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         object.__setattr__(self, "positions", fixed(self.positions))
         object.__setattr__(self, "parts", fixed(self.parts))
 
-    def contacts(self):
+    def contacts(self) -> Indices:
         """Pairs of beads that touch, each once and the lower first; (contacts, 2)."""
         pairs, distance = self._pairs()
         touching = pairs[distance <= self.diameter * (1 + TOUCH)]
         return touching
 
-    def _pairs(self):
+    def _pairs(self) -> tuple[Indices, Array]:
         """Pairs of beads that can meet, and their distances."""
         x = self.positions
         i, j = np.triu_indices(len(x), 1)
@@ -122,7 +130,7 @@ class Layout(ReadOnly):
             i, j = i[seen], j[seen]
         return np.stack([i, j], axis=1), np.linalg.norm(x[i] - x[j], axis=1)
 
-    def wall_contacts(self):
+    def wall_contacts(self) -> Indices:
         """(bead, wall) that touch, would without the gap, or may; (contacts, 2)."""
         found = []
         for number, wall in enumerate(self.walls):
@@ -133,7 +141,7 @@ class Layout(ReadOnly):
             found += [(int(bead), number) for bead in np.flatnonzero(beside)]
         return np.array(sorted(found), dtype=int).reshape(-1, 2)
 
-    def wall_gaps(self):
+    def wall_gaps(self) -> Array:
         """Gap of each wall contact at rest [m]; (contacts,)."""
         return np.array(
             [
@@ -146,7 +154,7 @@ class Layout(ReadOnly):
             ]
         )
 
-    def check(self):
+    def check(self) -> None:
         """Refuse overlapping beads, and beads that reach through a wall."""
         pairs, distance = self._pairs()
         closest = int(np.argmin(distance))
@@ -168,14 +176,14 @@ class Layout(ReadOnly):
                     f"the {wall.name}, at most {TOUCH * self.diameter:.1g} m is allowed"
                 )
 
-    def name(self, bead):
+    def name(self, bead: int) -> str:
         """Words for a bead: its part and its number in it, from 1."""
         for part, beads in self.parts.items():
             if bead in beads:
                 return f"bead {beads.index(bead) + 1} of {part}"
         raise TensegrityError(f"bead {bead} must be below {len(self.positions)}")
 
-    def stopped(self, parts):
+    def stopped(self, parts: Iterable[str]) -> Layout:
         """The same with a plane wall behind the last bead of each of these parts."""
         ends = []
         for part in parts:
@@ -190,7 +198,14 @@ class Layout(ReadOnly):
         return replace(self, walls=(*self.walls, *ends))
 
 
-def y_layout(stem, branch, half_angle, diameter, gap=0.0, through=0.0):
+def y_layout(
+    stem: int,
+    branch: int,
+    half_angle: float,
+    diameter: float,
+    gap: float = 0.0,
+    through: float = 0.0,
+) -> Layout:
     """The first half of the guide: a stem of beads and two branches.
 
     Parameters
@@ -232,7 +247,7 @@ def y_layout(stem, branch, half_angle, diameter, gap=0.0, through=0.0):
     return Layout(diameter, positions, parts, gap, tuple(walls))
 
 
-def crossed_layout(stem, branch, half_angle, diameter):
+def crossed_layout(stem: int, branch: int, half_angle: float, diameter: float) -> Layout:
     """Idealised: branch beads stand on the axes at any angle and see only their own branch.
 
     Parameters and result as for `y_layout`; there are no walls.
@@ -242,7 +257,14 @@ def crossed_layout(stem, branch, half_angle, diameter):
     return Layout(diameter, positions, parts, blind=True)
 
 
-def diamond_layout(stem, branch, half_angle, diameter, gap=0.0, through=0.0):
+def diamond_layout(
+    stem: int,
+    branch: int,
+    half_angle: float,
+    diameter: float,
+    gap: float = 0.0,
+    through: float = 0.0,
+) -> Layout:
     """The full guide: stem 1, two branches with a corner each, and stem 2.
 
     Parameters
@@ -297,7 +319,9 @@ def diamond_layout(stem, branch, half_angle, diameter, gap=0.0, through=0.0):
     return _laid(diameter, pieces, gap, tuple(walls))
 
 
-def _checked(stem, branch, half_angle, diameter, gap, through):
+def _checked(
+    stem: int, branch: int, half_angle: float, diameter: float, gap: float, through: float
+) -> tuple[int, int, float, float, float, float]:
     half_angle = check.number("half angle", half_angle, above=0, unit="rad")
     if half_angle >= math.pi / 2:
         raise TensegrityError(f"half angle {half_angle:g} rad must be below {math.pi / 2:g}")
@@ -314,7 +338,9 @@ def _checked(stem, branch, half_angle, diameter, gap, through):
     )
 
 
-def _y_positions(stem, branch, half_angle, first, diameter):
+def _y_positions(
+    stem: int, branch: int, half_angle: float, first: float, diameter: float
+) -> tuple[Array, dict[str, tuple[int, ...]]]:
     """Beads of the stem and of branches whose first beads stand in the direction `first`."""
     beads = diameter * np.outer(np.arange(branch), _direction(half_angle))
     beads += diameter * _direction(first)
@@ -327,7 +353,9 @@ def _y_positions(stem, branch, half_angle, first, diameter):
     return laid.positions, laid.parts
 
 
-def _laid(diameter, pieces, gap=0.0, walls=()):
+def _laid(
+    diameter: float, pieces: Mapping[str, Array], gap: float = 0.0, walls: tuple[Piece, ...] = ()
+) -> Layout:
     ends = np.cumsum([0, *map(len, pieces.values())]).tolist()
     parts = {
         name: tuple(range(a, b)) for name, a, b in zip(pieces, ends[:-1], ends[1:], strict=True)
@@ -335,37 +363,47 @@ def _laid(diameter, pieces, gap=0.0, walls=()):
     return Layout(diameter, np.concatenate(list(pieces.values())), parts, gap, walls)
 
 
-def _direction(angle):
+def _direction(angle: float) -> Array:
     return np.array([math.cos(angle), math.sin(angle)])
 
 
-def _mirror(points):
+def _mirror(points: Array) -> Array:
     return points * np.array([1.0, -1.0])
 
 
-def _outer(line, side, width, through, bends, bevel):
+def _outer(
+    line: Sequence[Array],
+    side: int,
+    width: float,
+    through: float,
+    bends: tuple[int, ...],
+    bevel: float,
+) -> list[Piece]:
     """Walls on the outer side of the upper (side 1) or lower branch, along a line of points.
 
     At the `bends`, numbers of points of the line, walls run on past the edge that they share, or
     a bevel of that half length stands across it.
     """
-    name, flip = ("upper", np.array) if side > 0 else ("lower", _mirror)
+    name = "upper" if side > 0 else "lower"
+    flip: Callable[[Array], Array] = np.array if side > 0 else _mirror
     pieces = []
     for number, (far, near) in enumerate(_offset(line[::-1], width)[::-1]):
         along = (far - near) / np.linalg.norm(far - near)
         start = near - (through * along if number in bends else 0.0)
         end = far + (through * along if number + 1 in bends else 0.0)
         ends = (end, start) if side > 0 else (start, end)
-        pieces.append(_piece(*map(flip, ends), f"{name} wall"))
+        first, second = map(flip, ends)
+        pieces.append(_piece(first, second, f"{name} wall"))
         if number in bends and not through:
             x, y = (line[number] - near) / np.linalg.norm(line[number] - near)
             along = bevel * np.array([y, -x])
             ends = (near - along, near + along) if side > 0 else (near + along, near - along)
-            pieces.append(_piece(*map(flip, ends), f"{name} bevel"))
+            first, second = map(flip, ends)
+            pieces.append(_piece(first, second, f"{name} bevel"))
     return pieces
 
 
-def _offset(line, width):
+def _offset(line: Sequence[Array], width: float) -> list[tuple[Array, Array]]:
     """Edges of the walls on the right of a line of points, beads on their left; mitred."""
     line = np.asarray(line)
     along = np.diff(line, axis=0)
@@ -377,5 +415,6 @@ def _offset(line, width):
     return list(pairwise(corners))
 
 
-def _piece(start, end, name):
-    return Piece(tuple(map(float, start)), tuple(map(float, end)), name)
+def _piece(start: Array, end: Array, name: str) -> Piece:
+    (a, b), (c, d) = start.tolist(), end.tolist()
+    return Piece((a, b), (c, d), name)

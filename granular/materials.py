@@ -33,7 +33,7 @@ class Material:
     density: float
     source: str = ""
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         check.kind("name of a material", self.name, str)
         check.kind(f"source of {self.name}", self.source, str)
         modulus = check.number(f"modulus of {self.name}", self.modulus, above=0, unit="Pa")
@@ -45,13 +45,13 @@ class Material:
             object.__setattr__(self, name, value)
 
 
-class _Catalogue(dict):
+class _Catalogue(dict[str, Material]):
     """Materials by name; a name that is not there raises TensegrityError with those that are."""
 
-    def __getitem__(self, name):
+    def __getitem__(self, name: str) -> Material:
         return super().__getitem__(name) if isinstance(name, str) else self.__missing__(name)
 
-    def __missing__(self, name):
+    def __missing__(self, name: str) -> Material:
         raise TensegrityError(f"material {check.shown(name)} is not one of {', '.join(self)}")
 
 

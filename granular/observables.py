@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,11 +17,19 @@ from granular.crystal import crystal_of, rows
 from tensegrity import TensegrityError, check
 from tensegrity.observables import passage
 
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import ArrayLike
+
+    from tensegrity.run import Run
+    from tensegrity.typing import Array, Flags
+
 CLOCK = 3e-6  # s: sampling interval of the paper's density plots
 LEVEL = 0.05  # of the largest peak: smaller ones do not count as pulses
 
 
-def sensor_force(run, part, number):
+def sensor_force(run: Run, part: str, number: int) -> Array:
     """Force that a sensor in a bead reads, seeds/001, eq. (5).
 
     Parameters
@@ -46,12 +55,14 @@ def sensor_force(run, part, number):
     return _sensed(run, part, number, lambda u, site: run.scene.cosines(u, site))
 
 
-def mean_force(run, part, number):
+def mean_force(run: Run, part: str, number: int) -> Array:
     """Half the sum of the forces of a bead's contacts [N], (T,), whatever their directions."""
     return _sensed(run, part, number, lambda u, site: 1.0)
 
 
-def _sensed(run, part, number, share):
+def _sensed(
+    run: Run, part: str, number: int, share: Callable[[Array, int], Array | float]
+) -> Array:
     scene = crystal_of(run)
     site = scene.site(part, number)
     u = rows(run, scene.needed(site))
@@ -59,7 +70,7 @@ def _sensed(run, part, number, share):
     return (scene.contact_forces(u)[:, touching] * share(u, site)).sum(axis=-1) / 2
 
 
-def density(run, sites):
+def density(run: Run, sites: Sequence[int]) -> Array:
     """Sensor forces of several beads of a run of all sites [N], (T, beads)."""
     scene = crystal_of(run)
     u = rows(run, range(scene.sites))
@@ -78,7 +89,9 @@ def density(run, sites):
     return np.stack(columns, axis=1)
 
 
-def peak(t, force, between=(-math.inf, math.inf)):
+def peak(
+    t: ArrayLike, force: ArrayLike, between: tuple[float, float] = (-math.inf, math.inf)
+) -> tuple[float, float]:
     """Instant and height of the first large peak of a recorded force.
 
     Parameters
@@ -110,7 +123,12 @@ def peak(t, force, between=(-math.inf, math.inf)):
     return instant, float(spline(instant))
 
 
-def speed(run, part, numbers, between=(-math.inf, math.inf)):
+def speed(
+    run: Run,
+    part: str,
+    numbers: tuple[int, int],
+    between: tuple[float, float] = (-math.inf, math.inf),
+) -> float:
     """Speed of the leading pulse between two sensors of a part.
 
     Parameters
@@ -140,7 +158,7 @@ def speed(run, part, numbers, between=(-math.inf, math.inf)):
     return way / (second - first)
 
 
-def _within(t, between):
+def _within(t: Array, between: tuple[float, float]) -> Flags:
     """Which instants lie between two others, both included."""
     if not isinstance(between, (tuple, list)) or len(between) != 2:
         raise TensegrityError(f"between {check.shown(between)} must be two instants")
@@ -148,7 +166,9 @@ def _within(t, between):
     return (t >= first) & (t <= last)
 
 
-def sampled(t, force, interval=CLOCK, phase=0.0):
+def sampled(
+    t: ArrayLike, force: ArrayLike, interval: float = CLOCK, phase: float = 0.0
+) -> tuple[Array, Array]:
     """A recorded force as an oscilloscope reads it.
 
     Parameters
@@ -186,7 +206,13 @@ def sampled(t, force, interval=CLOCK, phase=0.0):
     return times, CubicSpline(t, force)(times)
 
 
-def sampled_peak(t, force, between=(-math.inf, math.inf), interval=CLOCK, phase=0.0):
+def sampled_peak(
+    t: ArrayLike,
+    force: ArrayLike,
+    between: tuple[float, float] = (-math.inf, math.inf),
+    interval: float = CLOCK,
+    phase: float = 0.0,
+) -> tuple[float, float]:
     """Instant and height of the largest sample that an oscilloscope reads between two instants.
 
     Parameters as for `peak` and `sampled`; an instant is off by up to half an interval.
@@ -199,7 +225,7 @@ def sampled_peak(t, force, between=(-math.inf, math.inf), interval=CLOCK, phase=
     return float(times[inside][largest]), float(values[inside][largest])
 
 
-def pulses(t, force, level=LEVEL):
+def pulses(t: ArrayLike, force: ArrayLike, level: float = LEVEL) -> tuple[Array, Array]:
     """Instants and heights of all peaks above a part of the largest; two arrays (pulses,).
 
     A peak counts if the force falls below three quarters of the lower of two neighbours between
@@ -224,7 +250,7 @@ def pulses(t, force, level=LEVEL):
     return t[found[distinct] - 1], facts["peak_heights"][distinct]
 
 
-def _record(t, force):
+def _record(t: ArrayLike, force: ArrayLike) -> tuple[Array, Array]:
     """Instants and forces as arrays (T,), T >= 2, if they are a record."""
     t, force = check.floats("instants", t), check.floats("forces", force)
     if t.ndim != 1 or len(t) < 2 or force.shape != t.shape:
@@ -241,7 +267,7 @@ def _record(t, force):
     return t, force
 
 
-def part_energies(run):
+def part_energies(run: Run) -> dict[str, Array]:
     """Energy of each part of the scene at the recorded instants.
 
     Parameters
@@ -266,7 +292,7 @@ def part_energies(run):
     return {**energies, "walls": scene.walls_hold(u)}
 
 
-def momentum(run):
+def momentum(run: Run) -> Array:
     """Momentum of all beads and of what the walls of a guide have taken [N s], (T[, dim]).
 
     Constant in a guide, and in a chain without loads and end wall (a held site takes impulse
@@ -277,7 +303,7 @@ def momentum(run):
     return total if run.impulse is None else total + run.impulse.sum(axis=1)
 
 
-def overlaps(run, part=None):
+def overlaps(run: Run, part: str | None = None) -> tuple[float, float]:
     """Largest and mean peak overlap of the contacts between beads of a part (all: None) [m]."""
     scene = crystal_of(run)
     u = rows(run, range(scene.sites))

@@ -13,7 +13,7 @@ import json
 import os
 from dataclasses import fields
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -28,6 +28,9 @@ from tensegrity.prism import Prism, _rigid_law
 from tensegrity.record import Record
 from tensegrity.scene import State
 from tensegrity.walls import Wall
+
+if TYPE_CHECKING:
+    from typing import Any
 
 FORMAT = "tensegrity 1"
 
@@ -46,7 +49,7 @@ class Printed:
     fingerprint : str
     """
 
-    def __init__(self, text, fingerprint):
+    def __init__(self, text, fingerprint) -> None:
         self.text, self.fingerprint = text, fingerprint
 
     def __getattr__(self, name):
@@ -57,7 +60,7 @@ class Printed:
             "its print-out only: build it again"
         )
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return self.text
 
 
@@ -87,7 +90,7 @@ def register(kind, take, make=None):
     KINDS[kind.__name__] = Kind(kind, take, make or kind)
 
 
-def fingerprint(scene):
+def fingerprint(scene: Any) -> str:
     """Text that two equal scenes share."""
     writer = _Writer()
     text = json.dumps([writer.value(scene), writer.objects])
@@ -162,7 +165,7 @@ class UnknownKind(TensegrityError):
 
 
 class _Writer:
-    def __init__(self):
+    def __init__(self) -> None:
         self.arrays, self.objects, self._known, self.opaque = {}, [], {}, False
 
     def scene(self, scene):
@@ -207,7 +210,7 @@ class _Writer:
 
 
 class _Reader:
-    def __init__(self, objects, arrays):
+    def __init__(self, objects, arrays) -> None:
         self._objects, self._arrays, self._made = objects, arrays, {}
 
     def value(self, x):

@@ -26,7 +26,7 @@ TINY = 1e-300  # keeps quotients of zeros finite
 class Machine:
     """The CasADi functions of a problem, in scaled unknowns asinh(unknown/scale)."""
 
-    def __init__(self, problem):
+    def __init__(self, problem) -> None:
         import casadi as ca
 
         m, p, scale = len(problem.unknowns), problem.p, ca.DM(problem.scale)
@@ -172,7 +172,7 @@ class _Fast(threading.local):
     runs in each when it first comes here.
     """
 
-    def __init__(self, function, code):
+    def __init__(self, function, code) -> None:
         self.arguments = [np.zeros(max(function.numel_in(i), 1)) for i in range(function.n_in())]
         self.result = np.zeros(function.numel_out(0))
         self._call = self._compiled(function, code) if code else self._interpreted(function)

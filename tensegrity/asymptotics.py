@@ -12,6 +12,7 @@ metamaterials".
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,8 +21,15 @@ from tensegrity.errors import TensegrityError
 from tensegrity.once import once
 from tensegrity.potential import Potential
 
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
-def sound_speed(spring, mass=1.0):
+    from numpy.typing import ArrayLike
+
+    from tensegrity.typing import Array
+
+
+def sound_speed(spring: Potential, mass: float = 1.0) -> float:
     """sqrt(V''(0)/m), in sites per second; 0 in a sonic vacuum."""
     check.kind("spring", spring, Potential)
     mass = check.number("mass", mass, above=0, unit="kg")
@@ -31,7 +39,7 @@ def sound_speed(spring, mass=1.0):
     return math.sqrt(stiffness / mass)
 
 
-def sech2(spring, speed_ratio, x):
+def sech2(spring: Potential, speed_ratio: float, x: ArrayLike) -> Array:
     """Elongation of the small-amplitude solitary wave.
 
     Parameters
@@ -62,7 +70,7 @@ def sech2(spring, speed_ratio, x):
         return _sech2()(stiffness, slope, ratio, x)
 
 
-def tent(spring, x):
+def tent(spring: Potential, x: ArrayLike) -> Array:
     """Elongation [m] of the wave that reaches the locking stroke: -d (1 - |x|) for |x| < 1."""
     check.kind("spring", spring, Potential)
     x, stroke = _places(x), -spring.domain[0]
@@ -71,7 +79,7 @@ def tent(spring, x):
     return _tent()(stroke, x)
 
 
-def _places(x):
+def _places(x: ArrayLike) -> Array:
     x = check.floats("x", x)
     if np.isnan(x).any():
         raise TensegrityError("x nan sites is not a number")
@@ -79,7 +87,7 @@ def _places(x):
 
 
 @once
-def _sech2():
+def _sech2() -> Callable[..., Array]:
     """Elongation as a function of stiffness, its slope, c/cs and x."""
     import sympy as sp
 
@@ -94,7 +102,7 @@ def _sech2():
 
 
 @once
-def _tent():
+def _tent() -> Callable[..., Array]:
     """Elongation as a function of the locking stroke and x."""
     import sympy as sp
 

@@ -29,7 +29,7 @@ class Start(NamedTuple):
     """Where a broken run goes on: what it had reached, its rows, the elongations it had met."""
 
     sound: Sound
-    count: int
+    count: int  # type: ignore[assignment]
     met: np.ndarray
 
 

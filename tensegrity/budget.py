@@ -11,6 +11,7 @@ balance of the force at the held end.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,6 +19,9 @@ from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.lattice import Chain
 from tensegrity.run import Run
+
+if TYPE_CHECKING:
+    from tensegrity.typing import Array
 
 DEGREE = 7  # of the spline that is integrated
 
@@ -39,16 +43,16 @@ class Budget:
         the first instant and over the largest change of the momentum; absolute where that is 0.
     """
 
-    t: np.ndarray
-    energy: np.ndarray
-    momentum: np.ndarray
-    work: np.ndarray
-    impulse: np.ndarray
+    t: Array
+    energy: Array
+    momentum: Array
+    work: Array
+    impulse: Array
     energy_error: float
     momentum_error: float
 
 
-def beyond(run, bond) -> Budget:
+def beyond(run: Run, bond: int) -> Budget:
     """The budget of the part of a chain beyond a bond.
 
     Parameters

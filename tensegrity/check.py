@@ -10,11 +10,15 @@ import os
 import sys
 from numbers import Integral, Real
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensegrity.errors import TensegrityError
+
+if TYPE_CHECKING:
+    from typing import Any
 
 LONGEST = 80  # characters of a value that a message shows
 
@@ -101,7 +105,7 @@ def vector(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.fl
     return value
 
 
-def rows(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.floating]:
+def rows(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
     """Numbers for all of something, or for many instants: an array (..., *shape).
 
     Floating numbers of any precision are kept as they are.
@@ -149,21 +153,21 @@ def shown(value: object) -> str:
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
 
 
-def _scalar(value):
+def _scalar(value: Any) -> Any:
     """What an array without dimensions holds; anything else as it is."""
     return value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value
 
 
-def _is(value, tower):
+def _is(value: object, tower: type) -> bool:
     return isinstance(value, tower) and not isinstance(value, bool)
 
 
-def _is_symbolic_constant(value):
+def _is_symbolic_constant(value: object) -> bool:
     """Whether a SymPy expression is a real number, such as pi/6."""
     return all(getattr(value, name, False) is True for name in ("is_number", "is_extended_real"))
 
 
-def _array(name, value):
+def _array(name: str, value: Any) -> Any:
     try:
         array = np.array(value)
         if array.dtype.kind in "iuf" and not _has_truth(value):
@@ -173,7 +177,7 @@ def _array(name, value):
     raise TensegrityError(f"{name} {shown(value)} is not made of numbers")
 
 
-def _has_truth(value):
+def _has_truth(value: Any) -> bool:
     """Whether a nested sequence holds truth values, which NumPy would take for 0 and 1."""
     flat = np.array(value, dtype=object).ravel()
     return not {bool, np.bool_}.isdisjoint(map(type, flat))

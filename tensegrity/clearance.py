@@ -9,10 +9,17 @@ the distances are small, looks come often, at last after every step.
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tensegrity.errors import ContactError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from tensegrity.typing import Array, Indices
+    from tensegrity.walls import Wall
 
 TOUCH = 1e-9  # gap over the radius up to which spheres count as touching
 CAUTION = 0.8  # part of the way to the next possible contact that is gone without a look
@@ -31,7 +38,14 @@ class Clearance:
         Site and wall.
     """
 
-    def __init__(self, positions, radius, bonds, walls, wall_contacts):
+    def __init__(
+        self,
+        positions: Array,
+        radius: Array,
+        bonds: Indices,
+        walls: Sequence[Wall],
+        wall_contacts: Indices,
+    ) -> None:
         self.positions, self.radius, self.walls = positions, radius, walls
         self.sites, self.dim = positions.shape
         self.skin = float(radius.mean())
@@ -39,7 +53,7 @@ class Clearance:
         self._listed = np.unique(low * self.sites + high)
         self.wall_contacts = wall_contacts
 
-    def pairs(self, x):
+    def pairs(self, x: Array) -> Indices:
         """Unlisted pairs of sites at places x with a gap below the skin; (n, 2)."""
         from scipy.spatial import cKDTree
 
@@ -49,7 +63,7 @@ class Clearance:
         found = found[~np.isin(found[:, 0] * self.sites + found[:, 1], self._listed)]
         return found[self.pair_gaps(x, found) < self.skin]
 
-    def wall_pairs(self, x):
+    def wall_pairs(self, x: Array) -> Indices:
         """Unlisted (site, wall) with a gap below the skin; (n, 2)."""
         near = [np.zeros((0, 2), dtype=int)]
         for number, wall in enumerate(self.walls):
@@ -59,18 +73,18 @@ class Clearance:
             near.append(np.stack([sites, np.full(len(sites), number)], axis=1))
         return np.concatenate(near)
 
-    def pair_gaps(self, x, pairs):
+    def pair_gaps(self, x: Array, pairs: Indices) -> Array:
         """Gap of each pair [m], overlap < 0."""
         i, j = pairs.T
         return np.linalg.norm(x[j] - x[i], axis=1) - self.radius[i] - self.radius[j]
 
-    def wall_gaps(self, x, pairs):
+    def wall_gaps(self, x: Array, pairs: Indices) -> Array:
         """Gap of each (site, wall) [m], to the nearest point of the wall."""
         return (
             self._by_wall(x, pairs, lambda wall, at: wall.distance(at)) - self.radius[pairs[:, 0]]
         )
 
-    def hold(self, x):
+    def hold(self, x: Array) -> Array:
         """For each listed wall contact, the way to a place where its law does not hold [m].
 
         Beside the wall the site is before its plane; beyond its end the plane may be near, but not
@@ -80,27 +94,29 @@ class Clearance:
         free = height - self.radius[self.wall_contacts[:, 0]]
         return np.maximum(np.minimum(inside, height), free)
 
-    def _beside(self, x):
+    def _beside(self, x: Array) -> tuple[Array, Array]:
         """Way to the end and distance from the plane of each listed wall contact [m]."""
         listed = self.wall_contacts
         inside = -self._by_wall(x, listed, lambda wall, at: wall.overhang(at))
         return inside, self._by_wall(x, listed, lambda wall, at: wall.height(at))
 
-    def _by_wall(self, x, pairs, function):
+    def _by_wall(self, x: Array, pairs: Indices, function: Callable[[Wall, Array], Array]) -> Array:
         result = np.empty(len(pairs))
         for number, wall in enumerate(self.walls):
             members = pairs[:, 1] == number
             result[members] = function(wall, x[pairs[members, 0]])
         return result
 
-    def check(self, u):
+    def check(self, u: Array) -> None:
         """Refuse displacements at which something unlisted touches."""
         x = self.positions + u
         complaint = self.complaint(x, self.pairs(x), self.wall_pairs(x), TOUCH * self.skin)
         if complaint:
             raise ContactError(f"{complaint} at the start")
 
-    def complaint(self, x, pairs, wall_pairs, touch=0.0):
+    def complaint(
+        self, x: Array, pairs: Indices, wall_pairs: Indices, touch: float = 0.0
+    ) -> str | None:
         """What is wrong at places x, in words, or None."""
         for gaps, members, words in (
             (self.pair_gaps(x, pairs), pairs, "sites {} and {}"),
@@ -124,7 +140,7 @@ class Clearance:
             return f"site {site} is pressed against wall {wall} {beyond:.3g} m beyond its end"
         return None
 
-    def tracker(self, u):
+    def tracker(self, u: Array) -> Tracker:
         """A watch that starts at displacements u."""
         return Tracker(self, u)
 
@@ -132,17 +148,17 @@ class Clearance:
 class Tracker:
     """Follows one run from look to look."""
 
-    def __init__(self, clearance, u):
+    def __init__(self, clearance: Clearance, u: Array) -> None:
         self._of = clearance
         self._list(u)
         self._look(u)
 
-    def _list(self, u):
+    def _list(self, u: Array) -> None:
         x = self._of.positions + u
         self._listed_at = u.copy()
         self._pairs, self._walls = self._of.pairs(x), self._of.wall_pairs(x)
 
-    def _look(self, u):
+    def _look(self, u: Array) -> None:
         """Find how far every site may move until something could be wrong."""
         of, x = self._of, self._of.positions + u
         moved = np.sqrt(np.max(np.sum((u - self._listed_at) ** 2, axis=1), initial=0.0))
@@ -156,22 +172,22 @@ class Tracker:
             np.min(of.hold(x), initial=math.inf),
         )
 
-    def share(self, travel):
+    def share(self, travel: float) -> float:
         """The way that sites went, over the way they may go; `travel` bounds each coordinate."""
         way = math.sqrt(self._of.dim) * travel
         return way / self._left if self._left > 0 else math.inf if way > 0 else 0.0
 
-    def accept(self, u, travel):
+    def accept(self, u: Array, travel: float) -> None:
         """Go on from displacements that are known to be sound; look again if it is time to."""
         self._left -= math.sqrt(self._of.dim) * travel
         if self._left < self._room / 2:
             self._look(u)
 
-    def is_new(self):
+    def is_new(self) -> bool:
         """Whether contacts have to be listed anew since this was asked: they never are here."""
         return False
 
-    def judge(self, u, t):
+    def judge(self, u: Array, t: float) -> None:
         """Look again after one step that may have gone too far; raise if it did."""
         complaint = self._of.complaint(self._of.positions + u, self._pairs, self._walls)
         if complaint:

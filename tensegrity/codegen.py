@@ -20,6 +20,9 @@ from tensegrity.errors import TensegrityError
 from tensegrity.once import once
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from typing import Any
+
     import sympy as sp
 
 DERIVATIVES = ("energy", "tension", "stiffness", "slope")
@@ -52,7 +55,7 @@ class Law:
     split = True  # the compiled loop may compute a square root of it ahead
     compiled = DERIVATIVES  # what is compiled besides the tension in the loop
 
-    def forms(self):
+    def forms(self) -> tuple[Any, Any, Sequence[Any]]:
         """The law in CasADi.
 
         Returns
@@ -88,7 +91,7 @@ class Law:
         return r, p, [ca.substitute(form, y, y_of_r) if passed else form for form in forms]
 
 
-def to_casadi(expression, symbols):
+def to_casadi(expression: Any, symbols: Sequence[Any]) -> Callable[..., Any]:
     """A SymPy expression, or a list of them, as a function of CasADi SX symbols.
 
     Common subexpressions are kept.
@@ -143,7 +146,7 @@ def deflated(coefficients, root):
     return quotient[::-1]
 
 
-def check_law(law):
+def check_law(law: Law) -> None:
     """Refuse a law that cannot be translated, saying why."""
     import sympy as sp
 
@@ -157,7 +160,7 @@ def check_law(law):
 
 
 @once
-def functions(law):
+def functions(law: Any) -> Any:
     """CasADi functions of a law.
 
     Returns
@@ -192,7 +195,7 @@ def evaluate(law, order, parameters, r):
 
 
 @cache
-def cost(law):
+def cost(law: Any) -> float:
     """Seconds that a tension takes in a compiled loop, roughly: counted, not measured."""
     import casadi as ca
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,6 +22,15 @@ from tensegrity.errors import EquilibriumError, RangeError, TensegrityError
 from tensegrity.kernel import kernel
 from tensegrity.once import once
 from tensegrity.potential import Potential, call
+
+if TYPE_CHECKING:
+    from collections.abc import Hashable, Sequence
+    from typing import Any
+
+    from numpy.typing import ArrayLike
+
+    from tensegrity.errors import LockingError
+    from tensegrity.typing import Array, Flags, Members
 
 UNKNOWNS = ("base tension", "bar tension", "half turn", "rise")
 ITERATIONS = 20
@@ -57,7 +67,7 @@ def _forms(rigid_base):
 
 
 @once
-def problem(rigid_base=False):
+def problem(rigid_base: bool = False) -> Problem:
     """Equilibria of a prism as a branch, parametrised by the rise h - h0.
 
     Unknowns: changes of the tension of a base string (absent if the bases are rigid) and of a
@@ -97,7 +107,7 @@ def problem(rigid_base=False):
     )
 
 
-def numbers(prism, height=-1.0, load=math.inf):
+def numbers(prism: Members, height: float = -1.0, load: float = math.inf) -> list[float]:
     """Parameters of `problem` for a prism, with the height [m] and the load [N] at which to end."""
     return [
         prism.height / prism.base,
@@ -134,7 +144,7 @@ def _tangent(rigid_base):
     return ca.Function("tangent", [z, p], [matrix - share @ multiplier])
 
 
-def stable(z, p, rigid_base):
+def stable(z: Array, p: Sequence[float], rigid_base: bool) -> tuple[Flags, Flags]:
     """Whether equilibria are stable under given load, and under given height.
 
     Parameters
@@ -195,14 +205,14 @@ class ElasticLaw:
     compiled = ("energy",)
 
     @property
-    def parameters(self):
+    def parameters(self) -> tuple[str, ...]:
         """Names: scales, state at rest, `numbers` of the prism, interval and coefficients."""
         names = ("per_base", "force", "preload", "rise_at_rest", "energy_at_rest")
         names += ("height", "prestrain", "k_cross/k_base", "k_cross/k_bar", "middle", "per_half")
         unknowns = UNKNOWNS[self.rigid_base : -1]
         return names + tuple(f"{name} {k}" for name in unknowns for k in range(GUESS + 1))
 
-    def unknowns(self):
+    def unknowns(self) -> tuple[Any, ...]:
         """Symbols r, p, and the unknowns and the parameters of `problem` in terms of them."""
         import casadi as ca
 
@@ -221,7 +231,7 @@ class ElasticLaw:
             z = _inner(self.rigid_base)[0](z, prism)
         return r, p, z, prism
 
-    def forms(self):
+    def forms(self) -> tuple[Any, Any, Sequence[Any]]:
         """The law in CasADi; see `codegen.Law.forms`."""
         r, p, z, prism = self.unknowns()
         per_base, force, preload, energy_at_rest = p[0], p[1], p[2], p[4]
@@ -259,7 +269,10 @@ class ElasticPotential(Potential):
     Source: seeds/000, part III, "Elastic problem".
     """
 
-    def __init__(self, prism, preload=0.0):
+    _length: float
+    _domain: Any
+
+    def __init__(self, prism: Members, preload: float = 0.0) -> None:
         self._key_of = (prism, preload)
         self._prism, self._preload = prism, preload
         self._origin = call(f"{prism}.potential", preload=preload)
@@ -312,7 +325,7 @@ class ElasticPotential(Potential):
         return z[:, -1], np.arcsinh(z), tangents[:, :-1] / tangents[:, -1:], end
 
     @property
-    def _law(self):
+    def _law(self) -> ElasticLaw:
         if self._in_loop[0] is None:
             raise EquilibriumError(
                 f"the compiled loop finds no equilibria of {self._prism} about its length "
@@ -321,11 +334,11 @@ class ElasticPotential(Potential):
         return self._in_loop[0]
 
     @property
-    def _values(self):
+    def _values(self) -> Array:
         return self._in_loop[1]
 
     @property
-    def reach(self):
+    def reach(self) -> tuple[float, float]:
         """Elongations [m] that the compiled loop can follow.
 
         All of `domain`, but for members so stiff that the rigid prism's contact of the bars
@@ -378,7 +391,7 @@ class ElasticPotential(Potential):
         interval = [(low + high) / 2, 2 / (high - low)]
         return np.array([*scales, *self._p[:4], *interval, *coefficients.ravel()])
 
-    def beyond(self, r):
+    def beyond(self, r: float) -> LockingError:
         """The error for an elongation at or beyond an end of the domain or of the reach."""
         if not self._domain[0] < r < self._domain[1]:
             return super().beyond(r)
@@ -388,12 +401,12 @@ class ElasticPotential(Potential):
         )
 
     @property
-    def parameters(self):
+    def parameters(self) -> dict[str, float]:
         """The prism's fields and the preload, {name: float}."""
         names = ("base", "height", "prestrain", "k_cross", "k_base", "k_bar")
         return {name: getattr(self._prism, name) for name in names} | {"preload": self._preload}
 
-    def states(self, r):
+    def states(self, r: Array) -> Array:
         """Unknowns of the equilibria at elongations r [m], (r.size, m)."""
         rise = self._at_rest[-1] + np.clip(r, *self._domain) / self._prism.base
         rise = np.clip(rise, self._rise[0], self._rise[-1])
@@ -422,7 +435,7 @@ class ElasticPotential(Potential):
         z = z + length * u * w * (w * self._rates[at - 1] - u * self._rates[at])
         return np.column_stack([np.sinh(z), rise])
 
-    def _evaluate(self, order, r, closed=False):
+    def _evaluate(self, order: int, r: ArrayLike, closed: bool = False) -> Array:
         r = check.floats("elongation", r)
         if np.isnan(r).any():
             raise TensegrityError("elongation nan m is not a number")
@@ -449,5 +462,5 @@ class ElasticPotential(Potential):
             result = result - rest * self._prism.k_cross * self._prism.base**2 + self._preload * r
         return result + self._preload if order == 1 else result
 
-    def _key(self):
+    def _key(self) -> Hashable:
         return self._key_of

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,6 +26,14 @@ from tensegrity.errors import TensegrityError
 from tensegrity.events import leave_start, located
 from tensegrity.once import once
 from tensegrity.table import Event, Table
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterable, Mapping
+    from typing import Any
+
+    from numpy.typing import ArrayLike
+
+    from tensegrity.typing import Array
 
 START_ITERATIONS = 50
 SETTLED = 1e-7  # largest move of a step's last iteration; the next one would square it
@@ -62,16 +71,16 @@ class Problem:
     """
 
     unknowns: tuple[str, ...]
-    z: object
-    p: object
-    residual: object
+    z: Any
+    p: Any
+    residual: Any
     scale: tuple[float, ...] | None = None
-    size: object = None
-    roots: dict = field(default_factory=dict)
-    folds: dict | None = None
-    values: dict = field(default_factory=dict)
+    size: Any = None
+    roots: dict[str, Any] = field(default_factory=dict)
+    folds: Any = None
+    values: dict[str, Any] = field(default_factory=dict)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         m, n = len(self.unknowns), self.residual.numel()
         if self.z.numel() != m or n != m - 1:
             raise TensegrityError(
@@ -119,7 +128,7 @@ class Settings:
     turn: float = 0.3
     points: int = 20000
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ("tolerance", "residual", "first", "smallest", "turn"):
             check.number(name, getattr(self, name), above=0)
         check.number("largest step", self.largest, above=0, finite=False)
@@ -143,11 +152,22 @@ class Branch(Table):
         Largest scaled residual.
     """
 
-    def __init__(self, columns, events, end, z, tangent, arc, residual):
+    p: Any  # numbers it was traced with, where they were kept
+
+    def __init__(
+        self,
+        columns: Mapping[str, Any],
+        events: Iterable[Event],
+        end: str,
+        z: Array,
+        tangent: Array,
+        arc: Array,
+        residual: Array,
+    ) -> None:
         super().__init__(columns, events, end)
         self.z, self.tangent, self.arc, self.residual = z, tangent, arc, residual
 
-    def __getitem__(self, key):
+    def __getitem__(self, key: Any) -> Any:
         part = super().__getitem__(key)
         if isinstance(key, slice):
             for name in ("z", "tangent", "arc", "residual"):
@@ -155,7 +175,14 @@ class Branch(Table):
         return part
 
 
-def trace(problem, start, parameters=(), settings=None, direction=1, stop=()):
+def trace(
+    problem: Problem,
+    start: ArrayLike,
+    parameters: ArrayLike = (),
+    settings: Settings | None = None,
+    direction: int = 1,
+    stop: Collection[str] = (),
+) -> Branch:
     """Follow the branch through a given point.
 
     Parameters
@@ -209,7 +236,7 @@ def trace(problem, start, parameters=(), settings=None, direction=1, stop=()):
         signs = [new or old for new, old in zip(here.tests, signs, strict=True)]
 
 
-def fold_problem(problem, fold, free):
+def fold_problem(problem: Problem, fold: str, free: int) -> Problem:
     """The curve of a fold in one more parameter, as a problem of its own.
 
     Parameters
@@ -255,7 +282,7 @@ def fold_problem(problem, fold, free):
     )
 
 
-def fold_start(problem, event, parameters, free):
+def fold_start(problem: Problem, event: Event, parameters: ArrayLike, free: int) -> Array:
     """A start of `fold_problem` at a fold found by `trace` with these parameters."""
     p = np.asarray(parameters, dtype=float)
     z = np.array([event.at[name] for name in problem.unknowns])
@@ -264,7 +291,7 @@ def fold_start(problem, event, parameters, free):
     return np.concatenate([z, tangent / np.linalg.norm(tangent), [p[free]]])
 
 
-def refined_fold(problem, fold, z, parameters):
+def refined_fold(problem: Problem, fold: str, z: ArrayLike, parameters: ArrayLike) -> Array | None:
     """Unknowns (m,) at the fold next to z, located on the extended system; None if it fails."""
     p, scale = np.asarray(parameters, dtype=float), np.array(problem.scale)
     z = np.arcsinh(np.asarray(z, dtype=float) / scale)

@@ -1,5 +1,12 @@
 """The errors a user can meet; each message names the quantity, its value and its bound."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from typing import Any
+
 
 class TensegrityError(ValueError):
     """Base of all errors raised by this toolkit."""
@@ -11,7 +18,7 @@ class LockingError(TensegrityError):
     Raised by a run, it carries the recorded part in `run` (None elsewhere).
     """
 
-    run = None
+    run: Any = None
 
 
 class RangeError(LockingError):
@@ -28,7 +35,7 @@ class StabilityError(TensegrityError):
     Raised by a run, it carries the recorded part in `run` (None elsewhere).
     """
 
-    run = None
+    run: Any = None
 
 
 class ContactError(TensegrityError):
@@ -37,7 +44,7 @@ class ContactError(TensegrityError):
     Raised by a run, it carries the recorded part in `run` (None elsewhere).
     """
 
-    run = None
+    run: Any = None
 
 
 class ResolutionError(TensegrityError):

@@ -55,7 +55,7 @@ FACTOR = 4.0  # largest change of amplitude/(stroke left) in a step of the searc
 class Family:
     """The waves of one sign: a family, ordered by the size a > 0 [m] of the crest's elongation."""
 
-    def __init__(self, potential, sign):
+    def __init__(self, potential, sign) -> None:
         self.potential, self.sign = potential, sign
         self.name = next(name for name, s in SIGNS.items() if s == sign)
         self.end = sign * potential.domain[int(sign > 0)]
@@ -353,7 +353,7 @@ def extrapolated(x, y):
 class Coordinate:
     """log(a/(end - a)), or log a where there is no end."""
 
-    def __init__(self, end):
+    def __init__(self, end) -> None:
         self.end = end
 
     def __call__(self, size):

@@ -33,7 +33,7 @@ class BoundGauss:
         [s]
     """
 
-    def __init__(self, loop, u, v, bonds, method, dt):
+    def __init__(self, loop, u, v, bonds, method, dt) -> None:
         self._loop, self._u, self._v, self._bonds = loop, u.reshape(-1), v.reshape(-1), bonds
         contacts, self._shape = bonds.contacts, u.shape if bonds.dim else (u.size,)
         self._w = np.asarray(bonds.inverse_mass, dtype=float)

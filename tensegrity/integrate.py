@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from tensegrity import check, methods
 from tensegrity.errors import TensegrityError
@@ -13,8 +14,20 @@ from tensegrity.run import Run
 from tensegrity.scene import Scene
 from tensegrity.tolerance import ROUND_OFF, default_step, fixed_step, to_tolerance
 
+if TYPE_CHECKING:
+    from tensegrity.scene import Scene, State
 
-def simulate(scene, state, t_end, *, method=None, dt=None, tol=None, record=None) -> Run:
+
+def simulate(
+    scene: Scene,
+    state: State,
+    t_end: float,
+    *,
+    method: str | methods.Method | None = None,
+    dt: float | None = None,
+    tol: float | None = None,
+    record: Record | None = None,
+) -> Run:
     """Advance a scene in time.
 
     Parameters

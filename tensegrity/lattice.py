@@ -8,6 +8,7 @@ carries the constant preload, because potentials are measured from the loaded eq
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +16,11 @@ from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.potential import Potential
 from tensegrity.scene import PER_SITE, SMALLEST_MASS, Scene, State, velocities
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from tensegrity.typing import Array
 
 ENDS = ("free", "fixed")
 
@@ -41,9 +47,9 @@ class Chain(Scene):
         self,
         spring: Potential | Sequence[Potential],
         sites: int,
-        mass: float | Sequence[float] = 1.0,
+        mass: ArrayLike = 1.0,
         ends: tuple[str, str] = ("free", "free"),
-    ):
+    ) -> None:
         self.sites = check.whole("sites", sites, least=2)
         check.room(f"a run of {self.sites} sites", PER_SITE * self.sites)
         self.springs = self._springs(spring)
@@ -54,10 +60,10 @@ class Chain(Scene):
             or any(not isinstance(e, str) or e not in ENDS for e in ends)
         ):
             raise TensegrityError(f"ends {check.shown(ends)} must be two of {ENDS}")
-        self.ends = tuple(ends)
+        self.ends = ends[0], ends[1]
         _ = self.loop_bonds  # refuses springs that the compiled loop cannot take
 
-    def _springs(self, spring):
+    def _springs(self, spring: Potential | Sequence[Potential]) -> tuple[Potential, ...]:
         if isinstance(spring, Potential):
             return (spring,) * (self.sites - 1)
         if not isinstance(spring, Sequence):
@@ -72,7 +78,7 @@ class Chain(Scene):
                 raise TensegrityError(f"spring {number} is {check.shown(one)}, not a Potential")
         return springs
 
-    def _masses(self, mass):
+    def _masses(self, mass: ArrayLike) -> Array:
         given = check.floats("mass", mass)
         if given.ndim and given.shape != (self.sites,):
             raise TensegrityError(f"mass has shape {given.shape}, must be ({self.sites},)")
@@ -86,15 +92,15 @@ class Chain(Scene):
         return masses
 
     @property
-    def _words(self):
+    def _words(self) -> str:
         return f"chain has ({self.sites},) sites"
 
     @property
-    def held(self):
+    def held(self) -> list[int]:
         """Numbers of the sites that are held."""
         return [s for s, end in zip((0, self.sites - 1), self.ends, strict=True) if end == "fixed"]
 
-    def with_springs(self, springs):
+    def with_springs(self, springs: Sequence[Potential]) -> Chain:
         """The same chain with other springs, one for each different spring of `spring_table`."""
         each = [springs[k] for k in self.spring_table.group]
         return Chain(each, self.sites, self.mass, self.ends)
@@ -111,7 +117,7 @@ class Chain(Scene):
         self.check(state)
         return state
 
-    def check(self, state):
+    def check(self, state: State) -> None:
         """Refuse a state of another size, one that moves a held site, or one out of domain."""
         self._refuse_other(state)
         for site in self.held:
@@ -124,59 +130,59 @@ class Chain(Scene):
         if not np.isfinite(energy):
             raise TensegrityError(f"energy {energy} J of the state must be finite")
 
-    def elongation(self, u):
+    def elongation(self, u: ArrayLike) -> Array:
         """r_j = u[j+1] - u[j] [m] along the last axis."""
         return np.diff(check.rows("displacements", u, self.shape), axis=-1)
 
-    def bond_energy(self, u):
+    def bond_energy(self, u: ArrayLike) -> Array:
         """Energy of each bond [J]; u of shape (..., sites) gives (..., sites - 1)."""
         return self._per_bond("energy", u)
 
-    def bond_tension(self, u):
+    def bond_tension(self, u: ArrayLike) -> Array:
         """Tension of each bond [N]; u of shape (..., sites) gives (..., sites - 1)."""
         return self._per_bond("tension", u)
 
-    def bond_stiffness(self, u):
+    def bond_stiffness(self, u: ArrayLike) -> Array:
         """Tangent stiffness of each bond [N/m]; u of shape (..., sites) gives (..., sites - 1)."""
         return self._per_bond("stiffness", u)
 
-    def _per_bond(self, name, u):
+    def _per_bond(self, name: str, u: ArrayLike) -> Array:
         return self.spring_table.evaluate(name, self.elongation(u))
 
-    def energy(self, state):
+    def energy(self, state: State) -> float:
         """Total energy [J]."""
         self._refuse_other(state)
         with np.errstate(over="ignore"):  # to inf, which `check` refuses
             kinetic = 0.5 * np.sum(self.mass * state.v**2)
         return float(kinetic + np.sum(self.bond_energy(state.u)))
 
-    def site_energy(self, u, v):
+    def site_energy(self, u: Array, v: Array) -> Array:
         """Kinetic energy of each site and half that of its bonds [J]; (..., sites)."""
         half = self.bond_energy(u) / 2
         edge = np.zeros((*half.shape[:-1], 1))
         left, right = np.concatenate([edge, half], -1), np.concatenate([half, edge], -1)
         return 0.5 * self.mass * v**2 + left + right
 
-    def momentum(self, state):
+    def momentum(self, state: State) -> float:
         """Total momentum [kg m/s], > 0 towards higher sites."""
         self._refuse_other(state)
         return float(np.sum(self.mass * state.v))
 
     @property
-    def shape(self):
+    def shape(self) -> tuple[int, ...]:
         """Shape of the displacements of a state."""
         return (self.sites,)
 
     @property
-    def cost(self):
+    def cost(self) -> int:
         """Work of one evaluation of all forces, in bonds."""
         return self.sites - 1
 
-    def arrays(self, state):
+    def arrays(self, state: State) -> tuple[Array, Array]:
         """Copies of u and v as the loop advances them."""
         return state.u.copy(), state.v.copy()
 
-    def frequency_of(self, stiffness):
+    def frequency_of(self, stiffness: Array) -> float:
         """Bound on the largest angular frequency [rad/s] for stiffnesses of the bonds [N/m].
 
         The eigenvalues of M^-1 K are at most max over bonds of 2 k (1/m_left + 1/m_right).
@@ -184,18 +190,18 @@ class Chain(Scene):
         mobility = self.inverse_mass[:-1] + self.inverse_mass[1:]
         return float(np.sqrt(np.max(2 * stiffness * mobility)))
 
-    def extreme(self, spring, u, side):
+    def extreme(self, spring: int, u: Array, side: int) -> str:
         """Where an elongation of that spring is lowest (side 0) or highest (1), in words."""
         bonds = np.flatnonzero(self.spring_table.group == spring)
         r = self.elongation(u)[bonds]
         bond = int(bonds[np.argmax(r) if side else np.argmin(r)])
         return f"between sites {bond} and {bond + 1}"
 
-    def stiffest(self, u, ranges):
+    def stiffest(self, u: Array, ranges: Array) -> str:
         """Where the stretch is largest, in words."""
         bond = int(np.argmax(np.abs(self.elongation(u))))
         return f"between sites {bond} and {bond + 1}"
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         kinds = len(self.spring_table)
         return f"Chain({self.sites} sites, {kinds} different spring(s), ends {self.ends})"

@@ -6,6 +6,7 @@ Source: seeds/000, part III, "Effects of element rigidity and internal prestress
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,17 +18,23 @@ from tensegrity.once import once
 from tensegrity.prism import Prism
 from tensegrity.table import Table
 
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from typing import Any
+
+    from tensegrity.continuation import Problem
+
 PRESTRAIN = 1  # its place in the parameters of `condensed.problem`
 SETTINGS = Settings(tolerance=1e-7, largest=0.05)
 
 
 @once
-def _folds(rigid_base):
+def _folds(rigid_base: bool) -> Problem:
     return fold_problem(problem(rigid_base), "fold", PRESTRAIN)
 
 
 @once
-def _values(rigid_base):
+def _values(rigid_base: bool) -> Callable[..., Any]:
     """Height, twist, base and load as a function of (unknowns, parameters)."""
     import casadi as ca
 
@@ -36,7 +43,7 @@ def _values(rigid_base):
     return ca.Function("values", [of.z, of.p], [ca.vertcat(*values)])
 
 
-def limit_load(prism, prestrain):
+def limit_load(prism: Prism, prestrain: float) -> Table:
     """Limit load from the prism's own prestrain to another one, by continuation of the fold.
 
     Parameters

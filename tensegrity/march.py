@@ -149,7 +149,7 @@ def _progress(steps):
 class _Watch:
     """Advances block by block and refuses a block that left what the step allows."""
 
-    def __init__(self, problem, dt, allowed, start=None):
+    def __init__(self, problem, dt, allowed, start=None) -> None:
         scene = problem.moved
         self._problem, self.dt, self.allowed = problem, dt, allowed
         self._energy = problem.scene.available_energy(problem.state)

@@ -14,11 +14,21 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import Any
+
+    from tensegrity.typing import Array
+
+    Matrix = tuple[Array, Array, Array, Array]  # xx, xv, vx, vv
+    Rows = Iterable[Iterable[Any]]
 
 ROUGH = 1e-3  # for tolerances above it the simplest method is cheapest
 ROUND_OFF = 1e-9  # in the trace of a step's matrix, beyond the bound of a stable one
@@ -53,41 +63,50 @@ class Method:
 
     explicit = True
     reversible = True
-    processor = None
+    processor: ClassVar[tuple[Splitting, Splitting] | None] = None
+    if TYPE_CHECKING:  # what each kind of method brings
+        symplectic: ClassVar[bool]
+        _slack: ClassVar[float]
+        _bisected: ClassVar[float]
 
-    def __post_init__(self):
+        @property
+        def stages(self) -> int: ...
+        def step_matrix(self, z: Array | float) -> Matrix: ...
+        def _excess(self, z: Array) -> Array: ...
+
+    def __post_init__(self) -> None:
         for name in ("name", "reference", "when_not"):
             check.kind(f"{name} of a method", getattr(self, name), str)
         self._set("order", check.whole(f"order of {self.name!r}", self.order, least=1))
         self._set("step", check.number(f"step of {self.name!r}", self.step, above=0))
 
-    def _set(self, name, value):
+    def _set(self, name: str, value: Any) -> None:
         object.__setattr__(self, name, value)
 
-    def _set_rows(self, *names):
+    def _set_rows(self, *names: str) -> None:
         for name in names:
             self._set(name, _row(f"{name} of {self.name!r}", getattr(self, name)))
 
-    def _require(self, holds, words):
+    def _require(self, holds: bool, words: str) -> None:
         if not holds:
             raise TensegrityError(f"method {self.name!r}: {words}")
 
-    def _require_sum(self, words, row, wanted):
+    def _require_sum(self, words: str, row: Iterable[float], wanted: float) -> None:
         total = math.fsum(row)
         self._require(abs(total - wanted) <= EXACT, f"{words} is {total:.15g}, must be {wanted:g}")
 
-    def _require_stages(self):
+    def _require_stages(self) -> None:
         self._require(
             1 <= self.stages <= MOST_STAGES, f"{self.stages} stages must be 1 to {MOST_STAGES}"
         )
 
     @property
-    def scale(self):
+    def scale(self) -> float:
         """The dt * omega that `step` is a fraction of."""
         return self.stability_limit
 
     @cached_property
-    def stability_limit(self):
+    def stability_limit(self) -> float:
         """Largest stable dt * omega on the harmonic oscillator, found from the coefficients."""
         z = np.linspace(0, 2.0 * self.stages + 1, 200_001)[1:]
         first = int(np.flatnonzero(self._excess(z) > self._slack)[0])
@@ -129,11 +148,11 @@ class Splitting(Method):
     symplectic = True
     _slack, _bisected = ROUND_OFF, 0.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         super().__post_init__()
         self._set_rows("kicks", "drifts")
 
-    def check(self):
+    def check(self) -> None:
         """Refuse rows that are no step of time dt, or not the palindrome that they should be."""
         kicks, drifts = self.kicks, self.drifts
         self._require(
@@ -150,11 +169,11 @@ class Splitting(Method):
             )
 
     @property
-    def stages(self):
+    def stages(self) -> int:
         """Force evaluations per step."""
         return len(self.drifts)
 
-    def step_matrix(self, z):
+    def step_matrix(self, z: Array | float) -> Matrix:
         """Entries (xx, xv, vx, vv) of a step's matrix for (x, v/omega), z = dt * omega."""
         one, nil = np.ones_like(z, dtype=float), np.zeros_like(z, dtype=float)
         x, v = [one, nil], [nil, one]  # rows: dependence on the initial (x, v)
@@ -163,7 +182,7 @@ class Splitting(Method):
             x = [a + drift * z * b for a, b in zip(x, v, strict=True)]
         return *x, *v
 
-    def _excess(self, z):
+    def _excess(self, z: Array) -> Array:
         """Beyond stability if positive: the determinant is 1, the trace must be in [-2, 2]."""
         xx, _, _, vv = self.step_matrix(z)
         return np.abs(xx + vv) - 2
@@ -184,12 +203,12 @@ class Processed(Splitting):
 
     entry: tuple[tuple[float, ...], tuple[float, ...]]
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         super().__post_init__()
         rows = _tuple(f"entry of {self.name!r}", self.entry)
         self._set("entry", tuple(_row(f"entry of {self.name!r}", row) for row in rows))
 
-    def check(self):
+    def check(self) -> None:
         """Refuse rows as `Splitting` does, and an entry that is no pair of such rows."""
         super().check()
         lengths = [len(row) for row in self.entry]
@@ -199,11 +218,11 @@ class Processed(Splitting):
         )
 
     @cached_property
-    def processor(self):
+    def processor(self) -> tuple[Splitting, Splitting]:  # type: ignore[override]
         """Splittings that lead into the variables of the steps, and out."""
         rows = self.entry, tuple(row[::-1] for row in self.entry)
         common = self.name, self.order, self.step
-        return tuple(Splitting(*common, *pair) for pair in rows)
+        return tuple(Splitting(*common, *pair) for pair in rows)  # type: ignore[return-value]
 
 
 @dataclass(frozen=True)
@@ -226,13 +245,13 @@ class Nystrom(Method):
     symplectic = reversible = False
     _slack = _bisected = GAIN
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         super().__post_init__()
         self._set_rows("nodes", "positions", "velocities")
         rows = _tuple(f"matrix of {self.name!r}", self.matrix)
         self._set("matrix", tuple(_row(f"matrix of {self.name!r}", row) for row in rows))
 
-    def check(self):
+    def check(self) -> None:
         """Refuse rows that are no step of time dt of the order said, or of the kind said."""
         count = self.stages
         shape = {len(self.matrix), len(self.positions), len(self.velocities)}
@@ -253,15 +272,15 @@ class Nystrom(Method):
         )
 
     @property
-    def stages(self):
+    def stages(self) -> int:
         """Force evaluations per step."""
         return len(self.nodes)
 
-    def step_matrix(self, z):
+    def step_matrix(self, z: Array | float) -> Matrix:
         """Entries (xx, xv, vx, vv) of a step's matrix for (x, v/omega), z = dt * omega."""
         entries = []
         for x, v in ((1.0, 0.0), (0.0, 1.0)):
-            slopes = []
+            slopes: list[Any] = []
             for node, row in zip(self.nodes, self.matrix, strict=True):
                 place = x + node * z * v + sum(a * k for a, k in zip(row, slopes, strict=False))
                 slopes.append(-(z**2) * place)
@@ -271,7 +290,7 @@ class Nystrom(Method):
         (xx, vx), (xv, vv) = entries
         return xx, xv, vx, vv
 
-    def _excess(self, z):
+    def _excess(self, z: Array) -> Array:
         """Beyond stability if positive: both eigenvalues are within the unit circle where the
         determinant is at most 1 and the trace at most 1 + determinant, in size."""
         xx, xv, vx, vv = self.step_matrix(z)
@@ -288,7 +307,7 @@ class Gauss(Nystrom):
     scale = 1.0
     stability_limit = math.inf
 
-    def step_matrix(self, z):
+    def step_matrix(self, z: Array | float) -> Matrix:
         """Entries (xx, xv, vx, vv) of a step's matrix for (x, v/omega), z = dt * omega."""
         z = np.asarray(z, dtype=float)
         squared = z[..., None, None] ** 2
@@ -300,7 +319,7 @@ class Gauss(Nystrom):
         return xx, xv, -z * turned[..., 0], 1 - z * turned[..., 1]
 
 
-def gauss_rows(stages):
+def gauss_rows(stages: int) -> dict[str, Any]:
     """Rows of the Nystrom form of Gauss collocation with that many stages, order 2 stages."""
     import numpy.polynomial.legendre as legendre
     from numpy.polynomial import Polynomial
@@ -315,7 +334,7 @@ def gauss_rows(stages):
     return nystrom_of(matrix, weights)
 
 
-def nystrom_of(matrix, weights):
+def nystrom_of(matrix: Rows, weights: Iterable[Any]) -> dict[str, Any]:
     """Rows of the Nystrom form of a Runge-Kutta method, on (u, v)' = (v, a(u)).
 
     Its stages' velocities are v + dt sum_j matrix[i][j] a_j; put into the stages' positions they
@@ -330,25 +349,25 @@ def nystrom_of(matrix, weights):
     }
 
 
-def palindrome(half, odd):
+def palindrome(half: tuple[float, ...], odd: bool) -> tuple[float, ...]:
     """A full row of an odd or even number of entries, from its first half without the last
     entry of it, which makes the sum 1."""
     half = (*half, 1 - 2 * sum(half) if odd else 0.5 - sum(half))
     return half + half[-2::-1] if odd else half + half[::-1]
 
 
-def _tuple(name, values):
+def _tuple(name: str, values: Any) -> tuple[Any, ...]:
     if isinstance(values, (str, bytes)) or not isinstance(values, Iterable):
         raise TensegrityError(f"{name} {check.shown(values)} must be a sequence")
     return tuple(values)
 
 
-def _row(name, values):
+def _row(name: str, values: Any) -> tuple[float, ...]:
     """Coefficients as plain floats."""
     return tuple(check.number(name, value) for value in _tuple(name, values))
 
 
-def _mirrors(row):
+def _mirrors(row: Sequence[float]) -> bool:
     return all(abs(a - b) <= EXACT for a, b in zip(row, row[::-1], strict=True))
 
 
@@ -374,7 +393,9 @@ _BLANES_MOAN_DRIFTS = palindrome(
 )
 
 
-def there_and_back(kicks, drifts):
+def there_and_back(
+    kicks: tuple[float, ...], drifts: tuple[float, ...]
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Rows of a step followed by the same step with its time reversed in sign."""
     back = (-kick for kick in kicks[1:])
     return (*kicks[:-1], kicks[-1] - kicks[0], *back), (*drifts, *(-drift for drift in drifts))
@@ -490,7 +511,7 @@ def find(method: str | Method) -> Method:
     return method
 
 
-def default(dt, tol, smooth):
+def default(dt: float | None, tol: float | None, smooth: bool) -> str:
     """Name of the method used where none is asked for; `smooth` where no contact can open."""
     if dt is not None or (tol is not None and tol > ROUGH):
         return "verlet"

@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -36,6 +37,13 @@ from tensegrity.potential import Potential
 from tensegrity.readonly import fixed
 from tensegrity.scene import KINK_SHARE, Scene, State, velocities
 from tensegrity.walls import Wall
+
+if TYPE_CHECKING:
+    from typing import Any, Self
+
+    from numpy.typing import ArrayLike
+
+    from tensegrity.typing import Array
 
 
 class Network(Scene):
@@ -78,22 +86,22 @@ class Network(Scene):
 
     def __init__(
         self,
-        positions,
-        bonds,
+        positions: ArrayLike,
+        bonds: ArrayLike,
         spring: Potential | Sequence[Potential],
-        lengths=None,
-        mass=1.0,
+        lengths: ArrayLike | None = None,
+        mass: ArrayLike = 1.0,
         walls: Sequence[Wall] = (),
         *,
-        wall_contacts=(),
+        wall_contacts: ArrayLike = (),
         wall_spring: Potential | Sequence[Potential] | None = None,
-        wall_gaps=None,
-        radius=None,
-        loads=None,
+        wall_gaps: ArrayLike | None = None,
+        radius: ArrayLike | None = None,
+        loads: ArrayLike | None = None,
         held: Sequence[int] = (),
         contacts: str = "fixed",
-        law=None,
-    ):
+        law: Potential | Callable[[int, int | Wall], Potential] | None = None,
+    ) -> None:
         self.positions = numbers("positions", positions)
         if self.positions.ndim != 2 or self.positions.shape[1] not in (1, 2, 3):
             raise TensegrityError(
@@ -120,11 +128,11 @@ class Network(Scene):
         _ = self.loop_bonds  # refuses springs that the compiled loop cannot take
         self._refuse_unlisted(np.zeros(self.shape))
 
-    def _refuse_unlisted(self, u):
+    def _refuse_unlisted(self, u: Array) -> None:
         if self.clearance is not None:
             self.clearance.check(u)
 
-    def _set_geometry(self, lengths, wall_gaps):
+    def _set_geometry(self, lengths: ArrayLike | None, wall_gaps: ArrayLike | None) -> None:
         i, j = self.bonds.T
         exact = self.positions.astype(np.longdouble)
         apart = exact[j] - exact[i]
@@ -166,25 +174,25 @@ class Network(Scene):
     # the engine's view
 
     @cached_property
-    def contact_bonds(self):
+    def contact_bonds(self) -> Bonds:
         """Bonds and wall contacts with their geometry."""
         kind = np.full(len(self.springs), WALL)
         kind[: len(self.bonds)] = PAIR
         first = np.concatenate([self.bonds[:, 0], self.sites + self.wall_contacts[:, 1]])
         second = np.concatenate([self.bonds[:, 1], self.wall_contacts[:, 0]])
         arrays = (fixed(x) for x in (kind, first, second))
-        contacts = Contacts(*arrays, self._geometry, self.loads, len(self.walls))
+        contacts = Contacts(*arrays, self._geometry, self.loads, len(self.walls))  # type: ignore[call-arg]
         return Bonds(*self.spring_table.table, self.spring_table.group, self.inverse_mass, contacts)
 
     @cached_property
-    def clearance(self):
+    def clearance(self) -> Clearance | None:
         """What watches over the contacts that are not listed; None where sites have no radius."""
         if self.radius is None:
             return None
         kind = Clearance if self.law is None else Following
         return kind(self.positions, self.radius, self.bonds, self.walls, self.wall_contacts)
 
-    def listed(self, u):
+    def listed(self, u: Array) -> Self:
         """This network with contacts of its list only, for displacements near u (sites, dim).
 
         Where contacts are followed these are the bonds, and behind them, sorted by their sites, all
@@ -194,21 +202,21 @@ class Network(Scene):
             return self
         return self._listing(*self.clearance.near(np.asarray(u, dtype=float)))
 
-    def likely(self, u):
+    def likely(self, u: Array) -> Self:
         """This network with contacts of sites nearest each other, and of all with walls."""
         return self._listing(*self.clearance.likely(u)) if self.follows else self
 
     @property
-    def follows(self):
+    def follows(self) -> bool:
         """Whether contacts come and go, so that only those near are listed."""
         return self.law is not None
 
     @property
-    def step_share(self):
+    def step_share(self) -> float:
         """Of the default step that a method takes for smooth springs."""
         return KINK_SHARE / 2 if self.follows else 1.0  # every contact opens
 
-    def _listing(self, pairs, walls):
+    def _listing(self, pairs: Array, walls: Array) -> Self:
         """This network with these contacts besides its own, and none that are followed."""
         springs, count = self.springs, len(self.bonds)
         of_pairs = tuple(self.law(i, j) for i, j in pairs.tolist())
@@ -229,38 +237,38 @@ class Network(Scene):
         other._geometry = geometry
         return other
 
-    def _with(self, **changed):
+    def _with(self, **changed: Any) -> Self:
         """This network with other springs or contacts; what is computed from them is dropped."""
         other = copy(self)
         other.__dict__.update(changed)
         return other
 
     @property
-    def _words(self):
+    def _words(self) -> str:
         return f"network has {self.shape} (sites, dim)"
 
     @property
-    def shape(self):
+    def shape(self) -> tuple[int, ...]:
         """Shape of the displacements of a state."""
         return self.positions.shape
 
     @property
-    def wall_count(self):
+    def wall_count(self) -> int:
         """Number of walls."""
         return len(self.walls)
 
     @property
-    def cost(self):
+    def cost(self) -> int:
         """Work of one evaluation of all forces, in bonds of a chain."""
         return 3 * len(self.springs) + self.sites
 
     @property
-    def spring_lengths(self):
+    def spring_lengths(self) -> Array | None:
         """Length of each bond, 0 for wall contacts [m]; (springs,)."""
         return self._geometry[-1]
 
     @cached_property
-    def loop_bonds(self):
+    def loop_bonds(self) -> Bonds:
         """Bonds as the loop takes them: those of a chain where that is what they are."""
         bonds, count = self.contact_bonds, np.arange(len(self.bonds))
         row = [count, count + 1]
@@ -272,11 +280,11 @@ class Network(Scene):
             return replace(bonds, contacts=None)
         return bonds
 
-    def with_springs(self, springs):
+    def with_springs(self, springs: Sequence[Potential]) -> Self:
         """The same network with other springs, one for each different spring of `spring_table`."""
         return self._with(springs=tuple(springs[k] for k in self.spring_table.group))
 
-    def arrays(self, state):
+    def arrays(self, state: State) -> tuple[Array, Array]:
         """u and v as the loop advances them: sites, and behind them walls and a spare row."""
         if self.loop_bonds.contacts is None:
             return super().arrays(state)
@@ -284,7 +292,7 @@ class Network(Scene):
         u[: self.sites], v[: self.sites] = state.u, state.v
         return u, v
 
-    def frequency_of(self, stiffness):
+    def frequency_of(self, stiffness: Array) -> float:
         """Bound on the largest angular frequency [rad/s] for stiffnesses of the contacts [N/m].
 
         Gershgorin's circles of M^-1 K: a bond's block stands twice in the rows of a site, a
@@ -298,18 +306,18 @@ class Network(Scene):
         return float(np.sqrt(np.max(total[: self.sites] * self.inverse_mass)))
 
     @property
-    def turns(self):
+    def turns(self) -> bool:
         """Whether bonds may turn: not on a line."""
         return self.dim > 1
 
     @cached_property
-    def closing(self):
+    def closing(self) -> Array:
         """Elongation [m] at which the ends of each different spring's shortest bond meet."""
         found, pairs = np.full(len(self.spring_table), -np.inf), len(self.bonds)
         np.maximum.at(found, self.spring_table.group[:pairs], -self.lengths)
         return fixed(found)
 
-    def opened(self, ranges):
+    def opened(self, ranges: Array) -> bool:
         """Whether a contact both pushes and is open within given ranges (springs, 2)."""
         for spring, (low, high) in zip(self.spring_table.different, ranges, strict=True):
             if low < 0 < high:
@@ -318,7 +326,7 @@ class Network(Scene):
                     return True
         return False
 
-    def finer_share(self, met):
+    def finer_share(self, met: Array) -> float | None:
         """That of opening contacts; under loads, whose work was not known at first, the same."""
         if self.follows:
             return self.step_share
@@ -326,20 +334,20 @@ class Network(Scene):
             return min(self.step_share, KINK_SHARE)
         return self.step_share if np.any(self.loads) else None
 
-    def extreme(self, spring, u, side):
+    def extreme(self, spring: int, u: Array, side: int) -> str:
         """Where a contact of that spring is shortest (side 0) or longest (1), in words."""
         contacts = np.flatnonzero(self.spring_table.group == spring)
         r = self.stretch(u)[contacts]
         return self._where(int(contacts[np.argmax(r) if side else np.argmin(r)]))
 
-    def _where(self, contact):
+    def _where(self, contact: int) -> str:
         if contact < len(self.bonds):
             i, j = self.bonds[contact].tolist()
             return f"between sites {i} and {j}"
         site, wall = self.wall_contacts[contact - len(self.bonds)].tolist()
         return f"between site {site} and wall {wall}"
 
-    def stiffest(self, u, ranges):
+    def stiffest(self, u: Array, ranges: Array) -> str:
         """Where the contact is that was stretched most, or whose ends met, in words."""
         if not len(self.springs):
             return ""
@@ -361,7 +369,7 @@ class Network(Scene):
         self.check(state)
         return state
 
-    def check(self, state):
+    def check(self, state: State) -> None:
         """Refuse a state of another shape, one that moves a held site, or one out of domain."""
         self._refuse_other(state)
         for site in self.held:
@@ -377,45 +385,45 @@ class Network(Scene):
 
     # what is computed from displacements u (..., sites, dim)
 
-    def elongation(self, u):
+    def elongation(self, u: ArrayLike) -> Array:
         """Elongation of each bond [m]; (..., bonds)."""
         return self._pulled(u)[0][..., : len(self.bonds)]
 
-    def direction(self, u):
+    def direction(self, u: Array) -> Array:
         """Unit vector of each bond, from its first site to its second; (..., bonds, dim)."""
         return self._pulled(u)[1][..., : len(self.bonds), :]
 
-    def wall_gap(self, u):
+    def wall_gap(self, u: ArrayLike) -> Array:
         """Gap of each wall contact [m]: distance from the wall's plane less the radius."""
         return self._pulled(u)[0][..., len(self.bonds) :]
 
-    def stretch(self, u):
+    def stretch(self, u: ArrayLike) -> Array:
         """Elongation of each bond [m], and gap of each wall contact; (..., springs)."""
         return self._pulled(u)[0]
 
-    def _pulled(self, u):
+    def _pulled(self, u: ArrayLike) -> Any:
         return forces.elongations(self.contact_bonds, check.rows("displacements", u, self.shape))
 
-    def bond_energy(self, u):
+    def bond_energy(self, u: ArrayLike) -> Array:
         """Energy of each bond [J]; (..., bonds)."""
         return self._per_contact("energy", u)[..., : len(self.bonds)]
 
-    def bond_tension(self, u):
+    def bond_tension(self, u: ArrayLike) -> Array:
         """Tension of each bond [N]; (..., bonds)."""
         return self._per_contact("tension", u)[..., : len(self.bonds)]
 
-    def wall_energy(self, u):
+    def wall_energy(self, u: ArrayLike) -> Array:
         """Energy of each wall contact [J]; (..., wall contacts)."""
         return self._per_contact("energy", u)[..., len(self.bonds) :]
 
-    def wall_load(self, u):
+    def wall_load(self, u: ArrayLike) -> Array:
         """Contact force of each wall contact [N], compression > 0; (..., wall contacts)."""
         return -self._per_contact("tension", u)[..., len(self.bonds) :]
 
-    def _per_contact(self, name, u):
+    def _per_contact(self, name: str, u: ArrayLike) -> Array:
         return self.spring_table.evaluate(name, self.stretch(u))
 
-    def energy(self, state):
+    def energy(self, state: State) -> float:
         """Total energy [J], the potential of the loads included."""
         self._refuse_other(state)
         if self.follows:
@@ -425,7 +433,7 @@ class Network(Scene):
         stored = np.sum(self._per_contact("energy", state.u))
         return float(kinetic + stored - np.sum(self.loads * state.u))
 
-    def site_energy(self, u, v):
+    def site_energy(self, u: Array, v: Array) -> Array:
         """Energy of each site [J]: motion, half its bonds, walls, load; (..., sites)."""
         result = 0.5 * self.mass * np.sum(v**2, axis=-1) - np.sum(self.loads * u, axis=-1)
         bonds, walls = np.split(self._per_contact("energy", u), [len(self.bonds)], axis=-1)
@@ -439,12 +447,12 @@ class Network(Scene):
             np.add.at(rows, sites, np.moveaxis(energy, -1, 0))
         return result
 
-    def momentum(self, state):
+    def momentum(self, state: State) -> Array:
         """Total momentum [kg m/s]; (dim,)."""
         self._refuse_other(state)
         return self.mass @ state.v
 
-    def angular_momentum(self, state):
+    def angular_momentum(self, state: State) -> float | Array:
         """Total angular momentum about the origin [kg m^2/s]; a float, in space (3,)."""
         self._refuse_other(state)
         x, p = self.positions + state.u, self.mass[:, None] * state.v
@@ -454,7 +462,7 @@ class Network(Scene):
             return float(np.sum(x[:, 0] * p[:, 1] - x[:, 1] * p[:, 0]))
         return np.cross(x, p).sum(axis=0)
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return (
             f"Network({self.sites} sites in {self.dim} dimensions, {len(self.bonds)} bonds, "
             f"{len(self.walls)} walls with {len(self.wall_contacts)} contacts)"
@@ -465,22 +473,22 @@ class Network(Scene):
 class FollowedLaw:
     """The spring of a contact that forms, from what a user gave."""
 
-    given: Potential | Callable
+    given: Potential | Callable[..., Any]
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not (isinstance(self.given, Potential) or callable(self.given)):
             raise TensegrityError(
                 f"law {self.given!r} is not a Potential or a function of two that touch"
             )
 
-    def __call__(self, site, other):
+    def __call__(self, site: int, other: Any) -> Potential:
         spring = self.given if isinstance(self.given, Potential) else self.given(site, other)
         if not isinstance(spring, Potential):
             raise TensegrityError(f"law of {site!r} and {other!r} is {spring!r}, not a Potential")
         return spring
 
 
-def _followed_law(contacts, law, radius):
+def _followed_law(contacts: str, law: Any, radius: Array | None) -> Any:
     """The law of contacts that are followed; None where they are fixed."""
     if contacts not in ("fixed", "follow"):
         raise TensegrityError(f"contacts {contacts!r} must be 'fixed' or 'follow'")

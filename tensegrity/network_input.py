@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,10 +13,15 @@ from tensegrity.potential import Potential
 from tensegrity.scene import SMALLEST_MASS
 from tensegrity.walls import Wall, floats
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from tensegrity.typing import Array, Indices
+
 GAP_ROOM = 0.1  # of the radius: what a given wall gap may differ from that of the positions
 
 
-def site_number(name, value, sites):
+def site_number(name: str, value: object, sites: int) -> int:
     """One of the sites, from 0."""
     site = check.whole(name, value, least=0)
     if site >= sites:
@@ -23,7 +29,7 @@ def site_number(name, value, sites):
     return site
 
 
-def per_site(name, value, unit, sites):
+def per_site(name: str, value: ArrayLike, unit: str, sites: int) -> Array:
     """Positive values of all sites, read-only; (sites,)."""
     given = numbers(name, value)
     if given.ndim and given.shape != (sites,):
@@ -37,14 +43,14 @@ def per_site(name, value, unit, sites):
     return values
 
 
-def held_sites(held, sites):
+def held_sites(held: Iterable[int], sites: int) -> list[int]:
     """Sites without motion, sorted."""
     if not isinstance(held, Iterable):
         raise TensegrityError(f"held {check.shown(held)} is not a sequence of sites")
     return sorted({site_number("held site", site, sites) for site in held})
 
 
-def joined_pairs(bonds, sites):
+def joined_pairs(bonds: ArrayLike, sites: int) -> Indices:
     """Pairs of different sites, none twice; (bonds, 2)."""
     bonds = whole_pairs("bonds", bonds)
     for number, (i, j) in enumerate(bonds.tolist()):
@@ -58,7 +64,7 @@ def joined_pairs(bonds, sites):
     return bonds
 
 
-def plane_walls(walls, dim):
+def plane_walls(walls: Iterable[Wall], dim: int) -> tuple[Wall, ...]:
     """Walls of as many coordinates as the sites."""
     if not isinstance(walls, Iterable):
         raise TensegrityError(f"walls {check.shown(walls)} are not a sequence of Walls")
@@ -73,7 +79,7 @@ def plane_walls(walls, dim):
     return walls
 
 
-def touching(contacts, walls, positions):
+def touching(contacts: Indices, walls: Sequence[Wall], positions: Array) -> Indices:
     """Pairs of a site and a wall that reaches beside it, none twice; (contacts, 2)."""
     for number, (site, wall) in enumerate(contacts.tolist()):
         site_number(f"site of wall contact {number}:", site, len(positions))
@@ -88,7 +94,7 @@ def touching(contacts, walls, positions):
     return contacts
 
 
-def near_positions(gaps, found, radius):
+def near_positions(gaps: ArrayLike, found: Array, radius: Array) -> Array:
     """Gaps of wall contacts, none far from what the positions give; (contacts,)."""
     gaps = numbers("wall_gaps", gaps, found.shape)
     far = np.flatnonzero(np.abs(gaps - found) > GAP_ROOM * radius)
@@ -101,13 +107,13 @@ def near_positions(gaps, found, radius):
     return gaps
 
 
-def numbers(name, value, shape=None):
+def numbers(name: str, value: ArrayLike, shape: tuple[int, ...] | None = None) -> Array:
     """`value` as a finite float array, of a given shape where one is given."""
     array = floats(name, value)
     return check.vector(name, array, array.shape if shape is None else shape)
 
 
-def whole_pairs(name, pairs):
+def whole_pairs(name: str, pairs: ArrayLike) -> Indices:
     """Pairs of whole numbers as an array (n, 2)."""
     try:
         array = np.array(pairs)
@@ -122,14 +128,16 @@ def whole_pairs(name, pairs):
     return array.astype(int)
 
 
-def _refuse_twins(name, pairs):
+def _refuse_twins(name: str, pairs: Indices) -> None:
     _, back, count = np.unique(pairs, axis=0, return_inverse=True, return_counts=True)
     if np.any(count > 1):
         twins = np.flatnonzero(back.ravel() == np.argmax(count > 1))
         raise TensegrityError(f"{name}s {twins[0]} and {twins[1]} are the same")
 
 
-def springs_of(spring, count, name):
+def springs_of(
+    spring: Potential | Sequence[Potential] | None, count: int, name: str
+) -> tuple[Potential, ...]:
     """One potential for each of `count` bonds or contacts."""
     if isinstance(spring, Potential):
         return (spring,) * count

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,6 +22,15 @@ from tensegrity.once import once
 from tensegrity.prism import Prism
 from tensegrity.response import equilibrium_path
 from tensegrity.table import Table
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from typing import Any
+
+    from numpy.typing import ArrayLike
+
+    from tensegrity.response import EquilibriumPath
+    from tensegrity.typing import Array, Flags
 
 HORIZONTAL = np.eye(18)[:, [3 * node + axis for node in range(6) for axis in (0, 1)]]
 UPRIGHT = np.eye(18)[:, [11, 14, 17]]
@@ -50,7 +60,7 @@ class Loss:
 
 
 @once
-def _tangent():
+def _tangent() -> tuple[Callable[..., Any], Callable[..., Any]]:
     import casadi as ca
 
     from derivations import nodes, prism
@@ -67,7 +77,7 @@ def _tangent():
     )
 
 
-def tangents(prism, base, twist, height):
+def tangents(prism: Prism, base: ArrayLike, twist: ArrayLike, height: ArrayLike) -> Array:
     """Tangent stiffness of the 18-coordinate prism at symmetric states.
 
     Parameters
@@ -94,7 +104,7 @@ def tangents(prism, base, twist, height):
     return matrices.reshape(18, -1, 18).transpose(1, 0, 2)
 
 
-def _motions(support, place):
+def _motions(support: str, place: Array) -> Array:
     """Orthonormal motions that a support leaves free, less sliding and turning as a whole."""
     x, y = place[0::3], place[1::3]
     whole = np.zeros((18, 3))
@@ -105,7 +115,9 @@ def _motions(support, place):
     return free @ np.linalg.svd(held.T)[2][3:].T
 
 
-def lowest(prism, path, support="plates", count=4):
+def lowest(
+    prism: Prism, path: Table, support: str = "plates", count: int = 4
+) -> tuple[Array, Flags]:
     """Lowest eigenvalues of the tangent over the motions that a support leaves free.
 
     Parameters
@@ -136,14 +148,14 @@ def lowest(prism, path, support="plates", count=4):
     return np.array(values), np.array(symmetric)
 
 
-def _refuse_support(support):
+def _refuse_support(support: str) -> None:
     if not isinstance(support, str) or support not in SUPPORTS:
         raise TensegrityError(
             f"support {check.shown(support)} must be one of {', '.join(SUPPORTS)}"
         )
 
 
-def _keeps_symmetry(mode):
+def _keeps_symmetry(mode: Array) -> bool:
     """Whether a mode is its own image under a third of a turn, nodes renumbered."""
     turn = 2 * math.pi / 3
     rotation = np.array(
@@ -153,7 +165,7 @@ def _keeps_symmetry(mode):
     return bool(np.dot(nodes.ravel(), mode) > 0.9)
 
 
-def first_loss(prism, support="plates"):
+def first_loss(prism: Prism, support: str = "plates") -> Loss:
     """First loss of stability under dead load along the compressive path, located in height.
 
     Returns
@@ -170,7 +182,7 @@ def first_loss(prism, support="plates"):
         return Loss(math.nan, math.nan, False)
     row = int(lost[0]) + 1
 
-    def lowest_at(height):
+    def lowest_at(height: float) -> float:
         return lowest(prism, _state(prism, height), support, 1)[0][0, 0]
 
     height = path.height[row]
@@ -180,7 +192,7 @@ def first_loss(prism, support="plates"):
     return Loss(float(height), load, bool(symmetric[row, 0]))
 
 
-def _state(prism, height):
+def _state(prism: Prism, height: float) -> EquilibriumPath:
     """The symmetric state at a height, by a path that ends there."""
     if height == prism.height:
         return equilibrium_path(prism)[:1]

@@ -7,6 +7,7 @@ largest value along the chain: both lie between the samples.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,12 +16,18 @@ from tensegrity.ensemble import Ensemble
 from tensegrity.errors import TensegrityError
 from tensegrity.lattice import Chain
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from tensegrity.scene import State
+    from tensegrity.typing import Array, Indices, Recorded
+
 ROUND_OFF = 1e-12  # of a crest: less is nothing
 CREST = 0.5  # an extremum counts as the pulse if it is this part of the largest
 NEIGHBOURS = 5  # recorded instants on either side that locate a crest
 
 
-def passage(t, elongation, rate):
+def passage(t: Array, elongation: Array, rate: Array) -> float:
     """Instant at which the first large extremum of an elongation passes.
 
     Parameters
@@ -53,7 +60,7 @@ def passage(t, elongation, rate):
     return float(start + brentq(curve, 0.0, t[first + 1] - start, xtol=1e-300, rtol=1e-14))
 
 
-def arrival(run, bond):
+def arrival(run: Recorded, bond: int) -> float:
     """Instant [s] at which the crest of the leading pulse passes a bond.
 
     Parameters
@@ -77,7 +84,7 @@ def arrival(run, bond):
     return passage(run.t, run.u[:, right] - run.u[:, left], run.v[:, right] - run.v[:, left])
 
 
-def speed(run, bonds):
+def speed(run: Recorded, bonds: tuple[int, int]) -> float:
     """Speed of the leading pulse between two bonds of a run, in sites per second."""
     if not isinstance(bonds, (tuple, list)) or len(bonds) != 2:
         raise TensegrityError(f"bonds {check.shown(bonds)} must be two numbers of bonds")
@@ -90,7 +97,7 @@ def speed(run, bonds):
     return (second - first) / (then - passed)
 
 
-def duration(run, bond, level=0.05):
+def duration(run: Recorded, bond: int, level: float = 0.05) -> float:
     """How long the leading pulse keeps a bond beyond `level` of its crest there [s].
 
     Times the speed it is a width in sites; exact for a wave of permanent form.
@@ -136,7 +143,7 @@ class Pulse:
     last: int
 
 
-def pulses(chain, state, fraction=0.1):
+def pulses(chain: Chain, state: State, fraction: float = 0.1) -> list[Pulse]:
     """Pulses of a chain at one instant, the foremost (highest site) first.
 
     Parameters
@@ -178,7 +185,7 @@ def pulses(chain, state, fraction=0.1):
     return found
 
 
-def tail_front(chain, state, level=0.5):
+def tail_front(chain: Chain, state: State, level: float = 0.5) -> float:
     """Place of the front of what follows the leading pulse, where site j is at j.
 
     Parameters
@@ -203,7 +210,7 @@ def tail_front(chain, state, level=0.5):
     return j + 0.5 + float(np.log(behind[j] / threshold) / np.log(behind[j] / behind[j + 1]))
 
 
-def _columns(**given):
+def _columns(**given: ArrayLike) -> list[Array]:
     """Arrays of one axis, of the same length and not empty; finite."""
     arrays = [check.floats(name, value) for name, value in given.items()]
     shape = arrays[0].shape
@@ -212,7 +219,7 @@ def _columns(**given):
     return [check.vector(name, x, shape) for name, x in zip(given, arrays, strict=True)]
 
 
-def _crests(r, fraction):
+def _crests(r: Array, fraction: float) -> Indices:
     """Bonds whose |elongation| is a maximum between neighbours of `fraction` of the largest."""
     size = np.abs(r)
     if size.max() == 0:
@@ -222,7 +229,7 @@ def _crests(r, fraction):
     return np.flatnonzero(peak)
 
 
-def _cut(r, crest, step):
+def _cut(r: Array, crest: int, step: int) -> int:
     """Bond at which a pulse ends: where |r| stops falling, or the sign changes."""
     sign, j = np.sign(r[crest]), crest
     while 0 <= j + step < len(r) and abs(r[j + step]) <= abs(r[j]) and r[j + step] * sign > 0:
@@ -230,7 +237,7 @@ def _cut(r, crest, step):
     return j
 
 
-def _parabola(r, j):
+def _parabola(r: Array, j: int) -> tuple[float, float]:
     """Shift of the extremum from bond j, and its value, by the parabola through three bonds."""
     if not 0 < j < len(r) - 1:
         return 0.0, float(r[j])
@@ -239,7 +246,7 @@ def _parabola(r, j):
     return float(shift), float(r[j] - bend * shift**2 / 2)
 
 
-def crest(elongation):
+def crest(elongation: ArrayLike) -> tuple[float, float]:
     """Place of the foremost large extremum along a chain, in bonds, and its elongation.
 
     Parameters
@@ -255,7 +262,7 @@ def crest(elongation):
     return int(inner[-1]) + shift, top
 
 
-def width(x, profile, level=0.05):
+def width(x: Array, profile: ArrayLike, level: float = 0.05) -> float:
     """Distance between the outermost points around the crest where a profile has fallen to a level.
 
     Parameters
@@ -276,7 +283,7 @@ def width(x, profile, level=0.05):
     if left.size == 0 or right.size == 0:
         raise TensegrityError(f"the profile does not fall to {level:g} of its crest on both sides")
 
-    def crossing(low, high):
+    def crossing(low: int, high: int) -> float:
         share = (level * size[top] - size[low]) / (size[high] - size[low])
         return x[low] + share * (x[high] - x[low])
 

@@ -9,13 +9,16 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable
 from functools import wraps
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from tensegrity.typing import Function
 
 _lock = threading.RLock()
 
 
-def once(build: Callable) -> Callable:
+def once(build: Function) -> Function:
     """A function that keeps its results, as `functools.cache` does, and is run by one thread
     at a time: never twice with the same arguments, never beside another such function."""
     made = {}
@@ -31,7 +34,7 @@ def once(build: Callable) -> Callable:
                 made[arguments] = build(*arguments)
             return made[arguments]
 
-    return get
+    return get  # type: ignore[return-value]
 
 
 def _renew():

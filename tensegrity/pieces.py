@@ -83,7 +83,7 @@ class BoundPieces:
 
     travel = 0.0  # only networks look for contacts
 
-    def __init__(self, loop, u, v, bonds, method, dt, count):
+    def __init__(self, loop, u, v, bonds, method, dt, count) -> None:
         self._pool = _pool(count)
         self._together = (HALO - 2) // method.stages  # steps between two exchanges
         total = len(bonds.group)
@@ -120,7 +120,7 @@ class BoundPieces:
 class _Piece:
     """Bonds from `start` to `stop` of a chain, with a halo on either side."""
 
-    def __init__(self, loop, u, v, bonds, method, dt, start, stop):
+    def __init__(self, loop, u, v, bonds, method, dt, start, stop) -> None:
         runs, total = bonds.runs, len(bonds.group)
         low = start_of_block(runs.first, max(start - HALO, 0), down=True)
         high = min(start_of_block(runs.first, min(stop + HALO, total)), total)

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from tensegrity.errors import TensegrityError
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from tensegrity.typing import Recorded
+
 FAINTEST = 1e-4  # of the largest energy density: the lower end of the colours
 
 
-def energy_density(run, axes=None):
+def energy_density(run: Recorded, axes: Axes | None = None) -> Axes:
     """Energy of each site against time, logarithmic colours; returns the axes."""
     import matplotlib.pyplot as plt
     from matplotlib.colors import LogNorm

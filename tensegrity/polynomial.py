@@ -19,6 +19,7 @@ import math
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,6 +27,10 @@ from tensegrity import check
 from tensegrity.codegen import deflated, horner
 from tensegrity.errors import RangeError, ResolutionError, TensegrityError
 from tensegrity.potential import Potential
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import Any
 
 DEGREES = tuple(range(7, 48, 4))
 NODES = 96
@@ -49,12 +54,12 @@ class PolynomialLaw:
     compiled = ("energy", "tension")
 
     @property
-    def parameters(self):
+    def parameters(self) -> tuple[str, ...]:
         """Names: interval, tension at rest, coefficients of (tension - that)/r."""
         coefficients = tuple(f"q{k}" for k in range(self.degree))
         return ("middle", "per_half", "tension_at_rest", *coefficients)
 
-    def forms(self):
+    def forms(self) -> tuple[Any, Any, Sequence[Any]]:
         """The law in CasADi; see `codegen.Law.forms`."""
         import casadi as ca
 
@@ -105,7 +110,10 @@ class Polynomial(Potential):
     True
     """
 
-    def __init__(self, spring, low, high, error=1e-12):
+    degree: int
+    error_estimate: float
+
+    def __init__(self, spring: Potential, low: float, high: float, error: float = 1e-12) -> None:
         if not isinstance(spring, Potential):
             raise TensegrityError(f"spring {spring!r} is not a Potential")
         low, high = (check.number("end of the range", x, unit="m") for x in (low, high))
@@ -146,16 +154,16 @@ class Polynomial(Potential):
         )
 
     @property
-    def force(self):
+    def force(self) -> str:
         """What stands for the tension."""
         low, high = self.domain
         return f"polynomial of degree {self.degree} on [{low:.4g}, {high:.4g}] m"
 
-    def beyond(self, r):
+    def beyond(self, r: float) -> RangeError:
         """The error for an elongation at or beyond an end of the range."""
         return RangeError(str(super().beyond(r)))
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         estimate = f"error_estimate={self.error_estimate:.2g}"
         return f"Polynomial(degree {self.degree}, domain={self.domain} m, {estimate})"
 

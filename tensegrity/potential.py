@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +18,15 @@ from tensegrity.errors import LockingError, TensegrityError
 from tensegrity.kernel import kernel
 from tensegrity.once import once
 from tensegrity.readonly import fixed
+
+if TYPE_CHECKING:
+    from collections.abc import Hashable
+    from typing import Any
+
+    import sympy as sp
+    from numpy.typing import ArrayLike
+
+    from tensegrity.typing import Array
 
 
 class Potential:
@@ -50,8 +60,13 @@ class Potential:
     _origin = ""  # the call that made it, where that is another than its class
 
     def __init__(
-        self, energy, elongation, parameters=None, length=None, domain=(-math.inf, math.inf)
-    ):
+        self,
+        energy: sp.Expr | float,
+        elongation: sp.Symbol,
+        parameters: Mapping[Any, float] | None = None,
+        length: float | None = None,
+        domain: tuple[float, float] = (-math.inf, math.inf),
+    ) -> None:
         import sympy as sp
 
         if not isinstance(elongation, sp.Symbol):
@@ -79,7 +94,14 @@ class Potential:
         check_law(law)
         self._set(law, values, length, domain)
 
-    def _set(self, law, values, length, domain, ends=("lowest", "highest")):
+    def _set(
+        self,
+        law: Law,
+        values: ArrayLike,
+        length: float | None,
+        domain: tuple[float, float],
+        ends: tuple[str, str] = ("lowest", "highest"),
+    ) -> None:
         self._law = law
         self._values = fixed(np.array(values, dtype=float))
         self._length = None if length is None else check.number("length", length, above=0, unit="m")
@@ -94,7 +116,15 @@ class Potential:
         self._ends = ends
 
     @classmethod
-    def _from_law(cls, law, values, length, domain, ends, origin=""):
+    def _from_law(
+        cls,
+        law: Law,
+        values: ArrayLike,
+        length: float | None,
+        domain: tuple[float, float],
+        ends: tuple[str, str],
+        origin: str = "",
+    ) -> Potential:
         """A potential from a law that brings more than its energy, and the call it came from."""
         potential = cls.__new__(cls)
         potential._set(law, values, length, domain, ends)
@@ -102,36 +132,36 @@ class Potential:
         return potential
 
     @property
-    def length(self):
+    def length(self) -> float | None:
         """Length at r = 0 [m], or None where none was given."""
         return self._length
 
     @property
-    def domain(self):
+    def domain(self) -> tuple[float, float]:
         """(lowest, highest) elongation [m]."""
         return self._domain
 
     @property
-    def reach(self):
+    def reach(self) -> tuple[float, float]:
         """(lowest, highest) elongation [m] that a run can follow: `domain`, or a part of it."""
         return self._domain
 
     @property
-    def force(self):
+    def force(self) -> str:
         """What a run computes the tension by."""
         return "exact"
 
     @property
-    def parameters(self):
+    def parameters(self) -> dict[str, float]:
         """Numbers of the law's parameters, {name: float}."""
         names = (str(s) for s in self._law.parameters)
         return dict(zip(names, self._values.tolist(), strict=True))
 
-    def energy(self, r):
+    def energy(self, r: ArrayLike) -> Array:
         """Energy V [J] at elongations r [m] of any shape, the ends of the domain included."""
         return self._evaluate(0, r, closed=True)
 
-    def tension(self, r):
+    def tension(self, r: ArrayLike) -> Array:
         """Tension dV/dr at given elongations.
 
         Parameters
@@ -151,15 +181,15 @@ class Potential:
         """
         return self._evaluate(1, r)
 
-    def stiffness(self, r):
+    def stiffness(self, r: ArrayLike) -> Array:
         """Tangent stiffness d2V/dr2 [N/m] at elongations r [m] of any shape."""
         return self._evaluate(2, r)
 
-    def stiffness_slope(self, r):
+    def stiffness_slope(self, r: ArrayLike) -> Array:
         """Third derivative d3V/dr3 [N/m^2] at elongations r [m] of any shape."""
         return self._evaluate(3, r)
 
-    def _evaluate(self, order, r, closed=False):
+    def _evaluate(self, order: int, r: ArrayLike, closed: bool = False) -> Array:
         r = check.floats("elongation", r)
         if np.isnan(r).any():
             raise TensegrityError("elongation nan m is not a number")
@@ -172,7 +202,7 @@ class Potential:
         out = kernel((self._law,)).evaluate(0, order, self._values, flat)
         return out.reshape(r.shape)
 
-    def beyond(self, r):
+    def beyond(self, r: float) -> LockingError:
         """The error for an elongation at or beyond an end of the domain or of the reach."""
         side = int(r > 0)
         bound, way = self._domain[side], ("at or below", "at or above")[side]
@@ -180,23 +210,23 @@ class Potential:
             f"elongation {r:.6g} m is {way} {bound:.6g} m, where {self._ends[side]}"
         )
 
-    def __eq__(self, other):
+    def __eq__(self, other: object) -> bool:
         if not isinstance(other, Potential):
             return NotImplemented
         return self._key() == other._key()
 
-    def __hash__(self):
+    def __hash__(self) -> int:
         if "_hash" not in self.__dict__:
             self._hash = hash(self._key())
         return self._hash
 
-    def __getstate__(self):
+    def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in vars(self).items() if name != "_hash"}  # of here
 
-    def _key(self):
+    def _key(self) -> Hashable:
         return self._law, self._values.tobytes(), self._length, self._domain
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         if self._origin:
             return self._origin
         values = ", ".join(f"{name!r}: {shown(value)}" for name, value in self.parameters.items())
@@ -206,12 +236,12 @@ class Potential:
         return f"Potential({law.energy}, {law.elongation}, {{{values}}}{length}, domain=({domain}))"
 
 
-def shown(number):
+def shown(number: float) -> str:
     """The shortest text that reads back as this number: 1 rather than 1.0."""
     return repr(float(number)).removesuffix(".0")
 
 
-def call(name, **given):
+def call(name: str, **given: Any) -> str:
     """The text of a call with these numbers, such as f(x=1, y=2)."""
     return f"{name}({', '.join(f'{key}={shown(value)}' for key, value in given.items())})"
 
@@ -250,7 +280,9 @@ class PowerLaw(Potential):
 
     smooth = False
 
-    def __init__(self, stiffness, exponent, preload=0.0, length=None):
+    def __init__(
+        self, stiffness: float, exponent: float, preload: float = 0.0, length: float | None = None
+    ) -> None:
         stiffness = check.number("stiffness", stiffness, above=0, unit="N/m^n")
         exponent = check.number("exponent", exponent, above=0)
         preload = check.number("preload", preload, least=0, unit="N")
@@ -263,12 +295,12 @@ class PowerLaw(Potential):
         domain = (-math.inf, math.inf)
         self._set(_power_law(exponent), values, length, domain)
         self._exponent = exponent
-        given = {"stiffness": stiffness, "exponent": exponent, "preload": preload}
+        given: dict[str, Any] = {"stiffness": stiffness, "exponent": exponent, "preload": preload}
         given |= {} if length is None else {"length": self._length}
         self._origin = call("PowerLaw", **given)
 
     @property
-    def exponent(self):
+    def exponent(self) -> float:
         """n."""
         return self._exponent
 
@@ -277,7 +309,7 @@ SMALLEST = 1e-100  # overlap [m] from which a contact counts as closed
 
 
 @once
-def _power_law(exponent):
+def _power_law(exponent: float) -> Law:
     import sympy as sp
 
     r = sp.Symbol("r", real=True)
@@ -287,7 +319,7 @@ def _power_law(exponent):
     closed, gap = sp.Heaviside(overlap - r - SMALLEST), sp.Symbol("gap")
     pressed = sp.Max(overlap - r, SMALLEST)
 
-    def stored(gap):
+    def stored(gap: sp.Expr) -> sp.Expr:
         return stiffness / (n + 1) * gap ** (n + 1)
 
     energy = closed * stored(pressed) - stored(overlap) + preload * r

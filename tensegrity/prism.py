@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,10 @@ from tensegrity.codegen import Law
 from tensegrity.errors import EquilibriumError, NoLocking, TensegrityError
 from tensegrity.once import once
 from tensegrity.potential import Potential, call
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+    from typing import Any
 
 DIGITS = 40  # decimals in which stored parameters are computed before they are rounded
 
@@ -60,7 +64,7 @@ class Prism:
     k_base: float = math.inf
     k_bar: float = math.inf
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name, unit in (("base", "m"), ("height", "m"), ("k_cross", "N/m")):
             self._check(name, above=0, unit=unit)
         self._check("prestrain", least=0)
@@ -73,25 +77,25 @@ class Prism:
                 "below which the natural length of the base strings is not positive"
             )
 
-    def _check(self, name, **bounds):
+    def _check(self, name: str, **bounds: Any) -> None:
         object.__setattr__(self, name, check.number(name, getattr(self, name), **bounds))
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         given = {name: value for name, value in asdict(self).items() if value != math.inf}
         return call("Prism", **given)
 
     @property
-    def is_rigid(self):
+    def is_rigid(self) -> bool:
         """Whether bases and bars are rigid, so that the height alone describes the prism."""
         return math.isinf(self.k_base) and math.isinf(self.k_bar)
 
-    def natural_lengths(self):
+    def natural_lengths(self) -> NaturalLengths:
         """Unstressed lengths of cross strings, base strings and bars [m], as a named tuple."""
         from derivations import prism as derived
 
         return NaturalLengths(*(float(x) for x in _exact(derived.natural_lengths, self)))
 
-    def locking_height(self):
+    def locking_height(self) -> float:
         """Height at which the bars of the rigid prism meet (twist pi) [m].
 
         Raises
@@ -108,7 +112,7 @@ class Prism:
             )
         return float(squared**0.5)
 
-    def axial_stiffness(self):
+    def axial_stiffness(self) -> float:
         """Stiffness K_h0 of the total axial force at the reference state [N/m], > 0.
 
         Zero where the prestrain is zero: the reference is then a sonic vacuum.  Closed form,
@@ -117,7 +121,7 @@ class Prism:
         (stiffness,) = _exact(_axial_stiffness, self)
         return float(stiffness)
 
-    def potential(self, preload=0.0):
+    def potential(self, preload: float = 0.0) -> Potential:
         """Potential of the prism as a spring of a chain.
 
         Parameters
@@ -148,7 +152,7 @@ class Prism:
             return unloaded
         return self._potential_at(self.height + _loaded_shift(unloaded, preload), preload)
 
-    def _potential_at(self, height, preload):
+    def _potential_at(self, height: float, preload: float) -> Potential:
         from derivations import rigid_elastic as derived
 
         numbers = _exact(_parameters, self, height, preload)
@@ -169,7 +173,7 @@ class Prism:
 
 
 @once
-def _decimals():
+def _decimals() -> Any:
     """Arithmetic with `DIGITS` decimals, apart from mpmath's own, which all threads share."""
     import mpmath
 
@@ -179,7 +183,7 @@ def _decimals():
 
 
 @once
-def _numeric(derive):
+def _numeric(derive: Callable[[], Iterable[Any]]) -> Callable[..., list[Any]]:
     """The expressions that `derive()` gives, in a fixed order, as one function for mpmath."""
     import sympy as sp
 
@@ -192,14 +196,16 @@ def _numeric(derive):
     return sp.lambdify(symbols, list(derive()), modules=[own, "mpmath"])
 
 
-def _exact(derive, prism, height=1.0, preload=0.0):
+def _exact(
+    derive: Callable[[], Iterable[Any]], prism: Prism, height: float = 1.0, preload: float = 0.0
+) -> list[Any]:
     """Values of derived expressions to `DIGITS` decimals, the prism's fields taken as exact."""
     fields = (prism.base, prism.height, prism.prestrain, prism.k_cross, prism.k_base, prism.k_bar)
     return _numeric(derive)(*map(_decimals().mpf, (*fields, height, preload)))
 
 
 @once
-def _rigid_law():
+def _rigid_law() -> Law:
     from derivations import rigid_elastic as derived
 
     return Law(
@@ -207,25 +213,25 @@ def _rigid_law():
     )
 
 
-def _locking_height_squared():
+def _locking_height_squared() -> list[Any]:
     from derivations import rigid_elastic as derived
 
     return [derived.locking_height_squared()]
 
 
-def _axial_stiffness():
+def _axial_stiffness() -> list[Any]:
     from derivations import elastic as derived
 
     return [derived.axial_stiffness_of_prism()]
 
 
-def _parameters():
+def _parameters() -> Iterable[Any]:
     from derivations import rigid_elastic as derived
 
     return derived.parameter_expressions().values()
 
 
-def _loaded_shift(unloaded, preload):
+def _loaded_shift(unloaded: Potential, preload: float) -> float:
     """Elongation of the unloaded potential at which it carries the preload, on its first branch."""
     from scipy.optimize import brentq
 
@@ -234,14 +240,14 @@ def _loaded_shift(unloaded, preload):
     if preload >= largest:
         raise EquilibriumError(
             f"preload {preload:g} N is beyond {largest:g} N, the largest axial load of this prism "
-            f"(at height {unloaded.length + lowest:g} m)"
+            f"(at height {unloaded.length + lowest:g} m)"  # type: ignore[operator]
         )
     return brentq(
         lambda r: float(unloaded.tension(r)) + preload, lowest, 0.0, xtol=1e-300, rtol=1e-15
     )
 
 
-def _first_limit(potential, samples=4000):
+def _first_limit(potential: Potential, samples: int = 4000) -> float:
     """Elongation of the first limit point in compression, or next to the end of the domain."""
     from scipy.optimize import brentq
 

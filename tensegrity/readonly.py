@@ -7,21 +7,24 @@ to their scene; a scene changed afterwards would contradict both.
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
-class FixedDict(dict):
+
+class FixedDict(dict[Any, Any]):
     """A dict that cannot be changed."""
 
-    def _refuse(self, *_, **__):
+    def _refuse(self, *_: Any, **__: Any) -> Any:
         raise TypeError("this dict cannot be changed: make another, dict(this) | {...}")
 
     __setitem__ = __delitem__ = __ior__ = _refuse
     clear = pop = popitem = setdefault = update = _refuse
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (dict(self),)
 
 
@@ -43,20 +46,20 @@ class ReadOnly:
     Pickles and copies keep them so; values of `cached_property` are not taken along.
     """
 
-    def __setattr__(self, name, value):
+    def __setattr__(self, name: str, value: Any) -> None:
         if name in self.__dict__ or hasattr(type(self), name):
             raise AttributeError(
                 f"{name} of a {type(self).__name__} cannot be changed: make another one"
             )
         object.__setattr__(self, name, fixed(value))
 
-    def __delattr__(self, name):
+    def __delattr__(self, name: str) -> None:
         raise AttributeError(f"{name} of a {type(self).__name__} cannot be deleted")
 
-    def __getstate__(self):
+    def __getstate__(self) -> dict[str, Any]:
         kept = self.__dict__.items()
         made = cached_property
         return {n: x for n, x in kept if not isinstance(getattr(type(self), n, None), made)}
 
-    def __setstate__(self, state):
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
         self.__dict__.update((name, fixed(value)) for name, value in state.items())

@@ -8,12 +8,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.rows import FileRows, Rows, need_memory
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from numpy.typing import NDArray
+
+    from tensegrity.typing import Array, Indices
 
 INSTANTS = 500  # kept by default
 PER_INSTANT = 48  # bytes of memory for the numbers of the recorded steps, at most
@@ -58,12 +66,12 @@ class Record:
 
     every: int | None = None
     sites: Sequence[int] | None = None
-    path: str | os.PathLike | None = None
+    path: str | os.PathLike[str] | None = None
     times: Sequence[float] | None = None
     interval: float | None = None
     checkpoint: float | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         ways = {name: getattr(self, name) for name in ("every", "times", "interval")}
         given = [name for name, value in ways.items() if value is not None]
         if len(given) > 1:
@@ -91,11 +99,11 @@ class Record:
                 raise TensegrityError(f"checkpoint {seconds:g} s needs a path for the rows")
 
     @property
-    def state_path(self):
+    def state_path(self) -> Path | None:
         """The file of the whole state, or None."""
-        return None if self.checkpoint is None else beside(self.path)
+        return None if self.checkpoint is None else beside(self.path)  # type: ignore[arg-type]
 
-    def check(self, sites, t_end=math.inf):
+    def check(self, sites: int, t_end: float = math.inf) -> None:
         """Refuse sites that a scene does not have, instants that a run does not reach, and a path
         that cannot be a new file."""
         self.columns(sites)
@@ -108,7 +116,13 @@ class Record:
         if self.path is not None and not self.path.parent.is_dir():
             raise TensegrityError(f"record path {self.path}: there is no folder {self.path.parent}")
 
-    def rows(self, instants, shape, walls=(0,), count=None):
+    def rows(
+        self,
+        instants: int,
+        shape: int | tuple[int, ...],
+        walls: tuple[int, ...] = (0,),
+        count: int | None = None,
+    ) -> Rows | FileRows:
         """Room for that many rows, in memory or in the file.
 
         `shape` is that of u: (sites[, dim]); `walls` that of the impulses: (walls[, dim]); `count`
@@ -120,7 +134,7 @@ class Record:
             return Rows(instants, kind)
         return FileRows(self.path, instants, kind, count)
 
-    def columns(self, sites):
+    def columns(self, sites: int) -> Any:
         """Numbers of the recorded sites of a scene, or a slice of all."""
         if self.sites is None:
             return slice(None)
@@ -128,7 +142,7 @@ class Record:
             raise TensegrityError(f"recorded site {max(self.sites)} must be below {sites}")
         return list(self.sites)
 
-    def steps(self, total):
+    def steps(self, total: int) -> Indices:
         """Numbers of the recorded steps of a run of `total` steps."""
         for name in ("times", "interval", "checkpoint"):
             if getattr(self, name) is not None:
@@ -138,7 +152,7 @@ class Record:
         kept = np.arange(0, total + 1, every)
         return kept if kept[-1] == total else np.append(kept, total)
 
-    def plan(self, total, t_end):
+    def plan(self, total: int, t_end: float) -> Plan:
         """The instants of a run of `total` steps to `t_end`."""
         if self.times is None and self.interval is None:
             whole = Record(every=self.every).steps(total)
@@ -174,24 +188,24 @@ class Plan:
         [s]
     """
 
-    step: np.ndarray
-    part: np.ndarray
-    t: np.ndarray
+    step: Indices
+    part: Array
+    t: NDArray[Any]
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.step)
 
-    def is_due(self, row, done):
+    def is_due(self, row: int, done: int) -> bool:
         """Whether a row can be recorded after so many steps."""
         return row < len(self) and self.step[row] + (self.part[row] > 0) <= done
 
-    def stop(self, row, done):
+    def stop(self, row: int, done: int) -> int:
         """The step at which to stop next for a row: before its step, and then behind it."""
         step = int(self.step[row])
         return step + (done == step)
 
 
-def beside(path):
+def beside(path: str | os.PathLike[str]) -> Path:
     """The file of the whole state beside that of the rows."""
     path = Path(path)
     return path.with_name(path.name + ".state.npz")

@@ -10,6 +10,7 @@ hang upright and pull alone.  Source: seeds/000, part III, "Numerical approach".
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,6 +22,19 @@ from tensegrity.errors import NoLocking, TensegrityError
 from tensegrity.once import once
 from tensegrity.prism import Prism
 from tensegrity.table import Event, Table
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from typing import Any
+
+    from matplotlib.axes import Axes
+
+    from tensegrity.continuation import Branch
+    from tensegrity.potential import Potential
+    from tensegrity.typing import Array, Flags
+
+    Columns = dict[str, Any]
+    Found = tuple[str, int, dict[str, float]]  # kind, row, numbers
 
 ROWS = 200  # of a rigid prism, and of the part where base strings are slack
 SETTINGS = Settings(tolerance=1e-8, largest=0.05)
@@ -71,11 +85,26 @@ class EquilibriumPath(Table):
         Why the path ends there; why its tension side is shorter than asked for, if it is.
     """
 
-    def __init__(self, prism, columns, events, end, begin=""):
+    height: Array
+    twist: Array
+    base: Array
+    load: Array
+    shortening: Array
+    stable_load: Flags
+    stable_height: Flags
+
+    def __init__(
+        self,
+        prism: Prism,
+        columns: Mapping[str, Any],
+        events: Iterable[Event],
+        end: str,
+        begin: str = "",
+    ) -> None:
         super().__init__(columns, events, end)
         self.prism, self.begin = prism, begin
 
-    def __str__(self):
+    def __str__(self) -> str:
         first, last = self[0], self[-1]
         lines = [
             f"{self.prism}",
@@ -93,13 +122,21 @@ class EquilibriumPath(Table):
             )
         return "\n".join([*lines, f"  ends: {self.end}"])
 
-    def plot(self, x="shortening", y="load", axes=None):
+    def plot(  # type: ignore[override]
+        self, x: str = "shortening", y: str = "load", axes: Axes | None = None
+    ) -> Axes:
         """Draw one column against another, events marked; returns the Matplotlib axes."""
         return super().plot(x, y, axes, LABELS)
 
 
-def equilibrium_path(prism, *, min_height=0.0, max_load=math.inf, max_height=None,
-                     past_contact=False):  # fmt: skip
+def equilibrium_path(
+    prism: Prism,
+    *,
+    min_height: float = 0.0,
+    max_load: float = math.inf,
+    max_height: float | None = None,
+    past_contact: bool = False,
+) -> EquilibriumPath:
     """Equilibria of a prism from its self-stressed state into compression, and into tension.
 
     Parameters
@@ -146,10 +183,17 @@ def equilibrium_path(prism, *, min_height=0.0, max_load=math.inf, max_height=Non
     return _elastic_path(prism, min_height, max_load, max_height, past_contact)
 
 
-def _path(prism, parts, events, end, begin="", past_contact=False):
+def _path(
+    prism: Prism,
+    parts: Sequence[Columns],
+    events: Iterable[Found],
+    end: str,
+    begin: str = "",
+    past_contact: bool = False,
+) -> EquilibriumPath:
     """Parts (columns without shortening) one after another; events are (kind, row, numbers)."""
 
-    def note(kind, at):
+    def note(kind: str, at: dict[str, float]) -> str:
         if kind == "contact":
             return PASSED if past_contact else CONTACT
         if kind == "slack" and at["height"] == prism.height:
@@ -170,7 +214,9 @@ def _path(prism, parts, events, end, begin="", past_contact=False):
 # --- elastic members -------------------------------------------------------------------------
 
 
-def _elastic_path(prism, min_height, max_load, max_height, past_contact):
+def _elastic_path(
+    prism: Prism, min_height: float, max_load: float, max_height: float | None, past_contact: bool
+) -> EquilibriumPath:
     level = min_height if min_height > 0 else -prism.height
     stop = ("flat", "height", "load", *(() if past_contact else ("contact",)))
     down, events = _branch(prism, numbers(prism, level, max_load), -1, stop)
@@ -191,7 +237,9 @@ def _elastic_path(prism, min_height, max_load, max_height, past_contact):
     return _path(prism, parts, events, ENDS[down.end], begin, past_contact)
 
 
-def _branch(prism, p, direction, stop):
+def _branch(
+    prism: Prism, p: list[float], direction: int, stop: tuple[str, ...]
+) -> tuple[Branch, list[Found]]:
     """The branch in the problem's units, and its events in SI units as (kind, row, numbers)."""
     rigid_base = math.isinf(prism.k_base)
     of, start = problem(rigid_base), np.zeros(4 - rigid_base)
@@ -215,7 +263,7 @@ def _branch(prism, p, direction, stop):
     return branch, events
 
 
-def _in_si(prism, columns):
+def _in_si(prism: Prism, columns: Mapping[str, Any]) -> Columns:
     force = prism.k_cross * prism.base
     return {
         "height": columns["height"] * prism.base,
@@ -225,7 +273,7 @@ def _in_si(prism, columns):
     }
 
 
-def _columns(prism, branch):
+def _columns(prism: Prism, branch: Branch) -> Columns:
     by_load, by_height = stable(branch.z, branch.p, math.isinf(prism.k_base))
     columns = _in_si(prism, branch.columns)
     columns["load"][0] = 0.0  # the self-stressed state
@@ -235,7 +283,7 @@ def _columns(prism, branch):
     return columns | {"stable_load": by_load, "stable_height": by_height}
 
 
-def _hanging(prism, max_height, below):
+def _hanging(prism: Prism, max_height: float, below: Columns) -> Columns:
     """Rows above the point where base strings and bars unload, the highest first.
 
     The bars keep their natural length at twist 2 pi/3, where the cross strings stand upright:
@@ -258,7 +306,9 @@ def _hanging(prism, max_height, below):
 # --- rigid bases and bars --------------------------------------------------------------------
 
 
-def _rigid_path(prism, min_height, max_load, max_height):
+def _rigid_path(
+    prism: Prism, min_height: float, max_load: float, max_height: float | None
+) -> EquilibriumPath:
     """Rows of the closed form, closer towards where the prism locks."""
     from scipy.optimize import brentq
 
@@ -313,7 +363,7 @@ def _rigid_path(prism, min_height, max_load, max_height):
     return _path(prism, [columns], listed, ENDS[kind], begin)
 
 
-def _stretched(prism, potential, max_height):
+def _stretched(prism: Prism, potential: Potential, max_height: float) -> Array:
     """Elongations above the reference, the highest first."""
     top = min(max_height - prism.height, potential.domain[1])
     part = np.linspace(1.0, 0.0, ROWS + 1)[:-1]
@@ -321,7 +371,7 @@ def _stretched(prism, potential, max_height):
     return r[r < potential.domain[1]]
 
 
-def _rigid_columns(prism, potential, r, locked=False):
+def _rigid_columns(prism: Prism, potential: Potential, r: Array, locked: bool = False) -> Columns:
     """Numbers at elongations r; at a locked end no load (0 where flat) and no stiffness."""
     tangent = _half_turn()(r.reshape(1, -1), list(potential.parameters.values()))
     turn = 2 * np.arctan(np.array(tangent).ravel())
@@ -338,7 +388,7 @@ def _rigid_columns(prism, potential, r, locked=False):
 
 
 @once
-def _half_turn():
+def _half_turn() -> Callable[..., Any]:
     """Tangent of half the turn from the reference, from constant length of bars and bases."""
     import casadi as ca
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from tensegrity import archive, check
 from tensegrity.book import Sound, Start
@@ -14,8 +15,14 @@ from tensegrity.record import beside
 from tensegrity.run import Run
 from tensegrity.tolerance import resumed
 
+if TYPE_CHECKING:
+    from pathlib import Path
+    from typing import Any
 
-def resume(path: str | os.PathLike, scene=None) -> Run:
+    from tensegrity.scene import Scene
+
+
+def resume(path: str | os.PathLike[str], scene: Scene | None = None) -> Run:
     """Go on with a run that was recorded with a checkpoint, to the end that it had.
 
     Rows and bits are those of an unbroken run with the same step.  Rows written after the last
@@ -58,7 +65,7 @@ def resume(path: str | os.PathLike, scene=None) -> Run:
     return replace(run, wall_time=time.perf_counter() - started)
 
 
-def _same(kept, given, path):
+def _same(kept: Any, given: Any, path: Path) -> Any:
     """The scene of a file, or one that was handed in, if it is the same."""
     if given is None and isinstance(kept, archive.Printed):
         raise TensegrityError(

@@ -9,11 +9,19 @@ from __future__ import annotations
 import io
 import os
 import shutil
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import RecordError, TensegrityError
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from tensegrity.typing import Array
 
 
 def need_memory(size):
@@ -37,17 +45,17 @@ def _row(kind, *fields):
 class Rows:
     """Rows in memory: time, energy, and u and v of the kept sites."""
 
-    def __init__(self, instants, kind):
+    def __init__(self, instants: int, kind: np.dtype[Any]) -> None:
         need_memory(instants * kind.itemsize)
         self._rows = np.zeros(instants, dtype=kind)
         self.count = 0
 
-    def add(self, t, energy, u, v, impulse=()):
+    def add(self, t: float, energy: float, u: Array, v: Array, impulse: ArrayLike = ()) -> None:
         """Append a row."""
         self._rows[self.count] = _row(self._rows.dtype, t, energy, u, v, impulse)
         self.count += 1
 
-    def finished(self):
+    def finished(self) -> NDArray[Any]:
         """The rows written so far, as a structured array with fields t, energy, u, v."""
         return self._rows[: self.count]
 
@@ -66,7 +74,9 @@ class FileRows:
         is written over.  By default the file is begun.
     """
 
-    def __init__(self, path, instants, kind, count=None):
+    def __init__(
+        self, path: Any, instants: int, kind: np.dtype[Any], count: int | None = None
+    ) -> None:
         self._path, self._kind, self.count = path, kind, count or 0
         missing = instants - self.count
         _refuse_more(missing * kind.itemsize, shutil.disk_usage(path.parent).free, "disk space")
@@ -94,7 +104,7 @@ class FileRows:
     def _refused(self, error):
         return RecordError(f"record path {self._path}: {error.strerror} after {self.count} rows")
 
-    def add(self, t, energy, u, v, impulse=()):
+    def add(self, t: float, energy: float, u: Array, v: Array, impulse: ArrayLike = ()) -> None:
         """Append a row: first its bytes, then the count that makes it visible.
 
         Raises
@@ -124,10 +134,10 @@ class FileRows:
         """Wait until the disk has what was written."""
         os.fsync(self._file)
 
-    def finished(self):
+    def finished(self) -> NDArray[Any]:
         """The rows written so far, mapped from the file."""
         if self._file is not None:
-            file, self._file = self._file, None
+            file, self._file = self._file, None  # type: ignore[assignment]
             os.close(file)
         return _mapped(self._path, self._kind, self.count)[: self.count]
 

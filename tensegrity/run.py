@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tensegrity import archive
 from tensegrity.errors import TensegrityError
 from tensegrity.scene import State
+
+if TYPE_CHECKING:
+    from os import PathLike
+    from typing import Any, Self
+
+    from matplotlib.axes import Axes
+
+    from tensegrity.typing import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,11 +57,11 @@ class Run:
         What each wall received since the start [N s], where the scene has walls.
     """
 
-    scene: object = field(repr=False)
-    t: np.ndarray
-    u: np.ndarray
-    v: np.ndarray
-    energy: np.ndarray
+    scene: Any = field(repr=False)
+    t: Array
+    u: Array
+    v: Array
+    energy: Array
     final: State
     method: str
     dt: float
@@ -61,20 +70,20 @@ class Run:
     complete: bool = True
     error_estimate: float | None = None
     force: str = "exact"
-    met: np.ndarray | None = field(default=None, repr=False)
+    met: Array = field(default=None, repr=False)  # type: ignore[arg-type]
     fastest: float | None = field(default=None, repr=False)
     wall_time: float = 0.0
-    impulse: np.ndarray | None = None
+    impulse: Array | None = None
 
     @property
-    def energy_error(self):
+    def energy_error(self) -> float:
         """Largest relative deviation of the total energy from its first value."""
         if not len(self.energy):
             return 0.0
         deviation = np.max(np.abs(self.energy - self.energy[0]))
         return float(deviation / abs(self.energy[0])) if self.energy[0] else float(deviation)
 
-    def save(self, path):
+    def save(self, path: str | PathLike[str]) -> None:
         """Write all of the run to one .npz file, whole or not at all, without pickle.
 
         Parameters
@@ -94,7 +103,7 @@ class Run:
             raise TensegrityError(f"run not saved to {path}: {error.strerror}") from error
 
     @classmethod
-    def load(cls, path):
+    def load(cls, path: str | PathLike[str]) -> Self:
         """The run that was saved to a file; nothing in it is evaluated or unpickled.
 
         Parameters
@@ -115,13 +124,13 @@ class Run:
         """
         return archive.read(path, "run", lambda data: cls(**data))
 
-    def plot(self, axes=None):
+    def plot(self, axes: Axes | None = None) -> Axes:
         """Space-time density of energy; needs all sites recorded. Returns the axes."""
         from tensegrity.plotting import energy_density
 
         return energy_density(self, axes)
 
-    def __str__(self):
+    def __str__(self) -> str:
         estimate = "" if self.error_estimate is None else f", estimated {self.error_estimate:.1e}"
         end = f"{self.t[-1]:.6g}" if len(self.t) else "0"
         return (

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,6 +22,11 @@ from tensegrity.lattice import Chain
 from tensegrity.potential import Potential
 from tensegrity.scene import State
 from tensegrity.travelling import Grid, NoWave, cosine_sum
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from tensegrity.typing import Array
 
 LEAST_LEVEL = 1e-8  # of the crest, at which a width is asked for
 
@@ -52,7 +58,7 @@ class SolitaryWave:
 
     potential: Potential = field(repr=False)
     mass: float
-    x: np.ndarray = field(repr=False)
+    x: Array = field(repr=False)
     speed: float
     sound_speed: float
     amplitude: float
@@ -60,20 +66,20 @@ class SolitaryWave:
     momentum: float
     residual: float
     _grid: Grid = field(repr=False)
-    _rates: np.ndarray = field(repr=False)  # cosine coefficients of du/dx
+    _rates: Array = field(repr=False)  # cosine coefficients of du/dx
 
-    def elongation(self, x):
+    def elongation(self, x: ArrayLike) -> Array:
         """Elongation [m] at distances x from the crest (sites, any shape), by Fourier's series.
 
         Raises `TensegrityError` where an x is not a number, as do `rate` and `displacement`.
         """
         return self._sum(self._rates * self._grid.box, x)
 
-    def rate(self, x):
+    def rate(self, x: ArrayLike) -> Array:
         """du/dx [m per site] at distances x from the crest: the velocity is -speed times it."""
         return self._sum(self._rates, x)
 
-    def displacement(self, x):
+    def displacement(self, x: ArrayLike) -> Array:
         """u(x) [m], 0 far ahead of the crest (x > 0)."""
         x = np.clip(_distances(x), -self._grid.half_length, self._grid.half_length)
         k = self._grid.wave_numbers[1:]
@@ -87,7 +93,7 @@ class SolitaryWave:
         return np.where(inside, value, 0.0)
 
     @property
-    def strain(self):
+    def strain(self) -> Array:
         """Elongation over the length of the spring at `x`, extension > 0; (n,)."""
         if self.potential.length is None:
             raise TensegrityError("no strain: the potential has no length; see elongation(x)")
@@ -99,16 +105,16 @@ class SolitaryWave:
         return np.concatenate([half[:0:-1], half])
 
     @property
-    def speed_ratio(self):
+    def speed_ratio(self) -> float:
         """Speed over sound speed; inf in a sonic vacuum."""
         return self.speed / self.sound_speed if self.sound_speed else math.inf
 
     @property
-    def shift(self):
+    def shift(self) -> float:
         """How far a passing wave carries each mass [m], > 0 along its way."""
         return float(-2 * self._grid.half_length * self._rates[0])
 
-    def width(self, level=0.05):
+    def width(self, level: float = 0.05) -> float:
         """Distance in sites between the two places where the elongation is `level` of the crest."""
         from scipy.optimize import brentq
 
@@ -124,7 +130,7 @@ class SolitaryWave:
             lambda x: float(self.elongation(x)) / self.amplitude - level, *places, xtol=1e-13
         )
 
-    def reach(self, tail=1e-12):
+    def reach(self, tail: float = 1e-12) -> float:
         """Distance from the crest, in sites, beyond which less than `tail` (< 1) of it is left."""
         tail = check.number("tail", tail, above=0)
         if tail >= 1:
@@ -134,7 +140,7 @@ class SolitaryWave:
         left = np.maximum(rates / rates.max(), half / half.max()) >= tail
         return float(self._grid.x[np.flatnonzero(left)[-1]])
 
-    def launch(self, chain, at, direction=1, tail=1e-12):
+    def launch(self, chain: Chain, at: float, direction: int = 1, tail: float = 1e-12) -> State:
         """The wave as a state of a chain, otherwise at rest.
 
         Parameters
@@ -194,7 +200,7 @@ class SolitaryWave:
                 f"the masses around {at:g} differ from that of the wave, {self.mass:g} kg"
             )
 
-    def __str__(self):
+    def __str__(self) -> str:
         kind = "compression" if self.amplitude < 0 else "rarefaction"
         ratio = f" = {self.speed_ratio:.6g} sound speeds" if self.sound_speed else ""
         return (
@@ -206,8 +212,15 @@ class SolitaryWave:
 
 
 def solitary_wave(
-    potential, mass=1.0, *, speed=None, speed_ratio=None, amplitude=None, energy=None, family=None
-):
+    potential: Potential,
+    mass: float = 1.0,
+    *,
+    speed: float | None = None,
+    speed_ratio: float | None = None,
+    amplitude: float | None = None,
+    energy: float | None = None,
+    family: str | None = None,
+) -> SolitaryWave:
     """The solitary wave of a chain, to round-off.
 
     Parameters
@@ -321,7 +334,9 @@ def _smooth_at_rest(potential):
     return float(potential.stiffness(0.0)) > 0
 
 
-def largest_speed(potential, mass=1.0, family=None, closest=1e-3):
+def largest_speed(
+    potential: Potential, mass: float = 1.0, family: str | None = None, closest: float = 1e-3
+) -> float:
     """The speed that the waves of a family approach but do not reach.
 
     Parameters

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +15,11 @@ from tensegrity.errors import StabilityError, TensegrityError
 from tensegrity.kernel import kernel
 from tensegrity.potential import Potential
 from tensegrity.readonly import fixed
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from tensegrity.typing import Array, Flags, Indices
 
 ORDERS = ("energy", "tension", "stiffness")
 CLOSE = np.logspace(-16, 0, 321)  # shares of a range at which a search looks
@@ -44,7 +50,12 @@ class Springs:
         The number in `different` of each bond's spring.
     """
 
-    def __init__(self, springs: Sequence[Potential], shape=None, lengths=None):
+    def __init__(
+        self,
+        springs: Sequence[Potential],
+        shape: tuple[int, ...] | None = None,
+        lengths: Array | None = None,
+    ) -> None:
         known: dict[tuple, int] = {}
         numbers: dict[tuple, int] = {}
         group = np.zeros(len(springs), dtype=int)
@@ -58,11 +69,11 @@ class Springs:
         self.different = tuple(spring for spring, _ in numbers)
         self.group = fixed(group if shape is None else group.reshape(shape))
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.different)
 
     @cached_property
-    def table(self):
+    def table(self) -> tuple[Any, Any, Any]:
         """The different laws, the number of each spring's, and its parameters."""
         laws = tuple(dict.fromkeys(spring._law for spring in self.different))
         width = max((len(spring._values) for spring in self.different), default=0)
@@ -74,12 +85,12 @@ class Springs:
         return laws, fixed(np.array(numbers, dtype=int)), fixed(parameters)
 
     @cached_property
-    def reach(self):
+    def reach(self) -> Any:
         """Lowest and highest elongation that a run can follow [m]; (springs, 2)."""
         return fixed(np.array([spring.reach for spring in self.different]).reshape(-1, 2))
 
     @cached_property
-    def domains(self):
+    def domains(self) -> Array:
         """Lowest and highest elongation [m]; (springs, 2)."""
         return fixed(np.array([spring.domain for spring in self.different]).reshape(-1, 2))
 
@@ -136,7 +147,7 @@ class Springs:
                 out[:, mine] = _Alike(self, alike[0], numbers[mine]).evaluate(name, r[:, mine])
         return out
 
-    def largest(self, name, ranges, numbers=None):
+    def largest(self, name: str, ranges: Array, numbers: Indices | None = None) -> Array:
         """Largest size of the tension [N], or largest stiffness [N/m], of each spring.
 
         Parameters
@@ -168,7 +179,7 @@ class Springs:
             )
         return largest
 
-    def reachable(self, energy):
+    def reachable(self, energy: float) -> tuple[Array, Flags]:
         """Elongations around 0 that each spring can reach with a given energy.
 
         Returns

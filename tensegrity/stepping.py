@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
+if TYPE_CHECKING:
+    from tensegrity.scene import Scene, State
+    from tensegrity.typing import Array
 
-def expected_ranges(scene, state, share=1.0):
+
+def expected_ranges(scene: Scene, state: State, share: float = 1.0) -> Array:
     """Elongations each spring of a scene can reach if it gets a share of the state's energy.
 
     Where that is the end of its domain, or where the sites of a bond come to the same place, the
@@ -24,6 +30,6 @@ def expected_ranges(scene, state, share=1.0):
     return ranges
 
 
-def present_ranges(scene, state):
+def present_ranges(scene: Scene, state: State) -> Array:
     """Elongations of each spring of a scene at this moment, 0 included."""
     return scene.present_ranges(state.u)

@@ -3,8 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, overload
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping
+    from os import PathLike
+    from typing import Any, Self
+
+    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True)
@@ -24,16 +32,16 @@ class Event:
 
     kind: str
     row: int
-    at: dict = field(repr=False)
+    at: dict[str, float] = field(repr=False)
     note: str = ""
 
-    def __getattr__(self, name):
+    def __getattr__(self, name: str) -> float:
         at = self.__dict__.get("at", {})  # none yet in a copy that is being made
         if name in at:
             return at[name]
         raise AttributeError(f"event has no {name!r}, only {', '.join(at)}")
 
-    def __str__(self):
+    def __str__(self) -> str:
         return f"{self.kind}: " + ", ".join(f"{k} {v:.6g}" for k, v in self.at.items())
 
 
@@ -50,19 +58,23 @@ class Table:
         Why the curve ends there.
     """
 
-    def __init__(self, columns, events, end):
+    def __init__(self, columns: Mapping[str, Any], events: Iterable[Event], end: str) -> None:
         self.columns, self.events, self.end = dict(columns), tuple(events), end
 
-    def __getattr__(self, name):
+    def __getattr__(self, name: str) -> Any:
         columns = self.__dict__.get("columns", {})
         if name in columns:
             return columns[name]
         raise AttributeError(f"no column {name!r}, only {', '.join(columns)}")
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(next(iter(self.columns.values())))
 
-    def __getitem__(self, key):
+    @overload
+    def __getitem__(self, key: slice) -> Self: ...
+    @overload
+    def __getitem__(self, key: int) -> dict[str, Any]: ...
+    def __getitem__(self, key: int | slice) -> Self | dict[str, Any]:
         if not isinstance(key, slice):
             return {name: column[key] for name, column in self.columns.items()}
         rows = range(len(self))[key]
@@ -75,10 +87,10 @@ class Table:
             part.end = "cut here"
         return part
 
-    def __iter__(self):
+    def __iter__(self) -> Iterator[dict[str, Any]]:
         return (self[row] for row in range(len(self)))
 
-    def __str__(self):
+    def __str__(self) -> str:
         first, last = (
             ", ".join(f"{name} {value:.6g}" for name, value in self[row].items())
             for row in (0, len(self) - 1)
@@ -86,17 +98,19 @@ class Table:
         story = [f"{len(self)} rows", f"  from {first}", *(f"  {e}" for e in self.events)]
         return "\n".join([*story, f"  to {last}", f"  ends: {self.end}"])
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         kinds = ", ".join(e.kind for e in self.events) or "no events"
         return f"{type(self).__name__}({len(self)} rows; {kinds})"
 
-    def to_csv(self, path):
+    def to_csv(self, path: str | PathLike[str]) -> None:
         """Write the columns with 17 digits, one header line."""
         table = np.column_stack([np.asarray(c, dtype=float) for c in self.columns.values()])
         header = ",".join(self.columns)
         np.savetxt(path, table, fmt="%.17g", delimiter=",", header=header, comments="")
 
-    def plot(self, x, y, axes=None, labels=None):
+    def plot(
+        self, x: str, y: str, axes: Axes | None = None, labels: Mapping[str, str] | None = None
+    ) -> Axes:
         """Draw one column against another with the events marked; returns the axes."""
         if axes is None:
             import matplotlib.pyplot as plt

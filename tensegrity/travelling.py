@@ -51,7 +51,7 @@ class NoWave(TensegrityError):
 class Scaled:
     """f, g, g' and the energy for a potential and a reference elongation A [m] of either sign."""
 
-    def __init__(self, potential, reference):
+    def __init__(self, potential, reference) -> None:
         self.potential, self.reference = potential, reference
         self._excess = excess(potential)
         gain = float(self._excess.tension(reference)) / reference

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,6 +30,14 @@ from tensegrity.polynomial import Polynomial
 from tensegrity.potential import Potential
 from tensegrity.record import Record
 from tensegrity.scene import State
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from typing import Any
+
+    from tensegrity.codegen import Law
+    from tensegrity.methods import Method
+    from tensegrity.typing import Array
 
 DEGREES = (32, 64, 128, 256, 512)  # of the series in time
 TAIL = 1e-12  # of the largest coefficient, left at the end of a series
@@ -63,24 +72,33 @@ class TunedRun:
     sites : tuple of int
     """
 
-    t: np.ndarray
-    u: np.ndarray
-    v: np.ndarray
-    energy: np.ndarray
-    work: np.ndarray
+    t: Array
+    u: Array
+    v: Array
+    energy: Array
+    work: Array
     final: State
     scene: Chain
     dt: float
     sites: tuple[int, ...]
 
     @property
-    def energy_error(self):
+    def energy_error(self) -> float:
         """Largest deviation of energy - work from its first value, over its size unless 0."""
         deviation = np.abs(self.energy - self.work - self.energy[0]).max()
         return float(deviation / (abs(self.energy[0]) or 1.0))
 
 
-def simulate_tuned(chain, state, t_end, spring_at, *, dt, method="rkn6", record=None) -> TunedRun:
+def simulate_tuned(
+    chain: Chain,
+    state: State,
+    t_end: float,
+    spring_at: Callable[[float], Potential],
+    *,
+    dt: float,
+    method: str | Method = "rkn6",
+    record: Record | None = None,
+) -> TunedRun:
     """Advance a chain whose springs change in time.
 
     Parameters
@@ -179,16 +197,16 @@ class Change:
         Its parameters, and then their rates, are those of the change.
     """
 
-    law: object
+    law: Law
     split = False
     compiled = ("energy",)
 
     @property
-    def parameters(self):
+    def parameters(self) -> tuple[str, ...]:
         """Those of the law, and their rates."""
         return tuple(f"{kind}{k}" for kind in "pq" for k in range(len(self.law.parameters)))
 
-    def forms(self):
+    def forms(self) -> tuple[Any, Any, Sequence[Any]]:
         """The change in CasADi, by automatic differentiation; see `codegen.Law.forms`."""
         import casadi as ca
 
@@ -201,7 +219,7 @@ class Change:
 class _Springs:
     """One law whose parameters are Chebyshev series in time."""
 
-    def __init__(self, chain, spring_at, t_end):
+    def __init__(self, chain: Chain, spring_at: Callable[[float], Potential], t_end: float) -> None:
         self._at, self._t_end = spring_at, t_end
         w = chain.inverse_mass
         self._inverse_masses = 2 * (w[1:] + w[:-1]).max()
@@ -217,23 +235,23 @@ class _Springs:
         self._law, self._length = first._law, first.length
         self._engine, self._change = kernel((self._law,)), kernel((Change(self._law),))
         self._series = self._fit()
-        self._rates = np.polynomial.chebyshev.chebder(self._series)
+        self._rates: Any = np.polynomial.chebyshev.chebder(self._series)
         self._scale = np.abs(self._series).sum(axis=0).max(initial=0.0)
 
-    def at(self, t):
+    def at(self, t: float) -> Potential:
         spring = self._at(t)
         if not isinstance(spring, Potential):
             raise TensegrityError(f"spring_at({t:g}) is {spring!r}, not a Potential")
         return spring
 
-    def _fit(self):
+    def _fit(self) -> Array:
         """Coefficients (degree + 1, parameters) and, on the way, the domain common to all times."""
         from numpy.polynomial import chebyshev
 
         for degree in DEGREES:
             x = np.cos(np.pi * (np.arange(degree + 1) + 0.5) / (degree + 1))
             values, domains = self._sampled(x)
-            series = chebyshev.chebfit(x, values, degree)
+            series: Any = chebyshev.chebfit(x, values, degree)
             scale = np.maximum(np.abs(series).max(axis=0), 1e-3)
             if np.any(np.abs(series[-4:]).max(axis=0) > TAIL * scale):
                 continue
@@ -249,7 +267,7 @@ class _Springs:
             f"{self._t_end:g} s: make the change smoother or longer, or run it in parts"
         )
 
-    def _sampled(self, x):
+    def _sampled(self, x: Array) -> tuple[Array, Array]:
         """Parameters and domains of the springs at instants x in [-1, 1], (x.size, ...)."""
         springs = []
         for t in (self._t_end * (1 + x) / 2).tolist():
@@ -257,7 +275,7 @@ class _Springs:
             self._compare(springs[-1], t)
         return np.array([s._values for s in springs]), np.array([s.domain for s in springs])
 
-    def _compare(self, spring, t):
+    def _compare(self, spring: Potential, t: float) -> None:
         if spring._law != self._law:
             raise TensegrityError(f"spring_at({t:g}) is of another law than spring_at(0)")
         if spring.length != self._length:
@@ -266,15 +284,15 @@ class _Springs:
                 f"{self._length:.12g} m: elongations would count from another shape"
             )
 
-    def _parameters(self, series, t):
+    def _parameters(self, series: Array, t: float) -> Array:
         x = min(max(2 * t / self._t_end - 1, -1.0), 1.0)
         return np.cos(np.arange(len(series)) * math.acos(x)) @ series
 
-    def value(self, order, t, r):
+    def value(self, order: int, t: float, r: Array) -> Array:
         """A derivative of V at the instant t."""
         return self._engine.evaluate(0, order, self._parameters(self._series, t), r)
 
-    def power(self, t, r):
+    def power(self, t: float, r: Array) -> float:
         """Sum over the bonds of dV/dt at given elongation [W]."""
         rates = self._parameters(self._rates, t) * (2 / self._t_end)
         if np.abs(rates).max(initial=0.0) * self._t_end <= TAIL * self._scale:
@@ -282,7 +300,7 @@ class _Springs:
         numbers = np.concatenate([self._parameters(self._series, t), rates])
         return float(np.sum(self._change.evaluate(0, 0, numbers, r)))
 
-    def elongation(self, t, u):
+    def elongation(self, t: float, u: Array) -> Array:
         """Elongations at the instant t, refused where a spring has reached an end of its domain."""
         r = np.diff(u)
         if r.min() > self._domain[0] and r.max() < self._domain[1]:
@@ -299,7 +317,7 @@ class _Springs:
                 )
         return r
 
-    def watch(self, t, u, dt, method):
+    def watch(self, t: float, u: Array, dt: float, method: Method) -> None:
         """Refuse a step beyond the stability limit at the present stiffness."""
         stiffness = self.value(2, t, np.append(self.elongation(t, u), 0.0)).max()
         if not math.isfinite(stiffness):

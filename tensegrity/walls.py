@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,10 +11,15 @@ from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import ReadOnly, fixed
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from tensegrity.typing import Array
+
 SQUARE = 1e-9  # cosine of the angle of directions that pass as perpendicular
 
 
-def floats(name, value):
+def floats(name: str, value: ArrayLike) -> Array:
     """A copy of `value` as a float array."""
     return np.array(check.floats(name, value))
 
@@ -33,11 +39,17 @@ class Wall(ReadOnly):
         and to each other.  By default the wall has no end.
     """
 
-    point: np.ndarray
-    normal: np.ndarray
-    extent: np.ndarray | None = None
+    point: Array
+    normal: Array
+    extent: Array | None = None
 
-    def __post_init__(self):
+    if TYPE_CHECKING:  # what converts is taken, arrays are kept
+
+        def __init__(
+            self, point: ArrayLike, normal: ArrayLike, extent: ArrayLike | None = None
+        ) -> None: ...
+
+    def __post_init__(self) -> None:
         point = floats("wall point", self.point)
         if point.shape not in ((1,), (2,), (3,)):
             raise TensegrityError(f"wall point has shape {point.shape}, must be (1,), (2,) or (3,)")
@@ -61,7 +73,7 @@ class Wall(ReadOnly):
         object.__setattr__(self, "extent", fixed(extent))
 
     @classmethod
-    def between(cls, start, stop, side):
+    def between(cls, start: ArrayLike, stop: ArrayLike, side: ArrayLike) -> Wall:
         """The wall in the plane from one point to another [m], facing the point `side`."""
         start, stop, side = (floats("point of a wall", x) for x in (start, stop, side))
         if {start.shape, stop.shape, side.shape} != {(2,)}:
@@ -72,11 +84,11 @@ class Wall(ReadOnly):
             normal = -normal
         return cls(start + half, normal, half)
 
-    def height(self, x):
+    def height(self, x: Array) -> Array:
         """Distance of points x (..., dim) from the wall's plane [m], > 0 on the normal's side."""
         return (check.rows("points", x, self.point.shape) - self.point) @ self.normal
 
-    def overhang(self, x):
+    def overhang(self, x: Array) -> Array:
         """How far the foot of points x (..., dim) lies beyond the nearest edge [m]; < 0 inside."""
         x = check.rows("points", x, self.point.shape)
         if self.extent is None:
@@ -85,7 +97,7 @@ class Wall(ReadOnly):
         along = np.abs((x - self.point) @ (self.extent / sides[:, None]).T)
         return np.max(along - sides, axis=-1)
 
-    def distance(self, x):
+    def distance(self, x: Array) -> Array:
         """Distance of points x (..., dim) from the nearest point of the wall [m]."""
         x = check.rows("points", x, self.point.shape)
         height = self.height(x)

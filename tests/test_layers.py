@@ -8,6 +8,7 @@ from pathlib import Path
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("derivations", "tensegrity", "granular", "figures", "benchmarks")
 ORDER = [  # inside tensegrity: each may import what stands before it
+    "typing",
     "errors",
     "once",
     "check",

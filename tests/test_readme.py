@@ -1,5 +1,6 @@
-"""Every code block of the README runs as it stands."""
+"""Every code block of the README runs as it stands, and asserts the numbers it tells of."""
 
+import ast
 import re
 import subprocess
 import sys
@@ -23,6 +24,17 @@ def test_block_runs_as_it_stands(number, tmp_path):
         timeout=120,
     )
     assert answer.returncode == 0, answer.stderr
+
+
+@pytest.mark.parametrize("number", range(len(BLOCKS)))
+def test_block_asserts_a_number_that_it_computed(number):
+    """A comparison with a number or, by NumPy, within a tolerance; of names, not of constants."""
+    checked = [one.test for one in ast.walk(ast.parse(BLOCKS[number])) if type(one) is ast.Assert]
+    assert any(
+        {ast.Name, ast.Constant} <= {type(part) for part in ast.walk(test)}
+        and any(isinstance(part, (ast.Compare, ast.Call)) for part in ast.walk(test))
+        for test in checked
+    )
 
 
 def test_the_first_three_blocks_are_short():

@@ -1,0 +1,122 @@
+"""What `py.typed` promises: signatures that say what they take and give."""
+
+import ast
+import importlib
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import granular
+import tensegrity
+
+ROOT = Path(__file__).parent.parent
+INNER = {  # what nobody calls but the modules around them
+    "arclength",
+    "archive",
+    "bonds",
+    "book",
+    "codegen",
+    "compiled",
+    "events",
+    "excess",
+    "family",
+    "following",
+    "forces",
+    "geometry",
+    "implicit",
+    "interpreted",
+    "kernel",
+    "loops",
+    "march",
+    "native",
+    "once",
+    "pieces",
+    "plain",
+    "rows",
+    "springs",
+    "tolerance",
+    "travelling",
+}
+MODULES = sorted(
+    path
+    for package in ("tensegrity", "granular", "derivations")
+    for path in (ROOT / package).glob("*.py")
+    if path.stem not in INNER
+)
+PUBLIC = [  # modules whose names a user takes from the module
+    "tensegrity.asymptotics",
+    "tensegrity.budget",
+    "tensegrity.methods",
+    "tensegrity.observables",
+    "tensegrity.tuning",
+    "granular.observables",
+]
+UNUSED = {  # rows of coefficients, and what others return
+    "Budget",
+    "Change",
+    "Gauss",
+    "Nystrom",
+    "Processed",
+    "Pulse",
+    "default",
+    "gauss_rows",
+    "nystrom_of",
+    "palindrome",
+    "there_and_back",
+}
+
+
+def public_functions(body, within=""):
+    """Functions, and methods of classes, whose names do not begin with one underscore."""
+    for node in body:
+        name = getattr(node, "name", "")
+        if name.startswith("_") and not name.startswith("__"):
+            continue
+        if isinstance(node, ast.ClassDef):
+            yield from public_functions(node.body, f"{name}.")
+        elif isinstance(node, ast.FunctionDef):
+            yield f"{within}{name}", node
+
+
+def untyped(function):
+    """Names of what has no annotation: arguments but self and cls, and "return"."""
+    given = function.args
+    extra = [one for one in (given.vararg, given.kwarg) if one]
+    every = [*given.posonlyargs, *given.args, *given.kwonlyargs, *extra]
+    missing = [a.arg for a in every if a.annotation is None and a.arg not in ("self", "cls")]
+    return missing + ["return"] * (function.returns is None)
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: f"{path.parent.name}.{path.stem}")
+def test_public_callables_say_what_they_take_and_give(path):
+    found = dict(public_functions(ast.parse(path.read_text()).body))
+    assert {name: untyped(one) for name, one in found.items() if untyped(one)} == {}
+
+
+def test_exported_names_are_defined_where_types_are_asked_for():
+    for package in (tensegrity, granular):
+        for name in package.__all__:
+            module = getattr(getattr(package, name), "__module__", package.__name__)
+            assert module.rpartition(".")[2] not in INNER, f"{name} of {module}"
+
+
+def test_every_public_name_is_used_before_the_type_checker():
+    tree = ast.parse((ROOT / "tests" / "typing_usage.py").read_text())
+    used = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+    used |= {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
+    names = {*tensegrity.__all__, *granular.__all__}
+    for module in map(importlib.import_module, PUBLIC):
+        for name, one in vars(module).items():
+            if getattr(one, "__module__", "") == module.__name__ and not name.startswith("_"):
+                names.add(name)
+    assert names - used - UNUSED == set()
+
+
+def test_checker_is_strict_about_the_modules_of_public_names():
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["mypy"]
+    assert settings["strict"]
+    assert "tests/typing_usage.py" in settings["files"]
+    relaxed = {name for one in settings["overrides"] for name in one["module"]}
+    assert relaxed.isdisjoint(PUBLIC)
+    assert not [name for name in relaxed if name.startswith("granular")]

@@ -1,0 +1,310 @@
+"""How the public names are called, for the type checker: checked by `make lint`, never run.
+
+Lines with `type: ignore` are mistakes; the checker complains of each that it would let pass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, assert_type
+
+import numpy as np
+import sympy as sp
+
+import granular
+from granular import (
+    Bead,
+    BeadChain,
+    Contact,
+    Guide,
+    Material,
+    Striker,
+    bead_of_mass,
+    coated,
+    diamond_guide,
+    hertz,
+    materials,
+    power,
+    sensor_force,
+    y_guide,
+)
+from granular import observables as sensors
+from tensegrity import (
+    Chain,
+    ContactError,
+    Ensemble,
+    EquilibriumError,
+    EquilibriumPath,
+    LockingError,
+    Network,
+    NoLocking,
+    Polynomial,
+    Potential,
+    PowerLaw,
+    Prism,
+    RangeError,
+    Record,
+    RecordError,
+    ResolutionError,
+    Run,
+    SolitaryWave,
+    StabilityError,
+    State,
+    TensegrityError,
+    Wall,
+    asymptotics,
+    budget,
+    equilibrium_path,
+    methods,
+    observables,
+    resume,
+    simulate,
+    solitary_wave,
+    tuning,
+)
+from tensegrity.typing import Array, Flags
+
+
+def prisms_and_paths() -> Potential:
+    prism = Prism(base=1, height=0.7, prestrain=0.01, k_cross=1.0, k_base=10.0)
+    assert_type(prism.height, float)
+    assert_type(prism.natural_lengths().bar, float)
+    assert_type(prism.axial_stiffness() + prism.locking_height(), float)
+    path = equilibrium_path(prism, min_height=0.2, max_height=0.9, past_contact=True)
+    assert_type(path, EquilibriumPath)
+    assert_type(path[3], dict[str, Any])
+    assert_type(path[2:5], EquilibriumPath)
+    assert_type(path.load - path.height, Array)
+    assert_type(path.stable_load, Flags)
+    assert_type([event.load for event in path.events if event.kind == "fold"], list[float])
+    path.to_csv("path.csv")
+    path.plot("twist", "load").set_title("twist")
+    spring = prism.potential(preload=0.1)
+    assert_type(spring, Potential)
+    assert_type(spring.domain, tuple[float, float])
+    assert_type(spring.length, float | None)
+    assert_type(spring.tension([0.0, 0.1]), Array)
+    assert_type(spring.energy(0.0) + spring.stiffness(np.zeros(3)), Array)
+    Prism(base="1", height=0.7, prestrain=0.01, k_cross=1.0)  # type: ignore[arg-type]
+    Prism(base=1.0, height=0.7, prestrain=0.01)  # type: ignore[call-arg]
+    prism.height = 0.8  # type: ignore[misc]
+    equilibrium_path(spring)  # type: ignore[arg-type]
+    equilibrium_path(prism, 0.2)  # type: ignore[call-arg]
+    spring.tension(None)  # type: ignore[arg-type]
+    path["load"]  # type: ignore[call-overload]
+    return spring
+
+
+def springs(spring: Potential) -> Sequence[Potential]:
+    r, k = sp.symbols("r k")
+    toda = Potential(k * (sp.exp(-r) + r - 1), r, {k: 2.0}, length=1.0, domain=(-1.0, 1.0))
+    beads = PowerLaw(stiffness=1.0, exponent=1.5, preload=2)
+    fitted = Polynomial(spring, -0.1, 0.1, error=1e-8)
+    assert_type(beads.parameters, dict[str, float])
+    assert_type(fitted.error_estimate, float)
+    PowerLaw(1.0, "3/2")  # type: ignore[arg-type]
+    Polynomial(1.0, -0.1, 0.1)  # type: ignore[arg-type]
+    assert_type(fitted.degree, int)
+    Potential(toda, r, domain=(0.0,))  # type: ignore[arg-type]
+    return toda, beads, fitted
+
+
+def chains(spring: Potential) -> Run:
+    chain = Chain(spring, sites=20, mass=np.ones(20), ends=("fixed", "free"))
+    Chain([spring] * 19, 20, [1.0] * 20)
+    state = chain.at_rest({0: 0.1}) + State([0.0] * 20, np.zeros(20)).reversed()
+    assert_type(state, State)
+    assert_type(state.u, Array)
+    record = Record(every=2, sites=[1, 2], path="rows.npy")
+    run = simulate(chain, state, 10, method="verlet", dt=0.1, record=record)
+    assert_type(run.energy_error, float)
+    assert_type(run.final.v, Array)
+    assert_type(run.error_estimate, float | None)
+    run.plot().set_ylim(0.0, 1.0)
+    assert_type(chain.bond_tension(run.u), Array)
+    assert_type(chain.energy(run.final), float)
+    lanes = Ensemble(chain, lanes=8)
+    runs = simulate(lanes, lanes.at_rest({1: np.linspace(0.0, 0.1, 8)}), 10.0, tol=1e-6)
+    assert_type(lanes.lane_energy(runs.u, runs.v), Array)
+    various = Ensemble(scenes=[chain, Chain(spring, 20, mass=2.0)])
+    assert_type(various.lane(various.at_rest(), 1), State)
+    assert_type(various.lanes, int)
+    assert_type(chain.forces(run.final.u), Array)
+    chain.stiffness([0.0] * 20).toarray()
+    Chain(spring, 20.5)  # type: ignore[arg-type]
+    Chain(1.0, 20)  # type: ignore[arg-type]
+    Chain(spring, 20, ends="free")  # type: ignore[arg-type]
+    Ensemble(spring, 3)  # type: ignore[arg-type]
+    State(np.zeros(3))  # type: ignore[call-arg]
+    Record(every=0.5)  # type: ignore[arg-type]
+    Record(times=1.0)  # type: ignore[arg-type]
+    Ensemble([chain], scenes=[chain])  # type: ignore[misc]
+    chain.forces(None)  # type: ignore[arg-type]
+    simulate(chain, state)  # type: ignore[call-arg]
+    simulate(spring, state, 1.0)  # type: ignore[arg-type]
+    simulate(chain, np.zeros(20), 1.0)  # type: ignore[arg-type]
+    simulate(chain, state, 1.0, tol="1e-8")  # type: ignore[arg-type]
+    simulate(chain, state, 1.0, "verlet")  # type: ignore[call-arg]
+    return run
+
+
+def kept(chain: Chain, state: State) -> Run:
+    record = Record(sites=[0], times=[0.5, 1.0], interval=0.25, path="rows.npy", checkpoint=60)
+    run = simulate(chain, state, 10.0, method=methods.METHODS["rkn6"], record=record)
+    run.save("run.npz")
+    assert_type(Run.load(Path("run.npz")), Run)
+    assert_type(resume("rows.npy"), Run)
+    resume(run)  # type: ignore[arg-type]
+    resume("rows.npy", state)  # type: ignore[arg-type]
+    run.save()  # type: ignore[call-arg]
+    Record(path=3)  # type: ignore[arg-type]
+    simulate(chain, state, 10.0, method=6)  # type: ignore[arg-type]
+    return run
+
+
+def networks(spring: Potential) -> Array:
+    floor = Wall.between((-1, 0), (5, 0), side=(0, 1))
+    Wall(point=[0.0, 0.0], normal=np.array([0.0, 1.0]))
+    beads = PowerLaw(1.0, 1.5)
+    network = Network(
+        positions=[(0.0, 0.5), (1.0, 0.5)],
+        bonds=[(0, 1)],
+        spring=spring,
+        radius=0.5,
+        walls=[floor],
+        wall_contacts=[(0, 0)],
+        wall_spring=beads,
+        held=[1],
+    )
+    run = simulate(network, network.at_rest({0: (0.3, -0.1)}), 2.0)
+    assert_type(network.momentum(run.final), Array)
+    assert run.impulse is not None
+    line = Network([[0.0], [1.0]], [(0, 1)], spring)
+    assert_type(line.forces([[0.0], [0.1]]), Array)
+    loose = Network(
+        [(0.0, 0.0, 0.0), (3.0, 0.0, 0.0)],
+        [],
+        (),
+        radius=1.0,
+        contacts="follow",
+        law=lambda site, other: beads if isinstance(other, Wall) else spring,
+    )
+    assert_type(loose.angular_momentum(run.final), float | Array)
+    Network([(0.0, 0.5)], [], (), radius=1.0, contacts="follow", law=1.5)  # type: ignore[arg-type]
+    Network([(0.0, 0.5)], [], spring, walls=floor)  # type: ignore[arg-type]
+    Network([(0.0, 0.5)], [], spring, 1.0, 1.0, (), [])  # type: ignore[call-arg]
+    return run.impulse
+
+
+def waves(spring: Potential, chain: Chain) -> State:
+    wave = solitary_wave(spring, speed_ratio=2, family="compression")
+    assert_type(wave, SolitaryWave)
+    assert_type(wave.width(0.1) + wave.speed + wave.shift, float)
+    assert_type(wave.strain - wave.elongation(wave.x), Array)
+    assert_type(asymptotics.sound_speed(spring), float)
+    assert_type(asymptotics.sech2(spring, 1.1, 0.0) - asymptotics.tent(spring, [0.0]), Array)
+    solitary_wave(spring, 1.0, 2.0)  # type: ignore[call-arg]
+    solitary_wave(spring, amplitude="0.1")  # type: ignore[arg-type]
+    wave.launch(spring, at=40)  # type: ignore[arg-type]
+    asymptotics.sech2(chain, 1.1, 0.0)  # type: ignore[arg-type]
+    return wave.launch(chain, at=40, direction=-1)
+
+
+def measured(chain: Chain, run: Run) -> float:
+    passed = budget.beyond(run, 5)
+    assert_type(passed.energy - passed.work, Array)
+    assert_type(passed.momentum_error, float)
+    assert_type(observables.pulses(chain, run.final)[0].momentum, float)
+    assert_type(observables.crest(chain.elongation(run.final.u)), tuple[float, float])
+    assert_type(observables.passage(run.t, run.u[:, 0], run.v[:, 0]), float)
+    times = observables.arrival(run, 3) + observables.duration(run, 3, level=0.1)
+    front = observables.tail_front(chain, run.final)
+    budget.beyond(chain, 5)  # type: ignore[arg-type]
+    observables.speed(run, 5)  # type: ignore[arg-type]
+    observables.arrival(chain, 3)  # type: ignore[arg-type]
+    observables.pulses(run, run.final)  # type: ignore[arg-type]
+    return times + front + observables.speed(run, (3, 9)) + observables.width(run.t, run.energy)
+
+
+def tuned(chain: Chain, state: State) -> tuning.TunedRun:
+    def spring_at(t: float) -> Potential:
+        return Prism(1.0, 0.7, 0.01 + 0.01 * t, 1.0).potential()
+
+    run = tuning.simulate_tuned(chain, state, 1.0, spring_at, dt=0.01)
+    assert_type(run.energy - run.work, Array)
+    assert_type(observables.speed(run, (3, 9)), float)
+    tuning.simulate_tuned(chain, state, 1.0, spring_at(0.0), dt=0.01)  # type: ignore[arg-type]
+    tuning.simulate_tuned(chain, state, 1.0, spring_at)  # type: ignore[call-arg]
+    budget.beyond(run, 5)  # type: ignore[arg-type]
+    return run
+
+
+def of_methods() -> list[float]:
+    verlet = methods.find("verlet")
+    assert_type(verlet, methods.Method)
+    assert_type(verlet.symplectic, bool)
+    own = methods.Splitting("own", 2, 0.05, (0.5, 0.5), drifts=(1.0,), when_not="never")
+    assert_type(own.step_matrix(0.1)[0], Array)
+    methods.Splitting("own", 2, 0.05, kicks=0.5, drifts=1.0)  # type: ignore[arg-type]
+    methods.Splitting("own", 2, 0.05, (0.5, 0.5), (1.0,), "none")  # type: ignore[call-arg]
+    own.check()
+    methods.METHODS[2]  # type: ignore[index]
+    return [method.stability_limit * method.stages for method in methods.METHODS.values()]
+
+
+def refused(spring: Potential) -> str:
+    try:
+        spring.tension(-10.0)
+    except (LockingError, StabilityError, ContactError) as error:
+        return f"{error} after {error.run.steps} steps"
+    except (RangeError, NoLocking, ResolutionError, EquilibriumError, RecordError) as error:
+        known: TensegrityError = error
+        raise known from None
+    return ""
+
+
+def beads() -> Run:
+    brass = Material("brass", modulus=100e9, poisson=0.34, density=8500)
+    assert_type(materials["steel"], Material)
+    bead = Bead(4.76e-3, materials["steel"], mass=0.45e-3)
+    assert_type(bead.mass + bead.radius + bead.contact_radius, float)
+    striker = Striker(bead_of_mass(1e-3, brass), speed=0.5)
+    line = granular.chain([bead, coated(bead, brass, 1e-6)] * 5, striker=striker, gravity=9.81)
+    assert_type(line, BeadChain)
+    assert_type(hertz(bead, brass), Contact)
+    assert_type(hertz(bead, bead).overlap(1.0), float)
+    assert_type(hertz(bead, bead).overlap(np.ones(2)), Array)
+    assert_type(hertz(bead, bead).spring(), PowerLaw)
+    y = y_guide(bead=bead, branches=(bead, bead), wall=brass, law=power(1e9, 1.5))
+    assert_type(y, Guide)
+    assert_type(diamond_guide(3, 5, bead=bead, striker=striker).start(), State)
+    assert_type(y.parts["stem 1"], tuple[int, ...])
+    run = granular.simulate(y, y.start(), 1e-4)
+    Bead("0.005", brass)  # type: ignore[arg-type]
+    Bead(0.005, "steel")  # type: ignore[arg-type]
+    Striker(bead)  # type: ignore[call-arg]
+    materials[0]  # type: ignore[index]
+    granular.chain(bead)  # type: ignore[arg-type]
+    y_guide(bead=bead, branches=bead)  # type: ignore[arg-type]
+    y_guide(bead=bead, law=1.5)  # type: ignore[arg-type]
+    power("hertz", 1.5)  # type: ignore[arg-type]
+    hertz(bead, 1.0)  # type: ignore[arg-type]
+    return run
+
+
+def sensed(run: Run) -> Array:
+    force = sensor_force(run, "stem 1", 3)
+    assert_type(force, Array)
+    assert_type(sensors.peak(run.t, force, between=(0.0, 1.0)), tuple[float, float])
+    assert_type(sensors.sampled_peak(run.t, force), tuple[float, float])
+    assert_type(sensors.sampled(run.t, force, interval=1e-6), tuple[Array, Array])
+    assert_type(sensors.pulses(run.t, force), tuple[Array, Array])
+    assert_type(sensors.part_energies(run), dict[str, Array])
+    assert_type(sensors.overlaps(run, "stem 1"), tuple[float, float])
+    assert_type(sensors.speed(run, "stem 1", (3, 7)), float)
+    mean = sensors.mean_force(run, "stem 1", 3)
+    sensors.peak(run.t)  # type: ignore[call-arg]
+    sensor_force(run, 3, "stem 1")  # type: ignore[arg-type]
+    sensors.part_energies(run.final)  # type: ignore[arg-type]
+    return mean + sensors.momentum(run)[:, 0] + sensors.density(run, [1])[:, 0]
