@@ -68,6 +68,8 @@ def problem(rigid_base=False):
     """
     import casadi as ca
 
+    from derivations.prism import REFERENCE_TWIST
+
     z, p, form = _forms(rigid_base)
     pulls = ca.vertcat(form["cross_pull"], form["base_pull"], form["bar_pull"])
     force = ca.norm_2(pulls) + 1e-300
@@ -90,7 +92,7 @@ def problem(rigid_base=False):
         folds={"fold": form["load"], "turn": form["rise"]},
         values={
             "height": height,
-            "twist": math.radians(150) + 2 * ca.atan(form["half_turn"]),
+            "twist": float(REFERENCE_TWIST) + 2 * ca.atan(form["half_turn"]),
             "base": form["width"],
             "load": form["load"],
         },
