@@ -280,6 +280,8 @@ SMALLEST = 1e-100  # overlap [m] from which a contact counts as closed
 def _power_law(exponent):
     import sympy as sp
 
+    from derivations import contact as derived
+
     r = sp.Symbol("r", real=True)
     stiffness, preload, overlap = sp.symbols("stiffness preload overlap", real=True)
     n = sp.nsimplify(exponent, rational=True)
@@ -288,7 +290,8 @@ def _power_law(exponent):
     pressed = sp.Max(overlap - r, SMALLEST)
 
     def stored(gap):
-        return stiffness / (n + 1) * gap ** (n + 1)
+        known = {derived.constant: stiffness, derived.exponent: n, derived.overlap: gap}
+        return derived.power_law_energy().subs(known)
 
     energy = closed * stored(pressed) - stored(overlap) + preload * r
     # while the contact is closed; told of the maximum, differentiation would divide to choose
