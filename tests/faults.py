@@ -319,8 +319,8 @@ FAULTS = (
     # waves
     Fault(
         "tensegrity/asymptotics.py",
-        "math.sqrt(stiffness / mass)",
-        "math.sqrt(stiffness * mass)",
+        "derived.sound_speed().subs(derived.spacing, 1) ** 2",
+        "derived.sound_speed().subs(derived.spacing, 1) ** -2",
         "tests/test_waves.py::test_sound_speed_of_a_linear_chain_is_that_of_long_waves",
     ),
     Fault(
