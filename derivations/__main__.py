@@ -14,6 +14,7 @@ from tqdm import tqdm
 
 from derivations import ledger, report
 from derivations.argument import NAMES
+from derivations.entry import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -29,7 +30,7 @@ def check(progress: Callable[[Iterable[Any]], Iterable[Any]]) -> int:
         checks.append(ledger.check(entry))
         tqdm.write(str(checks[-1]), file=sys.stdout)
     failed = [c for c in checks if not c.confirmed]
-    for verdict in (ledger.Verdict.SLIP, ledger.Verdict.CONVENTION):
+    for verdict in (Verdict.SLIP, Verdict.CONVENTION):
         print(f"\n{verdict.value}:")
         for c in checks:
             if c.entry.verdict is verdict:

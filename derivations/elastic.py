@@ -71,7 +71,7 @@ def string_hessian() -> sp.Matrix:
     def entry(i, j):
         curvature = _at_reference(sp.diff(squared, coordinates[i], coordinates[j]))
         outer = (1 - extension) / (4 * length_squared) * sp.expand(slope[i] * slope[j])
-        return 3 * (outer + extension / 2 * curvature)
+        return prism.CROSS.number * (outer + extension / 2 * curvature)
 
     return sp.Matrix(3, 3, entry)
 
@@ -85,14 +85,15 @@ def axial_stiffness() -> sp.Expr:
 def condensed(h: sp.Matrix) -> sp.Expr:
     """A string Hessian in (l, b, h), 6/c2 and 3/c3 added to its diagonal, without l and b."""
     soft_base, soft_bar = base_compliance, bar_compliance
+    bases, bars = prism.BASE.number, prism.BAR.number
     ll, bb, hh = (h[i, i] for i in range(3))
     lb, lh, bh = h[0, 1], h[0, 2], h[1, 2]
     eliminated = (
-        soft_base * (3 + soft_bar * bb) * lh**2
-        + soft_bar * (6 + soft_base * ll) * bh**2
+        soft_base * (bars + soft_bar * bb) * lh**2
+        + soft_bar * (bases + soft_base * ll) * bh**2
         - 2 * soft_base * soft_bar * lb * lh * bh
     )
-    determinant = (6 + soft_base * ll) * (3 + soft_bar * bb) - soft_base * soft_bar * lb**2
+    determinant = (bases + soft_base * ll) * (bars + soft_bar * bb) - soft_base * soft_bar * lb**2
     return hh - eliminated / determinant
 
 

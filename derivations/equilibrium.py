@@ -28,14 +28,12 @@ def residuals() -> list[sp.Matrix]:
     """Total force on each of the six nodes, as one list of vectors (three lower, three upper)."""
     lower, upper = prism.nodes()
     positions = [*lower, *upper]
-    members = [(i, 3 + i, -x3) for i in range(3)]  # bars push
-    members += [(i, 3 + (i + 2) % 3, x1) for i in range(3)]
-    members += [(i + k, (i + 1) % 3 + k, x2) for i in range(3) for k in (0, 3)]
     up = sp.Matrix([0, 0, load / 3])
     forces = [up] * 3 + [-up] * 3
-    for i, j, density in members:
-        pull = density * (positions[j] - positions[i])
-        forces[i], forces[j] = forces[i] + pull, forces[j] - pull
+    for member, density in zip(prism.MEMBERS, (x1, x2, -x3), strict=True):  # bars push
+        for i, j in member.ends:
+            pull = density * (positions[j] - positions[i])
+            forces[i], forces[j] = forces[i] + pull, forces[j] - pull
     return [force.applyfunc(lambda f: sp.expand(sp.expand_trig(f))) for force in forces]
 
 

@@ -14,7 +14,7 @@ import sympy as sp
 
 from derivations import prism
 from derivations.argument import Step
-from derivations.prism import k_cross, twist
+from derivations.prism import twist
 from derivations.rigid_response import lock_order
 
 TITLE = "Hardening: H1, H2, H3, and the limit of no prestrain"
@@ -47,8 +47,8 @@ def derivatives(highest: int = 4) -> list[sp.Expr]:
         compatibility = sp.expand(compatibility.subs(t, value))
         guess = guess.subs(t, value)
     gain, rest = sp.symbols("g S", positive=True)  # s^2 - s0^2 = O(r^2), s0^2
-    extended = sp.sqrt(rest + gain) - sp.sqrt(rest) + extension * sp.sqrt(rest)
-    energy = sp.series(sp.Rational(3, 2) * k_cross * sp.expand(extended**2), gain, 0, 3)
+    held = sp.expand(prism.CROSS.energy(sp.sqrt(rest + gain)))
+    energy = sp.series(held.subs(prism.natural_cross, (1 - extension) * sp.sqrt(rest)), gain, 0, 3)
     g = sp.expand(gained[1].subs(turn, guess))
     at_rest = prism.at_reference(prism.cross_length_squared(sp.Integer(1)))
     at_rest = sp.expand(at_rest.subs(prism.reference_height, eta))

@@ -1,15 +1,12 @@
 """The ledger: every formula printed in the two sources, held against the derived one.
 
-An entry carries the printed form as SymPy; what it should say is derived anew at each check.
-`reading` says how a printed form is to be read (a sign convention, a slip put right): read so
-it must agree with the derived one, and unread it must not, or the verdict is wrong as well.
+What an entry should say is derived anew at each check.  Read as its `reading` has it, it must
+agree with the derived form, and unread it must not, or the verdict is wrong as well.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from enum import Enum
 from functools import cache
 from random import Random
 from typing import TYPE_CHECKING
@@ -17,66 +14,15 @@ from typing import TYPE_CHECKING
 import mpmath
 import sympy as sp
 
+from derivations import ledger_paper, ledger_talk, ledger_waves
+from derivations.entry import Entry, Verdict
+
 if TYPE_CHECKING:
     from typing import Any
 
 POINTS, DIGITS = 50, 30
 EXPANDED_BELOW, SIMPLIFIED_BELOW = 400, 120  # operations beyond which points alone decide
 NEGLIGIBLE = mpmath.mpf(10) ** -40  # of numbers of order one, of which some points are zeros
-
-
-class Verdict(Enum):
-    """What became of a printed formula."""
-
-    HOLDS = "holds"
-    CONVENTION = "holds under a convention"
-    SLIP = "slip"
-    NO_DATA = "no data in the seed"
-
-
-def as_printed(form: Any) -> Any:
-    """The reading of a form that needs none."""
-    return form
-
-
-@dataclass(frozen=True)
-class Entry:
-    """A printed formula or claim.
-
-    Attributes
-    ----------
-    name : str
-        "talk." or "paper." and a word.
-    place : str
-        Where it is printed.
-    derivation : str
-        Module that derives it.
-    left : sympy.Basic or str
-        Its left side, for display.
-    printed : sympy.Basic or None
-        The printed right side (expression or tuple of them), or a printed relation; None for
-        a claim without formula.
-    derive : callable () -> sympy.Basic
-        The derived right side; for a relation a list of (values, expected truth): cases in
-        which the relation as read must be true or false.
-    verdict : Verdict
-    note : str
-        The convention, or what is wrong and where.
-    reading : callable (printed) -> form
-    domain : dict of Symbol to (low, high)
-        Where random points are taken; others lie in (1/2, 2).
-    """
-
-    name: str
-    place: str
-    derivation: str
-    left: object
-    printed: object = None
-    derive: Callable | None = None
-    verdict: Verdict = Verdict.HOLDS
-    note: str = ""
-    reading: Callable = as_printed
-    domain: tuple = ()
 
 
 @dataclass(frozen=True)
@@ -180,9 +126,6 @@ SIGNS = (
 """Printed quantity, where, what it counts as positive, and its name here."""
 
 
-@cache
 def entries() -> tuple[Entry, ...]:
     """All entries, in the order of the sources."""
-    from derivations import ledger_paper, ledger_talk, ledger_waves
-
     return (*ledger_talk.ENTRIES, *ledger_waves.ENTRIES, *ledger_paper.ENTRIES)

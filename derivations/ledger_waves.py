@@ -5,7 +5,7 @@ from random import Random
 import sympy as sp
 
 from derivations import hardening, prism, rigid_response, waves
-from derivations.ledger import Entry, Verdict
+from derivations.entry import Entry, Verdict
 
 CONV, SLIP, NO_DATA = Verdict.CONVENTION, Verdict.SLIP, Verdict.NO_DATA
 PLACE = 'talk, part III, "Properties of the elastic potential"'

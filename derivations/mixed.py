@@ -30,7 +30,7 @@ reference_height, prestrain = prism.reference_height, prism.prestrain
 base_compliance, bar_compliance = sp.symbols("c_2 c_3", nonnegative=True)  # k1/k2, k1/k3
 PARAMETERS = (reference_height, prestrain, base_compliance, bar_compliance)
 
-_pull_1, _pull_2, _pull_3 = sp.symbols("t_1 t_2 t_3", real=True)  # tensions of one member
+_PULLS = sp.symbols("t_1 t_2 t_3", real=True)  # tensions of one member
 _cross, _bar = sp.symbols("s b", positive=True)
 _UNITS = {prism.k_cross: 1}
 
@@ -64,16 +64,9 @@ def reference_length(squared: sp.Expr) -> sp.Expr:
 @cache
 def reference_tensions() -> tuple[sp.Expr, sp.Expr, sp.Expr]:
     """(cross, base, bar) tensions of one member in the self-stressed state; no stiffness left."""
-    cross, base_length, bar = prism.natural_lengths()
-    lengths = (prism.cross_length(), base, prism.bar_length())
     pulls = (
-        k * (prism.at_reference(length) - natural)
-        for k, length, natural in zip(
-            (prism.k_cross, prism.k_base, prism.k_bar),
-            lengths,
-            (cross, base_length, bar),
-            strict=True,
-        )
+        member.tension(prism.at_reference(member.length())).subs(member.natural, natural)
+        for member, natural in zip(prism.MEMBERS, prism.natural_lengths(), strict=True)
     )
     return tuple(sp.factor(sp.expand(pull)).subs(_UNITS | {base: 1}) for pull in pulls)
 
@@ -84,9 +77,8 @@ def _gradient(coordinate):
     s, b = prism.cross_length(), prism.bar_length()
     derivative = sp.diff(prism.energy(), coordinate).subs(
         {
-            prism.natural_cross: s - _pull_1 / prism.k_cross,
-            prism.natural_base: base - _pull_2 / prism.k_base,
-            prism.natural_bar: b - _pull_3 / prism.k_bar,
+            member.natural: member.length() - pull / member.stiffness
+            for member, pull in zip(prism.MEMBERS, _PULLS, strict=True)
         }
     )
     return sp.expand(sp.expand(derivative).subs({s: _cross, b: _bar}))
@@ -123,7 +115,7 @@ def tensions() -> tuple[sp.Expr, sp.Expr, sp.Expr]:
 def _in_unknowns(derivative):
     expression, turned = _turned(derivative)
     cross, width, bar = lengths()
-    known = dict(zip((_pull_1, _pull_2, _pull_3), tensions(), strict=True))
+    known = dict(zip(_PULLS, tensions(), strict=True))
     known |= {_cross: cross, _bar: bar, base: width, height: reference_height + rise}
     return expression.subs(known | turned)
 
@@ -153,7 +145,7 @@ def load() -> sp.Expr:
 def stored_energy() -> sp.Expr:
     """U - U0, of the tensions and their changes so that its error vanishes with them."""
     members = zip(
-        (3, 6, 3),
+        (member.number for member in prism.MEMBERS),
         (1, base_compliance, bar_compliance),
         tension_changes(),
         reference_tensions(),

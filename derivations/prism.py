@@ -2,12 +2,14 @@
 
 Two equilateral triangles of base strings, the upper one raised by the height and turned by
 the twist, joined by three bars and three cross strings without thickness.  The geometry is
-typed once, as the positions of six nodes; lengths, energy and natural lengths follow.
+typed once, as the positions of six nodes and the table of `MEMBERS` between them; lengths,
+energy and natural lengths follow.
 Source: seeds/000, part III, "Compatibility equations" and "Elastic problem".
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cache
 
 import sympy as sp
@@ -47,18 +49,69 @@ def _squared_distance(start, end):
     return sp.expand(TR8(sp.expand(difference.dot(difference))))  # products of sines to sums
 
 
+@dataclass(frozen=True)
+class Member:
+    """A kind of members, equal by symmetry.
+
+    Attributes
+    ----------
+    kind : str
+    stiffness, natural : sympy.Symbol
+        Spring constant [N/m] and natural length [m] of one of them.
+    ends : tuple of (int, int)
+        Nodes that each joins: 0 to 2 the lower ones, 3 to 5 the upper ones.
+    """
+
+    kind: str
+    stiffness: sp.Symbol
+    natural: sp.Symbol
+    ends: tuple
+
+    @property
+    def number(self):
+        """How many there are."""
+        return len(self.ends)
+
+    def length_squared(self, radius=CIRCUMRADIUS):
+        """Squared length in circumradius (or base), twist and height [m^2]."""
+        lower, upper = nodes(radius=radius)
+        start, end = self.ends[0]
+        return _squared_distance(*((*lower, *upper)[node] for node in (start, end)))
+
+    def length(self):
+        """Length(l, phi, h) [m]."""
+        return sp.sqrt(self.length_squared())
+
+    def tension(self, length):
+        """Tension of one at a length [N]."""
+        return self.stiffness * (length - self.natural)
+
+    def energy(self, length):
+        """Elastic energy of all at a length [J]."""
+        return sp.Rational(self.number, 2) * self.stiffness * (length - self.natural) ** 2
+
+
+# A bar joins a lower node to the upper one turned away from it by the twist, a cross string to
+# the one before that, turned by the twist less 2 pi/3.
+CROSS = Member("cross", k_cross, natural_cross, tuple((i, 3 + (i + 2) % 3) for i in range(3)))
+BASE = Member(
+    "base", k_base, natural_base,
+    tuple((level + i, level + (i + 1) % 3) for level in (0, 3) for i in range(3)),
+)  # fmt: skip
+BAR = Member("bar", k_bar, natural_bar, tuple((i, 3 + i) for i in range(3)))
+MEMBERS = (CROSS, BASE, BAR)
+
+
 @cache
 def bar_length_squared(radius: sp.Expr = CIRCUMRADIUS) -> sp.Expr:
-    """b^2: a bar joins a lower node to the upper node turned away from it by the twist."""
-    lower, upper = nodes(radius=radius)
-    return _squared_distance(lower[0], upper[0])
+    """b^2."""
+    return BAR.length_squared(radius)
 
 
 @cache
 def cross_length_squared(radius: sp.Expr = CIRCUMRADIUS) -> sp.Expr:
-    """s^2: a cross string joins a lower node to the upper node that follows it."""
-    lower, upper = nodes(radius=radius)
-    return _squared_distance(lower[0], upper[2])
+    """s^2."""
+    return CROSS.length_squared(radius)
 
 
 def bar_length() -> sp.Expr:
@@ -71,13 +124,10 @@ def cross_length() -> sp.Expr:
     return sp.sqrt(cross_length_squared())
 
 
+@cache
 def energy() -> sp.Expr:
-    """Elastic energy of 3 cross strings, 6 base strings and 3 bars, U(l, phi, h) [J]."""
-    return (
-        sp.Rational(3, 2) * k_cross * (cross_length() - natural_cross) ** 2
-        + 3 * k_base * (base - natural_base) ** 2
-        + sp.Rational(3, 2) * k_bar * (bar_length() - natural_bar) ** 2
-    )
+    """Elastic energy of all members, U(l, phi, h) [J]."""
+    return sum(member.energy(member.length()) for member in MEMBERS)
 
 
 def at_reference(expression: sp.Expr) -> sp.Expr:
@@ -101,6 +151,12 @@ def natural_lengths() -> tuple[sp.Expr, sp.Expr, sp.Expr]:
         raise ArithmeticError("the reference state has no unique self-stress")
     base_length, bar = next(iter(solutions))
     return cross, sp.apart(sp.factor(base_length), k_base), sp.apart(sp.factor(bar), k_bar)
+
+
+def least_k_base() -> sp.Expr:
+    """Stiffness of the base strings [N/m] below which their natural length is not positive."""
+    (value,) = sp.solve(natural_lengths()[1], k_base)
+    return value
 
 
 def argument() -> list[Step]:

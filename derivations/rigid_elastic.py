@@ -110,7 +110,8 @@ def energy() -> sp.Expr:
     sine, versine = turn()
     gained = versine_gain * versine + sine_gain * sine
     extended = gained / (sp.sqrt(length_1**2 + gained) + length_1)
-    value = sp.Rational(3, 2) * stiffness * extended * (extended + 2 * extension_1)
+    weight = sp.Rational(prism.CROSS.number, 2) * stiffness
+    value = weight * extended * (extended + 2 * extension_1)
     value = value.subs(gain, elongation * (elongation + 2 * length_at_rest))
     value = value.subs(root, sp.sqrt(above_lock * below_stretch))
     return value.subs({symbol: form for symbol, form, _ in THROUGH}) + preload * elongation
@@ -144,7 +145,8 @@ def tension() -> sp.Expr:
     extended = t / m - natural
     conjugate = surplus_times_m / (m * (t / m + natural))
     rate = height_rate().subs(circumradius**2, area)
-    force = sp.Rational(3, 2) * stiffness * extended * (m / t) * slope * rate
+    weight = sp.Rational(prism.CROSS.number, 2) * stiffness
+    force = weight * extended * (m / t) * slope * rate
     force = sp.factor(sp.cancel(force / extended) * sp.together(conjugate))
 
     force = force.subs(t, sp.sqrt(squared_times_m * m)).subs(m, m_of_gain)

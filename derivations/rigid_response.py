@@ -13,7 +13,7 @@ import sympy as sp
 
 from derivations import prism
 from derivations.argument import Step
-from derivations.prism import circumradius, k_cross, natural_cross, prestrain, twist
+from derivations.prism import circumradius, natural_cross, prestrain, twist
 
 TITLE = "The rigid-elastic prism: twist, force, locking"
 
@@ -39,8 +39,8 @@ def cross_length() -> sp.Expr:
 
 
 def potential_energy() -> sp.Expr:
-    """V(h) = 3/2 k1 (s - s_N)^2 [J]."""
-    return sp.Rational(3, 2) * k_cross * (cross_length() - natural_cross) ** 2
+    """V(h) [J], of the cross strings alone."""
+    return prism.CROSS.energy(cross_length())
 
 
 def force(order: int = 1) -> sp.Expr:
@@ -73,7 +73,7 @@ def force_of_twist() -> sp.Expr:
     slope = sp.diff(squared, prism.height) + sp.diff(squared, twist) * turn_rate()
     length = sp.Symbol("s", positive=True)
     factor = sp.apart(sp.expand(slope / (2 * prism.height)), sp.sin(twist))
-    return 3 * k_cross * (length - natural_cross) * prism.height / length * factor
+    return prism.CROSS.number * prism.CROSS.tension(length) * prism.height / length * factor
 
 
 def stretched_height() -> sp.Expr:
@@ -92,7 +92,8 @@ def lock_force() -> sp.Expr:
     at_lock = {bar: sp.sqrt(lock**2 + 4 * circumradius**2), height: lock + gap}
     slope = sp.diff(cross_length() ** 2, height).subs(at_lock)
     kappa = sp.limit(sp.simplify(slope) * sp.sqrt(gap), gap, 0, "+")
-    return sp.Rational(3, 2) * k_cross * (1 - natural_cross / length) * kappa / sp.sqrt(gap)
+    pull = prism.CROSS.number * prism.CROSS.tension(length)  # ds = d(s^2)/(2 s)
+    return pull / (2 * length) * kappa / sp.sqrt(gap)
 
 
 def lock_order() -> tuple[sp.Expr, sp.Expr]:
@@ -109,8 +110,8 @@ def locking_energy() -> sp.Expr:
     at_lock = sp.expand(at_lock.subs(prism.height**2, locking_height_squared()))
     at_rest = sp.sqrt(prism.at_reference(prism.cross_length_squared()))
     natural = at_rest / (1 + prestrain)
-    stored = [(length - natural) ** 2 for length in (sp.sqrt(at_lock), at_rest)]
-    return sp.Rational(3, 2) * k_cross * (stored[0] - stored[1])
+    stored = prism.CROSS.energy(sp.sqrt(at_lock)) - prism.CROSS.energy(at_rest)
+    return sp.factor_terms(stored.subs(natural_cross, natural))
 
 
 def argument() -> list[Step]:

@@ -7,11 +7,11 @@ Source: seeds/000, part III; the energy is that of `derivations.nodes`.
 
 from __future__ import annotations
 
-import math
 from functools import cache
 
 import numpy as np
 
+from derivations.prism import REFERENCE_TWIST
 from tensegrity import EquilibriumError
 from tensegrity.codegen import to_casadi
 
@@ -50,7 +50,7 @@ class Nodes:
     def __init__(self, prism, count):
         self._both, place = _functions(count)
         self._constants = [prism.k_cross, prism.k_base, prism.k_bar, *prism.natural_lengths()]
-        at_rest = np.array(place([prism.base, math.radians(150), prism.height])).ravel()
+        at_rest = np.array(place([prism.base, float(REFERENCE_TWIST), prism.height])).ravel()
         self._scale, self.places = prism.base, np.tile(at_rest, (count, 1))
 
     def tension(self, heights):

@@ -36,7 +36,7 @@ def sound_speed(spring: Potential, mass: float = 1.0) -> float:
     stiffness = float(spring.stiffness(0.0))
     if stiffness < 0:
         raise TensegrityError(f"stiffness {stiffness:g} N/m at rest must be at least 0")
-    return math.sqrt(stiffness / mass)
+    return math.sqrt(_sound_speed_squared()(stiffness, mass))
 
 
 def sech2(spring: Potential, speed_ratio: float, x: ArrayLike) -> Array:
@@ -84,6 +84,17 @@ def _places(x: ArrayLike) -> Array:
     if np.isnan(x).any():
         raise TensegrityError("x nan sites is not a number")
     return x
+
+
+@once
+def _sound_speed_squared() -> Callable[..., float]:
+    """Square of the speed in sites as a function of stiffness and mass."""
+    import sympy as sp
+
+    from derivations import waves as derived
+
+    squared = derived.sound_speed().subs(derived.spacing, 1) ** 2
+    return sp.lambdify((derived.stiffness, derived.mass), squared, "math")
 
 
 @once

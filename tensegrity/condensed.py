@@ -78,6 +78,8 @@ def problem(rigid_base: bool = False) -> Problem:
     """
     import casadi as ca
 
+    from derivations.prism import REFERENCE_TWIST
+
     z, p, form = _forms(rigid_base)
     pulls = ca.vertcat(form["cross_pull"], form["base_pull"], form["bar_pull"])
     force = ca.norm_2(pulls) + 1e-300
@@ -100,7 +102,7 @@ def problem(rigid_base: bool = False) -> Problem:
         folds={"fold": form["load"], "turn": form["rise"]},
         values={
             "height": height,
-            "twist": math.radians(150) + 2 * ca.atan(form["half_turn"]),
+            "twist": float(REFERENCE_TWIST) + 2 * ca.atan(form["half_turn"]),
             "base": form["width"],
             "load": form["load"],
         },

@@ -312,6 +312,8 @@ SMALLEST = 1e-100  # overlap [m] from which a contact counts as closed
 def _power_law(exponent: float) -> Law:
     import sympy as sp
 
+    from derivations import contact as derived
+
     r = sp.Symbol("r", real=True)
     stiffness, preload, overlap = sp.symbols("stiffness preload overlap", real=True)
     n = sp.nsimplify(exponent, rational=True)
@@ -320,7 +322,8 @@ def _power_law(exponent: float) -> Law:
     pressed = sp.Max(overlap - r, SMALLEST)
 
     def stored(gap: sp.Expr) -> sp.Expr:
-        return stiffness / (n + 1) * gap ** (n + 1)
+        known = {derived.constant: stiffness, derived.exponent: n, derived.overlap: gap}
+        return derived.power_law_energy().subs(known)
 
     energy = closed * stored(pressed) - stored(overlap) + preload * r
     # while the contact is closed; told of the maximum, differentiation would divide to choose

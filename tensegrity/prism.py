@@ -71,7 +71,7 @@ class Prism:
         for name in ("k_base", "k_bar"):
             self._check(name, above=0, finite=False, unit="N/m")
         if self.natural_lengths().base <= 0:
-            least = self.k_cross * self.prestrain / (1 + self.prestrain) / math.sqrt(3)
+            (least,) = map(float, _exact(_least_k_base, self))
             raise TensegrityError(
                 f"k_base {self.k_base:g} N/m must be above {least:g} N/m, "
                 "below which the natural length of the base strings is not positive"
@@ -217,6 +217,12 @@ def _locking_height_squared() -> list[Any]:
     from derivations import rigid_elastic as derived
 
     return [derived.locking_height_squared()]
+
+
+def _least_k_base() -> list[Any]:
+    from derivations import prism as derived
+
+    return [derived.least_k_base()]
 
 
 def _axial_stiffness() -> list[Any]:

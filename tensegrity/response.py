@@ -286,21 +286,33 @@ def _columns(prism: Prism, branch: Branch) -> Columns:
 def _hanging(prism: Prism, max_height: float, below: Columns) -> Columns:
     """Rows above the point where base strings and bars unload, the highest first.
 
-    The bars keep their natural length at twist 2 pi/3, where the cross strings stand upright:
-    there dU/dl = dU/d phi = 0 without base strings.  The energy is a sum of squares with positive
-    weights there, hence stable.
+    The states of `derivations.hanging`.  The energy is a sum of squares with positive weights
+    there, hence stable.
     """
     cross, _, bar = prism.natural_lengths()
     height = np.linspace(below["height"][0], min(max_height, bar), ROWS + 1)[:0:-1]
+    twist, base_squared, load = _hanging_forms()(height, prism.k_cross, cross, bar)
     true = np.ones(ROWS, dtype=bool)
     return {
         "height": height,
-        "twist": np.full(ROWS, 2 * math.pi / 3),
-        "base": np.sqrt(np.maximum((bar - height) * (bar + height), 0.0)),
-        "load": -3 * prism.k_cross * (height - cross),
+        "twist": np.full(ROWS, twist),
+        "base": np.sqrt(np.maximum(base_squared, 0.0)),
+        "load": load,
         "stable_load": true,
         "stable_height": true,
     }
+
+
+@once
+def _hanging_forms() -> Callable[..., Any]:
+    """(twist, squared base, load) of height, k_cross, natural lengths of cross string and bar."""
+    import sympy as sp
+
+    from derivations import hanging, prism
+
+    symbols = (prism.height, prism.k_cross, prism.natural_cross, prism.natural_bar)
+    forms = hanging.upright_twist(), hanging.base_squared(), hanging.load()
+    return sp.lambdify(symbols, forms, "numpy")
 
 
 # --- rigid bases and bars --------------------------------------------------------------------
@@ -373,13 +385,15 @@ def _stretched(prism: Prism, potential: Potential, max_height: float) -> Array:
 
 def _rigid_columns(prism: Prism, potential: Potential, r: Array, locked: bool = False) -> Columns:
     """Numbers at elongations r; at a locked end no load (0 where flat) and no stiffness."""
+    from derivations.prism import REFERENCE_TWIST
+
     tangent = _half_turn()(r.reshape(1, -1), list(potential.parameters.values()))
     turn = 2 * np.arctan(np.array(tangent).ravel())
     load = np.zeros_like(r) if locked else -potential.tension(r)
     stiff = np.full(r.shape, np.inf) if locked else potential.stiffness(r)
     return {
         "height": prism.height + r,
-        "twist": 5 * math.pi / 6 + turn,
+        "twist": float(REFERENCE_TWIST) + turn,
         "base": np.full(r.shape, prism.base),
         "load": load,
         "stable_load": stiff >= 0,  # zero without prestrain, at a minimum of the energy

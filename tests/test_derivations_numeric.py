@@ -23,7 +23,7 @@ def exact():
         rigid_response.bar: bar,
         rigid_response.circumradius: prism.CIRCUMRADIUS,
         rigid_response.natural_cross: prism.natural_lengths()[0],
-        rigid_response.k_cross: 1,
+        prism.k_cross: 1,
     }
     arguments = (rigid_response.height, prism.base, prism.reference_height, prism.prestrain)
     forms = [rigid_response.potential_energy(), *(rigid_response.force(k) for k in (1, 2, 3))]

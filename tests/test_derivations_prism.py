@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from derivations import elastic, equilibrium, hardening, prism, rigid_response
+from derivations import elastic, equilibrium, hanging, hardening, prism, rigid_response
 from tensegrity import Prism
 
 EXACT = 50  # decimals of the references
@@ -20,6 +20,28 @@ def _lengths(base, twist, height):
         return mpmath.sqrt(x * x + y * y + height * height)
 
     return distance(twist), distance(twist - 2 * mpmath.pi / 3)
+
+
+def test_energy_is_that_of_3_cross_strings_6_base_strings_and_3_bars():
+    """Of the energy per member, and of the same with the twist eliminated by the bar."""
+    state = base, twist, height = 1.1, 2.7, 0.6
+    natural, springs = (0.5, 0.9, 1.2), (1.0, 2.0, 3.0)
+    with mpmath.workdps(EXACT):
+        bar, cross = _lengths(*map(mpmath.mpf, state))
+        each = [
+            k * (length - rest) ** 2 / 2
+            for k, length, rest in zip(springs, (cross, base, bar), natural, strict=True)
+        ]
+    values = {prism.base: base, prism.twist: twist, prism.height: height}
+    values |= dict(zip((prism.k_cross, prism.k_base, prism.k_bar), springs, strict=True))
+    rests = (prism.natural_cross, prism.natural_base, prism.natural_bar)
+    values |= dict(zip(rests, natural, strict=True))
+    found = prism.energy().subs(values)
+    assert float(found) == pytest.approx(float(3 * each[0] + 6 * each[1] + 3 * each[2]), rel=1e-14)
+    values |= {rigid_response.bar: bar, rigid_response.circumradius: base / sp.sqrt(3)}
+    values |= {rigid_response.height: height}
+    rigid = rigid_response.potential_energy().subs(values)
+    assert float(rigid) == pytest.approx(float(3 * each[0]), rel=1e-14)
 
 
 # --- the axial stiffness ---------------------------------------------------------------------
@@ -254,6 +276,17 @@ def test_force_near_locking_and_energy_there():
         }
     )  # fmt: skip
     assert float(leading) == pytest.approx(float(force), rel=1e-5)
+
+
+def test_hanging_begins_where_base_strings_and_bars_unload_together():
+    """The twist of `taut_range`, which knows forces and no lengths."""
+    assert hanging.upright_twist() == equilibrium.taut_range()[0]
+
+
+def test_hanging_without_equilibrium_is_an_error(monkeypatch):
+    monkeypatch.setattr(hanging, "upright_twist", lambda: 3 * sp.pi / 4)
+    with pytest.raises(ArithmeticError, match="does not hang"):
+        hanging.load.__wrapped__()
 
 
 def test_equations_vanish_at_the_self_stressed_state():

@@ -3,6 +3,7 @@
 import ast
 import subprocess
 import sys
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
@@ -90,6 +91,17 @@ def test_packages_import_downward_only():
     for importer, imported in imports():
         upper, lower = importer.split(".")[0], imported.split(".")[0]
         assert upper == lower or lowest[lower] < lowest[upper], f"{importer} imports {imported}"
+
+
+def test_no_modules_import_each_other_in_a_circle():
+    modules = {".".join(p.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+               for package in PACKAGES for p in (ROOT / package).rglob("*.py")}  # fmt: skip
+    needs = {module: set() for module in modules}
+    for importer, imported in imports():
+        found = imported if imported in modules else imported.rpartition(".")[0]
+        assert found in modules, f"{importer} imports {imported}, which is no file"
+        needs[importer].add(found)
+    TopologicalSorter(needs).prepare()  # CycleError names the circle
 
 
 def test_modules_of_tensegrity_import_downward_only():
