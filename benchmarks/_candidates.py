@@ -1,4 +1,4 @@
-"""Methods that were tried and are not in `tensegrity.methods`.
+"""Methods that were tried and are not in `tensegrity.engine.methods`.
 
 Splittings run in the compiled loop, for rows of coefficients are all it needs.  Kicks with a
 force gradient, v += b dt a + c dt^3 a' a (a' a the derivative of the accelerations along
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tensegrity.methods import Splitting, palindrome, there_and_back
+from tensegrity.engine.methods import Splitting, palindrome, there_and_back
 
 GRADIENT = 1.9
 

@@ -79,7 +79,7 @@ def prism_tension(prism):
 def polynomial_tension(fit):
     """A fitted tension by Horner's rule."""
     r = sp.Symbol("r")
-    middle, per_half, at_rest, *q = fit._values.tolist()
+    middle, per_half, at_rest, *q = fit.values.tolist()
     t, value = (r - middle) * per_half, sp.Float(0)
     for coefficient in q[::-1]:
         value = value * t + coefficient

@@ -13,12 +13,13 @@ import warnings
 import numpy as np
 
 from benchmarks._timing import best, table
-from tensegrity import Chain, Prism, native, simulate
-from tensegrity.compiled import Compiled
-from tensegrity.interpreted import Interpreted
-from tensegrity.kernel import bind
-from tensegrity.methods import METHODS
-from tensegrity.prism import _rigid_law
+from tensegrity import Chain, Prism, simulate
+from tensegrity.engine import native
+from tensegrity.engine.compiled import Compiled
+from tensegrity.engine.interpreted import Interpreted
+from tensegrity.engine.kernel import bind
+from tensegrity.engine.methods import METHODS
+from tensegrity.prisms.prism import rigid_law
 
 SIZES = (100, 1_000, 100_000, 1_000_000)
 WORK = 4_000_000  # bond-steps per timed call
@@ -69,13 +70,13 @@ def rival_force(modules):
     """The tension with its `through` quantities inserted, as one Python function of (r, p...)."""
     import sympy as sp
 
-    law = _rigid_law()
+    law = rigid_law()
     expression = law.tension.subs({symbol: value for symbol, value, _ in law.through})
     return sp.lambdify((law.elongation, *law.parameters), expression, modules, cse=True)
 
 
 def _numpy_rival(spring, u, v, steps):
-    force, p = rival_force("numpy"), spring._values.tolist()
+    force, p = rival_force("numpy"), spring.values.tolist()
 
     def run():
         edges = np.zeros(len(u) + 1)
@@ -118,7 +119,7 @@ def numba_loop(force, **options):
 
 
 def _numba_rival(spring, u, v, steps, **options):
-    loop, p = numba_loop(rival_force("math"), **options), tuple(spring._values)
+    loop, p = numba_loop(rival_force("math"), **options), tuple(spring.values)
     return lambda: loop(u, v, steps, p, DT)
 
 

@@ -22,8 +22,8 @@ import numpy as np
 
 from figures.__main__ import OUTPUT, STYLE, write, write_table
 from tensegrity import Prism
-from tensegrity.condensed import numbers, problem
-from tensegrity.continuation import Settings, trace
+from tensegrity.branches.continuation import Settings, trace
+from tensegrity.prisms.condensed import numbers, problem
 
 PRISM = Prism(1.0, 0.5, 0.4, 1.0, 2.0, 20.0)
 LOWEST = 0.05
@@ -125,7 +125,7 @@ def plain_functions():
     import casadi as ca
     import sympy as sp
 
-    from tensegrity.codegen import to_casadi
+    from tensegrity.engine.codegen import to_casadi
 
     unknowns, gradient, jacobian = _plain()
     g = sp.lambdify(unknowns, list(gradient), "math", cse=True)

@@ -18,7 +18,7 @@ import numpy as np
 from benchmarks._timing import best, table
 from granular import Bead, Striker, chain, materials
 from tensegrity import Chain, Ensemble, Network, PowerLaw, Prism, State, simulate
-from tensegrity.methods import METHODS
+from tensegrity.engine.methods import METHODS
 
 SIZES = (100, 1_000, 100_000)
 WORK = 2_000_000  # bond-steps per timed call

@@ -18,20 +18,12 @@ import numpy as np
 from benchmarks._timing import best, table
 from benchmarks.chain import UNITS, machine_bound, unit_calls
 from figures.__main__ import OUTPUT, STYLE, write, write_table
-from tensegrity import (
-    Chain,
-    Polynomial,
-    Potential,
-    PowerLaw,
-    Prism,
-    ResolutionError,
-    codegen,
-    simulate,
-)
-from tensegrity.compiled import BoundLine, Compiled
-from tensegrity.kernel import bind, kernel
-from tensegrity.methods import METHODS
-from tensegrity.pieces import BoundPieces
+from tensegrity import Chain, Polynomial, Potential, PowerLaw, Prism, ResolutionError, simulate
+from tensegrity.engine import codegen
+from tensegrity.engine.compiled import BoundLine, Compiled
+from tensegrity.engine.kernel import bind, kernel
+from tensegrity.engine.methods import METHODS
+from tensegrity.engine.pieces import BoundPieces
 
 SITES, STEPS, DT = 1000, 1000, 0.1
 TIMED = 1000  # steps of one timed call
@@ -54,7 +46,7 @@ FAMILIES = {
 
 def _with_law(spring, law):
     """The spring with another law of the same parameters."""
-    return Potential._from_law(law, spring._values, spring.length, spring.reach, spring._ends)
+    return Potential.from_law(law, spring.values, spring.length, spring.reach, spring.ends)
 
 
 def blow(chain, speed):
@@ -72,8 +64,8 @@ def contestants(family):
         found["formula"] = spring
     else:
         for steps in ITERATIONS:
-            found[f"{steps} iterations"] = _with_law(spring, replace(spring._law, steps=steps))
-        converged = _with_law(spring, replace(spring._law, steps=REFERENCE))
+            found[f"{steps} iterations"] = _with_law(spring, replace(spring.law, steps=steps))
+        converged = _with_law(spring, replace(spring.law, steps=REFERENCE))
     for error in ERRORS:
         try:
             fit = Polynomial(spring, low - room, high + room, error)
@@ -90,7 +82,7 @@ def bound_loop(engine, chain, u, v):
 def motion(spring, speed, extended=False):
     """Displacements after the run."""
     chain = Chain(spring, SITES)
-    engine = Compiled.of(chain.loop_bonds, extended=True) if extended else kernel((spring._law,))
+    engine = Compiled.of(chain.loop_bonds, extended=True) if extended else kernel((spring.law,))
     dtype = np.longdouble if extended else float
     state = blow(chain, speed)
     u, v = state.u.astype(dtype), state.v.astype(dtype)
@@ -105,15 +97,15 @@ def measure(families=FAMILIES):
         found, converged, met = contestants(family)
         speed = FAMILIES[family][1]
         r = np.linspace(*met, 2001)
-        exact = kernel((converged._law,)).evaluate(0, 1, converged._values, r)
+        exact = kernel((converged.law,)).evaluate(0, 1, converged.values, r)
         reference = motion(converged, speed, extended=True)
         for name, spring in found.items():
-            force = kernel((spring._law,)).evaluate(0, 1, spring._values, r)
+            force = kernel((spring.law,)).evaluate(0, 1, spring.values, r)
             gap = np.abs(force - exact).max() / np.abs(exact).max()
             moved = np.abs(motion(spring, speed) - reference).max() / np.abs(reference).max()
             chain = Chain(spring, SITES)
             u, v = 1e-3 * np.sin(np.arange(SITES) ** 2), np.zeros(SITES)
-            loop = bound_loop(kernel((spring._law,)), chain, u, v)
+            loop = bound_loop(kernel((spring.law,)), chain, u, v)
             loops[family, name] = lambda loop=loop: loop.advance(TIMED)
             rows.append((family, name, float(gap), float(moved)))
     times = best(loops)
@@ -161,12 +153,12 @@ def forms():
     for name, spring in springs.items():
         chain = Chain(spring, SITES)
         u, v = 1e-3 * np.sin(np.arange(SITES) ** 2), np.zeros(SITES)
-        loop = bound_loop(kernel((spring._law,)), chain, u, v)
+        loop = bound_loop(kernel((spring.law,)), chain, u, v)
         calls[name] = lambda loop=loop: loop.advance(TIMED)
     times, scale = best(calls), 1e9 / (TIMED + 1) / (SITES - 1)
     found = {}
     for name, spring in springs.items():
-        roots, divisions = slow_operations(spring._law)
+        roots, divisions = slow_operations(spring.law)
         least = (roots * times["roots"] + divisions * times["divisions"]) / UNITS * 1e9
         found[name] = times[name] * scale, least
     return found

@@ -12,9 +12,9 @@ import numpy as np
 from benchmarks._candidates import GRADIENTS, SPLITTINGS, evaluations, run_gradient
 from figures.__main__ import OUTPUT, STYLE, write, write_table
 from tensegrity import Chain, Prism, TensegrityError, solitary_wave
-from tensegrity.compiled import Compiled
-from tensegrity.kernel import bind
-from tensegrity.methods import METHODS
+from tensegrity.engine.compiled import Compiled
+from tensegrity.engine.kernel import bind
+from tensegrity.engine.methods import METHODS
 
 SITES = 128
 LEVELS = 10.0 ** -np.arange(2.0, 13.0)

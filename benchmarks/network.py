@@ -10,10 +10,10 @@ import numpy as np
 
 from benchmarks._timing import best, table
 from tensegrity import Network, PowerLaw, State
-from tensegrity.compiled import Compiled
-from tensegrity.interpreted import Interpreted
-from tensegrity.kernel import bind
-from tensegrity.methods import METHODS
+from tensegrity.engine.compiled import Compiled
+from tensegrity.engine.interpreted import Interpreted
+from tensegrity.engine.kernel import bind
+from tensegrity.engine.methods import METHODS
 
 STIFFNESS, DT = 1.0, 1e-3
 WORK = 3_000_000  # contact-steps of one call

@@ -33,12 +33,11 @@ from tensegrity import (
     Prism,
     ResolutionError,
     TensegrityError,
-    codegen,
-    native,
     solitary_wave,
 )
-from tensegrity.compiled import Compiled
-from tensegrity.methods import METHODS
+from tensegrity.engine import codegen, native
+from tensegrity.engine.compiled import Compiled
+from tensegrity.engine.methods import METHODS
 
 LEVELS = 10.0 ** -np.arange(2.0, 13.0)
 ROUNDS = 5
@@ -283,7 +282,7 @@ def build_time(chain):
         began = time.perf_counter()
         text = codegen.c_text(chain.loop_bonds.laws)
         flags = (*native.FLAGS, native.NATIVE, *native.WIDE)
-        native._build(text, native.compilers()[0], flags, Path(folder) / "entry")
+        native.build(text, native.compilers()[0], flags, Path(folder) / "entry")
         return time.perf_counter() - began
 
 

@@ -10,6 +10,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 
+import sympy as sp
+
 
 class Verdict(Enum):
     """What became of a printed formula."""
@@ -20,7 +22,7 @@ class Verdict(Enum):
     NO_DATA = "no data in the seed"
 
 
-def as_printed(form):
+def as_printed(form: sp.Expr) -> sp.Expr:
     """The reading of a form that needs none."""
     return form
 

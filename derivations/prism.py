@@ -68,25 +68,25 @@ class Member:
     ends: tuple
 
     @property
-    def number(self):
+    def number(self) -> int:
         """How many there are."""
         return len(self.ends)
 
-    def length_squared(self, radius=CIRCUMRADIUS):
+    def length_squared(self, radius: sp.Expr = CIRCUMRADIUS) -> sp.Expr:
         """Squared length in circumradius (or base), twist and height [m^2]."""
         lower, upper = nodes(radius=radius)
         start, end = self.ends[0]
         return _squared_distance(*((*lower, *upper)[node] for node in (start, end)))
 
-    def length(self):
+    def length(self) -> sp.Expr:
         """Length(l, phi, h) [m]."""
         return sp.sqrt(self.length_squared())
 
-    def tension(self, length):
+    def tension(self, length: sp.Expr | None) -> sp.Expr:
         """Tension of one at a length [N]."""
         return self.stiffness * (length - self.natural)
 
-    def energy(self, length):
+    def energy(self, length: sp.Expr | None) -> sp.Expr:
         """Elastic energy of all at a length [J]."""
         return sp.Rational(self.number, 2) * self.stiffness * (length - self.natural) ** 2
 

@@ -8,9 +8,9 @@ import numpy as np
 import sympy as sp
 
 from tensegrity import Chain, Potential, PowerLaw, Prism, Record, simulate, solitary_wave
-from tensegrity.asymptotics import sound_speed
-from tensegrity.observables import speed
-from tensegrity.solitary import largest_speed
+from tensegrity.measure.observables import speed
+from tensegrity.waves.asymptotics import sound_speed
+from tensegrity.waves.solitary import largest_speed
 
 PRISMS = ((0.7, 0.01), (0.6, 0.001), (0.8, 0.1))  # height over base, prestrain
 RATIOS = (1.001, 1.01, 1.05, 1.3, 2.0, 5.0)

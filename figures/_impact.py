@@ -8,8 +8,8 @@ import numpy as np
 
 from figures import _measure, _scenes
 from tensegrity import LockingError, Record, simulate, solitary_wave
-from tensegrity.asymptotics import sech2, sound_speed, tent
-from tensegrity.observables import arrival, speed
+from tensegrity.measure.observables import arrival, speed
+from tensegrity.waves.asymptotics import sech2, sound_speed, tent
 
 FINE = 0.008  # of its width that the wave goes in a step of the coarser run
 EVERY = 4  # steps between recorded instants

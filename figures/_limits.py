@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tensegrity import Chain, Prism
-from tensegrity.methods import METHODS
+from tensegrity.engine.methods import METHODS
 
 EXPLICIT = [name for name, method in METHODS.items() if method.explicit]
 COLOURS = {name: f"C{k}" for k, name in enumerate(METHODS)}

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from figures._limits import advance
-from tensegrity.methods import METHODS
+from tensegrity.engine.methods import METHODS
 
 POWER = 2.5  # of the time beside an event in the impulse: the order that is left in steps unlocated
 MARGIN = 0.15  # above the least power s

@@ -10,8 +10,8 @@ from functools import cache
 
 from figures._measure import Scene
 from tensegrity import Chain, Potential, PowerLaw, Prism, solitary_wave
-from tensegrity.asymptotics import sound_speed
-from tensegrity.polynomial import Polynomial
+from tensegrity.springs.polynomial import Polynomial
+from tensegrity.waves.asymptotics import sound_speed
 
 VISITED = 0.6, 0.9  # of the domain of the softening prism that a polynomial covers
 

@@ -12,7 +12,7 @@ from figures import _guide
 from figures._guide import PTFE, STEEL, row
 from granular import simulate, y_guide
 from tensegrity import Record
-from tensegrity.methods import METHODS
+from tensegrity.engine.methods import METHODS
 
 NAME = "granular_energy"
 GROUP = "granular"

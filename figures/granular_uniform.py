@@ -10,7 +10,7 @@ from figures._guide import row
 from granular import Striker, chain, hertz, simulate
 from granular.observables import peak
 from tensegrity import PowerLaw, Record, solitary_wave
-from tensegrity.observables import width
+from tensegrity.measure.observables import width
 
 NAME = "granular_uniform"
 GROUP = "granular"

@@ -9,10 +9,10 @@ import numpy as np
 
 from figures._limits import listed, prism_chain
 from tensegrity import Record, State, simulate
-from tensegrity.interpreted import Interpreted
-from tensegrity.kernel import bind
-from tensegrity.methods import METHODS
-from tensegrity.pieces import LONG, processors
+from tensegrity.engine.interpreted import Interpreted
+from tensegrity.engine.kernel import bind
+from tensegrity.engine.methods import METHODS
+from tensegrity.engine.pieces import LONG, processors
 
 NAME = "limits_bits"
 GROUP = "limits"

@@ -7,7 +7,7 @@ import numpy as np
 from figures import _located
 from figures._limits import COLOURS, gap, listed, moved, slope
 from tensegrity import Chain, PowerLaw
-from tensegrity.methods import METHODS
+from tensegrity.engine.methods import METHODS
 
 NAME = "limits_contacts"
 GROUP = "limits"

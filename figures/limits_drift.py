@@ -6,7 +6,7 @@ import numpy as np
 
 from figures._limits import COLOURS, prism_chain
 from tensegrity import State
-from tensegrity.methods import METHODS
+from tensegrity.engine.methods import METHODS
 
 NAME = "limits_drift"
 GROUP = "limits"

@@ -6,7 +6,7 @@ import numpy as np
 
 from figures._limits import COLOURS, EXPLICIT, listed, moved, prism_chain, slope
 from tensegrity import LockingError, Record, StabilityError, State, simulate
-from tensegrity.methods import METHODS
+from tensegrity.engine.methods import METHODS
 
 NAME = "limits_locking"
 GROUP = "limits"

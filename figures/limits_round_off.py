@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from figures._limits import prism_chain, slope
-from tensegrity.compiled import Compiled
-from tensegrity.kernel import bind
-from tensegrity.methods import METHODS
+from tensegrity.engine.compiled import Compiled
+from tensegrity.engine.kernel import bind
+from tensegrity.engine.methods import METHODS
 
 NAME = "limits_round_off"
 GROUP = "limits"

@@ -7,7 +7,7 @@ import sympy as sp
 
 from figures._limits import COLOURS, EXPLICIT, listed
 from tensegrity import Chain, Potential, State
-from tensegrity.methods import METHODS
+from tensegrity.engine.methods import METHODS
 
 NAME = "limits_stability"
 GROUP = "limits"

@@ -9,7 +9,7 @@ import sympy as sp
 
 from figures._limits import COLOURS, listed, moved, slope
 from tensegrity import Chain, Potential
-from tensegrity.methods import METHODS
+from tensegrity.engine.methods import METHODS
 
 NAME = "limits_stiffness"
 GROUP = "limits"

@@ -12,9 +12,10 @@ from figures._limits import moved
 from figures._nodes import Nodes
 from granular import chain as bead_chain
 from granular import hertz, simulate, y_guide
-from tensegrity import Chain, Polynomial, PowerLaw, Prism, Record, plain, solitary_wave
-from tensegrity.asymptotics import sech2, tent
-from tensegrity.methods import METHODS
+from tensegrity import Chain, Polynomial, PowerLaw, Prism, Record, solitary_wave
+from tensegrity.engine import plain
+from tensegrity.engine.methods import METHODS
+from tensegrity.waves.asymptotics import sech2, tent
 
 NAME = "models_ladder"
 GROUP = "models"

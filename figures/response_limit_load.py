@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tensegrity import Prism
-from tensegrity.limit import limit_load
+from tensegrity.prisms.fold_curve import limit_load
 
 NAME = "response_limit_load"
 GROUP = "response"

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from tensegrity import Prism, equilibrium_path
-from tensegrity.nodes import first_loss
+from tensegrity.prisms.stability import first_loss
 
 NAME = "response_model_map"
 GROUP = "response"

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tensegrity.codegen import to_casadi
-from tensegrity.continuation import Problem, Settings, trace
+from tensegrity.branches.continuation import Problem, Settings, trace
+from tensegrity.engine.codegen import to_casadi
 
 NAME = "response_outside"
 GROUP = "response"

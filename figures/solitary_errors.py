@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tensegrity import Prism, solitary_wave
-from tensegrity.asymptotics import sech2, tent
+from tensegrity.waves.asymptotics import sech2, tent
 
 NAME = "solitary_errors"
 GROUP = "waves"

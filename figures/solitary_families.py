@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from tensegrity import Prism, solitary_wave
-from tensegrity.asymptotics import sound_speed
-from tensegrity.solitary import largest_speed
+from tensegrity.waves.asymptotics import sound_speed
+from tensegrity.waves.solitary import largest_speed
 
 NAME = "solitary_families"
 GROUP = "waves"

@@ -6,8 +6,8 @@ import numpy as np
 
 from derivations import waves as derived
 from tensegrity import Prism
-from tensegrity.asymptotics import sound_speed
-from tensegrity.solitary import largest_speed
+from tensegrity.waves.asymptotics import sound_speed
+from tensegrity.waves.solitary import largest_speed
 
 NAME = "solitary_largest_speed"
 GROUP = "waves"

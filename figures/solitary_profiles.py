@@ -7,8 +7,8 @@ import numpy as np
 from figures import _exact
 from figures._measure import row
 from tensegrity import Prism, solitary_wave
-from tensegrity.asymptotics import sech2, sound_speed, tent
-from tensegrity.solitary import largest_speed
+from tensegrity.waves.asymptotics import sech2, sound_speed, tent
+from tensegrity.waves.solitary import largest_speed
 
 NAME = "solitary_profiles"
 GROUP = "waves"

@@ -6,7 +6,7 @@ import math
 
 from figures import _measure, _scenes
 from tensegrity import LockingError, simulate, solitary_wave
-from tensegrity.observables import arrival
+from tensegrity.measure.observables import arrival
 
 NAME = "wave_collision"
 GROUP = "waves"

@@ -7,7 +7,7 @@ import numpy as np
 from figures import _measure, _scenes
 from figures.wave_composite import PASSED, Case, acoustics, composite, met
 from tensegrity import Record, StabilityError, TensegrityError, simulate
-from tensegrity.asymptotics import sound_speed
+from tensegrity.waves.asymptotics import sound_speed
 
 NAME = "wave_composite_map"
 GROUP = "waves"

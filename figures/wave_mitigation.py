@@ -8,8 +8,8 @@ from scipy.optimize import brentq
 
 from figures import _measure, _scenes
 from tensegrity import simulate
-from tensegrity.asymptotics import sound_speed
-from tensegrity.budget import DEGREE
+from tensegrity.measure.budget import DEGREE
+from tensegrity.waves.asymptotics import sound_speed
 
 NAME = "wave_mitigation"
 GROUP = "waves"

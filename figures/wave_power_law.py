@@ -6,8 +6,8 @@ import numpy as np
 
 from figures import _measure, _scenes
 from tensegrity import TensegrityError, solitary_wave
-from tensegrity.asymptotics import sound_speed
-from tensegrity.observables import speed
+from tensegrity.measure.observables import speed
+from tensegrity.waves.asymptotics import sound_speed
 
 NAME = "wave_power_law"
 GROUP = "waves"

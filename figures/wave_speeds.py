@@ -6,7 +6,7 @@ import numpy as np
 
 from figures import _impact, _measure, _scenes
 from tensegrity import solitary_wave
-from tensegrity.asymptotics import sech2
+from tensegrity.waves.asymptotics import sech2
 
 NAME = "wave_speeds"
 GROUP = "waves"

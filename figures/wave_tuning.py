@@ -16,9 +16,9 @@ from tensegrity import (
     simulate,
     solitary_wave,
 )
-from tensegrity.asymptotics import sound_speed
-from tensegrity.observables import crest, speed
-from tensegrity.tuning import simulate_tuned
+from tensegrity.measure.observables import crest, speed
+from tensegrity.runs.tuning import simulate_tuned
+from tensegrity.waves.asymptotics import sound_speed
 
 NAME = "wave_tuning"
 GROUP = "waves"

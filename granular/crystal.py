@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity import Run, TensegrityError, check
-from tensegrity.scene import KINK_SHARE
+from tensegrity.scenes.scene import KINK_SHARE
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

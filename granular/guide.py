@@ -21,7 +21,7 @@ from granular.crystal import Crystal
 from granular.layout import TOUCH, Layout, diamond_layout, y_layout
 from granular.materials import Material, materials
 from tensegrity import Network, State, TensegrityError, Wall, check
-from tensegrity.clearance import Clearance
+from tensegrity.scenes.clearance import Clearance
 
 if TYPE_CHECKING:
     from typing import Any
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from granular.contact import Contact, ContactLaw
     from granular.layout import Piece
-    from tensegrity.potential import PowerLaw
+    from tensegrity.springs.potential import PowerLaw
     from tensegrity.typing import Array, Indices
 
 

@@ -1,4 +1,4 @@
-"""How scenes of beads are kept in files and made again: see `tensegrity.archive`.
+"""How scenes of beads are kept in files and made again: see `tensegrity.runs.archive`.
 
 A law of contact is a function, which no file holds: its answers are kept, in the order in which
 it was asked, and given again.
@@ -15,7 +15,7 @@ from granular.contact import Contact
 from granular.guide import Guide
 from granular.layout import Layout, Piece
 from granular.materials import Material
-from tensegrity.archive import register
+from tensegrity.runs.archive import register
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable

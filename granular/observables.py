@@ -15,14 +15,14 @@ import numpy as np
 
 from granular.crystal import crystal_of, rows
 from tensegrity import TensegrityError, check
-from tensegrity.observables import passage
+from tensegrity.measure.observables import passage
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from numpy.typing import ArrayLike
 
-    from tensegrity.run import Run
+    from tensegrity.runs.run import Run
     from tensegrity.typing import Array, Flags
 
 CLOCK = 3e-6  # s: sampling interval of the paper's density plots

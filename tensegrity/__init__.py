@@ -1,6 +1,5 @@
 """Tensegrity prisms as springs, and lattices of masses joined by them."""
 
-from tensegrity.ensemble import Ensemble
 from tensegrity.errors import (
     ContactError,
     EquilibriumError,
@@ -12,19 +11,20 @@ from tensegrity.errors import (
     StabilityError,
     TensegrityError,
 )
-from tensegrity.integrate import simulate
-from tensegrity.lattice import Chain
-from tensegrity.network import Network
-from tensegrity.polynomial import Polynomial
-from tensegrity.potential import Potential, PowerLaw
-from tensegrity.prism import Prism
-from tensegrity.record import Record
-from tensegrity.response import EquilibriumPath, equilibrium_path
-from tensegrity.resume import resume
-from tensegrity.run import Run
-from tensegrity.scene import State
-from tensegrity.solitary import SolitaryWave, solitary_wave
-from tensegrity.walls import Wall
+from tensegrity.prisms.path import EquilibriumPath, equilibrium_path
+from tensegrity.prisms.prism import Prism
+from tensegrity.runs.integrate import simulate
+from tensegrity.runs.record import Record
+from tensegrity.runs.resuming import resume
+from tensegrity.runs.run import Run
+from tensegrity.scenes.chain import Chain
+from tensegrity.scenes.ensemble import Ensemble
+from tensegrity.scenes.network import Network
+from tensegrity.scenes.scene import State
+from tensegrity.scenes.walls import Wall
+from tensegrity.springs.polynomial import Polynomial
+from tensegrity.springs.potential import Potential, PowerLaw
+from tensegrity.waves.solitary import SolitaryWave, solitary_wave
 
 __all__ = [
     "Chain",

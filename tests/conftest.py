@@ -3,7 +3,7 @@ import warnings
 import numpy as np
 import pytest
 
-from tensegrity import native
+from tensegrity.engine import native
 
 
 @pytest.fixture

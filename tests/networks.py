@@ -3,9 +3,9 @@
 import numpy as np
 
 from tensegrity import Network, PowerLaw, Wall
-from tensegrity.compiled import Compiled
-from tensegrity.kernel import bind
-from tensegrity.methods import METHODS
+from tensegrity.engine.compiled import Compiled
+from tensegrity.engine.kernel import bind
+from tensegrity.engine.methods import METHODS
 
 SPACING = 1.0
 SPRING = PowerLaw(1.0, 1.5, preload=0.3, length=SPACING)

@@ -3,9 +3,9 @@
 import numpy as np
 
 from tensegrity import Chain, Prism
-from tensegrity.compiled import Compiled
-from tensegrity.kernel import bind
-from tensegrity.methods import METHODS
+from tensegrity.engine.compiled import Compiled
+from tensegrity.engine.kernel import bind
+from tensegrity.engine.methods import METHODS
 
 
 def prism_chain(sites=64, ends=("free", "free")):

@@ -21,10 +21,10 @@ from tensegrity import (
     State,
     TensegrityError,
     Wall,
-    archive,
     simulate,
 )
-from tensegrity.archive import fingerprint
+from tensegrity.runs import archive
+from tensegrity.runs.archive import fingerprint
 
 
 def blow():
@@ -107,7 +107,7 @@ def test_two_scenes_that_differ_have_different_fingerprints(name):
 
 
 def test_a_run_with_polynomials_and_rows_in_a_file_comes_back(tmp_path, monkeypatch):
-    monkeypatch.setattr("tensegrity.tolerance.WORTH", -np.inf)
+    monkeypatch.setattr("tensegrity.runs.tolerance.WORTH", -np.inf)
     scene, state = elastic()
     run = simulate(scene, state, 3.0, tol=1e-6, record=Record(path=tmp_path / "rows.npy"))
     assert run.force.startswith("polynomial")
@@ -209,7 +209,7 @@ def test_a_file_is_replaced_whole_or_not_at_all(tmp_path, monkeypatch):
     def full(number):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("tensegrity.archive.os.fsync", full)
+    monkeypatch.setattr("tensegrity.runs.archive.os.fsync", full)
     with pytest.raises(TensegrityError, match=r"run\.npz: No space left"):
         run.save(path)
     assert path.read_bytes() == before

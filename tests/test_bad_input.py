@@ -31,19 +31,18 @@ from tensegrity import (
     State,
     TensegrityError,
     Wall,
-    asymptotics,
-    budget,
     equilibrium_path,
-    methods,
-    observables,
     resume,
     simulate,
     solitary_wave,
-    tuning,
 )
-from tensegrity.limit import limit_load
-from tensegrity.nodes import first_loss, lowest
-from tensegrity.solitary import largest_speed
+from tensegrity.engine import methods
+from tensegrity.measure import budget, observables
+from tensegrity.prisms.fold_curve import limit_load
+from tensegrity.prisms.stability import first_loss, lowest
+from tensegrity.runs import tuning
+from tensegrity.waves import asymptotics
+from tensegrity.waves.solitary import largest_speed
 
 WRONG = {
     "None": None, "text": "x", "text of a number": "1.5", "empty text": "", "bytes": b"1",

@@ -10,8 +10,8 @@ from scipy.interpolate import BarycentricInterpolator
 
 from figures import _scenes
 from tensegrity import Chain, Ensemble, Record, TensegrityError, simulate
-from tensegrity.budget import beyond
-from tensegrity.tuning import simulate_tuned
+from tensegrity.measure.budget import beyond
+from tensegrity.runs.tuning import simulate_tuned
 
 ALL = Record(every=1)
 

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from tensegrity import Potential, PowerLaw, Prism, TensegrityError, solitary_wave, travelling
-from tensegrity.excess import excess
+from tensegrity import Potential, PowerLaw, Prism, TensegrityError, solitary_wave
+from tensegrity.waves import travelling
+from tensegrity.waves.excess import excess
 
 R = sp.Symbol("r")
 WALL = (-1.0, math.inf)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from derivations import mixed, prism
 from tensegrity import EquilibriumError, LockingError, Prism, TensegrityError, equilibrium_path
-from tensegrity.condensed import ElasticPotential
+from tensegrity.prisms.condensed import ElasticPotential
 
 INF = math.inf
 EPS = np.finfo(float).eps

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tensegrity import TensegrityError
-from tensegrity.continuation import (
+from tensegrity.branches.continuation import (
     Branch,
     ContinuationError,
     Problem,

@@ -30,8 +30,8 @@ from tensegrity import (
     simulate,
     solitary_wave,
 )
-from tensegrity.continuation import ContinuationError
-from tensegrity.limit import limit_load
+from tensegrity.branches.continuation import ContinuationError
+from tensegrity.prisms.fold_curve import limit_load
 from tensegrity.readonly import ReadOnly
 
 RIGID = Prism(1.0, 0.7, 0.01, 1.0)

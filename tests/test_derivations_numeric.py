@@ -7,9 +7,9 @@ import sympy as sp
 
 from derivations import prism, rigid_response
 from tensegrity import Prism
-from tensegrity.codegen import functions
-from tensegrity.compiled import Compiled
-from tensegrity.native import CompilerError
+from tensegrity.engine.codegen import functions
+from tensegrity.engine.compiled import Compiled
+from tensegrity.engine.native import CompilerError
 
 EPS = np.finfo(float).eps
 ORDERS = ("energy", "tension", "stiffness")
@@ -36,7 +36,7 @@ def test_casadi_c_and_sympy_agree_on_the_same_points(exact, order, rng):
         fields = rng.uniform(0.5, 2), rng.uniform(0.4, 2), 10 ** rng.uniform(-5, -0.5)
         potential = Prism(*fields, 1.0).potential()
         r = rng.uniform(*potential.domain, 8) * 0.98
-        law, values = potential._law, potential._values
+        law, values = potential.law, potential.values
         results = {"casadi": functions(law)[ORDERS[order]](r.reshape(1, -1), values).full().ravel()}
         try:
             results["c"] = Compiled((law,)).evaluate(0, order, values, r)

@@ -8,12 +8,12 @@ import pytest
 from scenes import extended
 
 from tensegrity import Chain, EquilibriumError, Prism, RangeError, equilibrium_path, simulate
-from tensegrity.asymptotics import sound_speed
-from tensegrity.codegen import functions
-from tensegrity.compiled import Compiled
-from tensegrity.interpreted import Interpreted
-from tensegrity.kernel import bind
-from tensegrity.methods import METHODS
+from tensegrity.engine.codegen import functions
+from tensegrity.engine.compiled import Compiled
+from tensegrity.engine.interpreted import Interpreted
+from tensegrity.engine.kernel import bind
+from tensegrity.engine.methods import METHODS
+from tensegrity.waves.asymptotics import sound_speed
 
 INF = math.inf
 PRISMS = {
@@ -46,7 +46,7 @@ def test_forms_of_the_loop_agree_with_the_equilibria_over_the_whole_domain(name,
     assert potential.reach == potential.domain
     r = np.linspace(*potential.domain, 777)
     for order, form in enumerate(("energy", "tension", "stiffness", "slope")):
-        found = functions(potential._law)[form](r[None, :], potential._values)
+        found = functions(potential.law)[form](r[None, :], potential.values)
         exact = potential._from_states(order, r)
         peak = np.abs(exact).max()
         assert np.abs(np.array(found)[0] - exact).max() <= 1e-13 * peak

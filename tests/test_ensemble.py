@@ -19,7 +19,7 @@ from tensegrity import (
     TensegrityError,
     simulate,
 )
-from tensegrity.observables import arrival
+from tensegrity.measure.observables import arrival
 
 SPEEDS = np.linspace(-0.01, 0.03, 13)  # 8 lanes together and 5 one by one
 

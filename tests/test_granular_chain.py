@@ -22,7 +22,7 @@ from granular.observables import (
     speed,
 )
 from tensegrity import Record, TensegrityError
-from tensegrity.observables import width
+from tensegrity.measure.observables import width
 
 STEEL = Bead(4.76e-3, materials["steel"], mass=0.45e-3)
 
@@ -46,7 +46,7 @@ def pulse(run, first=120):
 
 def test_wave_speed_follows_the_force_with_the_exact_wave_s_constant(steel):
     """V = 2 r c alpha^(1/3) m^(-1/2) F^(1/6), c from the travelling wave itself."""
-    solitary = pytest.importorskip("tensegrity.solitary")
+    solitary = pytest.importorskip("tensegrity.waves.solitary")
     from tensegrity import PowerLaw
 
     wave = solitary.solitary_wave(PowerLaw(1.0, 1.5), mass=1.0, amplitude=-1.0)

@@ -18,12 +18,10 @@ from tensegrity import (
     StabilityError,
     State,
     TensegrityError,
-    march,
     simulate,
-    stepping,
-    tolerance,
 )
-from tensegrity.methods import METHODS
+from tensegrity.engine.methods import METHODS
+from tensegrity.runs import march, stepping, tolerance
 
 EXPLICIT = [name for name, method in METHODS.items() if method.explicit]
 REVERSIBLE = [name for name, method in METHODS.items() if method.reversible]

@@ -5,10 +5,10 @@ import pytest
 from scenes import plain_forces, prism_chain, smooth_blow
 
 from tensegrity import Chain, PowerLaw, Prism
-from tensegrity.compiled import Compiled
-from tensegrity.interpreted import Interpreted
-from tensegrity.kernel import bind
-from tensegrity.methods import METHODS
+from tensegrity.engine.compiled import Compiled
+from tensegrity.engine.interpreted import Interpreted
+from tensegrity.engine.kernel import bind
+from tensegrity.engine.methods import METHODS
 
 
 def mixed_chain():
@@ -67,8 +67,7 @@ def test_engines_evaluate_the_same(order):
     spring = Prism(1.0, 0.8, 0.05, 1.0).potential(0.1)
     r = np.linspace(0.9 * spring.domain[0], 0.4, 77)
     compiled, interpreted = (
-        kind((spring._law,)).evaluate(0, order, spring._values, r)
-        for kind in (Compiled, Interpreted)
+        kind((spring.law,)).evaluate(0, order, spring.values, r) for kind in (Compiled, Interpreted)
     )
     np.testing.assert_allclose(compiled, interpreted, rtol=1e-13, atol=1e-14)
 

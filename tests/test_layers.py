@@ -8,64 +8,16 @@ from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("derivations", "tensegrity", "granular", "figures", "benchmarks")
-ORDER = [  # inside tensegrity: each may import what stands before it
-    "typing",
-    "errors",
-    "once",
-    "check",
-    "readonly",
-    "codegen",
-    "native",
-    "methods",
-    "geometry",
-    "forces",
-    "bonds",
-    "compiled",
-    "plain",
-    "interpreted",
-    "implicit",
-    "pieces",
-    "kernel",
-    "table",
-    "arclength",
-    "events",
-    "continuation",
-    "potential",
-    "polynomial",
+BASE = ["errors", "typing", "check", "once", "readonly"]  # modules that every room may use
+ROOMS = [  # inside tensegrity: each may import what stands before it
+    "engine",
     "springs",
-    "condensed",
-    "prism",
-    "response",
-    "nodes",
-    "limit",
-    "scene",
-    "stepping",
-    "lattice",
-    "ensemble",
-    "walls",
-    "clearance",
-    "following",
-    "network_input",
-    "network",
-    "rows",
-    "record",
-    "archive",
-    "plotting",
-    "run",
-    "book",
-    "loops",
-    "march",
-    "tolerance",
-    "integrate",
-    "resume",
-    "asymptotics",
-    "observables",
-    "budget",
-    "tuning",
-    "excess",
-    "travelling",
-    "family",
-    "solitary",
+    "branches",
+    "prisms",
+    "scenes",
+    "runs",
+    "waves",
+    "measure",
 ]
 
 
@@ -104,16 +56,28 @@ def test_no_modules_import_each_other_in_a_circle():
     TopologicalSorter(needs).prepare()  # CycleError names the circle
 
 
-def test_modules_of_tensegrity_import_downward_only():
-    files = {p.stem for p in (ROOT / "tensegrity").glob("*.py")} - {"__init__"}
-    assert files <= set(ORDER), f"give {files - set(ORDER)} a place in the order"
+def place(module):
+    """Where in the order a module of tensegrity stands, by the second part of its name."""
+    return [*BASE, *ROOMS].index(module.split(".")[1])
+
+
+def test_rooms_of_tensegrity_import_downward_only():
+    """Also inside a room no module imports another that imports it: see the test of circles."""
+    parts = {p.stem for p in (ROOT / "tensegrity").glob("*.py")} - {"__init__"}
+    parts |= {p.parent.name for p in (ROOT / "tensegrity").glob("*/__init__.py")}
+    assert parts == {*BASE, *ROOMS}, "give each room a place in the order"
     for importer, imported in imports():
         if importer.startswith("tensegrity.") and imported.startswith("tensegrity."):
-            upper, lower = importer.split(".")[1], imported.split(".")[1]
-            if lower in ORDER:
-                assert ORDER.index(lower) < ORDER.index(upper), f"{importer} imports {imported}"
-            else:  # a name of a public module: only from a package above
-                raise AssertionError(f"{importer} imports {imported} from the package itself")
+            assert imported.split(".")[1] in (*BASE, *ROOMS), (
+                f"{importer} imports {imported} from the package itself"
+            )
+            assert place(imported) <= place(importer), f"{importer} imports {imported}"
+
+
+def test_rooms_say_what_lives_in_them():
+    for room in ROOMS:
+        text = (ROOT / "tensegrity" / room / "__init__.py").read_text()
+        assert len(ast.get_docstring(ast.parse(text)) or "") > 60, room
 
 
 def test_derivations_use_sympy_only():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tensegrity import Prism, TensegrityError, equilibrium_path
-from tensegrity.limit import limit_load
+from tensegrity.prisms.fold_curve import limit_load
 
 
 @pytest.mark.parametrize(

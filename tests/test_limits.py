@@ -20,7 +20,7 @@ from figures import (
 )
 from figures.__main__ import render, write_page
 from figures._limits import moved
-from tensegrity.methods import METHODS
+from tensegrity.engine.methods import METHODS
 
 pytestmark = pytest.mark.needs_compiler  # minutes without
 

@@ -9,9 +9,10 @@ from networks import patch, pushed
 from numpy.polynomial import Polynomial
 from scenes import passes, prism_chain, smooth_blow
 
-from tensegrity import plain, simulate
+from tensegrity import simulate
+from tensegrity.engine import plain
+from tensegrity.engine.methods import METHODS, Method, Nystrom, Splitting, default, find, nystrom_of
 from tensegrity.errors import TensegrityError
-from tensegrity.methods import METHODS, Method, Nystrom, Splitting, default, find, nystrom_of
 
 EXPLICIT = [method for method in METHODS.values() if method.explicit]
 SPLITTINGS = [method for method in EXPLICIT if method.symplectic]

@@ -23,10 +23,10 @@ from tensegrity import (
     Wall,
     simulate,
 )
-from tensegrity.compiled import Compiled
-from tensegrity.interpreted import Interpreted
-from tensegrity.kernel import bind
-from tensegrity.methods import METHODS
+from tensegrity.engine.compiled import Compiled
+from tensegrity.engine.interpreted import Interpreted
+from tensegrity.engine.kernel import bind
+from tensegrity.engine.methods import METHODS
 
 RUNNING = [name for name, method in METHODS.items() if method.explicit]
 WATCHED = [name for name in RUNNING if METHODS[name].processor is None]  # sites have a radius

@@ -8,7 +8,8 @@ import sympy as sp
 
 from derivations import nodes as derived
 from derivations import prism as symmetric
-from tensegrity import Prism, TensegrityError, equilibrium_path, nodes
+from tensegrity import Prism, TensegrityError, equilibrium_path
+from tensegrity.prisms import stability as nodes
 
 THICK = Prism(1.0, 0.5, 0.4, 1.0, 2.0, 20.0)
 SLENDER = Prism(1.0, 1.5, 0.02, 1.0, 10.0, 100.0)

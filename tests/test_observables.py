@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tensegrity import Chain, Prism, Record, TensegrityError, simulate, solitary_wave
-from tensegrity.observables import duration, pulses, speed, tail_front
+from tensegrity.measure.observables import duration, pulses, speed, tail_front
 
 SPRING = Prism(1.0, 0.7, 0.01, 1.0).potential()
 

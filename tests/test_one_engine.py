@@ -17,11 +17,11 @@ from tensegrity import (
     Wall,
     simulate,
 )
-from tensegrity.bonds import SHORT
-from tensegrity.compiled import Compiled
-from tensegrity.interpreted import Interpreted
-from tensegrity.kernel import bind
-from tensegrity.methods import METHODS
+from tensegrity.engine.bonds import SHORT
+from tensegrity.engine.compiled import Compiled
+from tensegrity.engine.interpreted import Interpreted
+from tensegrity.engine.kernel import bind
+from tensegrity.engine.methods import METHODS
 
 COMPILED = pytest.param(Compiled, marks=pytest.mark.needs_compiler)
 RANDOM = np.random.default_rng(3)
@@ -254,7 +254,7 @@ def test_stiffness_of_a_prism_of_bars_and_strings_is_the_18_coordinate_tangent()
     import casadi as ca
 
     from derivations import nodes
-    from tensegrity.codegen import to_casadi
+    from tensegrity.engine.codegen import to_casadi
 
     prism = Prism(1.0, 0.8, 0.1, 1.0, 5.0, 50.0)
     cross, base, bar = prism.natural_lengths()
@@ -318,7 +318,7 @@ def test_every_method_keeps_its_order_in_a_network(method):
 
 
 def test_a_tolerance_takes_fitted_forces_in_a_network_too(monkeypatch):
-    from tensegrity import tolerance
+    from tensegrity.runs import tolerance
 
     monkeypatch.setattr(tolerance, "WORTH", -1.0)
     network = braced(3)

@@ -21,6 +21,7 @@ def test_wheel_holds_the_three_packages_only(tmp_path):
     assert top == {"tensegrity", "granular", "derivations"}
     for package in top:
         assert f"{package}/py.typed" in names
-    sources = {f"tensegrity/{path.name}" for path in (ROOT / "tensegrity").glob("*.[ch]")}
-    assert "tensegrity/prelude.c" in sources
+    sources = {str(path.relative_to(ROOT)) for path in (ROOT / "tensegrity").rglob("*.[ch]")}
+    sources |= {str(path.relative_to(ROOT)) for path in (ROOT / "tensegrity").rglob("*.py")}
+    assert "tensegrity/engine/prelude.c" in sources
     assert sources <= set(names)

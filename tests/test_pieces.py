@@ -6,10 +6,11 @@ import os
 import numpy as np
 import pytest
 
-from tensegrity import Chain, PowerLaw, Prism, TensegrityError, pieces, simulate
-from tensegrity.compiled import BoundLine, Compiled
-from tensegrity.methods import METHODS
-from tensegrity.pieces import HALO, LONG, BoundPieces, start_of_block
+from tensegrity import Chain, PowerLaw, Prism, TensegrityError, simulate
+from tensegrity.engine import pieces
+from tensegrity.engine.compiled import BoundLine, Compiled
+from tensegrity.engine.methods import METHODS
+from tensegrity.engine.pieces import HALO, LONG, BoundPieces, start_of_block
 
 pytestmark = pytest.mark.needs_compiler
 

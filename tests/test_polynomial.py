@@ -26,15 +26,14 @@ from tensegrity import (
     Record,
     ResolutionError,
     TensegrityError,
-    march,
-    polynomial,
     simulate,
-    tolerance,
 )
-from tensegrity.compiled import Compiled
-from tensegrity.interpreted import Interpreted
-from tensegrity.kernel import bind
-from tensegrity.methods import METHODS
+from tensegrity.engine.compiled import Compiled
+from tensegrity.engine.interpreted import Interpreted
+from tensegrity.engine.kernel import bind
+from tensegrity.engine.methods import METHODS
+from tensegrity.runs import march, tolerance
+from tensegrity.springs.collection import polynomial
 
 RIGID = Prism(1.0, 0.8, 0.02, 1.0).potential()
 SOFT = Prism(1.0, 0.5, 0.4, 1.0, 2.0, 20.0).potential(0.05)
@@ -168,7 +167,7 @@ def test_what_is_at_rest_stays_at_rest():
 def test_equal_degrees_share_a_law():
     one, other = Polynomial(RIGID, -0.012, 0.012, 1e-9), Polynomial(SOFT, -0.1, 0.05, 1e-11)
     assert one.degree == other.degree
-    assert one._law == other._law
+    assert one.law == other.law
     assert Polynomial(RIGID, -0.012, 0.012, 1e-9) == one != other
 
 

@@ -118,7 +118,7 @@ def test_copies_and_pickles_are_fixed_too_and_run_the_same(scene):
 
 def test_numbers_of_a_potential_cannot_be_written():
     for spring in (PowerLaw(1.0, 1.5), Prism(1.0, 0.7, 0.01, 1.0).potential(0.01)):
-        assert not spring._values.flags.writeable
+        assert not spring.values.flags.writeable
         for name in ("length", "domain", "parameters"):
             with pytest.raises(AttributeError):
                 setattr(spring, name, 1.0)

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scenes import prism_chain, smooth_blow
 
-from tensegrity import Record, TensegrityError, rows, simulate
+from tensegrity import Record, TensegrityError, simulate
+from tensegrity.runs import rows
 
 HERE = os.path.dirname(__file__)
 ROW = 8 * (2 + 2 * 20)  # bytes of a row of 20 sites

@@ -6,9 +6,10 @@ from networks import patch, pushed
 from scenes import prism_chain, smooth_blow
 
 from granular import Bead, Striker, materials, y_guide
-from tensegrity import Ensemble, LockingError, Record, TensegrityError, march, simulate
-from tensegrity.methods import METHODS
-from tensegrity.tuning import simulate_tuned
+from tensegrity import Ensemble, LockingError, Record, TensegrityError, simulate
+from tensegrity.engine.methods import METHODS
+from tensegrity.runs import march
+from tensegrity.runs.tuning import simulate_tuned
 
 TIMES = (0.0, 0.137, 0.31, 1.2345, 1.2346, 3.3, 4.0)
 ALL = ["verlet", "rkn6", "processed6", "rk4", "gauss4"]

@@ -16,9 +16,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from derivations import prism as derived
-from tensegrity import Prism, TensegrityError, condensed, equilibrium_path, response
-from tensegrity.condensed import problem, stable
-from tensegrity.continuation import Settings, trace
+from tensegrity import Prism, TensegrityError, equilibrium_path
+from tensegrity.branches.continuation import Settings, trace
+from tensegrity.prisms import condensed
+from tensegrity.prisms import path as response
+from tensegrity.prisms.condensed import problem, stable
 
 INF = math.inf
 DIGITS = 50

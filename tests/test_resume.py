@@ -24,12 +24,11 @@ from tensegrity import (
     Record,
     RecordError,
     TensegrityError,
-    march,
     resume,
-    rows,
     simulate,
 )
-from tensegrity.record import beside
+from tensegrity.runs import march, rows
+from tensegrity.runs.record import beside
 
 STEEL = Bead(4.76e-3, materials["steel"])
 
@@ -118,7 +117,7 @@ def test_an_interrupted_run_goes_on_to_the_same_bits(tmp_path, monkeypatch, name
     scene, state = make()
     record = {"every": 1} if kind == "every" else {"interval": t_end / 21.3}
     if name == "tolerance":
-        monkeypatch.setattr("tensegrity.tolerance.WORTH", np.inf)
+        monkeypatch.setattr("tensegrity.runs.tolerance.WORTH", np.inf)
     whole = simulate(scene, state, t_end, **options, record=Record(sites=[1, 0], **record))
     path = tmp_path / "run.npy"
     interrupt(monkeypatch, at)
@@ -149,7 +148,7 @@ def test_a_full_disk_loses_the_row_and_not_the_run(tmp_path, monkeypatch):
             raise OSError(28, "No space left on device")
         return write(file, data, place)
 
-    monkeypatch.setattr("tensegrity.rows.os.pwrite", full)
+    monkeypatch.setattr("tensegrity.runs.rows.os.pwrite", full)
     record = Record(every=2, path=path, checkpoint=0.0)
     with pytest.raises(RecordError, match="No space left") as caught:
         simulate(scene, state, 8.0, dt=0.1, record=record)
@@ -170,7 +169,7 @@ def test_a_state_that_cannot_be_written_leaves_the_one_before(tmp_path, monkeypa
             raise OSError(28, "No space left on device")
         replace(one, two)
 
-    monkeypatch.setattr("tensegrity.archive.os.replace", full)
+    monkeypatch.setattr("tensegrity.runs.archive.os.replace", full)
     with pytest.raises(RecordError, match=r"run\.npy\.state\.npz: No space left") as caught:
         simulate(scene, state, 8.0, dt=0.1, record=Record(every=2, path=path, checkpoint=0.0))
     monkeypatch.undo()

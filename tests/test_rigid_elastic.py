@@ -7,8 +7,9 @@ import sympy as sp
 
 from derivations import prism as derived_prism
 from derivations import rigid_elastic as derived
-from tensegrity import Prism, codegen
-from tensegrity.prism import _rigid_law
+from tensegrity import Prism
+from tensegrity.engine import codegen
+from tensegrity.prisms.prism import rigid_law
 
 BASE, HEIGHT, PRESTRAIN = 1.3, 0.9, 0.07
 
@@ -56,17 +57,17 @@ def test_force_equals_the_second_printed_form(spring, heights):
 
 
 def test_derivative_of_the_energy_by_casadi_is_the_tension_that_runs(spring, rng):
-    functions = codegen.functions(_rigid_law())
+    functions = codegen.functions(rigid_law())
     r, p = ca.SX.sym("r"), ca.SX.sym("p", len(derived.PARAMETERS))
     gradient = ca.Function("gradient", [r, p], [ca.gradient(functions["energy"](r, p), r)])
     low, high = spring.domain
     for x in rng.uniform(0.95 * low, 0.95 * high, 50):
-        by_ad = float(gradient(x, spring._values))
+        by_ad = float(gradient(x, spring.values))
         np.testing.assert_allclose(by_ad, spring.tension(x), rtol=1e-9, atol=1e-12)
 
 
 def test_the_tension_needs_two_roots_and_one_division():
-    function = codegen.functions(_rigid_law())["tension"]
+    function = codegen.functions(rigid_law())["tension"]
     operations = [function.instruction_id(k) for k in range(function.n_instructions())]
     assert operations.count(ca.OP_SQRT) == 2
     assert operations.count(ca.OP_DIV) + operations.count(ca.OP_INV) == 1

@@ -19,14 +19,14 @@ from tensegrity import (
     Record,
     ResolutionError,
     TensegrityError,
-    family,
     simulate,
     solitary_wave,
 )
-from tensegrity.asymptotics import sound_speed
-from tensegrity.observables import speed
-from tensegrity.solitary import largest_speed
-from tensegrity.travelling import Grid, Profile, Scaled, amplitude_is, solved
+from tensegrity.measure.observables import speed
+from tensegrity.waves import family
+from tensegrity.waves.asymptotics import sound_speed
+from tensegrity.waves.solitary import largest_speed
+from tensegrity.waves.travelling import Grid, Profile, Scaled, amplitude_is, solved
 
 R = sp.Symbol("r")
 TODA = Potential(sp.exp(-R) + R - 1, R, length=1.0)

@@ -20,8 +20,8 @@ from tensegrity import (
     simulate,
     solitary_wave,
 )
-from tensegrity.limit import limit_load
 from tensegrity.once import once
+from tensegrity.prisms.fold_curve import limit_load
 
 THREADS = 4
 ROOT = Path(__file__).parent.parent

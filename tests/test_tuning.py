@@ -23,7 +23,7 @@ from tensegrity import (
     TensegrityError,
     simulate,
 )
-from tensegrity.tuning import simulate_tuned
+from tensegrity.runs.tuning import simulate_tuned
 
 ALL = Record(every=1)
 

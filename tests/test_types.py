@@ -45,11 +45,11 @@ MODULES = sorted(
     if path.stem not in INNER
 )
 PUBLIC = [  # modules whose names a user takes from the module
-    "tensegrity.asymptotics",
-    "tensegrity.budget",
-    "tensegrity.methods",
-    "tensegrity.observables",
-    "tensegrity.tuning",
+    "tensegrity.waves.asymptotics",
+    "tensegrity.measure.budget",
+    "tensegrity.engine.methods",
+    "tensegrity.measure.observables",
+    "tensegrity.runs.tuning",
     "granular.observables",
 ]
 UNUSED = {  # rows of coefficients, and what others return

@@ -23,9 +23,9 @@ from tensegrity import (
     simulate,
     solitary_wave,
 )
-from tensegrity.asymptotics import sound_speed
-from tensegrity.nodes import first_loss
-from tensegrity.solitary import largest_speed
+from tensegrity.prisms.stability import first_loss
+from tensegrity.waves.asymptotics import sound_speed
+from tensegrity.waves.solitary import largest_speed
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ from tensegrity import (
     simulate,
     solitary_wave,
 )
-from tensegrity.budget import beyond
+from tensegrity.measure.budget import beyond
 
 pytestmark = pytest.mark.needs_compiler  # minutes without
 

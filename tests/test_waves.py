@@ -5,8 +5,8 @@ import pytest
 import sympy as sp
 
 from tensegrity import Chain, Potential, Prism, Record, State, TensegrityError, simulate
-from tensegrity.asymptotics import sech2, sound_speed, tent
-from tensegrity.observables import crest, speed, width
+from tensegrity.measure.observables import crest, speed, width
+from tensegrity.waves.asymptotics import sech2, sound_speed, tent
 
 R = sp.Symbol("r")
 TODA = Potential(sp.exp(-R) + R - 1, R, length=1.0)

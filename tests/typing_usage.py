@@ -53,17 +53,16 @@ from tensegrity import (
     State,
     TensegrityError,
     Wall,
-    asymptotics,
-    budget,
     equilibrium_path,
-    methods,
-    observables,
     resume,
     simulate,
     solitary_wave,
-    tuning,
 )
+from tensegrity.engine import methods
+from tensegrity.measure import budget, observables
+from tensegrity.runs import tuning
 from tensegrity.typing import Array, Flags
+from tensegrity.waves import asymptotics
 
 
 def prisms_and_paths() -> Potential:

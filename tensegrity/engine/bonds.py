@@ -1,0 +1,204 @@
+"""Bonds of a scene as the loop takes them, and the order in which it does.
+
+A bond has a law, two rows that it joins, and parameters, which it may have in common with all
+others, or of its own, or of its own in each lane.  Rows are the sites, and behind them the walls.
+The loop keeps the elongations met of every bond that has parameters of its own, else of a run.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from functools import cached_property
+
+import numpy as np
+
+from tensegrity.engine.codegen import is_long
+from tensegrity.readonly import fixed
+
+PAIR, WALL = 0, 1
+KINDS = ("pair", "wall")
+SHORT = 64  # bonds: in a chain, fewer equal ones in a row may join a run of unequal ones
+FEW = 4  # rows of so short that a law does without
+GROUP = 8  # as in net.h
+
+
+@dataclass(frozen=True, eq=False)
+class Bonds:
+    """Bonds between neighbours on a line, or contacts in any pattern.
+
+    Attributes
+    ----------
+    laws : tuple of Law
+        The different laws that occur.
+    law : ndarray of int, (springs,)
+        Index into `laws` of each different spring.
+    parameters : ndarray, (springs, most parameters of any law)
+    group : ndarray of int, (bonds,) or (bonds, lanes)
+        The spring of each bond; in one bond the springs of all lanes have one law.
+    inverse_mass : ndarray, (sites,) or (sites, lanes)
+        [1/kg], 0 for a held site.
+    contacts : Contacts, optional
+        Where the bonds do not just join neighbours on a line.
+    """
+
+    laws: tuple
+    law: np.ndarray
+    parameters: np.ndarray
+    group: np.ndarray
+    inverse_mass: np.ndarray
+    contacts: Contacts | None = None
+
+    @property
+    def dim(self):
+        """Number of coordinates of a site; 0 on a line."""
+        return 0 if self.contacts is None else self.contacts.load.shape[1]
+
+    @property
+    def law_of_bond(self):
+        """Index into `laws`; (bonds,)."""
+        first = self.group if self.group.ndim == 1 else self.group[:, 0]
+        return self.law[first]
+
+    @cached_property
+    def runs(self):
+        """The order in which the loop does them."""
+        found = line_runs(self) if self.contacts is None else net_runs(self)
+        return Runs(*(fixed(getattr(found, field.name)) for field in fields(Runs)))
+
+    @cached_property
+    def own(self):
+        """For each law the numbers of the parameters that differ in a run; None where no run
+        has bonds with a range of their own."""
+        found = [None] * len(self.laws)
+        for k in np.flatnonzero(self.runs.own):
+            values = self.parameters[np.unique(self.group[self.runs.members(k)])]
+            differ = np.flatnonzero(np.any(values != values[0], axis=0)).tolist()
+            law = self.runs.law[k]
+            found[law] = tuple(sorted({*differ, *(found[law] or ())}))
+        return tuple(found)
+
+
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """Which rows contacts join, and where; rows are sites, then walls, and a spare one.
+
+    Attributes
+    ----------
+    kind : ndarray of int, (contacts,)
+        Index into `KINDS`.
+    first, second : ndarray of int, (contacts,)
+        Rows that a contact joins; the first of a wall contact is the wall.
+    geometry : ndarray, (dim + 2, contacts)
+        Reference separation of the two, or normal of the wall [m]; initial gap; length [m].
+    load : ndarray, (sites, dim)
+        Constant forces [N].
+    walls : int
+    """
+
+    kind: np.ndarray
+    first: np.ndarray
+    second: np.ndarray
+    geometry: np.ndarray
+    load: np.ndarray
+    walls: int
+
+    @property
+    def rows(self):
+        """Sites, walls, and one row more."""
+        return len(self.load) + self.walls + 1
+
+    def weights(self, inverse_mass):
+        """Inverse mass of each row: 1 kg for a wall, whose velocity counts its impulse."""
+        weights = np.zeros((self.rows, self.load.shape[1]))
+        weights[: len(self.load)] = inverse_mass[:, None]
+        weights[len(self.load) : -1] = 1
+        return weights
+
+    def loads(self):
+        """Constant force on each row [N]."""
+        loads = np.zeros((self.rows, self.load.shape[1]))
+        loads[: len(self.load)] = self.load
+        return loads
+
+
+@dataclass(frozen=True, eq=False)
+class Runs:
+    """Bonds in runs of one law, and in a network of one kind.
+
+    Attributes
+    ----------
+    source : ndarray of int, (places,)
+        The bond at each place, -1 for a filling.
+    first : ndarray of int, (runs + 1,)
+        First place of each run.
+    law, own, kind : ndarray of int, (runs,)
+        Its law, whether bonds have parameters of their own, and the kind of its contacts.
+    """
+
+    source: np.ndarray
+    first: np.ndarray
+    law: np.ndarray
+    own: np.ndarray
+    kind: np.ndarray
+
+    def members(self, run):
+        """The bonds of a run."""
+        part = self.source[self.first[run] : self.first[run + 1]]
+        return part[part >= 0]
+
+
+def line_runs(bonds):
+    """A chain's bonds in their order: equal ones in a row, many short such rows in one run."""
+    group = bonds.group[:, None] if bonds.group.ndim == 1 else bonds.group
+    law = bonds.law_of_bond
+    steps = np.any(group[1:] != group[:-1], axis=1)
+    first = np.concatenate([[0], np.flatnonzero(steps) + 1, [len(group)]])
+    laws = law[first[:-1]]
+    varied = np.any(group != group[:, :1], axis=1)[first[:-1]]
+    short = np.diff(first) < SHORT
+    joins = varied.copy()
+    for number in range(len(bonds.laws)):
+        mine = laws == number
+        if (short & mine).sum() > FEW:
+            joins |= short & mine
+        if joins[mine].any() and is_long(bonds.laws[number]):
+            joins |= mine  # compiled once only
+    ends = np.flatnonzero((laws[1:] != laws[:-1]) | ~(joins[1:] & joins[:-1])) + 1
+    kept = np.concatenate([[0], ends]).astype(int)
+    own = joins[kept].astype(int)
+    return Runs(
+        np.arange(len(group)), np.append(first[kept], len(group)), laws[kept], own,
+        np.full(len(kept), PAIR),
+    )  # fmt: skip
+
+
+def net_runs(bonds):
+    """Contacts in runs of one kind and law, each filled up to whole groups of `GROUP`."""
+    pair = bonds.law_of_bond * len(KINDS) + bonds.contacts.kind
+    first, source, found, own = [0], [], np.unique(pair), []
+    for number in found:
+        members = np.flatnonzero(pair == number)
+        values = bonds.parameters[bonds.group[members]]
+        own.append(int(np.any(values != values[0])))
+        source += [members, np.full(-len(members) % GROUP, -1)]
+        first.append(first[-1] + len(members) + len(source[-1]))
+    for k, number in enumerate(found // len(KINDS)):
+        if is_long(bonds.laws[number]) and any(
+            own[j] for j in np.flatnonzero(found // len(KINDS) == number)
+        ):
+            own[k] = 1  # compiled once only
+    source = np.concatenate(source) if source else np.zeros(0, dtype=int)
+    return Runs(
+        source, np.array(first), found // len(KINDS), np.array(own, dtype=int), found % len(KINDS)
+    )
+
+
+def by_spring(group, springs, low, high):
+    """Ranges of elongation of all springs from those of their bonds; (springs, 2)."""
+    if springs == 1 and low.size:
+        return np.array([[low.min(), high.max()]])
+    found = np.empty((springs, 2), dtype=low.dtype)
+    found[:, 0], found[:, 1] = np.inf, -np.inf
+    np.minimum.at(found[:, 0], group, low)
+    np.maximum.at(found[:, 1], group, high)
+    return found

@@ -1,0 +1,50 @@
+"""The geometry of contacts in CasADi and in C, from `derivations.geometry`."""
+
+from __future__ import annotations
+
+from tensegrity.engine import codegen
+from tensegrity.once import once
+
+
+@once
+def functions(dim):
+    """CasADi functions (D, w, g, L) -> (elongation, its gradient in w), of pairs and of walls.
+
+    On a line D is the direction from the first site to the second, 1 or -1.
+    """
+    import casadi as ca
+
+    from derivations import geometry as derived
+
+    symbols = [ca.SX.sym("D", dim), ca.SX.sym("w", dim), ca.SX.sym("g"), ca.SX.sym("L")]
+    names = (*(x for v in derived.vectors(dim) for x in v), derived.initial, derived.length)
+    values = [x for symbol in symbols for x in ca.vertsplit(symbol)]
+    gap, normal = derived.wall_gap(dim)
+    wall = [gap, *normal]
+    pair = wall if dim == 1 else [derived.elongation(dim), *derived.direction(dim)]
+    found = {}
+    for kind, form in {"pair": pair, "wall": wall}.items():
+        r, *along = codegen.to_casadi(form, names)(*values)
+        found[kind] = ca.Function(f"geometry_{kind}", symbols, [r, ca.vertcat(*along)])
+    return found
+
+
+def helpers(dim):
+    """What `codegen.c_text` takes for the loop of a network."""
+    for kind, function in functions(dim).items():
+        yield (
+            function,
+            f"static inline void {kind}_contact(const real *d, const real *w, real g, real length, "
+            "real *r, real *along) { const real *arg[] = {d, w, &g, &length}; "
+            f"real *res[] = {{r, along}}; geometry_{kind}(arg, res, 0, 0, 0); }}",
+        )
+
+
+def scalars(dim, kind):
+    """The same in one CasADi function for each number: the elongation, then the gradient."""
+    import casadi as ca
+
+    function = functions(dim)[kind]
+    symbols = function.sx_in()
+    outputs = [x for form in function(*symbols) for x in ca.vertsplit(form)]
+    return [ca.Function("one", symbols, [x]) for x in outputs]

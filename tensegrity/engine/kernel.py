@@ -1,0 +1,85 @@
+"""The loop that advances a scene: compiled where there is a compiler, else on CasADi's machine.
+
+What runs where:
+
+| | chain | network in 1, 2, 3 dimensions |
+|---|---|---|
+| parameters common, own to each bond | yes | yes |
+| lanes of one scene, or of several | side by side in one loop | in turn |
+| threads | pieces of long chains | no: contacts add to sites in any order |
+| walls, loads | no: a network on a line has them | yes |
+| "processed6" | yes | where sites have no radius, so that no contact can form |
+| implicit steps | yes, banded | yes, sparse |
+| fitted forces | yes | yes |
+| springs that change in time | `tensegrity.runs.tuning` | no |
+
+Bonds that join neighbours in order, without walls and loads, are a chain whatever the scene
+calls them: one pass over them does a stage.  A processor works on several short chains in the
+time of one where their sites stand side by side; contacts of a network fill it already.
+"""
+
+from __future__ import annotations
+
+import warnings
+
+from tensegrity.engine import pieces
+from tensegrity.engine.compiled import BoundLine, BoundNet, compiled
+from tensegrity.engine.implicit import BoundGauss
+from tensegrity.engine.interpreted import BoundInterpreted, Interpreted
+from tensegrity.engine.methods import Splitting
+from tensegrity.engine.native import CompilerError
+from tensegrity.once import once
+
+
+@once
+def kernel(laws, own=None, dim=0, lanes=1):
+    """The loop for a tuple of laws: compiled, or interpreted with one warning."""
+    try:
+        return compiled(laws, own or (None,) * len(laws), dim, lanes)
+    except CompilerError as error:
+        warn_slow(str(error))
+        return Interpreted(laws)
+
+
+def bind(u, v, bonds, method, dt, loop=None, divided=True):
+    """Prepare a scene whose rows `u` and `v` are advanced in place.
+
+    Parameters
+    ----------
+    u, v : ndarray, C-contiguous
+        (sites,), (sites, lanes), or (rows, dim): sites, walls, and a spare row.
+    bonds : Bonds
+    method : Method
+    dt : float
+        [s]
+    loop : Compiled or Interpreted, optional
+        By default that of `kernel`.
+    divided : bool, optional
+        Whether a long chain may be advanced on several threads.
+    """
+    lanes = 1 if bonds.dim or u.ndim == 1 else u.shape[1]
+    if loop is None:
+        loop = kernel(bonds.laws, bonds.own, bonds.dim, lanes)
+    if not method.explicit:
+        return BoundGauss(loop, u, v, bonds, method, dt)
+    if isinstance(loop, Interpreted):
+        return BoundInterpreted(u, v, bonds, method, dt)
+    if bonds.dim:
+        return BoundNet(loop, u, v, bonds, method, dt)
+    if divided and u.size > pieces.LONG and lanes == 1 and isinstance(method, Splitting):
+        count = pieces.threads()
+        if count > 1:
+            return pieces.BoundPieces(loop, u, v, bonds, method, dt, count)
+    return BoundLine(loop, u, v, bonds, method, dt)
+
+
+@once
+def warn_slow(reason):
+    """Say once that there is no compiler."""
+    warnings.warn(
+        "scenes run on CasADi's virtual machine, 10 to 30 times slower than compiled, because "
+        f"of the C compiler: {reason}. Install gcc or clang, or the Python package ziglang, or "
+        "set CC",
+        RuntimeWarning,
+        stacklevel=5,
+    )

@@ -1,0 +1,261 @@
+"""Compile generated C, keep the result in a private cache, load it.
+
+An entry of the cache is a folder named by the hash of all that decides its content (text,
+compiler, flags, processor).  It is built beside and renamed, so it is either whole or absent;
+its library is checked against a digest before the process loads it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import hashlib
+import os
+import platform
+import shlex
+import shutil
+import signal
+import stat
+import subprocess
+import sys
+import tempfile
+import warnings
+from functools import cache
+from pathlib import Path
+
+# -fno-semantic-interposition: else CasADi's helpers, which have external linkage, stay calls.
+# -fno-math-errno -fno-trapping-math: else sqrt and comparisons keep the loops scalar.
+# -ffp-contract=fast: CasADi writes one operation a statement; contract across statements.
+# Not -ffast-math: loading such a library changes the arithmetic of the whole process.
+FLAGS = (
+    "-O3",
+    "-fPIC",
+    "-shared",
+    "-fno-semantic-interposition",
+    "-fno-math-errno",
+    "-fno-trapping-math",
+    "-ffp-contract=fast",
+)
+NATIVE = "-march=native"
+WIDE = ("-mprefer-vector-width=512",) if platform.machine() in ("x86_64", "AMD64") else ()
+
+RENAMES = 50
+LIMIT = 120.0  # s: a compiler that takes longer hangs, or would slow down all that it serves
+LIBRARY, DIGEST, SOURCE = "kernel.so", "kernel.sha256", "kernel.c"
+
+
+hung = set()  # compilers that took longer than LIMIT: not asked again by this process
+
+
+class CompilerError(RuntimeError):
+    """The compiler refused the generated text, could not be run, or hung."""
+
+
+def compilers():
+    """Commands to try, in order: $CC alone where it is set, else cc, gcc, clang, zig's."""
+    given = os.environ.get("CC", "").strip()
+    if given:
+        try:
+            return (tuple(shlex.split(given)),)
+        except ValueError as error:
+            raise CompilerError(f"CC {given!r}: {error}") from None
+    found = tuple((path,) for name in ("cc", "gcc", "clang") if (path := shutil.which(name)))
+    if not found and _has_zig():
+        found = ((sys.executable, "-m", "ziglang", "cc"),)
+    return found
+
+
+def _has_zig():
+    from importlib.util import find_spec
+
+    return find_spec("ziglang") is not None
+
+
+@cache
+def _identity(command):
+    """What `command --version` says, or None where it cannot be run."""
+    try:
+        code, said = _call((*command, "--version"), subprocess.DEVNULL)
+    except (OSError, subprocess.TimeoutExpired):
+        return None
+    return None if code else said
+
+
+def _call(command, errors=subprocess.STDOUT):
+    """Exit code and output of a command; all that it started is ended with it after `LIMIT`.
+
+    The output goes to a file: of a pipe, what outlives the command could keep the end open.
+    """
+    with tempfile.TemporaryFile() as said:
+        process = subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=said, stderr=errors, start_new_session=True
+        )
+        try:
+            code = process.wait(LIMIT)
+        except BaseException:  # also Ctrl-C, which a group of its own does not hear
+            _end(process)
+            raise
+        said.seek(0)
+        return code, said.read().decode(errors="replace")
+
+
+def _end(process):
+    if hasattr(os, "killpg"):
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+    process.kill()
+    process.wait()
+
+
+@cache
+def _processor():
+    """The processor's model and features: code for one model may not run on another."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return platform.processor() + platform.machine()
+    kept = ("vendor_id", "cpu family", "model", "flags", "Features", "CPU part")
+    return "\n".join(sorted({line for line in lines if line.startswith(kept)}))
+
+
+@cache
+def cache_folder():
+    """Folder for compiled kernels, owned by this user and writable by nobody else.
+
+    $XDG_CACHE_HOME/tensegrity or ~/.cache/tensegrity; a temporary folder, for this process
+    only and with a warning, where that cannot be made or is open to others.
+    """
+    root = os.environ.get("XDG_CACHE_HOME", "")
+    if not os.path.isabs(root):  # the XDG specification: a relative one is to be ignored
+        root = os.path.join(os.path.expanduser("~"), ".cache")
+    if not os.path.isabs(root):
+        return _temporary_folder("no home folder is known; set HOME or XDG_CACHE_HOME")
+    folder = Path(root) / "tensegrity"
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        _refuse_open(folder)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+        return folder
+    except OSError as error:
+        return _temporary_folder(f"{folder}: {error.strerror or error}")
+
+
+def _refuse_open(folder):
+    if hasattr(os, "getuid"):
+        state = folder.stat()
+        if state.st_uid != os.getuid():
+            raise PermissionError(f"it belongs to user {state.st_uid}, not to {os.getuid()}")
+        if state.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+            raise PermissionError(f"others can write here (mode {stat.S_IMODE(state.st_mode):o})")
+
+
+def _temporary_folder(reason):
+    import atexit
+
+    folder = Path(tempfile.mkdtemp(prefix="tensegrity-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    warnings.warn(
+        f"compiled kernels are kept in {folder} until this process ends, because the cache "
+        f"folder cannot be used: {reason}",
+        RuntimeWarning,
+        stacklevel=2,
+    )
+    return folder
+
+
+def library(text, extra_flags=()):
+    """Compile C text, or find it compiled, and load it.
+
+    Parameters
+    ----------
+    text : str
+        C source.
+    extra_flags : sequence of str
+        Added to the usual flags, for instance a macro definition.
+
+    Returns
+    -------
+    ctypes.CDLL
+        Calls into it release the interpreter's lock.
+
+    Raises
+    ------
+    CompilerError
+        Where no compiler can be run, or all refuse the text or hang; with their last lines.
+    """
+    complaints = []
+    for command in compilers():
+        if command in hung:
+            complaints.append(f"{shlex.join(command)} was ended after {LIMIT:g} s")
+            continue
+        identity = _identity(command)
+        if identity is None:
+            complaints.append(f"{shlex.join(command)} cannot be run")
+            continue
+        for flags in ((*FLAGS, NATIVE, *WIDE), (*FLAGS, NATIVE), FLAGS):
+            try:
+                return _load(text, command, identity, (*flags, *extra_flags))
+            except CompilerError as error:
+                complaint = str(error)
+                if command in hung:
+                    break
+        complaints.append(complaint)
+    raise CompilerError("; ".join(complaints) or "no C compiler found")
+
+
+def _load(text, command, identity, flags):
+    parts = (text, shlex.join(command), identity, " ".join(flags), _processor())
+    key = hashlib.sha256("\0".join(parts).encode()).hexdigest()
+    entry = cache_folder() / key
+    if not _intact(entry):
+        build(text, command, flags, entry)
+    try:
+        return ctypes.CDLL(str(entry / LIBRARY))
+    except OSError as error:
+        raise CompilerError(f"{shlex.join(command)} made what cannot be loaded: {error}") from error
+
+
+def _intact(entry):
+    """Whether an entry is there and its library is the one that was built."""
+    try:
+        digest = hashlib.sha256((entry / LIBRARY).read_bytes()).hexdigest()
+        return digest.encode() == (entry / DIGEST).read_bytes()
+    except OSError:
+        return False
+
+
+def build(text, command, flags, entry):
+    """Compile into a folder beside the entry, then rename it there."""
+    entry.parent.mkdir(mode=0o700, parents=True, exist_ok=True)  # it may have been deleted
+    beside = Path(tempfile.mkdtemp(prefix="build-", dir=entry.parent))
+    try:
+        source, made = beside / SOURCE, beside / LIBRARY
+        source.write_text(text)
+        try:
+            code, said = _call((*command, *flags, str(source), "-o", str(made), "-lm"))
+        except subprocess.TimeoutExpired:
+            hung.add(command)
+            raise CompilerError(f"{shlex.join(command)} was ended after {LIMIT:g} s") from None
+        if code or not made.is_file():
+            last = "\n".join(said.strip().splitlines()[-5:])
+            raise CompilerError(f"{shlex.join(command)} failed ({code}): {last}")
+        (beside / DIGEST).write_text(hashlib.sha256(made.read_bytes()).hexdigest())
+        for _ in range(RENAMES):
+            if _intact(entry):  # here, or in another process that finished first
+                return
+            _discard(entry)
+            with contextlib.suppress(OSError):  # it is there by now: look again
+                os.rename(beside, entry)
+        raise CompilerError(f"{entry} could not be put in place in {RENAMES} attempts")
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
+
+
+def _discard(entry):
+    """Move a damaged entry out of the way; an intact one, just finished elsewhere, stays."""
+    if entry.exists() and not _intact(entry):
+        aside = Path(tempfile.mkdtemp(prefix="damaged-", dir=entry.parent))
+        with contextlib.suppress(OSError):  # somebody else was quicker
+            os.rename(entry, aside / entry.name)
+        shutil.rmtree(aside, ignore_errors=True)

@@ -1,0 +1,170 @@
+"""Long chains in pieces, each with a halo, on a pool of threads.
+
+A stage carries what is wrong at the cut ends of a piece one site further, so a halo as wide as
+the stages of a few steps keeps the piece itself right.  Pieces and halos begin and end where the
+whole chain's loop begins a block, so every bond is computed by the same instructions on the same
+numbers: the result equals that of one loop bit for bit, whatever the number of threads.
+"""
+
+from __future__ import annotations
+
+import os
+import warnings
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+from tensegrity import check
+from tensegrity.engine.compiled import BoundLine
+from tensegrity.errors import TensegrityError
+
+BLOCK = 64  # as in line.h
+HALO = 4 * BLOCK
+PIECE = 512 * BLOCK  # bonds: what two arrays of them take fits the cache of one processor
+LONG = 2 * PIECE  # bonds from which pieces are worth it
+
+
+def threads() -> int:
+    """Threads used for long chains: $TENSEGRITY_THREADS, or one per processor we may use.
+
+    More than that would only get in each other's way: fewer are taken, with a warning.
+    """
+    given, most = os.environ.get("TENSEGRITY_THREADS", "").strip(), processors()
+    if not given:
+        return most
+    if not (given.isascii() and given.isdigit() and given.strip("0")):
+        raise TensegrityError(
+            f"TENSEGRITY_THREADS {check.shown(given)} must be a whole number, at least 1"
+        )
+    digits = given.lstrip("0")
+    if len(digits) <= len(str(most)) and int(digits) <= most:
+        return int(digits)
+    warnings.warn(
+        f"TENSEGRITY_THREADS {check.shown(given)} is more than the processors we may use: {most} "
+        "threads are taken",
+        RuntimeWarning,
+        stacklevel=2,
+    )
+    return most
+
+
+def processors() -> int:
+    """Number of processors that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+@cache
+def _pool(count):
+    return ThreadPoolExecutor(count, thread_name_prefix="tensegrity")
+
+
+if hasattr(os, "register_at_fork"):  # threads do not come along into a forked process
+    os.register_at_fork(after_in_child=_pool.cache_clear)
+
+
+class BoundPieces:
+    """A chain advanced in place, piece by piece.
+
+    Parameters
+    ----------
+    loop : Compiled
+    u, v : ndarray, (sites,)
+    bonds : Bonds
+    method : Splitting
+    dt : float
+        [s]
+    count : int
+        Threads.
+    """
+
+    travel = 0.0  # only networks look for contacts
+
+    def __init__(self, loop, u, v, bonds, method, dt, count) -> None:
+        self._pool = _pool(count)
+        self._together = (HALO - 2) // method.stages  # steps between two exchanges
+        total = len(bonds.group)
+        pieces = count * -(-total // (count * PIECE))
+        ends = [start_of_block(bonds.runs.first, total * k // pieces) for k in range(pieces)]
+        self._pieces = [
+            _Piece(loop, u, v, bonds, method, dt, start, stop)
+            for start, stop in zip(ends, [*ends[1:], total], strict=True)
+        ]
+
+    def forget_range(self):
+        """Start anew to record elongations."""
+        for piece in self._pieces:
+            piece.loop.forget_range()
+
+    @property
+    def range(self):
+        """Smallest and largest elongation of each different spring since `forget_range`."""
+        each = np.array([piece.loop.range for piece in self._pieces])
+        return np.stack([each[..., 0].min(axis=0), each[..., 1].max(axis=0)], axis=1)
+
+    def advance(self, steps):
+        """Advance u and v by whole steps."""
+        done = 0
+        while done < steps:
+            part = min(self._together, steps - done)
+            for piece in self._pieces:
+                piece.order = part, done > 0, done + part == steps
+            for work in (_Piece.advance, _Piece.give):  # all take before any gives
+                list(self._pool.map(work, self._pieces))
+            done += part
+
+
+class _Piece:
+    """Bonds from `start` to `stop` of a chain, with a halo on either side."""
+
+    def __init__(self, loop, u, v, bonds, method, dt, start, stop) -> None:
+        runs, total = bonds.runs, len(bonds.group)
+        low = start_of_block(runs.first, max(start - HALO, 0), down=True)
+        high = min(start_of_block(runs.first, min(stop + HALO, total)), total)
+        inside = {int(x) for x in runs.first if low < x < high}
+        edges = np.array(sorted({low, start, stop, high} | inside))
+        parent = np.searchsorted(runs.first, edges[:-1], side="right") - 1
+        part = replace(
+            runs, first=edges, law=runs.law[parent], own=runs.own[parent], kind=runs.kind[parent]
+        )
+        self._globals, self._sites = (u, v), slice(low, high + 1)
+        self._local = u[self._sites].copy(), v[self._sites].copy()
+        weights = replace(bonds, inverse_mass=bonds.inverse_mass[self._sites])
+        mine = (edges[:-1] >= start) & (edges[:-1] < stop)
+        self.loop = BoundLine(loop, *self._local, weights, method, dt, part, mine)
+        self._mine = slice(start, stop + (stop == total))
+        self._inner = slice(start - low, self._mine.stop - low)
+        self.order = 0, False, True  # arguments of `advance_part`
+
+    def advance(self):
+        """Take what the neighbours gave, and do some steps."""
+        for local, whole in zip(self._local, self._globals, strict=True):
+            local[:] = whole[self._sites]
+        self.loop.advance_part(*self.order)
+
+    def give(self):
+        """Hand out the part that is right."""
+        for local, whole in zip(self._local, self._globals, strict=True):
+            whole[self._mine] = local[self._inner]
+
+
+def start_of_block(first, bond, down=False):
+    """The bond near `bond`, not above it if `down` and else not below, where a block begins.
+
+    In a segment the loop begins with what is left over of its whole blocks.
+    """
+    if bond >= first[-1]:
+        return int(first[-1])
+    s = int(np.searchsorted(first, bond, side="right")) - 1
+    start, stop = int(first[s]), int(first[s + 1])
+    odd = (stop - start) % BLOCK
+    place = bond - start
+    if place == 0:
+        return bond
+    if place <= odd:
+        return start if down else start + odd
+    blocks = (place - odd) // BLOCK if down else -(-(place - odd) // BLOCK)
+    return start + odd + blocks * BLOCK

@@ -1,0 +1,1 @@
+"""What is read from runs: arrivals, pulses, budgets of energy and momentum."""

@@ -1,0 +1,4 @@
+"""The tensegrity prism: its potential, its equilibrium path, its limit load and stability.
+
+What is derived stands in `derivations`; here it gets numbers.
+"""

@@ -1,0 +1,97 @@
+"""The limit load of a prism as its prestrain varies: the fold itself followed as a branch.
+
+Source: seeds/000, part III, "Effects of element rigidity and internal prestress".
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tensegrity import check
+from tensegrity.branches.continuation import Settings, fold_problem, fold_start, refined_fold, trace
+from tensegrity.branches.table import Table
+from tensegrity.errors import TensegrityError
+from tensegrity.once import once
+from tensegrity.prisms.condensed import numbers, problem
+from tensegrity.prisms.prism import Prism
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from typing import Any
+
+    from tensegrity.branches.continuation import Problem
+
+PRESTRAIN = 1  # its place in the parameters of `condensed.problem`
+SETTINGS = Settings(tolerance=1e-7, largest=0.05)
+
+
+@once
+def _folds(rigid_base: bool) -> Problem:
+    return fold_problem(problem(rigid_base), "fold", PRESTRAIN)
+
+
+@once
+def _values(rigid_base: bool) -> Callable[..., Any]:
+    """Height, twist, base and load as a function of (unknowns, parameters)."""
+    import casadi as ca
+
+    of = problem(rigid_base)
+    values = [of.values[name] for name in ("height", "twist", "base", "load")]
+    return ca.Function("values", [of.z, of.p], [ca.vertcat(*values)])
+
+
+def limit_load(prism: Prism, prestrain: float) -> Table:
+    """Limit load from the prism's own prestrain to another one, by continuation of the fold.
+
+    Parameters
+    ----------
+    prism : Prism
+        With elastic bases or bars, and a fold of its load.
+    prestrain : float
+        Where to end, >= 0.
+
+    Returns
+    -------
+    Table
+        Columns prestrain, height [m], twist [rad], base [m] and load [N] (compression > 0) at
+        the first fold.  It follows the smooth energy: a fold may lie beyond contact (twist pi).
+
+    Raises
+    ------
+    TensegrityError
+        If the prism is rigid or has no fold.
+    """
+    check.kind("prism", prism, Prism)
+    prestrain = check.number("prestrain", prestrain, least=0)
+    if prism.is_rigid:
+        raise TensegrityError("limit_load needs elastic bases or bars: k_base, k_bar are inf")
+    if prestrain == prism.prestrain:
+        raise TensegrityError(f"prestrain {prestrain:g} must differ from that of the prism")
+    rigid_base, p = math.isinf(prism.k_base), numbers(prism)
+    of = problem(rigid_base)
+    start = np.zeros(len(of.unknowns))
+    first = trace(of, start, p, direction=-1, stop=("fold", "flat"))
+    if first.end != "fold":
+        raise TensegrityError(f"{prism} has no limit load")
+    on_fold = fold_start(of, first.events[-1], p, PRESTRAIN)
+    direction = 1 if prestrain > prism.prestrain else -1
+    p[PRESTRAIN] = prestrain
+    branch = trace(_folds(rigid_base), on_fold, p, SETTINGS, direction, ("end",))
+    states = []
+    for state, freed in zip(branch.z, branch.free, strict=True):
+        p[PRESTRAIN] = freed
+        states.append((refined_fold(of, "fold", state[: len(start)], p), list(p)))
+    height, twist, base, load = np.hstack(
+        [np.array(_values(rigid_base)(*state)) for state in states]
+    )
+    columns = {
+        "prestrain": branch.free,
+        "height": height * prism.base,
+        "twist": twist,
+        "base": base * prism.base,
+        "load": load * prism.k_cross * prism.base,
+    }
+    return Table(columns, (), "the prestrain asked for")

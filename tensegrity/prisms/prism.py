@@ -1,0 +1,267 @@
+"""The triangular tensegrity prism a user describes, and what follows from it in closed form.
+
+Two triangles of strings, three bars, three cross strings; members without thickness.  The
+reference is the self-stressed state at twist 5 pi/6.  Source: seeds/000, part III.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from tensegrity import check
+from tensegrity.engine.codegen import Law
+from tensegrity.errors import EquilibriumError, NoLocking, TensegrityError
+from tensegrity.once import once
+from tensegrity.springs.potential import Potential, call
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+    from typing import Any
+
+DIGITS = 40  # decimals in which stored parameters are computed before they are rounded
+
+
+class NaturalLengths(NamedTuple):
+    """Unstressed lengths [m]."""
+
+    cross: float
+    base: float
+    bar: float
+
+
+@dataclass(frozen=True)
+class Prism:
+    """A triangular tensegrity prism.
+
+    Parameters
+    ----------
+    base : float
+        Side of the triangles in the self-stressed state [m].
+    height : float
+        Height of the self-stressed state [m].
+    prestrain : float
+        (s0 - sN)/sN of the cross strings, >= 0.
+    k_cross : float
+        Spring constant of a cross string [N/m].
+    k_base, k_bar : float, optional
+        Spring constants of a base string and of a bar [N/m]; inf (the default) is rigid.
+
+    Raises
+    ------
+    TensegrityError
+        If a value is outside its bounds, or the bases are so soft that their natural length
+        would not be positive (k_base <= k_cross p0/((1 + p0) sqrt(3))).
+    """
+
+    base: float
+    height: float
+    prestrain: float
+    k_cross: float
+    k_base: float = math.inf
+    k_bar: float = math.inf
+
+    def __post_init__(self) -> None:
+        for name, unit in (("base", "m"), ("height", "m"), ("k_cross", "N/m")):
+            self._check(name, above=0, unit=unit)
+        self._check("prestrain", least=0)
+        for name in ("k_base", "k_bar"):
+            self._check(name, above=0, finite=False, unit="N/m")
+        if self.natural_lengths().base <= 0:
+            (least,) = map(float, _exact(_least_k_base, self))
+            raise TensegrityError(
+                f"k_base {self.k_base:g} N/m must be above {least:g} N/m, "
+                "below which the natural length of the base strings is not positive"
+            )
+
+    def _check(self, name: str, **bounds: Any) -> None:
+        object.__setattr__(self, name, check.number(name, getattr(self, name), **bounds))
+
+    def __repr__(self) -> str:
+        given = {name: value for name, value in asdict(self).items() if value != math.inf}
+        return call("Prism", **given)
+
+    @property
+    def is_rigid(self) -> bool:
+        """Whether bases and bars are rigid, so that the height alone describes the prism."""
+        return math.isinf(self.k_base) and math.isinf(self.k_bar)
+
+    def natural_lengths(self) -> NaturalLengths:
+        """Unstressed lengths of cross strings, base strings and bars [m], as a named tuple."""
+        from derivations import prism as derived
+
+        return NaturalLengths(*(float(x) for x in _exact(derived.natural_lengths, self)))
+
+    def locking_height(self) -> float:
+        """Height at which the bars of the rigid prism meet (twist pi) [m].
+
+        Raises
+        ------
+        NoLocking
+            If the prism is so thick that it collapses flat (height 0) before that.
+        """
+        (squared,) = _exact(_locking_height_squared, self)
+        if squared <= 0:
+            raise NoLocking(
+                f"height {self.height:g} m of this prism is not above "
+                f"{float((self.height**2 - squared) ** 0.5):g} m: its bars never meet, it "
+                "collapses flat"
+            )
+        return float(squared**0.5)
+
+    def axial_stiffness(self) -> float:
+        """Stiffness K_h0 of the total axial force at the reference state [N/m], > 0.
+
+        Zero where the prestrain is zero: the reference is then a sonic vacuum.  Closed form,
+        with rigid members as those of no compliance (seeds/000, part III, "Axial stiffness").
+        """
+        (stiffness,) = _exact(_axial_stiffness, self)
+        return float(stiffness)
+
+    def potential(self, preload: float = 0.0) -> Potential:
+        """Potential of the prism as a spring of a chain.
+
+        Parameters
+        ----------
+        preload : float, optional
+            Axial load F0 at rest [N], compression > 0, >= 0.
+
+        Returns
+        -------
+        Potential
+            V(r) = U(h1 + r) - U(h1) + F0 r about the loaded height h1, which is its `length`.
+            Its domain ends where the bars meet (twist pi) or the prism is flat (height 0), and
+            where it is stretched to twist 0; with elastic members see `ElasticPotential`.
+            Threads may ask for potentials, and of them, at once.
+
+        Raises
+        ------
+        EquilibriumError
+            If no equilibrium on the branch of the reference state carries the preload.
+        """
+        preload = check.number("preload", preload, least=0, unit="N")
+        if not self.is_rigid:
+            from tensegrity.prisms.condensed import ElasticPotential
+
+            return ElasticPotential(self, preload)
+        unloaded = self._potential_at(self.height, 0.0)
+        if preload == 0:
+            return unloaded
+        return self._potential_at(self.height + _loaded_shift(unloaded, preload), preload)
+
+    def _potential_at(self, height: float, preload: float) -> Potential:
+        from derivations import rigid_elastic as derived
+
+        numbers = _exact(_parameters, self, height, preload)
+        values = dict(zip(derived.PARAMETERS, numbers, strict=True))
+        (locking_squared,) = _exact(_locking_height_squared, self)
+        if locking_squared <= 0:
+            values |= {derived.lock: height, derived.far_lock: height}
+            values |= {derived.no_lock: -locking_squared}
+        ends = (
+            "the bars meet (twist pi)" if locking_squared > 0 else "the prism is flat (height 0)",
+            "the bars stand upright (twist 0)",
+        )
+        law = rigid_law()
+        numbers = [float(values[symbol]) for symbol in derived.PARAMETERS]
+        domain = -float(values[derived.lock]), float(values[derived.stroke])
+        origin = call(f"{self}.potential", preload=preload)
+        return Potential.from_law(law, numbers, height, domain, ends, origin)
+
+
+@once
+def _decimals() -> Any:
+    """Arithmetic with `DIGITS` decimals, apart from mpmath's own, which all threads share."""
+    import mpmath
+
+    context = mpmath.MPContext()
+    context.dps = DIGITS
+    return context
+
+
+@once
+def _numeric(derive: Callable[[], Iterable[Any]]) -> Callable[..., list[Any]]:
+    """The expressions that `derive()` gives, in a fixed order, as one function for mpmath."""
+    import sympy as sp
+
+    from derivations import prism as p
+    from derivations import rigid_elastic as r
+
+    fields = (p.base, p.reference_height, p.prestrain, p.k_cross, p.k_base, p.k_bar)
+    symbols = (*fields, r.loaded_height, r.preload)
+    own = {name: getattr(_decimals(), name) for name in dir(_decimals()) if name[0] != "_"}
+    return sp.lambdify(symbols, list(derive()), modules=[own, "mpmath"])
+
+
+def _exact(
+    derive: Callable[[], Iterable[Any]], prism: Prism, height: float = 1.0, preload: float = 0.0
+) -> list[Any]:
+    """Values of derived expressions to `DIGITS` decimals, the prism's fields taken as exact."""
+    fields = (prism.base, prism.height, prism.prestrain, prism.k_cross, prism.k_base, prism.k_bar)
+    return _numeric(derive)(*map(_decimals().mpf, (*fields, height, preload)))
+
+
+@once
+def rigid_law() -> Law:
+    from derivations import rigid_elastic as derived
+
+    return Law(
+        derived.energy(), derived.elongation, derived.PARAMETERS, derived.tension(), derived.THROUGH
+    )
+
+
+def _locking_height_squared() -> list[Any]:
+    from derivations import rigid_elastic as derived
+
+    return [derived.locking_height_squared()]
+
+
+def _least_k_base() -> list[Any]:
+    from derivations import prism as derived
+
+    return [derived.least_k_base()]
+
+
+def _axial_stiffness() -> list[Any]:
+    from derivations import elastic as derived
+
+    return [derived.axial_stiffness_of_prism()]
+
+
+def _parameters() -> Iterable[Any]:
+    from derivations import rigid_elastic as derived
+
+    return derived.parameter_expressions().values()
+
+
+def _loaded_shift(unloaded: Potential, preload: float) -> float:
+    """Elongation of the unloaded potential at which it carries the preload, on its first branch."""
+    from scipy.optimize import brentq
+
+    lowest = _first_limit(unloaded)
+    largest = -float(unloaded.tension(lowest))
+    if preload >= largest:
+        raise EquilibriumError(
+            f"preload {preload:g} N is beyond {largest:g} N, the largest axial load of this prism "
+            f"(at height {unloaded.length + lowest:g} m)"  # type: ignore[operator]
+        )
+    return brentq(
+        lambda r: float(unloaded.tension(r)) + preload, lowest, 0.0, xtol=1e-300, rtol=1e-15
+    )
+
+
+def _first_limit(potential: Potential, samples: int = 4000) -> float:
+    """Elongation of the first limit point in compression, or next to the end of the domain."""
+    from scipy.optimize import brentq
+
+    low = potential.domain[0]
+    r = low * np.sin(np.linspace(0, np.pi / 2, samples + 1)[1:-1])  # closer towards the end
+    falling = np.flatnonzero(potential.stiffness(r) < 0)
+    if falling.size == 0:
+        return np.nextafter(low, 0) * (1 - 1e-15)
+    first = falling[0]
+    before = r[first - 1] if first else 0.0
+    return brentq(lambda x: float(potential.stiffness(x)), r[first], before, xtol=1e-300)

@@ -1,0 +1,342 @@
+"""Scenes, states and results in one .npz file: arrays, and text that says what they belong to.
+
+The text is JSON.  An object in it is the name of a kind that is known here, with numbers, arrays
+and other such objects that it is built from; nothing in a file is evaluated or unpickled.  What
+is of no known kind, such as an energy of the user's own, is kept as what it prints and a
+fingerprint, by which it is recognised when it is handed in again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from tensegrity import check
+from tensegrity.engine import methods
+from tensegrity.errors import TensegrityError
+from tensegrity.prisms.condensed import ElasticPotential
+from tensegrity.prisms.prism import Prism, rigid_law
+from tensegrity.runs.record import Record
+from tensegrity.scenes.chain import Chain
+from tensegrity.scenes.ensemble import Ensemble
+from tensegrity.scenes.network import Network
+from tensegrity.scenes.scene import State
+from tensegrity.scenes.walls import Wall
+from tensegrity.springs.potential import Potential, PowerLaw
+
+if TYPE_CHECKING:
+    from typing import Any
+
+FORMAT = "tensegrity 1"
+
+
+class SceneMissing(TensegrityError, AttributeError):
+    """A scene that a file could only keep as what it prints was asked for more."""
+
+
+class Printed:
+    """What is left of a scene that cannot be built again from a file.
+
+    Attributes
+    ----------
+    text : str
+        What it printed.
+    fingerprint : str
+    """
+
+    def __init__(self, text, fingerprint) -> None:
+        self.text, self.fingerprint = text, fingerprint
+
+    def __getattr__(self, name):
+        if name.startswith("__"):
+            raise AttributeError(name)
+        raise SceneMissing(
+            f"{name} of the scene {self.__dict__.get('text', '')} is not in the file, which has "
+            "its print-out only: build it again"
+        )
+
+    def __repr__(self) -> str:
+        return self.text
+
+
+class Kind(NamedTuple):
+    """How objects of a class are taken apart, into a dict, and made again from one."""
+
+    type: type
+    take: object
+    make: object
+
+
+KINDS: dict[str, Kind] = {}
+
+
+def register(kind, take, make=None):
+    """Let objects of exactly that class be kept.
+
+    Parameters
+    ----------
+    kind : type
+    take : callable object -> dict of str
+        What it is built from: numbers, text, None, arrays, sequences and dicts of these, and
+        objects of registered classes.
+    make : callable, optional
+        Makes it of these, given by name, sequences as tuples; by default the class.
+    """
+    KINDS[kind.__name__] = Kind(kind, take, make or kind)
+
+
+def fingerprint(scene: Any) -> str:
+    """Text that two equal scenes share."""
+    writer = _Writer()
+    text = json.dumps([writer.value(scene), writer.objects])
+    digest = hashlib.sha256(text.encode())
+    for array in writer.arrays.values():
+        digest.update(str((array.dtype, array.shape)).encode() + array.tobytes())
+    return digest.hexdigest()
+
+
+def write(path, kind, data):
+    """Write a dict to a file that is whole or not there: written beside and renamed.
+
+    Parameters
+    ----------
+    path : str or path
+    kind : str
+        What it holds.
+    data : dict of str
+        Of what `register` takes; under "scene" anything.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written; a file that was there stays as it was.
+    """
+    writer, path = _Writer(), check.path("path", path)
+    parts = {
+        name: writer.scene(value) if name == "scene" else writer.value(value)
+        for name, value in data.items()
+    }
+    text = json.dumps({"format": FORMAT, "kind": kind, "data": parts, "objects": writer.objects})
+    new = path.with_name(path.name + ".new")
+    try:
+        with open(new, "wb") as file:
+            np.savez(file, text=np.array(text), **writer.arrays)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(new, path)
+    except BaseException:
+        new.unlink(missing_ok=True)
+        raise
+
+
+def read(path, kind, make=dict):
+    """What `make` makes of the dict that `write` wrote; scenes that cannot be built again are
+    `Printed`.
+
+    Raises
+    ------
+    TensegrityError
+        There is no such file, or it is damaged, or holds something else.
+    """
+    path = check.path("path", path)
+    if not path.is_file():
+        raise TensegrityError(f"there is no file {path}")
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            arrays = {name: arrays[name] for name in arrays.files}
+        whole = json.loads(str(arrays.pop("text")[()]))
+        if whole["format"] != FORMAT or whole["kind"] != kind:
+            raise TensegrityError(f"it holds a {whole['kind']} of {whole['format']}")
+        reader = _Reader(whole["objects"], arrays)
+        return make({name: reader.value(value) for name, value in whole["data"].items()})
+    except UnknownKind:
+        raise
+    except Exception as error:  # what a damaged file makes of zip, NumPy, JSON and our own kinds
+        raise TensegrityError(f"{path} holds no {kind}, or is damaged: {error}") from error
+
+
+class UnknownKind(TensegrityError):
+    """A file holds an object of a package that was not imported."""
+
+
+class _Writer:
+    def __init__(self) -> None:
+        self.arrays, self.objects, self._known, self.opaque = {}, [], {}, False
+
+    def scene(self, scene):
+        """A scene, or the print-out of one that cannot be built again."""
+        if isinstance(scene, Printed):
+            return {"printed": scene.text, "fingerprint": scene.fingerprint}
+        trial = _Writer()
+        trial.value(scene)
+        if not trial.opaque:
+            return self.value(scene)
+        return {"printed": repr(scene), "fingerprint": fingerprint(scene)}
+
+    def value(self, x):
+        if x is None or isinstance(x, (bool, int, float, str)):
+            return x
+        if isinstance(x, np.generic):
+            return x.item()
+        if isinstance(x, np.ndarray):
+            name = f"a{len(self.arrays)}"
+            self.arrays[name] = np.ascontiguousarray(x)
+            return {"array": name}
+        if isinstance(x, (tuple, list)):
+            return [self.value(one) for one in x]
+        if isinstance(x, dict):
+            return {"dict": [[key, self.value(one)] for key, one in x.items()]}
+        if isinstance(x, Path):
+            return str(x)
+        return {"object": self._object(x)}
+
+    def _object(self, x):
+        if id(x) not in self._known:
+            known = KINDS.get(type(x).__name__)
+            parts = known.take(x) if known is not None and known.type is type(x) else None
+            if parts is None:
+                self.opaque = True
+                parts = _print_of(x)
+            package = type(x).__module__.split(".")[0]
+            made = [package, type(x).__name__, {k: self.value(part) for k, part in parts.items()}]
+            self._known[id(x)] = len(self.objects), x  # kept, lest another object get its id
+            self.objects.append(made)
+        return self._known[id(x)][0]
+
+
+class _Reader:
+    def __init__(self, objects, arrays) -> None:
+        self._objects, self._arrays, self._made = objects, arrays, {}
+
+    def value(self, x):
+        if isinstance(x, list):
+            return tuple(self.value(one) for one in x)
+        if not isinstance(x, dict):
+            return x
+        if "array" in x:
+            return self._arrays[x["array"]]
+        if "dict" in x:
+            return {key: self.value(one) for key, one in x["dict"]}
+        if "printed" in x:
+            return Printed(x["printed"], x["fingerprint"])
+        return self._object(x["object"])
+
+    def _object(self, number):
+        if number not in self._made:
+            package, name, parts = self._objects[number]
+            if name not in KINDS:
+                raise UnknownKind(f"nothing here knows a {name}: import {package} first")
+            values = {key: self.value(one) for key, one in parts.items()}
+            self._made[number] = KINDS[name].make(**values)
+        return self._made[number]
+
+
+def _print_of(x):
+    """What tells an object of no known kind from others."""
+    if not isinstance(x, Potential):
+        return {"printed": repr(x)}
+    law = x.law
+    form = [str(getattr(law, name, type(law).__name__)) for name in ("energy", "elongation")]
+    values = {"parameters": x.parameters, "length": x.length, "domain": x.domain}
+    return {"law": hashlib.sha256("|".join(form).encode()).hexdigest(), **values}
+
+
+def _fields(x):
+    return {field.name: getattr(x, field.name) for field in fields(x)}
+
+
+def _shared(springs):
+    """Different springs, and the number of each in a row of many."""
+    different = list({id(spring): spring for spring in springs}.values())
+    number = {id(spring): k for k, spring in enumerate(different)}
+    return {"different": different, "number": np.array([number[id(s)] for s in springs], dtype=int)}
+
+
+def _spread(springs):
+    return [springs["different"][k] for k in springs["number"]]
+
+
+def _power_law(x):
+    stiffness, preload, _ = x.values.tolist()
+    return {"stiffness": stiffness, "exponent": x.exponent, "preload": preload, "length": x.length}
+
+
+def _rigid(x):
+    if x.law != rigid_law():
+        return None
+    parts = {"values": x.values, "length": x.length, "domain": x.domain, "ends": x.ends}
+    return parts | {"origin": x.origin}
+
+
+def _make_rigid(values, length, domain, ends, origin):
+    return Potential.from_law(rigid_law(), values, length, domain, ends, origin)
+
+
+def _elastic(x):
+    prism, preload = x.made_of
+    return {"prism": prism, "preload": preload}
+
+
+def _chain(x):
+    return {"springs": _shared(x.springs), "sites": x.sites, "mass": x.mass, "ends": x.ends}
+
+
+def _make_chain(springs, sites, mass, ends):
+    return Chain(_spread(springs), sites, mass, ends)
+
+
+def _ensemble(x):
+    same = all(scene is x.scenes[0] for scene in x.scenes)
+    return {"scenes": x.scenes[0], "lanes": x.lanes} if same else {"scenes": x.scenes}
+
+
+def _wall(x):
+    return {"point": x.point, "normal": x.normal, "extent": x.extent}
+
+
+def _make_wall(point, normal, extent):
+    wall = Wall(point, normal, extent)
+    object.__setattr__(wall, "normal", normal)  # a second division by its length can change bits
+    return wall
+
+
+def _network(x):
+    bonds = len(x.bonds)
+    opening, gaps = np.split(x.geometry[x.dim], [bonds])
+    if x.law is not None and not isinstance(x.law.given, Potential):
+        return None  # a function, which no file holds
+    followed = {} if x.law is None else {"contacts": "follow", "law": x.law.given}
+    return {
+        "positions": x.positions, "bonds": x.bonds, "springs": _shared(x.springs),
+        "lengths": x.lengths if opening.any() else None,  # else to the bits of the positions
+        "mass": x.mass, "walls": x.walls, "wall_contacts": x.wall_contacts, "wall_gaps": gaps,
+        "radius": x.radius, "loads": x.loads, "held": x.held, **followed,
+    }  # fmt: skip
+
+
+def _make_network(bonds, springs, wall_contacts, wall_gaps, **others):
+    each, count = _spread(springs), len(bonds)
+    if len(wall_contacts):
+        others |= {"wall_contacts": wall_contacts, "wall_spring": each[count:]}
+        others |= {"wall_gaps": wall_gaps}
+    return Network(bonds=bonds, spring=each[:count], **others)
+
+
+register(State, _fields)
+register(Record, _fields)
+register(Prism, _fields)
+register(PowerLaw, _power_law)
+register(Potential, _rigid, _make_rigid)
+register(ElasticPotential, _elastic)
+register(Wall, _wall, _make_wall)
+register(Chain, _chain, _make_chain)
+register(Ensemble, _ensemble)
+register(Network, _network, _make_network)
+for _method in (methods.Splitting, methods.Processed, methods.Nystrom, methods.Gauss):
+    register(_method, _fields)

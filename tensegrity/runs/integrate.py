@@ -1,0 +1,103 @@
+"""Time integration of a scene: `simulate` checks what it is given and chooses the step."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from tensegrity import check
+from tensegrity.engine import methods
+from tensegrity.errors import TensegrityError
+from tensegrity.runs.march import Problem
+from tensegrity.runs.record import Record
+from tensegrity.runs.run import Run
+from tensegrity.runs.tolerance import ROUND_OFF, default_step, fixed_step, to_tolerance
+from tensegrity.scenes.scene import Scene
+
+if TYPE_CHECKING:
+    from tensegrity.scenes.scene import Scene, State
+
+
+def simulate(
+    scene: Scene,
+    state: State,
+    t_end: float,
+    *,
+    method: str | methods.Method | None = None,
+    dt: float | None = None,
+    tol: float | None = None,
+    record: Record | None = None,
+) -> Run:
+    """Advance a scene in time.
+
+    Parameters
+    ----------
+    scene : Scene
+        A `Chain`, a `Network`, an `Ensemble`, or what `granular` builds.
+    state : State
+        Initial displacements [m] and velocities [m/s]; not changed.
+    t_end : float
+        Duration [s], >= 0.
+    method : str or Method, optional
+        Name of a method, `tensegrity.engine.methods.METHODS`, or a `Splitting` or `Nystrom` of
+        `tensegrity.engine.methods` with rows of your own.  By default "rkn6"; "verlet" where `dt`
+        is given or a `tol` above 1e-3; "processed6" where a smaller `tol` is given and no contact
+        can open.
+    dt : float, optional
+        Step [s]; the step used is the largest not above it that divides `t_end` evenly.  By
+        default a small fraction of the stability limit, at the largest stiffness that any
+        bond can meet with the initial energy, or does meet.
+    tol : float, optional
+        Wanted bound of max(|du|/max|u|, |dv|/max|v|), maxima over the run, instead of `dt`: the
+        step is refined until two runs, one with half the step of the other, say it is met.
+    record : Record, optional
+
+    Returns
+    -------
+    Run
+        Also after Ctrl-C, with `complete` False and what was recorded until then; with `tol`
+        that may be a trial with a coarser step, kept in memory and at about 500 instants.
+
+    Raises
+    ------
+    TensegrityError
+        Bad input, before any work.
+    StabilityError
+        `dt` is beyond the method's stability limit; during a run with `.run`, the part done.
+    LockingError
+        A spring reached an end of its domain; with `.run`, the part done.
+    RecordError
+        A row or a state could not be written; with `.run`, the part done.
+    """
+    started = time.perf_counter()
+    if not isinstance(scene, Scene):
+        raise TensegrityError(f"scene {scene!r} is not a scene, such as a Chain")
+    scene.check(state)
+    t_end = check.number("t_end", t_end, least=0, unit="s")
+    dt = None if dt is None else check.number("dt", dt, above=0, unit="s")
+    tol = None if tol is None else check.number("tol", tol, least=ROUND_OFF)
+    if dt is not None and tol is not None:
+        raise TensegrityError(f"dt {dt!r} s and tol {tol!r} exclude each other: give one")
+    method = methods.find(_default(scene, dt, tol) if method is None else method)
+    if method.processor is not None and scene.clearance is not None:
+        raise TensegrityError(
+            f"method {method.name!r} runs no scene whose sites have a radius: contacts are looked "
+            "for in the scene's own variables, its steps have others"
+        )
+    record = Record() if record is None else record
+    check.kind("record", record, Record)
+    record.check(scene.sites, t_end)
+    choice = "dt" if dt is not None else "default" if tol is None else "tol"
+    problem = Problem(scene, state, t_end, method, record, choice=choice)
+    if dt is not None:
+        run = fixed_step(problem, dt)
+    elif tol is not None:
+        run = to_tolerance(problem, tol)
+    else:
+        run = default_step(problem)
+    return replace(run, wall_time=time.perf_counter() - started)
+
+
+def _default(scene, dt, tol):
+    return methods.default(dt, tol, scene.smooth and scene.clearance is None)

@@ -1,0 +1,401 @@
+"""One run with one step: the compiled loop, block by block, under watch.
+
+Each block starts from a kept copy of the state, and the smallest and largest elongation it met
+are known at no cost; so a spring that reached the end of its domain, or a stiffness beyond the
+stability limit, is noticed before a wrong number is recorded, and the block is repeated step by
+step to say where and when.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from tensegrity.engine.methods import Method, Nystrom
+from tensegrity.errors import ContactError, LockingError, RecordError, StabilityError
+from tensegrity.runs import stepping
+from tensegrity.runs.book import Book, Sound
+from tensegrity.runs.loops import Loop
+from tensegrity.runs.record import Record
+from tensegrity.scenes.clearance import CAUTION
+from tensegrity.scenes.scene import State
+
+BLOCK = 2_000_000  # bonds x stages x steps in one call of the loop: about 5 ms
+FEWEST = 100  # steps in one call: the pieces of a long chain work apart for some tens
+MOST_STEPS = 10**12
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What is to be run, the step apart.
+
+    `surrogate` is the scene with springs that are fitted to those of `scene`: it is moved, while
+    checks and recorded energies are those of `scene`.  `choice` says what chose the step: "dt",
+    "tol" or "default".
+    """
+
+    scene: object
+    state: State
+    t_end: float
+    method: Method
+    record: Record
+    surrogate: object = None
+    choice: str = "dt"
+
+    @property
+    def moved(self):
+        """The scene that the loop advances."""
+        return self.scene if self.surrogate is None else self.surrogate
+
+    @property
+    def force(self):
+        """What the tensions of the springs are computed by."""
+        different = dict.fromkeys(spring.force for spring in self.moved.spring_table.different)
+        return ", ".join(different)
+
+    @cached_property
+    def expected(self):
+        """Elongations that each spring can reach with all the energy, and how stiff it is there."""
+        ranges = stepping.expected_ranges(self.scene, self.state)
+        return ranges, self.scene.stiffness_within(ranges)
+
+    def largest_step(self, omega):
+        """Stability limit [s] at an angular frequency [rad/s]; inf where it is 0."""
+        return self.method.stability_limit / omega if omega > 0 else math.inf
+
+    def natural_step(self, omega):
+        """The step [s] that fractions are taken of, at an angular frequency [rad/s]."""
+        return self.method.scale / omega if omega > 0 else math.inf
+
+
+def count(problem, dt):
+    """Number of steps, the largest not above dt; refused where no run could end."""
+    steps = problem.t_end / dt * (1 - 1e-12) if dt > 0 else math.inf
+    if steps > MOST_STEPS:
+        raise StabilityError(
+            f"t_end {problem.t_end:g} s takes {steps:.3g} steps of {dt:.3g} s, more than "
+            f"{MOST_STEPS:.0e}"
+        )
+    return math.ceil(steps)
+
+
+def march(problem, steps, allowed, checkpoints=0, start=None):
+    """Run with one step, watching that it stays below `allowed` of the stability limit.
+
+    Parameters
+    ----------
+    problem : Problem
+    steps : int
+    allowed : float
+    checkpoints : int, optional
+    start : Start, optional
+        Where a run that was broken off goes on.
+
+    Returns
+    -------
+    run : Run
+    checks : structured ndarray
+        All sites at `checkpoints` + 1 evenly spaced instants, which `steps` is a multiple of.
+    """
+    scene, seconds = problem.scene, problem.record.checkpoint
+    watch = _Watch(problem, problem.t_end / steps if steps else 0.0, allowed, start)
+    book = Book(problem, watch, steps, start and start.count)
+    checks = Record().rows(
+        checkpoints + 1 if checkpoints else 0, scene.shape, watch.impulse().shape
+    )
+    apart = steps // checkpoints if checkpoints else steps  # steps between two of them
+    largest = max(FEWEST, BLOCK // (scene.cost * problem.method.stages))
+    since, failure = time.monotonic(), None
+    book.keep_state()
+    try:
+        with _progress(steps) as bar:
+            while True:
+                done = watch.sound.done
+                bar.update(done - bar.n)
+                book.catch_up()
+                if checkpoints and done == checks.count * apart:
+                    state, impulse = watch.look()
+                    checks.add(done * watch.dt, 0.0, state.u, state.v, impulse)
+                if done == steps:
+                    break
+                if seconds is not None and time.monotonic() - since > seconds:
+                    book.keep_state()
+                    since = time.monotonic()
+                stop = min(book.stop(), checks.count * apart if checkpoints else steps)
+                watch.advance(min(stop - done, largest))
+        book.keep_state()
+        return book.run(complete=True), checks.finished()
+    except KeyboardInterrupt:
+        pass
+    except (ContactError, LockingError, StabilityError, RecordError) as error:
+        failure = error
+    run, failure = book.broken_off(failure)
+    if failure is None:
+        return run, checks.finished()
+    failure.run = run
+    raise failure
+
+
+def _progress(steps):
+    from tqdm import tqdm
+
+    return tqdm(total=steps, unit="step", unit_scale=True, delay=1.0, leave=False, disable=None)
+
+
+class _Watch:
+    """Advances block by block and refuses a block that left what the step allows."""
+
+    def __init__(self, problem, dt, allowed, start=None) -> None:
+        scene = problem.moved
+        self._problem, self.dt, self.allowed = problem, dt, allowed
+        self._energy = problem.scene.available_energy(problem.state)
+        u = problem.state.u if start is None else start.sound.seen[0][: scene.sites]
+        self._list(scene.listed(u))
+        if start is None or not start.sound.done:
+            self._u, self._v = scene.arrays(problem.state)
+            seen = self._u.copy(), self._v.copy()
+            self.sound = Sound(*seen, 0, seen)
+        else:
+            self.sound = start.sound
+            if start.met.shape == self.met.shape:
+                self.met[:] = start.met
+            self._u, self._v = self.sound.u.copy(), self.sound.v.copy()
+        self._tracker = scene.clearance and scene.clearance.tracker(self._u[: scene.sites])
+        self._most = math.inf  # steps that can be done without a look for new contacts
+        self._loop, self._fastest = None, 0.0
+
+    def _list(self, scene):
+        """Take the contacts that a scene lists, with no range of theirs known to be allowed."""
+        springs = scene.spring_table
+        self._scene, self._springs, self._domains = scene, springs.different, springs.reach
+        self._safe = np.zeros_like(self._domains)  # ranges of elongation known to be allowed
+        self._stiffness = None  # bound of each spring's within them [N/m]
+        self._limit = math.inf  # stability limit there [s]
+        self.met = np.zeros_like(self._domains)  # smallest and largest elongation, 0 included
+
+    def _list_anew(self):
+        """Go on with the contacts that may form from here on."""
+        met = dict(zip(self._scene.spring_table.kinds, self.met, strict=True))
+        self._fastest = self.fastest
+        self._list(self._problem.moved.listed(self._tracker.at))
+        for row, kind in enumerate(self._scene.spring_table.kinds):
+            self.met[row] = met.get(kind, 0.0)
+        self._loop = None
+
+    @property
+    def fastest(self):
+        """Bound on the largest angular frequency over all elongations met [rad/s]."""
+        within = self._scene.stiffness_within(self.met)
+        return max(self._fastest, self._scene.fastest(within))
+
+    def _begin(self):
+        """Enter the variables of the method's steps."""
+        scene, dt, method = self._scene, self.dt, self._problem.method
+        enter, self._leave = method.processor or (None, None)
+        begun = self.sound.done > 0
+        if enter is not None and not begun:
+            loop = scene.bind(self._u, self._v, enter, dt)
+            loop.advance(1)
+            self._check_processor(loop, self._u, self._v, 0.0)
+            self.sound = self.sound._replace(u=self._u.copy(), v=self._v.copy())
+        if self._leave is not None:
+            self._out = np.empty_like(self._u), np.empty_like(self._v)
+            self._leave = scene.bind(*self._out, self._leave, dt)
+        self._loop = Loop(scene, self._u, self._v, method, dt, begun)
+
+    def _check_processor(self, loop, u, v, t):
+        if not self._is_sound(loop, u, v):
+            error = self._error(t, loop, u)
+            if isinstance(error, LockingError):
+                raise error
+            raise StabilityError(
+                f"dt {self.dt:.6g} s is too coarse for the processor of "
+                f"{self._problem.method.name} at t = {t:.6g} s"
+            )
+        self._see(loop)
+
+    def look(self):
+        """The last sound state, and the impulse given to each wall by then."""
+        return self._parted(*self.sound.seen)
+
+    def look_back(self, part):
+        """The same a time `part` [s] after the step before the last one, by a shorter step of the
+        method on a copy."""
+        u, v = (x.copy() for x in self.sound.before)
+        method = self._problem.method
+        enter, leave = method.processor or (None, None)
+        t = (self.sound.done - 1) * self.dt + part
+        for rows in (enter, method, leave):
+            if rows is None:
+                continue
+            loop = self._scene.bind(u, v, rows, part)
+            loop.advance(1)
+            if not self._is_inside(self._met(loop, u), u, v):
+                raise self._error(t, loop, u)
+        return self._parted(u, v)
+
+    def _parted(self, u, v):
+        """Rows of the loop's arrays as a state, and the impulses behind them, (walls[, dim])."""
+        scene = self._problem.scene
+        walls = slice(scene.sites, scene.sites + scene.wall_count)
+        return State(u[: scene.sites], v[: scene.sites]), v[walls]
+
+    def state(self):
+        """The last sound state."""
+        return self.look()[0]
+
+    def impulse(self):
+        """Impulse given to each wall so far, (walls[, dim])."""
+        return self.look()[1]
+
+    def advance(self, steps):
+        """Advance, perhaps by fewer steps.
+
+        Or go back to the last sound state and raise what went wrong, where, when.
+        """
+        if self._loop is None:
+            self._begin()
+        before = self.sound
+        steps = min(steps, self._most)
+        if self._block(before.done, steps):
+            if self._tracker is None or self._is_clear(before.done, steps):
+                self._keep(steps)
+                if self._tracker is not None and self._tracker.is_new():
+                    self._list_anew()
+            else:
+                self._u[:], self._v[:] = before.u, before.v
+            return
+        self._u[:], self._v[:] = before.u, before.v
+        for k in range(before.done, before.done + steps):
+            if not self._block(k, 1):
+                raise self._error((k + 1) * self.dt, self._loop, self._u)
+            if self._tracker is not None:
+                self._is_clear(k, 1)
+            self._keep(1)
+            if self._tracker is not None and self._tracker.is_new():
+                self._list_anew()
+                return
+        raise StabilityError(f"a block of {steps} steps went wrong, but not step by step")
+
+    def _block(self, done, steps):
+        """Do steps, and look: whether all is sound."""
+        self._loop.forget_range()
+        self._loop.advance(steps, done > 0)
+        self._looked = self._loop.look()
+        return self._is_sound(self._loop, *self._looked)
+
+    def _keep(self, steps):
+        seen, done = self._looked, self.sound.done + steps
+        if self._leave is not None:
+            self._out[0][:], self._out[1][:] = seen
+            self._leave.forget_range()
+            self._leave.advance(1)
+            self._check_processor(self._leave, *self._out, done * self.dt)
+            seen = self._out[0].copy(), self._out[1].copy()
+        before = self.sound.seen if steps == 1 else None
+        self.sound = Sound(self._u.copy(), self._v.copy(), done, seen, before)
+        self._see(self._loop)
+
+    def _see(self, loop):
+        self.met[:, 0] = np.minimum(self.met[:, 0], loop.range[:, 0])
+        self.met[:, 1] = np.maximum(self.met[:, 1], loop.range[:, 1])
+
+    def _is_clear(self, done, steps):
+        """Whether no unlisted contact can have formed; says how many steps to take next."""
+        u, travel = self._u[: self._problem.scene.sites], self._loop.travel
+        share = self._tracker.share(travel)
+        if share >= 1 and steps > 1:
+            self._most = max(1, min(steps // 2, int(CAUTION * steps / share)))
+            return False
+        if share >= 1:
+            self._tracker.judge(u, (done + 1) * self.dt)
+        else:
+            self._tracker.accept(u, travel)
+        share = self._tracker.share(travel)
+        self._most = max(1, int(min(CAUTION * steps / share, MOST_STEPS))) if share else MOST_STEPS
+        return True
+
+    def _met(self, loop, u):
+        """Elongations met; a method that evaluates forces elsewhere ends at others."""
+        if not isinstance(self._problem.method, Nystrom) or not np.isfinite(u).all():
+            return loop.range
+        here = self._scene.present_ranges(u[: self._scene.sites])
+        low, high = np.minimum(loop.range[:, 0], here[:, 0]), np.maximum(loop.range, here)[:, 1]
+        return np.stack([low, high], axis=1)
+
+    def _is_inside(self, met, u, v):
+        low, high = self._domains.T
+        if np.any(met[:, 0] <= low) or np.any(met[:, 1] >= high):
+            return False
+        return bool(np.isfinite(u).all() and np.isfinite(v).all())
+
+    def _is_sound(self, loop, u, v):
+        met = self._met(loop, u)
+        if not self._is_inside(met, u, v):
+            return False
+        below, above = met[:, 0] < self._safe[:, 0], met[:, 1] > self._safe[:, 1]
+        grown = np.flatnonzero(below | above)
+        if not grown.size:
+            return True
+        low, high = self._domains.T
+        if self._stiffness is None:
+            self._stiffness = self._scene.stiffness_within(self._safe)
+            if self._expects():
+                return self._is_sound(loop, u, v)
+        for margin in (0.1, 0.01, 0.0):  # wider than met, so as not to ask again soon
+            wider = self._safe.copy()
+            wider[below, 0] = _towards(low[below], met[below, 0], margin)
+            wider[above, 1] = _towards(high[above], met[above, 1], margin)
+            stiffness = self._stiffness.copy()
+            stiffness[grown] = self._scene.stiffness_within(wider, grown)
+            self._limit = self._problem.largest_step(self._scene.fastest(stiffness))
+            if self.dt <= self.allowed * self._limit:
+                self._safe, self._stiffness = wider, stiffness
+                return True
+        return False
+
+    def _expects(self):
+        """Whether the ranges that chose the step are allowed: then nothing is asked within."""
+        known = vars(self._problem).get("expected")
+        if known is None or self._scene is not self._problem.scene:
+            return False
+        ranges, stiffness = known
+        limit = self._problem.largest_step(self._scene.fastest(stiffness))
+        if self.dt > self.allowed * limit:
+            return False
+        self._safe, self._stiffness, self._limit = ranges, stiffness, limit
+        return True
+
+    def _error(self, t, loop, after):
+        """What went wrong in the step that ended at t with displacements `after`."""
+        scene, u = self._scene, after[: self._scene.sites]
+        if not np.isfinite(u).all():
+            before = self.state()
+            u = before.u + self.dt * before.v
+        met, (low, high) = self._met(loop, after), self._domains.T
+        for row, side in np.argwhere(np.stack([met[:, 0] <= low, met[:, 1] >= high], axis=1)):
+            spring, where = self._springs[row], scene.extreme(int(row), u, side)
+            barrier = float(spring.energy(spring.reach[side]))
+            if self._energy < barrier:
+                return StabilityError(
+                    f"dt {self.dt:.6g} s is too coarse: the spring {where} passed the end of "
+                    f"its domain at t = {t:.6g} s, which takes {barrier:.6g} J, with "
+                    f"{self._energy:.6g} J in the whole scene"
+                )
+            error = spring.beyond(met[row, side])
+            return type(error)(f"{error}: the spring {where} got there at t = {t:.6g} s")
+        return StabilityError(
+            f"dt {self.dt:.6g} s is beyond {self.allowed * self._limit:.6g} s, "
+            f"{self.allowed:g} of the stability limit of {self._problem.method.name} at the "
+            f"stiffness met at t = {t:.6g} s {scene.stiffest(u, met)}"
+        )
+
+
+def _towards(end, met, margin):
+    """An elongation beyond the one met by a margin, short of the end of the domain."""
+    room = np.where(np.isfinite(end), end - met, 10 * met)
+    return met + margin * room

@@ -1,0 +1,145 @@
+"""What `simulate` returns: recorded rows, the last state, and how they were made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tensegrity.errors import TensegrityError
+from tensegrity.runs import archive
+from tensegrity.scenes.scene import State
+
+if TYPE_CHECKING:
+    from os import PathLike
+    from typing import Any, Self
+
+    from matplotlib.axes import Axes
+
+    from tensegrity.typing import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A finished, interrupted or failed run.
+
+    Attributes
+    ----------
+    t : ndarray, (T,)
+        Recorded instants [s].
+    u, v : ndarray, (T, sites) or (T, sites, dim)
+        Displacement [m] and velocity [m/s] of the recorded sites.
+    energy : ndarray, (T,)
+        Total energy of the scene, all sites [J].
+    final : State
+        State at the last instant reached.
+    method : str
+    dt : float
+        Step [s]: the largest not above the one asked for that divides the time evenly.
+    steps : int
+        Steps done.
+    complete : bool
+        False if the run was interrupted or failed; what it had recorded is kept.
+    error_estimate : float or None
+        Estimated max(|du|/max|u|, |dv|/max|v|), where a tolerance was asked for.
+    force : str
+        What the tensions were computed by: "exact", or the polynomials that a tolerance allowed.
+        Recorded energies are exact anyhow.
+    met : ndarray, (runs of equal springs, 2)
+        Smallest and largest elongation met at any stage [m], 0 included.
+    fastest : float or None
+        Bound on the largest angular frequency over the elongations met [rad/s], where contacts
+        are followed; `met` is then that of the springs listed last.
+    wall_time : float
+        [s], all trial runs included.
+    impulse : ndarray, (T, walls, dim), or None
+        What each wall received since the start [N s], where the scene has walls.
+    """
+
+    scene: Any = field(repr=False)
+    t: Array
+    u: Array
+    v: Array
+    energy: Array
+    final: State
+    method: str
+    dt: float
+    steps: int
+    sites: tuple[int, ...]
+    complete: bool = True
+    error_estimate: float | None = None
+    force: str = "exact"
+    met: Array = field(default=None, repr=False)  # type: ignore[arg-type]
+    fastest: float | None = field(default=None, repr=False)
+    wall_time: float = 0.0
+    impulse: Array | None = None
+
+    @property
+    def energy_error(self) -> float:
+        """Largest relative deviation of the total energy from its first value."""
+        if not len(self.energy):
+            return 0.0
+        deviation = np.max(np.abs(self.energy - self.energy[0]))
+        return float(deviation / abs(self.energy[0])) if self.energy[0] else float(deviation)
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write all of the run to one .npz file, whole or not at all, without pickle.
+
+        Parameters
+        ----------
+        path : str or path
+            A file that is there is replaced.  The scene is kept as the numbers it is built from;
+            one that is made of a user's own energy as what it prints.
+
+        Raises
+        ------
+        TensegrityError
+            If the file cannot be written.
+        """
+        try:
+            archive.write(path, "run", {f.name: getattr(self, f.name) for f in fields(self)})
+        except OSError as error:
+            raise TensegrityError(f"run not saved to {path}: {error.strerror}") from error
+
+    @classmethod
+    def load(cls, path: str | PathLike[str]) -> Self:
+        """The run that was saved to a file; nothing in it is evaluated or unpickled.
+
+        Parameters
+        ----------
+        path : str or path
+
+        Returns
+        -------
+        Run
+            With its scene, or, where that was kept as what it prints, one that prints so and
+            raises a TensegrityError when it is asked for more.
+
+        Raises
+        ------
+        TensegrityError
+            If there is no such file, or it is damaged or something else, or its scene is of a
+            package that was not imported, such as `granular`.
+        """
+        return archive.read(path, "run", lambda data: cls(**data))
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """Space-time density of energy; needs all sites recorded. Returns the axes."""
+        from tensegrity.runs.plotting import energy_density
+
+        return energy_density(self, axes)
+
+    def __str__(self) -> str:
+        estimate = "" if self.error_estimate is None else f", estimated {self.error_estimate:.1e}"
+        end = f"{self.t[-1]:.6g}" if len(self.t) else "0"
+        return (
+            f"{self.method}, dt = {self.dt:.4g} s, {self.steps} steps to t = {end} s"
+            f"{'' if self.complete else ' (incomplete)'}\n"
+            f"force: {self.force}\n"
+            f"{len(self.t)} instants of {len(self.sites)} sites recorded\n"
+            f"error: energy {self.energy_error:.1e}{estimate}\n"
+            f"wall time {self.wall_time:.3g} s"
+        )
+
+    __repr__ = __str__

@@ -1,0 +1,207 @@
+"""Masses in a row, joined by springs: the scene that `simulate` runs.
+
+Model: point masses with one coordinate each, neighbours joined by a bond whose force depends
+on its elongation u[j+1] - u[j] only; ends free or held.  A free end of a preloaded chain
+carries the constant preload, because potentials are measured from the loaded equilibrium.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tensegrity import check
+from tensegrity.errors import TensegrityError
+from tensegrity.scenes.scene import PER_SITE, SMALLEST_MASS, Scene, State, velocities
+from tensegrity.springs.potential import Potential
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from tensegrity.typing import Array
+
+ENDS = ("free", "fixed")
+
+
+class Chain(Scene):
+    """A chain of masses and springs.
+
+    Parameters
+    ----------
+    spring : Potential or sequence of Potential
+        One for all bonds, or `sites - 1` of them; bond j joins sites j and j + 1.
+    sites : int
+        Number of masses, at least 2.
+    mass : float or array_like (sites,), optional
+        [kg], > 0.
+    ends : (str, str), optional
+        "free" or "fixed" for the first and the last site; a fixed site is held at u = 0.
+    """
+
+    dim = 1
+    loads = 0.0
+
+    def __init__(
+        self,
+        spring: Potential | Sequence[Potential],
+        sites: int,
+        mass: ArrayLike = 1.0,
+        ends: tuple[str, str] = ("free", "free"),
+    ) -> None:
+        self.sites = check.whole("sites", sites, least=2)
+        check.room(f"a run of {self.sites} sites", PER_SITE * self.sites)
+        self.springs = self._springs(spring)
+        self.mass = self._masses(mass)
+        if (
+            not isinstance(ends, (tuple, list))
+            or len(ends) != 2
+            or any(not isinstance(e, str) or e not in ENDS for e in ends)
+        ):
+            raise TensegrityError(f"ends {check.shown(ends)} must be two of {ENDS}")
+        self.ends = ends[0], ends[1]
+        _ = self.loop_bonds  # refuses springs that the compiled loop cannot take
+
+    def _springs(self, spring: Potential | Sequence[Potential]) -> tuple[Potential, ...]:
+        if isinstance(spring, Potential):
+            return (spring,) * (self.sites - 1)
+        if not isinstance(spring, Sequence):
+            raise TensegrityError(
+                f"spring {check.shown(spring)} is not a Potential or a sequence of them"
+            )
+        springs = tuple(spring)
+        if len(springs) != self.sites - 1:
+            raise TensegrityError(f"{len(springs)} springs for {self.sites - 1} bonds")
+        for number, one in enumerate(springs):
+            if not isinstance(one, Potential):
+                raise TensegrityError(f"spring {number} is {check.shown(one)}, not a Potential")
+        return springs
+
+    def _masses(self, mass: ArrayLike) -> Array:
+        given = check.floats("mass", mass)
+        if given.ndim and given.shape != (self.sites,):
+            raise TensegrityError(f"mass has shape {given.shape}, must be ({self.sites},)")
+        masses = np.broadcast_to(given, (self.sites,)).copy()
+        bad = ~(np.isfinite(masses) & (masses >= SMALLEST_MASS))
+        if bad.any():
+            site = int(np.flatnonzero(bad)[0])
+            raise TensegrityError(
+                f"mass {masses[site]:g} kg of site {site} must be at least {SMALLEST_MASS:g}"
+            )
+        return masses
+
+    @property
+    def _words(self) -> str:
+        return f"chain has ({self.sites},) sites"
+
+    @property
+    def held(self) -> list[int]:
+        """Numbers of the sites that are held."""
+        return [s for s, end in zip((0, self.sites - 1), self.ends, strict=True) if end == "fixed"]
+
+    def with_springs(self, springs: Sequence[Potential]) -> Chain:
+        """The same chain with other springs, one for each different spring of `spring_table`."""
+        each = [springs[k] for k in self.spring_table.group]
+        return Chain(each, self.sites, self.mass, self.ends)
+
+    def at_rest(self, velocity: Mapping[int, float] | None = None) -> State:
+        """The undeformed state, some sites given a velocity [m/s]: {site: velocity}."""
+        v = np.zeros(self.sites)
+        for site, value in velocities(velocity):
+            site = check.whole("site", site, least=0)
+            if site >= self.sites:
+                raise TensegrityError(f"site {site} must be below {self.sites}")
+            v[site] = check.number(f"velocity of site {site}", value, unit="m/s")
+        state = State(np.zeros(self.sites), v)
+        self.check(state)
+        return state
+
+    def check(self, state: State) -> None:
+        """Refuse a state of another size, one that moves a held site, or one out of domain."""
+        self._refuse_other(state)
+        for site in self.held:
+            if state.u[site] or state.v[site]:
+                raise TensegrityError(
+                    f"site {site} is fixed, but has displacement {state.u[site]:g} m and "
+                    f"velocity {state.v[site]:g} m/s"
+                )
+        energy = self.energy(state)  # refuses elongations out of domain
+        if not np.isfinite(energy):
+            raise TensegrityError(f"energy {energy} J of the state must be finite")
+
+    def elongation(self, u: ArrayLike) -> Array:
+        """r_j = u[j+1] - u[j] [m] along the last axis."""
+        return np.diff(check.rows("displacements", u, self.shape), axis=-1)
+
+    def bond_energy(self, u: ArrayLike) -> Array:
+        """Energy of each bond [J]; u of shape (..., sites) gives (..., sites - 1)."""
+        return self._per_bond("energy", u)
+
+    def bond_tension(self, u: ArrayLike) -> Array:
+        """Tension of each bond [N]; u of shape (..., sites) gives (..., sites - 1)."""
+        return self._per_bond("tension", u)
+
+    def bond_stiffness(self, u: ArrayLike) -> Array:
+        """Tangent stiffness of each bond [N/m]; u of shape (..., sites) gives (..., sites - 1)."""
+        return self._per_bond("stiffness", u)
+
+    def _per_bond(self, name: str, u: ArrayLike) -> Array:
+        return self.spring_table.evaluate(name, self.elongation(u))
+
+    def energy(self, state: State) -> float:
+        """Total energy [J]."""
+        self._refuse_other(state)
+        with np.errstate(over="ignore"):  # to inf, which `check` refuses
+            kinetic = 0.5 * np.sum(self.mass * state.v**2)
+        return float(kinetic + np.sum(self.bond_energy(state.u)))
+
+    def site_energy(self, u: Array, v: Array) -> Array:
+        """Kinetic energy of each site and half that of its bonds [J]; (..., sites)."""
+        half = self.bond_energy(u) / 2
+        edge = np.zeros((*half.shape[:-1], 1))
+        left, right = np.concatenate([edge, half], -1), np.concatenate([half, edge], -1)
+        return 0.5 * self.mass * v**2 + left + right
+
+    def momentum(self, state: State) -> float:
+        """Total momentum [kg m/s], > 0 towards higher sites."""
+        self._refuse_other(state)
+        return float(np.sum(self.mass * state.v))
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of the displacements of a state."""
+        return (self.sites,)
+
+    @property
+    def cost(self) -> int:
+        """Work of one evaluation of all forces, in bonds."""
+        return self.sites - 1
+
+    def arrays(self, state: State) -> tuple[Array, Array]:
+        """Copies of u and v as the loop advances them."""
+        return state.u.copy(), state.v.copy()
+
+    def frequency_of(self, stiffness: Array) -> float:
+        """Bound on the largest angular frequency [rad/s] for stiffnesses of the bonds [N/m].
+
+        The eigenvalues of M^-1 K are at most max over bonds of 2 k (1/m_left + 1/m_right).
+        """
+        mobility = self.inverse_mass[:-1] + self.inverse_mass[1:]
+        return float(np.sqrt(np.max(2 * stiffness * mobility)))
+
+    def extreme(self, spring: int, u: Array, side: int) -> str:
+        """Where an elongation of that spring is lowest (side 0) or highest (1), in words."""
+        bonds = np.flatnonzero(self.spring_table.group == spring)
+        r = self.elongation(u)[bonds]
+        bond = int(bonds[np.argmax(r) if side else np.argmin(r)])
+        return f"between sites {bond} and {bond + 1}"
+
+    def stiffest(self, u: Array, ranges: Array) -> str:
+        """Where the stretch is largest, in words."""
+        bond = int(np.argmax(np.abs(self.elongation(u))))
+        return f"between sites {bond} and {bond + 1}"
+
+    def __repr__(self) -> str:
+        kinds = len(self.spring_table)
+        return f"Chain({self.sites} sites, {kinds} different spring(s), ends {self.ends})"

@@ -1,0 +1,195 @@
+"""Contacts that are not in a network's list: none may form during a run.
+
+Not sampled but bounded: the loop counts how far any site can have moved, and as long as that is
+less than the smallest distance kept at the last look, nothing unlisted can have touched, and no
+site passed the plane of a wall that it may touch, or pressed on it beyond its end.  Where
+the distances are small, looks come often, at last after every step.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tensegrity.errors import ContactError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from tensegrity.scenes.walls import Wall
+    from tensegrity.typing import Array, Indices
+
+TOUCH = 1e-9  # gap over the radius up to which spheres count as touching
+CAUTION = 0.8  # part of the way to the next possible contact that is gone without a look
+
+
+class Clearance:
+    """Spheres and walls, and the contacts between them that are listed.
+
+    Parameters
+    ----------
+    positions : ndarray, (sites, dim)
+    radius : ndarray, (sites,)
+    bonds : ndarray of int, (bonds, 2)
+    walls : sequence of Wall
+    wall_contacts : ndarray of int, (wall contacts, 2)
+        Site and wall.
+    """
+
+    def __init__(
+        self,
+        positions: Array,
+        radius: Array,
+        bonds: Indices,
+        walls: Sequence[Wall],
+        wall_contacts: Indices,
+    ) -> None:
+        self.positions, self.radius, self.walls = positions, radius, walls
+        self.sites, self.dim = positions.shape
+        self.skin = float(radius.mean())
+        low, high = np.sort(bonds, axis=1).T
+        self._listed = np.unique(low * self.sites + high)
+        self.wall_contacts = wall_contacts
+
+    def pairs(self, x: Array) -> Indices:
+        """Unlisted pairs of sites at places x with a gap below the skin; (n, 2)."""
+        from scipy.spatial import cKDTree
+
+        reach = 2 * self.radius.max() + self.skin
+        found = cKDTree(x).query_pairs(reach, output_type="ndarray").reshape(-1, 2)
+        found = np.sort(found, axis=1)
+        found = found[~np.isin(found[:, 0] * self.sites + found[:, 1], self._listed)]
+        return found[self.pair_gaps(x, found) < self.skin]
+
+    def wall_pairs(self, x: Array) -> Indices:
+        """Unlisted (site, wall) with a gap below the skin; (n, 2)."""
+        near = [np.zeros((0, 2), dtype=int)]
+        for number, wall in enumerate(self.walls):
+            sites = np.flatnonzero(wall.distance(x) - self.radius < self.skin)
+            listed = self.wall_contacts[self.wall_contacts[:, 1] == number, 0]
+            sites = np.setdiff1d(sites, listed)
+            near.append(np.stack([sites, np.full(len(sites), number)], axis=1))
+        return np.concatenate(near)
+
+    def pair_gaps(self, x: Array, pairs: Indices) -> Array:
+        """Gap of each pair [m], overlap < 0."""
+        i, j = pairs.T
+        return np.linalg.norm(x[j] - x[i], axis=1) - self.radius[i] - self.radius[j]
+
+    def wall_gaps(self, x: Array, pairs: Indices) -> Array:
+        """Gap of each (site, wall) [m], to the nearest point of the wall."""
+        return (
+            self._by_wall(x, pairs, lambda wall, at: wall.distance(at)) - self.radius[pairs[:, 0]]
+        )
+
+    def hold(self, x: Array) -> Array:
+        """For each listed wall contact, the way to a place where its law does not hold [m].
+
+        Beside the wall the site is before its plane; beyond its end the plane may be near, but not
+        touched.
+        """
+        inside, height = self._beside(x)
+        free = height - self.radius[self.wall_contacts[:, 0]]
+        return np.maximum(np.minimum(inside, height), free)
+
+    def _beside(self, x: Array) -> tuple[Array, Array]:
+        """Way to the end and distance from the plane of each listed wall contact [m]."""
+        listed = self.wall_contacts
+        inside = -self._by_wall(x, listed, lambda wall, at: wall.overhang(at))
+        return inside, self._by_wall(x, listed, lambda wall, at: wall.height(at))
+
+    def _by_wall(self, x: Array, pairs: Indices, function: Callable[[Wall, Array], Array]) -> Array:
+        result = np.empty(len(pairs))
+        for number, wall in enumerate(self.walls):
+            members = pairs[:, 1] == number
+            result[members] = function(wall, x[pairs[members, 0]])
+        return result
+
+    def check(self, u: Array) -> None:
+        """Refuse displacements at which something unlisted touches."""
+        x = self.positions + u
+        complaint = self.complaint(x, self.pairs(x), self.wall_pairs(x), TOUCH * self.skin)
+        if complaint:
+            raise ContactError(f"{complaint} at the start")
+
+    def complaint(
+        self, x: Array, pairs: Indices, wall_pairs: Indices, touch: float = 0.0
+    ) -> str | None:
+        """What is wrong at places x, in words, or None."""
+        for gaps, members, words in (
+            (self.pair_gaps(x, pairs), pairs, "sites {} and {}"),
+            (self.wall_gaps(x, wall_pairs), wall_pairs, "site {} and wall {}"),
+        ):
+            if len(gaps) and gaps.min() <= touch:
+                worst = int(np.argmin(gaps))
+                who = words.format(*members[worst].tolist())
+                return f"{who}, whose contact is not listed, overlap by {-gaps[worst]:.3g} m"
+        inside, height = self._beside(x)
+        behind = (inside >= 0) & (height <= 0)
+        if behind.any():
+            worst = int(np.argmin(np.where(behind, height, math.inf)))
+            site, wall = self.wall_contacts[worst].tolist()
+            return f"site {site} is behind wall {wall}, {abs(height[worst]):.3g} m beyond its plane"
+        hold = self.hold(x)
+        if len(hold) and hold.min() < 0:
+            worst = int(np.argmin(hold))
+            site, wall = self.wall_contacts[worst].tolist()
+            beyond = float(self.walls[wall].overhang(x[site]))
+            return f"site {site} is pressed against wall {wall} {beyond:.3g} m beyond its end"
+        return None
+
+    def tracker(self, u: Array) -> Tracker:
+        """A watch that starts at displacements u."""
+        return Tracker(self, u)
+
+
+class Tracker:
+    """Follows one run from look to look."""
+
+    def __init__(self, clearance: Clearance, u: Array) -> None:
+        self._of = clearance
+        self._list(u)
+        self._look(u)
+
+    def _list(self, u: Array) -> None:
+        x = self._of.positions + u
+        self._listed_at = u.copy()
+        self._pairs, self._walls = self._of.pairs(x), self._of.wall_pairs(x)
+
+    def _look(self, u: Array) -> None:
+        """Find how far every site may move until something could be wrong."""
+        of, x = self._of, self._of.positions + u
+        moved = np.sqrt(np.max(np.sum((u - self._listed_at) ** 2, axis=1), initial=0.0))
+        if moved > of.skin / 4:
+            self._list(u)
+            moved = 0.0
+        self._left = self._room = min(
+            of.skin / 2 - moved,  # what is not in the lists
+            np.min(of.pair_gaps(x, self._pairs), initial=math.inf) / 2,
+            np.min(of.wall_gaps(x, self._walls), initial=math.inf),
+            np.min(of.hold(x), initial=math.inf),
+        )
+
+    def share(self, travel: float) -> float:
+        """The way that sites went, over the way they may go; `travel` bounds each coordinate."""
+        way = math.sqrt(self._of.dim) * travel
+        return way / self._left if self._left > 0 else math.inf if way > 0 else 0.0
+
+    def accept(self, u: Array, travel: float) -> None:
+        """Go on from displacements that are known to be sound; look again if it is time to."""
+        self._left -= math.sqrt(self._of.dim) * travel
+        if self._left < self._room / 2:
+            self._look(u)
+
+    def is_new(self) -> bool:
+        """Whether contacts have to be listed anew since this was asked: they never are here."""
+        return False
+
+    def judge(self, u: Array, t: float) -> None:
+        """Look again after one step that may have gone too far; raise if it did."""
+        complaint = self._of.complaint(self._of.positions + u, self._pairs, self._walls)
+        if complaint:
+            raise ContactError(f"{complaint} at t = {t:.6g} s")
+        self._look(u)

@@ -1,0 +1,156 @@
+"""What a user hands to a `Network`, checked and turned into arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tensegrity import check
+from tensegrity.errors import TensegrityError
+from tensegrity.scenes.scene import SMALLEST_MASS
+from tensegrity.scenes.walls import Wall, floats
+from tensegrity.springs.potential import Potential
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from tensegrity.typing import Array, Indices
+
+GAP_ROOM = 0.1  # of the radius: what a given wall gap may differ from that of the positions
+
+
+def site_number(name: str, value: object, sites: int) -> int:
+    """One of the sites, from 0."""
+    site = check.whole(name, value, least=0)
+    if site >= sites:
+        raise TensegrityError(f"{name} {site} must be below {sites}")
+    return site
+
+
+def per_site(name: str, value: ArrayLike, unit: str, sites: int) -> Array:
+    """Positive values of all sites, read-only; (sites,)."""
+    given = numbers(name, value)
+    if given.ndim and given.shape != (sites,):
+        raise TensegrityError(f"{name} has shape {given.shape}, must be ({sites},)")
+    values = np.broadcast_to(given, (sites,)).copy()
+    bad = np.flatnonzero(~(values >= SMALLEST_MASS))
+    if bad.size:
+        raise TensegrityError(
+            f"{name} {values[bad[0]]:g} {unit} of site {bad[0]} must be at least {SMALLEST_MASS:g}"
+        )
+    return values
+
+
+def held_sites(held: Iterable[int], sites: int) -> list[int]:
+    """Sites without motion, sorted."""
+    if not isinstance(held, Iterable):
+        raise TensegrityError(f"held {check.shown(held)} is not a sequence of sites")
+    return sorted({site_number("held site", site, sites) for site in held})
+
+
+def joined_pairs(bonds: ArrayLike, sites: int) -> Indices:
+    """Pairs of different sites, none twice; (bonds, 2)."""
+    bonds = whole_pairs("bonds", bonds)
+    for number, (i, j) in enumerate(bonds.tolist()):
+        if not 0 <= min(i, j) <= max(i, j) < sites:
+            raise TensegrityError(
+                f"bond {number} joins sites {i} and {j}, which must be 0 to {sites - 1}"
+            )
+        if i == j:
+            raise TensegrityError(f"bond {number} joins site {i} to itself")
+    _refuse_twins("bond", np.sort(bonds, axis=1))
+    return bonds
+
+
+def plane_walls(walls: Iterable[Wall], dim: int) -> tuple[Wall, ...]:
+    """Walls of as many coordinates as the sites."""
+    if not isinstance(walls, Iterable):
+        raise TensegrityError(f"walls {check.shown(walls)} are not a sequence of Walls")
+    walls = tuple(walls)
+    for number, wall in enumerate(walls):
+        if not isinstance(wall, Wall):
+            raise TensegrityError(f"wall {number} is {check.shown(wall)}, not a Wall")
+        if wall.point.size != dim:
+            raise TensegrityError(
+                f"wall {number} has {wall.point.size} coordinates, the sites have {dim}"
+            )
+    return walls
+
+
+def touching(contacts: Indices, walls: Sequence[Wall], positions: Array) -> Indices:
+    """Pairs of a site and a wall that reaches beside it, none twice; (contacts, 2)."""
+    for number, (site, wall) in enumerate(contacts.tolist()):
+        site_number(f"site of wall contact {number}:", site, len(positions))
+        if not 0 <= wall < len(walls):
+            raise TensegrityError(
+                f"wall contact {number} is with wall {wall}, there are {len(walls)}"
+            )
+        beyond = walls[wall].overhang(positions[site])
+        if beyond > 0:
+            raise TensegrityError(f"site {site} is {beyond:.3g} m beyond the end of wall {wall}")
+    _refuse_twins("wall contact", contacts)
+    return contacts
+
+
+def near_positions(gaps: ArrayLike, found: Array, radius: Array) -> Array:
+    """Gaps of wall contacts, none far from what the positions give; (contacts,)."""
+    gaps = numbers("wall_gaps", gaps, found.shape)
+    far = np.flatnonzero(np.abs(gaps - found) > GAP_ROOM * radius)
+    if far.size:
+        k = int(far[0])
+        raise TensegrityError(
+            f"gap {gaps[k]:.6g} m of wall contact {k} must be within {GAP_ROOM * radius[k]:.3g} m, "
+            f"{GAP_ROOM:g} of the radius, of {found[k]:.6g} m, which the positions give"
+        )
+    return gaps
+
+
+def numbers(name: str, value: ArrayLike, shape: tuple[int, ...] | None = None) -> Array:
+    """`value` as a finite float array, of a given shape where one is given."""
+    array = floats(name, value)
+    return check.vector(name, array, array.shape if shape is None else shape)
+
+
+def whole_pairs(name: str, pairs: ArrayLike) -> Indices:
+    """Pairs of whole numbers as an array (n, 2)."""
+    try:
+        array = np.array(pairs)
+    except ValueError:  # of different lengths
+        raise TensegrityError(f"{name} {check.shown(pairs)} must be pairs of numbers") from None
+    if array.size == 0 and isinstance(pairs, (tuple, list, np.ndarray)):
+        return np.zeros((0, 2), dtype=int)
+    if array.ndim != 2 or array.shape[1] != 2 or array.dtype.kind not in "iu":
+        raise TensegrityError(
+            f"{name} of shape {array.shape} and type {array.dtype} must be pairs of whole numbers"
+        )
+    return array.astype(int)
+
+
+def _refuse_twins(name: str, pairs: Indices) -> None:
+    _, back, count = np.unique(pairs, axis=0, return_inverse=True, return_counts=True)
+    if np.any(count > 1):
+        twins = np.flatnonzero(back.ravel() == np.argmax(count > 1))
+        raise TensegrityError(f"{name}s {twins[0]} and {twins[1]} are the same")
+
+
+def springs_of(
+    spring: Potential | Sequence[Potential] | None, count: int, name: str
+) -> tuple[Potential, ...]:
+    """One potential for each of `count` bonds or contacts."""
+    if isinstance(spring, Potential):
+        return (spring,) * count
+    if not isinstance(spring, Sequence):
+        raise TensegrityError(
+            f"spring {check.shown(spring)} of the {name}s is not a Potential, nor a list"
+        )
+    springs = tuple(spring)
+    if len(springs) != count:
+        raise TensegrityError(f"{len(springs)} springs for {count} {name}s")
+    for number, one in enumerate(springs):
+        if not isinstance(one, Potential):
+            raise TensegrityError(
+                f"spring of {name} {number} is {check.shown(one)}, not a Potential"
+            )
+    return springs

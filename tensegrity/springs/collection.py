@@ -1,0 +1,273 @@
+"""The springs of all bonds of a scene at once: energies, tensions, and what bounds a step.
+
+Springs of one law that differ in their numbers are evaluated in one call of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tensegrity.engine.kernel import kernel
+from tensegrity.errors import StabilityError, TensegrityError
+from tensegrity.readonly import fixed
+from tensegrity.springs.potential import Potential
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from tensegrity.typing import Array, Flags, Indices
+
+ORDERS = ("energy", "tension", "stiffness")
+CLOSE = np.logspace(-16, 0, 321)  # shares of a range at which a search looks
+EVEN = np.linspace(0, 1, 201)
+SIZES = 2.0 ** np.arange(-1000, 1001, 4)  # where the range has no end
+FINE = 2.0 ** (np.arange(-324, 1) / 6)
+LOOKS = 3  # after the first, each 256 times finer
+
+
+class Springs:
+    """The different springs of a scene, and which bond has which.
+
+    Parameters
+    ----------
+    springs : sequence of Potential
+        One for each bond.
+    shape : tuple of int, optional
+        Of the bonds: (bonds,), or (bonds, lanes) with the lanes of a bond in a row.
+    lengths : ndarray, (bonds,), optional
+        [m].  With them bonds of one spring count as different where their lengths are.
+
+    Attributes
+    ----------
+    kinds : tuple
+        What tells the different springs apart, in other scenes too.
+    different : tuple of Potential
+    group : ndarray of int, `shape`
+        The number in `different` of each bond's spring.
+    """
+
+    def __init__(
+        self,
+        springs: Sequence[Potential],
+        shape: tuple[int, ...] | None = None,
+        lengths: Array | None = None,
+    ) -> None:
+        known: dict[tuple, int] = {}
+        numbers: dict[tuple, int] = {}
+        group = np.zeros(len(springs), dtype=int)
+        sizes = [0] * len(springs) if lengths is None else _sizes(lengths)
+        for k, (spring, size) in enumerate(zip(springs, sizes, strict=True)):
+            same = id(spring), size
+            if same not in known:
+                known[same] = numbers.setdefault((spring, size), len(numbers))
+            group[k] = known[same]
+        self.kinds = tuple(numbers)
+        self.different = tuple(spring for spring, _ in numbers)
+        self.group = fixed(group if shape is None else group.reshape(shape))
+
+    def __len__(self) -> int:
+        return len(self.different)
+
+    @cached_property
+    def table(self) -> tuple[Any, Any, Any]:
+        """The different laws, the number of each spring's, and its parameters."""
+        laws = tuple(dict.fromkeys(spring.law for spring in self.different))
+        width = max((len(spring.values) for spring in self.different), default=0)
+        parameters = np.zeros((len(self), width))
+        for row, spring in zip(parameters, self.different, strict=True):
+            row[: len(spring.values)] = spring.values
+        place = {law: k for k, law in enumerate(laws)}
+        numbers = [place[spring.law] for spring in self.different]
+        return laws, fixed(np.array(numbers, dtype=int)), fixed(parameters)
+
+    @cached_property
+    def reach(self) -> Any:
+        """Lowest and highest elongation that a run can follow [m]; (springs, 2)."""
+        return fixed(np.array([spring.reach for spring in self.different]).reshape(-1, 2))
+
+    @cached_property
+    def domains(self) -> Array:
+        """Lowest and highest elongation [m]; (springs, 2)."""
+        return fixed(np.array([spring.domain for spring in self.different]).reshape(-1, 2))
+
+    @cached_property
+    def _alike(self):
+        """Springs in sets that one call evaluates: several of one law, or one alone."""
+        sets: dict[object, list[int]] = {}
+        for k, spring in enumerate(self.different):
+            plain = type(spring)._evaluate is Potential._evaluate
+            sets.setdefault(spring.law if plain else k, []).append(k)
+        return tuple(fixed(np.array(numbers)) for numbers in sets.values())
+
+    @cached_property
+    def _columns(self):
+        """For each of these sets the places of its bonds."""
+        flat = self.group.ravel()
+        place = np.zeros(len(self), dtype=int)
+        for k, numbers in enumerate(self._alike):
+            place[numbers] = k
+        return tuple(fixed(np.flatnonzero(place[flat] == k)) for k in range(len(self._alike)))
+
+    def evaluate(self, name: str, r: np.ndarray) -> np.ndarray:
+        """Energy [J], tension [N] or stiffness [N/m] of each bond.
+
+        Parameters
+        ----------
+        name : {"energy", "tension", "stiffness"}
+        r : ndarray, (..., *shape of the bonds)
+            Elongations [m].
+        """
+        if len(self) == 1:
+            return getattr(self.different[0], name)(r)
+        flat = r.reshape(*r.shape[: r.ndim - self.group.ndim], -1)
+        if len(self._sets) == 1:
+            return self._sets[0].evaluate(name, flat).reshape(r.shape)
+        out = np.empty_like(flat)
+        for one, columns in zip(self._sets, self._columns, strict=True):
+            out[..., columns] = one.evaluate(name, flat[..., columns])
+        return out.reshape(r.shape)
+
+    @cached_property
+    def _sets(self):
+        """The bonds of each of these sets of springs."""
+        group = self.group.ravel()
+        each = zip(self._alike, self._columns, strict=True)
+        return tuple(_Alike(self, numbers[0], group[columns]) for numbers, columns in each)
+
+    def _each(self, name, r, numbers):
+        """The same of different springs at points r (points, numbers)."""
+        out = np.empty_like(r)
+        for alike in self._alike:
+            mine = np.flatnonzero(np.isin(numbers, alike)) if len(self._alike) > 1 else slice(None)
+            if r[:, mine].size:
+                out[:, mine] = _Alike(self, alike[0], numbers[mine]).evaluate(name, r[:, mine])
+        return out
+
+    def largest(self, name: str, ranges: Array, numbers: Indices | None = None) -> Array:
+        """Largest size of the tension [N], or largest stiffness [N/m], of each spring.
+
+        Parameters
+        ----------
+        name : {"tension", "stiffness"}
+        ranges : ndarray, (springs, 2)
+            Elongations [m], both inside the domain.
+        numbers : ndarray of int, optional
+            The springs that are asked for; by default all.
+
+        Returns
+        -------
+        ndarray, (springs,) or shape of `numbers`
+            At least 0.
+        """
+        numbers = np.arange(len(self)) if numbers is None else numbers
+        ranges = ranges[numbers]
+        shares = np.concatenate([CLOSE, EVEN])[:, None]
+        values = self._each(
+            name, np.concatenate([ranges[:, 0] * shares, ranges[:, 1] * shares]), numbers
+        )
+        largest = np.max(np.abs(values) if name == "tension" else values, axis=0, initial=0.0)
+        bad = np.flatnonzero(~np.isfinite(largest))
+        if bad.size:
+            low, high = ranges[bad[0]]
+            raise StabilityError(
+                f"{name} {largest[bad[0]]} between elongations {low:g} m and {high:g} m must be "
+                "finite"
+            )
+        return largest
+
+    def reachable(self, energy: float) -> tuple[Array, Flags]:
+        """Elongations around 0 that each spring can reach with a given energy.
+
+        Returns
+        -------
+        ranges : ndarray, (springs, 2)
+            Ends of the connected part of {V <= energy} that contains 0 [m], slightly too wide.
+        locks : ndarray of bool, (springs,)
+            Whether it touches an end of the domain.
+        """
+        (low, down), (high, up) = self._crossings(energy, 0), self._crossings(energy, 1)
+        return np.stack([low, high], axis=1), down | up
+
+    def _crossings(self, energy, side):
+        """First elongation on one side where V exceeds `energy`, and whether it is the end."""
+        end = self.domains[:, side]
+        bounded, last = np.isfinite(end), np.empty(len(self))
+        locks = np.zeros(len(self), dtype=bool)
+        for numbers, look in (
+            (np.flatnonzero(bounded), self._look_to_the_end),
+            (np.flatnonzero(~bounded), self._look_at_all_sizes),
+        ):
+            if numbers.size:
+                before, beyond, found = look(energy, side, numbers)
+                for _ in range(LOOKS):
+                    r = np.linspace(before, beyond, 257)[1:]
+                    before, beyond = self._first(r, ~(self._each("energy", r, numbers) <= energy))
+                last[numbers], locks[numbers] = beyond, bounded[numbers] & ~found
+        return last, locks
+
+    @staticmethod
+    def _first(r, outside):
+        """The points before and at the first one outside of each column, or the last twice."""
+        every = np.arange(r.shape[1])
+        first = np.where(outside.any(axis=0), np.argmax(outside, axis=0), len(r))
+        before = np.where(first > 0, r[np.maximum(first - 1, 0), every], 0.0)
+        return before, np.where(first < len(r), r[np.minimum(first, len(r) - 1), every], before)
+
+    def _look_to_the_end(self, energy, side, numbers):
+        """Points around the crossing of springs whose domain ends on that side."""
+        held = np.sort(np.concatenate([CLOSE, 1 - CLOSE[:-1]]))[:, None]
+        r = np.clip(self.domains[numbers, side] * held, *self.domains[numbers].T)
+        outside = ~(self._each("energy", r, numbers) <= energy)
+        return *self._first(r, outside), outside.any(axis=0)
+
+    def _look_at_all_sizes(self, energy, side, numbers):
+        """The same of springs whose domain has no end on that side, whatever their units."""
+        r = np.repeat((-1, 1)[side] * SIZES[:, None], len(numbers), axis=1)
+        with np.errstate(all="ignore"):  # powers over- and underflow
+            known = np.isfinite(self._each("stiffness", r, numbers))
+            begun = np.cumsum(known, axis=0) > 0
+            high = begun & ~(self._each("energy", r, numbers) <= energy)
+            before, beyond = self._first(r, high | (begun & ~known))
+            limit, _ = self._first(r, begun & ~known)
+            beyond = np.where(np.abs(beyond) > np.abs(limit), limit, beyond)
+            r = beyond * FINE[:, None]  # a narrow barrier may stand before it
+            before, beyond = self._first(r, ~(self._each("energy", r, numbers) <= energy))
+        return before, beyond, np.ones(len(numbers), dtype=bool)
+
+
+class _Alike:
+    """Bonds whose springs have one law, or are one spring, with their numbers side by side."""
+
+    def __init__(self, springs, first, group):
+        self._springs, self._group = springs, group
+        self._one = springs.different[first] if np.all(group == first) else None
+        if self._one is None:
+            laws, law, parameters = springs.table
+            self.law, self.values = laws[law[first]], np.ascontiguousarray(parameters[group].T)
+            self._low, self._high = springs.domains[group].T
+
+    def evaluate(self, name, r):
+        """Energy [J], tension [N] or stiffness [N/m] at elongations r (..., bonds)."""
+        if self._one is not None:
+            return getattr(self._one, name)(r)
+        order = ORDERS.index(name)
+        above = r >= self._low if order == 0 else r > self._low
+        inside = above & (r <= self._high if order == 0 else r < self._high)
+        if not inside.all():
+            worst = tuple(x[0] for x in np.nonzero(~inside))
+            if np.isnan(r[worst]):
+                raise TensegrityError("elongation nan m is not a number")
+            raise self._springs.different[self._group[worst[-1]]].beyond(float(r[worst]))
+        return kernel((self.law,)).evaluate(0, order, self.values, np.ascontiguousarray(r))
+
+
+def _sizes(lengths):
+    """A number for each length, the same within a percent or two; -1 for a length of 0."""
+    numbers, bonds = np.full(len(lengths), -1), lengths > 0
+    if bonds.any():
+        numbers[bonds] = np.round(np.log(lengths[bonds] / lengths[bonds].min()) / 0.01)
+    return numbers.tolist()

@@ -1,0 +1,123 @@
+"""Approximate profiles of solitary waves: near the sound speed, and far above it.
+
+Both give the elongation against the distance x from the crest, in sites.  The sech^2 profile
+holds for small waves little faster than sound (Friesecke and Pego, Nonlinearity 12, 1601
+(1999)); the tent is the limit where the energy stored before locking has no bound (Friesecke and
+Matthies, Physica D 171, 211 (2002)).  A prism stores a finite energy: its waves come close to
+the tent and not to it, neither as they use up the stroke nor as the prestrain vanishes.  Both
+formulas are those of `derivations.waves`.  Source: seeds/000, part III, "Tensegrity
+metamaterials".
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tensegrity import check
+from tensegrity.errors import TensegrityError
+from tensegrity.once import once
+from tensegrity.springs.potential import Potential
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import ArrayLike
+
+    from tensegrity.typing import Array
+
+
+def sound_speed(spring: Potential, mass: float = 1.0) -> float:
+    """sqrt(V''(0)/m), in sites per second; 0 in a sonic vacuum."""
+    check.kind("spring", spring, Potential)
+    mass = check.number("mass", mass, above=0, unit="kg")
+    stiffness = float(spring.stiffness(0.0))
+    if stiffness < 0:
+        raise TensegrityError(f"stiffness {stiffness:g} N/m at rest must be at least 0")
+    return math.sqrt(_sound_speed_squared()(stiffness, mass))
+
+
+def sech2(spring: Potential, speed_ratio: float, x: ArrayLike) -> Array:
+    """Elongation of the small-amplitude solitary wave.
+
+    Parameters
+    ----------
+    spring : Potential
+    speed_ratio : float
+        c/cs, > 1.
+    x : array_like
+        Distance from the crest, in sites.
+
+    Returns
+    -------
+    ndarray, shape of x
+        r = (V''/V''') (gamma/2)^2 sech^2(gamma x/2) [m], gamma^2 = 24 (c - cs)/cs; negative
+        (compression) where the spring stiffens in compression, V''' < 0.  Error O(gamma^4).
+    """
+    check.kind("spring", spring, Potential)
+    x, ratio = _places(x), check.number("speed_ratio", speed_ratio)
+    if ratio <= 1:
+        raise TensegrityError(f"speed_ratio {ratio:g} must be above 1")
+    stiffness, slope = float(spring.stiffness(0.0)), float(spring.stiffness_slope(0.0))
+    if stiffness <= 0 or slope == 0:
+        raise TensegrityError(
+            f"no sech^2 wave: V'' = {stiffness:g} N/m must be above 0 and "
+            f"V''' = {slope:g} N/m^2 not 0"
+        )
+    with np.errstate(over="ignore"):  # far away cosh is infinite and the wave 0
+        return _sech2()(stiffness, slope, ratio, x)
+
+
+def tent(spring: Potential, x: ArrayLike) -> Array:
+    """Elongation [m] of the wave that reaches the locking stroke: -d (1 - |x|) for |x| < 1."""
+    check.kind("spring", spring, Potential)
+    x, stroke = _places(x), -spring.domain[0]
+    if math.isinf(stroke):
+        raise TensegrityError("no tent: the spring has no locking stroke (its domain is open)")
+    return _tent()(stroke, x)
+
+
+def _places(x: ArrayLike) -> Array:
+    x = check.floats("x", x)
+    if np.isnan(x).any():
+        raise TensegrityError("x nan sites is not a number")
+    return x
+
+
+@once
+def _sound_speed_squared() -> Callable[..., float]:
+    """Square of the speed in sites as a function of stiffness and mass."""
+    import sympy as sp
+
+    from derivations import waves as derived
+
+    squared = derived.sound_speed().subs(derived.spacing, 1) ** 2
+    return sp.lambdify((derived.stiffness, derived.mass), squared, "math")
+
+
+@once
+def _sech2() -> Callable[..., Array]:
+    """Elongation as a function of stiffness, its slope, c/cs and x."""
+    import sympy as sp
+
+    from derivations import waves as derived
+
+    ratio = sp.Symbol("ratio")
+    gamma_squared = derived.gamma_squared().subs(derived.speed, ratio * derived.sound)
+    elongation = (derived.sech_strain() * derived.spacing).subs(derived.spacing, 1)
+    elongation = elongation.subs(derived.gamma, sp.sqrt(sp.simplify(gamma_squared)))
+    symbols = (derived.stiffness, derived.slope, ratio, derived.position)
+    return sp.lambdify(symbols, elongation, modules="numpy")
+
+
+@once
+def _tent() -> Callable[..., Array]:
+    """Elongation as a function of the locking stroke and x."""
+    import sympy as sp
+
+    from derivations import waves as derived
+
+    elongation = (derived.tent() * derived.spacing).subs(derived.spacing, 1)
+    return sp.lambdify((derived.stroke, derived.position), elongation, modules="numpy")

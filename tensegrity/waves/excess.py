@@ -1,0 +1,141 @@
+"""The part of a spring's force beyond its linear law, without cancellation.
+
+Waves little faster than sound live on V'(r) - V''(0) r, which is round-off where it is taken as
+that difference.  Near rest it is r^2 times a mean of V''' over (0, r), and so are the excesses of
+stiffness and energy: V''' is fitted by a polynomial, as far out as one fits it to round-off, and
+integrated.  Farther out the difference is taken.  V(0) is left out: an energy may be measured
+from anywhere.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+from numpy.polynomial import chebyshev, legendre
+
+from tensegrity.errors import TensegrityError
+from tensegrity.springs.potential import Potential
+
+DEGREE = 24  # of the polynomial
+FITTED = 1e-14  # of its largest coefficient, left in the last ones
+HALVINGS = 40  # of the range in which a polynomial is sought
+CHANGE = 0.5  # of V'' over V''(0), that makes the scale of a potential
+AT_REST = 1e-9  # of V''(0) times the scale: V'(0) that is round-off
+BINADES = 1000  # that are searched for the scale
+
+
+class Excess:
+    """A potential V as V(0) + V''(0) r^2/2 and the excess over it.
+
+    Attributes
+    ----------
+    rest : float
+        V''(0) [N/m].
+    scale : float
+        Size of elongation, within a factor of 2, where V'' has first changed by half of V''(0)
+        [m]; inf where it does not change or is 0 at rest.
+    core : float
+        Size of elongation up to which the polynomial is taken [m]; may be 0.
+
+    Raises
+    ------
+    TensegrityError
+        If the spring is not at rest at r = 0.
+    """
+
+    def __init__(self, potential: Potential):
+        self.potential = potential
+        self.rest = float(potential.stiffness(0.0))
+        self._energy = float(potential.energy(0.0))
+        self._tension = float(potential.tension(0.0))
+        self.scale = self._scale()
+        if abs(self._tension) > AT_REST * self.rest * self.scale:
+            raise TensegrityError(
+                f"tension {self._tension:g} N at r = 0 must be 0: the spring is not at rest there"
+            )
+        self.core, self._means = self._fit()
+
+    def _scale(self):
+        if self.rest <= 0:
+            return math.inf
+        return min(self._scale_on(side) for side in (-1, 1))
+
+    def _scale_on(self, side):
+        end = abs(self.potential.domain[side > 0])
+        top = 2.0**BINADES if math.isinf(end) else end / 2
+        sizes = top * 2.0 ** -np.arange(2 * BINADES if math.isinf(end) else BINADES)[::-1]
+        with np.errstate(all="ignore"):
+            change = np.abs(self.potential.stiffness(side * sizes) / self.rest - 1)
+        change = np.where(np.isnan(change), math.inf, change)
+        far = np.flatnonzero(change >= min(CHANGE, change.max() / 2))
+        return float(sizes[far[0]]) if change.max() > AT_REST else math.inf
+
+    def _fit(self):
+        """Range of the polynomial, and the series of the means of V''' there."""
+        if math.isinf(self.scale):
+            return 0.0, None
+        nodes = chebyshev.chebpts1(DEGREE + 1)
+        to_series = np.linalg.inv(chebyshev.chebvander(nodes, DEGREE))
+        for halvings in range(HALVINGS):
+            core = self.scale / 2.0**halvings
+            if core >= min(map(abs, self.potential.domain)):
+                continue
+            with np.errstate(all="ignore"):
+                slope = to_series @ self.potential.stiffness_slope(core * nodes)
+                if not np.max(np.abs(slope[-3:])) <= FITTED * np.max(np.abs(slope)):
+                    continue
+                means = to_series @ _means(slope, nodes)
+                direct = self.potential.stiffness(core * nodes) - self.rest
+            series = chebyshev.chebval(nodes, means[:, 0]) * core * nodes
+            if np.max(np.abs(series - direct)) <= AT_REST * self.rest:  # else V'' jumps
+                return core, means
+        return 0.0, None
+
+    def stiffness(self, r):
+        """V'' - V''(0) [N/m] at elongations r [m] of any shape."""
+        return self._beyond(0, r, lambda r: self.potential.stiffness(r) - self.rest)
+
+    def tension(self, r):
+        """V' - V''(0) r [N] at elongations r [m] of any shape."""
+        return self._beyond(
+            1, r, lambda r: self.potential.tension(r) - self._tension - self.rest * r
+        )
+
+    def energy(self, r):
+        """V - V(0) - V''(0) r^2/2 [J] at elongations r [m] of any shape."""
+
+        def direct(r):
+            loaded = self._energy + self._tension * r
+            return self.potential.energy(r) - loaded - self.rest * r * r / 2
+
+        return self._beyond(2, r, direct)
+
+    def _beyond(self, order, r, direct):
+        r = np.asarray(r, dtype=float)
+        if self._means is None:
+            return direct(r)
+        near = np.abs(r) <= self.core
+        inside = np.where(near, r, 0.0)
+        value = chebyshev.chebval(inside / self.core, self._means[:, order])
+        for _ in range(order + 1):
+            value = value * inside
+        value = np.array(value)
+        if not near.all():
+            value[~near] = direct(r[~near])
+        return value
+
+
+def _means(slope, x):
+    """Means of the series `slope` from 0 to x with weights 1, 1 - t and (1 - t)^2/2; (n, 3)."""
+    t, weight = legendre.leggauss(DEGREE // 2 + 2)
+    t, weight = (1 + t) / 2, weight / 2
+    weights = np.array([weight, weight * (1 - t), weight * (1 - t) ** 2 / 2])
+    return chebyshev.chebval(np.outer(x, t), slope) @ weights.T
+
+
+@lru_cache(maxsize=256)
+def excess(potential: Potential) -> Excess:
+    """The excess of a potential, worked out once."""
+    return Excess(potential)

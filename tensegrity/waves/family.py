@@ -1,0 +1,398 @@
+"""The family of solitary waves of one sign: whether there is one, and the wave asked for.
+
+Waves of a family are ordered by the size of the crest's elongation, with speed and energy rising
+along it.  It is sampled by `travelling` on coarse grids, which takes milliseconds a wave, until
+one is near what is asked; that one is then solved to round-off.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from functools import cached_property
+
+import numpy as np
+
+from tensegrity.errors import ResolutionError, TensegrityError
+from tensegrity.waves.excess import excess
+from tensegrity.waves.travelling import (
+    Grid,
+    NoWave,
+    Scaled,
+    amplitude_is,
+    decay_rate,
+    energy_is,
+    solved,
+    speed_is,
+    started,
+)
+
+SIGNS = {"compression": -1, "rarefaction": 1}  # of the elongation
+TARGET, LARGEST = 2e-13, 1e-12  # residual aimed at, and the largest that is returned
+LEAST = 2.0**-52  # of the scale of a spring: a crest whose wave is no faster than sound
+LEAST_OF_END = 2.0**-30  # of the domain where the spring has no scale
+MOST_BINADES = 1023
+SMALLEST = np.finfo(float).tiny  # number that keeps all its digits
+PER_BINADE = 6  # sizes in the table
+TINY = 2.0**-1000  # m: smallest size in the table of a spring without a scale
+ROUGH = 1e-4  # residual, and Newton's last step, while a wave is sought
+FIRST_POINTS, MOST_POINTS = 192, 32768
+ROUGH_TAIL, TAIL = 1e-8, 1e-17  # of the crest, expected at the end of the grid
+TAIL_LEFT = 1e-14  # of the crest, found there
+NO_TAIL = 1e-2  # of the crest, left at the end of the longest grid: it is no solitary wave
+LONGEST = 8  # half-length over what the linear tail needs, while a wave is sought
+CORE = 3.0  # sites in which a wave has fallen to its linear tail
+SLOWEST_DECAY = 6.0  # per site: faster tails are over within the core
+FRONT = 1 - 1e-6  # part of the size of a front
+STROKE = 0.9995  # part of the stroke to the end of the domain that a wave is looked for in
+CLOSE = 0.03  # relative distance from which Newton's method is trusted to reach the target
+SEARCHES = 60
+NARROW = 5e-3  # step in `Coordinate` at which the last wave of a family is told
+NODES = 6  # waves, the stroke left halved from one to the next, from which a limit is taken
+FACTOR = 4.0  # largest change of amplitude/(stroke left) in a step of the search
+
+
+class Family:
+    """The waves of one sign: a family, ordered by the size a > 0 [m] of the crest's elongation."""
+
+    def __init__(self, potential, sign) -> None:
+        self.potential, self.sign = potential, sign
+        self.name = next(name for name, s in SIGNS.items() if s == sign)
+        self.end = sign * potential.domain[int(sign > 0)]
+        self._excess = excess(potential)
+        self.rest = self._excess.rest
+        self.sizes, self.gain, self.energy, self.stiffness = self._table()
+        self.secant = self.rest + self.gain  # |V'|/a
+        self.long_wave = self._long_wave()
+        self._check_existence()
+
+    def _table(self):
+        """Sizes a up to the end of the domain, |V'|/a - V''(0), V - V''(0) a^2/2 and V'' there,
+        while the spring resists and all is finite; (4, n)."""
+        scale = min(self._excess.scale, self.end)
+        least = (LEAST if math.isfinite(self._excess.scale) else LEAST_OF_END) * scale
+        if math.isinf(self.end):
+            first = math.log2(TINY) if math.isinf(least) else math.log2(least)
+            sizes = 2.0 ** (np.arange(PER_BINADE * (MOST_BINADES - first)) / PER_BINADE + first)
+        else:
+            near = 2.0 ** -(np.arange(4, -math.log2(least / self.end), 1 / PER_BINADE))
+            far = 1 - np.logspace(0, math.log10(1 - STROKE), 161)
+            sizes = self.end * np.sort(np.concatenate([near, far[far > 1 / 16]]))
+        r = self.sign * sizes
+        with np.errstate(all="ignore"):
+            gain = self._excess.tension(r) / r
+            rows = np.array([sizes, gain, self._excess.energy(r), self.potential.stiffness(r)])
+            energy = (self.rest + gain) * sizes**2
+            good = np.isfinite(rows).all(axis=0) & np.isfinite(energy) & (energy > SMALLEST)
+        # without a scale the energies of the smallest crests underflow
+        first = 0 if math.isfinite(self._excess.scale) else int(np.argmax(good))
+        good = good[first:]
+        rows = rows[:, first:][:, : len(good) if good.all() else int(np.argmin(good))]
+        if rows.shape[1] < 2:
+            raise TensegrityError(
+                f"no solitary wave of {self.name}: this spring does not resist {self.name}"
+            )
+        return rows
+
+    def _long_wave(self):
+        """m c^2 - V''(0) [N/m] of the long-wave equation, at `sizes` a.
+
+        The equation m c^2 r = T + T''/12, T = V'(r), has the integral
+        T'^2/24 = m c^2 (r T - V) - T^2/2, which vanishes at the crest.
+        """
+        unit = self.rest + np.abs(self.gain)
+        gain, rest = self.gain / unit, self.rest / unit
+        energy = 2 * self.energy / self.sizes / self.sizes / unit
+        twice = rest + 2 * gain - energy  # 2 (r T - V)/a^2: not positive where the spring gives way
+        good = (twice > 0) & (gain > 0)
+        above = (rest * energy + gain**2) / np.where(good, twice, 1.0)
+        return np.where(good, above * unit, -self.rest)
+
+    def _check_existence(self):
+        """A wave needs V'(r)/r > V''(0) at its crest: m c^2 |r| = |K V'| is at most max |V'| there,
+        and c > cs for a tail that decays."""
+        secant = self.secant
+        grows = self.gain.max() > 1e-9 * self.rest and secant.max() > secant[0] * (1 + 1e-9)
+        if not (grows and self.long_wave.max() > 1e-9 * self.rest):
+            raise TensegrityError(
+                f"no solitary wave of {self.name}: V'(r)/r does not rise above its value at rest, "
+                f"{secant[0]:g} N/m (beyond, it is {secant[-1]:g} N/m), but a wave whose tail "
+                "decays needs more at its crest"
+            )
+
+    @cached_property
+    def rough_tension(self):
+        """|V'| [N] as a function of the size, interpolated in logarithms; positive."""
+        from scipy.interpolate import CubicHermiteSpline
+
+        a = self.sizes
+        slope = self.stiffness / self.secant
+        spline = CubicHermiteSpline(np.log(a), np.log(self.secant) + np.log(a), slope)
+
+        def tension(size):
+            place = np.log(np.maximum(size, SMALLEST))
+            inside = np.maximum(place, spline.x[0])
+            return np.exp(spline(inside) + slope[0] * (place - inside))
+
+        return tension
+
+    def _rise(self, size):
+        """m c^2 - V''(0) [N/m] of the long-wave equation; not positive where there is no wave."""
+        return float(np.interp(math.log(size), np.log(self.sizes), self.long_wave))
+
+    def wave(self, size):
+        """The wave of that size, roughly resolved."""
+        if size < self.sizes[0]:
+            why = "its speed would be that of sound" if self.rest else "its energy would be 0"
+            raise NoWave(
+                f"crest {self.sign * size:g} m must be at least {self.sizes[0]:g} m in size: {why} "
+                "to round-off"
+            )
+        if size >= self.front[0]:
+            raise NoWave(
+                f"crest {self.sign * size:g} m must be below {self.front[0]:g} m in size: the "
+                f"spring softens, and as waves of {self.name} approach that their tops grow flat "
+                "and endless"
+            )
+        law = Scaled(self.potential, self.sign * size)
+        nu = self._rise(size) / law.secant
+        points, length = FIRST_POINTS, 0.0
+        while points <= MOST_POINTS:
+            if not nu > 0:
+                raise NoWave(
+                    f"no solitary wave of {self.name} with a crest of {self.sign * size:g} m: it "
+                    "would be slower than sound"
+                )
+            needed = _half_length(law, nu, ROUGH_TAIL)
+            if needed > 1.2 * length:
+                length, decay = needed, -math.log(ROUGH_TAIL) / (needed - CORE)
+                profile = started(law, Grid(points, length), min(decay, 2.5), self._rough(size), nu)
+            else:
+                profile = profile.on(Grid(points, length))
+            profile = solved(profile, amplitude_is(1.0), ROUGH)
+            nu = profile.nu
+            if profile.tail > ROUGH and length < LONGEST * needed:
+                length *= 2  # the core is wide, as for a force hardly steeper than linear
+            elif profile.tail > NO_TAIL:
+                raise NoWave(f"no localised wave with a crest of {self.sign * size:g} m")
+            elif profile.defect() < ROUGH:
+                return profile
+            points *= 2
+        raise ResolutionError(
+            f"{MOST_POINTS} points do not resolve the wave with a crest of {self.sign * size:.9g} m"
+        )
+
+    def _rough(self, size):
+        """f of `Scaled`, interpolated."""
+        return lambda rho: self.rough_tension(size * rho) / self.rough_tension(size)
+
+    def stiffness_at_end(self, closest):
+        """Limit of m c^2 [N/m] towards the end of the domain, by Neville's scheme in the root of
+        the stroke left."""
+        left = closest * 2.0 ** np.arange(NODES)
+        values = []
+        for part in left.tolist():
+            law = Scaled(self.potential, self.sign * self.end * (1 - part))
+            near = self.wave(abs(law.reference))
+            profile, _ = refined(near, amplitude_is(1.0))
+            values.append(profile.mu * law.secant)
+        return extrapolated(np.sqrt(left), values)
+
+    def with_size(self, size):
+        """A wave near, and the condition, for a crest of that size [m]."""
+
+        def crest(profile):
+            return abs(profile.law.reference)
+
+        def reached(profile):
+            return f"crest {self.sign * crest(profile):.6g} m"
+
+        if not self.sizes[0] <= size < self.front[0]:
+            self.wave(size)  # says why not
+        profile = self._search(
+            lambda profile: math.log(crest(profile) / size), size,
+            f"crest {self.sign * size:.6g} m", reached,
+        )  # fmt: skip
+        return profile, amplitude_is(size / crest(profile))
+
+    def with_stiffness(self, above, mass):
+        """A wave near, and the condition, for m c^2 - V''(0) = above [N/m]."""
+
+        def say(above):
+            return f"speed {math.sqrt((self.rest + above) / mass):.6g} sites/s"
+
+        if above >= self.front[1]:
+            raise TensegrityError(
+                f"{say(above)} must be below {say(self.front[1])}: the spring softens, and as "
+                f"waves of {self.name} approach that speed their tops grow flat and endless"
+            )
+
+        def reached(profile):
+            return say(profile.nu * profile.law.secant)
+
+        def excess(profile):
+            return math.log(profile.nu) + math.log(profile.law.secant) - math.log(above)
+
+        start = self._start(self.long_wave > above)
+        profile = self._search(excess, start, say(above), reached)
+        return profile, speed_is(above / profile.law.secant)
+
+    def _start(self, enough):
+        """The first size at which a wave may exist and has enough of something, or the last."""
+        found = np.flatnonzero(enough & (self.long_wave > 0))
+        return self.sizes[found[0]] if found.size else self.sizes[-1]
+
+    def with_energy(self, target):
+        """A wave near, and the condition, for an energy [J]."""
+
+        def joules(profile):
+            return profile.energy * profile.law.reference * profile.law.force
+
+        def reached(profile):
+            return f"energy {joules(profile):.6g} J"
+
+        stored = self.rest * self.sizes**2 / 2 + self.energy
+        profile = self._search(
+            lambda profile: math.log(joules(profile) / target), self._start(2 * stored > target),
+            f"energy {target:.6g} J", reached,
+        )  # fmt: skip
+        return profile, energy_is(target / (profile.law.reference * profile.law.force))
+
+    @cached_property
+    def front(self):
+        """Size [m] and m c^2 - V''(0) [N/m] of the front that ends a family, else (inf, inf).
+
+        Where a spring softens after it has stiffened the waves grow flat tops, whose ends are
+        fronts: between r = 0 and r the forces balance if m c^2 = V'(r)/r, the energy flows if
+        V(r) = r V'(r)/2.
+        """
+        from scipy.optimize import brentq
+
+        top = int(np.argmax(self.long_wave))
+        if top in (0, len(self.sizes) - 1):
+            return math.inf, math.inf
+
+        def surplus(size):
+            r = self.sign * size
+            return float(r * self._excess.tension(r) - 2 * self._excess.energy(r))
+
+        low, high = self.sizes[[top - 1, top + 1]]
+        if not surplus(low) > 0 > surplus(high):
+            return math.inf, math.inf
+        size = brentq(surplus, low, high, xtol=1e-300, rtol=1e-14)
+        return size, float(self._excess.tension(self.sign * size)) / (self.sign * size)
+
+    @property
+    def _last(self):
+        """Size of the largest wave that is looked for [m]."""
+        return min(self.sizes[-1], FRONT * min(self.end, self.front[0]))
+
+    def _search(self, excess, start, asked, reached):
+        """Secant steps in the size until |excess| < CLOSE; excess must rise with the size.
+
+        Where waves end on the way, the last one found is told by `reached`.
+        """
+        largest = self._last
+        coordinate = Coordinate(min(self.end, self.front[0]))
+        size, before = min(start, largest), None
+        low, high = -math.inf, math.inf  # coordinates between which the wave must lie
+        below = above = None  # waves found there
+        reason = "the search did not settle"
+        for _ in range(SEARCHES):
+            here = coordinate(size)
+            try:
+                profile = self.wave(size)
+                gap = excess(profile)
+            except (NoWave, ResolutionError) as error:
+                gap, reason = None, error
+            if gap is not None and abs(gap) < CLOSE:
+                return profile
+            if gap is None and below:
+                high = min(high, here)
+            elif gap is None or gap < 0:
+                low, below = max(low, here), below if gap is None else profile
+            else:
+                high, above = min(high, here), profile
+            if below and (size == largest or (not above and high - low < NARROW)):
+                raise self._beyond(asked, "above", reached, below, "largest")
+            if above and not below and high - low < NARROW:
+                raise self._beyond(asked, "below", reached, above, "smallest")
+            if (gap is None and size == largest) or high - low < 1e-12 * (1 + abs(high)):
+                break
+            slope = 1.0
+            if before and gap is not None and before[0] != here:
+                slope = max((gap - before[1]) / (here - before[0]), 0.2)
+            step = math.log(FACTOR) if gap is None else -gap / slope
+            step = max(-math.log(FACTOR), min(math.log(FACTOR), step))
+            new = here + step
+            if not low < new < high:
+                new = (low + high) / 2 if math.isfinite(high - low) else here + step / 8
+            before = (here, gap) if gap is not None else None
+            size = min(coordinate.size(new), largest)
+        raise TensegrityError(f"{asked}: no solitary wave of {self.name} found ({reason})")
+
+    def _beyond(self, asked, side, reached, profile, last):
+        """The error for what lies beyond the last wave found on one side."""
+        range_ = f"the {last} found before the end of the domain or of the family"
+        if last == "smallest":
+            with contextlib.suppress(TensegrityError):
+                range_ += f"; its largest has {reached(self.wave(self._last))}"
+        return TensegrityError(
+            f"no solitary wave of {self.name} with {asked}: it is {side} {reached(profile)}, that "
+            f"of the wave with a crest of {profile.law.reference:.6g} m, {range_}"
+        )
+
+
+def extrapolated(x, y):
+    """Value at 0 of the polynomial through points (x, y)."""
+    from scipy.interpolate import BarycentricInterpolator
+
+    return float(BarycentricInterpolator(x, y)(0.0))
+
+
+class Coordinate:
+    """log(a/(end - a)), or log a where there is no end."""
+
+    def __init__(self, end) -> None:
+        self.end = end
+
+    def __call__(self, size):
+        return math.log(size) if math.isinf(self.end) else math.log(size / (self.end - size))
+
+    def size(self, value):
+        return math.exp(value) if math.isinf(self.end) else self.end / (1 + math.exp(-value))
+
+
+def _half_length(law, nu, tail):
+    """Sites from the crest to where `tail` of it is left."""
+    gain = nu / law.rest if law.rest > 0 else math.inf
+    return CORE - math.log(tail) / min(decay_rate(gain), SLOWEST_DECAY)
+
+
+def refined(profile, condition):
+    """Solve on longer and finer grids until tail and residual are round-off."""
+    law = profile.law
+    length = _half_length(law, profile.nu, TAIL)
+    density = profile.grid.points / profile.grid.half_length
+    previous, tail = math.inf, math.inf
+    while (points := _even(length * density)) <= MOST_POINTS:
+        profile = solved(profile.on(Grid(points, length)), condition)
+        defect = profile.defect()
+        if defect <= TARGET or previous / 4 < defect <= LARGEST:
+            round_off = 4 * np.finfo(float).eps
+            if profile.tail <= TAIL_LEFT + round_off or profile.tail > tail / 2:
+                return profile, profile.residual()
+            tail, length = profile.tail, 1.3 * length
+        else:
+            previous, density = defect, 2 * density
+    raise ResolutionError(
+        f"residual {defect:.1e} with {profile.grid.points} points must be at most {LARGEST:g}: "
+        f"the wave with a crest of {law.reference * profile.rho[0]:.9g} m is not resolved"
+    )
+
+
+def _even(points):
+    """The next length that a cosine transform is fast for."""
+    from scipy.fft import next_fast_len
+
+    return next_fast_len(math.ceil(points), real=True)

@@ -1,0 +1,373 @@
+"""The equation of a travelling wave on a lattice, solved with Fourier's series on a half-line.
+
+A wave r(x - c t) of elongations, x in sites, obeys m c^2 r'' = T(x + 1) - 2 T(x) + T(x - 1) with
+T = V'(r).  Divided by the second derivative it is m c^2 r = K T, where K is convolution with the
+tent 1 - |x| of one site, (sin(k/2)/(k/2))^2 in Fourier space: a compact operator, no root to
+choose.  A wave that is even about its crest is a cosine series on [0, L]; it stands for a
+periodic one, so L must reach where the tail is round-off.
+
+Everything here is scaled by a reference elongation A of either sign: r = A rho, T = V'(A) f(rho),
+m c^2 = mu V'(A)/A.  So mu rho = K f(rho), with f(1) = 1, for compression and for extension.
+
+Near the sound speed that equation says next to nothing: f is almost rest rho, mu almost rest.
+What it says beyond the linear law is nu rho + rest (1 - K) rho = K g(rho), nu = mu - rest and
+g = f - rest rho, see `excess`.  It is solved as rho = P g(rho), P = K/(nu + rest (1 - K)), which
+is as well conditioned at the sound speed as far above it.
+Starting values come from the map rho -> K f/(K f)(0): at given norm it climbs the energy of
+a convex law (M. Herrmann, Proc. R. Soc. Edinburgh A 140, 753 (2010)), so it needs no small wave
+to begin with.  Newton's method does the rest, mu nu being an unknown beside rho.  The amplitude
+orders the waves of a family: it is the natural parameter, and no arc length is followed.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from tensegrity.errors import TensegrityError
+from tensegrity.waves.excess import excess
+
+SWEEPS = 400  # of the map that starts Newton's method
+ROUGHLY = 1e-3  # change of rho in a sweep that ends them
+ITERATIONS = 25
+PATIENCE = 5  # iterations without a step smaller than all before
+CONVERGED = 1e-9  # last step of Newton's method: the next one would square it
+STUCK = 1e-6  # ... or one from which on they no longer shrink: the residual will judge
+DENSE = 600  # points up to which the tangent is formed; beyond, GMRES on cosine transforms
+HALVINGS = 30  # of a step of Newton's method that leaves the domain
+FINER = 4  # the residual is taken on a grid so many times finer
+
+
+SINE_RISE = [(-1) ** n / math.factorial(2 * n + 3) for n in range(8, -1, -1)]  # (1 - sin y/y)/y^2
+
+
+class NoWave(TensegrityError):
+    """Newton's method found no localised wave."""
+
+
+class Scaled:
+    """f, g, g' and the energy for a potential and a reference elongation A [m] of either sign."""
+
+    def __init__(self, potential, reference) -> None:
+        self.potential, self.reference = potential, reference
+        self._excess = excess(potential)
+        gain = float(self._excess.tension(reference)) / reference
+        self.secant = self._excess.rest + gain  # V'(A)/A [N/m]
+        self.rest, self.gain = self._excess.rest / self.secant, gain / self.secant
+        self.force = self.secant * reference  # V'(A) [N]
+
+    def tension(self, rho):
+        return self.rest * rho + self.beyond(rho)
+
+    def beyond(self, rho):
+        """g = f - rest rho."""
+        return self._excess.tension(self.reference * rho) / self.reference / self.secant
+
+    def slope(self, rho):
+        """g'."""
+        return self._excess.stiffness(self.reference * rho) / self.secant
+
+    def energy(self, rho):
+        beyond = self._excess.energy(self.reference * rho) / self.reference / self.reference
+        return self.rest * rho * rho / 2 + beyond / self.secant
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Points x_j = j L/N, j = 0 .. N, and the cosines that belong to them."""
+
+    points: int
+    half_length: float
+
+    @cached_property
+    def x(self):
+        return np.arange(self.points + 1) * (self.half_length / self.points)
+
+    @cached_property
+    def wave_numbers(self):
+        return np.arange(self.points + 1) * (np.pi / self.half_length)
+
+    @cached_property
+    def box(self):
+        """Symbol of the mean over one site, sin(k/2)/(k/2); K is its square."""
+        return np.sinc(self.wave_numbers / (2 * np.pi))
+
+    @cached_property
+    def weights(self):
+        """Weights of the integral over the whole line, (N + 1,)."""
+        w = np.full(self.points + 1, 2 * self.half_length / self.points)
+        w[[0, -1]] /= 2
+        return w
+
+    def coefficients(self, values):
+        """Cosine coefficients of an even function from its values on the grid."""
+        from scipy.fft import dct
+
+        a = dct(values, type=1) / self.points
+        a[[0, -1]] /= 2
+        return a
+
+    def values(self, coefficients):
+        """Values on the grid; the inverse of `coefficients`."""
+        from scipy.fft import dct
+
+        a = coefficients.copy()
+        a[[0, -1]] *= 2
+        return dct(a, type=1) / 2
+
+    @cached_property
+    def unsmooth(self):
+        """Symbol of 1 - K, also where it is small."""
+        half = self.wave_numbers / 2
+        series = np.polyval(SINE_RISE, np.minimum(half, 1) ** 2)
+        rise = np.where(half < 1, half**2 * series, 1 - self.box)
+        return rise * (1 + self.box)
+
+    def apply(self, symbol, values):
+        """An even convolution, given by its symbol, of values on the grid."""
+        return self.values(symbol * self.coefficients(values))
+
+    def smooth(self, values):
+        """K applied to values on the grid."""
+        return self.apply(self.box**2, values)
+
+    def matrix(self, symbol):
+        """An even convolution as a matrix between values on the grid, (N + 1, N + 1)."""
+        n = self.points
+        kernel = np.fft.irfft(symbol, 2 * n)  # of the whole period
+        i = np.arange(n + 1)
+        matrix = kernel[np.abs(i[:, None] - i)] + kernel[(i[:, None] + i) % (2 * n)]
+        matrix[:, [0, -1]] /= 2
+        return matrix
+
+    def moved(self, values, other):
+        """Values on another grid by the series of these; zero beyond this grid."""
+        a = self.coefficients(values)
+        if other.half_length == self.half_length:
+            b = np.zeros(other.points + 1)
+            n = min(len(a), len(b))
+            b[:n] = a[:n]
+            return other.values(b)
+        inside = other.x <= self.half_length
+        moved = np.zeros(other.points + 1)
+        moved[inside] = cosine_sum(a, self.wave_numbers, other.x[inside])
+        return moved
+
+
+def cosine_sum(coefficients, wave_numbers, x, function=np.cos):
+    """sum_n a_n cos(k_n x) at any places, in pieces that fit the cache."""
+    flat = np.ravel(x)
+    result = np.empty(flat.size)
+    for start in range(0, flat.size, 256):
+        part = slice(start, start + 256)
+        result[part] = function(np.outer(flat[part], wave_numbers)) @ coefficients
+    return result.reshape(np.shape(x))
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """A solution (rho, nu) on a grid."""
+
+    law: Scaled
+    grid: Grid
+    rho: np.ndarray
+    nu: float
+
+    @property
+    def mu(self):
+        return self.law.rest + self.nu
+
+    @property
+    def symbol(self):
+        """Symbol of P."""
+        return self.grid.box**2 / self._resistance
+
+    @property
+    def _resistance(self):
+        return self.nu + self.law.rest * self.grid.unsmooth
+
+    @property
+    def symbol_rate(self):
+        """nu times the derivative of the symbol of P in nu."""
+        return -self.symbol * (self.nu / self._resistance)
+
+    @property
+    def energy(self):
+        """Integral of rho f/2 + F: kinetic and potential energy over A V'(A)."""
+        rho = self.rho
+        density = rho * self.law.tension(rho) / 2 + self.law.energy(rho)
+        return float(self.grid.weights @ density)
+
+    @property
+    def tail(self):
+        """Largest part of the crest that is left at the end of the grid."""
+        return float(np.max(np.abs(self.rho[-(self.grid.points // 16) :])) / self.rho[0])
+
+    @cached_property
+    def _fine(self):
+        return self.on(Grid(FINER * self.grid.points, self.grid.half_length))
+
+    def residual(self):
+        """max |mu rho - K f(rho)| over max f, on a finer grid."""
+        rho, grid = self._fine.rho, self._fine.grid
+        f = self.law.tension(rho)
+        return float(np.max(np.abs(self.mu * rho - grid.smooth(f))) / np.max(np.abs(f)))
+
+    def defect(self):
+        """max |rho - P g(rho)| on a finer grid: an error of the wave, however slow."""
+        fine = self._fine
+        return float(
+            np.max(np.abs(fine.rho - fine.grid.apply(fine.symbol, self.law.beyond(fine.rho))))
+        )
+
+    def on(self, grid):
+        """The same profile on another grid, not solved there."""
+        return replace(self, grid=grid, rho=self.grid.moved(self.rho, grid))
+
+
+# What holds a wave: a function of (profile) -> value, gradient in rho, nu times derivative in nu.
+
+
+def amplitude_is(rho):
+    """rho(0) as given."""
+
+    def condition(profile):
+        gradient = np.zeros_like(profile.rho)
+        gradient[0] = 1
+        return profile.rho[0] - rho, gradient, 0.0
+
+    return condition
+
+
+def speed_is(nu):
+    """nu as given."""
+    return lambda profile: (profile.nu / nu - 1, np.zeros_like(profile.rho), profile.nu / nu)
+
+
+def energy_is(energy):
+    """Energy over A V'(A) as given."""
+
+    def condition(profile):
+        rho, law = profile.rho, profile.law
+        gradient = 1.5 * law.tension(rho) + rho * (law.rest + law.slope(rho)) / 2
+        return profile.energy / energy - 1, profile.grid.weights * gradient / energy, 0.0
+
+    return condition
+
+
+def started(law, grid, decay, tension, nu):
+    """A rough profile with rho(0) = 1: a bump of given decay, swept until it hardly changes.
+
+    `tension` is f, or a cheaper function close to it; `nu` a guess that stands where the sweeps
+    give none.
+    """
+    rho = 1 / np.cosh(np.minimum(decay * grid.x / 2, 300)) ** 2
+    for _ in range(SWEEPS):
+        new = grid.smooth(tension(rho))
+        new = new / new[0]
+        change, rho = np.max(np.abs(new - rho)), new
+        if change < ROUGHLY:
+            break
+    pull = grid.smooth(law.beyond(rho)) - law.rest * grid.apply(grid.unsmooth, rho)
+    mean = float(grid.weights @ (rho * pull) / (grid.weights @ rho**2))
+    return Profile(law, grid, rho, mean if mean > 0 else nu)
+
+
+def solved(profile, condition, converged=CONVERGED):
+    """Newton's method on mu rho = K f(rho) and a condition, from a profile close enough.
+
+    Raises
+    ------
+    NoWave
+        If it does not converge.
+    """
+    previous = best = math.inf
+    since_best = 0
+    for _ in range(ITERATIONS):
+        try:
+            step_rho, step_nu = _newton_step(profile, condition)
+        except (np.linalg.LinAlgError, ValueError) as error:
+            raise NoWave(f"the tangent of the travelling wave is singular: {error}") from None
+        size = max(np.max(np.abs(step_rho)), abs(step_nu / profile.nu))
+        profile = _stepped(profile, step_rho, step_nu)
+        if size < converged or (size < STUCK and size > previous / 4):
+            return profile
+        since_best = 0 if size < best else since_best + 1
+        previous, best = size, min(best, size)
+        if since_best == PATIENCE:
+            break
+    raise NoWave(f"no travelling wave found: the last iteration still moved {previous:.1e}")
+
+
+def _stepped(profile, step_rho, step_nu):
+    """The whole step, or the part of it that stays in the domain of the potential."""
+    low, high = profile.law.potential.domain
+    for _ in range(HALVINGS):
+        new = replace(profile, rho=profile.rho + step_rho, nu=profile.nu + step_nu)
+        r = profile.law.reference * new.rho
+        if new.nu > 0 and low < r.min() and r.max() < high:
+            return new
+        step_rho, step_nu = step_rho / 2, step_nu / 2
+    raise NoWave("no travelling wave found faster than sound and within the spring's domain")
+
+
+def _newton_step(profile, condition):
+    """Steps of rho and nu."""
+    grid, rho, law = profile.grid, profile.rho, profile.law
+    g, slope, symbol = law.beyond(rho), law.slope(rho), profile.symbol
+    gap, row, corner = condition(profile)
+    column = -grid.apply(profile.symbol_rate, g)  # of step_nu/nu
+    right = -np.append(rho - grid.apply(symbol, g), gap)
+    if not np.isfinite(right).all():
+        raise ValueError("it is not finite")
+    if grid.points <= DENSE:
+        matrix = np.empty((grid.points + 2, grid.points + 2))
+        matrix[:-1, :-1] = -grid.matrix(symbol) * slope
+        matrix[:-1, :-1].flat[:: grid.points + 2] += 1
+        matrix[:-1, -1], matrix[-1, :-1], matrix[-1, -1] = column, row, corner
+        step = np.linalg.solve(matrix, right)
+    else:
+        step = _by_gmres(grid, symbol, slope, column, row, corner, right)
+    return step[:-1], float(step[-1]) * profile.nu
+
+
+def _by_gmres(grid, symbol, slope, column, row, corner, right):
+    from scipy.sparse.linalg import LinearOperator, gmres
+
+    def tangent(step):
+        step = np.ravel(step)
+        upper = step[:-1] - grid.apply(symbol, slope * step[:-1]) + step[-1] * column
+        return np.append(upper, row @ step[:-1] + corner * step[-1])
+
+    n = len(right)
+    operator = LinearOperator((n, n), matvec=tangent, dtype=float)
+    step, failed = gmres(operator, right, rtol=1e-6, restart=100, maxiter=1)
+    if failed:
+        raise NoWave("the linear solver of the travelling wave did not converge")
+    return step
+
+
+def decay_rate(gain):
+    """kappa > 0 of the tail exp(-kappa |x|) in a linear lattice, from gain = (c/cs)^2 - 1.
+
+    sinh(kappa/2)/(kappa/2) = c/cs.
+    """
+    from scipy.optimize import brentq
+
+    if math.isinf(gain):
+        return math.inf
+    wanted = math.log1p(gain) / 2
+
+    def surplus(half):
+        square = half * half
+        series = square / 6 * (1 + square / 20 * (1 + square / 42 * (1 + square / 72)))
+        return (
+            math.log1p(series) if half < 0.1 else half + math.log(-math.expm1(-2 * half) / 2 / half)
+        ) - wanted
+
+    # sinh(y)/y > exp(y)/(4 y) and > 1 + y^2/6
+    high = min(2 * wanted + 4, 1.001 * math.sqrt(6 * math.expm1(wanted)))
+    return 2 * brentq(surplus, high / 8, high, xtol=1e-300, rtol=1e-14)
