@@ -33,7 +33,7 @@ from tensegrity.engine.interpreted import Interpreted
 from tensegrity.engine.kernel import bind
 from tensegrity.engine.methods import METHODS
 from tensegrity.runs import march, tolerance
-from tensegrity.springs.collection import polynomial
+from tensegrity.springs import polynomial
 
 RIGID = Prism(1.0, 0.8, 0.02, 1.0).potential()
 SOFT = Prism(1.0, 0.5, 0.4, 1.0, 2.0, 20.0).potential(0.05)
