@@ -215,7 +215,7 @@ class Network(Scene):
     @property
     def step_share(self) -> float:
         """Of the default step that a method takes for smooth springs."""
-        return KINK_SHARE / 2 if self.follows else 1.0  # every contact opens
+        return KINK_SHARE / 3 if self.follows else 1.0  # every contact opens
 
     def _listing(self, pairs: Array, walls: Array) -> Self:
         """This network with these contacts besides its own, and none that are followed."""
