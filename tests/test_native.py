@@ -296,7 +296,7 @@ def test_without_a_compiler_the_same_calls_run_with_one_warning(cache, compiler,
     if compiler == "hanging":
         request.getfixturevalue("hanging")
         compiler = os.environ["CC"]
-        limit = "from tensegrity import native; native.LIMIT = 0.5\n"
+        limit = "from tensegrity.engine import native; native.LIMIT = 0.5\n"
     answer = subprocess.run(
         [sys.executable, "-c", limit + RUN],
         env={**_environment(), "CC": compiler},
