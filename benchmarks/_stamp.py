@@ -1,0 +1,28 @@
+"""The loop on uniform prisms in whatever revision is on the path: seconds, and what it moved."""
+
+import hashlib
+import time
+
+import numpy as np
+
+from tensegrity import Chain, Prism
+
+try:
+    from tensegrity.methods import METHODS  # before the package had rooms
+except ImportError:
+    from tensegrity.engine.methods import METHODS
+
+SIZES = (100, 1_000, 100_000)
+WORK, ROUNDS = 2_000_000, 7
+
+for sites in SIZES:
+    scene = Chain(Prism(1.0, 0.8, 0.02, 1.0).potential(), sites)
+    u, v = 1e-3 * np.random.default_rng(0).standard_normal(sites), np.zeros(sites)
+    bound, steps = scene.bind(u, v, METHODS["verlet"], 0.02), WORK // sites
+    bound.advance(steps)
+    digest, seconds = hashlib.sha256(u.tobytes() + v.tobytes()).hexdigest(), []
+    for _ in range(ROUNDS):
+        began = time.process_time()
+        bound.advance(steps)
+        seconds.append(time.process_time() - began)
+    print(sites, min(seconds), digest)
