@@ -2,15 +2,16 @@
 
 import hashlib
 import time
+from importlib import import_module
 
 import numpy as np
 
 from tensegrity import Chain, Prism
 
 try:
-    from tensegrity.methods import METHODS  # before the package had rooms
+    METHODS = import_module("tensegrity.methods").METHODS  # before the package had rooms
 except ImportError:
-    from tensegrity.engine.methods import METHODS
+    METHODS = import_module("tensegrity.engine.methods").METHODS
 
 SIZES = (100, 1_000, 100_000)
 WORK, ROUNDS = 2_000_000, 7

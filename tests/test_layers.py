@@ -100,3 +100,41 @@ def test_importing_tensegrity_loads_no_heavy_package():
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
     )
     assert answer.stdout.split() == []
+
+
+def private(name):
+    return name.startswith("_") and not name.endswith("__") and name != "_replace"
+
+
+def room_of(path):
+    """A package, or a room of tensegrity."""
+    parts = path.relative_to(ROOT).parts
+    return parts[:2] if parts[0] == "tensegrity" and len(parts) > 2 else parts[:1]
+
+
+def test_private_names_stay_in_their_room():
+    """What begins with an underscore is used where it is defined only; figures have files of
+    their own that begin so."""
+    rooms = {}
+    for package in PACKAGES:
+        for path in (ROOT / package).rglob("*.py"):
+            rooms.setdefault(room_of(path), []).append((path, ast.parse(path.read_text())))
+    for modules in rooms.values():
+        nodes = [(path, node) for path, tree in modules for node in ast.walk(tree)]
+        known = {f"{path.stem}" for path, _ in modules}
+        for _, node in nodes:
+            if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
+                known.add(node.name)
+            elif isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store):
+                known.add(node.attr)
+            elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+                known.add(node.id)
+        for path, node in nodes:
+            if isinstance(node, ast.Attribute):
+                used, own = [node.attr], getattr(node.value, "id", "") in ("self", "cls")
+            elif isinstance(node, ast.ImportFrom):
+                used, own = [alias.name for alias in node.names], False
+            else:
+                continue
+            for name in used:
+                assert own or not private(name) or name in known, f"{path} uses {name}"
