@@ -5,16 +5,16 @@ better.  All that it does follows from the space, the random numbers it is given
 told; so a search that was broken off goes on by telling it again.  It may propose what it did
 before, which costs nothing, and may end.
 
-The genetic method moves orders and choices by steps of our own; the covariance matrix adaptation
-of diameters, of random keys for orders, and its form for categories are those of `cmaes`.
+The genetic method moves orders and choices by steps of our own.  The covariance matrix adaptation
+of diameters, of random keys for orders, and its form for categories are those of `cmaes`
+(N. Hansen, arXiv:1604.00772; R. Hamano et al., arXiv:2504.07884).
 """
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Generator
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -22,58 +22,136 @@ from granular.design.spaces import Choice, Order, Sizes, Space
 from tensegrity import TensegrityError, check
 
 if TYPE_CHECKING:
-    from tensegrity.typing import Array
+    from tensegrity.typing import Array, Indices
 
-    Proposals = Generator[Array, Array, None]
+Proposals = Generator[Any, Any, None]
 
 POPULATION = 64
-TRIES = 50  # at an individual that was not there before
-PAIRS = 3  # of which the better parent is taken
-"""Individuals that a parent is the best of."""
+PAIRS = 3  # individuals that a parent is the best of
+MUTATIONS = 0.5  # chance that a child is changed no more
+TRIES = 20  # times that a full population is asked for individuals that were not there before
+STALE = 30  # populations without a better design, after which a method starts anew
+SIGMA = 0.3  # of the range of a gene, at the start of an adaptation
 
 
 def genetic(space: Order | Choice, rng: np.random.Generator) -> Proposals:
-    """Parents and children compete; nobody is twice in a population, or computed twice."""
+    """Parents and children compete, by rank; no design is proposed twice."""
     seen: set[bytes] = set()
 
-    def new(make: Callable[[], Array]) -> Array | None:
+    def new(make: Callable[[], Indices]) -> Indices:
+        found: list[Indices] = []
         for _ in range(TRIES):
-            row = make()
-            if (key := row.tobytes()) not in seen:
-                seen.add(key)
-                return row
-        return None
-
-    def fresh() -> Array:
-        return space.random(rng, 1)[0]
+            for row in make():
+                if len(found) < POPULATION and (key := row.tobytes()) not in seen:
+                    seen.add(key)
+                    found.append(row)
+            if len(found) == POPULATION:
+                break
+        return np.array(found)
 
     while True:
         rows, forces = np.empty((0, space.count), dtype=int), np.empty(0)
         stale, best = 0, np.inf
 
-        def parent() -> Array:
-            return rows[rng.integers(len(rows), size=PAIRS).min()]
-
-        def offspring() -> Array:
-            row = space.child(rng, parent(), parent())
-            for _ in range(rng.geometric(0.5)):
-                row = space.mutant(rng, row)
-            return row
+        def children() -> Indices:
+            picks = rng.integers(len(rows), size=(2, POPULATION, PAIRS)).min(axis=-1)
+            made = space.children(rng, *rows[picks])
+            changed = np.arange(len(made))
+            while len(changed):
+                made[changed] = space.mutants(rng, made[changed])
+                changed = changed[rng.random(len(changed)) > MUTATIONS]
+            return made
 
         while stale < STALE:
-            made = [new(offspring if len(rows) else fresh) for _ in range(POPULATION)]
-            made = [row for row in made if row is not None]
-            if not made:
-                if not len(rows):
-                    return
+            made = new(children if len(rows) else lambda: space.random(rng, POPULATION))
+            if not len(made):
                 break
-            children = np.array(made)
-            values = yield children
-            rows, forces = np.concatenate([rows, children]), np.concatenate([forces, values])
+            values = yield made
+            rows, forces = np.concatenate([rows, made]), np.append(forces, values)
             order = np.argsort(forces, kind="stable")[:POPULATION]
             rows, forces = rows[order], forces[order]
             stale = 0 if forces[0] < best else stale + 1
             best = forces[0]
+        if not len(rows):
+            return  # all of a small space was there
 
 
-STALE = 25
+def adapting(space: Order | Sizes, rng: np.random.Generator) -> Proposals:
+    """A normal distribution of diameters, projected to the length, or of random keys."""
+    from cmaes import CMA
+
+    low, high = space.diameters if isinstance(space, Sizes) else (0.0, 1.0)
+    bounds = np.tile([0.0, 1.0], (space.count, 1))
+    while True:
+        start = rng.uniform(0.3, 0.7, space.count)
+        optimizer = CMA(start, SIGMA, bounds, seed=_seed(rng), population_size=POPULATION)
+        stale, best = 0, np.inf
+        while stale < STALE and not optimizer.should_stop():
+            asked = np.array([optimizer.ask() for _ in range(POPULATION)])
+            genes = low + (high - low) * asked
+            rows = space.projected(genes) if isinstance(space, Sizes) else space.from_keys(genes)
+            values = yield rows
+            told = (rows - low) / (high - low) if isinstance(space, Sizes) else asked
+            optimizer.tell(list(zip(told, _finite(values), strict=True)))
+            stale = 0 if values.min() < best else stale + 1
+            best = min(best, values.min())
+
+
+def categorical(space: Order | Choice, rng: np.random.Generator) -> Proposals:
+    """A distribution of kinds for each bead; rows of an order are repaired to its beads."""
+    from cmaes import CatCMAwM
+
+    kinds = len(space.kinds)
+    while True:
+        optimizer = CatCMAwM(
+            c_space=[kinds] * space.count, population_size=POPULATION, seed=_seed(rng)
+        )
+        stale, best = 0, np.inf
+        while stale < STALE:
+            asked = [optimizer.ask() for _ in range(POPULATION)]
+            rows = np.array([one.c.argmax(axis=1) for one in asked])
+            if isinstance(space, Order):
+                rows = np.array([space.repaired(rng, row) for row in rows])
+            values = yield rows
+            optimizer.tell(list(zip(asked, _finite(values), strict=True)))
+            stale = 0 if values.min() < best else stale + 1
+            best = min(best, values.min())
+
+
+class Row(NamedTuple):
+    """A method: what proposes, and for which spaces; the first one suits them best."""
+
+    propose: Callable[[Any, np.random.Generator], Proposals]
+    spaces: tuple[type, ...]
+    population: int = POPULATION
+
+
+METHODS = {
+    "ga": Row(genetic, (Order, Choice)),
+    "cma": Row(adapting, (Sizes, Order)),
+    "catcma": Row(categorical, (Choice, Order)),
+}
+
+
+def suits(method: str | None, space: Space) -> tuple[str, Any, int]:
+    """Name, generator and population of the method asked for, or of the first that suits."""
+    fitting = [name for name, row in METHODS.items() if isinstance(space, row.spaces)]
+    name = fitting[0] if method is None else method
+    if not isinstance(name, str) or name not in METHODS:
+        raise TensegrityError(f"method {check.shown(method)} is not one of {', '.join(METHODS)}")
+    if name not in fitting:
+        raise TensegrityError(
+            f"method {name!r} does not search {type(space).__name__}: take {' or '.join(fitting)}"
+        )
+    return name, METHODS[name].propose, METHODS[name].population
+
+
+def _seed(rng: np.random.Generator) -> int:
+    return int(rng.integers(2**31))
+
+
+def _finite(forces: Array) -> list[float]:
+    """Forces as an optimiser takes them: what has no number ranks last."""
+    finite = forces[np.isfinite(forces)]
+    worst = finite.max() if len(finite) else 1.0
+    return np.where(np.isfinite(forces), forces, 2 * worst).tolist()

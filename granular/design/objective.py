@@ -78,10 +78,11 @@ class Designs:
         return len(self.mass)
 
     def __getitem__(self, which: Any) -> Designs:
-        return Designs(*(np.atleast_2d(x[which]) for x in self._columns))
+        return Designs(*(np.atleast_2d(x[which]) for x in self.columns))
 
     @property
-    def _columns(self) -> tuple[Array, Array, Array, Array]:
+    def columns(self) -> tuple[Array, Array, Array, Array]:
+        """All four."""
         return self.mass, self.modulus, self.poisson, self.radius
 
     def behind(self, striker: Bead) -> Designs:
@@ -89,7 +90,7 @@ class Designs:
         first = Designs.of([[striker]])
         return Designs(*(
             np.concatenate([np.broadcast_to(one, (len(self), 1)), all_], axis=1)
-            for one, all_ in zip(first._columns, self._columns, strict=True)
+            for one, all_ in zip(first.columns, self.columns, strict=True)
         ))  # fmt: skip
 
     def contacts(self, wall: Material) -> Array:
@@ -105,9 +106,9 @@ class Designs:
         wall_as_bead = math.inf, wall.modulus, wall.poisson, math.inf
         mass, *solid = (
             np.append(x, np.full((len(self), 1), y), axis=1)[:, :, None]
-            for x, y in zip(self._columns, wall_as_bead, strict=True)
+            for x, y in zip(self.columns, wall_as_bead, strict=True)
         )
-        other, *partner = (x[:, None, :] for x in self._columns)
+        other, *partner = (x[:, None, :] for x in self.columns)
         rate = ((1 / mass + 1 / other) * hertz_constants(*solid, *partner)) ** 2 * speed
         return rate.max(axis=(1, 2)) ** -0.2
 

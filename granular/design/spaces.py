@@ -41,21 +41,17 @@ class Kinds:
     count: int
 
     @cached_property
-    def _columns(self) -> Designs:
+    def all_kinds(self) -> Designs:
+        """Every bead that may occur, in one row."""
         return Designs.of([self.kinds])
 
     def designs(self, genes: Indices) -> Designs:
         """Rows of genes as chains; (designs, count)."""
-        return self._columns[:, genes]
+        return Designs(*(column[0, genes] for column in self.all_kinds.columns))
 
     def beads(self, row: Indices) -> list[Bead]:
         """The beads of one row of genes."""
         return [self.kinds[k] for k in row]
-
-    @property
-    def all_kinds(self) -> Designs:
-        """Every bead that may occur, in one row."""
-        return self._columns
 
 
 @dataclass(frozen=True)
@@ -99,22 +95,25 @@ class Order(Kinds):
         """Rows drawn evenly; (count, beads)."""
         return rng.permuted(np.tile(self.row, (count, 1)), axis=1)
 
-    def child(self, rng: Generator, one: Indices, other: Indices) -> Indices:
-        """A row that keeps what its parents share; what is left of the beads fills the rest."""
-        row, free = one.copy(), one != other
-        row[free] = rng.permutation(one[free])
-        return row
+    def children(self, rng: Generator, one: Indices, other: Indices) -> Indices:
+        """Rows that keep what their parents share; what is left of the beads fills the rest."""
+        free = one != other
+        keys = np.where(free, rng.random(one.shape), 2.0)
+        shuffled = np.take_along_axis(one, np.argsort(keys, axis=1), axis=1)
+        places = np.argsort(~free, axis=1, kind="stable")  # free ones first, as in `shuffled`
+        rows = np.empty_like(one)
+        np.put_along_axis(rows, places, shuffled, axis=1)
+        return np.where(free, rows, one)
 
-    def mutant(self, rng: Generator, row: Indices) -> Indices:
-        """A row with two unequal beads changed for each other, or one moved elsewhere."""
-        row = row.copy()
-        if rng.random() < 0.5:
-            i = rng.integers(len(row))
-            j = rng.choice(np.flatnonzero(row != row[i]))
-            row[[i, j]] = row[[j, i]]
-            return row
-        start, stop = rng.choice(len(row), 2, replace=False)
-        return np.insert(np.delete(row, start), stop, row[start])
+    def mutants(self, rng: Generator, rows: Indices) -> Indices:
+        """Rows with two unequal beads changed for each other, or one moved elsewhere."""
+        first = rng.integers(self.count, size=(len(rows), 1))
+        unlike = rows != np.take_along_axis(rows, first, axis=1)
+        second = np.argmax(np.where(unlike, rng.random(rows.shape), -1.0), axis=1)[:, None]
+        swapped = rows.copy()
+        np.put_along_axis(swapped, first, np.take_along_axis(rows, second, axis=1), axis=1)
+        np.put_along_axis(swapped, second, np.take_along_axis(rows, first, axis=1), axis=1)
+        return np.where(rng.random((len(rows), 1)) < 0.5, swapped, moved(rng, rows))
 
     def from_keys(self, keys: Array) -> Indices:
         """Rows in which sites of larger keys get later kinds; shape of keys."""
@@ -170,21 +169,20 @@ class Choice(Kinds):
         """Rows drawn evenly; (count, beads)."""
         return rng.integers(len(self.kinds), size=(count, self.count))
 
-    def child(self, rng: Generator, one: Indices, other: Indices) -> Indices:
-        """A row that takes each bead, or all beyond a place, from one or the other parent."""
-        if rng.random() < 0.5:
-            return np.where(rng.random(self.count) < 0.5, one, other)
-        return np.where(np.arange(self.count) < rng.integers(self.count + 1), one, other)
+    def children(self, rng: Generator, one: Indices, other: Indices) -> Indices:
+        """Rows that take each bead, or all up to a place, from one or the other parent."""
+        each = rng.random(one.shape) < 0.5
+        upto = np.arange(self.count) < rng.integers(self.count + 1, size=(len(one), 1))
+        return np.where(np.where(rng.random((len(one), 1)) < 0.5, each, upto), one, other)
 
-    def mutant(self, rng: Generator, row: Indices) -> Indices:
-        """A row with one bead of another material, or one moved elsewhere."""
-        row = row.copy()
-        if rng.random() < 0.5 or self.count == 1:
-            i = rng.integers(len(row))
-            row[i] = (row[i] + rng.integers(1, len(self.kinds))) % len(self.kinds)
-            return row
-        start, stop = rng.choice(len(row), 2, replace=False)
-        return np.insert(np.delete(row, start), stop, row[start])
+    def mutants(self, rng: Generator, rows: Indices) -> Indices:
+        """Rows with one bead of another material, or one moved elsewhere."""
+        place = rng.integers(self.count, size=(len(rows), 1))
+        shift = rng.integers(1, len(self.kinds), size=(len(rows), 1))
+        old = np.take_along_axis(rows, place, axis=1)
+        changed = rows.copy()
+        np.put_along_axis(changed, place, (old + shift) % len(self.kinds), axis=1)
+        return np.where(rng.random((len(rows), 1)) < 0.5, changed, moved(rng, rows))
 
 
 @dataclass(frozen=True)
@@ -264,6 +262,17 @@ class Sizes:
 
 
 Space = Order | Sizes | Choice
+
+
+def moved(rng: Generator, rows: Indices) -> Indices:
+    """Rows in each of which one gene was taken out and put in elsewhere."""
+    count = rows.shape[1]
+    start, stop = rng.integers(count, size=(2, len(rows), 1))
+    place = np.arange(count)
+    later = (place >= start) & (place < stop)  # these take the next gene's
+    earlier = (place <= start) & (place > stop)  # these the one's before
+    source = np.where(place == stop, start, place + later - earlier)
+    return np.take_along_axis(rows, source, axis=1)
 
 
 def _tuple(name: str, given: object, kind: type) -> tuple:

@@ -12,7 +12,7 @@ import pickle
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -37,13 +37,16 @@ class Failed:
         Of the case, from 0.
     error : str
         Name and message of what it raised, or by which its worker was lost.
+    lost : bool
+        Whether its worker was.
     """
 
     number: int
     error: str
+    lost: bool = False
 
 
-archive.register(Failed, lambda x: {"number": x.number, "error": x.error})
+archive.register(Failed, vars)
 
 
 def sweep(
@@ -81,7 +84,7 @@ def sweep(
     Examples
     --------
     >>> sweep(abs, [-1, 2, "x"])
-    [1, 2, Failed(number=2, error="TypeError: bad operand type for abs(): 'str'")]
+    [1, 2, Failed(number=2, error="TypeError: bad operand type for abs(): 'str'", lost=False)]
     """
     if not callable(function):
         raise TensegrityError(f"function {check.shown(function)} cannot be called")
@@ -94,8 +97,7 @@ def sweep(
         try:
             for number, result in crew.outcomes(function, [cases[k] for k in left]):
                 k = left[number]
-                lost = isinstance(result, Failed)
-                ledger.add(k, Failed(k, result.error) if lost else result)
+                ledger.add(k, replace(result, number=k) if isinstance(result, Failed) else result)
                 bar.update()
         finally:
             ledger.write()
@@ -181,6 +183,11 @@ class Crew:
             )
         self._executor, self._own = executor, False
 
+    @property
+    def is_apart(self) -> bool:
+        """Whether others than this thread compute."""
+        return self._executor is not None
+
     def __enter__(self) -> Crew:
         return self
 
@@ -238,7 +245,7 @@ class Crew:
                 answer = self._executor.submit(_attempt, function, case).result()  # type: ignore[union-attr]
         except Exception as error:
             self._replace_broken()
-            return Failed(number, f"{type(error).__name__}: {error}")
+            return Failed(number, f"{type(error).__name__}: {error}", lost=True)
         return _unwrapped(number, answer)
 
     def _replace_broken(self) -> None:
