@@ -15,26 +15,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from granular.assembly import Assembly, SharedSprings
 from granular.beads import Bead, Striker
-from granular.contact import checked_law, contact_of, hertz
-from granular.crystal import Crystal
+from granular.contact import checked_law, hertz
 from granular.layout import TOUCH, Layout, diamond_layout, y_layout
 from granular.materials import Material, materials
-from tensegrity import Network, State, TensegrityError, Wall, check
+from tensegrity import State, TensegrityError, Wall, check
 from tensegrity.scenes.clearance import Clearance
 
 if TYPE_CHECKING:
     from typing import Any
 
-    from numpy.typing import ArrayLike
-
-    from granular.contact import Contact, ContactLaw
+    from granular.contact import ContactLaw
     from granular.layout import Piece
-    from tensegrity.springs.potential import PowerLaw
     from tensegrity.typing import Array, Indices
 
 
-class Guide(Crystal, Network):
+class Guide(Assembly):
     """Beads in a layout, with a striker before the first.
 
     Parameters
@@ -82,6 +79,7 @@ class Guide(Crystal, Network):
             layout = layout.stopped([p for p in layout.parts if p in _last_parts(layout)])
         layout.check()
         self.layout, self.striker = layout, striker
+        self.wall_names = tuple(piece.name for piece in layout.walls)
         first = 0 if striker is None else 1
         parts = {p: tuple(b + first for b in sites) for p, sites in layout.parts.items()}
         filled = [beads[part] for part, sites in layout.parts.items() for _ in sites]
@@ -95,13 +93,13 @@ class Guide(Crystal, Network):
         self.parts, self.beads = parts, tuple(filled)
         touched = np.add(layout.wall_contacts(), (first, 0))
         solids: list[Any] = [wall if number < sides else end for _, number in touched]
-        springs, walls = _Springs(checked_law(law)), tuple(_wall(piece) for piece in layout.walls)
+        springs = SharedSprings(checked_law(law))
         super().__init__(
             positions,
             bonds,
             [springs(self.beads[i], self.beads[j]) for i, j in bonds],
             mass=[bead.mass for bead in self.beads],
-            walls=walls,
+            walls=[_wall(piece) for piece in layout.walls],
             wall_contacts=touched,
             wall_spring=[
                 springs(self.beads[b], solid) for (b, _), solid in zip(touched, solids, strict=True)
@@ -122,54 +120,6 @@ class Guide(Crystal, Network):
         if self.striker is not None:
             v[0, 0] = self.striker.speed
         return State(u, v)
-
-    def contact_forces(self, u: Array) -> Array:
-        """Compressive force in each contact [N], those with walls last; (..., contacts)."""
-        return np.concatenate([-self.bond_tension(u), self.wall_load(u)], axis=-1)
-
-    def overlaps(self, u: ArrayLike) -> Array:
-        """Overlap of each contact of two beads [m], < 0 for a gap; (..., bonds)."""
-        return -self.elongation(u)
-
-    def contacts_at(self, site: int) -> list[int]:
-        """Numbers of the contacts of a bead, those with walls last."""
-        walls = len(self.bonds) + np.flatnonzero(self.wall_contacts[:, 0] == site)
-        return [*np.flatnonzero((self.bonds == site).any(axis=1)).tolist(), *walls.tolist()]
-
-    def contacts_within(self, part: str | None = None) -> list[int]:
-        """Numbers of the contacts between beads of a part, or between any."""
-        sites = range(self.sites) if part is None else self.members(part)
-        return np.flatnonzero(np.isin(self.bonds, list(sites)).all(axis=1)).tolist()
-
-    def needed(self, site: int) -> list[int]:
-        """Sites on which the contacts of a bead depend."""
-        return sorted({site, *self.bonds[(self.bonds == site).any(axis=1)].ravel().tolist()})
-
-    def cosines(self, u: Array, site: int) -> Array:
-        """|n . k| of each contact of a bead, k along its displacement; (..., contacts).
-
-        0 for a bead that has not moved.
-        """
-        size = np.linalg.norm(u[..., site, :], axis=-1, keepdims=True)
-        k = u[..., site, :] / np.where(size > 0, size, 1.0)
-        numbers = np.array(self.contacts_at(site))
-        bonds, walls = numbers[numbers < len(self.bonds)], numbers[numbers >= len(self.bonds)]
-        normals = [self.walls[w].normal for w in self.wall_contacts[walls - len(self.bonds), 1]]
-        along = np.einsum("...bk,...k->...b", self.direction(u)[..., bonds, :], k)
-        across = k @ np.array(normals).reshape(-1, 2).T
-        return np.abs(np.concatenate([along, across], axis=-1))
-
-    def bead_energies(self, u: Array, v: Array) -> Array:
-        """Energy of each site [J], contacts with walls apart; (..., sites)."""
-        energies = self.site_energy(u, v)
-        held = self.wall_energy(u)
-        for contact, (site, _) in enumerate(self.wall_contacts):
-            energies[..., site] -= held[..., contact]
-        return energies
-
-    def walls_hold(self, u: Array) -> Array:
-        """Energy of all contacts with walls [J]; (...)."""
-        return self.wall_energy(u).sum(axis=-1)
 
 
 class _Clearance(Clearance):
@@ -197,22 +147,6 @@ class _Clearance(Clearance):
             if (site, number) in self._behind:
                 gaps[row] = max(gaps[row], float(self.walls[number].overhang(x[site])))
         return gaps
-
-
-class _Springs:
-    """One spring object for all contacts of the same kind of partners."""
-
-    def __init__(self, law: ContactLaw) -> None:
-        self._law = law
-        self._known: dict[tuple[Bead, Bead | Material], PowerLaw] = {}
-        self.contacts: list[Contact] = []
-
-    def __call__(self, bead: Bead, other: Bead | Material) -> PowerLaw:
-        pair = bead, other
-        if pair not in self._known:
-            self.contacts.append(contact_of(self._law, bead, other))
-            self._known[pair] = self.contacts[-1].spring()
-        return self._known[pair]
 
 
 def _fill(layout: Layout, beads: Mapping[str, Bead]) -> None:

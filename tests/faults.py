@@ -423,9 +423,27 @@ FAULTS = (
     ),
     Fault(
         "granular/chain.py",
-        "            energies[..., -2] -= energies[..., -1]\n",
+        "            energies[..., bead] -= energies[..., wall]\n",
         "",
         "tests/test_granular_chain.py::test_energies_of_the_parts_add_up",
+    ),
+    Fault(
+        "granular/pack.py",
+        "wall_gaps=np.zeros(len(touched))",
+        "wall_gaps=None",
+        "tests/test_packs.py::test_followed_contacts_of_a_pack_where_none_forms_change_nothing",
+    ),
+    Fault(
+        "granular/lattices.py",
+        "d / 2 + d / 2 * (k % 2)",
+        "d / 2 + d / 2 * (k % 2 == 0)",
+        "tests/test_packs.py::test_the_planar_pack_counts_rows_from_the_top",
+    ),
+    Fault(
+        "granular/assembly.py",
+        "room = watch.skin / 2",
+        "room = np.inf",
+        "tests/test_packs.py::test_energies_of_a_gas_count_the_contacts_that_formed",
     ),
     Fault(
         "granular/crystal.py",

@@ -59,7 +59,7 @@ NO_NUMBERS = (
 )  # fmt: skip
 EXTREME = ("1e308", "5e-324", "half")
 SEARCHES = (solitary_wave, largest_speed, limit_load)  # take long with these: see their tests
-MADE_BY_THE_LIBRARY = {"Run", "SolitaryWave", "EquilibriumPath", "BeadChain"}
+MADE_BY_THE_LIBRARY = {"Run", "SolitaryWave", "EquilibriumPath", "BeadChain", "Pack"}
 
 R = sp.Symbol("r")
 SPRING = Prism(1.0, 0.7, 0.01, 1.0).potential()
@@ -67,7 +67,7 @@ ELASTIC = Prism(1.0, 0.7, 0.01, 1.0, 10.0, 100.0)
 STEEL = granular.materials["steel"]
 BEAD = granular.Bead(4.76e-3, STEEL)
 STRIKER = granular.Striker(BEAD, 0.5)
-BEADS = granular.chain([BEAD] * 6, striker=STRIKER)
+BEADS = granular.chain([BEAD] * 6, striker=STRIKER, end=STEEL)
 LINE = Chain(SPRING, 24)
 LANES = Ensemble(Chain(SPRING, 4), 2)
 NET = Network([[0, 0], [1, 0], [0, 1]], [(0, 1), (1, 2)], SPRING)
@@ -75,6 +75,8 @@ WALL = Wall((0, 0), (0, 1))
 WAVE = solitary_wave(SPRING, speed_ratio=2.0)
 RUN = simulate(LINE, LINE.at_rest({0: 0.03}), 20.0, record=Record(every=1))
 BEADS_RUN = simulate(BEADS, BEADS.start(), 6e-5, record=Record(every=1))
+CUBE = granular.fcc_pack(2, 2, bead=BEAD, floor=STEEL, sides=STEEL, striker=STRIKER)
+PACKED = simulate(CUBE, CUBE.start(), 1e-5, dt=1e-6)
 FOLDER = tempfile.TemporaryDirectory()
 FILE = f"{FOLDER.name}/run.npy"
 simulate(LINE, LINE.at_rest({0: 0.01}), 1.0, dt=0.1, record=Record(path=FILE, checkpoint=1.0))
@@ -211,6 +213,22 @@ CALLS = [
     (granular.power, {"constant": 1e9, "exponent": 1.5}),
     (granular.chain, {"beads": [BEAD] * 3, "striker": STRIKER, "gravity": 9.81, "preload": 0.1,
                       "end": STEEL, "law": granular.hertz}),
+    (granular.chain, {"beads": [BEAD] * 3, "start_wall": STEEL, "end": STEEL}),
+    (granular.fcc_pack, {"layers": 2, "side": 2, "bead": BEAD, "floor": STEEL, "sides": STEEL,
+                         "striker": STRIKER, "struck": (0, 1), "contacts": "follow"}),
+    (granular.hexagonal_pack, {"rows": 2, "columns": 2, "bead": BEAD, "floor": STEEL,
+                               "sides": STEEL, "striker": STRIKER, "struck": 0, "gap": 1e-5,
+                               "offset": (0, 1), "direction": (0, -1), "contacts": "follow"}),
+    (granular.pack, {"places": [(0.0, 0.1), (0.0, 0.2)], "beads": [BEAD] * 2,
+                     "walls": {"floor": (WALL, STEEL)}, "contacts": "fixed"}),
+    (lambda pair: granular.pack([(0.0, 0.1)], BEAD, {"floor": pair}), {"pair": (WALL, STEEL)}),
+    (PACKED.scene.members, {"part": "layer 1"}),
+    (granular.wall_force, {"run": PACKED, "name": "floor", "each": True}),
+    (granular.wall_force, {"run": BEADS_RUN, "name": "end"}),
+    (beads_observables.energy_shares, {"run": PACKED}),
+    (beads_observables.effective_number, {"run": PACKED}),
+    (beads_observables.participation_ratio, {"run": PACKED}),
+    (beads_observables.virial_ratio, {"run": PACKED}),
     (granular.y_guide, GUIDE),
     (granular.diamond_guide, GUIDE),
     (granular.Guide, {"layout": y_layout(3, 3, 0.7, BEAD.diameter),

@@ -19,14 +19,19 @@ from granular import (
     Contact,
     Guide,
     Material,
+    Pack,
     Striker,
     bead_of_mass,
     coated,
     diamond_guide,
+    fcc_pack,
     hertz,
+    hexagonal_pack,
     materials,
+    pack,
     power,
     sensor_force,
+    wall_force,
     y_guide,
 )
 from granular import observables as sensors
@@ -303,7 +308,30 @@ def sensed(run: Run) -> Array:
     assert_type(sensors.overlaps(run, "stem 1"), tuple[float, float])
     assert_type(sensors.speed(run, "stem 1", (3, 7)), float)
     mean = sensors.mean_force(run, "stem 1", 3)
+    assert_type(sensors.energy_shares(run) + sensors.effective_number(run), Array)
+    assert_type(sensors.participation_ratio(run) + sensors.virial_ratio(run), Array)
     sensors.peak(run.t)  # type: ignore[call-arg]
     sensor_force(run, 3, "stem 1")  # type: ignore[arg-type]
     sensors.part_energies(run.final)  # type: ignore[arg-type]
     return mean + sensors.momentum(run)[:, 0] + sensors.density(run, [1])[:, 0]
+
+
+def packs(bead: Bead) -> Run:
+    steel, striker = materials["steel"], Striker(bead, speed=1)
+    cubic = fcc_pack(4, 3, bead=bead, floor=steel, sides=steel, striker=striker, struck=(0, 1))
+    assert_type(cubic, Pack)
+    planar = hexagonal_pack(
+        rows=3, columns=4, bead=[bead] * 11, floor=steel, striker=striker, struck=1,
+        offset=(-1, 2.0), direction=np.array([1, -2]), gap=1e-4, contacts="follow",
+    )  # fmt: skip
+    assert_type(planar.places, Array)
+    floor = Wall((0, 0), (0, 1)), steel
+    loose = pack([(0.1, 0.1), (0.2, 0.1)], bead, {"floor": floor}, contacts="fixed")
+    loose.at_rest({0: (1.0, 0.0)})
+    run = simulate(cubic, cubic.start(), 1e-5)
+    assert_type(wall_force(run, "floor"), Array)
+    wall_force(run, "floor", each=True)
+    pack([(0.1, 0.1)], "steel")  # type: ignore[arg-type]
+    fcc_pack(4, 3, bead=bead, floor="steel")  # type: ignore[arg-type]
+    fcc_pack(bead=bead, struck=1)  # type: ignore[arg-type]
+    return run

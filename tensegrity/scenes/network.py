@@ -220,6 +220,7 @@ class Network(Scene):
     def _listing(self, pairs: Array, walls: Array) -> Self:
         """This network with these contacts besides its own, and none that are followed."""
         springs, count = self.springs, len(self.bonds)
+        openings = self.geometry[self.dim, :count]  # as known, not as the positions round
         of_pairs = tuple(self.law(i, j) for i, j in pairs.tolist())
         of_walls = tuple(self.law(site, self.walls[wall]) for site, wall in walls.tolist())
         gaps = self.geometry[self.dim, count:]
@@ -234,6 +235,7 @@ class Network(Scene):
             other.__dict__.pop(name)
         other._set_geometry(lengths, None)
         geometry = other.__dict__.pop("geometry").copy()
+        geometry[self.dim, :count] = openings
         geometry[self.dim, len(bonds) : len(bonds) + len(gaps)] = gaps
         other.geometry = geometry
         return other
