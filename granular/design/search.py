@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -23,6 +22,7 @@ import numpy as np
 from granular.beads import Bead, Striker
 from granular.design import objective
 from granular.design.methods import suits
+from granular.design.packs import Build, wall_peak
 from granular.design.spaces import Choice, Order, Sizes, Space
 from granular.materials import Material
 from tensegrity import TensegrityError, check
@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from tensegrity.typing import Array
-
-    Build = Callable[[Sequence[Bead]], tuple[Any, str]]
 
 COARSE = 2.0  # steps of a search over the default ones
 FINER = (2, 4)  # of whose steps the best are computed again
@@ -131,7 +129,7 @@ class Problem:
     striker : Striker
     wall : Material
     t_end, dt : float
-        [s]; dt 0 for the default of a scene.
+        [s].
     build : callable or None
     """
 
@@ -149,10 +147,8 @@ class Problem:
             designs = self.space.designs(genes)
             found = objective.largest(designs, self.striker, self.wall, self.t_end, steps)
             return np.where(np.isfinite(found.first), found.force, np.inf)
-        from granular.design.packs import floor_force
-
-        return np.array([floor_force(self.build, self.space.beads(row), self.t_end, self.dt or None)
-                         for row in genes])  # fmt: skip
+        each = (wall_peak(self.build, self.space.beads(x), self.t_end, self.dt) for x in genes)
+        return np.array([force for force, _ in each])
 
     @property
     def part(self) -> int:
