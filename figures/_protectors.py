@@ -24,7 +24,7 @@ SOFT = Bead(10e-3, materials["ptfe"])
 NAMES = ("steel", "ptfe", "rubber", "bronze", "glass", "nylon")
 STRIKER = Striker(BIG, speed=0.44)
 COUNT = 20
-RANDOM = 1000  # designs drawn with seed 0
+RANDOM, SEEDS = 1000, 5  # designs drawn with each seed
 PART = 2048  # designs of one case of a sweep
 ROWS = 3000  # recorded rows of a trace
 
@@ -137,13 +137,15 @@ def best(name):
 
 @cache
 def drawn(name):
-    """Forces of random designs, in the order in which they were drawn [N]."""
-    scene = SCENES[name]
-    rows = scene.space.random(np.random.default_rng(0), RANDOM)
-    return forces([scene.space.beads(row) for row in rows], scene.t_end)
+    """Forces of random designs, in the order in which they were drawn [N]; (seeds, designs)."""
+    space = SCENES[name].space
+    rows = [space.random(np.random.default_rng(seed), RANDOM) for seed in range(SEEDS)]
+    with ProcessPoolExecutor() as pool:
+        return np.array(sweep(some, [(name, one) for one in rows], executor=pool))
 
 
-def _some(case):
+def some(case):
+    """Forces of rows of genes of a scene, with the steps of a search [N]."""
     name, rows = case
     scene = SCENES[name]
     unit = scene.space.all_kinds.unit(STEEL, STRIKER.speed)[0]
@@ -160,7 +162,7 @@ def every_order(name):
     np.put_along_axis(rows, places, 0, axis=1)
     cases = [(name, rows[k : k + PART]) for k in range(0, len(rows), PART)]
     with ProcessPoolExecutor() as pool:
-        return rows, np.concatenate(sweep(_some, cases, executor=pool))
+        return rows, np.concatenate(sweep(some, cases, executor=pool))
 
 
 def letters(name, beads):

@@ -124,9 +124,7 @@ def contact_of(law: ContactLaw, bead: Bead, other: Bead | Material) -> Contact:
     return contact
 
 
-def hertz_constants(
-    modulus: Array, poisson: Array, radius: Array, *other: Array
-) -> Array:
+def hertz_constants(modulus: Array, poisson: Array, radius: Array, *other: Array) -> Array:
     """Constants of many contacts after `hertz` at once [N/m^1.5].
 
     Parameters

@@ -70,7 +70,7 @@ def test_a_sweep_goes_on_from_its_checkpoint(tmp_path):
 
 
 def test_what_a_checkpoint_cannot_hold_is_refused(tmp_path):
-    with pytest.raises(TensegrityError, match="result of case 0 is .*no checkpoint holds"):
+    with pytest.raises(TensegrityError, match=r"result of case 0 is .*no checkpoint holds"):
         sweep(lambda x: object(), [1], checkpoint=tmp_path / "x.npz")
 
 
@@ -128,5 +128,3 @@ def test_a_search_under_mpi_gives_the_result_of_one_process(tmp_path):
         capture_output=True, text=True, cwd=ROOT, timeout=600,
     )  # fmt: skip
     assert answer.stdout.split() == ["True", "True"], answer.stderr
-
-

@@ -5,7 +5,7 @@
 """
 
 from granular.design.objective import peak_force
-from granular.design.search import Best, search
+from granular.design.searching import Best, search
 from granular.design.spaces import Choice, Order, Sizes
 
 __all__ = ["Best", "Choice", "Order", "Sizes", "peak_force", "search"]

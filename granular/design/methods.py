@@ -12,8 +12,8 @@ of diameters, of random keys for orders, and its form for categories are those o
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Generator
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -27,10 +27,10 @@ if TYPE_CHECKING:
 Proposals = Generator[Any, Any, None]
 
 POPULATION = 64
-PAIRS = 3  # individuals that a parent is the best of
+PAIRS = 2  # individuals that a parent is the best of
 MUTATIONS = 0.5  # chance that a child is changed no more
 TRIES = 20  # times that a full population is asked for individuals that were not there before
-STALE = 30  # populations without a better design, after which a method starts anew
+STALE = 15  # populations without a better design, after which a method starts anew
 SIGMA = 0.3  # of the range of a gene, at the start of an adaptation
 
 
@@ -49,31 +49,36 @@ def genetic(space: Order | Choice, rng: np.random.Generator) -> Proposals:
                 break
         return np.array(found)
 
-    while True:
-        rows, forces = np.empty((0, space.count), dtype=int), np.empty(0)
-        stale, best = 0, np.inf
-
-        def children() -> Indices:
-            picks = rng.integers(len(rows), size=(2, POPULATION, PAIRS)).min(axis=-1)
-            made = space.children(rng, *rows[picks])
-            changed = np.arange(len(made))
-            while len(changed):
-                made[changed] = space.mutants(rng, made[changed])
-                changed = changed[rng.random(len(changed)) > MUTATIONS]
-            return made
-
+    while len(rows := new(lambda: space.random(rng, POPULATION))):
+        forces = yield rows
+        stale = 0
         while stale < STALE:
-            made = new(children if len(rows) else lambda: space.random(rng, POPULATION))
+            made = new(partial(_children, space, rng, *_ranked(rows, forces)))
             if not len(made):
                 break
             values = yield made
-            rows, forces = np.concatenate([rows, made]), np.append(forces, values)
-            order = np.argsort(forces, kind="stable")[:POPULATION]
-            rows, forces = rows[order], forces[order]
-            stale = 0 if forces[0] < best else stale + 1
-            best = forces[0]
-        if not len(rows):
-            return  # all of a small space was there
+            stale = 0 if values.min() < forces.min() else stale + 1
+            every = np.concatenate([rows, made]), np.append(forces, values)
+            rows, forces = (x[:POPULATION] for x in _ranked(*every))
+
+
+def _ranked(rows: Indices, forces: Array) -> tuple[Indices, Array]:
+    """The best first."""
+    order = np.argsort(forces, kind="stable")
+    return rows[order], forces[order]
+
+
+def _children(
+    space: Order | Choice, rng: np.random.Generator, rows: Indices, forces: Array
+) -> Indices:
+    """Changed children of parents, the better of `PAIRS` each; the best rows come first."""
+    picks = rng.integers(len(rows), size=(2, POPULATION, PAIRS)).min(axis=-1)
+    made = space.children(rng, *rows[picks])
+    changed = np.arange(len(made))
+    while len(changed):
+        made[changed] = space.mutants(rng, made[changed])
+        changed = changed[rng.random(len(changed)) > MUTATIONS]
+    return made
 
 
 def adapting(space: Order | Sizes, rng: np.random.Generator) -> Proposals:

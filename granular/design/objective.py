@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array, Indices
 
 METHOD = METHODS["rkn6"]
+EXPONENT = 1.5  # of Hertz's law; `granular.contact` derives it
 SHARE = 0.25  # of the time unit of the fastest contact
 RUNGS = 4  # step counts of one doubling: chains run together where they have the same
 WIDTHS = (8, 16, 32, 64)  # lanes of a compiled loop
@@ -244,9 +245,7 @@ def _alike(
         yield steps, numbers
 
 
-def largest(
-    designs: Designs, striker: Striker, wall: Material, t_end: float, steps: int
-) -> Peaks:
+def largest(designs: Designs, striker: Striker, wall: Material, t_end: float, steps: int) -> Peaks:
     """What the wall feels in so many steps."""
     found, done = [], 0
     while done < len(designs):
@@ -290,43 +289,51 @@ def _side_by_side(
         early[lane[::-1]] = times[::-1]
         first = np.minimum(first, early)
     keep(u[-1], np.arange(len(designs)), np.full(len(designs), t_end))
-    return Peaks(contacts[-1] * overlap**1.5, time, first)
+    return Peaks(contacts[-1] * overlap**EXPONENT, time, first)
 
 
 class _Moving:
-    """Chains in motion, of which the last bead is followed."""
+    """Chains in motion, of which the last bead is followed.
+
+    Each step leaves its closing kick to the next one.  That of the last bead, which its velocity
+    at the step has besides, is added from its two contacts.
+    """
 
     def __init__(self, contacts: Array, weights: Array, speed: float, dt: float) -> None:
-        law = PowerLaw(1.0, 1.5).law
+        law = PowerLaw(1.0, EXPONENT).law
         table = np.zeros((contacts.size, len(law.parameters)))
         table[:, 0] = contacts.ravel()  # the others are 0: no preload
         springs = np.arange(contacts.size).reshape(contacts.shape)
-        self._u, self._v = np.zeros_like(weights), np.zeros_like(weights)
-        self._v[0] = speed
         kinds = np.zeros(contacts.size, dtype=int)
-        if isinstance(kernel.kernel((law,)), Compiled):
-            lanes: list[Any] = [slice(None)]
-        else:  # one after the other
-            lanes = list(range(weights.shape[1]))
+        together = isinstance(kernel.kernel((law,)), Compiled)
+        lanes = [slice(None)] if together else list(range(weights.shape[1]))
+        # a compiled loop leaves the closing kick; nothing was left at the start, without forces
+        self._step = ("advance_part", (1, 1, 0)) if together else ("advance", (1,))
+        self._contacts = contacts[-2:]
+        self._kick = (METHOD.kicks[-1] if together else 0.0) * dt * weights[-2]
         self._loops = []
         for part in lanes:
-            u, v = (np.ascontiguousarray(x[:, part]) for x in (self._u, self._v))
-            bonds = Bonds((law,), kinds, table, springs[:, part],
-                          np.ascontiguousarray(weights[:, part]))  # fmt: skip
-            self._loops.append((part, u, v, kernel.bind(u, v, bonds, METHOD, dt)))
+            uv = np.zeros((2, *weights[:, part].shape))
+            uv[1, 0] = speed
+            own = np.ascontiguousarray(weights[:, part])
+            bonds = Bonds((law,), kinds, table, springs[:, part], own)
+            self._loops.append((part, uv, kernel.bind(*uv, bonds, METHOD, dt)))
 
     def follow(self, steps: int) -> tuple[Array, Array]:
         """Displacement and velocity of the last bead before and after each of the next steps."""
-        kept = np.empty((2, steps + 1, self._u.shape[1]))
-        for part, u, v, loop in self._loops:
-            mine = kept[:, :, part]
-            last = u[-2], v[-2]
-            where, speed = mine
-            where[0], speed[0] = last
+        kept = np.empty((steps + 1, 2, 2, self._kick.size))  # u and v of the last two beads
+        name, how = self._step
+        for part, uv, loop in self._loops:
+            advance = getattr(loop, name)
+            mine, last = kept[..., part], uv[:, -3:-1]
+            mine[0] = last
             for k in range(1, steps + 1):
-                loop.advance(1)
-                where[k], speed[k] = u[-2], v[-2]
-        return kept[0], kept[1]
+                advance(*how)
+                mine[k] = last
+        before, u = kept[:, 0, 0], kept[:, 0, 1]
+        squeeze, pull = np.maximum(before - u, 0.0), np.maximum(u, 0.0)
+        push = self._contacts[0] * squeeze**EXPONENT - self._contacts[1] * pull**EXPONENT
+        return u, kept[:, 1, 1] + self._kick * push
 
 
 def _top(start: Array, stop: Array, rise: Array, fall: Array) -> tuple[Array, Array]:

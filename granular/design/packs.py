@@ -13,15 +13,15 @@ from granular.design.objective import METHOD
 from granular.observables import wall_force
 from tensegrity import Record, TensegrityError, check, simulate
 
-EVERY = 3  # steps between the values that a spline goes through
+EVERY = 2  # steps between the values that a spline goes through
 Build = Callable[[Sequence[Bead]], tuple[Any, str]]
 
 
 def wall_peak(build: Build, beads: Sequence[Bead], t_end: float, dt: float) -> tuple[float, float]:
     """Largest force on a wall [N], between the steps too, and when [s].
 
-    The force is that of a cubic spline through values at every `EVERY`-th step.  A largest force that is
-    the last one, still rising, is inf: the wave has not arrived.
+    The force is that of a cubic spline through values at every `EVERY`-th step.  A largest force
+    that is the last one, still rising, is inf: the wave has not arrived.
 
     Parameters
     ----------

@@ -40,6 +40,7 @@ MOVED = 1e-3  # relative change of a force that is the integration's, not the de
 FINALISTS = 16  # the best designs that are computed again, at a time
 ROUNDS = 4  # times so many are looked at
 WINDOW = 10  # times longer, for the maximum to stay
+IDLE = 30  # batches without a new design, after which a search ends
 PART = 16  # chains that one worker is given
 
 
@@ -51,7 +52,7 @@ class Again(NamedTuple):
     t_end, dt : float
         [s].
     force : float
-        [N].
+        [N]; nan where a scene could not be followed that long.
     """
 
     t_end: float
@@ -212,7 +213,8 @@ def search(
         the first batch; a design that cannot be built or whose force is no number; a checkpoint
         of another search.
     """
-    check.kind("space", space, Order | Sizes | Choice)  # type: ignore[arg-type]
+    if not isinstance(space, (Order, Sizes, Choice)):
+        raise TensegrityError(f"space {check.shown(space)} is not an Order, Sizes or a Choice")
     objective.check_blow(striker, wall)
     t_end = check.number("t_end", t_end, above=0, unit="s")
     if build is not None and not callable(build):
@@ -271,10 +273,12 @@ class _Trail:
 
     def follow(self, proposals: Any) -> None:
         """Compute what a method proposes, until it ends or the budget does."""
-        rows = next(proposals, None)
+        rows, idle = next(proposals, None), 0
         while rows is not None:
+            before = len(self.forces)
             forces = self._values(rows)
-            if len(self.forces) >= self._budget:
+            idle = 0 if len(self.forces) > before else idle + 1
+            if len(self.forces) >= self._budget or idle == IDLE:
                 return
             try:
                 rows = proposals.send(forces)
@@ -295,12 +299,12 @@ class _Trail:
         forces = self._old[begun : begun + len(rows)]
         for key in keys[: len(forces)]:
             self._digest.update(key)
-        if begun < len(self._old) <= begun + len(rows):
-            if self._digest.hexdigest() != self._old_digest:
-                raise TensegrityError(
-                    f"checkpoint {self._path}: its designs are not those that this search "
-                    "proposes; was it written with other versions of the libraries?"
-                )
+        reached = begun < len(self._old) <= begun + len(rows)
+        if reached and self._digest.hexdigest() != self._old_digest:
+            raise TensegrityError(
+                f"checkpoint {self._path}: its designs are not those that this search proposes; "
+                "was it written with other versions of the libraries?"
+            )
         fresh = rows[len(forces) :]
         if len(fresh):
             computed = self._computed(self._problem, fresh, begun + len(forces))
@@ -369,7 +373,10 @@ class _Trail:
             raise TensegrityError(f"no design of {len(self.forces)} has a force at the wall")
         _, number, finer, holds = chosen
         row = top[number : number + 1]
-        longer = self._computed(problem.at(WINDOW * t_end, dt / FINER[0]), row)[0]
+        try:
+            longer = self._computed(problem.at(WINDOW * t_end, dt / FINER[0]), row)[0]
+        except TensegrityError:  # a pack that came apart, such that unlisted beads meet
+            longer = np.nan
         again = [Again(t_end, dt, float(forces[number]))]
         again += [Again(t_end, dt / k, float(f)) for k, f in zip(FINER, finer, strict=True)]
         again.append(Again(WINDOW * t_end, dt / FINER[0], float(longer)))
