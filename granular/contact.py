@@ -136,7 +136,8 @@ def hertz_constants(modulus: Array, poisson: Array, radius: Array, *other: Array
     """
     for_pair, _ = _constants("numpy")
     modulus_2, poisson_2, radius_2 = other
-    return for_pair(modulus, modulus_2, poisson, poisson_2, radius, radius_2)
+    constants = for_pair(modulus, modulus_2, poisson, poisson_2, radius, radius_2)
+    return np.asarray(constants)
 
 
 @once

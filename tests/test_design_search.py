@@ -50,7 +50,7 @@ def test_a_method_that_proposes_nothing_new_any_more_ends():
 
 def test_the_optimum_of_t1_is_found():
     space = Order([BIG] * 10 + [SMALL] * 10)
-    found = search(space, budget=5000, seed=0, **SHORT)
+    found = search(space, budget=5000, seed=1, **SHORT)
     assert found.peak_force == pytest.approx(35.3362969, rel=1e-6)
     word = "".join("A" if bead == BIG else "b" for bead in found.beads)
     assert word == "bbAAAbAAAbbbAAAbAbbb"
@@ -298,7 +298,10 @@ def test_methods_are_a_table_that_the_page_of_names_follows():
 
 @pytest.mark.slow
 def test_searches_reach_what_is_known():
-    """T2 in 3 of 10 seeds, S below 28.5 N, M below 2.4 N."""
+    """T1 in 8 of 10 seeds, T2 in 3 of 10, S below 28.5 N, M below 2.4 N."""
+    steel = Order([BIG] * 10 + [SMALL] * 10)
+    reached = [search(steel, budget=5000, seed=s, **SHORT).peak_force for s in range(10)]
+    assert np.sum(np.isclose(reached, 35.3362969, rtol=1e-6)) >= 8
     pair = Order([BIG] * 10 + [SOFT] * 10)
     reached = [search(pair, t_end=8e-3, budget=5000, seed=s, **BLOW).peak_force for s in range(10)]
     assert np.sum(np.isclose(reached, 5.4411505, rtol=1e-6)) >= 3

@@ -49,8 +49,8 @@ def genetic(space: Order | Choice, rng: np.random.Generator) -> Proposals:
                 break
         return np.array(found)
 
-    while len(rows := new(lambda: space.random(rng, POPULATION))):
-        forces = yield rows
+    while len(first := new(lambda: space.random(rng, POPULATION))):
+        rows, forces = first, (yield first)
         stale = 0
         while stale < STALE:
             made = new(partial(_children, space, rng, *_ranked(rows, forces)))
@@ -58,8 +58,8 @@ def genetic(space: Order | Choice, rng: np.random.Generator) -> Proposals:
                 break
             values = yield made
             stale = 0 if values.min() < forces.min() else stale + 1
-            every = np.concatenate([rows, made]), np.append(forces, values)
-            rows, forces = (x[:POPULATION] for x in _ranked(*every))
+            rows, forces = _ranked(np.concatenate([rows, made]), np.append(forces, values))
+            rows, forces = rows[:POPULATION], forces[:POPULATION]
 
 
 def _ranked(rows: Indices, forces: Array) -> tuple[Indices, Array]:

@@ -22,7 +22,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -37,11 +37,10 @@ from tensegrity.engine.methods import METHODS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from typing import Any
 
     from tensegrity.typing import Array, Indices
 
-METHOD = METHODS["rkn6"]
+METHOD: Any = METHODS["rkn6"]
 EXPONENT = 1.5  # of Hertz's law; `granular.contact` derives it
 SHARE = 0.25  # of the time unit of the fastest contact
 RUNGS = 4  # step counts of one doubling: chains run together where they have the same
@@ -217,6 +216,10 @@ def check_blow(striker: Striker, wall: Material) -> None:
 
 def step_count(unit: float, t_end: float, dt: float | None) -> int:
     """Steps to `t_end`, of that size at most, or of a default size that others share."""
+    if dt is not None and dt > unit:
+        raise TensegrityError(
+            f"dt {dt:g} s must be at most {unit:g} s, the time unit of the fastest contact"
+        )
     wanted = t_end / (SHARE * unit if dt is None else dt)
     if not wanted <= MOST:
         raise TensegrityError(f"t_end {t_end:g} s takes {wanted:.3g} steps, at most {MOST:g} go")
@@ -317,7 +320,7 @@ class _Moving:
             uv[1, 0] = speed
             own = np.ascontiguousarray(weights[:, part])
             bonds = Bonds((law,), kinds, table, springs[:, part], own)
-            self._loops.append((part, uv, kernel.bind(*uv, bonds, METHOD, dt)))
+            self._loops.append((part, uv, kernel.bind(uv[0], uv[1], bonds, METHOD, dt)))
 
     def follow(self, steps: int) -> tuple[Array, Array]:
         """Displacement and velocity of the last bead before and after each of the next steps."""

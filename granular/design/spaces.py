@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -45,11 +45,11 @@ class Kinds:
         """Every bead that may occur, in one row."""
         return Designs.of([self.kinds])
 
-    def designs(self, genes: Indices) -> Designs:
+    def designs(self, genes: Any) -> Designs:
         """Rows of genes as chains; (designs, count)."""
         return Designs(*(column[0, genes] for column in self.all_kinds.columns))
 
-    def beads(self, row: Indices) -> list[Bead]:
+    def beads(self, row: Any) -> list[Bead]:
         """The beads of one row of genes."""
         return [self.kinds[k] for k in row]
 
@@ -212,7 +212,7 @@ class Sizes:
 
     def __post_init__(self) -> None:
         count = check.whole("count of beads", self.count, least=2)
-        limits = check.floats("diameters", self.diameters)  # type: ignore[arg-type]
+        limits = check.floats("diameters", self.diameters)
         if limits.shape != (2,):
             raise TensegrityError(f"diameters {check.shown(self.diameters)} must be two limits")
         low = check.number("smallest diameter", limits[0], above=0, unit="m")
@@ -248,8 +248,9 @@ class Sizes:
     def designs(self, genes: Array) -> Designs:
         """Rows of diameters as chains; (designs, count)."""
         solid = self.material.modulus, self.material.poisson
-        columns = (np.full(genes.shape, x) for x in solid)
-        return Designs(self.material.density * volume(genes), *columns, genes / 2)  # type: ignore[arg-type]
+        modulus, poisson = (np.full(genes.shape, x) for x in solid)
+        mass = self.material.density * volume(genes)  # type: ignore[arg-type]
+        return Designs(np.asarray(mass), modulus, poisson, genes / 2)
 
     def beads(self, row: Array) -> list[Bead]:
         """The beads of one row of diameters."""
@@ -275,7 +276,7 @@ def moved(rng: Generator, rows: Indices) -> Indices:
     return np.take_along_axis(rows, source, axis=1)
 
 
-def _tuple(name: str, given: object, kind: type) -> tuple:
+def _tuple(name: str, given: object, kind: type) -> tuple[Any, ...]:
     if isinstance(given, str) or not isinstance(given, Sequence) or not len(given):
         raise TensegrityError(f"{name} {check.shown(given)} are not a sequence of {kind.__name__}s")
     for number, one in enumerate(given):
