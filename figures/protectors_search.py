@@ -126,7 +126,7 @@ def draw(figure, tables):
             axes.axhline(known[kind], color="0.4", ls=style, lw=1.2, label=kind)
         axes.set(xscale="log", yscale="log", xlabel="designs computed",
                  ylabel="largest wall force [N]", title=f"{name}: {scene.title}")  # fmt: skip
-        axes.legend(fontsize=8, loc="upper right")
+        axes.legend(fontsize=8, loc="upper right", frameon=True, framealpha=1, edgecolor="none")
         axes.yaxis.set_major_formatter("{x:g}")
         axes.yaxis.set_minor_formatter("{x:g}")
         axes.tick_params(axis="y", which="minor", labelsize=7)

@@ -59,13 +59,13 @@ NO_NUMBERS = (
     "complex", "list", "list of text", "dict", "object", "function", "array", "namespace",
 )  # fmt: skip
 EXTREME = ("1e308", "5e-324", "half")
-SEARCHES = (
+SEARCHES = (  # take long with these: see their tests
     solitary_wave,
     largest_speed,
     limit_load,
     design.peak_force,
     design.search,
-)  # take long with these: see their tests
+)
 MADE_BY_THE_LIBRARY = {"Run", "SolitaryWave", "EquilibriumPath", "BeadChain", "Pack"}
 
 R = sp.Symbol("r")

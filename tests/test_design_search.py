@@ -42,7 +42,8 @@ def test_all_orders_of_a_small_space_are_computed_once_and_the_least_is_found():
     np.testing.assert_allclose(np.sort(found.history), np.sort(every), rtol=1e-3)
 
 
-def test_a_method_that_proposes_nothing_new_any_more_ends():
+def test_a_method_that_proposes_nothing_new_any_more_ends(monkeypatch):
+    monkeypatch.setattr(module, "IDLE", 4)
     for method in ("cma", "catcma"):
         found = search(Order([BIG] * 2 + [SMALL] * 2), method=method, budget=64, **SHORT)
         assert found.evaluations == 6
@@ -229,7 +230,8 @@ def test_a_force_that_grows_after_the_window_is_said_not_to_be_converged():
     assert "NOT converged in time" in str(found)
 
 
-def test_a_scene_that_is_built_is_searched_like_the_chain():
+def test_a_scene_that_is_built_is_searched_like_the_chain(monkeypatch):
+    monkeypatch.setattr(module, "WINDOW", 2)
     few = Order([BIG] * 2 + [SMALL] * 2)
     early = SHORT | {"t_end": 3e-4}
     plain = search(few, budget=64, **early)
