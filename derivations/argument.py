@@ -17,6 +17,7 @@ NAMES = (
     "rigid_response",
     "hardening",
     "waves",
+    "softening",
     "contact",
     "geometry",
     "junction",

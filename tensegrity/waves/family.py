@@ -36,6 +36,7 @@ LEAST_OF_END = 2.0**-30  # of the domain where the spring has no scale
 MOST_BINADES = 1023
 SMALLEST = np.finfo(float).tiny  # number that keeps all its digits
 PER_BINADE = 6  # sizes in the table
+CLOSER = 34  # ... between the last of them at which a spring resists and the next
 TINY = 2.0**-1000  # m: smallest size in the table of a spring without a scale
 ROUGH = 1e-4  # residual, and Newton's last step, while a wave is sought
 FIRST_POINTS, MOST_POINTS = 192, 32768
@@ -65,11 +66,11 @@ class Family:
         self.potential, self.sign = potential, sign
         self.name = next(name for name, s in SIGNS.items() if s == sign)
         self.end = sign * potential.domain[int(sign > 0)]
-        self._excess = excess(potential)
-        self.rest = self._excess.rest
+        self.beyond = excess(potential)
+        self.rest = self.beyond.rest
         self.sizes, self.gain, self.energy, self.stiffness = self._table()
         self.secant = self.rest + self.gain  # |V'|/a
-        self.rises = rises(self._excess, sign, self.sizes)
+        self.rises = rises(self.beyond, sign, self.sizes)
         self._check_existence()
         if number >= len(self.rises):
             raise TensegrityError(
@@ -90,13 +91,15 @@ class Family:
 
     def _one(self, holds):
         number = next((k for k, rise in enumerate(self.rises) if holds(rise)), len(self.rises) - 1)
-        return self if self.rise is self.rises[number] else Family(self.potential, self.sign, number)
+        return (
+            self if self.rise is self.rises[number] else Family(self.potential, self.sign, number)
+        )
 
     def _table(self):
         """Sizes a up to the end of the domain, |V'|/a - V''(0), V - V''(0) a^2/2 and V'' there,
         while the spring resists and all is finite; (4, n)."""
-        scale = min(self._excess.scale, self.end)
-        least = (LEAST if math.isfinite(self._excess.scale) else LEAST_OF_END) * scale
+        scale = min(self.beyond.scale, self.end)
+        least = (LEAST if math.isfinite(self.beyond.scale) else LEAST_OF_END) * scale
         if math.isinf(self.end):
             first = math.log2(TINY) if math.isinf(least) else math.log2(least)
             sizes = 2.0 ** (np.arange(PER_BINADE * (MOST_BINADES - first)) / PER_BINADE + first)
@@ -104,21 +107,28 @@ class Family:
             near = 2.0 ** -(np.arange(4, -math.log2(least / self.end), 1 / PER_BINADE))
             far = 1 - np.logspace(0, math.log10(1 - STROKE), 161)
             sizes = self.end * np.sort(np.concatenate([near, far[far > 1 / 16]]))
-        r = self.sign * sizes
-        with np.errstate(all="ignore"):
-            gain = self._excess.tension(r) / r
-            rows = np.array([sizes, gain, self._excess.energy(r), self.potential.stiffness(r)])
-            energy = (self.rest + gain) * sizes**2
-            good = np.isfinite(rows).all(axis=0) & np.isfinite(energy) & (energy > SMALLEST)
+        rows, good = self._rows(sizes)
         # without a scale the energies of the smallest crests underflow
-        first = 0 if math.isfinite(self._excess.scale) else int(np.argmax(good))
-        good = good[first:]
-        rows = rows[:, first:][:, : len(good) if good.all() else int(np.argmin(good))]
+        first = 0 if math.isfinite(self.beyond.scale) else int(np.argmax(good))
+        last = len(good) if good[first:].all() else first + int(np.argmin(good[first:]))
+        rows = rows[:, first:last]
+        if first < last < len(good):  # Q may have its maximum close to where the force ends
+            closer, good = self._rows(np.linspace(sizes[last - 1], sizes[last], CLOSER)[1:-1])
+            rows = np.hstack([rows, closer[:, : len(good) if good.all() else int(np.argmin(good))]])
         if rows.shape[1] < 2:
             raise TensegrityError(
                 f"no solitary wave of {self.name}: this spring does not resist {self.name}"
             )
         return rows
+
+    def _rows(self, sizes):
+        """Lines of the table, and where the spring resists and all is finite."""
+        r = self.sign * sizes
+        with np.errstate(all="ignore"):
+            gain = self.beyond.tension(r) / r
+            rows = np.array([sizes, gain, self.beyond.energy(r), self.potential.stiffness(r)])
+            energy = (self.rest + gain) * sizes**2
+            return rows, np.isfinite(rows).all(axis=0) & np.isfinite(energy) & (energy > SMALLEST)
 
     def _long_wave(self):
         """m c^2 - V''(0) [N/m] of the long-wave equation, at `sizes` a.
@@ -213,10 +223,10 @@ class Family:
     @property
     def flattens(self):
         """Whether the family ends at a front that its waves come to with flat tops."""
-        return math.isfinite(self.rise.top) and self._top_stiffness > 0
+        return math.isfinite(self.rise.top) and self.top_stiffness > 0
 
     @property
-    def _top_stiffness(self):
+    def top_stiffness(self):
         return float(self.potential.stiffness(self.sign * self.rise.top))
 
     @cached_property
@@ -225,7 +235,7 @@ class Family:
         return self.wave((1 - FLAT) * self.rise.top)
 
     def _near_front(self, law):
-        speed_squared = (self.rest + self.rise.ceiling) / self._top_stiffness
+        speed_squared = (self.rest + self.rise.ceiling) / self.top_stiffness
         start = lengthened(self._flat, law, self.rise, decay_rate(speed_squared - 1))
         while start.grid.points <= MOST_POINTS:
             profile = solved(start, amplitude_is(1.0), ROUGH)

@@ -410,7 +410,8 @@ def largest_speed(
     closest = check.number("closest", closest, least=1 - STROKE)
     if closest > 0.1:
         raise TensegrityError(f"closest {closest:g} must be at most 0.1")
-    side = Family(potential, _sign(potential, family, None))
+    sign, number = _sign_and_number(potential, family, None)
+    side = Family(potential, sign, number or 0)
     if math.isfinite(side.rise.ceiling):
         return math.sqrt((side.rest + side.rise.ceiling) / mass)
     if math.isinf(side.end):
