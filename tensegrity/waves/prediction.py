@@ -105,6 +105,8 @@ class PredictedFamily:
         rest, or the sound speed is 0.
         """
         excess = check.number("excess", excess, above=0)
+        if excess >= 1:
+            raise TensegrityError(f"excess {excess:g} must be below 1: the wave is not small")
         stiffness, slope, bend = self._rest
         if self.starts != "rest" or not stiffness > 0 or math.isnan(slope):
             raise TensegrityError(
@@ -132,7 +134,7 @@ class PredictedFamily:
             )
         stroke, beta = abs(self.crests[1]), float(_delay()(power))
 
-        def surplus(left):
+        def surplus(left: float) -> float:
             sigma = stroke - beta * left
             return math.log(4 * strength / self._mass / (speed * sigma) ** 2) - power * math.log(
                 left
@@ -232,7 +234,7 @@ def predict(potential: Potential, mass: float = 1.0) -> Prediction:
     return Prediction(potential, mass, sound_speed(potential, mass), tuple(families), absent)
 
 
-def _predicted(side, mass):
+def _predicted(side: Family, mass: float) -> PredictedFamily:
     rise, sign = side.rise, side.sign
     from_rest = rise.start == 0
     first = 0.0 if from_rest else _first_crest(side)
@@ -268,7 +270,7 @@ def _predicted(side, mass):
     )  # fmt: skip
 
 
-def _start_in_words(side, from_rest):
+def _start_in_words(side: Family, from_rest: bool) -> str:
     if side.rest == 0:
         return "a sonic vacuum: any amplitude has its wave"
     if from_rest and rises_from_rest(side.beyond, side.sign):
@@ -278,7 +280,7 @@ def _start_in_words(side, from_rest):
     return f"2V/r^2 rises above {level} only beyond |r| = {side.rise.start:.6g} m: a threshold"
 
 
-def _first_crest(side):
+def _first_crest(side: Family) -> float:
     """Where the long-wave equation has the level from which the family starts."""
     below = side.sizes <= side.rise.start
     level = side.long_wave[below]
@@ -288,7 +290,7 @@ def _first_crest(side):
         return side.sign * side.rise.start
     k = slower[-1]
 
-    def surplus(size):
+    def surplus(size: float) -> float:
         r = side.sign * size
         beyond, stored = float(side.beyond.tension(r)), float(side.beyond.energy(r))
         tension = side.rest * r + beyond
@@ -303,11 +305,11 @@ def _first_crest(side):
     return side.sign * brentq(surplus, low, high, xtol=1e-300, rtol=1e-12)
 
 
-def _wall(side):
+def _wall(side: Family) -> tuple[str, tuple[float, float], float, str]:
     """How a family ends with the domain: a kind, (n, A), m c^2 - V''(0), and words."""
     stiffness, tension = side.potential.stiffness, side.potential.tension
 
-    def exponent(part):
+    def exponent(part: float) -> tuple[float, float, float]:
         y = part * side.end
         r = side.sign * (side.end - y)
         return float(y * stiffness(r) / abs(tension(r))), r, y

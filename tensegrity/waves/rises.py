@@ -87,25 +87,25 @@ def rises_from_rest(beyond: Excess, sign: int) -> bool:
     return turn > 0 or (turn == 0 and beyond.bend > 0)
 
 
-def _summit(beyond, sign, sizes):
+def _summit(beyond: Excess, sign: int, sizes: Array) -> float:
     """Size between the first and the last at which Q' = 0, from above to below."""
     from scipy.optimize import brentq
 
-    def slope(size):  # r^3 Q'/2
+    def slope(size: float) -> float:  # r^3 Q'/2
         r = sign * size
         return float(r * beyond.tension(r) - 2 * beyond.energy(r))
 
     low, high = float(sizes[0]), float(sizes[-1])
-    return brentq(slope, low, high, xtol=1e-300, rtol=1e-14)
+    return float(brentq(slope, low, high, xtol=1e-300, rtol=1e-14))
 
 
-def _crossing(beyond, sign, sizes, floor):
+def _crossing(beyond: Excess, sign: int, sizes: Array, floor: float) -> float:
     from scipy.optimize import brentq
 
-    def surplus(size):
+    def surplus(size: float) -> float:
         return float(2 * beyond.energy(sign * size) / size / size) - floor
 
     low, high = float(sizes[0]), float(sizes[1])
     if surplus(low) >= 0:
         return low
-    return brentq(surplus, low, high, xtol=1e-300, rtol=1e-14)
+    return float(brentq(surplus, low, high, xtol=1e-300, rtol=1e-14))
