@@ -134,16 +134,17 @@ class PredictedFamily:
             )
         stroke, beta = abs(self.crests[1]), float(_delay()(power))
 
-        def surplus(left: float) -> float:
-            sigma = stroke - beta * left
-            return math.log(4 * strength / self._mass / (speed * sigma) ** 2) - power * math.log(
-                left
-            )
+        scale = math.log(4 * strength / self._mass) - 2 * math.log(speed)
 
-        high = stroke / max(beta, 1.0) * (1 - 1e-9)
+        def surplus(log_left: float) -> float:
+            sigma = stroke - beta * math.exp(log_left)
+            return scale - 2 * math.log(sigma) - power * log_left
+
+        high = math.log(stroke / max(beta, 1.0) * (1 - 1e-9))
+        low = min((scale - 2 * math.log(stroke)) / power - 1.0, high - 1.0)
         if surplus(high) > 0:
             raise TensegrityError(f"speed {speed:g} sites/s is too slow for the limit of the tent")
-        left = brentq(surplus, high * 1e-300 ** (1 / 2), high, xtol=1e-300, rtol=1e-13)
+        left = math.exp(brentq(surplus, low, high, xtol=1e-14))
         return math.copysign(stroke - left, self.crests[1])
 
     def __str__(self) -> str:
