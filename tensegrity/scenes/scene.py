@@ -159,7 +159,10 @@ class Scene(ReadOnly):
     @cached_property
     def loop_bonds(self) -> Bonds:
         """Bonds as the loop takes them."""
-        return Bonds(*self.spring_table.table, self.spring_table.group, self.inverse_mass)
+        springs = self.spring_table
+        return Bonds(
+            *springs.table, springs.group, self.inverse_mass, openings=springs.openings
+        )
 
     def is_alike(self, other: Scene) -> bool:
         """Whether states of one scene fit the other, bond for bond."""

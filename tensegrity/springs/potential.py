@@ -57,6 +57,7 @@ class Potential:
     """
 
     smooth = True  # its derivatives do not jump anywhere
+    opening: tuple[float, float, float, float] | None = None
     origin = ""  # the call that made it, where that is another than its class
 
     def __init__(
@@ -293,6 +294,7 @@ class PowerLaw(Potential):
         domain = (-math.inf, math.inf)
         self._set(_power_law(exponent), values, length, domain)
         self._exponent = exponent
+        self.opening = overlap, stiffness, exponent, -1.0
         given: dict[str, Any] = {"stiffness": stiffness, "exponent": exponent, "preload": preload}
         given |= {} if length is None else {"length": self._length}
         self.origin = call("PowerLaw", **given)
