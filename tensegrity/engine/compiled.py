@@ -38,8 +38,8 @@ _NYSTROM = _structure(  # as in steps.c
 _OPENINGS = _structure(  # as in openings.h
     "_Openings",
     "place side strength exponents betas tables nodes weights offsets dt "
-    "before rate_before after rate_after a was_u was_v travel row",
-    "count entries moving kicks degree",
+    "before rate_before after rate_after u v end_u end_v end_a row",
+    "count entries kicks degree",
 )
 
 
@@ -159,7 +159,7 @@ class _Bound:
             self._part = loop.advance_part, address
             return
         if isinstance(method, Corrected):
-            self._set_openings(loop, bonds, method, dt, moving, places)
+            self._set_openings(loop, bonds, method, dt, places)
             return
         u, dt = arrays[0], np.array([dt], dtype=loop.dtype)
         rows = [
@@ -176,7 +176,7 @@ class _Bound:
         self._arrays += [rows, steps]
         self._call = loop.advance_nystrom, (address, ctypes.addressof(steps))
 
-    def _set_openings(self, loop, bonds, method, dt, moving, places):
+    def _set_openings(self, loop, bonds, method, dt, places):
         """Prepare the steps of a corrected method; `places` are those of the loop's contacts."""
         found, u = Openings(bonds, method, dt), self._arrays[0]
         of_bonds = [found.place, found.side, found.strength, found.row]
@@ -195,12 +195,11 @@ class _Bound:
             *(loop.numbers(x) for x in method.rule),
             np.array([dt], dtype=loop.dtype),
             *np.zeros((4, count), dtype=loop.dtype),
-            *np.zeros((3, u.size), dtype=loop.dtype),
-            self._travel,
+            *np.zeros((5, u.size), dtype=loop.dtype),
             np.ascontiguousarray(row, dtype=np.int64),
         ]
         address = [x.ctypes.data for x in rows]
-        steps = _OPENINGS(*address, count, u.size, moving, len(found.nodes), DEGREE)
+        steps = _OPENINGS(*address, count, u.size, len(found.nodes), DEGREE)
         self._arrays += [rows, steps]
         self._call = loop.advance_openings, (ctypes.addressof(self._structure), ctypes.addressof(steps))
 

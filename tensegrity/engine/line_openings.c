@@ -10,6 +10,21 @@ static void overlaps(const scene *c, const openings *o, const real *restrict u,
     }
 }
 
+static int may_pass(const scene *c, const openings *o)
+{
+    for (integer s = 0; s < c->runs; s++) {
+        const integer start = LANES * c->first[s], all = LANES * c->first[s + 1] - start;
+        const integer own = c->law[s] & 1 ? all : 1; /* ranges of a run */
+        const real *low = c->range + c->range_at[s], *high = low + own, *place = o->place + start;
+        integer any = 0;
+        EACH(own) any |= (low[i] <= place[i]) & (high[i] >= place[i]);
+        if (any) return 1;
+    }
+    return 0;
+}
+
+static void remember(const scene *c, const openings *o) {} /* a line does not turn */
+
 static void give(const scene *c, const openings *o, integer b, real w, real x, real total,
                  real moment, real turning)
 {

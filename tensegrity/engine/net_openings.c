@@ -34,6 +34,19 @@ __attribute__((flatten)) static void overlaps(const scene *c, const openings *o,
         else run_of(c, o, s, u, v, w, d, 0);
 }
 
+static int may_pass(const scene *c, const openings *o)
+{
+    integer any = 0;
+    EACH(c->contacts) any |= (c->low[i] <= o->place[i]) & (c->high[i] >= o->place[i]);
+    return any != 0;
+}
+
+static void remember(const scene *c, const openings *o)
+{
+    acceleration(c, c->u, o->end_a);
+    EACH(o->entries) o->end_u[i] = c->u[i], o->end_v[i] = c->v[i];
+}
+
 static int is_wall(const scene *c, integer b)
 {
     integer s = 0;
@@ -53,9 +66,9 @@ static void give(const scene *c, const openings *o, integer b, real w, real x, r
     if (!is_wall(c, b)) {
         real square = 0, along = 0;
         AXES(k) {
-            const real pull = o->a[to + k] - o->a[from + k];
-            const real speed = o->was_v[to + k] - o->was_v[from + k];
-            line[k] += o->was_u[to + k] - o->was_u[from + k] - back * (speed - back / 2 * pull);
+            const real pull = o->end_a[to + k] - o->end_a[from + k];
+            const real speed = o->end_v[to + k] - o->end_v[from + k];
+            line[k] += o->end_u[to + k] - o->end_u[from + k] - back * (speed - back / 2 * pull);
             turn[k] = speed - back * pull;
             square += line[k] * line[k];
         }

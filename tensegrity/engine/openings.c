@@ -1,8 +1,9 @@
 /* Steps of a splitting, corrected where contacts open or close: `derivations.openings`.
 
-   Behind `steps.c` and a scene's own overlaps(c, o, u, v, w, d), the overlap of each contact and
-   its change in a step, and give(c, o, b, w, x, total, moment, turning), which hands impulse and
-   moment to the two rows of a contact. */
+   Behind `steps.c` and what the scene's own text says: overlaps(c, o, u, v, w, d), the overlap of
+   each contact and its change in a step; may_pass(c, o), whether any can have passed zero, by
+   the elongations met; remember(c, o), the motion at the end of a step; give(c, o, b, w, x, total,
+   moment, turning), which hands impulse and moment to the two rows of a contact. */
 
 #define SCAN 64
 
@@ -69,77 +70,67 @@ static void touch(const scene *c, const openings *o, integer b, real w, const re
     give(c, o, b, w, middle, o->strength[b] * total, o->strength[b] * moment, 0);
 }
 
-/* Whether contact b opened or closed in the step, and what that is corrected by. */
-static int passed(const scene *c, const openings *o, integer b)
+/* What a step in which contact b opened or closed, if it did, is corrected by. */
+static void pass(const scene *c, const openings *o, integer b)
 {
     const real w0 = o->before[b], w1 = o->after[b];
     const real d0 = o->rate_before[b], d1 = o->rate_after[b];
     const real p[4] = {w0, d0, 3 * (w1 - w0) - 2 * d0 - d1, 2 * (w0 - w1) + d0 + d1};
     if ((w0 > 0) != (w1 > 0)) {
         event(c, o, b, w1, p, root_between(p, 0, 1), w0 > 0);
-        return 1;
+        return;
     }
     const real rates[4] = {p[1], 2 * p[2], 3 * p[3], 0}, turn = root_between(rates, 0, 1);
-    if ((cubic(p, turn) > 0) == (w0 > 0)) return 0;
+    if ((cubic(p, turn) > 0) == (w0 > 0)) return;
     const real one = root_between(p, 0, turn), other = root_between(p, turn, 1);
     if (w0 > 0) {
         event(c, o, b, w1, p, one, 1);
         event(c, o, b, w1, p, other, 0);
     } else touch(c, o, b, w1, p, one, other);
-    return 1;
 }
 
-/* The sign of an overlap changed, or it turned near zero; NaN, where nothing opens, is neither. */
-static inline int suspect(real w0, real d0, real w1, real d1)
+/* The sign of an overlap changed, or it turned near zero; NaN, where nothing opens, is neither.
+   Integers as wide as the numbers, without branches: the scan is done in vectors. */
+static inline integer suspect(real w0, real d0, real w1, real d1)
 {
     const real near0 = fabs(w0), near1 = fabs(w1), least = near0 < near1 ? near0 : near1;
-    return ((w0 > 0) != (w1 > 0))
-           | ((w0 * d0 < 0) & (w1 * d1 > 0) & (4 * least < fabs(d0) + fabs(d1)));
+    const integer crossed = (w0 > 0) ^ (w1 > 0), turned = (w0 * d0 < 0) & (w1 * d1 > 0);
+    return crossed | (turned & (4 * least < fabs(d0) + fabs(d1)));
 }
 
-static int all_passed(const scene *c, const openings *o)
+static void pass_all(const scene *c, const openings *o)
 {
     const real *restrict w0 = o->before, *restrict d0 = o->rate_before;
     const real *restrict w1 = o->after, *restrict d1 = o->rate_after;
-    int found = 0, copied = 0;
+    int met = 0;
     for (integer start = 0; start < o->count; start += SCAN) {
         const integer left = o->count - start, n = left < SCAN ? left : SCAN;
-        int any = 0;
-        for (integer i = start; i < start + n; i++) any |= suspect(w0[i], d0[i], w1[i], d1[i]);
+        integer any = 0;
+        EACH(n) any |= suspect(w0[start + i], d0[start + i], w1[start + i], d1[start + i]);
         if (!any) continue;
-        if (!copied) EACH(o->entries) o->was_u[i] = c->u[i], o->was_v[i] = c->v[i];
-        copied = 1;
+        if (!met) remember(c, o);
+        met = 1;
         for (integer i = start; i < start + n; i++)
-            if (suspect(w0[i], d0[i], w1[i], d1[i])) found |= passed(c, o, i);
+            if (suspect(w0[i], d0[i], w1[i], d1[i])) pass(c, o, i);
     }
-    return found;
+    if (met) overlaps(c, o, c->u, c->v, o->after, o->rate_after);
 }
 
+/* Nothing is looked at as long as the elongations met say that every contact stayed on its side. */
 void advance_openings(const scene *c, openings *o, integer steps)
 {
-    const integer stages = c->stages;
-    real *restrict u = c->u, *restrict v = c->v, *restrict a = o->a;
-    acceleration(c, u, a);
-    overlaps(c, o, u, v, o->before, o->rate_before);
+    int looking = 0;
     for (integer k = 0; k < steps; k++) {
-        const real kick = c->kicks[0], drift = c->drifts[0], last = c->kicks[stages];
-        real largest = 0;
-        EACH(o->entries) {
-            v[i] += kick * a[i];
-            u[i] += drift * v[i];
+        if (!looking) EACH(o->entries) o->u[i] = c->u[i], o->v[i] = c->v[i];
+        for (integer s = 0; s < c->stages; s++) stage(c, c->kicks[s], c->drifts[s]);
+        if (c->closing) stage(c, c->kicks[c->stages], 0);
+        if (!looking) {
+            if (!may_pass(c, o)) continue;
+            overlaps(c, o, o->u, o->v, o->before, o->rate_before);
+            looking = 1;
         }
-        if (o->travel) {
-            for (integer i = 0; i < o->moving; i++) largest = larger(largest, fabs(drift * v[i]));
-            *o->travel += largest;
-        }
-        for (integer s = 1; s < stages; s++) stage(c, c->kicks[s], c->drifts[s]);
-        acceleration(c, u, a);
-        EACH(o->entries) v[i] += last * a[i];
-        overlaps(c, o, u, v, o->after, o->rate_after);
-        if (all_passed(c, o)) {
-            acceleration(c, u, a);
-            overlaps(c, o, u, v, o->after, o->rate_after);
-        }
+        overlaps(c, o, c->u, c->v, o->after, o->rate_after);
+        pass_all(c, o);
         real *swap = o->before;
         o->before = o->after, o->after = swap;
         swap = o->rate_before;

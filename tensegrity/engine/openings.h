@@ -7,9 +7,8 @@ typedef struct {
     const real *nodes, *weights, *offsets; /* (kicks) of a step, over dt, dt and dt^2 */
     const real *dt;
     real *before, *rate_before, *after, *rate_after; /* (contacts) overlap, and rate times dt */
-    real *a;                             /* (entries) accelerations at the end of a step */
-    real *was_u, *was_v;                 /* (entries) u and v there, before they are corrected */
-    real *travel;                        /* as in `nystrom`, or none */
+    real *u, *v;                         /* (entries) at the begin of a step */
+    real *end_u, *end_v, *end_a;         /* (entries) at its end, before it is corrected */
     const integer *row;                  /* (contacts) of its exponent */
-    integer count, entries, moving, kicks, degree;
+    integer count, entries, kicks, degree;
 } openings;
