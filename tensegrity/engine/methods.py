@@ -576,8 +576,13 @@ def find(method: str | Method) -> Method:
     return method
 
 
-def default(dt: float | None, tol: float | None, smooth: bool) -> str:
-    """Name of the method used where none is asked for; `smooth` where no contact can open."""
+def default(dt: float | None, tol: float | None, smooth: bool, opens: bool = False) -> str:
+    """Name of the method used where none is asked for.
+
+    `smooth` where no contact can open; `opens` where one can whose opening is corrected.
+    """
     if dt is not None or (tol is not None and tol > ROUGH):
         return "verlet"
+    if opens:
+        return "corrected6"
     return "processed6" if tol is not None and smooth else "rkn6"

@@ -54,6 +54,11 @@ def beta(exponent):
     return math.exp(2 * math.lgamma(exponent + 1) - math.lgamma(2 * exponent + 2))
 
 
+def is_treated(exponent):
+    """Whether contacts of that exponent are corrected; NaN is not."""
+    return (exponent >= LOWEST) & (exponent <= HIGHEST)
+
+
 class Openings:
     """Contacts of a scene that open, for steps of `dt`.
 
@@ -72,7 +77,7 @@ class Openings:
         self.bonds, self.dt = bonds, dt
         self.nodes, self.weights, self.offsets = method.rule
         place, strength, exponent, side = bonds.openings.T
-        within = (exponent >= LOWEST) & (exponent <= HIGHEST)
+        within = is_treated(exponent)
         self.exponents = np.unique(exponent[within])
         rows = np.searchsorted(self.exponents, np.where(within, exponent, 0.0))
         self.place, self.side, self.strength = (

@@ -12,6 +12,7 @@ import numpy as np
 from tensegrity import check
 from tensegrity.engine import forces, kernel
 from tensegrity.engine.bonds import Bonds, by_spring
+from tensegrity.engine.openings import is_treated
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import ReadOnly, fixed
 from tensegrity.springs.collection import Springs
@@ -155,6 +156,11 @@ class Scene(ReadOnly):
     def smooth(self) -> bool:
         """Whether the derivatives of no spring jump."""
         return all(spring.smooth for spring in self.spring_table.different)
+
+    @property
+    def opens(self) -> bool:
+        """Whether some contact can open, of an exponent for which steps are corrected."""
+        return self.follows or bool(is_treated(self.spring_table.openings[:, 2]).any())
 
     @cached_property
     def loop_bonds(self) -> Bonds:
