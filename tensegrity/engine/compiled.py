@@ -201,7 +201,10 @@ class _Bound:
         address = [x.ctypes.data for x in rows]
         steps = _OPENINGS(*address, count, u.size, len(found.nodes), DEGREE)
         self._arrays += [rows, steps]
-        self._call = loop.advance_openings, (ctypes.addressof(self._structure), ctypes.addressof(steps))
+        self._call = (
+            loop.advance_openings,
+            (ctypes.addressof(self._structure), ctypes.addressof(steps)),
+        )
 
     def advance(self, steps):
         """Advance u and v by whole steps."""

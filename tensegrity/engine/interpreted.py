@@ -70,7 +70,9 @@ class BoundInterpreted:
         self._openings = None
         if isinstance(method, Corrected):
             self._openings = Openings(bonds, method, dt)
-            kicks, drifts = (np.multiply(x, dt).tolist() for x in (method.base.kicks, method.base.drifts))
+            kicks, drifts = (
+                np.multiply(x, dt).tolist() for x in (method.base.kicks, method.base.drifts)
+            )
             first = repeat = plain.split(kicks, [*drifts, 0.0])
             last = None
             x = ca.MX.sym("u", u.size)

@@ -64,6 +64,7 @@ class Method:
     explicit = True
     reversible = True
     processor: ClassVar[tuple[Splitting, Splitting] | None] = None
+    opening_share: ClassVar[float] = 0.0  # of `step` that serves where contacts open, whatever else
     if TYPE_CHECKING:  # what each kind of method brings
         symplectic: ClassVar[bool]
         _slack: ClassVar[float]
@@ -242,6 +243,7 @@ class Corrected(Method):
 
     base: Splitting
     symplectic = reversible = False
+    opening_share = 1 / 8
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -184,9 +184,7 @@ class Network(Scene):
         arrays = (fixed(x) for x in (kind, first, second))
         contacts = Contacts(*arrays, self.geometry, self.loads, len(self.walls))  # type: ignore[call-arg]
         springs = self.spring_table
-        return Bonds(
-            *springs.table, springs.group, self.inverse_mass, contacts, springs.openings
-        )
+        return Bonds(*springs.table, springs.group, self.inverse_mass, contacts, springs.openings)
 
     @cached_property
     def clearance(self) -> Clearance | None:

@@ -166,9 +166,7 @@ class Scene(ReadOnly):
     def loop_bonds(self) -> Bonds:
         """Bonds as the loop takes them."""
         springs = self.spring_table
-        return Bonds(
-            *springs.table, springs.group, self.inverse_mass, openings=springs.openings
-        )
+        return Bonds(*springs.table, springs.group, self.inverse_mass, openings=springs.openings)
 
     def is_alike(self, other: Scene) -> bool:
         """Whether states of one scene fit the other, bond for bond."""

@@ -253,7 +253,9 @@ def _opening(energy, elongation, values):
         return None
     (one,) = found
     inside = [x for x in one.args if x != 0]
-    factor, power = sp.expand(energy.xreplace({one: y})).as_independent(y, as_Add=True)[1].as_independent(y)
+    factor, power = (
+        sp.expand(energy.xreplace({one: y})).as_independent(y, as_Add=True)[1].as_independent(y)
+    )
     base, exponent = power.as_base_exp()
     if len(one.args) != 2 or len(inside) != 1 or base != y or factor.has(elongation):
         return None
