@@ -520,16 +520,6 @@ METHODS = {
             when_not="errors below about 1e-3 are wanted: a method of higher order is cheaper",
         ),
         _RKN6,
-        Corrected(
-            name="corrected6",
-            order=6,
-            base=_RKN6,
-            step=0.15,
-            reference="rkn6 and own corrections; the idea: I. Navot, J. Math. Phys. 40, 271 (1961)",
-            when_not="no contact opens: steps are those of rkn6, which is reversible in time to "
-            "round-off and symplectic.  Corrections are neither: run backwards, it comes back "
-            "where it began to its error only",
-        ),
         Processed(
             name="processed6",
             order=6,
@@ -560,6 +550,16 @@ METHODS = {
             when_not="motions at the highest frequency matter, or networks: a step costs some 100 "
             "evaluations of the forces, in NumPy; it is here for few bonds far stiffer than the "
             "rest, whose vibrations are not excited",
+        ),
+        Corrected(
+            name="corrected6",
+            order=6,
+            base=_RKN6,
+            step=0.15,
+            reference="rkn6 and own corrections; the idea: I. Navot, J. Math. Phys. 40, 271 (1961)",
+            when_not="no contact opens: steps are those of rkn6, which is reversible in time to "
+            "round-off and symplectic.  Corrections are neither: run backwards, it comes back "
+            "where it began to its error only",
         ),
     )
 }
