@@ -70,6 +70,17 @@ static void touch(const scene *c, const openings *o, integer b, real w, const re
     give(c, o, b, w, middle, o->strength[b] * total, o->strength[b] * moment, 0);
 }
 
+/* Whether an overlap that came back to its side was beyond zero, and at a kick too: what no kick
+   felt is left, as it would be where nothing is looked at. */
+static int is_felt(const openings *o, const real *p, real turn, int closed)
+{
+    const real curvature = 2 * p[2] + 6 * p[3] * turn;
+    int felt = 0;
+    for (integer i = 0; i < o->kicks; i++)
+        felt |= (cubic(p, o->nodes[i]) + curvature * o->offsets[i] > 0) != closed;
+    return felt && (cubic(p, turn) > 0) != closed;
+}
+
 /* What a step in which contact b opened or closed, if it did, is corrected by. */
 static void pass(const scene *c, const openings *o, integer b)
 {
@@ -81,7 +92,7 @@ static void pass(const scene *c, const openings *o, integer b)
         return;
     }
     const real rates[4] = {p[1], 2 * p[2], 3 * p[3], 0}, turn = root_between(rates, 0, 1);
-    if ((cubic(p, turn) > 0) == (w0 > 0)) return;
+    if (!is_felt(o, p, turn, w0 > 0)) return;
     const real one = root_between(p, 0, turn), other = root_between(p, turn, 1);
     if (w0 > 0) {
         event(c, o, b, w1, p, one, 1);

@@ -132,8 +132,9 @@ class Openings:
         if (w0 > 0) != (w1 > 0):
             return [self._event(b, p, root(p, 0.0, 1.0), w0 > 0)]
         turn = root((p[1], 2 * p[2], 3 * p[3], 0.0), 0.0, 1.0)
-        if (value(p, turn) > 0) == (w0 > 0):
-            return []
+        felt = value(p, self.nodes) + (2 * p[2] + 6 * p[3] * turn) * self.offsets > 0
+        if (value(p, turn) > 0) == (w0 > 0) or np.all(felt == (w0 > 0)):
+            return []  # what no kick felt is left
         one, other = root(p, 0.0, turn), root(p, turn, 1.0)
         if w0 > 0:
             return [self._event(b, p, one, True), self._event(b, p, other, False)]
