@@ -24,7 +24,7 @@ TITLE = "Openings: what a step gets wrong where a contact opens, in closed form"
 
 exponent, strength = sp.symbols("n k", positive=True)
 rate, step, mass = sp.symbols("v h m", positive=True)
-curvature, offset = sp.symbols("a epsilon_i", real=True)
+curvature, pull, offset = sp.symbols("a a_f epsilon_i", real=True)
 since = sp.Symbol("tau", positive=True)  # steps since a closing, or until an opening
 after = sp.Symbol("rho", positive=True)  # the part of the step behind the event
 turning = sp.Symbol("omega", real=True)  # of the line of contact in a step
@@ -68,11 +68,12 @@ def offsets(stages: int = 3) -> list[sp.Expr]:
 def force() -> dict[int, sp.Expr]:
     """Coefficients of tau^(n + k) in the force at a kick, up to the first power of the step.
 
-    The overlap there is v tau + a tau^2/2 and a epsilon_i: v is of the order of the step, a of
-    that of its square.
+    The overlap there is v tau + a tau^2/2 and a_f epsilon_i: v is of the order of the step, a
+    of that of its square.  On a line a_f, what the forces make of a, is all of it; where the line
+    of contact turns, the rest needs no force.
     """
     small = sp.Symbol("small")
-    overlap = rate * small * since + curvature * small**2 * (since**2 / 2 + offset)
+    overlap = rate * small * since + small**2 * (curvature * since**2 / 2 + pull * offset)
     ratio = sp.expand(overlap / (rate * small * since))
     series = sp.series((1 + sp.Symbol("y")) ** exponent, sp.Symbol("y"), 0, 2).removeO()
     bracket = sp.expand(series.subs(sp.Symbol("y"), ratio - 1)).subs(small, 1)
@@ -141,8 +142,8 @@ def argument() -> list[Step]:
              "matter less. A splitting's kicks act at positions that are not those of the motion: "
              "at the third kick, under a constant acceleration a, ahead by a h^2 times",
              sp.Eq(sp.Symbol("epsilon_2"), third, evaluate=False)),
-        Step("With the overlap v tau + a tau^2/2 at a time tau from the event, and a epsilon_i at a "
-             "kick, the force there is k v^n tau^n and, next in the step,",
+        Step("With the overlap v tau + a tau^2/2 at a time tau from the event, and a_f epsilon_i "
+             "more at a kick, where a_f is what forces make of a, without the turn of the line, the force there is k v^n tau^n and, next in the step,",
              *(sp.Eq(sp.Symbol(f"F_{name}"), force()[k] * since ** (exponent + k)
                      * (offset if k < 0 else 1), evaluate=False)
                for k, name in ((1, "1"), (-1, "2")))),

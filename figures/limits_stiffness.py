@@ -101,9 +101,7 @@ def text(tables):
     """What the page says."""
     t = tables["steps"]
     stiff = t["ratio"] >= 1e5
-    powers = [
-        f"{n} {slope(t['ratio'][stiff], t[n][stiff]):.2f}" for n in EXPLICIT
-    ]
+    powers = [f"{n} {slope(t['ratio'][stiff], t[n][stiff]):.2f}" for n in EXPLICIT]
     (implicit,) = [n for n in DIFFERENT if n not in EXPLICIT]
     last = [f"{t[n][-1]} of {n}" for n in EXPLICIT]
     return (

@@ -17,11 +17,10 @@ from tensegrity import (
     Potential,
     PowerLaw,
     Prism,
+    Run,
     State,
     TensegrityError,
     Wall,
-    load,
-    save,
     simulate,
 )
 from tensegrity.engine.interpreted import BoundInterpreted
@@ -32,6 +31,7 @@ from tensegrity.engine.openings import Openings, beta, hurwitz, zetas
 EXPONENTS = (1.0, 1.5, 2.0, 2.5)
 METHOD = METHODS["corrected6"]
 FLOOR = 2e-12  # errors below it are round-off
+ZETA = 4e-12  # a correction is far smaller than what it corrects: more digits would be lost
 
 
 def row(exponent, sites=6, **how):
@@ -67,13 +67,16 @@ def moved(scene, state, t_end, steps, method=METHOD, engine=bind):
     return np.stack([u[: scene.sites], v[: scene.sites]])
 
 
-def order(scene, state, t_end, counts, method=METHOD):
-    """Least-squares power of the step in the error, and the largest and smallest error."""
-    exact = moved(scene, state, t_end, 3000)
+def order(scene, state, t_end, method=METHOD):
+    """Least-squares power of the step in the error, and the errors."""
+    counts, exact = (
+        np.unique(np.geomspace(40, 400, 70).astype(int)),
+        moved(scene, state, t_end, 3000),
+    )
     errors = [np.max(np.abs(moved(scene, state, t_end, n, method) - exact)) for n in counts]
-    above = np.array(errors) > FLOOR
-    slope = np.polyfit(np.log(np.array(counts)[above]), np.log(np.array(errors)[above]), 1)[0]
-    return -slope, errors
+    errors = np.array(errors)
+    above = errors > FLOOR
+    return -np.polyfit(np.log(counts[above]), np.log(errors[above]), 1)[0], errors
 
 
 # the table
@@ -82,7 +85,7 @@ def order(scene, state, t_end, counts, method=METHOD):
 @pytest.mark.parametrize("s", [-3.5, -2.5, -2.0, -1.5, -1.0, -0.5, 0.0])
 def test_zeta_function_is_that_of_mpmath(s):
     for q in (0.03, 0.4, 1.0, 1.7):
-        assert hurwitz(s, q) == pytest.approx(float(mpmath.zeta(s, q)), rel=1e-13, abs=1e-14)
+        assert hurwitz(s, q) == pytest.approx(float(mpmath.zeta(s, q)), rel=0, abs=ZETA)
 
 
 @pytest.mark.parametrize("n", EXPONENTS)
@@ -90,7 +93,7 @@ def test_polynomials_are_the_zeta_functions_less_their_first_term(n):
     for s, table in zip((-n, -n - 1, 1 - n), zetas(n), strict=True):
         for q in (0.0, 0.21, 0.77, 1.0):
             found = np.polynomial.polynomial.polyval(2 * q - 1, table)
-            assert found == pytest.approx(float(mpmath.zeta(s, 1 + q)), abs=2e-15)
+            assert found == pytest.approx(float(mpmath.zeta(s, 1 + q)), rel=0, abs=ZETA)
 
 
 def test_quadrature_error_of_a_square_is_the_zeta_function_at_minus_two():
@@ -124,7 +127,7 @@ def test_correction_of_an_event_is_the_derived_one(n, opens):
     bonds = row(n, 2).loop_bonds
     table = Openings(bonds, METHOD, 0.1)
     w = np.array([0.004, -0.009, 0.001, -0.0004]) * (1 if opens else -1)
-    x, total, moment, turning = table._event(0, w, 0.48, opens)
+    x, total, moment, turning = table._event(0, w, 0.48, opens, 0.0007)
     nodes, weights, offsets = METHOD.rule
     q = np.mod((x - nodes) * (1 if opens else -1), 1)
     z = [[float(mpmath.zeta(-n - k, y)) for y in q] for k in (0, 1, -1)]
@@ -132,13 +135,14 @@ def test_correction_of_an_event_is_the_derived_one(n, opens):
         derived.exponent: n, derived.strength: 1, derived.way: -1 if opens else 1,
         derived.rate: abs(w[1] + 2 * w[2] * x + 3 * w[3] * x**2),
         derived.curvature: 2 * w[2] + 6 * w[3] * x, derived.after: 1 - x, derived.turning: 1,
+        derived.pull: 2 * w[2] + 6 * w[3] * x - 0.0007,
         derived.zeta_n: weights @ z[0], derived.zeta_up: weights @ z[1],
         derived.zeta_down: (weights * offsets) @ z[2],
     }  # fmt: skip
     forms = derived.impulse(), derived.shift(), derived.turned()
     expected = [float(form.subs(numbers)) for form in forms]
     found = total, moment + (1 - x) * total, turning
-    np.testing.assert_allclose(found, expected, rtol=1e-10)
+    np.testing.assert_allclose(found, expected, rtol=1e-8)
 
 
 # the order
@@ -146,26 +150,18 @@ def test_correction_of_an_event_is_the_derived_one(n, opens):
 
 @pytest.mark.needs_compiler
 @pytest.mark.parametrize("n", EXPONENTS)
-def test_order_in_a_chain_is_the_exponent_and_three(n):
-    chain = row(n)
-    counts = np.geomspace(40, 640, 13).astype(int)
-    found, errors = order(chain, blow(chain), 9.0, counts)
-    plain, others = order(chain, blow(chain), 9.0, counts, METHODS["rkn6"])
-    assert found == pytest.approx(float(derived.left().subs(derived.exponent, n)), abs=0.6)
-    assert plain == pytest.approx(n + 1, abs=0.6)
-    assert np.median(np.array(errors) / others) < 5e-3
-
-
-@pytest.mark.needs_compiler
-@pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.parametrize("n", EXPONENTS)
-def test_order_in_a_network_with_a_wall_is_the_exponent_and_three(n, dim):
-    network = cluster(n, dim)
-    counts = np.geomspace(24, 400, 17).astype(int)
-    found, errors = order(network, thrown(network), 6.0, counts)
-    plain, others = order(network, thrown(network), 6.0, counts, METHODS["rkn6"])
-    print(n, dim, found, plain, errors, others)
-    assert found > plain + 0.9
+@pytest.mark.parametrize("where", ["chain", "plane with a wall", "space"])
+def test_order_is_the_exponent_and_three_not_and_one(where, n):
+    if where == "chain":
+        scene, state, t_end = row(n), blow(row(n)), 9.0
+    else:
+        scene = cluster(n, 3 if where == "space" else 2)
+        state, t_end = thrown(scene), 6.0
+    found, errors = order(scene, state, t_end)
+    plain, others = order(scene, state, t_end, METHODS["rkn6"])
+    assert found > float(derived.left().subs(derived.exponent, n)) - 0.55
+    assert plain == pytest.approx(n + 1, abs=0.4)
+    assert np.median(errors / others) < 5e-3
 
 
 @pytest.mark.needs_compiler
@@ -181,7 +177,7 @@ def test_struck_beads_agree_with_an_adaptive_method():
     start = np.concatenate([state.u, state.v])
     found = solve_ivp(rates, (0, 9), start, method="DOP853", rtol=3e-14, atol=1e-15, max_step=0.02)
     exact = found.y[:, -1].reshape(2, -1)
-    np.testing.assert_allclose(moved(chain, state, 9.0, 800), exact, rtol=0, atol=3e-12)
+    np.testing.assert_allclose(moved(chain, state, 9.0, 800), exact, rtol=0, atol=1e-11)
 
 
 @pytest.mark.needs_compiler
@@ -244,16 +240,14 @@ def test_slack_strings_are_contacts_of_exponent_one():
     positions = np.array([[0, 0.0], [1, 0], [0.5, 0.8]])
     net = Network(positions, [(0, 1), (0, 2), (1, 2)], string)
     state = State(np.zeros((3, 2)), np.array([[0.2, -0.1], [-0.15, 0.1], [0.05, 0.3]]))
-    counts = np.geomspace(60, 480, 12).astype(int)
-    assert order(net, state, 8.0, counts)[0] > 3.4
-    assert order(net, state, 8.0, counts, METHODS["rkn6"])[0] < 2.6
+    assert order(net, state, 8.0)[0] > 3.4
+    assert order(net, state, 8.0, METHODS["rkn6"])[0] < 2.6
 
 
 @pytest.mark.needs_compiler
 def test_preloaded_contacts_that_open_are_corrected_too():
     chain = Chain(PowerLaw(1.0, 1.5, preload=0.1), 6)
-    counts = np.geomspace(60, 480, 12).astype(int)
-    assert order(chain, blow(chain), 9.0, counts)[0] > 3.9
+    assert order(chain, blow(chain), 9.0)[0] > 3.9
 
 
 # what is kept
@@ -381,5 +375,5 @@ def test_a_base_must_be_a_splitting_in_the_scene_s_variables():
 def test_a_run_with_corrections_is_kept_in_a_file(tmp_path):
     chain = row(1.5)
     run = simulate(chain, blow(chain), 9.0)
-    save(run, tmp_path / "run.npz")
-    assert load(tmp_path / "run.npz").method == "corrected6"
+    run.save(tmp_path / "run.npz")
+    assert Run.load(tmp_path / "run.npz").method == "corrected6"

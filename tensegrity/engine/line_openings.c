@@ -25,6 +25,8 @@ static int may_pass(const scene *c, const openings *o)
 
 static void remember(const scene *c, const openings *o) {} /* a line does not turn */
 
+static real swing(const scene *c, const openings *o, integer b, real x) { return 0; }
+
 static void give(const scene *c, const openings *o, integer b, real w, real x, real total,
                  real moment, real turning)
 {

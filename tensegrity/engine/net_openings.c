@@ -54,29 +54,43 @@ static int is_wall(const scene *c, integer b)
     return (c->law[s] & 2) != 0;
 }
 
-/* The line of contact at the event, a part 1 - x of the step ago, and how fast it turned. */
+/* The line of contact at the event, a part 1 - x of the step ago, how fast it turned, and how
+   long it was; the last two are 0 where it does not turn. */
+static real line_at(const scene *c, const openings *o, integer b, real x, real *line, real *turn)
+{
+    const real back = (1 - x) * *o->dt;
+    AXES(k) line[k] = c->geometry[k * c->contacts + b], turn[k] = 0;
+    if (DIM == 1 || is_wall(c, b)) return 0;
+    const integer from = c->from[b], to = c->to[b];
+    real square = 0, along = 0;
+    AXES(k) {
+        const real pull = o->end_a[to + k] - o->end_a[from + k];
+        const real speed = o->end_v[to + k] - o->end_v[from + k];
+        line[k] += o->end_u[to + k] - o->end_u[from + k] - back * (speed - back / 2 * pull);
+        turn[k] = speed - back * pull;
+        square += line[k] * line[k];
+    }
+    const real length = sqrt(square);
+    AXES(k) line[k] /= length, along += line[k] * turn[k];
+    AXES(k) turn[k] = (turn[k] - along * line[k]) / length;
+    return length;
+}
+
+static real swing(const scene *c, const openings *o, integer b, real x)
+{
+    real line[DIM], turn[DIM], square = 0;
+    const real length = line_at(c, o, b, x, line, turn), dt = *o->dt;
+    AXES(k) square += turn[k] * turn[k];
+    return o->side[b] * dt * dt * length * square;
+}
+
 static void give(const scene *c, const openings *o, integer b, real w, real x, real total,
                  real moment, real turning)
 {
-    const integer n = c->contacts, from = c->from[b], to = c->to[b];
+    const integer from = c->from[b], to = c->to[b];
     const real dt = *o->dt, back = (1 - x) * dt;
-    real line[DIM], turn[DIM] = {0}, impulse[DIM], shift[DIM], size = 0, mobility = 0;
-    AXES(k) line[k] = c->geometry[k * n + b];
-#if DIM > 1
-    if (!is_wall(c, b)) {
-        real square = 0, along = 0;
-        AXES(k) {
-            const real pull = o->end_a[to + k] - o->end_a[from + k];
-            const real speed = o->end_v[to + k] - o->end_v[from + k];
-            line[k] += o->end_u[to + k] - o->end_u[from + k] - back * (speed - back / 2 * pull);
-            turn[k] = speed - back * pull;
-            square += line[k] * line[k];
-        }
-        const real length = sqrt(square);
-        AXES(k) line[k] /= length, along += line[k] * turn[k];
-        AXES(k) turn[k] = (turn[k] - along * line[k]) / length;
-    }
-#endif
+    real line[DIM], turn[DIM], impulse[DIM], shift[DIM], size = 0, mobility = 0;
+    line_at(c, o, b, x, line, turn);
     AXES(k) {
         impulse[k] = dt * o->side[b] * (total * line[k] + dt * turning * turn[k]);
         shift[k] = dt * dt * o->side[b] * moment * line[k] + back * impulse[k];

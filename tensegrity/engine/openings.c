@@ -2,7 +2,8 @@
 
    Behind `steps.c` and what the scene's own text says: overlaps(c, o, u, v, w, d), the overlap of
    each contact and its change in a step; may_pass(c, o), whether any can have passed zero, by
-   the elongations met; remember(c, o), the motion at the end of a step; give(c, o, b, w, x, total,
+   the elongations met; remember(c, o), the motion at the end of a step; swing(c, o, b, x), the
+   part of an overlap's change of rate that the turn of its line makes; give(c, o, b, w, x, total,
    moment, turning), which hands impulse and moment to the two rows of a contact. */
 
 #define SCAN 64
@@ -47,7 +48,8 @@ static void event(const scene *c, const openings *o, integer b, real w, const re
         sums[2] += weight * o->offsets[i] * (z[2] + least);
     }
     const real size = o->strength[b] * pow(rate, alpha - 1), way = opens ? -1 : 1;
-    const real total = -size * (rate * sums[0] + alpha * curvature * (sums[1] / 2 + sums[2]));
+    const real pull = curvature - swing(c, o, b, x);
+    const real total = -size * (rate * sums[0] + alpha * (curvature * sums[1] / 2 + pull * sums[2]));
     const real moment = way * size * rate * sums[1];
     give(c, o, b, w, x, total, moment, -moment);
 }
@@ -57,11 +59,11 @@ static void touch(const scene *c, const openings *o, integer b, real w, const re
                   real other)
 {
     const real alpha = o->exponents[o->row[b]], middle = (one + other) / 2;
-    const real curvature = 2 * p[2] + 6 * p[3] * middle;
+    const real curvature = 2 * p[2] + 6 * p[3] * middle, pull = curvature - swing(c, o, b, middle);
     real total = pow(fabs(curvature / 2), alpha) * pow(other - one, 2 * alpha + 1)
                  * o->betas[o->row[b]], moment = 0;
     for (integer i = 0; i < o->kicks; i++) {
-        const real node = o->nodes[i], inside = cubic(p, node) + curvature * o->offsets[i];
+        const real node = o->nodes[i], inside = cubic(p, node) + pull * o->offsets[i];
         if (!(inside > 0 && node > 0 && node < 1)) continue;
         const real force = o->weights[i] * pow(inside, alpha);
         total -= force;
@@ -72,12 +74,13 @@ static void touch(const scene *c, const openings *o, integer b, real w, const re
 
 /* Whether an overlap that came back to its side was beyond zero, and at a kick too: what no kick
    felt is left, as it would be where nothing is looked at. */
-static int is_felt(const openings *o, const real *p, real turn, int closed)
+static int is_felt(const scene *c, const openings *o, integer b, const real *p, real turn,
+                   int closed)
 {
-    const real curvature = 2 * p[2] + 6 * p[3] * turn;
+    const real pull = 2 * p[2] + 6 * p[3] * turn - swing(c, o, b, turn);
     int felt = 0;
     for (integer i = 0; i < o->kicks; i++)
-        felt |= (cubic(p, o->nodes[i]) + curvature * o->offsets[i] > 0) != closed;
+        felt |= (cubic(p, o->nodes[i]) + pull * o->offsets[i] > 0) != closed;
     return felt && (cubic(p, turn) > 0) != closed;
 }
 
@@ -92,7 +95,7 @@ static void pass(const scene *c, const openings *o, integer b)
         return;
     }
     const real rates[4] = {p[1], 2 * p[2], 3 * p[3], 0}, turn = root_between(rates, 0, 1);
-    if (!is_felt(o, p, turn, w0 > 0)) return;
+    if (!is_felt(c, o, b, p, turn, w0 > 0)) return;
     const real one = root_between(p, 0, turn), other = root_between(p, turn, 1);
     if (w0 > 0) {
         event(c, o, b, w1, p, one, 1);

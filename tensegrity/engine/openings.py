@@ -15,8 +15,8 @@ import numpy as np
 from tensegrity.engine import forces
 from tensegrity.once import once
 
-DEGREE = 20  # of the polynomials for the zeta functions: exact to round-off
-TERMS, BERNOULLI = 12, (1 / 6, -1 / 30, 1 / 42, -1 / 30, 5 / 66, -691 / 2730, 7 / 6)
+DEGREE = 20  # of the polynomials for the zeta functions, which are as good as their sums
+TERMS, BERNOULLI = 8, (1 / 6, -1 / 30, 1 / 42, -1 / 30, 5 / 66, -691 / 2730, 7 / 6, -3617 / 510)
 LOWEST, HIGHEST = 1.0, 2.5  # exponents for which the order was seen
 
 
@@ -25,7 +25,7 @@ def hurwitz(s, q):
 
     SciPy's is no number for s < 1.  The first terms, and Euler's and Maclaurin's sum of the rest.
     """
-    q = np.asarray(q, dtype=float)
+    q = np.asarray(q, dtype=np.longdouble)  # large terms nearly cancel
     total = sum((q + n) ** -s for n in range(TERMS))
     far = q + TERMS
     total = total + far ** (1 - s) / (s - 1) + far**-s / 2
@@ -34,7 +34,7 @@ def hurwitz(s, q):
         total = total + number / factorial * rising * far ** (-s - 2 * k + 1)
         rising *= (s + 2 * k - 1) * (s + 2 * k)
         factorial *= (2 * k + 1) * (2 * k + 2)
-    return total
+    return np.asarray(total, dtype=float)
 
 
 @once
@@ -122,41 +122,53 @@ class Openings:
             return w1, d1
         there = u.copy(), v.copy()
         for b in hits.tolist():
-            for push in self._pushes(b, w0[b], d0[b], w1[b], d1[b]):
-                self._give(b, w1[b], *push, u, v, a, *there)
+
+            def line(x, b=b):
+                return self._line(b, self.dt * (1 - x), *there, a)
+
+            for x, *push in self._pushes(b, line, w0[b], d0[b], w1[b], d1[b]):
+                self._give(b, w1[b], x, *push, *line(x), u, v)
         return self.overlaps(u, v)
 
-    def _pushes(self, b, w0, d0, w1, d1):
+    def _pushes(self, b, line, w0, d0, w1, d1):
         """For each event in a step: where, and the sums of `_event` or of `_touch`."""
         p = w0, d0, 3 * (w1 - w0) - 2 * d0 - d1, 2 * (w0 - w1) + d0 + d1
+
+        def swing(x):
+            _, turn, length = line(x)
+            return self.side[b] * self.dt**2 * length * (turn @ turn)
+
         if (w0 > 0) != (w1 > 0):
-            return [self._event(b, p, root(p, 0.0, 1.0), w0 > 0)]
+            x = root(p, 0.0, 1.0)
+            return [self._event(b, p, x, w0 > 0, swing(x))]
         turn = root((p[1], 2 * p[2], 3 * p[3], 0.0), 0.0, 1.0)
-        felt = value(p, self.nodes) + (2 * p[2] + 6 * p[3] * turn) * self.offsets > 0
+        pull = 2 * p[2] + 6 * p[3] * turn - swing(turn)
+        felt = value(p, self.nodes) + pull * self.offsets > 0
         if (value(p, turn) > 0) == (w0 > 0) or np.all(felt == (w0 > 0)):
             return []  # what no kick felt is left
         one, other = root(p, 0.0, turn), root(p, turn, 1.0)
         if w0 > 0:
-            return [self._event(b, p, one, True), self._event(b, p, other, False)]
-        return [self._touch(b, p, one, other)]
+            return [self._event(b, p, x, x == one, swing(x)) for x in (one, other)]
+        return [self._touch(b, p, one, other, swing((one + other) / 2))]
 
-    def _event(self, b, p, x, opens):
+    def _event(self, b, p, x, opens, swing=0.0):
         """Root, and the sums that impulse, moment and turning of the line take from it."""
         alpha, rate = self.exponents[self.row[b]], abs(slope(p, x))
         curvature = 2 * p[2] + 6 * p[3] * x
         z0, z2, z3 = self._sums(self.row[b], x, opens)
-        power = self.strength[b] * rate ** (alpha - 1)
+        size = self.strength[b] * rate ** (alpha - 1)
         way = -1.0 if opens else 1.0
-        total = -power * (rate * z0 + alpha * curvature * (z2 / 2 + z3))
-        return x, total, way * power * rate * z2, -way * power * rate * z2
+        next_order = curvature * z2 / 2 + (curvature - swing) * z3
+        total = -size * (rate * z0 + alpha * next_order)
+        return x, total, way * size * rate * z2, -way * size * rate * z2
 
-    def _touch(self, b, p, one, other):
+    def _touch(self, b, p, one, other, swing):
         """The same of a contact that closed and opened again."""
         alpha, strength = self.exponents[self.row[b]], self.strength[b]
         middle, length = (one + other) / 2, other - one
         curvature = 2 * p[2] + 6 * p[3] * middle
         exact = abs(curvature / 2) ** alpha * length ** (2 * alpha + 1) * self.betas[self.row[b]]
-        w = value(p, self.nodes) + curvature * self.offsets
+        w = value(p, self.nodes) + (curvature - swing) * self.offsets
         inside = (w > 0) & (self.nodes > 0) & (self.nodes < 1)
         force = self.weights * np.where(inside, np.abs(w), 0.0) ** alpha
         total = strength * (exact - np.sum(force))
@@ -176,16 +188,12 @@ class Openings:
         weights = self.weights
         return weights @ z0, weights @ z2, (weights * self.offsets) @ z3
 
-    def _give(self, b, w, x, total, moment, turning, u, v, a, u1, v1):
+    def _give(self, b, w, x, total, moment, turning, line, turned, _, u, v):
         """Impulse and moment to both rows of contact b, equal and opposite."""
-        dt, back = self.dt, 1 - x
+        dt, back = self.dt, (1 - x) * self.dt
         impulse, shift = dt * self.side[b] * total, dt**2 * self.side[b] * moment
-        if self.bonds.contacts is None:
-            line, turned = np.ones(1), np.zeros(1)
-        else:
-            line, turned = self._line(b, dt * back, u1, v1, a)
         impulse = impulse * line + dt**2 * self.side[b] * turning * turned
-        shift = shift * line + back * dt * impulse
+        shift = shift * line + back * impulse
         rows = int(self._first[b]), int(self._second[b])
         mobility = np.max(self._weights[rows[0]] + self._weights[rows[1]])
         if np.sum(np.abs(shift)) * mobility >= abs(w):
@@ -197,20 +205,23 @@ class Openings:
             u[row] += sign * self._weights[row] * shift
 
     def _line(self, b, back, u, v, a):
-        """Direction of contact b a time `back` ago, and its rate of change."""
+        """Direction of contact b a time `back` ago, its rate of change, and the length of what
+        turns; 0 where nothing does."""
         c, dim = self.bonds.contacts, self.bonds.dim
+        if c is None:
+            return np.ones(1), np.zeros(1), 0.0
         pair = c.kind[b] == 0
         place, velocity, pull = (
             x[self._second[b]] - (x[self._first[b]] if pair else 0.0) for x in (u, v, a)
         )
         reference = c.geometry[:dim, b]
         if not pair or dim == 1:
-            return reference, np.zeros(dim)
+            return reference, np.zeros(dim), 0.0
         apart = reference + place - back * velocity + back**2 / 2 * pull
         velocity = velocity - back * pull
         length = math.sqrt(apart @ apart)
         line = apart / length
-        return line, (velocity - line * (line @ velocity)) / length
+        return line, (velocity - line * (line @ velocity)) / length, length
 
 
 def value(p, x):
