@@ -10,6 +10,7 @@ step.  Rivals take turns; times are CPU times, least of several rounds.
 from __future__ import annotations
 
 import time
+from functools import partial
 
 import numpy as np
 
@@ -198,13 +199,8 @@ def defaults():
     rows = []
     for name, bead, speed, t_end in (("steel", STEEL, 0.585, 420e-6), ("PTFE", PTFE, 0.25, 1.6e-3)):
         space = y_guide(bead=bead, striker=Striker(STEEL, speed))
-        record = Record(every=10)
-        calls = {
-            m: lambda m=m, space=space, t=t_end: simulate(
-                space, space.start(), t, method=m, record=record
-            )
-            for m in (None, PLAIN)
-        }
+        how = {"t_end": t_end, "record": Record(every=10)}
+        calls = {m: partial(simulate, space, space.start(), method=m, **how) for m in (None, PLAIN)}
         for method, seconds in cpu(calls, 3).items():
             run = calls[method]()
             rows.append((f"{name}, {run.method}", run.energy_error, 1e6 * run.dt, 1e3 * seconds))

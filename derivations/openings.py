@@ -143,7 +143,8 @@ def argument() -> list[Step]:
              "at the third kick, under a constant acceleration a, ahead by a h^2 times",
              sp.Eq(sp.Symbol("epsilon_2"), third, evaluate=False)),
         Step("With the overlap v tau + a tau^2/2 at a time tau from the event, and a_f epsilon_i "
-             "more at a kick, where a_f is what forces make of a, without the turn of the line, the force there is k v^n tau^n and, next in the step,",
+             "more at a kick, where a_f is what forces make of a, without the turn of the line, "
+            "the force there is k v^n tau^n and, next in the step,",
              *(sp.Eq(sp.Symbol(f"F_{name}"), force()[k] * since ** (exponent + k)
                      * (offset if k < 0 else 1), evaluate=False)
                for k, name in ((1, "1"), (-1, "2")))),
