@@ -260,7 +260,7 @@ class Corrected(Method):
         return self.base.stages
 
     @property
-    def stability_limit(self) -> float:  # type: ignore[override]
+    def stability_limit(self) -> float:
         """Largest stable dt * omega on the harmonic oscillator."""
         return self.base.stability_limit
 

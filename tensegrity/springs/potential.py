@@ -237,7 +237,7 @@ class Potential:
         return f"Potential({law.energy}, {law.elongation}, {{{values}}}{length}, domain=({domain}))"
 
 
-def _opening(energy, elongation, values):
+def _opening(energy: Any, elongation: Any, values: Any) -> Any:
     """Where a law has a one-sided power of the elongation, such as Max(r - r0, 0)**2.
 
     Returns
