@@ -19,6 +19,7 @@ NAMES = (
     "waves",
     "softening",
     "contact",
+    "openings",
     "geometry",
     "junction",
 )
