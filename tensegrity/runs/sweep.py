@@ -7,6 +7,7 @@ if it is lost again.
 
 from __future__ import annotations
 
+import json
 import os
 import pickle
 import time
@@ -121,7 +122,10 @@ class _Ledger:
         if self._path is None:
             return
         name = f"{getattr(function, '__module__', '')}.{getattr(function, '__qualname__', '')}"
-        self._of = {"function": name, "cases": archive.fingerprint(tuple(cases))}
+        try:
+            self._of = {"function": name, "cases": archive.fingerprint(tuple(cases))}
+        except TypeError as error:  # such as complex numbers
+            raise TensegrityError(f"cases that no checkpoint can name: {error}") from error
         if self._path.exists():
             kept = archive.read(self._path, "sweep")
             require_same(self._path, "sweep", kept["of"], self._of)
@@ -151,7 +155,10 @@ class _Ledger:
 
 def _can_be_kept(result: Any) -> bool:
     trial = archive._Writer()
-    trial.value(result)
+    try:
+        json.dumps(trial.value(result))
+    except TypeError:  # such as complex numbers
+        return False
     return not trial.opaque
 
 
