@@ -77,8 +77,9 @@ def sentences(tables):
     last = float((top[:, -2:] == 1).all(axis=1).mean())
     say(
         "soft/light beads near the wall",
-        f"T1, best 0.1 % of all orders: the last two are light in {last:.0%}", "holds" if last > 0.9 else "does not hold",
-    )  # fmt: skip
+        f"T1, best 0.1 % of all orders: the last two are light in {last:.0%}",
+        "holds" if last > 0.9 else "does not hold",
+    )
     heavy = (top == 0).mean(axis=0)
     say(
         "hard/heavy beads near the struck end",
