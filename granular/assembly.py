@@ -12,11 +12,11 @@ import numpy as np
 
 from granular.contact import contact_of
 from granular.crystal import Crystal
-from tensegrity import Network, TensegrityError, check
+from tensegrity import Network, State, TensegrityError, check
 from tensegrity.scenes.scene import KINK_SHARE
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Mapping, Sequence
     from typing import Any
 
     from numpy.typing import ArrayLike
@@ -37,9 +37,33 @@ class Assembly(Crystal, Network):
     ----------
     wall_names : tuple of str
         Of each wall; walls of one name count together.
+    rest : ndarray, (sites, dim)
+        Displacements [m] in equilibrium under the loads, 0 where there are none.
     """
 
     wall_names: tuple[str, ...]
+    rest: Array
+
+    def at_rest(self, velocity: Mapping[int, Sequence[float]] | None = None) -> State:
+        """All at rest under the loads, some sites given a velocity [m/s]: {site: (dim,)}."""
+        state = State(self.rest, super().at_rest(velocity).v)
+        self.check(state)
+        return state
+
+    def available_energy(self, state: State) -> float:
+        """Energy of motion and contacts [J], which any contact could get.
+
+        That of the loads counts from the places as laid, where it could be below 0.
+        """
+        return self.energy(state) + float(np.sum(self.loads * state.u))
+
+    def name(self, site: int) -> str:
+        """Words for a site: its part and its number in it, from 1."""
+        for part, sites in self.parts.items():
+            if site in sites:
+                known = f"bead {sites.index(site) + 1} of {part}"
+                return "the striker" if part == "striker" else known
+        return f"site {site}"
 
     @property
     def step_share(self) -> float:  # type: ignore[override]

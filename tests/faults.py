@@ -434,6 +434,18 @@ FAULTS = (
         "tests/test_packs.py::test_followed_contacts_of_a_pack_where_none_forms_change_nothing",
     ),
     Fault(
+        "granular/statics.py",
+        "< 0.5 * np.linalg.norm(f)",
+        "< np.inf",
+        "tests/test_packs_at_rest.py::test_a_pack_with_small_gaps_settles_until_its_contacts_carry",
+    ),
+    Fault(
+        "granular/statics.py",
+        "return pull + scene.loads",
+        "return pull - scene.loads",
+        "tests/test_packs_at_rest.py::test_a_guide_rests_on_its_end_until_struck",
+    ),
+    Fault(
         "granular/lattices.py",
         "d / 2 + d / 2 * (k % 2)",
         "d / 2 + d / 2 * (k % 2 == 0)",

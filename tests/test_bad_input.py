@@ -87,7 +87,7 @@ X = np.linspace(-5.0, 5.0, 101)
 TIMES = {"t": T, "force": FORCE}
 GUIDE = {"stem": 3, "branch": 3, "half_angle": 0.7, "bead": BEAD, "branches": (BEAD, BEAD)}
 GUIDE |= {"wall": STEEL, "striker": STRIKER, "end": STEEL, "gap": 0.0, "through": 0.0}
-GUIDE |= {"law": granular.hertz}
+GUIDE |= {"law": granular.hertz, "gravity": 9.81, "preload": 0.1}
 LAYOUT = {"stem": 3, "branch": 3, "half_angle": 0.7, "diameter": 0.005}
 ROWS = {"name": "own", "order": 2, "step": 0.1, "reference": "", "when_not": ""}
 SPLIT = {"kicks": (0.5, 0.5), "drifts": (1.0,)}
@@ -215,12 +215,15 @@ CALLS = [
                       "end": STEEL, "law": granular.hertz}),
     (granular.chain, {"beads": [BEAD] * 3, "start_wall": STEEL, "end": STEEL}),
     (granular.fcc_pack, {"layers": 2, "side": 2, "bead": BEAD, "floor": STEEL, "sides": STEEL,
-                         "striker": STRIKER, "struck": (0, 1), "contacts": "follow"}),
+                         "striker": STRIKER, "struck": (0, 1), "contacts": "follow",
+                         "gravity": 9.81, "preload": 0.1}),
     (granular.hexagonal_pack, {"rows": 2, "columns": 2, "bead": BEAD, "floor": STEEL,
                                "sides": STEEL, "striker": STRIKER, "struck": 0, "gap": 1e-5,
-                               "offset": (0, 1), "direction": (0, -1), "contacts": "follow"}),
+                               "offset": (0, 1), "direction": (0, -1), "contacts": "follow",
+                               "gravity": 9.81, "preload": 0.1}),
     (granular.pack, {"places": [(0.0, 0.1), (0.0, 0.2)], "beads": [BEAD] * 2,
-                     "walls": {"floor": (WALL, STEEL)}, "contacts": "fixed"}),
+                     "walls": {"floor": (WALL, STEEL)}, "contacts": "fixed", "gravity": 0.0,
+                     "preload": {}}),
     (lambda pair: granular.pack([(0.0, 0.1)], BEAD, {"floor": pair}), {"pair": (WALL, STEEL)}),
     (PACKED.scene.members, {"part": "layer 1"}),
     (granular.wall_force, {"run": PACKED, "name": "floor", "each": True}),
@@ -233,7 +236,8 @@ CALLS = [
     (granular.diamond_guide, GUIDE),
     (granular.Guide, {"layout": y_layout(3, 3, 0.7, BEAD.diameter),
                       "beads": dict.fromkeys(("stem 1", "branch 1", "branch 2"), BEAD),
-                      "wall": STEEL, "striker": STRIKER, "end": STEEL, "law": granular.hertz}),
+                      "wall": STEEL, "striker": STRIKER, "end": STEEL, "law": granular.hertz,
+                      "gravity": 9.81, "preload": 0.1}),
     (y_layout, LAYOUT | {"gap": 0.0, "through": 0.0}),
     (diamond_layout, LAYOUT | {"gap": 0.0, "through": 0.0}),
     (crossed_layout, LAYOUT),
