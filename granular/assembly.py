@@ -37,11 +37,13 @@ class Assembly(Crystal, Network):
     ----------
     wall_names : tuple of str
         Of each wall; walls of one name count together.
+    wall_materials : tuple of Material
     rest : ndarray, (sites, dim)
         Displacements [m] in equilibrium under the loads, 0 where there are none.
     """
 
     wall_names: tuple[str, ...]
+    wall_materials: tuple[Material, ...]
     rest: Array
 
     def at_rest(self, velocity: Mapping[int, Sequence[float]] | None = None) -> State:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from granular.contact import ContactLaw
+    from granular.contact import Contact, ContactLaw
     from tensegrity.typing import Array
 
 PER_BEAD = 2000  # bytes: each contact is a spring of its own
@@ -43,6 +43,8 @@ class BeadChain(Crystal, Chain):
         Sites of "striker" or "start wall", "chain" and "wall", in the order in which a wave meets
         them.
     striker : Striker or None
+    bodies : tuple of Bead or Material
+        One for each site: a Material stands for a wall.
     """
 
     def __init__(
@@ -69,7 +71,7 @@ class BeadChain(Crystal, Chain):
         parts["chain"] = tuple(range(first, first + len(beads)))
         if walls[1]:
             parts["wall"] = (sites - 1,)
-        self.parts = parts
+        self.parts, self.bodies = parts, tuple(bodies)
         pairs = list(pairwise(bodies))
         self._contacts = [
             contact_of(law, *((a, b) if isinstance(a, Bead) else (b, a))) for a, b in pairs
@@ -102,6 +104,11 @@ class BeadChain(Crystal, Chain):
             ]
             u[:-1] = -np.cumsum(relief[::-1])[::-1]
         return State(u, v)
+
+    @property
+    def contacts(self) -> tuple[Contact, ...]:
+        """The law of each contact."""
+        return tuple(self._contacts)
 
     def contact_forces(self, u: ArrayLike) -> Array:
         """Compressive force in each contact [N]; u of shape (..., sites) gives (..., sites - 1)."""

@@ -105,6 +105,8 @@ class Guide(Assembly):
         layout.check()
         self.layout, self.striker = layout, striker
         self.wall_names = tuple(piece.name for piece in layout.walls)
+        stops = () if end is None else (end,) * (len(layout.walls) - sides)
+        self.wall_materials = (wall,) * sides + stops
         first = 0 if striker is None else 1
         parts = {p: tuple(b + first for b in sites) for p, sites in layout.parts.items()}
         filled = [beads[part] for part, sites in layout.parts.items() for _ in sites]
@@ -117,7 +119,7 @@ class Guide(Assembly):
             bonds = np.concatenate([[[0, 1]], bonds])
         self.parts, self.beads = parts, tuple(filled)
         touched = np.add(layout.wall_contacts(), (first, 0))
-        solids: list[Any] = [wall if number < sides else end for _, number in touched]
+        solids: Any = [self.wall_materials[number] for _, number in touched]
         springs = SharedSprings(checked_law(law))
         super().__init__(
             positions,

@@ -107,7 +107,8 @@ class Pack(Assembly):
             given = {"striker": (len(places) - 1,), **given}
         self.parts, self.beads = given, filled
         self.named_walls, self.wall_names = dict(named), tuple(named)
-        solids = [material for _, material in named.values()]
+        solids = tuple(material for _, material in named.values())
+        self.wall_materials = solids
         springs = SharedSprings(hertz)
         radius = np.array([bead.radius for bead in filled])
         planes = [wall for wall, _ in named.values()]

@@ -17,6 +17,7 @@ import sympy as sp
 import granular
 import tensegrity
 from granular import observables as beads_observables
+from granular.lammps import to_lammps
 from granular.layout import crossed_layout, diamond_layout, y_layout
 from tensegrity import (
     Chain,
@@ -228,6 +229,8 @@ CALLS = [
     (PACKED.scene.members, {"part": "layer 1"}),
     (granular.wall_force, {"run": PACKED, "name": "floor", "each": True}),
     (granular.wall_force, {"run": BEADS_RUN, "name": "end"}),
+    (to_lammps, {"scene": CUBE, "state": CUBE.start(), "t_end": 1e-5, "dt": 1e-6, "every": 2,
+                 "path": f"{FOLDER.name}/in.beads"}),
     (beads_observables.energy_shares, {"run": PACKED}),
     (beads_observables.effective_number, {"run": PACKED}),
     (beads_observables.participation_ratio, {"run": PACKED}),

@@ -50,6 +50,7 @@ PUBLIC = [  # modules whose names a user takes from the module
     "tensegrity.engine.methods",
     "tensegrity.measure.observables",
     "tensegrity.runs.tuning",
+    "granular.lammps",
     "granular.observables",
 ]
 UNUSED = {  # rows of coefficients, and what others return

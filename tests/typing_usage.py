@@ -35,6 +35,7 @@ from granular import (
     y_guide,
 )
 from granular import observables as sensors
+from granular.lammps import run_lammps, to_lammps
 from tensegrity import (
     Chain,
     ContactError,
@@ -331,6 +332,9 @@ def packs(bead: Bead) -> Run:
     run = simulate(cubic, cubic.start(), 1e-5)
     assert_type(wall_force(run, "floor"), Array)
     wall_force(run, "floor", each=True)
+    path = to_lammps(cubic, cubic.start(), 1e-4, 1e-7, "in.beads", every=10)
+    assert_type(path, Path)
+    assert_type(run_lammps(cubic, cubic.start(), 1e-4, 1e-7, ranks=2, path=path), Run)
     pack([(0.1, 0.1)], "steel")  # type: ignore[arg-type]
     fcc_pack(4, 3, bead=bead, floor="steel")  # type: ignore[arg-type]
     fcc_pack(bead=bead, struck=1)  # type: ignore[arg-type]
