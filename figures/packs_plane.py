@@ -56,9 +56,7 @@ def data():
     tables = {}
     for name, how in HITS.items():
         scene = _packs.plane(**how)
-        run = simulate(
-            scene, scene.start(), END, method="rkn6", dt=FINE, record=Record(interval=ROW)
-        )
+        run = _packs.exact(scene, END, Record(interval=ROW))
         each = wall_force(run, "floor", each=True)[:, list(scene.parts["row 12"])]
         struck = [k for k in range(len(scene.bonds)) if scene.sites - 1 in scene.bonds[k]]
         line = [max(struck, key=lambda k: scene.contact_forces(run.u)[:, k].max()), *down(scene)]
