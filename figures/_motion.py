@@ -72,5 +72,5 @@ def gif(path, figure, frames, show):
         figure.canvas.draw()
         figure.set_layout_engine("none")  # every frame as the first is laid out
         image = Image.fromarray(np.array(figure.canvas.buffer_rgba())).convert("RGB")
-        images.append(image.quantize(64))
+        images.append(image.quantize(128))
     images[0].save(path, save_all=True, append_images=images[1:], duration=1000 // RATE, loop=0)

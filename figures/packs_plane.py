@@ -23,7 +23,7 @@ GROUP = "packs"
 TILTED = (-0.5, math.sqrt(0.75)), (0.5, -math.sqrt(0.75))
 HITS = {"straight": {}, "oblique": {"offset": TILTED[0], "direction": TILTED[1]}}
 END, FRAMES = 6e-4, 60
-FACTOR, MOST = 60, 90.0  # of the displacements; N of the widest line
+FACTOR, MOST = 60, 50.0  # of the displacements; N of the widest line
 KNOWN = {"straight": (575.759026, 219.97633), "oblique": (482.694720, 224.91311)}
 SPEEDS = {"straight": (643.5, 480.9), "oblique": (639.3, 489.5)}  # m/s, of the first and last pair
 
