@@ -219,6 +219,8 @@ class Network(Scene):
 
     def _listing(self, pairs: Array, walls: Array) -> Self:
         """This network with these contacts besides its own, and none that are followed."""
+        if not len(pairs) and not len(walls):
+            return self._alone
         springs, count = self.springs, len(self.bonds)
         openings = self.geometry[self.dim, :count]  # as known, not as the positions round
         of_pairs = tuple(self.law(i, j) for i, j in pairs.tolist())
@@ -239,6 +241,11 @@ class Network(Scene):
         geometry[self.dim, len(bonds) : len(bonds) + len(gaps)] = gaps
         other.geometry = geometry
         return other
+
+    @cached_property
+    def _alone(self) -> Self:
+        """This network with its own contacts, and none that are followed."""
+        return self._with(law=None, clearance=None)
 
     def _with(self, **changed: Any) -> Self:
         """This network with other springs or contacts; what is computed from them is dropped."""
