@@ -21,6 +21,7 @@ INTERVAL = 2e-6  # s between rows
 ENDS = {"break shot": 9.1e-3, "gas": 12e-3}  # s
 COUNTED = (2e-3, 4e-3, 6e-3, 8e-3, 12e-3)  # s
 KNOWN = (14, 26, 38, 46, 60)
+ROUND_OFF = 1e-12
 SHOWN = (0.0, 1.2e-3, 4e-3)  # s
 
 
@@ -50,12 +51,12 @@ def gas():
 
 
 def met(scene, run):
-    """Pairs of beads in contact in some row, with the first instant; {(i, j): s}."""
+    """Pairs of beads that push each other in some row, with the first instant; {(i, j): s}."""
     i, j = np.triu_indices(scene.sites, 1)
     found = {}
     for t, u in zip(run.t, run.u, strict=True):
         x = scene.positions + u
-        for k in np.flatnonzero(np.linalg.norm(x[j] - x[i], axis=1) < D).tolist():
+        for k in np.flatnonzero(np.linalg.norm(x[j] - x[i], axis=1) < D * (1 - ROUND_OFF)).tolist():
             found.setdefault((int(i[k]), int(j[k])), float(t))
     return found
 
@@ -135,9 +136,9 @@ def draw(figure, tables):
             axes.grid(False)
         line[0].set(ylabel="z [mm]")
         axes, energy = line[3], tables[f"{key}_energy"]
-        axes.plot(1e3 * energy["t [s]"], 1e9 * energy["error"], "C3", lw=0.8)
+        axes.plot(1e3 * energy["t [s]"], 1e12 * energy["error"], "C3", lw=0.8)
         axes.set(
-            xlabel="time [ms]", ylabel="energy error [1e-9]", title="energy, and pairs that met"
+            xlabel="time [ms]", ylabel="energy error [1e-12]", title="energy, and pairs that met"
         )
         other = axes.twinx()
         times = np.sort(tables[f"{key}_pairs"]["t [s]"])
