@@ -63,7 +63,9 @@ def fcc_pack(
         ix and iy of that bead of the top layer, from 0; by default the middle, (side - 1)//2.
     contacts : {"fixed", "follow"}, optional
         "fixed": pairs that touch at the start; one that forms ends the run with ContactError.
-        "follow": contacts that form are found before they act.  By default "fixed".
+        "follow": contacts that form are found before they act.  By default "fixed", which is exact
+        and cheapest: second neighbours are 0.41 diameters apart, and with a step of its own choice
+        a run that follows takes three times as many.
     gravity : float, optional
         [m/s^2], >= 0, downward.  The state at the start is the static equilibrium then.
     preload : float, optional

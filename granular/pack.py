@@ -114,7 +114,9 @@ class Pack(Assembly):
         planes = [wall for wall, _ in named.values()]
         bonds, touched = self._touching(places, radius, planes)
         followed = None
-        if contacts == "follow":
+        if contacts == "follow":  # a wall that ends holds a bead only as long as it is beside it
+            endless = np.array([wall.extent is None for wall in planes], dtype=bool)
+            touched = touched[endless[touched[:, 1]]]
             followed = _Law(filled, planes, solids, springs)
         loads = _loads(filled, places.shape, gravity, preload)
         found = None
@@ -296,8 +298,9 @@ def pack(
         By name; walls with an `extent` end there, others do not.
     contacts : {"follow", "fixed"}, optional
         "follow": contacts that form are found before they act, and a bead that leaves through an
-        open side is followed.  "fixed": a contact that is not there at the start ends the run with
-        ContactError.
+        open side, or flies past the end of a wall, is followed; one that touches the end of a wall,
+        for which there is no law, ends the run with ContactError.  "fixed": so does any contact
+        that is not there at the start.
     gravity : float, optional
         [m/s^2], >= 0, downward along the last axis.  States of the pack start from its static
         equilibrium, `equilibrium`; beads that find none near their places are an error.
