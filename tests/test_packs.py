@@ -220,7 +220,7 @@ def test_a_bead_that_flies_past_the_end_of_a_wall_is_followed():
     assert wall_force(simulate(on_it, on_it.at_rest({0: (0, -0.1)}), 1e-5), "floor").max() > 1
     on_it = pack([(0.0, D / 2)], STEEL, table, gravity=9.81)
     with pytest.raises(ContactError, match="site 0 touches the end of wall 0"):
-        simulate(on_it, on_it.at_rest({0: (2.0, 0.0)}), 2e-2, dt=1e-5)
+        simulate(on_it, on_it.at_rest({0: (2.0, 0.0)}), 1.1e-2, dt=1e-6)
 
 
 def test_a_run_of_a_pack_survives_a_file(tmp_path):
