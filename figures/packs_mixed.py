@@ -142,5 +142,5 @@ def draw(figure, tables):
         below = tables[f"{name}_below"]
         for mix in t["mix"]:
             c.plot(1e3 * below["t [s]"], below[mix], lw=1, label=mix)
-        c.set(xlabel="time [ms]", ylabel="share of the energy", title="lower half", ylim=(0, 0.8))
-        c.legend(fontsize=7)
+        c.set(xlabel="time [ms]", ylabel="share of the energy", title="lower half", ylim=(0, 1))
+        c.legend(fontsize=7, loc="upper left", ncols=2)

@@ -100,8 +100,9 @@ def draw(figure, tables):
         axes.set_title(f"{name}; widest line {most:.2g} N", fontsize=10)
         axes.grid(False)
         t = tables[f"{name.replace(' ', '_')}_floor"]
-        c.semilogy(1e3 * t["x [m]"], t["force [N]"], "o-", ms=4, label=name)
+        c.plot(1e3 * t["x [m]"], t["force [N]"], "o-", ms=4, label=name)
     c.set(xlabel="x [mm]", ylabel="force [N]", title="single beads on the floor, at rest")
+    c.set_ylim(bottom=0)
     c.legend(fontsize=8)
     for preload in PRELOADS:
         key = f"{preload:g} N"
