@@ -17,7 +17,7 @@ from tensegrity import Record, Wall
 NAME = "packs_forming"
 GROUP = "packs"
 
-INTERVAL = 2e-6  # s between rows
+INTERVAL = 5e-7  # s between rows
 ENDS = {"break shot": 9.1e-3, "gas": 12e-3}  # s
 COUNTED = (2e-3, 4e-3, 6e-3, 8e-3, 12e-3)  # s
 KNOWN = (14, 26, 38, 46, 60)
