@@ -149,10 +149,22 @@ FAULTS = (
         "tests/test_pieces.py::test_pieces_equal_the_whole_bit_for_bit",
     ),
     Fault(
-        "tensegrity/engine/net_law.c",
-        "force[to[i] + k] -= along[k][i];",
-        "force[to[i] + k] += along[k][i];",
+        "tensegrity/engine/net.c",
+        "sum[k] -= store[c->taken[e] + k * GROUP];",
+        "sum[k] += store[c->taken[e] + k * GROUP];",
         "tests/test_network.py::test_free_patch_keeps_energy_momentum_and_angular_momentum",
+    ),
+    Fault(
+        "tensegrity/engine/slices.py",
+        "needed = np.minimum.accumulate(lowest[::-1])[::-1]",
+        "needed = lowest",
+        "tests/test_lanes.py::test_threads_give_the_bits_of_one",
+    ),
+    Fault(
+        "tensegrity/engine/lanes.c",
+        "q + (x - y * q) * z2",
+        "q",
+        "tests/test_lanes.py::test_roots_and_quotients_are_exact_to_a_unit_or_two",
     ),
     Fault(
         "tensegrity/engine/plain.py",

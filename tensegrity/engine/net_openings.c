@@ -34,10 +34,18 @@ __attribute__((flatten)) static void overlaps(const scene *c, const openings *o,
         else run_of(c, o, s, u, v, w, d, 0);
 }
 
+/* By what all contacts of a run met together: each of them met no more. */
 static int may_pass(const scene *c, const openings *o)
 {
     integer any = 0;
-    EACH(c->contacts) any |= (c->low[i] <= o->place[i]) & (c->high[i] >= o->place[i]);
+    for (integer s = 0; s < c->runs; s++) {
+        const real *low = c->low + c->met_at[s], *high = c->high + c->met_at[s];
+        const integer start = c->first[s], count = c->first[s + 1] - start;
+        const integer met = c->law[s] & 1 ? c->entry[s + 1] - c->entry[s] : GROUP;
+        real least = low[0], most = high[0];
+        EACH(met) least = smaller(low[i], least), most = larger(high[i], most);
+        EACH(count) any |= (least <= o->place[start + i]) & (most >= o->place[start + i]);
+    }
     return any != 0;
 }
 
