@@ -10,6 +10,7 @@ from tensegrity.engine import codegen, geometry
 from tensegrity.engine.bonds import by_spring
 from tensegrity.engine.methods import Splitting
 from tensegrity.engine.native import library
+from tensegrity.engine.walk import Part
 from tensegrity.once import once
 
 
@@ -169,6 +170,10 @@ class _Bound:
         """Advance u and v by whole steps."""
         function, addresses = self._call
         function(*addresses, steps)
+
+    def parts(self):
+        """What `walk` needs to advance them with others."""
+        return [Part(..., *self._call, *self._arrays[:2])]
 
     def advance_part(self, steps, opened, close):
         """Steps of a splitting whose first kick includes the last one of the steps before, if

@@ -8,6 +8,7 @@ import numpy as np
 
 from tensegrity.errors import LockingError, RecordError, StabilityError
 from tensegrity.runs import archive
+from tensegrity.runs.rows import Rows
 from tensegrity.runs.run import Run
 
 
@@ -72,6 +73,34 @@ class Book:
             part = self._plan.part[row]
             state, impulse = self._watch.look() if part == 0 else self._watch.look_back(part)
             self._add(self._plan.t[row], state, impulse)
+
+    def ahead(self, steps):
+        """Numbers of the steps of the next rows, as far as `steps` steps from here; None where a
+        row lies within a step, or has to be in its file before the next one is computed."""
+        if not isinstance(self._rows, Rows):
+            return None
+        row, done = self._rows.count, self._watch.sound.done
+        last = np.searchsorted(self._plan.step, done + steps, side="right")
+        return None if self._plan.part[row:last].any() else self._plan.step[row:last]
+
+    def room(self, count):
+        """Where u, v and impulses of the next rows belong, all sites of them; what `take` takes."""
+        arrays, row = self._rows.arrays, self._rows.count
+        walls = arrays["impulse"][row : row + count] if self._walls[0] else None
+        if isinstance(self._columns, slice):
+            return arrays["u"][row : row + count], arrays["v"][row : row + count], walls
+        shape = count, *self._problem.scene.shape
+        return np.empty(shape), np.empty(shape), walls
+
+    def take(self, u, v):
+        """Count rows that were put into `room`."""
+        arrays, row = self._rows.arrays, self._rows.count
+        here = slice(row, row + len(u))
+        arrays["energy"][here] = self._problem.scene.energies(u, v)
+        arrays["t"][here] = self._plan.t[here]
+        if not isinstance(self._columns, slice):
+            arrays["u"][here], arrays["v"][here] = u[:, self._columns], v[:, self._columns]
+        self._rows.count += len(u)
 
     def keep_last(self):
         """Record where the run ended, if that is not the last row."""

@@ -25,6 +25,7 @@ from tensegrity.scenes.clearance import CAUTION
 from tensegrity.scenes.scene import State
 
 BLOCK = 2_000_000  # bonds x stages x steps in one call of the loop: about 5 ms
+STRIDE = 20  # blocks in one call with its rows: an interrupt waits no longer
 FEWEST = 100  # steps in one call: the pieces of a long chain work apart for some tens
 MOST_STEPS = 10**12
 
@@ -109,7 +110,7 @@ def march(problem, steps, allowed, checkpoints=0, start=None):
     )
     apart = steps // checkpoints if checkpoints else steps  # steps between two of them
     largest = max(FEWEST, BLOCK // (scene.cost * problem.method.stages))
-    since, failure = time.monotonic(), None
+    since, failure, careful = time.monotonic(), None, steps if checkpoints else 0
     book.keep_state()
     try:
         with _progress(steps) as bar:
@@ -125,6 +126,9 @@ def march(problem, steps, allowed, checkpoints=0, start=None):
                 if seconds is not None and time.monotonic() - since > seconds:
                     book.keep_state()
                     since = time.monotonic()
+                if done >= careful and _stride(watch, book, min(steps - done, STRIDE * largest)):
+                    continue
+                careful = max(careful, min(steps, done + STRIDE * largest))
                 stop = min(book.stop(), checks.count * apart if checkpoints else steps)
                 watch.advance(min(stop - done, largest))
         book.keep_state()
@@ -138,6 +142,20 @@ def march(problem, steps, allowed, checkpoints=0, start=None):
         return run, checks.finished()
     failure.run = run
     raise failure
+
+
+def _stride(watch, book, steps):
+    """Do steps with their rows in one call; whether all was sound, else nothing is done."""
+    at = book.ahead(steps) if steps > 0 and watch.strides() else None
+    if at is None:
+        return False
+    at = at[: np.searchsorted(at, watch.sound.done + watch.most(), side="right")]
+    end = watch.sound.done + min(steps, watch.most())
+    rows = book.room(len(at))
+    if not watch.stride(at if len(at) and at[-1] == end else np.append(at, end), *rows):
+        return False
+    book.take(*rows[:2])
+    return True
 
 
 def _progress(steps):
@@ -166,7 +184,7 @@ class _Watch:
             self._u, self._v = self.sound.u.copy(), self.sound.v.copy()
         self._tracker = scene.clearance and scene.clearance.tracker(self._u[: scene.sites])
         self._most = math.inf  # steps that can be done without a look for new contacts
-        self._loop, self._fastest = None, 0.0
+        self._loop, self._walk, self._fastest = None, None, 0.0
 
     def _list(self, scene):
         """Take the contacts that a scene lists, with no range of theirs known to be allowed."""
@@ -280,6 +298,47 @@ class _Watch:
                 self._list_anew()
                 return
         raise StabilityError(f"a block of {steps} steps went wrong, but not step by step")
+
+    def strides(self):
+        """Whether steps and their rows can be done in one call."""
+        if self._loop is None:
+            self._begin()
+        if self._walk is None:
+            follows = self._problem.scene.follows
+            self._walk = (not follows and self._loop.walk(self._leave)) or False
+        return self._walk is not False
+
+    def most(self):
+        """Steps that can be done without a look for new contacts."""
+        return self._most
+
+    def stride(self, at, rows_u, rows_v, impulse):
+        """Advance to the last of the step numbers `at`, a row at each that there is room for.
+
+        Returns whether all was sound; if not, nothing is done.
+        """
+        before, steps = self.sound, int(at[-1]) - self.sound.done
+        loops = [self._loop] + [self._leave] * (self._leave is not None)
+        for loop in loops:
+            loop.forget_range()
+        at, sites = np.ascontiguousarray(at, dtype=np.int64), self._problem.scene.sites
+        self._walk.go(
+            before.done, at, len(at) == len(rows_u), sites, rows_u, rows_v,
+            self._problem.scene.wall_count, impulse,
+        )  # fmt: skip
+        self._loop.walked(before.done > 0)
+        seen = self._walk.seen()
+        sound = self._is_sound(self._loop, *seen) and (
+            self._leave is None or self._is_sound(self._leave, *seen)
+        )
+        if not (sound and (self._tracker is None or self._is_clear(before.done, steps))):
+            self._u[:], self._v[:] = before.u, before.v
+            return False
+        at_step = None if steps > 1 else before.seen
+        self.sound = Sound(self._u.copy(), self._v.copy(), before.done + steps, seen, at_step)
+        for loop in loops:
+            self._see(loop)
+        return True
 
     def _block(self, done, steps):
         """Do steps, and look: whether all is sound."""

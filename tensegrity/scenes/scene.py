@@ -229,6 +229,10 @@ class Scene(ReadOnly):
         """The scene with contacts that may well form in a run from displacements u."""
         return self
 
+    def energies(self, u: Array, v: Array) -> Array:
+        """Total energy [J] of each of many states; u and v (states, *shape of the scene)."""
+        return np.array([self.energy(State(*pair)) for pair in zip(u, v, strict=True)])
+
     def available_energy(self, state: State) -> float:
         """What one spring could get of the energy [J]: all of it."""
         return self.energy(state)
