@@ -12,11 +12,27 @@ from tensegrity.runs.rows import Rows
 from tensegrity.runs.run import Run
 
 
+class Kept(NamedTuple):
+    """u, v of all sites and impulses of all walls after the steps `at`, increasing numbers."""
+
+    at: np.ndarray
+    u: np.ndarray
+    v: np.ndarray
+    impulse: np.ndarray
+
+    def among(self, wanted):
+        """Those after some of the steps; views where they are all."""
+        if len(wanted) == len(self.at):
+            return self
+        places = np.searchsorted(self.at, wanted)
+        return Kept(wanted, *(x[places] for x in self[1:]))
+
+
 class Sound(NamedTuple):
     """Arrays of the loop after so many steps, known to be right; never changed.
 
     `seen` stands for them in the scene's own variables, with closing kicks; `before` is that of
-    the step before, where the last block was one step.
+    the step before, where the last block was one step; `kept` what was kept on the way.
     """
 
     u: np.ndarray
@@ -24,6 +40,7 @@ class Sound(NamedTuple):
     done: int
     seen: tuple[np.ndarray, np.ndarray]
     before: tuple[np.ndarray, np.ndarray] | None = None
+    kept: Kept | None = None
 
 
 class Start(NamedTuple):
@@ -68,39 +85,51 @@ class Book:
 
     def catch_up(self):
         """Record what is due."""
-        done = self._watch.sound.done
+        done, kept = self._watch.sound.done, self._watch.sound.kept
+        if kept is not None:
+            self._take(kept)
         while self._plan.is_due(row := self._rows.count, done):
             part = self._plan.part[row]
             state, impulse = self._watch.look() if part == 0 else self._watch.look_back(part)
             self._add(self._plan.t[row], state, impulse)
 
-    def ahead(self, steps):
-        """Numbers of the steps of the next rows, as far as `steps` steps from here; None where a
-        row lies within a step, or has to be in its file before the next one is computed."""
-        if not isinstance(self._rows, Rows):
-            return None
-        row, done = self._rows.count, self._watch.sound.done
-        last = np.searchsorted(self._plan.step, done + steps, side="right")
+    def can_wait(self):
+        """Whether rows may come several at a time: in a file each is whole before the next."""
+        return isinstance(self._rows, Rows)
+
+    def ahead(self, end):
+        """Numbers of the steps of the next rows, up to step `end`; None where one lies within."""
+        row = self._rows.count
+        last = np.searchsorted(self._plan.step, end, side="right")
         return None if self._plan.part[row:last].any() else self._plan.step[row:last]
 
-    def room(self, count):
-        """Where u, v and impulses of the next rows belong, all sites of them; what `take` takes."""
-        arrays, row = self._rows.arrays, self._rows.count
-        walls = arrays["impulse"][row : row + count] if self._walls[0] else None
+    def room(self, at):
+        """Room for the next rows, which are after the steps `at`: where they belong, if may be."""
+        arrays, here = self._rows.arrays, slice(self._rows.count, self._rows.count + len(at))
+        impulse = arrays["impulse"][here] if self._walls[0] else np.empty((len(at), 0))
         if isinstance(self._columns, slice):
-            return arrays["u"][row : row + count], arrays["v"][row : row + count], walls
-        shape = count, *self._problem.scene.shape
-        return np.empty(shape), np.empty(shape), walls
+            return Kept(at, arrays["u"][here], arrays["v"][here], impulse)
+        shape = len(at), *self._problem.scene.shape
+        return Kept(at, np.empty(shape), np.empty(shape), impulse)
 
-    def take(self, u, v):
-        """Count rows that were put into `room`."""
-        arrays, row = self._rows.arrays, self._rows.count
-        here = slice(row, row + len(u))
-        arrays["energy"][here] = self._problem.scene.energies(u, v)
+    def _take(self, kept):
+        """Count rows that were put into `room`, or take them from among others."""
+        row = self._rows.count
+        last = np.searchsorted(self._plan.step, kept.at[-1] if len(kept.at) else -1, side="right")
+        if last <= row:
+            return
+        rows, arrays, here = kept.among(self._plan.step[row:last]), self._rows.arrays, slice(row, last)
+        whole = isinstance(self._columns, slice)
         arrays["t"][here] = self._plan.t[here]
-        if not isinstance(self._columns, slice):
-            arrays["u"][here], arrays["v"][here] = u[:, self._columns], v[:, self._columns]
-        self._rows.count += len(u)
+        if self._problem.trial and whole:
+            arrays["energy"][here] = np.nan
+        else:
+            arrays["energy"][here] = self._problem.scene.energies(rows.u, rows.v)
+        if not np.shares_memory(rows.u, arrays["u"]):
+            arrays["u"][here], arrays["v"][here] = rows.u[:, self._columns], rows.v[:, self._columns]
+            if self._walls[0]:
+                arrays["impulse"][here] = rows.impulse
+        self._rows.count = int(last)
 
     def keep_last(self):
         """Record where the run ended, if that is not the last row."""
@@ -158,3 +187,50 @@ class Book:
             impulse=table["impulse"] if self._walls[0] else None, force=problem.force,
             met=watch.met, fastest=watch.fastest if problem.scene.follows else None,
         )  # fmt: skip
+
+
+class Checks:
+    """u and v at evenly spaced instants of a run, for comparison with others.
+
+    Parameters
+    ----------
+    shape : tuple of int
+    steps : int
+        Of the run.
+    count : int
+        Instants besides the first; 0 for none.
+    """
+
+    def __init__(self, shape, steps, count):
+        self._steps, self._apart = steps, steps // count if count else 0
+        self._rows = np.empty((2, count + 1 if count else 0, *shape))
+        self._count = 0
+
+    @property
+    def rows(self):
+        """u and v so far."""
+        return tuple(self._rows[:, : self._count])
+
+    def ahead(self, end):
+        """Numbers of the steps that are compared, up to step `end`."""
+        left = self._rows.shape[1] - self._count
+        count = min(end // self._apart + 1 - self._count, left) if self._apart else 0
+        return (self._count + np.arange(max(count, 0))) * self._apart
+
+    def stop(self):
+        """The step at which to stop next."""
+        return self._count * self._apart if self._count < self._rows.shape[1] else self._steps
+
+    def catch_up(self, watch):
+        """Take what is due."""
+        kept, done = watch.sound.kept, watch.sound.done
+        at = self.ahead(done)
+        if kept is not None and len(at) and len(kept.at):
+            found = kept.among(at)
+            here = slice(self._count, self._count + len(at))
+            self._rows[0, here], self._rows[1, here] = found.u, found.v
+            self._count += len(at)
+        elif len(at):
+            state = watch.state()
+            self._rows[0, self._count], self._rows[1, self._count] = state.u, state.v
+            self._count += 1

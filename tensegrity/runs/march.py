@@ -18,9 +18,8 @@ import numpy as np
 from tensegrity.engine.methods import Method, Nystrom
 from tensegrity.errors import ContactError, LockingError, RecordError, StabilityError
 from tensegrity.runs import stepping
-from tensegrity.runs.book import Book, Sound
+from tensegrity.runs.book import Book, Checks, Kept, Sound
 from tensegrity.runs.loops import Loop
-from tensegrity.runs.record import Record
 from tensegrity.scenes.clearance import CAUTION
 from tensegrity.scenes.scene import State
 
@@ -36,7 +35,8 @@ class Problem:
 
     `surrogate` is the scene with springs that are fitted to those of `scene`: it is moved, while
     checks and recorded energies are those of `scene`.  `choice` says what chose the step: "dt",
-    "tol" or "default".
+    "tol" or "default".  Of a `trial` that
+    ends well the energies of rows that hold all sites are left out, NaN.
     """
 
     scene: object
@@ -46,6 +46,7 @@ class Problem:
     record: Record
     surrogate: object = None
     choice: str = "dt"
+    trial: bool = False
 
     @property
     def moved(self):
@@ -99,18 +100,16 @@ def march(problem, steps, allowed, checkpoints=0, start=None):
     Returns
     -------
     run : Run
-    checks : structured ndarray
-        All sites at `checkpoints` + 1 evenly spaced instants, which `steps` is a multiple of.
+    checks : tuple of ndarray
+        u and v of all sites at `checkpoints` + 1 evenly spaced instants, which `steps` is a
+        multiple of.
     """
     scene, seconds = problem.scene, problem.record.checkpoint
     watch = _Watch(problem, problem.t_end / steps if steps else 0.0, allowed, start)
     book = Book(problem, watch, steps, start and start.count)
-    checks = Record().rows(
-        checkpoints + 1 if checkpoints else 0, scene.shape, watch.impulse().shape
-    )
-    apart = steps // checkpoints if checkpoints else steps  # steps between two of them
+    checks = Checks(scene.shape, steps, checkpoints)
     largest = max(FEWEST, BLOCK // (scene.cost * problem.method.stages))
-    since, failure, careful = time.monotonic(), None, steps if checkpoints else 0
+    since, failure, careful = time.monotonic(), None, 0
     book.keep_state()
     try:
         with _progress(steps) as bar:
@@ -118,44 +117,54 @@ def march(problem, steps, allowed, checkpoints=0, start=None):
                 done = watch.sound.done
                 bar.update(done - bar.n)
                 book.catch_up()
-                if checkpoints and done == checks.count * apart:
-                    state, impulse = watch.look()
-                    checks.add(done * watch.dt, 0.0, state.u, state.v, impulse)
+                checks.catch_up(watch)
                 if done == steps:
                     break
                 if seconds is not None and time.monotonic() - since > seconds:
                     book.keep_state()
                     since = time.monotonic()
-                if done >= careful and _stride(watch, book, min(steps - done, STRIDE * largest)):
+                if done >= careful and _stride(
+                    watch, book, checks, min(steps - done, STRIDE * largest)
+                ):
                     continue
                 careful = max(careful, min(steps, done + STRIDE * largest))
-                stop = min(book.stop(), checks.count * apart if checkpoints else steps)
+                stop = min(book.stop(), checks.stop())
                 watch.advance(min(stop - done, largest))
         book.keep_state()
-        return book.run(complete=True), checks.finished()
+        return book.run(complete=True), checks.rows
     except KeyboardInterrupt:
         pass
     except (ContactError, LockingError, StabilityError, RecordError) as error:
         failure = error
     run, failure = book.broken_off(failure)
     if failure is None:
-        return run, checks.finished()
+        return run, checks.rows
     failure.run = run
     raise failure
 
 
-def _stride(watch, book, steps):
-    """Do steps with their rows in one call; whether all was sound, else nothing is done."""
-    at = book.ahead(steps) if steps > 0 and watch.strides() else None
-    if at is None:
+def _stride(watch, book, checks, steps):
+    """Do steps with their rows in one call, at most `steps`; whether any was done."""
+    if not (steps > 0 and book.can_wait() and watch.strides()):
         return False
-    at = at[: np.searchsorted(at, watch.sound.done + watch.most(), side="right")]
-    end = watch.sound.done + min(steps, watch.most())
-    rows = book.room(len(at))
-    if not watch.stride(at if len(at) and at[-1] == end else np.append(at, end), *rows):
-        return False
-    book.take(*rows[:2])
-    return True
+    while True:
+        steps = min(steps, watch.most())
+        end = watch.sound.done + steps
+        rows, seen = book.ahead(end), checks.ahead(end)
+        if rows is None:
+            return False
+        if watch.stride(end, book.room(rows) if not len(seen) else _room(watch, rows, seen)):
+            return True
+        if steps <= max(watch.most(), 1):  # not for want of a look for new contacts
+            return False
+
+
+def _room(watch, rows, seen):
+    """Room for rows and what is compared, in one order."""
+    at = np.union1d(rows, seen)
+    state, impulse = watch.look()
+    each = state.u.shape, state.v.shape, impulse.shape
+    return Kept(at, *(np.empty((len(at), *shape)) for shape in each))
 
 
 def _progress(steps):
@@ -312,19 +321,21 @@ class _Watch:
         """Steps that can be done without a look for new contacts."""
         return self._most
 
-    def stride(self, at, rows_u, rows_v, impulse):
-        """Advance to the last of the step numbers `at`, a row at each that there is room for.
+    def stride(self, end, kept):
+        """Advance to step `end`, with a row at each step that there is room for in `kept`.
 
         Returns whether all was sound; if not, nothing is done.
         """
-        before, steps = self.sound, int(at[-1]) - self.sound.done
+        before, steps, at = self.sound, end - self.sound.done, kept.at
+        if not len(at) or at[-1] < end:
+            at = np.append(at, end)
         loops = [self._loop] + [self._leave] * (self._leave is not None)
         for loop in loops:
             loop.forget_range()
         at, sites = np.ascontiguousarray(at, dtype=np.int64), self._problem.scene.sites
         self._walk.go(
-            before.done, at, len(at) == len(rows_u), sites, rows_u, rows_v,
-            self._problem.scene.wall_count, impulse,
+            before.done, at, len(at) == len(kept.at), sites, kept.u, kept.v,
+            self._problem.scene.wall_count, kept.impulse,
         )  # fmt: skip
         self._loop.walked(before.done > 0)
         seen = self._walk.seen()
@@ -335,7 +346,7 @@ class _Watch:
             self._u[:], self._v[:] = before.u, before.v
             return False
         at_step = None if steps > 1 else before.seen
-        self.sound = Sound(self._u.copy(), self._v.copy(), before.done + steps, seen, at_step)
+        self.sound = Sound(self._u.copy(), self._v.copy(), end, seen, at_step, kept)
         for loop in loops:
             self._see(loop)
         return True

@@ -202,6 +202,11 @@ class Potential:
         out = kernel((self.law,)).evaluate(0, order, self.values, flat)
         return out.reshape(r.shape)
 
+    def opens_within(self, high: float) -> float | None:
+        """The exponent of the force at a corner of it, as of a contact that opens, below an
+        elongation [m]; None where there is none.  One of the user's own is taken as 1."""
+        return None if self.smooth and not _has_corners(self.law) else 1.0
+
     def beyond(self, r: float) -> LockingError:
         """The error for an elongation at or beyond an end of the domain or of the reach."""
         side = int(r > 0)
@@ -232,6 +237,16 @@ class Potential:
         domain = ", ".join(map(shown, self._domain))
         law = self.law
         return f"Potential({law.energy}, {law.elongation}, {{{values}}}{length}, domain=({domain}))"
+
+
+@once
+def _has_corners(law: Any) -> bool:
+    """Whether the energy of a law is made of pieces."""
+    import sympy as sp
+
+    energy = getattr(law, "energy", None)
+    pieces = sp.Max, sp.Min, sp.Abs, sp.Heaviside, sp.Piecewise, sp.sign
+    return isinstance(energy, sp.Expr) and energy.has(*pieces)
 
 
 def shown(number: float) -> str:
@@ -301,6 +316,10 @@ class PowerLaw(Potential):
     def exponent(self) -> float:
         """n."""
         return self._exponent
+
+    def opens_within(self, high: float) -> float | None:
+        """The exponent where the contact opens below an elongation [m]; else None."""
+        return self._exponent if high >= self.values[2] else None
 
 
 SMALLEST = 1e-100  # overlap [m] from which a contact counts as closed
