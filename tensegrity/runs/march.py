@@ -21,12 +21,13 @@ from tensegrity.runs import stepping
 from tensegrity.runs.book import Book, Checks, Kept, Sound
 from tensegrity.runs.loops import Loop
 from tensegrity.scenes.clearance import CAUTION
-from tensegrity.scenes.scene import State
+from tensegrity.scenes.scene import known_state
 
 BLOCK = 2_000_000  # bonds x stages x steps in one call of the loop: about 5 ms
 STRIDE = 20  # blocks in one call with its rows: an interrupt waits no longer
 FEWEST = 100  # steps in one call: the pieces of a long chain work apart for some tens
 MOST_STEPS = 10**12
+KNOWN = 4  # ranges whose stiffness a scene remembers
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,10 +113,10 @@ def march(problem, steps, allowed, checkpoints=0, start=None):
     since, failure, careful = time.monotonic(), None, 0
     book.keep_state()
     try:
-        with _progress(steps) as bar:
+        with _Progress(steps) as bar:
             while True:
                 done = watch.sound.done
-                bar.update(done - bar.n)
+                bar.show(done)
                 book.catch_up()
                 checks.catch_up(watch)
                 if done == steps:
@@ -167,10 +168,29 @@ def _room(watch, rows, seen):
     return Kept(at, *(np.empty((len(at), *shape)) for shape in each))
 
 
-def _progress(steps):
-    from tqdm import tqdm
+class _Progress:
+    """A progress bar that a run of less than a second does without."""
 
-    return tqdm(total=steps, unit="step", unit_scale=True, delay=1.0, leave=False, disable=None)
+    def __init__(self, steps):
+        self._steps, self._bar, self._begun = steps, None, time.monotonic()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        if self._bar is not None:
+            self._bar.close()
+
+    def show(self, done):
+        """Say how many steps are done."""
+        if self._bar is None and time.monotonic() - self._begun > 1.0:
+            from tqdm import tqdm
+
+            self._bar = tqdm(
+                total=self._steps, unit="step", unit_scale=True, leave=False, disable=None
+            )
+        if self._bar is not None:
+            self._bar.update(done - self._bar.n)
 
 
 class _Watch:
@@ -179,7 +199,6 @@ class _Watch:
     def __init__(self, problem, dt, allowed, start=None) -> None:
         scene = problem.moved
         self._problem, self.dt, self.allowed = problem, dt, allowed
-        self._energy = problem.scene.available_energy(problem.state)
         u = problem.state.u if start is None else start.sound.seen[0][: scene.sites]
         self._list(scene.listed(u))
         if start is None or not start.sound.done:
@@ -269,7 +288,7 @@ class _Watch:
         """Rows of the loop's arrays as a state, and the impulses behind them, (walls[, dim])."""
         scene = self._problem.scene
         walls = slice(scene.sites, scene.sites + scene.wall_count)
-        return State(u[: scene.sites], v[: scene.sites]), v[walls]
+        return known_state(u[: scene.sites], v[: scene.sites]), v[walls]
 
     def state(self):
         """The last sound state."""
@@ -416,15 +435,30 @@ class _Watch:
             self._stiffness = self._scene.stiffness_within(self._safe)
             if self._expects():
                 return self._is_sound(loop, u, v)
+        if self._is_known(met):
+            return True
         for margin in (0.1, 0.01, 0.0):  # wider than met, so as not to ask again soon
             wider = self._safe.copy()
             wider[below, 0] = _towards(low[below], met[below, 0], margin)
             wider[above, 1] = _towards(high[above], met[above, 1], margin)
             stiffness = self._stiffness.copy()
             stiffness[grown] = self._scene.stiffness_within(wider, grown)
-            self._limit = self._problem.largest_step(self._scene.fastest(stiffness))
+            omega = self._scene.fastest(stiffness)
+            self._limit = self._problem.largest_step(omega)
             if self.dt <= self.allowed * self._limit:
                 self._safe, self._stiffness = wider, stiffness
+                self._scene.known_ranges.append((wider, stiffness, omega))
+                del self._scene.known_ranges[:-KNOWN]
+                return True
+        return False
+
+    def _is_known(self, met):
+        """Whether another run of the scene met as much, which a step like this one can take."""
+        for ranges, stiffness, omega in self._scene.known_ranges:
+            within = np.all(ranges[:, 0] <= met[:, 0]) and np.all(met[:, 1] <= ranges[:, 1])
+            limit = self._problem.largest_step(omega)
+            if within and self.dt <= self.allowed * limit:
+                self._safe, self._stiffness, self._limit = ranges, stiffness, limit
                 return True
         return False
 
@@ -450,11 +484,12 @@ class _Watch:
         for row, side in np.argwhere(np.stack([met[:, 0] <= low, met[:, 1] >= high], axis=1)):
             spring, where = self._springs[row], scene.extreme(int(row), u, side)
             barrier = float(spring.energy(spring.reach[side]))
-            if self._energy < barrier:
+            given = self._problem.scene.available_energy(self._problem.state)
+            if given < barrier:
                 return StabilityError(
                     f"dt {self.dt:.6g} s is too coarse: the spring {where} passed the end of "
                     f"its domain at t = {t:.6g} s, which takes {barrier:.6g} J, with "
-                    f"{self._energy:.6g} J in the whole scene"
+                    f"{given:.6g} J in the whole scene"
                 )
             error = spring.beyond(met[row, side])
             return type(error)(f"{error}: the spring {where} got there at t = {t:.6g} s")

@@ -25,9 +25,13 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array
 
 
+SMALL = 4_000_000  # bytes that are not asked for
+
+
 def need_memory(size):
     """Refuse a record of more bytes than there is memory for."""
-    _refuse_more(size, check.free_memory(), "memory")
+    if size > SMALL:
+        _refuse_more(size, check.free_memory(), "memory")
 
 
 def _refuse_more(size, room, what):

@@ -90,7 +90,7 @@ def expected_steps(problem, fraction, share=1.0):
     if scene is problem.scene and share == 1.0:
         omega = scene.fastest(problem.expected[1])
     else:
-        omega = scene.frequency(stepping.expected_ranges(scene, problem.state, share))
+        omega = stepping.expected_frequency(scene, problem.state, share)
     step = problem.natural_step(omega)
     return max(count(problem, fraction * step), CHECKPOINTS)
 
