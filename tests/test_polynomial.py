@@ -349,6 +349,7 @@ def test_interrupt_while_polynomials_are_tried(monkeypatch, at):
             raise KeyboardInterrupt
         advance(self, steps)
 
+    monkeypatch.setattr(march, "STRIDE", 0)
     monkeypatch.setattr(march._Watch, "advance", interrupted)
     run = simulate(chain, state, 10.0, tol=1e-9, record=Record(every=5))
     assert not run.complete

@@ -108,8 +108,8 @@ class Walk:
             if not whole:
                 self._u[part.place], self._v[part.place] = part.u, part.v
                 for mine, rows in zip(own, (rows_u, rows_v, impulse), strict=True):
-                    if rows is not None:
-                        rows[(slice(None), *part.place)] = mine
+                    if rows is not None and rows.size:
+                        rows[(slice(None), *part.place)] = mine[: len(rows)]
 
     def seen(self):
         """Copies of u and v as they are looked at, where the last call ended."""
