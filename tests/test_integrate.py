@@ -513,7 +513,7 @@ def test_interrupt_returns_what_was_done(monkeypatch):
 def test_a_run_says_what_it_is():
     chain = prism_chain()
     text = str(simulate(chain, smooth_blow(chain), 5.0, tol=1e-6))
-    for word in ("processed6", "dt =", "steps", "energy", "estimated", "wall time"):
+    for word in ("rkn6", "dt =", "steps", "energy", "estimated", "wall time"):
         assert word in text
 
 

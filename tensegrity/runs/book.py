@@ -78,6 +78,11 @@ class Book:
         shape, room = (len(self._kept), *scene.shape[1:]), len(self._plan) + 1
         self._rows = record.rows(room, shape, self._walls, count)
 
+    @property
+    def _later(self):
+        """Whether energies are left to whoever takes the run: what they need is in its rows."""
+        return self._problem.trial and isinstance(self._columns, slice)
+
     def stop(self):
         """The step at which to stop next."""
         done, row = self._watch.sound.done, self._rows.count
@@ -119,9 +124,8 @@ class Book:
         if last <= row:
             return
         rows, arrays, here = kept.among(self._plan.step[row:last]), self._rows.arrays, slice(row, last)
-        whole = isinstance(self._columns, slice)
         arrays["t"][here] = self._plan.t[here]
-        if self._problem.trial and whole:
+        if self._later:
             arrays["energy"][here] = np.nan
         else:
             arrays["energy"][here] = self._problem.scene.energies(rows.u, rows.v)
@@ -139,7 +143,7 @@ class Book:
         self._add(done * self._watch.dt, *self._watch.look())
 
     def _add(self, t, state, impulse):
-        energy = self._problem.scene.energy(state)
+        energy = np.nan if self._later else self._problem.scene.energy(state)
         self._rows.add(t, energy, state.u[self._columns], state.v[self._columns], impulse)
 
     def keep_state(self):

@@ -11,8 +11,10 @@ import numpy as np
 
 from tensegrity.engine.methods import Splitting
 from tensegrity.engine.walk import Walk
+from tensegrity.once import once
 
 
+@once
 def parts(method):
     """Splittings of one step: the first of a run, all others, and the closing kick or None."""
     if not isinstance(method, Splitting) or not method.kicks[-1]:

@@ -162,7 +162,8 @@ def _stride(watch, book, checks, steps):
 
 def _room(watch, rows, seen):
     """Room for rows and what is compared, in one order."""
-    at = np.union1d(rows, seen)
+    dense = len(rows) and len(rows) == rows[-1] - rows[0] + 1
+    at = rows if dense and rows[0] <= seen[0] and seen[-1] <= rows[-1] else np.union1d(rows, seen)
     state, impulse = watch.look()
     each = state.u.shape, state.v.shape, impulse.shape
     return Kept(at, *(np.empty((len(at), *shape)) for shape in each))
@@ -430,13 +431,13 @@ class _Watch:
         grown = np.flatnonzero(below | above)
         if not grown.size:
             return True
+        if self._is_known(met):
+            return True
         low, high = self._domains.T
         if self._stiffness is None:
             self._stiffness = self._scene.stiffness_within(self._safe)
             if self._expects():
                 return self._is_sound(loop, u, v)
-        if self._is_known(met):
-            return True
         for margin in (0.1, 0.01, 0.0):  # wider than met, so as not to ask again soon
             wider = self._safe.copy()
             wider[below, 0] = _towards(low[below], met[below, 0], margin)

@@ -21,8 +21,8 @@ from tensegrity.springs.potential import Potential, PowerLaw
 from tensegrity.springs.polynomial import DEGREES, Polynomial, PolynomialLaw
 
 MARGIN = 2.0  # a default step may be this much larger, at the stiffness met, than meant
-TRIAL = 0.95  # first step over the stability limit where a tolerance decides
-SHARE = 0.25  # of the energy, in one bond, for that first step
+TRIAL = 0.85  # first step over the stability limit where a tolerance decides
+SHARE = 0.5  # of the energy, in one bond, for that first step
 REFINEMENTS, MOST_REFINEMENTS = 8, 14  # how often a step chosen here is refined
 CHECKPOINTS = 17  # least number of steps that are chosen here
 DENSE = 2  # first steps between two instants at which runs are compared, where nothing opens
@@ -32,7 +32,8 @@ SLOWER = 0.5  # order that is trusted less than a method has
 LEAST_ORDER = 0.5  # that is reckoned with
 FIRST_ORDER = 4.0  # by which errors of the two coarsest runs are taken to fall from there
 CORRECTED = 4.5  # order trusted of methods that correct openings
-LEAST_FACTOR, FASTEST = 1.25, 16.0  # of the steps from one run to the next
+LEAST_FACTOR, FASTEST = 1.25, 6.0  # of the steps from one run to the next
+COARSE, SHORT = 1e-4, 800  # usual error of the first run; steps of what counts as a short one
 ROUND_OFF = 1e-14  # differences below this say nothing
 FORCE_SHARE = 0.1  # of a tolerance that fitted forces may take up
 FIRST_ERROR, LEAST_ERROR = 1e-3, 1e-13  # of a fit over the tolerance, and of any fit
@@ -121,15 +122,29 @@ def refined(problem, steps, allowed, checkpoints=0, start=None):
     return march(problem, steps, 1.0, checkpoints)
 
 
-def to_tolerance(problem, tol):
+def to_tolerance(problem, tol, short=None):
+    """As `_to_tolerance`; what goes wrong in a trial tells of the energies that it had."""
+    try:
+        return _to_tolerance(problem, tol, short)
+    except TensegrityError as error:
+        if getattr(error, "run", None) is not None:
+            error.run = with_energies(error.run)
+        raise
+
+
+def _to_tolerance(problem, tol, short):
     """Refine the step until runs with different steps say that the tolerance is met.
 
     All runs have steps of which a whole number goes between the same instants, at which they are
-    compared: those of the first run's steps, at the stability limit, or every second.
+    compared: those of the first run's steps, at the stability limit, or every second.  A `short`
+    run is done by the method given so.
     """
     if not problem.t_end:
         return march(problem, 0, 1.0)[0]
     least = expected_steps(problem, TRIAL, SHARE)
+    if short is not None and least * (COARSE / tol) ** (1 / short.order) < SHORT:
+        problem = replace(problem, method=short)
+        least = expected_steps(problem, TRIAL, SHARE)
     apart = DENSE if problem.scene.smooth else 1
     instants = min(math.ceil(least / apart), max(FEWEST, MOST_KEPT // problem.state.u.size))
     first = Rung.of(_trial(problem), math.ceil(least / instants), instants)
@@ -218,7 +233,7 @@ def converged(problem, rung, error, tol):
             )
         factor = judge.factor(gaps, tol)
         factor = min(factor, 2.0) if stuck else factor
-    return with_energies(rungs[-1].run)
+    return with_energies(rungs[-1].run)  # interrupted
 
 
 def answer(problem, run, estimate):
@@ -274,15 +289,16 @@ class Judge:
         if not below:
             return self.order
         fell = math.log(max(above, below) / below) / math.log(narrow / wide)
-        return min(max(fell - (not self.opens) * SLOWER, LEAST_ORDER), self.order)
+        least = self.order - SLOWER if self.opens else LEAST_ORDER
+        return min(max(fell - SLOWER, least), self.order)
 
     def factor(self, gaps, tol):
         """By how much finer the next run should be."""
-        order = self._seen(gaps) if len(gaps) > 1 else max(self.order, FIRST_ORDER)
+        order = max(self.order, FIRST_ORDER)
         share, gap = gaps[-1]
         estimate = gap / (share**-order - 1)
         if len(gaps) > 1:
-            estimate = max(estimate, self.estimate(gaps))
+            order, estimate = self._seen(gaps), self.estimate(gaps)
         needed = (estimate / (self._aim * tol)) ** (1 / order)
         return min(max(needed, LEAST_FACTOR), FASTEST)
 
@@ -312,7 +328,7 @@ def order_left(problem, met):
 
 def with_energies(run):
     """A trial with the energies of its rows."""
-    if not np.isnan(run.energy).any():
+    if not np.isnan(run.energy).any():  # some may be known, others not
         return run
     return replace(run, energy=run.scene.energies(run.u, run.v))
 
