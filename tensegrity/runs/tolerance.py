@@ -265,7 +265,7 @@ class Judge:
     def see(self, met):
         """Contacts may open in this run that did not in the coarser ones."""
         left, order = order_left(self._problem, met), self._problem.method.order
-        self.opens, self.order = left < order, min(left, order - SLOWER)
+        self.opens, self.order = left < math.inf, min(left, order - SLOWER)
         self.accept, self._aim = (0.5, 0.2) if self.opens else (0.8, 0.25)
         self.first = 2.0 if self.opens else 1.5
 
@@ -309,10 +309,7 @@ def order_left(problem, met):
     A force that grows like overlap^n leaves n + 1.
     """
     order, scene = math.inf, problem.scene
-    if getattr(problem.method, "base", None) is not None:
-        corrected = CORRECTED
-    else:
-        corrected = 0.0
+    corrected = CORRECTED if hasattr(problem.method, "base") else 0.0
     springs = scene.spring_table.different
     if scene.follows:
         given = scene.law.given
