@@ -11,10 +11,12 @@ Times are CPU time of one pinned processor, minima of repeats, all in turn.
 
 from __future__ import annotations
 
+import itertools
 import math
 import os
 import time
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -73,7 +75,7 @@ def cases():
 def tapered(sites):
     """Beads that shrink by half along the chain, the first one moving, in their own units."""
     radius = np.linspace(1.0, 0.5, sites)
-    springs = [PowerLaw(math.sqrt(a * b / (a + b)), 1.5) for a, b in zip(radius, radius[1:])]
+    springs = [PowerLaw(math.sqrt(a * b / (a + b)), 1.5) for a, b in itertools.pairwise(radius)]
     chain = Chain(springs, sites, radius**3)
     return chain, chain.at_rest({0: 0.1}), 1.2 * sites
 
@@ -297,7 +299,9 @@ def fixed_cost():
         "tol=1e-3": {"tol": 1e-3, "record": few},
     }
     return {
-        name: min(clock(lambda s=s: simulate(chain, s, 1.0, **given))[0] for s in states)
+        name: min(
+            clock(lambda s=s, given=given: simulate(chain, s, 1.0, **given))[0] for s in states
+        )
         for name, given in calls.items()
     }
 
@@ -308,13 +312,12 @@ def row_cost():
     for sites in ROW_SITES:
         chain = Chain(Prism(1.0, 0.7, 0.01, 1.0).potential(), sites)
         state, steps = chain.at_rest({0: 0.02}), ROW_COUNTS[1]
-        seconds = [
-            least(lambda every=every: simulate(
-                chain, state, 0.05 * steps, dt=0.05, record=Record(every=every)
-            ))
+        given = {"dt": 0.05, "t_end": 0.05 * steps}
+        few, many = (
+            least(partial(simulate, chain, state, record=Record(every=every), **given))
             for every in (steps // ROW_COUNTS[0], 1)
-        ]  # fmt: skip
-        found[sites] = (seconds[1] - seconds[0]) / (steps - ROW_COUNTS[0])
+        )
+        found[sites] = (many - few) / (steps - ROW_COUNTS[0])
     return found
 
 

@@ -156,9 +156,7 @@ def slack(rng):
     at = np.array([(i, j) for i in range(3) for j in range(3)], dtype=float)
     far = np.linalg.norm(at[:, None] - at, axis=-1)
     bonds = np.argwhere(np.triu(far < 1.1, 1))
-    scene = Network(
-        at, bonds, slack_string(1.0), lengths=rng.uniform(0.8, 1.1), held=[0, 2, 6, 8]
-    )
+    scene = Network(at, bonds, slack_string(1.0), lengths=rng.uniform(0.8, 1.1), held=[0, 2, 6, 8])
     return scene, scene.at_rest({4: rng.normal(0, 0.3, 2)}), rng.uniform(3, 15)
 
 
@@ -176,5 +174,6 @@ def draw(seed):
     rng = np.random.default_rng(seed)
     kind = list(KINDS)[int(rng.integers(0, len(KINDS)))]
     made = KINDS[kind](rng)
-    allowed = TOLERANCES[TOLERANCES > 0.99 * LOOSEST.get(kind, 1e-10)]
+    least = LOOSEST.get(kind, 1e-10)
+    allowed = TOLERANCES[0.99 * least < TOLERANCES]
     return kind, made, float(rng.choice(allowed))

@@ -123,14 +123,21 @@ class Book:
         last = np.searchsorted(self._plan.step, kept.at[-1] if len(kept.at) else -1, side="right")
         if last <= row:
             return
-        rows, arrays, here = kept.among(self._plan.step[row:last]), self._rows.arrays, slice(row, last)
+        rows, arrays, here = (
+            kept.among(self._plan.step[row:last]),
+            self._rows.arrays,
+            slice(row, last),
+        )
         arrays["t"][here] = self._plan.t[here]
         if self._later:
             arrays["energy"][here] = np.nan
         else:
             arrays["energy"][here] = self._problem.scene.energies(rows.u, rows.v)
         if not np.shares_memory(rows.u, arrays["u"]):
-            arrays["u"][here], arrays["v"][here] = rows.u[:, self._columns], rows.v[:, self._columns]
+            arrays["u"][here], arrays["v"][here] = (
+                rows.u[:, self._columns],
+                rows.v[:, self._columns],
+            )
             if self._walls[0]:
                 arrays["impulse"][here] = rows.impulse
         self._rows.count = int(last)

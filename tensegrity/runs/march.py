@@ -41,10 +41,10 @@ class Problem:
     """
 
     scene: object
-    state: State
+    state: object
     t_end: float
     method: Method
-    record: Record
+    record: object
     surrogate: object = None
     choice: str = "dt"
     trial: bool = False

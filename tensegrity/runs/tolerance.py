@@ -17,8 +17,8 @@ from tensegrity.errors import LockingError, RangeError, StabilityError, Tensegri
 from tensegrity.runs import stepping
 from tensegrity.runs.march import count, march
 from tensegrity.runs.record import Record
-from tensegrity.springs.potential import Potential, PowerLaw
 from tensegrity.springs.polynomial import DEGREES, Polynomial, PolynomialLaw
+from tensegrity.springs.potential import Potential, PowerLaw
 
 MARGIN = 2.0  # a default step may be this much larger, at the stiffness met, than meant
 TRIAL = 0.85  # first step over the stability limit where a tolerance decides
