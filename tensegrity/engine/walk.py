@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import ctypes
 from importlib.resources import files
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tensegrity.engine.native import library
 from tensegrity.once import once
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from tensegrity.typing import Array, Indices
 
 _ADDRESS, _NUMBER = ctypes.c_void_p, ctypes.c_longlong
 
@@ -23,7 +29,7 @@ class _Walk(ctypes.Structure):
 
 
 @once
-def _go():
+def _go() -> Any:
     text = files(__package__).joinpath("walk.c").read_text()
     function = library(text).go
     function.argtypes = [_ADDRESS, _NUMBER, _ADDRESS, _NUMBER, _NUMBER, _NUMBER]
@@ -45,7 +51,9 @@ class Part:
         Its arrays: those of the scene, or copies of its part of them.
     """
 
-    def __init__(self, place, function, addresses, u, v):
+    def __init__(
+        self, place: Any, function: Any, addresses: tuple[int, ...], u: Array, v: Array
+    ) -> None:
         self.place, self.call, self.u, self.v = place, (function, addresses), u, v
         first, second = (*addresses, None)[:2]
         where = ctypes.cast(function, _ADDRESS).value
@@ -63,7 +71,7 @@ class Walk:
     begin, step, close, leave : bound scenes or None
     """
 
-    def __init__(self, u, v, begin, step, close, leave):
+    def __init__(self, u: Array, v: Array, begin: Any, step: Any, close: Any, leave: Any) -> None:
         self._u, self._v, self._go = u, v, _go()
         loops = [loop and loop.parts() for loop in (begin, step, close, leave)]
         empty = [None] * len(loops[1])
@@ -73,7 +81,17 @@ class Walk:
             for four in self._parts
         ]
 
-    def go(self, done, at, last, sites, rows_u, rows_v, walls=0, impulse=None):
+    def go(
+        self,
+        done: int,
+        at: Indices,
+        last: bool,
+        sites: int,
+        rows_u: Array,
+        rows_v: Array,
+        walls: int = 0,
+        impulse: Array | None = None,
+    ) -> None:
         """Advance from step `done` to the last of `at`, keeping a row at each.
 
         Parameters
@@ -94,7 +112,7 @@ class Walk:
             whole = part.u is self._u
             if not whole:
                 part.u[...], part.v[...] = self._u[part.place], self._v[part.place]
-            own = (rows_u, rows_v, impulse)
+            own: Any = (rows_u, rows_v, impulse)
             per_row = part.u.size // len(part.u)
             if not whole:
                 shape = part.u.shape[1:]
@@ -111,7 +129,7 @@ class Walk:
                     if rows is not None and rows.size:
                         rows[(slice(None), *part.place)] = mine[: len(rows)]
 
-    def seen(self):
+    def seen(self) -> tuple[Array, Array]:
         """Copies of u and v as they are looked at, where the last call ended."""
         u, v = self._u.copy(), self._v.copy()
         for four in self._parts:

@@ -221,19 +221,24 @@ def converged(problem, rung, error, tol):
         judge.see(rungs[-1].run.met)
         rungs = rungs[-KEPT:]
         gaps = [(r.fineness / rungs[-1].fineness, r.gap(rungs[-1])) for r in rungs[:-1]]
-        estimate = judge.estimate(gaps)
+        estimate = judge.estimate(gaps) + rounded(problem, rungs[-1].run)
         if estimate <= judge.accept * tol or gaps[-1][1] < ROUND_OFF:
             return answer(problem, rungs[-1].run, estimate + error)
         stuck = stuck + 1 if gaps[-1][1] > smallest / 2 else 0
         smallest = min(smallest, gaps[-1][1])
         if stuck == STUCK:
             raise TensegrityError(
-                f"tol {tol:g} is below {smallest:.1e}, the difference of two runs that "
+                f"tol {tol:g} is below {max(smallest, tol):.1e}, the difference of two runs that "
                 f"{rungs[-1].run.steps} steps, and fewer, do not make smaller"
             )
         factor = judge.factor(gaps, tol)
         factor = min(factor, 2.0) if stuck else factor
     return with_energies(rungs[-1].run)  # interrupted
+
+
+def rounded(problem, run):
+    """What a walk at random of the last digits comes to in all stages of a run."""
+    return np.finfo(float).eps * math.sqrt(run.steps * problem.method.stages)
 
 
 def answer(problem, run, estimate):

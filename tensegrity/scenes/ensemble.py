@@ -421,11 +421,13 @@ class _Lanes:
     @property
     def parts(self) -> Any:
         """Those of all groups, as `walk` takes them; None where one has none."""
-        each = [(part, getattr(loop, "parts", None)) for part, _, loop, _ in self._groups]
+        each: Any = [(part, getattr(loop, "parts", None)) for part, _, loop, _ in self._groups]
         if any(parts is None for _, parts in each):
             return None
         return lambda: [
-            Part(place, *one.call, one.u, one.v) for place, parts in each for one in parts()
+            Part(place, one.call[0], one.call[1], one.u, one.v)
+            for place, parts in each
+            for one in parts()
         ]
 
     @property
