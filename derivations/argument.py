@@ -18,6 +18,7 @@ NAMES = (
     "hardening",
     "waves",
     "contact",
+    "openings",
     "geometry",
     "junction",
 )

@@ -181,6 +181,7 @@ CALLS = [
     (methods.find, {"method": "rkn6"}),
     (in_a_run(methods.Splitting), ROWS | SPLIT),
     (in_a_run(methods.Nystrom), ROWS | NYSTROM),
+    (in_a_run(methods.Corrected), ROWS | {"base": methods.METHODS["verlet"]}),
     (in_a_run(methods.Processed), ROWS | SPLIT | {"entry": ((0.0, 0.0), (0.0,))}),
     (asymptotics.sound_speed, {"spring": SPRING, "mass": 1.0}),
     (asymptotics.sech2, {"spring": SPRING, "speed_ratio": 1.05, "x": 0.0}),

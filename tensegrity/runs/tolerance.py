@@ -13,6 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tensegrity.engine.codegen import cost
+from tensegrity.engine.methods import Corrected
+from tensegrity.engine.openings import is_treated
 from tensegrity.errors import LockingError, RangeError, StabilityError, TensegrityError
 from tensegrity.runs import stepping
 from tensegrity.runs.march import count, march
@@ -64,7 +66,7 @@ def default_step(problem):
     What the energy at the start cannot tell, the run does: whether contacts opened, and how far
     loads drove them.  Where that asks for a finer step, it is run again.
     """
-    fraction = problem.method.step * problem.scene.step_share
+    fraction = problem.fraction(problem.scene.step_share)
     return settled(
         problem, refined(problem, expected_steps(problem, fraction), MARGIN * fraction)[0]
     )
@@ -76,7 +78,7 @@ def settled(problem, run):
     share = scene.finer_share(run.met) if run.complete and run.steps else None
     if share is None:
         return run
-    fraction = problem.method.step * share
+    fraction = problem.fraction(share)
     omega = scene.frequency(run.met) if run.fastest is None else run.fastest
     steps = count(problem, fraction * problem.natural_step(omega))
     return run if steps <= run.steps else refined(problem, steps, MARGIN * fraction)[0]
@@ -314,16 +316,16 @@ def order_left(problem, met):
     A force that grows like overlap^n leaves n + 1.
     """
     order, scene = math.inf, problem.scene
-    corrected = CORRECTED if hasattr(problem.method, "base") else 0.0
+    corrected = CORRECTED if isinstance(problem.method, Corrected) else 0.0
     springs = scene.spring_table.different
     if scene.follows:
         given = scene.law.given
         springs = (given if isinstance(given, Potential) else PowerLaw(1.0, 1.0),)
         met = [(-math.inf, math.inf)]
-    for spring, (_, high) in zip(springs, met, strict=True):
-        exponent = spring.opens_within(high)
+    for spring, (low, high) in zip(springs, met, strict=True):
+        exponent = spring.opens_within(low, high)
         if exponent is not None:
-            treated = corrected and 1.0 <= exponent <= 2.5
+            treated = corrected and is_treated(exponent)
             order = min(order, corrected if treated else exponent + 1)
     return order
 

@@ -57,6 +57,7 @@ class Potential:
     """
 
     smooth = True  # its derivatives do not jump anywhere
+    opening: tuple[float, float, float, float] | None = None  # place, strength, exponent, side
     origin = ""  # the call that made it, where that is another than its class
 
     def __init__(
@@ -93,6 +94,8 @@ class Potential:
         law = Law(energy, elongation, tuple(symbols))
         check_law(law)
         self._set(law, values, length, domain)
+        self.opening = _opening(energy, elongation, dict(zip(symbols, values, strict=True)))
+        self.smooth = self.opening is None
 
     def _set(
         self,
@@ -202,10 +205,13 @@ class Potential:
         out = kernel((self.law,)).evaluate(0, order, self.values, flat)
         return out.reshape(r.shape)
 
-    def opens_within(self, high: float) -> float | None:
-        """The exponent of the force at a corner of it, as of a contact that opens, below an
-        elongation [m]; None where there is none.  One of the user's own is taken as 1."""
-        return None if self.smooth and not _has_corners(self.law) else 1.0
+    def opens_within(self, low: float, high: float) -> float | None:
+        """The exponent of the force at a corner of it, as of a contact that opens, between two
+        elongations [m]; None where there is none.  That of an energy in pieces is taken as 1."""
+        if self.opening is not None:
+            place, _, exponent, _ = self.opening
+            return exponent if low <= place <= high else None
+        return 1.0 if _has_corners(self.law) else None
 
     def beyond(self, r: float) -> LockingError:
         """The error for an elongation at or beyond an end of the domain or of the reach."""
@@ -247,6 +253,37 @@ def _has_corners(law: Any) -> bool:
     energy = getattr(law, "energy", None)
     pieces = sp.Max, sp.Min, sp.Abs, sp.Heaviside, sp.Piecewise, sp.sign
     return isinstance(energy, sp.Expr) and energy.has(*pieces)
+
+
+def _opening(energy: Any, elongation: Any, values: Any) -> Any:
+    """Where a law has a one-sided power of the elongation, such as Max(r - r0, 0)**2.
+
+    Returns
+    -------
+    place [m], strength [N/m^exponent], exponent, side : tuple of float, or None
+        The tension has the part side strength max(side (r - place), 0)^exponent.
+    """
+    import sympy as sp
+
+    y = sp.Dummy("y", positive=True)
+    found = energy.atoms(sp.Max)
+    if len(found) != 1:
+        return None
+    (one,) = found
+    inside = [x for x in one.args if x != 0]
+    factor, power = (
+        sp.expand(energy.xreplace({one: y})).as_independent(y, as_Add=True)[1].as_independent(y)
+    )
+    base, exponent = power.as_base_exp()
+    if len(one.args) != 2 or len(inside) != 1 or base != y or factor.has(elongation):
+        return None
+    rate = sp.diff(inside[0], elongation)
+    known = [x.subs(values) for x in (rate, inside[0].subs(elongation, 0), factor, exponent)]
+    if not all(x.is_number and x.is_real for x in known) or not known[0]:
+        return None
+    rate, at_rest, factor, exponent = map(float, known)
+    strength = factor * exponent * abs(rate) ** exponent
+    return -at_rest / rate, strength, exponent - 1, math.copysign(1.0, rate)
 
 
 def shown(number: float) -> str:
@@ -308,6 +345,7 @@ class PowerLaw(Potential):
         domain = (-math.inf, math.inf)
         self._set(_power_law(exponent), values, length, domain)
         self._exponent = exponent
+        self.opening = overlap, stiffness, exponent, -1.0
         given: dict[str, Any] = {"stiffness": stiffness, "exponent": exponent, "preload": preload}
         given |= {} if length is None else {"length": self._length}
         self.origin = call("PowerLaw", **given)
@@ -316,10 +354,6 @@ class PowerLaw(Potential):
     def exponent(self) -> float:
         """n."""
         return self._exponent
-
-    def opens_within(self, high: float) -> float | None:
-        """The exponent where the contact opens below an elongation [m]; else None."""
-        return self._exponent if high >= self.values[2] else None
 
 
 SMALLEST = 1e-100  # overlap [m] from which a contact counts as closed
