@@ -36,6 +36,7 @@ FIRST_ORDER = 4.0  # by which errors of the two coarsest runs are taken to fall 
 CORRECTED = 4.5  # order trusted of methods that correct openings
 LEAST_FACTOR, FASTEST = 1.25, 6.0  # of the steps from one run to the next
 COARSE, SHORT = 1e-4, 800  # usual error of the first run; steps of what counts as a short one
+FAR = 0.4  # share of the steps from which on an error is told so uncertainly that it is looked at
 ROUND_OFF = 1e-14  # differences below this say nothing
 FORCE_SHARE = 0.1  # of a tolerance that fitted forces may take up
 FIRST_ERROR, LEAST_ERROR = 1e-3, 1e-13  # of a fit over the tolerance, and of any fit
@@ -307,7 +308,8 @@ class Judge:
         if len(gaps) > 1:
             order, estimate = self._seen(gaps), self.estimate(gaps)
         needed = (estimate / (self._aim * tol)) ** (1 / order)
-        return min(max(needed, LEAST_FACTOR), FASTEST)
+        far = len(gaps) > 1 and share < FAR and not self.opens  # errors may have fallen faster
+        return min(max(needed, LEAST_FACTOR), self.first if far else FASTEST)
 
 
 def order_left(problem, met):
