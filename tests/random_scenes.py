@@ -127,7 +127,7 @@ def guide(rng):
         int(rng.integers(3, 9)), int(rng.integers(3, 9)), half_angle=rng.uniform(0.3, 0.8),
         bead=steel, wall=materials["ptfe"], striker=Striker(steel, rng.uniform(0.2, 1)),
     )  # fmt: skip
-    return scene, scene.start(), rng.uniform(30e-6, 150e-6)
+    return scene, scene.start(), rng.uniform(20e-6, 65e-6)  # no bead beyond a wall
 
 
 def pack(rng):
