@@ -366,9 +366,27 @@ FAULTS = (
     ),
     Fault(
         "tensegrity/runs/tolerance.py",
-        "return 2**order - 1 if difference <= 2 * expected else 1",
-        "return 2**order - 1",
+        "        return max(errors) if self.opens else errors[-1]\n",
+        "        return min(errors) if self.opens else errors[-1] / 1e3\n",
         "tests/test_integrate.py::test_how_much_an_error_estimate_trusts_the_order",
+    ),
+    Fault(
+        "tensegrity/runs/tolerance.py",
+        "else exponent + 1)",
+        "else exponent + 4)",
+        "tests/test_integrate.py::test_contacts_that_open_are_trusted_with_the_order_they_leave",
+    ),
+    Fault(
+        "tensegrity/runs/march.py",
+        "        if not (sound and (",
+        "        if not (True and (",
+        "tests/test_integrate.py::test_a_stride_that_goes_wrong_is_done_again_with_care",
+    ),
+    Fault(
+        "tensegrity/engine/walk.c",
+        "copied(&w->leave, copied(&w->close, &w->step, size), size)",
+        "copied(&w->leave, &w->step, size)",
+        "tests/test_record.py::test_a_file_holds_the_same_rows_as_memory",
     ),
     Fault(
         "tensegrity/runs/tolerance.py",

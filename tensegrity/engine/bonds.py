@@ -69,6 +69,11 @@ class Bonds:
         return Runs(*(fixed(getattr(found, field.name)) for field in fields(Runs)))
 
     @cached_property
+    def laid(self):
+        """What loops over them keep from one run to the next, by loop."""
+        return {}
+
+    @cached_property
     def own(self):
         """For each law the numbers of the parameters that differ in a run; None where no run
         has bonds with a range of their own."""

@@ -14,6 +14,7 @@ from tensegrity.engine.methods import Corrected, Splitting
 from tensegrity.engine.native import library
 from tensegrity.engine.openings import DEGREE, Openings
 from tensegrity.engine.slices import slices
+from tensegrity.engine.walk import Part
 from tensegrity.once import once
 
 
@@ -216,6 +217,10 @@ class _Bound:
         function, addresses = self._call
         function(*addresses, steps)
 
+    def parts(self):
+        """What `walk` needs to advance them with others."""
+        return [Part(..., *self._call, *self._arrays[:2])]
+
     def advance_part(self, steps, opened, close):
         """Steps of a splitting whose first kick includes the last one of the steps before, if
         `opened`, and whose own last kick is left out, unless `close`."""
@@ -255,29 +260,41 @@ class BoundLine(_Bound):
     """
 
     def __init__(self, loop, u, v, bonds, method, dt, runs=None, seen=None):
+        self._group, self._lanes = bonds.group, loop.lanes
+        laid = None if runs is not None else bonds.laid.get(loop)
+        if laid is None:
+            laid = self._lay(loop, bonds, runs, seen)
+            if runs is None:
+                bonds.laid[loop] = laid
+        self._kept, self._low, self._high, self._apart, size, fixed_arrays, count = laid
+        weights, shared, own, *where = fixed_arrays
+        self._range = np.empty(size, dtype=loop.dtype)
+        self._travel = np.zeros(1, dtype=loop.dtype)
+        self._springs = len(bonds.law)
+        kicks, drifts, *counts = _rows(method, dt, loop.dtype)
+        arrays = [u, v, weights, shared, own, kicks, drifts, self._range, *where]
+        structure = _LINE(*(x.ctypes.data for x in arrays), count, *counts)
+        self._set_steps(loop, structure, arrays, bonds, method, dt, u.size)
+        self.forget_range()
+
+    def _lay(self, loop, bonds, runs, seen):
+        """What does not depend on the motion and the method: kept for the next time."""
         runs = bonds.runs if runs is None else runs
         seen = np.ones(len(runs.law), dtype=bool) if seen is None else seen
-        self._runs, self._group, self._lanes = runs, bonds.group, loop.lanes
+        self._runs = runs
         shared, own, own_at = loop.parameters(bonds, runs)
         sizes = np.where(runs.own, 2 * loop.lanes * np.diff(runs.first), 2)
         range_at = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
-        self._range = np.empty(range_at[-1], dtype=loop.dtype)
-        self._travel = np.zeros(1, dtype=loop.dtype)
-        self._springs = len(bonds.law)
         weights = np.asarray(bonds.inverse_mass)
         if loop.lanes > 1 and weights.ndim == 1:
             weights = np.repeat(weights, loop.lanes)
-        kicks, drifts, *counts = _rows(method, dt, loop.dtype)
+        order = self._order(range_at, seen)
+        apart = np.array_equal(order[0], np.arange(len(bonds.law)))
         arrays = [
-            u, v, loop.numbers(weights), shared, own, kicks, drifts, self._range,
-            (runs.first - runs.first[0]).astype(np.int64),
+            loop.numbers(weights), shared, own, (runs.first - runs.first[0]).astype(np.int64),
             (2 * runs.law + runs.own).astype(np.int64), own_at, range_at,
         ]  # fmt: skip
-        structure = _LINE(*(x.ctypes.data for x in arrays), len(runs.law), *counts)
-        self._set_steps(loop, structure, arrays, bonds, method, dt, u.size)
-        self._kept, self._low, self._high = self._order(range_at, seen)
-        self._apart = np.array_equal(self._kept, np.arange(self._springs))
-        self.forget_range()
+        return *order, apart, range_at[-1], arrays, len(runs.law)
 
     def _order(self, range_at, seen):
         """The spring that each kept range belongs to, and where its two numbers are."""

@@ -92,6 +92,13 @@ static real swing(const scene *c, const openings *o, integer b, real x)
     return o->side[b] * dt * dt * length * square;
 }
 
+/* Add what was rounded before, so that equal and opposite ones cancel to the last bit. */
+static void add(real *to, real part)
+{
+    __asm__("" : "+m"(part));
+    *to += part;
+}
+
 static void give(const scene *c, const openings *o, integer b, real w, real x, real total,
                  real moment, real turning)
 {
@@ -107,9 +114,9 @@ static void give(const scene *c, const openings *o, integer b, real w, real x, r
     }
     const real share = size * mobility >= fabs(w) ? 0 : 1; /* else it would change side once more */
     AXES(k) {
-        c->v[from + k] += c->w[from + k] * impulse[k];
-        c->v[to + k] -= c->w[to + k] * impulse[k];
-        c->u[from + k] += c->w[from + k] * share * shift[k];
-        c->u[to + k] -= c->w[to + k] * share * shift[k];
+        add(c->v + from + k, c->w[from + k] * impulse[k]);
+        add(c->v + to + k, -c->w[to + k] * impulse[k]);
+        add(c->u + from + k, c->w[from + k] * share * shift[k]);
+        add(c->u + to + k, -c->w[to + k] * share * shift[k]);
     }
 }

@@ -439,12 +439,18 @@ class Network(Scene):
     def energy(self, state: State) -> float:
         """Total energy [J], the potential of the loads included."""
         self._refuse_other(state)
+        scene = self.listed(state.u)
+        return float(scene.energies(state.u[None], state.v[None])[0])
+
+    def energies(self, u: Array, v: Array) -> Array:
+        """Total energy [J] of each of many states; u and v (states, sites, dim)."""
         if self.follows:
-            return self.listed(state.u).energy(state)
+            return super().energies(u, v)
+        rows = len(u), -1
         with np.errstate(over="ignore"):  # to inf, which `check` refuses
-            kinetic = 0.5 * np.sum(self.mass[:, None] * state.v**2)
-        stored = np.sum(self._per_contact("energy", state.u))
-        return float(kinetic + stored - np.sum(self.loads * state.u))
+            kinetic = 0.5 * np.sum((self.mass[:, None] * v**2).reshape(rows), axis=-1)
+        stored = np.sum(self._per_contact("energy", u), axis=-1)
+        return kinetic + stored - np.sum((self.loads * u).reshape(rows), axis=-1)
 
     def site_energy(self, u: Array, v: Array) -> Array:
         """Energy of each site [J]: motion, half its bonds, walls, load; (..., sites)."""
