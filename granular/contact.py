@@ -20,7 +20,7 @@ from tensegrity.once import once
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from tensegrity.typing import Number
+    from tensegrity.typing import Array, Number
 
     ContactLaw = Callable[[Bead, Bead | Material], "Contact"]
 
@@ -83,7 +83,7 @@ def hertz(bead: Bead, other: Bead | Material) -> Contact:
     """
     if not isinstance(bead, Bead):
         raise TensegrityError(f"{check.shown(bead)} is not a Bead")
-    for_pair, for_wall = _constants()
+    for_pair, for_wall = _constants("math")
     one = bead.material
     if isinstance(other, Material):
         return Contact(
@@ -124,9 +124,26 @@ def contact_of(law: ContactLaw, bead: Bead, other: Bead | Material) -> Contact:
     return contact
 
 
+def hertz_constants(modulus: Array, poisson: Array, radius: Array, *other: Array) -> Array:
+    """Constants of many contacts after `hertz` at once [N/m^1.5].
+
+    Parameters
+    ----------
+    modulus, poisson, radius : array_like
+        Of beads [Pa], 1, [m]; of any shapes that broadcast.
+    *other : array_like
+        The same three of their partners; radius inf for a plane wall.
+    """
+    for_pair, _ = _constants("numpy")
+    modulus_2, poisson_2, radius_2 = other
+    constants = for_pair(modulus, modulus_2, poisson, poisson_2, radius, radius_2)
+    return np.asarray(constants)
+
+
 @once
-def _constants() -> tuple[Callable[..., float], Callable[..., float]]:
-    """alpha of two spheres and of a sphere on a wall, as functions of numbers."""
+def _constants(module: str) -> tuple[Callable[..., float], Callable[..., float]]:
+    """alpha of two spheres and of a sphere on a wall, as functions of numbers, or
+    of arrays."""
     import sympy as sp
 
     from derivations import contact as derived
@@ -136,6 +153,6 @@ def _constants() -> tuple[Callable[..., float], Callable[..., float]]:
     if exponent != sp.Rational(3, 2):
         raise TensegrityError(f"exponent {exponent} of the derived contact law must be 3/2")
     return (
-        sp.lambdify((*solids, derived.radius_1, derived.radius_2), pair, "math"),
-        sp.lambdify((*solids, derived.radius_1), derived.wall_constant(), "math"),
+        sp.lambdify((*solids, derived.radius_1, derived.radius_2), pair, module),
+        sp.lambdify((*solids, derived.radius_1), derived.wall_constant(), module),
     )

@@ -17,6 +17,7 @@ from tensegrity.runs.integrate import simulate
 from tensegrity.runs.record import Record
 from tensegrity.runs.resuming import resume
 from tensegrity.runs.run import Run
+from tensegrity.runs.sweep import sweep
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.scenes.network import Network
@@ -56,4 +57,5 @@ __all__ = [
     "resume",
     "simulate",
     "solitary_wave",
+    "sweep",
 ]

@@ -50,6 +50,32 @@ class Fault:
 
 
 FAULTS = (
+    # design of protectors
+    Fault(
+        "granular/design/objective.py",
+        "kept[:, 1, 1] + self._kick * push",
+        "kept[:, 1, 1]",
+        "tests/test_design_objective.py::test_maxima_between_the_steps_count",
+    ),
+    Fault(
+        "granular/design/searching.py",
+        "worth = np.where(holds, finer[-1], np.inf) if holds.any() else finer.max(axis=0)",
+        "worth = forces[first : first + FINALISTS]",
+        "tests/test_design_search.py::test_a_design_that_moves_with_the_step_is_not_taken",
+    ),
+    Fault(
+        "granular/design/searching.py",
+        "rows[len(forces) :]",
+        "rows",
+        "tests/test_design_search.py::"
+        "test_a_search_goes_on_from_its_checkpoint_and_computes_nothing_twice",
+    ),
+    Fault(
+        "tensegrity/runs/sweep.py",
+        "left = [k for k in range(len(cases)) if k not in ledger.results]",
+        "left = list(range(len(cases)))",
+        "tests/test_sweep.py::test_a_sweep_goes_on_from_its_checkpoint",
+    ),
     Fault(
         "tensegrity/engine/openings.c",
         "curvature * sums[1] / 2 + pull * sums[2]",

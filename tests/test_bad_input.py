@@ -16,6 +16,7 @@ import sympy as sp
 
 import granular
 import tensegrity
+from granular import design
 from granular import observables as beads_observables
 from granular.lammps import to_lammps
 from granular.layout import crossed_layout, diamond_layout, y_layout
@@ -60,16 +61,21 @@ NO_NUMBERS = (
     "complex", "list", "list of text", "dict", "object", "function", "array", "namespace",
 )  # fmt: skip
 EXTREME = ("1e308", "5e-324", "half")
-SEARCHES = (solitary_wave, largest_speed, limit_load)  # take long with these: see their tests
-MADE_BY_THE_LIBRARY = {
-    "Run", "SolitaryWave", "Prediction", "EquilibriumPath", "BeadChain", "Pack",
-}  # fmt: skip
+SEARCHES = (  # take long with these: see their tests
+    solitary_wave,
+    largest_speed,
+    limit_load,
+    design.peak_force,
+    design.search,
+)
+MADE_BY_THE_LIBRARY = {"Run", "SolitaryWave", "Prediction", "EquilibriumPath", "BeadChain", "Pack"}
 
 R = sp.Symbol("r")
 SPRING = Prism(1.0, 0.7, 0.01, 1.0).potential()
 ELASTIC = Prism(1.0, 0.7, 0.01, 1.0, 10.0, 100.0)
 STEEL = granular.materials["steel"]
 BEAD = granular.Bead(4.76e-3, STEEL)
+PTFE, SMALL = granular.materials["ptfe"], granular.Bead(3e-3, STEEL)
 STRIKER = granular.Striker(BEAD, 0.5)
 BEADS = granular.chain([BEAD] * 6, striker=STRIKER, end=STEEL)
 LINE = Chain(SPRING, 24)
@@ -244,6 +250,16 @@ CALLS = [
     (beads_observables.effective_number, {"run": PACKED}),
     (beads_observables.participation_ratio, {"run": PACKED}),
     (beads_observables.virial_ratio, {"run": PACKED}),
+    (tensegrity.sweep, {"function": abs, "cases": [1, -2], "executor": None,
+                        "checkpoint": "sweep.npz"}),
+    (design.Order, {"given": [BEAD, SMALL]}),
+    (design.Choice, {"count": 3, "diameter": 0.005, "materials": [STEEL, PTFE]}),
+    (design.Sizes, {"count": 3, "diameters": (0.004, 0.006), "length": 0.015, "material": STEEL}),
+    (design.peak_force, {"beads": [BEAD] * 3, "striker": STRIKER, "wall": STEEL, "t_end": 2e-4,
+                         "dt": 1e-6}),
+    (design.search, {"space": design.Order([BEAD, SMALL]), "striker": STRIKER, "wall": STEEL,
+                     "t_end": 1e-4, "build": None, "method": "ga", "budget": 64, "seed": 0,
+                     "executor": None, "checkpoint": "search.npz"}),
     (granular.y_guide, GUIDE),
     (granular.diamond_guide, GUIDE),
     (granular.Guide, {"layout": y_layout(3, 3, 0.7, BEAD.diameter),

@@ -35,6 +35,7 @@ from granular import (
     y_guide,
 )
 from granular import observables as sensors
+from granular.design import Best, Choice, Order, Sizes, peak_force, search
 from granular.lammps import run_lammps, to_lammps
 from tensegrity import (
     Chain,
@@ -65,6 +66,7 @@ from tensegrity import (
     resume,
     simulate,
     solitary_wave,
+    sweep,
 )
 from tensegrity.engine import methods
 from tensegrity.measure import budget, observables
@@ -320,6 +322,26 @@ def sensed(run: Run) -> Array:
     sensor_force(run, 3, "stem 1")  # type: ignore[arg-type]
     sensors.part_energies(run.final)  # type: ignore[arg-type]
     return mean + sensors.momentum(run)[:, 0] + sensors.density(run, [1])[:, 0]
+
+
+def protectors(bead: Bead) -> list[Bead]:
+    steel, striker = materials["steel"], Striker(bead, speed=1)
+    how = {"a": 1.0}
+    single = peak_force([bead] * 3, striker=striker, wall=steel, t_end=1e-3)
+    assert_type(single, float | Array)
+    peak_force([[bead] * 3] * 2, striker=striker, wall=steel, t_end=1e-3, dt=1e-6)
+    for space in (
+        Order([bead, bead]),
+        Sizes(3, (4e-3, 5e-3), 13e-3, steel),
+        Choice(count=3, diameter=5e-3, materials=[steel, materials["ptfe"]]),
+    ):
+        best = search(space, striker=striker, wall=steel, t_end=1e-3, method="ga", budget=100)
+        assert_type(best, Best)
+        assert_type(best.history, Array)
+    search(how, striker=striker, wall=steel, t_end=1e-3)  # type: ignore[arg-type]
+    peak_force([bead], striker=striker, wall="steel", t_end=1e-3)  # type: ignore[arg-type]
+    assert_type(sweep(abs, [1, 2], checkpoint="sweep.npz"), list[Any])
+    return best.beads
 
 
 def packs(bead: Bead) -> Run:
