@@ -19,6 +19,7 @@ NAMES = (
     "waves",
     "contact",
     "geometry",
+    "member",
     "junction",
 )
 """The derivations, in reading order; each module offers TITLE and argument()."""

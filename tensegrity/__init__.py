@@ -24,6 +24,8 @@ from tensegrity.scenes.scene import State
 from tensegrity.scenes.walls import Wall
 from tensegrity.springs.polynomial import Polynomial
 from tensegrity.springs.potential import Potential, PowerLaw
+from tensegrity.structures.structure import Structure, equilibrium
+from tensegrity.structures.supports import held, plates
 from tensegrity.waves.solitary import SolitaryWave, solitary_wave
 
 __all__ = [
@@ -47,9 +49,13 @@ __all__ = [
     "SolitaryWave",
     "StabilityError",
     "State",
+    "Structure",
     "TensegrityError",
     "Wall",
+    "equilibrium",
     "equilibrium_path",
+    "held",
+    "plates",
     "resume",
     "simulate",
     "solitary_wave",
