@@ -16,6 +16,7 @@ NAMES = (
     "elastic",
     "rigid_response",
     "hardening",
+    "polygon",
     "waves",
     "contact",
     "geometry",

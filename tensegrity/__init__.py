@@ -11,6 +11,8 @@ from tensegrity.errors import (
     StabilityError,
     TensegrityError,
 )
+from tensegrity.prisms.column import column
+from tensegrity.prisms.members import member_stiffness
 from tensegrity.prisms.path import EquilibriumPath, equilibrium_path
 from tensegrity.prisms.prism import Prism
 from tensegrity.runs.integrate import simulate
@@ -52,9 +54,11 @@ __all__ = [
     "Structure",
     "TensegrityError",
     "Wall",
+    "column",
     "equilibrium",
     "equilibrium_path",
     "held",
+    "member_stiffness",
     "plates",
     "resume",
     "simulate",

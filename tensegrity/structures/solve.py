@@ -36,16 +36,24 @@ class Freedom:
     ----------
     motions : sparse matrix, (nodes dim, free)
     rigid : ndarray, (free, count)
-        Rigid motions among them, in their coordinates.
+        Rigid motions of the parts among them, in their coordinates.
+    parts : sequence of ndarray of int
+        Nodes of each part that no member joins to another.
     """
 
     motions: Any
     rigid: Array
+    parts: Any
 
     @classmethod
-    def of(cls, supports: Supports | None, positions: Array) -> Freedom:
-        motions = (supports or Supports()).motions(*positions.shape)
-        return cls(motions, left_over(motions, positions))
+    def of(cls, supports: Supports | None, positions: Array, platforms: Any, parts: Any) -> Freedom:
+        """Motions that supports and platforms leave."""
+        motions = (supports or Supports()).motions(*positions.shape, platforms)
+        return cls(motions, left_over(motions, positions, parts), parts)
+
+    def at(self, positions: Array) -> Freedom:
+        """The same at other positions."""
+        return Freedom(self.motions, left_over(self.motions, positions, self.parts), self.parts)
 
     def reduced(self, tangent: Any) -> Any:
         """A tangent over these motions, (free, free)."""
@@ -84,7 +92,7 @@ def _vector(value: Any) -> str:
     return "(" + ", ".join(f"{x:.4g}" for x in numbers.tolist()) + ")"
 
 
-def settle(members: Members, positions: Array, supports: Supports | None, loads: Array) -> Array:
+def settle(members: Members, freedom: Freedom, positions: Array, loads: Array) -> Array:
     """Positions of an equilibrium under constant loads, downhill in energy from given ones.
 
     Raises
@@ -93,7 +101,6 @@ def settle(members: Members, positions: Array, supports: Supports | None, loads:
         If there is none nearby: loads drive a rigid motion, or the energy falls without end.
     """
     x, shape = positions, positions.shape
-    freedom = Freedom.of(supports, x)
     refuse_driven(freedom, x, loads)
     span = float(np.ptp(positions, axis=0).max())
     softest = float(members.stiffness.min())
@@ -130,7 +137,7 @@ def settle(members: Members, positions: Array, supports: Supports | None, loads:
             raise EquilibriumError(
                 f"no equilibrium: under these loads the structure grows beyond {100 * span:g} m"
             )
-        freedom = Freedom(freedom.motions, left_over(freedom.motions, x))
+        freedom = freedom.at(x)
     left = np.abs(freedom.motions.T @ (members.gradient(x) - loads).ravel()).max()
     if left <= 1e3 * SETTLED * size:
         return x

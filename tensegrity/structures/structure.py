@@ -69,6 +69,9 @@ class Structure(ReadOnly):
         Of each node [kg], > 0.
     natural_lengths : array_like, (members,), optional
         Lengths without stress [m]; by default those of the positions.
+    platforms : sequence of sequences of int, optional
+        Nodes on each of some rigid plates inside of the structure, smooth and guided along the
+        last axis: they move along it as one.  In statics only.
 
     Attributes
     ----------
@@ -92,6 +95,7 @@ class Structure(ReadOnly):
         k_string: ArrayLike = 1.0,
         mass: ArrayLike = 1.0,
         natural_lengths: ArrayLike | None = None,
+        platforms: Sequence[Sequence[int]] = (),
     ) -> None:
         places = check.floats("positions", positions)
         if places.ndim != 2 or places.shape[1] not in (2, 3) or not len(places):
@@ -116,6 +120,7 @@ class Structure(ReadOnly):
             ]
         )
         self.mass = _each("mass", mass, nodes, "kg")
+        self.platforms = _platforms(platforms, nodes)
         lengths = self.lengths
         short = np.flatnonzero(~(lengths > 1e-12 * np.ptp(places, axis=0).max()))
         if short.size:
@@ -211,8 +216,13 @@ class Structure(ReadOnly):
             "k_string": self.stiffnesses[self.bars :],
             "mass": self.mass,
             "natural_lengths": self.natural_lengths,
+            "platforms": self.platforms,
         }
         return Structure(positions, **(given | other))
+
+    def at_mass(self, mass: ArrayLike) -> Structure:
+        """The same structure with other masses of its nodes [kg]."""
+        return self.at(self.positions, mass=mass)
 
     def prestressed(
         self,
@@ -309,7 +319,7 @@ class Structure(ReadOnly):
         EquilibriumError
             If all strings and bars end without stress.
         """
-        x = settle(self.members, self.positions, None, np.zeros(self.positions.shape))
+        x = settle(self.members, self.freedom(None), self.positions, 0 * self.positions)
         found = self.at(x)
         if not (np.abs(found.tensions) > 1e-12 * self.stiffnesses * self.natural_lengths).any():
             longest = np.max(self.lengths / self.natural_lengths)
@@ -342,7 +352,7 @@ class Structure(ReadOnly):
         Modes
         """
         count = check.whole("count", count, least=1)
-        freedom = self._freedom(supports)
+        freedom = self.freedom(supports)
         tangent, weights = self.stiffness(), np.repeat(self.mass, self.dim)
         floor = self.least_eigenvalue_bound
         squares, vectors = lowest_eigenvalues(tangent, freedom, weights, count, floor)
@@ -365,7 +375,7 @@ class Structure(ReadOnly):
 
     def is_stable(self, supports: Supports | None = None) -> bool:
         """Whether every motion that supports leave costs energy, rigid motions apart."""
-        freedom = self._freedom(supports)
+        freedom = self.freedom(supports)
         if freedom.motions.shape[1] == freedom.rigid.shape[1]:
             return True  # nothing can move
         values, _ = lowest_eigenvalues(
@@ -373,17 +383,37 @@ class Structure(ReadOnly):
         )
         return bool(values[0] > NEUTRAL * self.stiffnesses.max())
 
-    def _freedom(self, supports: Supports | None) -> Freedom:
+    def freedom(self, supports: Supports | None) -> Freedom:
+        """Motions that supports and platforms leave."""
         if supports is not None:
             check.kind("supports", supports, Supports, ": made by held(...) or plates(...)")
-        return Freedom.of(supports, self.positions)
+        return Freedom.of(supports, self.positions, self.platforms, self.parts)
+
+    @cached_property
+    def parts(self) -> tuple[Any, ...]:
+        """Node numbers of each part that no member joins to another."""
+        from scipy.sparse import coo_matrix
+        from scipy.sparse.csgraph import connected_components
+
+        joined = coo_matrix((np.ones(len(self.ends)), self.ends.T), shape=(self.nodes,) * 2)
+        count, label = connected_components(joined, directed=False)
+        return tuple(np.flatnonzero(label == k) for k in range(count))
 
     def network(self) -> Network:
         """The structure as a scene for `simulate`: strings pull only, bars pull and push.
 
         Lines without thickness: members pass through each other.  Displacements count from the
         positions.
+
+        Raises
+        ------
+        TensegrityError
+            If there are platforms, which a scene does not have.
         """
+        if self.platforms:
+            raise TensegrityError(
+                f"{len(self.platforms)} platforms: a structure with rigid plates has statics only"
+            )
         from tensegrity.structures.dynamics import network
 
         return network(self.positions, self.members, self.mass)
@@ -466,7 +496,8 @@ def equilibrium(
     if supports is not None:
         check.kind("supports", supports, Supports, ": made by held(...) or plates(...)")
     forces = nodal(structure, loads)
-    x = settle(structure.members, structure.positions, supports, forces)
+    freedom = structure.freedom(supports)
+    x = settle(structure.members, freedom, structure.positions, forces)
     return Equilibrium(structure.at(x), fixed(forces), supports)
 
 
@@ -483,6 +514,20 @@ def nodal(structure: Structure, loads: Any) -> Array:
             raise TensegrityError(f"loaded node {number} must be below {structure.nodes}")
         result[number] = check.vector(f"load of node {number}", force, (structure.dim,))
     return result
+
+
+def _platforms(given: Any, nodes: int) -> tuple[tuple[int, ...], ...]:
+    try:
+        groups = tuple(tuple(group) for group in given)
+    except TypeError:
+        raise TensegrityError(f"platforms {check.shown(given)} must list nodes of each") from None
+    numbers = [check.whole("node of a platform", n, least=0) for group in groups for n in group]
+    for number in numbers:
+        if number >= nodes or numbers.count(number) > 1:
+            raise TensegrityError(
+                f"node {number} of a platform must be below {nodes} and on one platform only"
+            )
+    return groups
 
 
 def _pairs(name: str, given: Any, nodes: int) -> Indices:

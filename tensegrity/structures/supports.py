@@ -53,8 +53,10 @@ class Supports:
             raise TensegrityError(f"normal has {len(self.normal)} components, must be {dim}")
         return np.array(self.normal) / np.linalg.norm(self.normal)
 
-    def motions(self, nodes: int, dim: int) -> Any:
+    def motions(self, nodes: int, dim: int, platforms: Any = ()) -> Any:
         """Orthonormal motions that are left, sparse (nodes dim, motions); that of the plate last.
+
+        Each of `platforms` is a sequence of nodes that move along the last axis as one.
 
         Raises
         ------
@@ -77,12 +79,22 @@ class Supports:
         if self.normal is None:
             across = np.eye(dim)[:-1]
         on_plates = {*self.lower, *self.upper}
+        riding = {node for group in platforms for node in group}
+        both = sorted(riding & (on_plates | {node for node, _ in self.holds}))
+        if both or (riding and self.normal is not None):
+            raise TensegrityError(
+                f"node {both[0]} is on a platform and supported too"
+                if both
+                else "platforms move along the last axis: plates across another do not suit"
+            )
         rows, columns, values, count = [], [], [], 0
         for node in range(nodes):
             if node in on_plates and held[node].any() and not held[node].all():
                 if self.normal is not None:
                     raise TensegrityError(f"node {node} is both held along axes and on a plate")
                 kept = [v for v in across if not v[held[node]].any()]
+            elif node in riding:
+                kept = list(np.eye(dim)[:-1])
             elif node in on_plates:
                 kept = [] if held[node].all() else list(across)
             else:
@@ -92,9 +104,9 @@ class Supports:
                 columns += [count] * dim
                 values += vector.tolist()
                 count += 1
-        if self.upper:
-            share = normal / np.sqrt(len(self.upper))
-            for node in self.upper:
+        for group in (*platforms, *([self.upper] if self.upper else [])):
+            share = normal / np.sqrt(len(group))
+            for node in group:
                 rows += [dim * node + axis for axis in range(dim)]
                 columns += [count] * dim
                 values += share.tolist()
@@ -182,9 +194,27 @@ def rigid_motions(positions: Array) -> Array:
     return np.column_stack([c.ravel() for c in columns])
 
 
-def left_over(motions: Any, positions: Array) -> Array:
-    """Orthonormal rigid motions among sparse `motions`, in their coordinates, (motions, count)."""
-    rigid = orthonormal(rigid_motions(positions))
+def left_over(motions: Any, positions: Array, parts: Any) -> Array:
+    """Orthonormal rigid motions of the parts among `motions`, in their coordinates.
+
+    Parameters
+    ----------
+    motions : sparse, (nodes dim, free)
+    positions : ndarray, (nodes, dim)
+    parts : sequence of ndarray of int
+        Nodes of each part.
+
+    Returns
+    -------
+    ndarray, (free, count)
+    """
+    columns = []
+    for nodes in parts:
+        own = orthonormal(rigid_motions(positions[nodes]))
+        whole = np.zeros((*positions.shape, own.shape[1]))
+        whole[nodes] = own.reshape(len(nodes), positions.shape[1], -1)
+        columns.append(whole.reshape(positions.size, -1))
+    rigid = np.concatenate(columns, axis=1)
     inside = motions.T @ rigid
     _, sizes, right = np.linalg.svd(rigid - motions @ inside, full_matrices=False)
     return np.asarray(inside @ right[sizes < LEFT].T)
