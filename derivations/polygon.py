@@ -13,7 +13,7 @@ import sympy as sp
 
 from derivations import elastic, hardening, prism
 from derivations.argument import Step
-from derivations.prism import ANY, circumradius, half_angle, half_cosine, half_sine, twist
+from derivations.prism import ANY, circumradius, half_angle, half_sine, twist
 from derivations.rigid_response import locking_height_squared, turn_rate
 
 TITLE = "Prisms with any number of sides"

@@ -26,6 +26,7 @@ from tensegrity.scenes.scene import State
 from tensegrity.scenes.walls import Wall
 from tensegrity.springs.polynomial import Polynomial
 from tensegrity.springs.potential import Potential, PowerLaw
+from tensegrity.structures.path import StructurePath, control_path
 from tensegrity.structures.structure import Structure, equilibrium
 from tensegrity.structures.supports import held, plates
 from tensegrity.waves.solitary import SolitaryWave, solitary_wave
@@ -52,9 +53,11 @@ __all__ = [
     "StabilityError",
     "State",
     "Structure",
+    "StructurePath",
     "TensegrityError",
     "Wall",
     "column",
+    "control_path",
     "equilibrium",
     "equilibrium_path",
     "held",

@@ -9,8 +9,9 @@ hang upright and pull alone.  Source: seeds/000, part III, "Numerical approach".
 
 from __future__ import annotations
 
+import inspect
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, overload
 
 import numpy as np
 
@@ -22,6 +23,8 @@ from tensegrity.errors import NoLocking, TensegrityError
 from tensegrity.once import once
 from tensegrity.prisms.condensed import numbers, problem, stable
 from tensegrity.prisms.prism import Prism
+from tensegrity.structures.path import structure_path
+from tensegrity.structures.structure import Structure
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -31,6 +34,8 @@ if TYPE_CHECKING:
 
     from tensegrity.branches.continuation import Branch
     from tensegrity.springs.potential import Potential
+    from tensegrity.structures.path import StructurePath
+    from tensegrity.structures.supports import Supports
     from tensegrity.typing import Array, Flags
 
     Columns = dict[str, Any]
@@ -129,7 +134,69 @@ class EquilibriumPath(Table):
         return super().plot(x, y, axes, LABELS)
 
 
+@overload
 def equilibrium_path(
+    prism: Prism,
+    *,
+    min_height: float = ...,
+    max_load: float = ...,
+    max_height: float | None = ...,
+    past_contact: bool = ...,
+) -> EquilibriumPath: ...
+@overload
+def equilibrium_path(
+    prism: Structure,
+    *,
+    supports: Supports,
+    max_load: float = ...,
+    branch: str = ...,
+    loads: Mapping[int, Sequence[float]] | None = ...,
+    max_shortening: float = ...,
+) -> StructurePath: ...
+def equilibrium_path(prism: Any, **given: Any) -> Any:
+    """Equilibria of a prism, or of a structure between plates or under loads that grow.
+
+    Parameters
+    ----------
+    prism : Prism or Structure
+        Others are as of `prism_path` for a prism: min_height, max_load, max_height, past_contact.
+    supports : Supports
+        Of a structure: `plates(lower, upper)`, of which the upper one comes down, or any with
+        `loads`.
+    max_load : float, optional
+        Load at which to end [N].
+    branch : {"stable", "symmetric"}, optional
+        What is followed where strings go slack together, and where a path loses stability at
+        given shortening: the branch of least energy, or that on which all of them do the same.
+    loads : dict, optional
+        {node: force (dim,)}: their directions and ratios; load and shortening belong to their
+        sum of sizes.
+    max_shortening : float, optional
+        Shortening at which to end [m].
+
+    Returns
+    -------
+    EquilibriumPath or StructurePath
+
+    Raises
+    ------
+    TensegrityError
+        If an argument does not belong to what is given, or is outside its bounds.
+    """
+    of = structure_path if isinstance(prism, Structure) else prism_path
+    known = set(inspect.signature(of).parameters) - {"prism", "structure"}
+    wrong = sorted(set(given) - known)
+    if wrong:
+        raise TensegrityError(
+            f"{wrong[0]} does not belong to a path of a {type(prism).__name__}, only "
+            f"{', '.join(sorted(known))}"
+        )
+    if of is structure_path and "supports" not in given:
+        raise TensegrityError("a path of a structure needs supports: held(...) or plates(...)")
+    return of(prism, **given)
+
+
+def prism_path(
     prism: Prism,
     *,
     min_height: float = 0.0,

@@ -33,6 +33,17 @@ def _tangent(dim: int) -> Callable[..., Any]:
     return sp.lambdify(symbols, upper, "numpy", cse=True)
 
 
+def member_blocks(d: Array, lengths: Array, density: Array, stiffness: Array, taut: Flags) -> Array:
+    """Tangent of each member in its own separation [N/m], (members, dim, dim)."""
+    members, dim = d.shape
+    upper = _tangent(dim)(*d.T, lengths, density, stiffness)
+    result = np.empty((members, dim, dim))
+    places = [(i, j) for i in range(dim) for j in range(i, dim)]
+    for (i, j), entry in zip(places, upper, strict=True):
+        result[:, i, j] = result[:, j, i] = np.where(taut, entry, 0.0)
+    return result
+
+
 @dataclass(frozen=True)
 class Members:
     """Members as arrays.
@@ -85,16 +96,10 @@ class Members:
 
     def blocks(self, positions: Array, taut: Flags | None = None) -> Array:
         """Tangent of each member in its own separation [N/m], (members, dim, dim)."""
-        dim = positions.shape[1]
         d, lengths = self.apart(positions)
         taut = self.taut(lengths) if taut is None else taut
         density = self.stiffness * (lengths - self.natural) / lengths
-        upper = _tangent(dim)(*d.T, lengths, density, self.stiffness)
-        result = np.empty((len(d), dim, dim))
-        places = [(i, j) for i in range(dim) for j in range(i, dim)]
-        for (i, j), entry in zip(places, upper, strict=True):
-            result[:, i, j] = result[:, j, i] = np.where(taut, entry, 0.0)
-        return result
+        return member_blocks(d, lengths, density, self.stiffness, taut)
 
     def tangent(self, positions: Array, taut: Flags | None = None) -> Any:
         """Hessian of the energy [N/m], sparse (nodes dim, nodes dim)."""
