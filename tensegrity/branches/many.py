@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
     from tensegrity.typing import Array
 
-STEP = 1e-7  # of differences, in scaled unknowns
 
 
 class Equations(Protocol):

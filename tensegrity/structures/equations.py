@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 ROUND_OFF = 1e-3  # of stiffness times length beside tension: what residuals are measured by
 INSIDE = 1e-9  # part of a bar at its ends within which a crossing is none
 PLANE = 1e-9  # volume over lengths below which two bars lie in a plane
-STEP = 1e-6  # of differences, in lengths
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,16 +76,15 @@ class Loading:
         return np.column_stack([across, self.along / size])
 
     @cached_property
-    def _ends(self) -> Array:
-        nodes, dim = self.positions.shape
-        i, j = self.members.ends.T
-        by_node = (self.motions @ self.basis).reshape(nodes, dim, -1)
-        return by_node[j] - by_node[i]
+    def by_node(self) -> Array:
+        """Displacement of each node with each motion of the basis, (nodes, dim, free)."""
+        return np.asarray((self.motions @ self.basis).reshape(*self.positions.shape, -1))
 
     @cached_property
     def gain(self) -> Array:
         """Change of each separation with each motion of the basis, (members dim, free)."""
-        return self._ends.reshape(-1, self.free)
+        i, j = self.members.ends.T
+        return (self.by_node[j] - self.by_node[i]).reshape(-1, self.free)
 
     @cached_property
     def start(self) -> Array:
@@ -264,23 +262,53 @@ class Piece:
         return np.concatenate(parts)
 
     def test_gradient(self, u: Array, number: int) -> Array:
-        """Gradient of one test, by central differences; for strings in closed form."""
-        if number < len(self.strings):
+        """Gradient of one test where it vanishes, (m,)."""
+        of, strings = self.of, len(self.strings)
+        row = np.zeros(len(u))
+        if number < strings:
             member = self.strings[number]
             d, lengths = self.apart(u)
-            natural = self.natural(u)[member]
-            dim = d.shape[1]
-            rate = (d[member] / lengths[member]) @ self.of.gain[dim * member : dim * (member + 1)]
-            row = np.zeros(len(u))
-            if self.of.pattern is None:
-                row[:-1] = rate / natural
-                row[-1] = -lengths[member] * self.of.change[member] / natural**2
-            else:
-                row[:-2], row[-1] = rate[:-1] / natural, rate[-1] / natural
+            natural, dim = self.natural(u)[member], d.shape[1]
+            gain = of.gain[dim * member : dim * (member + 1)]
+            self._place(row, (d[member] / lengths[member]) @ gain / natural)
+            if of.pattern is None:
+                row[-1] = -lengths[member] * of.change[member] / natural**2
             return row
-        steps = STEP * self.scale
-        rows = [
-            (self.tests(u + h)[number] - self.tests(u - h)[number]) / (2 * steps[i])
-            for i, h in enumerate(np.diag(steps))
-        ]
-        return np.array(rows)
+        name, *rest = self.roots[number].split()
+        if name in ("load", "height"):
+            last = -2 if name == "load" else -1
+            row[last] = 1 / (of.force if name == "load" else self.scale[-1])
+        elif name == "contact":
+            self._place(row, self._volume_gradient(of.at(u), *map(int, rest)))
+        else:
+            normal, low, up = of.plate  # type: ignore[misc]
+            rise = np.einsum("i,nif->nf", normal, of.by_node)
+            bottom = rise[low[0]] if low else 0.0
+            if name == "flat":
+                change = rise[up[0]] - bottom
+            else:
+                node = rise[int(rest[0])]
+                change = node - bottom if rest[1] == "lower" else rise[up[0]] - node
+            self._place(row, change / of.span)
+        return row
+
+    def _place(self, row: Array, by_motion: Array) -> None:
+        """Rates by the motions of the basis, at the unknowns that they are."""
+        if self.of.pattern is None:
+            row[:-1] = by_motion
+        else:
+            row[:-2], row[-1] = by_motion[:-1], by_motion[-1]
+
+    def _volume_gradient(self, x: Array, one: int, other: int) -> Array:
+        """Of the volume that two bars span, over the lengths it is measured by."""
+        of, ends = self.of, self.of.members.ends
+        (a, b), (c, d) = ends[one], ends[other]
+        first, second, apart = x[b] - x[a], x[d] - x[c], x[c] - x[a]
+        rows = of.by_node
+        change = (
+            np.cross(first, second) @ (rows[c] - rows[a])
+            + np.cross(second, apart) @ (rows[b] - rows[a])
+            + np.cross(apart, first) @ (rows[d] - rows[c])
+        )
+        size = np.linalg.norm(first) * np.linalg.norm(second) * of.span
+        return np.asarray(change / size)

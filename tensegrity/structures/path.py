@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 SETTINGS = Settings(tolerance=1e-8, largest=0.05, points=4000)
 CORNER = 1e-10  # stretch below which a string is at its natural length where a piece ends
 PIECES = 100
+AROUND = 12  # points around a bifurcation from which it is interpolated
 NOW = 1e-9  # of the size of the structure: bars that are nearer meet
 LABELS = {
     "shortening": "shortening [m]",
@@ -438,26 +439,24 @@ class _Walk:
         return found
 
     def _located(self, machine: Any, ends: list[Point], below: int) -> Array:
-        """The point between two where the number of negative eigenvalues changes."""
-        from scipy.optimize import brentq
+        """The point between two where the number of negative eigenvalues changes.
 
-        nth = below
-        more = self._negative(machine.of, machine.unknowns(ends[1].z))[1] > below
-        number = nth if more else nth - 1
+        At the point itself the equations are singular, and round-off moves a solution along the
+        lost mode: so eigenvalue and unknowns are interpolated from points around it.
+        """
+        from numpy.polynomial import chebyshev
 
-        def lowest(part: float) -> float:
-            if part in (0.0, 1.0):
-                z = ends[int(part)].z
-            else:
-                z = machine.at(*between(ends[0], ends[1], part), None).z
-            u = machine.unknowns(z)
-            return float(np.linalg.eigvalsh(self._inner(machine.of, u))[number])
-
-        values = lowest(0.0), lowest(1.0)
-        if values[0] * values[1] > 0:
-            return np.asarray(machine.unknowns(ends[1].z))
-        part = brentq(lowest, 0.0, 1.0, xtol=1e-15, rtol=1e-14)
-        return np.asarray(machine.unknowns(machine.at(*between(*ends, part), None).z))
+        after = self._negative(machine.of, machine.unknowns(ends[1].z))[1]
+        number = below if after > below else below - 1
+        t = chebyshev.chebpts1(AROUND)
+        z = [machine.at(*between(*ends, (1 + part) / 2), None).z for part in t.tolist()]
+        us = [machine.unknowns(one) for one in z]
+        values = [np.linalg.eigvalsh(self._inner(machine.of, u))[number] for u in us]
+        roots = chebyshev.chebroots(chebyshev.chebfit(t, values, AROUND - 1))
+        real = roots.real[(np.abs(roots.imag) < 1e-6) & (np.abs(roots.real) <= 1 + 1e-6)]
+        if not real.size:
+            return np.asarray(us[int(np.argmin(np.abs(values)))])
+        return np.asarray(chebyshev.chebval(real.min(), chebyshev.chebfit(t, us, AROUND - 1)))
 
     def _contact(self, piece: Piece, events: Any) -> tuple[int, Array] | None:
         """The first place where bars meet within their lengths: (row, point)."""

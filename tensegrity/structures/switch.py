@@ -17,9 +17,10 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array
 
 BEYOND = 1e-4  # first step beyond the bifurcation, over the size of the structure
-DIRECTIONS = 12  # of starts in the plane of two modes
+DIRECTIONS = 6  # of starts in the plane of two modes
 SHRUNK = 0.8  # of the distance after a step of a quarter: 1/2 at a pitchfork, 1/4 elsewhere
-ITERATIONS = 200
+ITERATIONS = 60
+FAR = 0.1  # of the size of the structure: a minimum farther away is no branch from here
 
 
 def branches_off(piece: Piece, u: Array, tangent: Array) -> Array | None:
@@ -60,7 +61,7 @@ def _settled(piece: Piece, u: Array, count: int) -> tuple[Array, float] | None:
     """The minimum of the energy over the first `count` unknowns, strings slack or taut as they
     are; and that energy."""
     members = piece.of.members
-    shift = 0.0
+    shift, begin = 0.0, u[:count].copy()
 
     def parts(u: Array) -> tuple[Array, float]:
         d, lengths = piece.apart(u)
@@ -94,6 +95,8 @@ def _settled(piece: Piece, u: Array, count: int) -> tuple[Array, float] | None:
         new = u.copy()
         new[:count] += move
         after = parts(new)
+        if np.abs(new[:count] - begin).max() > FAR * piece.of.span:
+            return None
         if after[1] <= energy + 1e-14 * abs(energy):
             u, (gradient, energy), shift = new, after, shift / 8
         else:
