@@ -12,6 +12,8 @@ from tensegrity.errors import (
     TensegrityError,
 )
 from tensegrity.prisms.column import column
+from tensegrity.prisms.contact import bar_contact
+from tensegrity.prisms.fit import fit
 from tensegrity.prisms.members import member_stiffness
 from tensegrity.prisms.path import EquilibriumPath, equilibrium_path
 from tensegrity.prisms.prism import Prism
@@ -56,10 +58,12 @@ __all__ = [
     "StructurePath",
     "TensegrityError",
     "Wall",
+    "bar_contact",
     "column",
     "control_path",
     "equilibrium",
     "equilibrium_path",
+    "fit",
     "held",
     "member_stiffness",
     "plates",

@@ -52,7 +52,7 @@ def _lowest(piece: Piece, u: Array, modes: Array, step: float) -> Array | None:
         x[-1] += step
         x[: len(start)] += 0.3 * amplitude * start
         settled = _settled(piece, x, len(start))
-        if settled is not None and settled[1] < least - 1e-9 * abs(least):
+        if settled and (best is None or settled[1] < least - 1e-9 * abs(least)):
             best, least = settled
     return best
 
