@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array
 
 
-
 class Equations(Protocol):
     """What a branch solves, in unknowns u (m,), the last being that by which a start is held."""
 

@@ -272,6 +272,14 @@ class _Walk:
         taut = ~self.of.members.pulls_only | (stretch > 0)
         sense = 1
         if len(corner):
+            whole = np.ones(len(taut), bool)
+            softest = np.linalg.eigvalsh(Piece(self.of, whole, corner, stretch).tangent(u))[0]
+            if not softest > NEUTRAL * float(self.of.members.stiffness.max()):
+                raise EquilibriumError(
+                    f"{len(corner)} strings are without tension at the start and a motion is "
+                    f"without stiffness (smallest eigenvalue {softest:.3g} N/m): no branch is "
+                    "determined; give it some prestress"
+                )
             ray = chosen(rays(self.of, u, taut, corner), self.branch, corner)
             if ray is None:
                 raise EquilibriumError(
