@@ -50,6 +50,32 @@ class Fault:
 
 
 FAULTS = (
+    # structures
+    Fault(
+        "tensegrity/structures/members.py",
+        "return ~self.pulls_only | (lengths >= self.natural)",
+        "return self.pulls_only | (lengths >= self.natural)",
+        "tests/test_structure.py::test_tangent_is_the_second_difference_of_the_energy",
+    ),
+    Fault(
+        "tensegrity/structures/corner.py",
+        "least = min(r.slope for r in lowest)",
+        "least = max(r.slope for r in lowest)",
+        "tests/test_structure_path.py::"
+        "test_stable_branch_keeps_three_strings_taut_and_its_load_falls",
+    ),
+    Fault(
+        "tensegrity/structures/equations.py",
+        "g = left - u[-2] * along",
+        "g = left + u[-2] * along",
+        "tests/test_structure_path.py::test_icosahedron_between_plates_carries_the_reference_loads",
+    ),
+    Fault(
+        "tensegrity/prisms/members.py",
+        "density / (stiffness[0] - density)",
+        "density / stiffness[0]",
+        "tests/test_ngon.py::test_laboratory_prism_comes_from_its_members",
+    ),
     # derivations
     Fault(
         "tensegrity/branches/table.py",

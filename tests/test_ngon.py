@@ -21,7 +21,11 @@ from tensegrity import (
     simulate,
 )
 
-THREE = {prism.number_of_sides: 3, prism.half_sine: sp.sqrt(3) / 2, prism.half_cosine: sp.Rational(1, 2)}  # fmt: skip
+THREE = {
+    prism.number_of_sides: 3,
+    prism.half_sine: sp.sqrt(3) / 2,
+    prism.half_cosine: sp.Rational(1, 2),
+}
 SHAPES = [(0.8, 0.01, 10.0, 100.0), (1.3, 0.1, 5.0, 50.0), (2.0, 0.3, 20.0, 1000.0)]
 STIFFNESS = {
     3: [0.129763431837443, 2.46804004716999686, 16.0502188979485],

@@ -56,7 +56,9 @@ def column(
 
     n, rest = prism.sides, prism.natural_lengths()
     nodes: list[Array] = []
-    bars, cross, bases, shares = [], [], [], []
+    bars: list[tuple[int, int]] = []
+    cross: list[tuple[int, int]] = []
+    bases, shares = [], []
     turn, level = 0.0, 0
     for unit in range(count):
         sense = -1 if chirality == "alternate" and unit % 2 else 1

@@ -201,7 +201,7 @@ def fit(
     spread = noise
     if spread is None:
         spread = float(np.sqrt(np.sum(residuals**2) / (len(x) - count)))
-    left, sizes, right = np.linalg.svd(jacobian, full_matrices=False)
+    _, sizes, right = np.linalg.svd(jacobian, full_matrices=False)
     kept = np.maximum(sizes, 1e-14 * sizes[0])
     covariance = spread**2 * (right.T / kept**2) @ right
     deviation = np.sqrt(np.diag(covariance))

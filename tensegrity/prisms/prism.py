@@ -127,7 +127,8 @@ class Prism:
             for name, k in (("k_base", k_base), ("k_bar", k_bar))
         ]
         sides = check.whole("sides", sides, least=3)
-        return cls(*assembled(lengths, [k_cross, *stiff], sides), k_cross, *stiff, sides)
+        found = assembled(lengths, [k_cross, *stiff], sides)
+        return cls(found[0], found[1], found[2], k_cross, stiff[0], stiff[1], sides)
 
     def structure(self, mass: ArrayLike = 1.0) -> Structure:
         """The prism in all coordinates of its nodes.
@@ -298,9 +299,13 @@ def _exact(
     return _numeric(derive, prism.sides != 3)(*values, *sides)
 
 
-@once
-def rigid_law(any_sides: bool) -> Law:
+def rigid_law(any_sides: bool = False) -> Law:
     """Of triangular prisms, or of those with any number of sides, which is a parameter then."""
+    return _rigid_law(any_sides)
+
+
+@once
+def _rigid_law(any_sides: bool) -> Law:
     from derivations import rigid_elastic as derived
 
     of = _polygon(any_sides)

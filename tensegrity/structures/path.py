@@ -457,7 +457,7 @@ class _Walk:
         after = self._negative(machine.of, machine.unknowns(ends[1].z))[1]
         number = below if after > below else below - 1
         t = chebyshev.chebpts1(AROUND)
-        z = [machine.at(*between(*ends, (1 + part) / 2), None).z for part in t.tolist()]
+        z = [machine.at(*between(ends[0], ends[1], (1 + part) / 2), None).z for part in t.tolist()]
         us = [machine.unknowns(one) for one in z]
         values = [np.linalg.eigvalsh(self._inner(machine.of, u))[number] for u in us]
         roots = chebyshev.chebroots(chebyshev.chebfit(t, values, AROUND - 1))

@@ -48,7 +48,7 @@ class Freedom:
     @classmethod
     def of(cls, supports: Supports | None, positions: Array, platforms: Any, parts: Any) -> Freedom:
         """Motions that supports and platforms leave."""
-        motions = (supports or Supports()).motions(*positions.shape, platforms)
+        motions = (supports or Supports()).motions(len(positions), positions.shape[1], platforms)
         return cls(motions, left_over(motions, positions, parts), parts)
 
     def at(self, positions: Array) -> Freedom:

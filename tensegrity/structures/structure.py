@@ -209,7 +209,7 @@ class Structure(ReadOnly):
 
     def at(self, positions: ArrayLike, **other: Any) -> Structure:
         """The same structure at other positions; other arguments of `Structure` by name."""
-        given = {
+        given: dict[str, Any] = {
             "bars": self.ends[: self.bars],
             "strings": self.ends[self.bars :],
             "k_bar": self.stiffnesses[: self.bars],

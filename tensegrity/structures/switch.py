@@ -30,12 +30,12 @@ def branches_off(piece: Piece, u: Array, tangent: Array) -> Array | None:
     if not near.shape[1]:
         near = modes[:, :1]
     step = BEYOND * piece.scale[-1]
-    found = [_lowest(piece, u, near, step * part) for part in (1.0, 0.25)]
-    if found[0] is None or found[1] is None:
+    far, close = (_lowest(piece, u, near, step * part) for part in (1.0, 0.25))
+    if far is None or close is None:
         return None
     count = tangent.shape[0]
-    away = [np.linalg.norm((x - u)[:count]) for x in found]
-    return found[0] if away[1] < SHRUNK * away[0] else None
+    away = [np.linalg.norm((x - u)[:count]) for x in (far, close)]
+    return far if away[1] < SHRUNK * away[0] else None
 
 
 def _lowest(piece: Piece, u: Array, modes: Array, step: float) -> Array | None:
@@ -74,8 +74,7 @@ def _settled(piece: Piece, u: Array, count: int) -> tuple[Array, float] | None:
     gradient, energy = parts(u)
     size = float(np.max(members.stiffness)) * piece.of.span
     for _ in range(ITERATIONS):
-        d, lengths = piece.apart(u)
-        natural = piece.natural(u)
+        lengths, natural = piece.apart(u)[1], piece.natural(u)
         live = Piece(
             piece.of, ~members.pulls_only | (lengths >= natural), np.zeros(0, dtype=np.int64),
             np.zeros(len(lengths)),
