@@ -45,7 +45,7 @@ def column(
     check.kind("prism", prism, Prism)
     count = check.whole("count", count, least=1)
     plates = check.truth("plates", plates)
-    if chirality not in ("alternate", "same"):
+    if not isinstance(chirality, str) or chirality not in ("alternate", "same"):
         raise TensegrityError(f"chirality {check.shown(chirality)} must be 'alternate' or 'same'")
     if math.isinf(prism.k_base) or math.isinf(prism.k_bar):
         raise TensegrityError(

@@ -161,6 +161,8 @@ def fit(
     names = _free(free, prism)
     if noise is not None:
         noise = check.number("noise", noise, above=0, unit="N")
+        if noise > 1e100:
+            raise TensegrityError(f"noise {noise:g} N must be at most 1e100 N")
     count = len(names) + offset
     if len(x) < count + (noise is None):
         raise TensegrityError(

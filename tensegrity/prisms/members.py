@@ -48,6 +48,10 @@ def assembled(
 
     sine = math.sin(math.pi / sides)
     cross, base, bar = lengths
+    if not 1e-100 < min(lengths) <= max(lengths) < 1e100:
+        raise EquilibriumError(
+            f"natural lengths {min(lengths):g} to {max(lengths):g} m must be within 1e-100 to 1e100"
+        )
     needed = cross**2 + base**2 / sine
     if not bar**2 > needed:
         raise EquilibriumError(

@@ -150,7 +150,7 @@ def structure_path(
     check.kind("supports", supports, Supports, ": made by held(...) or plates(...)")
     max_load = check.number("max_load", max_load, above=0, finite=False, unit="N")
     max_shortening = check.number("max_shortening", max_shortening, above=0, finite=False, unit="m")
-    if branch not in ("stable", "symmetric"):
+    if not isinstance(branch, str) or branch not in ("stable", "symmetric"):
         raise TensegrityError(f"branch {check.shown(branch)} must be 'stable' or 'symmetric'")
     normal = supports.direction(structure.dim)
     pattern = nodal(structure, loads)
@@ -204,7 +204,7 @@ def control_path(
     check.kind("structure", structure, Structure)
     if supports is not None:
         check.kind("supports", supports, Supports, ": made by held(...) or plates(...)")
-    if branch not in ("stable", "symmetric"):
+    if not isinstance(branch, str) or branch not in ("stable", "symmetric"):
         raise TensegrityError(f"branch {check.shown(branch)} must be 'stable' or 'symmetric'")
     if not isinstance(natural_lengths, Mapping) or not natural_lengths:
         raise TensegrityError(
