@@ -58,6 +58,11 @@ def assembled(
             f"bars of natural length {bar:g} m leave all strings slack: bN^2 = {bar**2:.9g} m^2 "
             f"must be above sN^2 + lN^2/sin(pi/{sides}) = {needed:.9g} m^2"
         )
+    if not 1e-100 < min(stiffness) <= stiffness[0] < 1e100:
+        raise EquilibriumError(
+            f"stiffness {min(stiffness):g} N/m must be above 1e-100 and k_cross {stiffness[0]:g} "
+            "N/m below 1e100"
+        )
     condition, stretched, level = _forms()
     softness = [1 / k for k in stiffness]
     most = min(stiffness[0], 2 * sine * stiffness[1])
