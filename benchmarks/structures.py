@@ -31,7 +31,7 @@ def least_time(work):
 def by_tnsgrt(s):
     """A function that gives its tangent as a dense or sparse matrix; None where it cannot."""
     if not hasattr(np, "float_"):
-        np.float_ = np.float64  # a name of NumPy 1 that its annotations use
+        setattr(np, "float_", np.float64)  # noqa: B010 - a name of NumPy 1 that its annotations use
     try:
         from tnsgrt.structure import Structure as Other
     except Exception as error:  # any failure to import is reported, none stops the benchmark
@@ -55,7 +55,8 @@ def towers():
         s = column(PRISM, stages)
         seconds, matrix = least_time(s.stiffness)
         modes, _ = least_time(lambda s=s: s.modes(6))
-        line = f"{stages} stages, {s.nodes} nodes: tangent {1e3 * seconds:.3g} ms, 6 modes {modes:.3g} s"
+        line = f"{stages} stages, {s.nodes} nodes: tangent {1e3 * seconds:.3g} ms, "
+        line += f"6 modes {modes:.3g} s"
         peer = by_tnsgrt(s) if stages <= 100 else None
         if peer is not None:
             try:
