@@ -31,6 +31,7 @@ from tensegrity.springs.potential import Potential, PowerLaw
 from tensegrity.structures.path import StructurePath, control_path
 from tensegrity.structures.structure import Structure, equilibrium
 from tensegrity.structures.supports import held, plates
+from tensegrity.waves.prediction import Prediction, predict
 from tensegrity.waves.solitary import SolitaryWave, solitary_wave
 
 __all__ = [
@@ -45,6 +46,7 @@ __all__ = [
     "Polynomial",
     "Potential",
     "PowerLaw",
+    "Prediction",
     "Prism",
     "RangeError",
     "Record",
@@ -67,6 +69,7 @@ __all__ = [
     "held",
     "member_stiffness",
     "plates",
+    "predict",
     "resume",
     "simulate",
     "solitary_wave",

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import ctypes
+from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
 from tensegrity.engine import codegen, geometry
-from tensegrity.engine.bonds import by_spring
-from tensegrity.engine.methods import Splitting
+from tensegrity.engine.bonds import GROUP, WALL, by_spring
+from tensegrity.engine.methods import Corrected, Splitting
 from tensegrity.engine.native import library
+from tensegrity.engine.openings import DEGREE, Openings
+from tensegrity.engine.slices import slices
 from tensegrity.once import once
 
 
@@ -26,13 +30,21 @@ _LINE = _structure(  # as in line.h
 )
 _NET = _structure(  # as in net.h
     "_Net",
-    "u v force w load geometry shared own kicks drifts low high travel from to first law own_at",
-    "runs contacts sites rows stages closing",
+    "u v w inverse_mass load geometry shared own kicks drifts travel from to first law places near "
+    "slice site depth begin other entry own_at gap length gap_at length_at gap_each length_each "
+    "held taker taken taken_at store press low high met_at farthest gate",
+    "runs contacts sites rows stages closing tiles room loaded before tile last_tile piece pieces",
 )
 _NYSTROM = _structure(  # as in steps.c
     "_Nystrom",
     "nodes velocities matrix positions dt place slopes travel",
     "stages count moving",
+)
+_OPENINGS = _structure(  # as in openings.h
+    "_Openings",
+    "place side strength exponents betas tables nodes weights offsets dt "
+    "before rate_before after rate_after u v end_u end_v end_a row",
+    "count entries kicks degree",
 )
 
 
@@ -60,13 +72,14 @@ class Compiled:
         self._most = max((len(law.parameters) for law in laws), default=0)
         flags = ["-DEXTENDED"] * extended + [f"-DLANES={lanes}"] * (lanes > 1)
         flags += [f"-DDIM={dim}"] * (dim > 0)
-        helpers = geometry.helpers(dim) if dim else ()
-        found = library(codegen.c_text(laws, "net" if dim else "line", self.own, helpers), flags)
+        parts = (geometry.helpers(dim), geometry.side_by_side(dim)) if dim else ()
+        found = library(codegen.c_text(laws, "net" if dim else "line", self.own, *parts), flags)
         address, number = ctypes.c_void_p, ctypes.c_longlong
         for name, arguments in (
             ("advance", [address, number]),
             ("advance_part", [address] + [number] * 3),
             ("advance_nystrom", [address] * 2 + [number]),
+            ("advance_openings", [address] * 2 + [number]),
             ("evaluate", [number] * 3 + [address] * 3),
             ("evaluate_own", [number] * 4 + [address] * 3),
         ):
@@ -142,13 +155,16 @@ class _Bound:
         Bound on how far any coordinate of a site moved since then [m]; networks only.
     """
 
-    def _set_steps(self, loop, structure, arrays, method, dt, moving):
+    def _set_steps(self, loop, structure, arrays, bonds, method, dt, moving, places=None):
         """Keep what the structure points to, and prepare the call of a method's steps."""
         self._structure, self._arrays = structure, arrays
         address = ctypes.addressof(structure)
         if isinstance(method, Splitting):
             self._call = loop.advance, (address,)
             self._part = loop.advance_part, address
+            return
+        if isinstance(method, Corrected):
+            self._set_openings(loop, bonds, method, dt, places)
             return
         u, dt = arrays[0], np.array([dt], dtype=loop.dtype)
         rows = [
@@ -164,6 +180,36 @@ class _Bound:
         steps = _NYSTROM(*(x.ctypes.data for x in rows), method.stages, u.size, moving)
         self._arrays += [rows, steps]
         self._call = loop.advance_nystrom, (address, ctypes.addressof(steps))
+
+    def _set_openings(self, loop, bonds, method, dt, places):
+        """Prepare the steps of a corrected method; `places` are those of the loop's contacts."""
+        found, u = Openings(bonds, method, dt), self._arrays[0]
+        of_bonds = [found.place, found.side, found.strength, found.row]
+        if places is not None:
+            real = places >= 0
+            *numbers, row = (np.where(real, x[places], np.nan) for x in of_bonds)
+            of_bonds = [*numbers, np.where(real, row, 0)]
+        elif u.ndim > 1:
+            shape = len(u) - 1, self._lanes
+            of_bonds = [np.broadcast_to(x.reshape(len(x), -1), shape) for x in of_bonds]
+        *numbers, row = of_bonds
+        count = row.size
+        rows = [
+            *(loop.numbers(x) for x in numbers),
+            *(loop.numbers(x) for x in (found.exponents, found.betas, found.tables)),
+            *(loop.numbers(x) for x in method.rule),
+            np.array([dt], dtype=loop.dtype),
+            *np.zeros((4, count), dtype=loop.dtype),
+            *np.zeros((5, u.size), dtype=loop.dtype),
+            np.ascontiguousarray(row, dtype=np.int64),
+        ]
+        address = [x.ctypes.data for x in rows]
+        steps = _OPENINGS(*address, count, u.size, len(found.nodes), DEGREE)
+        self._arrays += [rows, steps]
+        self._call = (
+            loop.advance_openings,
+            (ctypes.addressof(self._structure), ctypes.addressof(steps)),
+        )
 
     def advance(self, steps):
         """Advance u and v by whole steps."""
@@ -183,6 +229,8 @@ class _Bound:
 
 def _rows(method, dt, dtype):
     """Kicks and drifts times dt, number of stages, and whether a kick closes the step."""
+    if isinstance(method, Corrected):
+        method = method.base
     if not isinstance(method, Splitting):
         return np.zeros(1, dtype), np.zeros(1, dtype), 0, 0
     kicks = np.multiply(method.kicks, dt, dtype=dtype)
@@ -226,7 +274,7 @@ class BoundLine(_Bound):
             (2 * runs.law + runs.own).astype(np.int64), own_at, range_at,
         ]  # fmt: skip
         structure = _LINE(*(x.ctypes.data for x in arrays), len(runs.law), *counts)
-        self._set_steps(loop, structure, arrays, method, dt, u.size)
+        self._set_steps(loop, structure, arrays, bonds, method, dt, u.size)
         self._kept, self._low, self._high = self._order(range_at, seen)
         self._apart = np.array_equal(self._kept, np.arange(self._springs))
         self.forget_range()
@@ -259,38 +307,89 @@ class BoundLine(_Bound):
 
 
 class BoundNet(_Bound):
-    """A network advanced in place; rows of u and v are sites, walls, and a spare one."""
+    """A network advanced in place; rows of u and v are sites, walls, and a spare one.
 
-    def __init__(self, loop, u, v, bonds, method, dt):
-        runs, contacts = bonds.runs, bonds.contacts
-        source, spare, dim = runs.source, contacts.rows - 1, loop.dim
+    Parameters
+    ----------
+    pieces : int, optional
+        Parts of about equal work, each to be advanced by a thread of its own: see `part`.
+    """
+
+    def __init__(self, loop, u, v, bonds, method, dt, pieces=1):
+        runs, contacts, found = bonds.runs, bonds.contacts, slices(bonds)
+        source, dim, sites = runs.source, loop.dim, len(contacts.load)
         real = source >= 0
-        filled = np.where(real, source, 0)
+        filled, spare = np.where(real, source, 0), contacts.rows - 1
         place = np.zeros((dim + 2, len(source)))
         place[0], place[-1] = 1, 1  # a bond of length 1 m at rest, between the spare row and itself
         place[:, real] = contacts.geometry[:, source[real]]
-        self._real = np.flatnonzero(real)
-        self._group, self._springs = bonds.group[source[real]], len(bonds.law)
-        shared, own, own_at = loop.parameters(bonds, runs)
-        self._low, self._high = np.empty((2, len(source)), dtype=loop.dtype)
+        entries = replace(runs, source=source[found.contact], first=found.first)
+        shared, own, own_at = loop.parameters(bonds, entries)
+        gaps, gap_at, gap_each = _varying(place[dim, found.contact], found.first)
+        lengths, length_at, length_each = _varying(place[-1, found.contact], found.first)
+        places = np.zeros((contacts.rows + 1, dim))
+        places[:sites] = contacts.positions
+        other = found.other * dim
+        weights = contacts.weights(bonds.inverse_mass)
+        for k in np.flatnonzero(runs.kind == WALL):
+            part = slice(*found.first[k : k + 2])
+            other[part] = found.contact[part]
+        self._set_ranges(bonds, entries, pieces, loop.dtype)
         self._travel = np.zeros(1, dtype=loop.dtype)
         kicks, drifts, *counts = _rows(method, dt, loop.dtype)
-        sites = len(contacts.load)
+        count = len(source)
         arrays = [
-            u, v, loop.numbers(contacts.loads()),
-            loop.numbers(contacts.weights(bonds.inverse_mass)), loop.numbers(contacts.loads()),
-            loop.numbers(place), shared, own, kicks, drifts, self._low, self._high, self._travel,
-            (dim * np.where(real, contacts.first[filled], spare)).astype(np.int64),
-            (dim * np.where(real, contacts.second[filled], spare)).astype(np.int64),
-            runs.first.astype(np.int64),
-            (4 * runs.law + 2 * runs.kind + runs.own).astype(np.int64), own_at,
+            u, v, loop.numbers(weights), loop.numbers(weights[:, 0]),
+            loop.numbers(contacts.loads()), loop.numbers(place), shared, own, kicks, drifts,
+            self._travel,
+            _integers(dim * np.where(real, contacts.first[filled], spare)),
+            _integers(dim * np.where(real, contacts.second[filled], spare)),
+            _integers(runs.first), _integers(4 * runs.law + 2 * runs.kind + runs.own),
+            loop.numbers(places), np.zeros_like(u), _integers(found.slice),
+            (found.site * dim).astype(np.int32), _integers(found.depth), _integers(found.begin),
+            other.astype(np.int32), _integers(found.first), own_at, loop.numbers(gaps),
+            loop.numbers(lengths), gap_at, length_at, gap_each, length_each,
+            _integers(found.held), found.taker.astype(np.int32), _in_store(found.taken, dim),
+            _integers(found.taken_at),
+            np.zeros(pieces * found.store * dim * GROUP, dtype=loop.dtype),
+            np.zeros((count + contacts.rows - sites, dim), dtype=loop.dtype), self._low, self._high,
+            self._met_at, np.zeros(pieces, dtype=loop.dtype), np.zeros(16, dtype=np.int64),
         ]  # fmt: skip
-        structure = _NET(
-            *(x.ctypes.data for x in arrays),
-            len(runs.law), len(source), sites, contacts.rows, *counts,
+        numbers = (
+            len(runs.law), count, sites, contacts.rows, *counts, found.tiles, found.store,
+            bool(contacts.load.any()),
         )  # fmt: skip
-        self._set_steps(loop, structure, arrays, method, dt, dim * sites)
+
+        def structure(*piece):
+            return _NET(*(x.ctypes.data for x in arrays), *numbers, *piece)
+
+        cuts = found.shares(pieces)
+        self._pieces = [
+            structure(found.needed[a], a, b, k, pieces) for k, (a, b) in enumerate(pairwise(cuts))
+        ]
+        whole = structure(0, 0, found.tiles, 0, 1)
+        self._set_steps(loop, whole, arrays, bonds, method, dt, dim * sites, source)
         self.forget_range()
+
+    def part(self, number, steps):
+        """Advance one of the pieces by whole steps, at the same time as all others."""
+        self._call[0](ctypes.addressof(self._pieces[number]), steps)
+
+    def _set_ranges(self, bonds, entries, pieces, dtype):
+        """Places of the elongations met: of the runs for each piece, then of entries told apart."""
+        runs = len(entries.law)
+        together = pieces * runs * GROUP
+        sizes = np.where(entries.own, np.diff(entries.first), 0)
+        apart = together + np.cumsum(sizes) - sizes
+        self._met_at = _integers(np.where(entries.own, apart, GROUP * np.arange(runs)))
+        self._low, self._high = np.empty((2, together + sizes.sum()), dtype=dtype)
+        first = bonds.group[entries.source[entries.first[:-1]]]
+        told = [
+            bonds.group[entries.source[slice(*entries.first[k : k + 2])]]
+            for k in np.flatnonzero(entries.own)
+        ]
+        self._group = np.concatenate([np.tile(np.repeat(first, GROUP), pieces), *told])
+        self._springs = len(bonds.law)
 
     def forget_range(self):
         """Start anew to record elongations and the way travelled."""
@@ -299,7 +398,27 @@ class BoundNet(_Bound):
 
     @property
     def range(self):
-        return by_spring(self._group, self._springs, self._low[self._real], self._high[self._real])
+        return by_spring(self._group, self._springs, self._low, self._high)
+
+
+def _integers(array):
+    return np.ascontiguousarray(array, dtype=np.int64)
+
+
+def _in_store(entry, dim):
+    """Where the first coordinate of an entry is in the store."""
+    return (entry // GROUP * GROUP * dim + entry % GROUP).astype(np.int32)
+
+
+def _varying(values, first):
+    """Values of the entries of each run, or `GROUP` equal ones; where these begin, and which."""
+    kept, at, each = [np.zeros(0)], [], []
+    for start, stop in pairwise(first):
+        part = values[start:stop]
+        each.append(bool(np.any(part != part[0])))
+        at.append(sum(map(len, kept)))
+        kept.append(part if each[-1] else part[:GROUP])
+    return np.concatenate(kept), _integers(at), _integers(each)
 
 
 @once

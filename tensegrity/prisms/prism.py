@@ -150,9 +150,9 @@ class Prism:
         TensegrityError
             If bases or bars are rigid.
         """
-        from tensegrity.prisms.column import column
+        from tensegrity.prisms.stack import stacked
 
-        return column(self, 1).at_mass(mass)
+        return stacked(self, 1, "same", False).at_mass(mass)
 
     def _check(self, name: str, **bounds: Any) -> None:
         object.__setattr__(self, name, check.number(name, getattr(self, name), **bounds))

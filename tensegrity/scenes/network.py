@@ -55,7 +55,8 @@ class Network(Scene):
     positions : array_like, (sites, dim)
         Reference places [m], dim 2 or 3; displacements count from them.
     bonds : array_like of int, (bonds, 2)
-        The two sites of each bond.  Forces at a site are summed in this order.
+        The two sites of each bond.  In which order forces at a site are summed follows from this
+        one: those of bonds to sites of lower number last.
     spring : Potential or sequence of Potential
         One for all bonds or one for each.
     lengths : float or array_like (bonds,), optional
@@ -182,8 +183,10 @@ class Network(Scene):
         first = np.concatenate([self.bonds[:, 0], self.sites + self.wall_contacts[:, 1]])
         second = np.concatenate([self.bonds[:, 1], self.wall_contacts[:, 0]])
         arrays = (fixed(x) for x in (kind, first, second))
-        contacts = Contacts(*arrays, self.geometry, self.loads, len(self.walls))  # type: ignore[call-arg]
-        return Bonds(*self.spring_table.table, self.spring_table.group, self.inverse_mass, contacts)
+        places = self.geometry, self.positions
+        contacts = Contacts(*arrays, *places, self.loads, len(self.walls))  # type: ignore[call-arg]
+        springs = self.spring_table
+        return Bonds(*springs.table, springs.group, self.inverse_mass, contacts, springs.openings)
 
     @cached_property
     def clearance(self) -> Clearance | None:
