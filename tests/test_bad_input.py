@@ -31,9 +31,18 @@ from tensegrity import (
     Record,
     Run,
     State,
+    Structure,
     TensegrityError,
     Wall,
+    bar_contact,
+    column,
+    control_path,
+    equilibrium,
     equilibrium_path,
+    fit,
+    held,
+    member_stiffness,
+    plates,
     predict,
     resume,
     simulate,
@@ -68,7 +77,15 @@ SEARCHES = (  # take long with these: see their tests
     design.peak_force,
     design.search,
 )
-MADE_BY_THE_LIBRARY = {"Run", "SolitaryWave", "Prediction", "EquilibriumPath", "BeadChain", "Pack"}
+MADE_BY_THE_LIBRARY = {
+    "StructurePath",
+    "Run",
+    "SolitaryWave",
+    "Prediction",
+    "EquilibriumPath",
+    "BeadChain",
+    "Pack",
+}
 
 R = sp.Symbol("r")
 SPRING = Prism(1.0, 0.7, 0.01, 1.0).potential()
@@ -80,6 +97,7 @@ STRIKER = granular.Striker(BEAD, 0.5)
 BEADS = granular.chain([BEAD] * 6, striker=STRIKER, end=STEEL)
 LINE = Chain(SPRING, 24)
 LANES = Ensemble(Chain(SPRING, 4), 2)
+TRUSS = Structure([[-1, 0], [1, 0], [0, 1]], bars=[(0, 2), (1, 2)])
 NET = Network([[0, 0], [1, 0], [0, 1]], [(0, 1), (1, 2)], SPRING)
 WALL = Wall((0, 0), (0, 1))
 WAVE = solitary_wave(SPRING, speed_ratio=2.0)
@@ -122,6 +140,30 @@ CALLS = [
     (ELASTIC.potential, {"preload": 0.01}),
     (equilibrium_path, {"prism": ELASTIC, "min_height": 0.4, "max_load": 1.0, "max_height": 0.75,
                         "past_contact": False}),
+    (equilibrium_path, {"prism": TRUSS, "supports": held([0, 1]), "loads": {2: (0.0, -1.0)},
+                        "max_load": 0.1, "branch": "stable", "max_shortening": 0.1}),
+    (Structure, {"positions": [[0, 0], [1, 0], [0, 1]], "bars": [(0, 1)], "strings": [(1, 2)],
+                 "k_bar": 1.0, "k_string": [1.0], "mass": 1.0, "natural_lengths": [1.0, 1.0],
+                 "platforms": ()}),
+    (equilibrium, {"structure": TRUSS, "loads": {2: (0.0, -0.1)}, "supports": held([0, 1])}),
+    (lambda force: equilibrium(TRUSS, {2: force}, held([0, 1])), {"force": (0.0, -0.1)}),
+    (held, {"nodes": [0, 1], "axes": [0]}),
+    (plates, {"lower": [0], "upper": [1], "normal": (0.0, 1.0)}),
+    (column, {"prism": ELASTIC, "count": 2, "chirality": "same", "plates": False}),
+    (control_path, {"structure": TRUSS, "natural_lengths": {0: 1.1}, "supports": held([0, 1]),
+                    "branch": "stable"}),
+    (lambda value: control_path(TRUSS, {0: value}, held([0, 1])), {"value": 1.1}),
+    (TRUSS.prestressed, {"force_densities": [0.0, 0.0]}),
+    (TRUSS.prestressed, {"prestrain": None, "force_densities": [0.0, 0.0]}),
+    (TRUSS.modes, {"count": 1, "supports": held([0, 1])}),
+    (TRUSS.is_stable, {"supports": held([0, 1])}),
+    (member_stiffness, {"modulus": 1e9, "area": 1e-6, "length": 0.1}),
+    (Prism.from_members, {"cross": 0.13, "base": 0.08, "bar": 0.1623, "k_cross": 19192.7,
+                          "k_base": 31188.2, "k_bar": 4.7e7, "sides": 3}),
+    (ELASTIC.structure, {"mass": 1.0}),
+    (bar_contact, {"path": equilibrium_path(ELASTIC), "diameter": 0.01}),
+    (fit, {"shortening": [0.0, 0.01, 0.02, 0.03], "load": [0.0, 0.001, 0.002, 0.003],
+           "prism": ELASTIC, "free": ("prestrain",), "offset": False, "noise": 0.1}),
     (Potential, {"energy": R**2, "elongation": R, "parameters": {}, "length": 1.0,
                  "domain": (-1.0, 1.0)}),
     (lambda **k: Potential(sp.Symbol("k") * R**2, R, k), {"k": 1.0}),

@@ -331,12 +331,14 @@ class Network(Scene):
         return fixed(found)
 
     def opened(self, ranges: Array) -> bool:
-        """Whether a contact both pushes and is open within given ranges (springs, 2)."""
+        """Whether a contact both pushes and is open, or a string pulls and is slack, within given
+        ranges (springs, 2)."""
         for spring, (low, high) in zip(self.spring_table.different, ranges, strict=True):
             if low < 0 < high:
-                slack = not (spring.tension(high) or spring.stiffness(high))
-                if slack and spring.tension(low):
-                    return True
+                for slack, loaded in ((high, low), (low, high)):  # contacts push, strings pull
+                    none = not (spring.tension(slack) or spring.stiffness(slack))
+                    if none and spring.tension(loaded):
+                        return True
         return False
 
     def finer_share(self, met: Array) -> float | None:
