@@ -11,6 +11,8 @@ from tensegrity.errors import (
     StabilityError,
     TensegrityError,
 )
+from tensegrity.gradients import objective
+from tensegrity.gradients.compute import gradient
 from tensegrity.prisms.path import EquilibriumPath, equilibrium_path
 from tensegrity.prisms.prism import Prism
 from tensegrity.runs.integrate import simulate
@@ -50,6 +52,8 @@ __all__ = [
     "TensegrityError",
     "Wall",
     "equilibrium_path",
+    "gradient",
+    "objective",
     "resume",
     "simulate",
     "solitary_wave",

@@ -18,6 +18,7 @@ ROOMS = [  # inside tensegrity: each may import what stands before it
     "runs",
     "waves",
     "measure",
+    "gradients",
 ]
 
 
