@@ -28,26 +28,59 @@ def law_function(law, wanted):
     """CasADi function (r, p) -> tension, stiffness, derivatives of the tension by p[wanted]."""
     import casadi as ca
 
+    below, above = law_parts(law, wanted)
+    r, p = below.sx_in()
+    return ca.Function("law", [r, p], [above(r, p, 1 / below(r, p))])
+
+
+@once
+def law_parts(law, wanted):
+    """The same in two: (r, p) -> denominators, and (r, p, their reciprocals) -> the values.
+
+    Written as one, CasADi would turn every product with a reciprocal into a quotient again, and
+    divisions are what a processor waits for.
+    """
+    import casadi as ca
+
     r, p, (_, tension, stiffness, _) = law.forms()
     slopes = ca.gradient(tension, p) if law.parameters else ca.SX(0, 1)
-    forms = ca.vertcat(tension, stiffness, slopes[list(wanted)])
-    function = ca.Function("law", [r, p], [ca.cse(forms)])
-    return ca.Function("law", [r, p], [ca.cse(_one_division_each(function, r, p))])
+    forms = ca.cse(ca.vertcat(tension, stiffness, slopes[list(wanted)]))
+    values, found = _without_divisions(ca.Function("law", [r, p], [forms]), r, p)
+    i, q = ca.SX.sym("i", len(found)), [x for x, _ in found]
+    symbols = [symbol for _, symbol in found]
+    inner = ca.vertcat(*symbols)
+    for _ in found:  # a denominator may have others in it
+        q = [ca.substitute(x, inner, 1 / ca.vertcat(*q)) if found else x for x in q]
+    below = ca.Function("below", [r, p], [ca.vertcat(*q)])
+    above = ca.Function("above", [r, p, i], [ca.substitute(values, inner, i)])
+    return below, above
 
 
-def _one_division_each(function, r, p):
-    """The outputs with every quotient as a product with a reciprocal that is computed once."""
+CHOICES = ("OP_IF_ELSE_ZERO", "OP_NOT", "OP_AND", "OP_OR")
+
+
+def _without_divisions(function, r, p):
+    """Outputs with symbols for reciprocals, and pairs of a denominator and its symbol.
+
+    A reciprocal of a factor of another denominator is made from that: where nothing is chosen, so
+    that one that is 0 spoils the others anyhow.
+    """
     import casadi as ca
 
     inputs = [[r], ca.vertsplit(p) if p.numel() else []]
     work, known, outputs = {}, {}, {}
+    operations = {function.instruction_id(k) for k in range(function.n_instructions())}
+    chosen = not operations.isdisjoint(getattr(ca, name) for name in CHOICES)
 
     def reciprocal(x):
         key = x.element_hash()
         if key not in known:
-            half = x.dep(0) if x.is_op(ca.OP_TWICE) else None
-            known[key] = (0.5 * reciprocal(half) if half is not None else 1 / x), x
-        return known[key][0]
+            if x.is_op(ca.OP_TWICE):
+                return 0.5 * reciprocal(x.dep(0))
+            if x.is_op(ca.OP_ADD) and x.dep(0).is_op(ca.OP_LE) and x.dep(1).is_op(ca.OP_LE):
+                return 1.5 - 0.5 * x  # of 1 or 2: how an extremum chooses
+            known[key] = x, ca.SX.sym(f"i{len(known)}")
+        return known[key][1]
 
     for k in range(function.n_instructions()):
         operation = function.instruction_id(k)
@@ -65,7 +98,43 @@ def _one_division_each(function, r, p):
         else:
             apply = ca.SX.unary if len(source) == 1 else ca.SX.binary
             work[target[0]] = apply(operation, *(work[i] for i in source))
-    return ca.vertcat(*(outputs.get(k, ca.SX(0)) for k in range(function.nnz_out(0))))
+    values = ca.vertcat(*(outputs.get(k, ca.SX(0)) for k in range(function.nnz_out(0))))
+    if chosen:
+        return values, list(known.values())
+    kept = []
+    for x, symbol in known.values():
+        for whole, other in known.values():
+            rest = None if whole is x else _rest(whole, x)
+            if rest is not None:
+                values = ca.substitute(values, symbol, rest * other)
+                break
+        else:
+            kept.append((x, symbol))
+    return values, kept
+
+
+def _rest(product, factor):
+    """What is left of a product without a factor, or None where it has no such factor."""
+    import casadi as ca
+
+    if product.element_hash() == factor.element_hash():
+        return ca.SX(1)
+    if product.is_op(ca.OP_MUL):
+        one, other = product.dep(0), product.dep(1)
+        for mine, left in ((one, other), (other, one)):
+            rest = _rest(mine, factor)
+            if rest is not None:
+                return rest * left
+    return None
+
+
+@once
+def depends_on(law):
+    """Numbers of the parameters that the tension of a law depends on."""
+    import casadi as ca
+
+    _, p, (_, tension, _, _) = law.forms()
+    return frozenset(k for k in range(p.numel()) if ca.depends_on(tension, p[k]))
 
 
 @once
@@ -78,26 +147,40 @@ def energy_function(law, wanted):
     return ca.Function("stored", [r, p], [ca.vertcat(energy, tension, slopes[list(wanted)])])
 
 
+HOOK = """static inline void reverse_{k}(real r, const real *p, real *y)
+{{
+    real i[{count} + 1];
+    const real *given[] = {{&r, p, i}};
+    real *below[] = {{i}}, *above[] = {{y}};
+    law{k}_below(given, below, 0, 0, 0);
+    for (int j = 0; j < {count}; j++) i[j] = 1 / i[j];
+    law{k}_above(given, above, 0, 0, 0);
+}}"""
+TENSION = """static inline real tension_{k}(real r, const real *p)
+{{
+    real y;
+    const real *given[] = {{&r, p}};
+    real *found[] = {{&y}};
+    law{k}_tension(given, found, 0, 0, 0);
+    return y;
+}}"""
+
+
 def c_text(laws, own, wanted, dim, exact):
     """C source of the loop backwards; see `codegen.c_text`.  `wanted`: of each law."""
     import casadi as ca
 
     generator, hooks = ca.CodeGenerator("laws.c"), []
     for number, law in enumerate(laws):
-        functions = {"reverse": law_function(law, wanted[number])}
+        functions = dict(zip(("below", "above"), law_parts(law, wanted[number]), strict=True))
         if exact:
             functions["tension"] = codegen.functions(law)["tension"]
         for name, function in functions.items():
-            sx, unique = function.sx_in(), f"law{number}_{name}"
-            generator.add(ca.Function(unique, sx, [function(*sx)]))
-            result = "real *y" if name == "reverse" else ""
-            head = ("void", f", {result}", "") if result else ("real", "", "real y[1]; ")
-            tail = "" if result else " return *y;"
-            hooks.append(
-                f"static inline {head[0]} {name}_{number}(real r, const real *p{head[1]}) "
-                f"{{ {head[2]}const real *arg[] = {{&r, p}}; real *res[] = {{y}}; "
-                f"{unique}(arg, res, 0, 0, 0);{tail} }}"
-            )
+            sx = function.sx_in()
+            generator.add(ca.Function(f"law{number}_{name}", sx, [function(*sx)]))
+        hooks.append(HOOK.format(k=number, count=functions["below"].nnz_out(0)))
+        if exact:
+            hooks.append(TENSION.format(k=number))
         if own[number] is not None:
             hooks.append(codegen._take(number, len(law.parameters), own[number]))
     for function, hook in geometry.helpers(dim) if dim else ():
@@ -456,10 +539,11 @@ class Back:
         """Bound on how far any coordinate of a site moved since then [m]."""
         return float(self._travel[0])
 
-    @property
-    def call(self):
-        """Address of the function that does steps, and its argument."""
-        return _pointer(self.layout.library.advance), self._address
+    def sample(self, steps, places, of_u, rows):
+        """Do steps one by one, keeping entries of u and v after each."""
+        lib, arrays = self.layout.library, (x.ctypes.data for x in (self.u, self.v, places))
+        step = _pointer(lib.advance), self._address
+        lib.sampled(*step, steps, *arrays, len(places), of_u, rows.ctypes.data)
 
 
 def weights(layout):
@@ -627,7 +711,10 @@ def _placed(layout, members, w):
 
 def sampled(bound, steps, u, v, places, of_u, rows, lib):
     """Do steps with a bound loop one by one, keeping entries of u and v after each in `rows`."""
-    call = getattr(bound, "call", None) or _call_of(bound)
+    if hasattr(bound, "sample"):
+        bound.sample(steps, places, of_u, rows)
+        return
+    call = _call_of(bound)
     if call is None or lib is None:
         for row in rows:
             bound.advance(1)

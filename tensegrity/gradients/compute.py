@@ -19,7 +19,7 @@ import numpy as np
 from tensegrity import check
 from tensegrity.engine import methods, pieces
 from tensegrity.engine.methods import Splitting
-from tensegrity.engine.reverse import Layout
+from tensegrity.engine.reverse import Layout, depends_on
 from tensegrity.errors import TensegrityError
 from tensegrity.gradients import chained
 from tensegrity.gradients.backward import Backward
@@ -177,11 +177,12 @@ def _one(objectives, scene, state, t_end, dt, method, wanted, exact, checkpoints
         )
     for spring in scene.spring_table.different:
         chained.refuse(spring)
-    names, numbers = _wanted(scene, wanted)
+    traces = tuple(dict.fromkeys(trace for one in objectives for trace in one.traces))
+    stored = any(trace.kind == "energy" for trace in traces)
+    names, numbers = _wanted(scene, wanted, stored)
     layout = Layout(scene.loop_bonds, numbers, exact)
     if exact and layout.library is None:
         raise TensegrityError("exact reversal needs a C compiler")
-    traces = tuple(dict.fromkeys(trace for one in objectives for trace in one.traces))
     view = View(scene, layout, traces)
     steps = math.ceil(t_end / dt * (1 - 1e-12))
     dt = t_end / steps if steps else dt
@@ -225,8 +226,11 @@ def _one(objectives, scene, state, t_end, dt, method, wanted, exact, checkpoints
     ]
 
 
-def _wanted(scene, wanted):
-    """Names that `by` will know, and for each law the numbers of the parameters they move."""
+def _wanted(scene, wanted, stored):
+    """Names that `by` will know, and for each law the numbers of the parameters they move.
+
+    Only of those that the tension depends on, unless the energy is asked for, which has more.
+    """
     table = scene.spring_table
     laws, law, parameters = table.table
     known = {name: None for spring in table.different for name in chained.names(spring)}
@@ -253,6 +257,8 @@ def _wanted(scene, wanted):
     for number, one in enumerate(laws):
         own = [str(s) for s in one.parameters]
         found[number] |= {own.index(name) for name in names if name in own and name not in known}
+        if not stored:
+            found[number] &= depends_on(one)
     return names, tuple(tuple(sorted(x)) for x in found)
 
 

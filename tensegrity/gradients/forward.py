@@ -6,6 +6,7 @@ to an earlier state goes back to its number too, and writes the samples from the
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from copy import copy
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -15,9 +16,11 @@ import numpy as np
 from tensegrity.engine import reverse
 from tensegrity.runs.integrate import simulate
 from tensegrity.runs.loops import parts
+from tensegrity.runs.record import Record
 from tensegrity.scenes.scene import State
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from typing import Any
 
     from tensegrity.engine.methods import Splitting
@@ -86,7 +89,9 @@ class Forward:
         scene, state = self.scene, self.start
         lent = copy(scene)
         lent.__dict__.update({**scene.__dict__, "arrays": self._arrays, "bind": self._bind})
-        run = simulate(lent, state, t_end, method=self.method, dt=t_end / max(self.steps, 1))
+        record = Record(every=self._apart)
+        dt = t_end / max(self.steps, 1) or self.dt
+        run = simulate(lent, state, t_end, method=self.method, dt=dt, record=record)
         run = replace(run, scene=scene)
         if not self.steps:
             self.states[0] = state.u, state.v
@@ -218,9 +223,19 @@ class _OnGrid:
         self._u, self._v = u, v
 
     def advance(self, steps: int) -> None:
+        with self._moved():
+            self._back.advance(steps)
+
+    def sample(self, steps: int, places: Array, of_u: int, rows: Array) -> None:
+        """Steps one by one, with samples."""
+        with self._moved():
+            self._back.sample(steps, places, of_u, rows)
+
+    @contextmanager
+    def _moved(self) -> Iterator[None]:
         sites = self._back.layout.sites
         self._back.set(self._u[:sites], self._v[:sites])
-        self._back.advance(steps)
+        yield
         self._u[:sites], self._v[:sites] = self._back.state()
 
     def forget_range(self) -> None:

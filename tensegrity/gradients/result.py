@@ -98,7 +98,7 @@ class Gradient:
         for number, one in enumerate(laws):
             mine = law[table.group] == number
             for k, symbol in enumerate(one.parameters):
-                if each[mine, k].any():
+                if each[mine, k].any() and str(symbol) in self.parameters:
                     found[mine] += self.parameters[str(symbol)][mine] * each[mine, k]
         return found
 
