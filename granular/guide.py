@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from granular import sensitivity
 from granular.beads import Bead, Striker
 from granular.contact import checked_law, contact_of, hertz
 from granular.crystal import Crystal
@@ -24,6 +25,7 @@ from tensegrity import Network, State, TensegrityError, Wall, check
 from tensegrity.scenes.clearance import Clearance
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from typing import Any
 
     from numpy.typing import ArrayLike
@@ -110,6 +112,19 @@ class Guide(Crystal, Network):
             radius=None if layout.blind else [bead.radius for bead in self.beads],
         )
         self._contacts = springs.contacts
+        on_walls = [(int(b), solid) for (b, _), solid in zip(touched, solids, strict=True)]
+        self._pairs: Any = [*map(tuple, bonds.tolist()), *on_walls]
+
+    bead_arguments = sensitivity.NAMES
+
+    def by_beads(
+        self, name: str, by_mass: Array, by_spring: Callable[[str], Array], by_gap: Array
+    ) -> Array:
+        """Derivatives by an argument of every bead at its place; see `granular.sensitivity`."""
+        by_constant = by_spring("stiffness")
+        return sensitivity.by_beads(
+            name, self.beads, self._pairs, self.springs, by_constant, by_mass, by_gap
+        )
 
     @cached_property
     def clearance(self) -> Clearance | None:
