@@ -53,7 +53,12 @@ class BeadChain(Crystal, Chain):
         end: Material | None,
         law: ContactLaw,
     ) -> None:
-        self._made_of: dict[str, Any] = {"beads": beads, "striker": striker, "loads": loads, "end": end}
+        self._made_of: dict[str, Any] = {
+            "beads": beads,
+            "striker": striker,
+            "loads": loads,
+            "end": end,
+        }
         self.striker = striker
         self.beads: tuple[Bead, ...] = (striker.bead, *beads) if striker else tuple(beads)
         first = len(self.beads) - len(beads)

@@ -98,7 +98,7 @@ def mass_slope(bead: Bead) -> float:
     density = bead.material.density
     if bead.mass != density * volume(bead.diameter):
         return 0.0
-    return density * volume(complex(bead.diameter, TINY)).imag / TINY  # type: ignore[arg-type, attr-defined]
+    return density * volume(complex(bead.diameter, TINY)).imag / TINY  # type: ignore[arg-type]
 
 
 def _slopes(name: str, bead: Bead, partner: Bead | Material) -> list[float]:
@@ -106,7 +106,9 @@ def _slopes(name: str, bead: Bead, partner: Bead | Material) -> list[float]:
     pair, wall = _functions(name)
     one = bead.material
     if isinstance(partner, Material):
-        return [wall(one.modulus, partner.modulus, one.poisson, partner.poisson, bead.contact_radius)]
+        return [
+            wall(one.modulus, partner.modulus, one.poisson, partner.poisson, bead.contact_radius)
+        ]
     two = partner.material
     given = one.modulus, two.modulus, one.poisson, two.poisson
     return list(pair(*given, bead.contact_radius, partner.contact_radius))

@@ -56,7 +56,10 @@ def refused(match, **other):
         ("value of a function", {"objective": o.of([o.load(bond=0)], lambda t, y: (np.nan, y))}),
         ("has shape", {"objective": o.of([o.load(bond=0)], lambda t, y: (1.0, [1.0]))}),
         ("must give", {"objective": o.of([o.load(bond=0)], lambda t, y: 1.0)}),
-        ("must be finite", {"objective": o.of([o.load(bond=0)], lambda t, y: (1.0, y * np.inf))}),
+        (
+            "must be finite",
+            {"objective": o.of([o.load(bond=0)], lambda t, y: (1.0, np.full(y.shape, np.inf)))},
+        ),
     ],
 )
 def test_what_has_no_gradient_is_refused_with_the_reason(match, other):

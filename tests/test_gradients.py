@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from tensegrity import Chain, Ensemble, Potential, PowerLaw, Prism, State, gradient, simulate
 from tensegrity import objective as o
-from tensegrity.engine import reverse
+from tensegrity.engine import reverse_text
 
 REFERENCES = json.loads((Path(__file__).parent / "gradients.json").read_text())["scenes"]
 METHODS = ("verlet", "rkn6", "processed6")
@@ -42,7 +42,10 @@ def reference_scene(scene):
 
 def objectives(chain, site, held):
     """Those of the references, by name; and the sites of the kinetic energy."""
-    last, sites = chain.sites - 2, [s for s in range(chain.sites // 2, chain.sites) if s not in held]
+    last, sites = (
+        chain.sites - 2,
+        [s for s in range(chain.sites // 2, chain.sites) if s not in held],
+    )
     mass = chain.mass[sites]
 
     def kinetic(t, y):
@@ -130,11 +133,10 @@ def test_gradients_of_any_chain_are_those_of_complex_steps(scene, method, kind):
 
     assert found.value == pytest.approx(value(), rel=1e-11, abs=1e-13)
     moving = range(len(u) - fixed)
-    for mine, given, places in (
-        (found.u, {"u": u}, moving), (found.v, {"v": v}, moving), (found.mass, {"mass": mass}, moving),
-        (found.by("k"), {"k": k}, range(len(k))), (found.parameters["a"], {"a": a}, range(len(k))),
+    for mine, name, array, places in (
+        (found.u, "u", u, moving), (found.v, "v", v, moving), (found.mass, "mass", mass, moving),
+        (found.by("k"), "k", k, range(len(k))), (found.parameters["a"], "a", a, range(len(k))),
     ):  # fmt: skip
-        (name, array), = given.items()
         exact = [derivative(lambda x, n=name: value(**{n: x}), array, i) for i in places]
         scale = max(np.abs(exact).max(), 1e-3)
         assert np.abs(mine[list(places)] - exact).max() < 1e-10 * scale, name
@@ -191,7 +193,9 @@ def test_traces_and_numbers_of_them_are_differentiated_as_finite_differences_say
 
 def test_masses_and_stiffnesses_in_proportion_change_nothing():
     """u and v depend on k/m only: sum k dJ/dk + sum m dJ/dm = 0."""
-    chain = Chain([PowerLaw(k, 1.5, 0.1) for k in (1.0, 1.3, 0.8, 1.1)], 5, [1.0, 2.0, 0.5, 1.5, 1.0])
+    chain = Chain(
+        [PowerLaw(k, 1.5, 0.1) for k in (1.0, 1.3, 0.8, 1.1)], 5, [1.0, 2.0, 0.5, 1.5, 1.0]
+    )
     asked = [o.displacement(3), o.p_norm(o.velocity(2), 8), o.arrival(3, 1e-2)]
     for one in gradient(asked, chain, chain.at_rest({0: 0.2}), 12.0, 0.05, "rkn6"):
         # with the stiffness the preload grows in proportion: the overlap at rest stays
@@ -239,7 +243,9 @@ def test_a_list_of_objectives_gives_what_each_gives_alone():
 def test_wanted_limits_what_by_knows_and_changes_nothing_else():
     chain = prisms()
     run_of = chain, chain.at_rest({0: 0.05}), 10.0, 0.05, "rkn6"
-    every, some = (gradient(o.peak(o.load(bond=3)), *run_of, wanted=w) for w in (None, ("k_cross",)))
+    every, some = (
+        gradient(o.peak(o.load(bond=3)), *run_of, wanted=w) for w in (None, ("k_cross",))
+    )
     assert np.allclose(every.by("k_cross"), some.by("k_cross"), rtol=1e-11, atol=0)
     assert np.allclose(every.v, some.v, rtol=1e-11, atol=0)
     named = gradient(o.peak(o.load(bond=3)), *run_of, wanted=("s_N",))
@@ -253,9 +259,13 @@ def test_without_a_compiler_the_same_comes_from_numpy(method, monkeypatch):
     chain, asked = prisms(), [o.p_norm(o.velocity(2), 4), o.peak(o.load(bond=3)), o.energy([0, 1])]
     run_of = chain, chain.at_rest({0: 0.05}), 5.0, 0.1, method
     compiled = gradient(asked, *run_of)
-    monkeypatch.setattr(reverse, "compiled", lambda *_: None)
+    monkeypatch.setattr(reverse_text, "compiled", lambda *_: None)
     for one, other in zip(compiled, gradient(asked, *run_of), strict=True):
-        for x, y in ((one.u, other.u), (one.mass, other.mass), (one.by("height"), other.by("height"))):
+        for x, y in (
+            (one.u, other.u),
+            (one.mass, other.mass),
+            (one.by("height"), other.by("height")),
+        ):
             assert np.abs(x - y).max() < 1e-11 * np.abs(x).max()
 
 
@@ -284,7 +294,9 @@ def chaotic(sites=10):
 def test_on_a_grid_the_start_is_returned_to_the_last_bit():
     chain, state = chaotic()
     asked, run_of = o.p_norm(o.load(wall=0), 8), (chain, state, 150.0, 0.05)
-    exact, plain = (gradient(asked, *run_of, exact=x, checkpoints=c) for x, c in ((True, None), (False, 1)))
+    exact, plain = (
+        gradient(asked, *run_of, exact=x, checkpoints=c) for x, c in ((True, None), (False, 1))
+    )
     assert exact.reversal == 0.0
     assert exact.value == pytest.approx(plain.value, rel=1e-4)  # in chaos
     short = chain, state, 10.0, 0.05

@@ -1,12 +1,9 @@
 """The loop backwards: what a run did undone, stage by stage, with derivatives carried along.
 
 A stage of a splitting can be undone from its result, so the derivatives of what was computed need
-no states kept: the adjoint of each stage is done where the stage is undone.  The laws come from
-the same energies as those of the loop: tension, stiffness and derivatives by parameters in one
-function, with common parts computed once and one division for each denominator.
-
-A method's rows are those of `methods.Splitting`; what runs is the C of `reverse_*.c`, or without
-a compiler the same in NumPy.
+no states kept: the adjoint of each stage is done where the stage is undone.  A method's rows are
+those of `methods.Splitting`; what runs is the C of `reverse_*.c`, or without a compiler the same
+in NumPy.
 """
 
 from __future__ import annotations
@@ -17,186 +14,9 @@ from functools import cached_property
 
 import numpy as np
 
-from tensegrity.engine import codegen, geometry
-from tensegrity.engine.bonds import PAIR, WALL
-from tensegrity.engine.native import CompilerError, library
-from tensegrity.once import once
-
-
-@once
-def law_function(law, wanted):
-    """CasADi function (r, p) -> tension, stiffness, derivatives of the tension by p[wanted]."""
-    import casadi as ca
-
-    below, above = law_parts(law, wanted)
-    r, p = below.sx_in()
-    return ca.Function("law", [r, p], [above(r, p, 1 / below(r, p))])
-
-
-@once
-def law_parts(law, wanted):
-    """The same in two: (r, p) -> denominators, and (r, p, their reciprocals) -> the values.
-
-    Written as one, CasADi would turn every product with a reciprocal into a quotient again, and
-    divisions are what a processor waits for.
-    """
-    import casadi as ca
-
-    r, p, (_, tension, stiffness, _) = law.forms()
-    slopes = ca.gradient(tension, p) if law.parameters else ca.SX(0, 1)
-    forms = ca.cse(ca.vertcat(tension, stiffness, slopes[list(wanted)]))
-    values, found = _without_divisions(ca.Function("law", [r, p], [forms]), r, p)
-    i, q = ca.SX.sym("i", len(found)), [x for x, _ in found]
-    symbols = [symbol for _, symbol in found]
-    inner = ca.vertcat(*symbols)
-    for _ in found:  # a denominator may have others in it
-        q = [ca.substitute(x, inner, 1 / ca.vertcat(*q)) if found else x for x in q]
-    below = ca.Function("below", [r, p], [ca.vertcat(*q)])
-    above = ca.Function("above", [r, p, i], [ca.substitute(values, inner, i)])
-    return below, above
-
-
-CHOICES = ("OP_IF_ELSE_ZERO", "OP_NOT", "OP_AND", "OP_OR")
-
-
-def _without_divisions(function, r, p):
-    """Outputs with symbols for reciprocals, and pairs of a denominator and its symbol.
-
-    A reciprocal of a factor of another denominator is made from that: where nothing is chosen, so
-    that one that is 0 spoils the others anyhow.
-    """
-    import casadi as ca
-
-    inputs = [[r], ca.vertsplit(p) if p.numel() else []]
-    work, known, outputs = {}, {}, {}
-    operations = {function.instruction_id(k) for k in range(function.n_instructions())}
-    chosen = not operations.isdisjoint(getattr(ca, name) for name in CHOICES)
-
-    def reciprocal(x):
-        key = x.element_hash()
-        if key not in known:
-            if x.is_op(ca.OP_TWICE):
-                return 0.5 * reciprocal(x.dep(0))
-            if x.is_op(ca.OP_ADD) and x.dep(0).is_op(ca.OP_LE) and x.dep(1).is_op(ca.OP_LE):
-                return 1.5 - 0.5 * x  # of 1 or 2: how an extremum chooses
-            known[key] = x, ca.SX.sym(f"i{len(known)}")
-        return known[key][1]
-
-    for k in range(function.n_instructions()):
-        operation = function.instruction_id(k)
-        source, target = function.instruction_input(k), function.instruction_output(k)
-        if operation == ca.OP_CONST:
-            work[target[0]] = ca.SX(function.instruction_constant(k))
-        elif operation == ca.OP_INPUT:
-            work[target[0]] = inputs[source[0]][source[1]]
-        elif operation == ca.OP_OUTPUT:
-            outputs[target[1]] = work[source[0]]
-        elif operation == ca.OP_DIV and not work[source[1]].is_constant():
-            work[target[0]] = work[source[0]] * reciprocal(work[source[1]])
-        elif operation == ca.OP_INV:
-            work[target[0]] = reciprocal(work[source[0]])
-        else:
-            apply = ca.SX.unary if len(source) == 1 else ca.SX.binary
-            work[target[0]] = apply(operation, *(work[i] for i in source))
-    values = ca.vertcat(*(outputs.get(k, ca.SX(0)) for k in range(function.nnz_out(0))))
-    if chosen:
-        return values, list(known.values())
-    kept = []
-    for x, symbol in known.values():
-        for whole, other in known.values():
-            rest = None if whole is x else _rest(whole, x)
-            if rest is not None:
-                values = ca.substitute(values, symbol, rest * other)
-                break
-        else:
-            kept.append((x, symbol))
-    return values, kept
-
-
-def _rest(product, factor):
-    """What is left of a product without a factor, or None where it has no such factor."""
-    import casadi as ca
-
-    if product.element_hash() == factor.element_hash():
-        return ca.SX(1)
-    if product.is_op(ca.OP_MUL):
-        one, other = product.dep(0), product.dep(1)
-        for mine, left in ((one, other), (other, one)):
-            rest = _rest(mine, factor)
-            if rest is not None:
-                return rest * left
-    return None
-
-
-@once
-def depends_on(law):
-    """Numbers of the parameters that the tension of a law depends on."""
-    import casadi as ca
-
-    _, p, (_, tension, _, _) = law.forms()
-    return frozenset(k for k in range(p.numel()) if ca.depends_on(tension, p[k]))
-
-
-@once
-def energy_function(law, wanted):
-    """CasADi function (r, p) -> energy, tension, derivatives of the energy by p[wanted]."""
-    import casadi as ca
-
-    r, p, (energy, tension, _, _) = law.forms()
-    slopes = ca.gradient(energy, p) if law.parameters else ca.SX(0, 1)
-    return ca.Function("stored", [r, p], [ca.vertcat(energy, tension, slopes[list(wanted)])])
-
-
-HOOK = """static inline void reverse_{k}(real r, const real *p, real *y)
-{{
-    real i[{count} + 1];
-    const real *given[] = {{&r, p, i}};
-    real *below[] = {{i}}, *above[] = {{y}};
-    law{k}_below(given, below, 0, 0, 0);
-    for (int j = 0; j < {count}; j++) i[j] = 1 / i[j];
-    law{k}_above(given, above, 0, 0, 0);
-}}"""
-TENSION = """static inline real tension_{k}(real r, const real *p)
-{{
-    real y;
-    const real *given[] = {{&r, p}};
-    real *found[] = {{&y}};
-    law{k}_tension(given, found, 0, 0, 0);
-    return y;
-}}"""
-
-
-def c_text(laws, own, wanted, dim, exact):
-    """C source of the loop backwards; see `codegen.c_text`.  `wanted`: of each law."""
-    import casadi as ca
-
-    generator, hooks = ca.CodeGenerator("laws.c"), []
-    for number, law in enumerate(laws):
-        functions = dict(zip(("below", "above"), law_parts(law, wanted[number]), strict=True))
-        if exact:
-            functions["tension"] = codegen.functions(law)["tension"]
-        for name, function in functions.items():
-            sx = function.sx_in()
-            generator.add(ca.Function(f"law{number}_{name}", sx, [function(*sx)]))
-        hooks.append(HOOK.format(k=number, count=functions["below"].nnz_out(0)))
-        if exact:
-            hooks.append(TENSION.format(k=number))
-        if own[number] is not None:
-            hooks.append(codegen._take(number, len(law.parameters), own[number]))
-    for function, hook in geometry.helpers(dim) if dim else ():
-        generator.add(function)
-        hooks.append(hook)
-    runs = [(k, kind) for k in range(len(laws)) for kind in (0, 1)[: 1 + (own[k] is not None)]]
-    listed = " ".join(f"X({number}, {kind})" for number, kind in runs)
-    most = max((len(law.parameters) for law in laws), default=0)
-    parts = ["prelude.c", generator.dump(), *hooks]
-    parts += [f"#define PARAMETERS {most}", f"#define RUNS(X) {listed}", f"#define EXACT {exact:d}"]
-    for number, kind in runs:
-        parts += [f"#define K {number}", f"#define OWNED {kind}"]
-        parts += [f"#define WANTED {len(wanted[number])}", "reverse_law.c"]
-        parts += ["#undef K", "#undef OWNED", "#undef WANTED"]
-    parts += ["reverse.h", "reverse_net.c" if dim else "reverse_line.c", "reverse_steps.c"]
-    return "\n".join(codegen._file(x) if x.endswith((".c", ".h")) else x for x in parts)
+from tensegrity.engine import reverse_text
+from tensegrity.engine.bonds import PAIR, WALL, Bonds, by_spring
+from tensegrity.engine.pulled import Pulled
 
 
 def _structure(name, addresses, counts):
@@ -214,36 +34,6 @@ _SCENE = _structure(  # as in reverse.h
 _SEEDS = _structure("_Seeds", "rows places", "count of_u begin end")
 
 
-class Library:
-    """Compiled text for some laws."""
-
-    def __init__(self, laws, own, wanted, dim, exact):
-        flags = [f"-DDIM={dim}"] if dim else []
-        found = library(c_text(laws, own, wanted, dim, exact), flags)
-        address, number = ctypes.c_void_p, ctypes.c_longlong
-        calls = {
-            "sow": [address, address, number],
-            "reverse": [address] + [number] * 4 + [address],
-            "sampled": [address, address, number, address, address, address, number, number, address],
-            "evaluate": [number, number, *[address] * 5],
-        }
-        if exact:
-            calls["advance"] = [address, number]
-        for name, arguments in calls.items():
-            function = found[name]
-            function.argtypes, function.restype = arguments, None
-            setattr(self, name, function)
-
-
-@once
-def compiled(laws, own, wanted, dim, exact):
-    """The library; None where there is no compiler."""
-    try:
-        return Library(laws, own, wanted, dim, exact)
-    except CompilerError:
-        return None
-
-
 @dataclass(frozen=True, eq=False)
 class Layout:
     """Bonds in the order of the loop backwards, and what it wants to know of them.
@@ -257,7 +47,7 @@ class Layout:
         Whether states are whole units of a grid.
     """
 
-    bonds: object
+    bonds: Bonds
     wanted: tuple
     exact: bool = False
 
@@ -341,7 +131,7 @@ class Layout:
     def library(self):
         """The compiled text, or None."""
         b = self.bonds
-        return compiled(b.laws, self.own, self.wanted, self.dim, self.exact)
+        return reverse_text.compiled(b.laws, self.own, self.wanted, self.dim, self.exact)
 
     def parameters(self):
         """Those that bonds of a run share, those of their own, and where these begin."""
@@ -381,7 +171,7 @@ class Layout:
                 places.append(found.ctypes.data + 2 * found.strides[0])
                 self.library.evaluate(law, flat.size, *places)
             else:
-                function = law_function(self.bonds.laws[law], self.wanted[law])
+                function = reverse_text.law_function(self.bonds.laws[law], self.wanted[law])
                 found = np.array(function(flat[None], p[: function.size1_in(1)]))
             found = found.reshape(-1, *r.shape[:-1], len(mine))
             f[..., mine], k[..., mine], d[:count, ..., mine] = found[0], found[1], found[2:]
@@ -471,7 +261,9 @@ class Back:
             given = None if seeds is None else seeds.address
             self.layout.library.reverse(self._address, steps, opened, close, last, given)
             return
-        kicks, drifts = (np.multiply(x, self._dt) for x in (self._method.kicks, self._method.drifts))
+        kicks, drifts = (
+            np.multiply(x, self._dt) for x in (self._method.kicks, self._method.drifts)
+        )
         if close and kicks[-1]:
             self._stage(kicks[-1], 0.0)
         for k in range(steps - 1, -1, -1):
@@ -529,8 +321,6 @@ class Back:
     @property
     def range(self):
         """Smallest and largest elongation of each different spring since `forget_range`."""
-        from tensegrity.engine.bonds import by_spring
-
         b = self.layout.bonds
         return by_spring(b.group[self.layout.order], len(b.law), self._low, self._high)
 
@@ -598,115 +388,6 @@ class Seeds:
         addresses = self.rows.ctypes.data, self.places.ctypes.data
         self._structure = _SEEDS(*addresses, len(self.places), of_u, begin, self.end)
         self.address = ctypes.addressof(self._structure)
-
-
-class Pulled:
-    """Some bonds in NumPy, at many states at once, and derivatives carried back through them.
-
-    Parameters
-    ----------
-    layout : Layout
-    members : sequence of int, optional
-        Numbers of the bonds; by default all.
-    rows : sequence of int, optional
-        The rows that arrays have, in their order; by default all.
-    """
-
-    def __init__(self, layout, members=None, rows=None):
-        self._layout, bonds = layout, layout.bonds
-        count = len(bonds.group)
-        self.members = np.arange(count) if members is None else np.asarray(members, dtype=int)
-        self._first, self._second = (x[self.members] for x in layout.ends)
-        self._pair = layout.kind[self.members] == PAIR
-        if rows is not None:
-            place = np.full(layout.rows, -1)
-            place[np.asarray(rows, dtype=int)] = np.arange(len(rows))
-            self._first, self._second = place[self._first], place[self._second]
-
-    def at(self, u):
-        """Take displacements (..., rows[, dim]); the row of walls, if any, is 0."""
-        self._u, layout = u, self._layout
-        dim = layout.dim
-        if not dim:
-            self.r = u[..., self._second] - u[..., self._first]
-            self.along = np.ones((*self.r.shape, 1))
-        else:
-            moved = np.where(self._pair[:, None], u[..., self._first, :], 0.0)
-            self.r, self.along = _placed(layout, self.members, u[..., self._second, :] - moved)
-        self.f, self.k, self.d = layout.laws_at(self.r, self.members)
-
-    def forces(self):
-        """Forces on the rows, shape of u."""
-        found = np.zeros((*self._u.shape[: self.r.ndim - 1], *self._rows()))
-        self._add(found, self.f[..., None] * self.along)
-        return found.reshape(self._u.shape)
-
-    def _rows(self):
-        dim = self._layout.dim
-        return self._u.shape[self.r.ndim - 1 :] if dim else (*self._u.shape[self.r.ndim - 1 :], 1)
-
-    def _add(self, found, each):
-        """What pulls at the first end, with its sign turned at the second; rows of -1 are not."""
-        by_row, each = np.moveaxis(found, -2, 0), np.moveaxis(each, -2, 0)
-        for rows, add in ((self._first, np.add.at), (self._second, np.subtract.at)):
-            there = rows >= 0
-            add(by_row, rows[there], each[there])
-
-    def back(self, by_force=None, by_tension=None, by_elongation=None):
-        """From derivatives by forces on rows, tensions and elongations of bonds to those by u.
-
-        Each has the shape of what it belongs to, perhaps with further axes before.
-
-        Returns
-        -------
-        ub : ndarray, shape of u
-        p : ndarray, (wanted, ..., members)
-            By the parameters wanted, summed over nothing.
-        g : ndarray, (..., members)
-            By the elongation.
-        """
-        dim, along = self._layout.dim, self.along
-        t, turned = (0.0 if by_tension is None else by_tension), 0.0
-        if by_force is not None:
-            y = by_force if dim else by_force[..., None]
-            y = _taken(y, self._first) - _taken(y, self._second)
-            t = t + np.sum(y * along, axis=-1)
-            if dim > 1:
-                length = self._layout.bonds.contacts.geometry[-1][self.members]
-                across = np.where(self._pair, self.f / np.where(self._pair, length + self.r, 1), 0)
-                lengthwise = np.sum(y * along, axis=-1, keepdims=True) * along
-                turned = across[..., None] * (y - lengthwise)
-        g = t * self.k + (0.0 if by_elongation is None else by_elongation)
-        pulls = g[..., None] * along + turned
-        found = np.zeros((*g.shape[:-1], *self._rows()))
-        self._add(found, -pulls)
-        d = self.d.reshape(len(self.d), *[1] * (g.ndim - self.r.ndim), *self.r.shape)
-        return (found if dim else found[..., 0]), t * d, g
-
-
-def _taken(y, rows):
-    """Rows of y (..., rows, dim), 0 where there is none."""
-    return np.where((rows >= 0)[:, None], y[..., rows, :], 0.0)
-
-
-def _placed(layout, members, w):
-    """Elongations and their gradients, for differences of displacements w (..., members, dim)."""
-    dim, contacts = layout.dim, layout.bonds.contacts
-    r, along = np.empty(w.shape[:-1]), np.empty(w.shape)
-    for number, kind in enumerate(("pair", "wall")):
-        mine = np.flatnonzero(layout.kind[members] == number)
-        if not mine.size:
-            continue
-        place = contacts.geometry[:, members[mine]]
-        flat = w[..., mine, :].reshape(-1, dim)
-        times = len(flat) // len(mine)
-        wide = np.tile(place, times)
-        function = geometry.functions(dim)[kind]
-        found = function(wide[:dim], flat.T, wide[None, dim], wide[None, dim + 1])
-        shape = *w.shape[:-2], len(mine)
-        r[..., mine] = np.array(found[0]).reshape(shape)
-        along[..., mine, :] = np.array(found[1]).T.reshape(*shape, dim)
-    return r, along
 
 
 def sampled(bound, steps, u, v, places, of_u, rows, lib):

@@ -7,6 +7,7 @@ it does in chaos, a part is done again from states nearer to each other, compute
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +15,8 @@ import numpy as np
 from tensegrity.engine.reverse import Back, Layout, Seeds, Totals
 
 if TYPE_CHECKING:
+    from typing import Any
+
     from tensegrity.gradients.forward import Forward
     from tensegrity.runs.run import Run
     from tensegrity.typing import Array
@@ -60,7 +63,7 @@ class Backward:
         sites = self._layout.sites
         self.u, self.v = self._main.ub[:, :sites], self._main.vb[:, :sites]
 
-    def _back(self, method) -> Back:
+    def _back(self, method: Any) -> Back:
         forward = self._forward
         return Back(self._layout, method, forward.dt, self.totals, forward._grid or (0.0, 0.0))
 
@@ -81,7 +84,7 @@ class Backward:
         with tqdm(total=last, unit="step", unit_scale=True, delay=1.0, leave=False,
                   disable=None) as self._bar:  # fmt: skip
             stops = sorted(forward.states, reverse=True)
-            for b, a in zip(stops, stops[1:], strict=False):
+            for b, a in pairwise(stops):
                 self._carry(a, b)
         if forward.method.processor is not None and last:
             enter = self._back(forward.method.processor[0])
@@ -97,7 +100,7 @@ class Backward:
         forward, main = self._forward, self._main
         if self._apart is not None and b - a > self._apart:
             stops = [*range(a, b, self._apart), b]
-            for before, after in zip(stops[:-2], stops[1:-1], strict=True):
+            for before, after in pairwise(stops[:-1]):
                 forward.states[after] = forward.again(before, after - before)
             for before, after in zip(stops[-2::-1], stops[:0:-1], strict=True):
                 self._steps(before, after)
@@ -146,7 +149,7 @@ class Backward:
         return self._forward.scene.arrays(State(u, v))
 
     def _lead_out(self, k: int, u: Array, v: Array) -> None:
-        """Carry derivatives by the state u, v of the scene, after step k, to the loop's variables."""
+        """Carry derivatives by the state u, v of the scene after step k to the loop's variables."""
         leave, main = self._ways[0], self._main
         leave.ub[:], leave.vb[:] = 0, 0
         leave.set(u, v)

@@ -19,7 +19,8 @@ import numpy as np
 from tensegrity import check
 from tensegrity.engine import methods, pieces
 from tensegrity.engine.methods import Splitting
-from tensegrity.engine.reverse import Layout, depends_on
+from tensegrity.engine.reverse import Layout
+from tensegrity.engine.reverse_text import depends_on
 from tensegrity.errors import TensegrityError
 from tensegrity.gradients import chained
 from tensegrity.gradients.backward import Backward
@@ -122,7 +123,7 @@ def gradient(
 
 
 def _splitting(method: str | Method) -> Splitting:
-    found = methods.find(method)
+    found: Any = methods.find(method)
     if type(found) not in (Splitting, methods.Processed):
         reason = "its stages are none that can be undone one by one"
         if isinstance(found, Splitting):
@@ -134,11 +135,11 @@ def _splitting(method: str | Method) -> Splitting:
     return found
 
 
-def _lanes(objectives, scene, state, rest):
+def _lanes(objectives: Any, scene: Any, state: Any, rest: Any) -> Any:
     """Those of each scene, on threads: the loops free the interpreter."""
     t_end, dt, *others = rest
 
-    def one(lane):
+    def one(lane: Any) -> Any:
         return _one(objectives, scene.scenes[lane], scene.lane(state, lane), t_end, dt, *others)
 
     first = one(0)  # compiles what all need
@@ -147,11 +148,12 @@ def _lanes(objectives, scene, state, rest):
     return [_stacked(scene, [lane[k] for lane in each]) for k in range(len(objectives))]
 
 
-def _stacked(scene, found):
+def _stacked(scene: Any, found: Any) -> Any:
     return LaneGradient(
-        value=np.array([x.value for x in found]),
-        run=tuple(x.run for x in found),
-        **{k: np.stack([getattr(x, k) for x in found], axis=-1) for k in ("u", "v", "mass", "shift")},
+        value=np.array([x.value for x in found]),  # type: ignore[arg-type]
+        run=tuple(x.run for x in found),  # type: ignore[arg-type]
+        **{k: np.stack([getattr(x, k) for x in found], axis=-1)
+           for k in ("u", "v", "mass", "shift")},
         parameters=fixed({k: np.stack([x.parameters[k] for x in found], axis=-1)
                           for k in found[0].parameters}),
         reversal=max(x.reversal for x in found),
@@ -169,7 +171,17 @@ class LaneGradient(Gradient):
         return np.stack([lane.by(name) for lane in self._scene], axis=-1)
 
 
-def _one(objectives, scene, state, t_end, dt, method, wanted, exact, checkpoints):
+def _one(
+    objectives: Any,
+    scene: Any,
+    state: Any,
+    t_end: Any,
+    dt: Any,
+    method: Any,
+    wanted: Any,
+    exact: Any,
+    checkpoints: Any,
+) -> Any:
     if scene.follows:
         raise TensegrityError(
             "contacts that come and go have no gradient here: give the scene those that act, with "
@@ -190,7 +202,9 @@ def _one(objectives, scene, state, t_end, dt, method, wanted, exact, checkpoints
     window = min(w[0] for w in windows), max(w[1] for w in windows)
     check.room(
         f"traces of {steps} steps at {len(view.places)} places",
-        8.0 * (window[1] - window[0] + 1) * (len(view.places) * (1 + len(objectives)) + len(traces)),
+        8.0
+        * (window[1] - window[0] + 1)
+        * (len(view.places) * (1 + len(objectives)) + len(traces)),
     )
     states = STATES if checkpoints is None else max(STATES, math.isqrt(steps // checkpoints + 1))
     apart = max(1, -(-steps // states))
@@ -226,7 +240,7 @@ def _one(objectives, scene, state, t_end, dt, method, wanted, exact, checkpoints
     ]
 
 
-def _wanted(scene, wanted, stored):
+def _wanted(scene: Any, wanted: Any, stored: Any) -> Any:
     """Names that `by` will know, and for each law the numbers of the parameters they move.
 
     Only of those that the tension depends on, unless the energy is asked for, which has more.
@@ -249,7 +263,7 @@ def _wanted(scene, wanted, stored):
     springs = [name for name in names if name in known]
     if any(name in beads for name in names):
         springs += [name for name in ("stiffness", "preload") if name in known]
-    found = [set() for _ in laws]
+    found: list[set[int]] = [set() for _ in laws]
     for name in dict.fromkeys(springs):
         each = chained.slopes(table.different, name, parameters.shape[1])
         for number in range(len(laws)):
@@ -262,7 +276,7 @@ def _wanted(scene, wanted, stored):
     return names, tuple(tuple(sorted(x)) for x in found)
 
 
-def _window(one, steps, dt):
+def _window(one: Any, steps: Any, dt: Any) -> Any:
     """First and last step that an objective looks at."""
     if one.over is None:
         return steps, steps
@@ -276,7 +290,7 @@ def _window(one, steps, dt):
     return first, last
 
 
-def _on_grid(scene, state, t_end, dt, method):
+def _on_grid(scene: Any, state: Any, t_end: Any, dt: Any, method: Any) -> Any:
     """The state rounded to a grid that holds the whole run, and what rounds to it."""
     from tensegrity.runs.integrate import simulate
 
@@ -293,23 +307,23 @@ def _on_grid(scene, state, t_end, dt, method):
 class _Read:
     """Traces from samples, some steps at once."""
 
-    def __init__(self, view, rows, closing):
+    def __init__(self, view: Any, rows: Any, closing: Any) -> None:
         self._view, self._rows, self._closing = view, rows, closing
         self._parts = [slice(k, k + view.most) for k in range(0, len(rows), view.most)]
         self._kept = self._view.part(rows, closing) if len(self._parts) == 1 else None
 
-    def _part(self, inside):
+    def _part(self, inside: Any) -> Any:
         """Kept where it is one, with the derivatives begun anew."""
         if self._kept is None:
             return self._view.part(self._rows[inside], self._closing[inside])
         self._kept.forget()
         return self._kept
 
-    def value(self, trace):
+    def value(self, trace: Any) -> Any:
         """A trace, (steps,)."""
         return np.concatenate([self._part(inside).value(trace) for inside in self._parts])
 
-    def back(self, traces, slopes):
+    def back(self, traces: Any, slopes: Any) -> Any:
         """Derivatives by the samples, and by parameters, elongations, masses and their inverses."""
         rows, rest = np.empty(self._rows.shape), None
         for inside in self._parts:
@@ -323,7 +337,17 @@ class _Read:
         return rows, rest
 
 
-def _gradient(scene, run, layout, names, back, k, value, explicit, largest):
+def _gradient(
+    scene: Any,
+    run: Any,
+    layout: Any,
+    names: Any,
+    back: Any,
+    k: Any,
+    value: Any,
+    explicit: Any,
+    largest: Any,
+) -> Any:
     """One objective's result."""
     p, g, m, w = explicit
     order, sites = layout.order, layout.sites
@@ -336,7 +360,7 @@ def _gradient(scene, run, layout, names, back, k, value, explicit, largest):
     held = list(scene.held)
     u[held], v[held], mass[held] = 0, 0, 0
     law = layout.bonds.law_of_bond
-    parameters = {}
+    parameters: dict[str, Array] = {}
     for number, one in enumerate(layout.bonds.laws):
         for row, place in enumerate(layout.wanted[number]):
             column = parameters.setdefault(str(one.parameters[place]), np.zeros(len(law)))

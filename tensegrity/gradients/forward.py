@@ -173,11 +173,13 @@ class Forward:
             self._out = u.copy(), v.copy()
             leave = self.method.processor[1]  # type: ignore[index]
             ways = [way for way in (self._close, leave) if way is not None]
-            self._ways = [self.bound(*self._out, way, self.dt) for way in ways]
+            x, y = self._out
+            self._ways = [self.bound(x, y, way, self.dt) for way in ways]
         self._out[0][:], self._out[1][:] = u, v
         for way in self._ways:
             way.advance(1)
-        return tuple(x[: self.scene.sites] for x in self._out)  # type: ignore[return-value]
+        x, y = self._out
+        return x[: self.scene.sites], y[: self.scene.sites]
 
     def again(self, k: int, steps: int) -> tuple[Array, Array]:
         """u and v of the sites some steps after a state that was kept, by the same loop."""

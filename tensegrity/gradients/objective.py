@@ -149,7 +149,7 @@ def p_norm(trace: Trace, p: float = 32, over: tuple[float, float] | None = None)
     if p > STEEPEST:
         raise TensegrityError(f"p {p:g} of a norm must be at most {STEEPEST:g}")
 
-    def rule(t, y):
+    def rule(t: Any, y: Any) -> Any:
         dt = (t[-1] - t[0]) / (len(t) - 1) if len(t) > 1 else 1.0
         pressed = np.maximum(y[0], 0)
         largest = pressed.max()
@@ -168,7 +168,7 @@ def p_norm(trace: Trace, p: float = 32, over: tuple[float, float] | None = None)
 def impulse(bond: int | None = None, wall: int | None = None) -> Objective:
     """Impulse of a load [N s], compression > 0: the trapezoid rule over the steps."""
 
-    def rule(t, y):
+    def rule(t: Any, y: Any) -> Any:
         weights = np.zeros(len(t))
         half = np.diff(t) / 2
         weights[:-1] += half
@@ -194,7 +194,7 @@ def arrival(site: int, displacement: float) -> Objective:
     """
     level = check.number("displacement", displacement, unit="m")
 
-    def rule(t, y):
+    def rule(t: Any, y: Any) -> Any:
         return _arrival(t, y, level, f"site {site}")
 
     trace = Trace("displacement", check.whole("site", site, least=0))
@@ -224,8 +224,8 @@ def misfit(trace: Trace, t: ArrayLike, values: ArrayLike) -> Objective:
     times = t.copy()
     wanted = values.copy()
 
-    def rule(t, y):
-        first, weights = cubic(t, times)
+    def rule(t: Any, y: Any) -> Any:
+        first, weights = _cubic(t, times)
         at = first[:, None] + np.arange(weights.shape[1])
         short = np.sum(weights * y[0][at], axis=1) - wanted
         slope = np.zeros_like(y)
@@ -250,7 +250,7 @@ def of(traces: Sequence[Trace], function: Rule) -> Objective:
     if not callable(function):
         raise TensegrityError(f"function {check.shown(function)} is not a function (t, y)")
 
-    def rule(t, y):
+    def rule(t: Any, y: Any) -> Any:
         answer = function(t.copy(), y.copy())
         if not isinstance(answer, tuple) or len(answer) != 2:
             raise TensegrityError(
@@ -268,8 +268,11 @@ def objective_of(given: Trace | Objective) -> Objective:
     if isinstance(given, Objective):
         return given
     trace = _trace(given)
-    return Objective((trace,), lambda t, y: (float(y[0, -1]), np.eye(1, y.shape[1], y.shape[1] - 1)),
-                     None, "end")  # fmt: skip
+    return Objective((trace,), _last, None, "end")
+
+
+def _last(t: Array, y: Array) -> tuple[float, Array]:
+    return float(y[0, -1]), np.eye(1, y.shape[1], y.shape[1] - 1)
 
 
 def _trace(given: Any) -> Trace:
@@ -306,7 +309,7 @@ def _peak(t: Array, y: Array) -> tuple[float, Array]:
     return here - tilt**2 / (2 * bend), slope
 
 
-def cubic(t: Array, times: Array) -> tuple[Any, Array]:
+def _cubic(t: Array, times: Array) -> tuple[Any, Array]:
     """First sample and weights of the cubic through four samples around each instant.
 
     Where there are fewer than four, the polynomial through all.
@@ -343,9 +346,7 @@ def _arrival(t: Array, y: Array, level: float, who: str) -> tuple[float, Array]:
     first = int(np.clip(k - 1, 0, len(t) - min(4, len(t))))
     samples = above[first : first + min(4, len(t))]
     dt, nodes = t[1] - t[0], np.arange(len(samples))
-    fit = np.polynomial.Polynomial.fit(
-        nodes, samples, len(nodes) - 1, domain=[0, 1], window=[0, 1]
-    )
+    fit = np.polynomial.Polynomial.fit(nodes, samples, len(nodes) - 1, domain=[0, 1], window=[0, 1])
     low, high = k - first, k - first + 1
     x = brentq(fit, low, high, xtol=1e-15, rtol=1e-15) if fit(low) * fit(high) < 0 else (
         float(low if abs(fit(low)) <= abs(fit(high)) else high)
@@ -353,7 +354,7 @@ def _arrival(t: Array, y: Array, level: float, who: str) -> tuple[float, Array]:
     rate = float(fit.deriv()(x))
     if rate == 0:
         raise TensegrityError(f"{who} touches {level:g} m at {t[first] + x * dt:.6g} s, no passage")
-    _, weights = cubic(nodes.astype(float), np.array([x]))
+    _, weights = _cubic(nodes.astype(float), np.array([x]))
     slope = np.zeros_like(y)
     slope[0, first : first + len(nodes)] = -dt * weights[0] / rate
     return float(t[first] + x * dt), slope

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity.engine.bonds import PAIR
-from tensegrity.engine.reverse import Pulled, energy_function
+from tensegrity.engine.pulled import Pulled
+from tensegrity.engine.reverse_text import energy_function
 from tensegrity.errors import TensegrityError
 
 if TYPE_CHECKING:
@@ -81,7 +82,9 @@ class View:
         if contacts is None:
             ends = [s for s in sorted(scene.held) if s in (0, scene.sites - 1)]
             if wall >= len(ends):
-                raise TensegrityError(f"wall {wall} must be below {len(ends)}: held ends of a chain")
+                raise TensegrityError(
+                    f"wall {wall} must be below {len(ends)}: held ends of a chain"
+                )
             return np.array([0 if ends[wall] == 0 else scene.sites - 2])
         if wall >= contacts.walls:
             raise TensegrityError(f"wall {wall} must be below {contacts.walls}")
@@ -169,7 +172,9 @@ class Part:
         kinetic = 0.5 * np.sum(view.scene.mass[sites] * np.sum(v**2, axis=-1), axis=-1)
         stored, share = self._stored(bonds), self._shares(bonds, sites)
         at = [view.rows_u.index(s) for s in sites]
-        return kinetic + stored[0] @ share - np.sum(self._loads(sites) * self._u[:, at], axis=(1, 2))
+        return (
+            kinetic + stored[0] @ share - np.sum(self._loads(sites) * self._u[:, at], axis=(1, 2))
+        )
 
     def add(self, trace: Trace, slope: Array) -> None:
         """Carry back the derivatives (steps,) by a trace."""
