@@ -29,6 +29,7 @@ from tensegrity.gradients.objective import ALWAYS, Objective, Trace, objective_o
 from tensegrity.gradients.result import Gradient, digits
 from tensegrity.gradients.samples import View
 from tensegrity.readonly import fixed
+from tensegrity.runs.march import MOST_STEPS
 from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.scenes.scene import Scene, State
 
@@ -196,7 +197,7 @@ def _one(
     if exact and layout.library is None:
         raise TensegrityError("exact reversal needs a C compiler")
     view = View(scene, layout, traces)
-    steps = math.ceil(t_end / dt * (1 - 1e-12))
+    steps = _steps(t_end, dt)
     dt = t_end / steps if steps else dt
     windows = [_window(one, steps, dt) for one in objectives]
     window = min(w[0] for w in windows), max(w[1] for w in windows)
@@ -255,6 +256,8 @@ def _wanted(scene: Any, wanted: Any, stored: Any) -> Any:
     else:
         if isinstance(wanted, str) or not isinstance(wanted, (Sequence, set, frozenset)):
             raise TensegrityError(f"wanted {check.shown(wanted)} must be a sequence of names")
+        for name in wanted:
+            check.kind("name that is wanted", name, str)
         names = tuple(dict.fromkeys(wanted))
         for name in names:
             if name not in known and name not in beads and name not in symbols:
@@ -274,6 +277,16 @@ def _wanted(scene: Any, wanted: Any, stored: Any) -> Any:
         if not stored:
             found[number] &= depends_on(one)
     return names, tuple(tuple(sorted(x)) for x in found)
+
+
+def _steps(t_end: float, dt: float) -> int:
+    """How many steps `simulate` does."""
+    steps = t_end / dt * (1 - 1e-12)
+    if not steps <= MOST_STEPS:
+        raise TensegrityError(
+            f"t_end {t_end:g} s takes {steps:.3g} steps of {dt:.3g} s, more than {MOST_STEPS:.0e}"
+        )
+    return math.ceil(steps)
 
 
 def _window(one: Any, steps: Any, dt: Any) -> Any:
