@@ -96,8 +96,14 @@ def diffrax(steps):
 
     def value(prestrains):
         found = package.diffeqsolve(
-            terms, package.SemiImplicitEuler(), 0.0, steps * DT, DT,
-            (u, v + DT / 2 * force(u, prestrains)), prestrains, max_steps=steps + 1,
+            terms,
+            package.SemiImplicitEuler(),
+            0.0,
+            steps * DT,
+            DT,
+            (u, v + DT / 2 * force(u, prestrains)),
+            prestrains,
+            max_steps=steps + 1,
         )  # kicks half a step before the drifts: Verlet with its velocities half a step ahead
         return found.ys[0][0][SITE]
 

@@ -68,7 +68,9 @@ def draw(figure, tables):
     left.semilogy(t, rows["largest by a velocity at the start"], "o-")
     left.set(xlabel="duration of the run [ms]", ylabel="largest |dE/dv0| [J s/m]")
     right.plot(t, rows["digits"], "o-")
-    right.set(xlabel="duration of the run [ms]", ylabel="digits that round-off leaves", ylim=(0, 16))
+    right.set(
+        xlabel="duration of the run [ms]", ylabel="digits that round-off leaves", ylim=(0, 16)
+    )
 
 
 def text(tables):

@@ -77,8 +77,17 @@ def draw(figure, tables):
         size = np.full(len(places), 1e3 * BEAD.diameter)
         value = np.asarray(beads[name])
         most = np.abs(value).max()
-        dots = EllipseCollection(size, size, np.zeros(len(size)), units="x", offsets=places,
-                                 transOffset=axes.transData, cmap="RdBu_r", ec="0.4", lw=0.5)
+        dots = EllipseCollection(
+            size,
+            size,
+            np.zeros(len(size)),
+            units="x",
+            offsets=places,
+            transOffset=axes.transData,
+            cmap="RdBu_r",
+            ec="0.4",
+            lw=0.5,
+        )
         dots.set_array(value)
         dots.set_clim(-most, most)
         axes.add_collection(dots)

@@ -62,7 +62,9 @@ def data():
     """The best uniform chain, random ones and those found: prestrains and loads of the wall."""
     uniform = [force(np.full(BONDS, p)).value for p in UNIFORM]
     at = UNIFORM[int(np.argmin(uniform))]
-    drawn = [np.exp(np.random.default_rng(seed).uniform(*np.log(RANGE), BONDS)) for seed in range(20)]
+    drawn = [
+        np.exp(np.random.default_rng(seed).uniform(*np.log(RANGE), BONDS)) for seed in range(20)
+    ]
     random = [force(p).value for p in drawn]
     found = [descend(drawn[seed]) for seed in SEEDS]
     peaks = [force(p).value for p, _ in found]
@@ -81,7 +83,11 @@ def data():
         for window in (WINDOW, LONGER):
             numbers["quantity"].append(f"peak, {name}, {window:g} s [N]")
             numbers["value"].append(force(prestrains, window=window, finer=True).value)
-    numbers["quantity"] += ["median of random chains [N]", "passes of the best", "uniform over found"]
+    numbers["quantity"] += [
+        "median of random chains [N]",
+        "passes of the best",
+        "uniform over found",
+    ]
     numbers["value"] += [float(np.median(random)), passes, min(uniform) / min(peaks)]
     return {
         "loads": loads,

@@ -50,6 +50,31 @@ class Fault:
 
 
 FAULTS = (
+    # gradients
+    Fault(
+        "tensegrity/engine/reverse_steps.c",
+        "for (integer i = c->stages - 1; i >= 0; i--)",
+        "for (integer i = 0; i < c->stages; i++)",
+        "tests/test_gradients.py::test_gradients_are_the_references_of_ninety_digits",
+    ),
+    Fault(
+        "tensegrity/engine/reverse_net.c",
+        "across * (y[q] - t * along[q * n + i])",
+        "across * y[q]",
+        "tests/test_gradient_networks.py::test_gradients_of_networks_are_those_of_complex_steps",
+    ),
+    Fault(
+        "tensegrity/gradients/backward.py",
+        "opened=k - many > 0",
+        "opened=True",
+        "tests/test_gradients.py::test_gradients_are_the_references_of_ninety_digits",
+    ),
+    Fault(
+        "tensegrity/gradients/chained.py",
+        "moved = np.where(carrying[mine], -load[0] / load[1], moved)",
+        "moved = np.where(carrying[mine], 0.0, moved)",
+        "tests/test_gradients.py::test_traces_and_numbers_of_them_are_differentiated_as_finite_differences_say",
+    ),
     # derivations
     Fault(
         "tensegrity/branches/table.py",

@@ -112,7 +112,7 @@ def chains(draw):
     return k, a - 1, mass, u, v, fixed
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(st.composite(chains)(), st.sampled_from(METHODS), st.integers(0, 2))
 def test_gradients_of_any_chain_are_those_of_complex_steps(scene, method, kind):
     k, a, mass, u, v, fixed = scene
