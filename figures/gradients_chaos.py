@@ -1,7 +1,8 @@
 """A gradient that is exact and useless: beads between walls, and how its digits tell.
 
 Forty steel beads of 10 mm touch each other and a wall at either end; the first starts at 1 m/s.
-The derivative of the energy of the first half by the start is computed for longer and longer runs.  It is
+The derivative of the energy
+of the first half by the start is computed for longer and longer runs.  It is
 exact for each run, and grows with time as any error does: once it times round-off is as large as
 the value itself, neither the value nor the derivative says anything about the beads.
 """
@@ -80,9 +81,9 @@ def text(tables):
     by = rows["largest by a velocity at the start"][-1]
     return (
         f"Of a run of {1e3 * rows['t'][0]:g} ms round-off leaves {first:.1f} digits of the energy "
-        f"of the first half of the beads, of one of {1e3 * rows['t'][-1]:g} ms {last:.1f}: there the derivative by "
-        f"a velocity at the start reaches {by:.2g} J s/m. Both gradients are exact for the numbers that "
-        "were computed. The second is of no use: a design changed by it lands in another run "
+        f"of the first half of the beads, of one of {1e3 * rows['t'][-1]:g} ms {last:.1f}: there "
+        f"the derivative by a velocity at the start reaches {by:.2g} J s/m. Both gradients are "
+        "exact for the numbers that were computed. The second is of no use: a design changed by it lands in another run "
         "altogether. `digits` says so beside every gradient; look at it before taking a step. A "
         "shorter window, or a norm over many runs, is the way out, not a smaller step."
     )

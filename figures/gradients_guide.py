@@ -40,7 +40,8 @@ def data():
     for name, value in (
         ("peak force at the end of branch 1 [N]", peak.value),
         (f"{NORM}-norm of it, in N s^(1/{NORM})", norm.value),
-        ("largest by a diameter [% of the peak per um]", np.abs(peak.by("diameter")).max() * per_micron),
+        ("largest by a diameter [% of the peak per um]",
+         np.abs(peak.by("diameter")).max() * per_micron),
         ("largest by a modulus [% of the peak per %]",
          np.abs(peak.by("modulus") * STEEL.modulus / peak.value).max()),
         ("digits that round-off leaves", peak.digits),
@@ -50,7 +51,8 @@ def data():
         numbers["value"].append(float(value))
     return {
         "beads": {"x": x, "y": y, "percent per um": peak.by("diameter") * per_micron,
-                  "percent per percent of modulus": peak.by("modulus") * STEEL.modulus / peak.value},
+                  "percent per percent of modulus":
+                  peak.by("modulus") * STEEL.modulus / peak.value},
         "numbers": numbers,
     }  # fmt: skip
 

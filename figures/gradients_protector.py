@@ -20,8 +20,9 @@ GROUP = "gradients"
 BONDS, SPEED, RANGE = 60, 0.05, (0.001, 0.1)
 WINDOW, LONGER, DT = 1000.0, 10_000.0, 0.05
 FINER = 0.1  # s, of "rkn6": what is found is computed again
-NORMS, PASSES, SEEDS = (8, 32, 128), 150, (0, 1, 2)
-UNIFORM = np.geomspace(*RANGE, 25)
+NORMS, PASSES, SEEDS = (8, 32, 128), 100, (0,)
+UNIFORM = np.geomspace(0.01, 0.1, 12)
+RANDOM = 8
 
 
 def chain(prestrains):

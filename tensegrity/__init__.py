@@ -26,6 +26,7 @@ from tensegrity.scenes.scene import State
 from tensegrity.scenes.walls import Wall
 from tensegrity.springs.polynomial import Polynomial
 from tensegrity.springs.potential import Potential, PowerLaw
+from tensegrity.waves.prediction import Prediction, predict
 from tensegrity.waves.solitary import SolitaryWave, solitary_wave
 
 __all__ = [
@@ -40,6 +41,7 @@ __all__ = [
     "Polynomial",
     "Potential",
     "PowerLaw",
+    "Prediction",
     "Prism",
     "RangeError",
     "Record",
@@ -54,6 +56,7 @@ __all__ = [
     "equilibrium_path",
     "gradient",
     "objective",
+    "predict",
     "resume",
     "simulate",
     "solitary_wave",

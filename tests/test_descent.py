@@ -10,7 +10,8 @@ from tensegrity import TensegrityError
 STEEL = materials["steel"]
 BLOW = {"material": STEEL, "striker": Striker(Bead(10e-3, STEEL), 0.44), "wall": STEEL}
 SIZES = 1e-3 * np.array([8.17466, 7.19593, 6.18252, 4.58887, 5.36603, 10, 10, 10, 8.38780, 10,
-                         8.27483, 7.66425, 5.67855, 5.46421, 10, 4, 6.35630, 4.66605, 4, 4])  # fmt: skip
+                         8.27483, 7.66425, 5.67855, 5.46421, 10, 4, 6.35630, 4.66605, 4,
+                         4])  # fmt: skip
 
 
 @pytest.mark.slow

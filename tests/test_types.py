@@ -62,6 +62,7 @@ UNUSED = {  # rows of coefficients, and what others return
     "objective_of",
     "Budget",
     "Change",
+    "Corrected",
     "Gauss",
     "Nystrom",
     "Processed",
