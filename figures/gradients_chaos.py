@@ -84,6 +84,7 @@ def text(tables):
         f"of the first half of the beads, of one of {1e3 * rows['t'][-1]:g} ms {last:.1f}: there "
         f"the derivative by a velocity at the start reaches {by:.2g} J s/m. Both gradients are "
         "exact for the numbers that were computed. The second is of no use: a design changed by "
-        "it lands in another run altogether. `digits` says so beside every gradient; look at it before taking a step. A "
+        "it lands in another run altogether. `digits` says so beside every gradient; look at it "
+        "before taking a step. A "
         "shorter window, or a norm over many runs, is the way out, not a smaller step."
     )

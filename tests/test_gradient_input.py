@@ -35,6 +35,7 @@ def refused(match, **other):
     [
         ("cannot be undone|none that can be undone", {"method": "rk4"}),
         ("none that can be undone", {"method": "gauss4"}),
+        ("more than kicks and drifts", {"method": "corrected6"}),
         ("choose dt first", {"tol": 1e-6}),
         ("choose dt first", {"dt": None}),
         ("bond 3 must be below 3", {"objective": o.load(bond=3)}),

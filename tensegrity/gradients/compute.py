@@ -127,7 +127,7 @@ def _splitting(method: str | Method) -> Splitting:
     found: Any = methods.find(method)
     if type(found) not in (Splitting, methods.Processed):
         reason = "its stages are none that can be undone one by one"
-        if isinstance(found, Splitting):
+        if isinstance(found, (Splitting, methods.Corrected)):
             reason = "it has more than kicks and drifts, whose adjoint alone is derived here"
         raise TensegrityError(
             f"method {found.name!r} has no gradient, because {reason}: take verlet, rkn6 or "
