@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from granular import sensitivity
 from granular.contact import contact_of
 from granular.crystal import Crystal
 from tensegrity import Network, State, TensegrityError, check
@@ -58,6 +59,21 @@ class Assembly(Crystal, Network):
         That of the loads counts from the places as laid, where it could be below 0.
         """
         return self.energy(state) + float(np.sum(self.loads * state.u))
+
+    bead_arguments = sensitivity.NAMES
+
+    def by_beads(
+        self, name: str, by_mass: Array, by_spring: Callable[[str], Array], by_gap: Array
+    ) -> Array:
+        """Derivatives by an argument of every bead at its place; see `granular.sensitivity`."""
+        if np.any(self.loads):
+            raise TensegrityError("no derivatives by beads under loads, which depend on them too")
+        walls = [(int(k), self.wall_materials[wall]) for k, wall in self.wall_contacts.tolist()]
+        pairs = [*map(tuple, self.bonds.tolist()), *walls]
+        by_constant = by_spring("stiffness")
+        return sensitivity.by_beads(
+            name, self.beads, pairs, self.springs, by_constant, by_mass, by_gap
+        )
 
     def name(self, site: int) -> str:
         """Words for a site: its part and its number in it, from 1."""

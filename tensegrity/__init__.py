@@ -11,6 +11,8 @@ from tensegrity.errors import (
     StabilityError,
     TensegrityError,
 )
+from tensegrity.gradients import objective
+from tensegrity.gradients.compute import gradient
 from tensegrity.prisms.column import column
 from tensegrity.prisms.contact import bar_contact
 from tensegrity.prisms.fit import fit
@@ -67,8 +69,10 @@ __all__ = [
     "equilibrium",
     "equilibrium_path",
     "fit",
+    "gradient",
     "held",
     "member_stiffness",
+    "objective",
     "plates",
     "predict",
     "resume",

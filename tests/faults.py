@@ -102,6 +102,31 @@ FAULTS = (
         "density / stiffness[0]",
         "tests/test_ngon.py::test_laboratory_prism_comes_from_its_members",
     ),
+    # gradients
+    Fault(
+        "tensegrity/engine/reverse_steps.c",
+        "for (integer i = c->stages - 1; i >= 0; i--)",
+        "for (integer i = 0; i < c->stages; i++)",
+        "tests/test_gradients.py::test_gradients_are_the_references_of_ninety_digits",
+    ),
+    Fault(
+        "tensegrity/engine/reverse_net.c",
+        "across * (y[q] - t * along[q * n + i])",
+        "across * y[q]",
+        "tests/test_gradient_networks.py::test_gradients_of_networks_are_those_of_complex_steps",
+    ),
+    Fault(
+        "tensegrity/gradients/backward.py",
+        "opened=k - many > 0",
+        "opened=True",
+        "tests/test_gradients.py::test_gradients_are_the_references_of_ninety_digits",
+    ),
+    Fault(
+        "tensegrity/gradients/chained.py",
+        "moved = np.where(carrying[mine], -load[0] / load[1], moved)",
+        "moved = np.where(carrying[mine], 0.0, moved)",
+        "tests/test_gradients.py::test_traces_and_numbers_of_them_are_differentiated_as_finite_differences_say",
+    ),
     Fault(
         "tensegrity/engine/openings.c",
         "curvature * sums[1] / 2 + pull * sums[2]",

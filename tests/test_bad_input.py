@@ -40,8 +40,10 @@ from tensegrity import (
     equilibrium,
     equilibrium_path,
     fit,
+    gradient,
     held,
     member_stiffness,
+    objective,
     plates,
     predict,
     resume,
@@ -217,6 +219,21 @@ CALLS = [
     (simulate, {"scene": LINE, "state": LINE.at_rest({0: 0.01}), "t_end": 1.0, "method": "rkn6",
                 "dt": 0.1, "record": Record()}),
     (simulate, {"scene": LINE, "state": LINE.at_rest({0: 0.01}), "t_end": 1.0, "tol": 1e-4}),
+    (gradient, {"objective": objective.displacement(1), "scene": LINE,
+                "state": LINE.at_rest({0: 0.01}), "t_end": 1.0, "dt": 0.1, "method": "verlet",
+                "wanted": ("prestrain",), "exact": False, "checkpoints": 5}),
+    (objective.load, {"bond": 1}),
+    (objective.load, {"wall": 1}),
+    (objective.displacement, {"site": 1, "axis": 0}),
+    (objective.velocity, {"site": 1, "axis": 0}),
+    (objective.energy, {"sites": [0, 1]}),
+    (objective.peak, {"trace": objective.load(1)}),
+    (objective.p_norm, {"trace": objective.load(1), "p": 8, "over": (0.1, 0.5)}),
+    (objective.impulse, {"bond": 1}),
+    (objective.arrival, {"site": 1, "displacement": 0.1}),
+    (objective.misfit, {"trace": objective.load(1), "t": [0.1, 0.2], "values": [0.0, 1.0]}),
+    (objective.of, {"traces": [objective.load(1)], "function": lambda t, y: (0.0, 0 * y)}),
+    (objective.objective_of, {"given": objective.load(1)}),
     (solitary_wave, {"potential": SPRING, "mass": 1.0, "speed_ratio": 2.0,
                      "family": "compression"}),
     (solitary_wave, {"potential": SPRING, "speed": 2 * WAVE.sound_speed}),
@@ -373,7 +390,7 @@ def takes_arrays(function, name, kind):
 
 def test_every_public_callable_has_a_good_call():
     called = {getattr(function, "__name__", "") for function, _ in CALLS}
-    modules = (asymptotics, budget, observables, beads_observables)
+    modules = (asymptotics, budget, observables, beads_observables, objective)
     public = {name for module in modules for name, thing in vars(module).items()
               if inspect.isfunction(thing) and thing.__module__ == module.__name__}  # fmt: skip
     for module in (tensegrity, granular):

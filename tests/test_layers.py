@@ -19,6 +19,7 @@ ROOMS = [  # inside tensegrity: each may import what stands before it
     "runs",
     "waves",
     "measure",
+    "gradients",
 ]
 
 

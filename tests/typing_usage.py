@@ -69,8 +69,10 @@ from tensegrity import (
     equilibrium,
     equilibrium_path,
     fit,
+    gradient,
     held,
     member_stiffness,
+    objective,
     plates,
     predict,
     resume,
@@ -299,6 +301,21 @@ def of_methods() -> list[float]:
     own.check()
     methods.METHODS[2]  # type: ignore[index]
     return [method.stability_limit * method.stages for method in methods.METHODS.values()]
+
+
+def differentiated(chain: Chain, state: State) -> Array:
+    load = objective.load(bond=3)
+    found = gradient(objective.peak(load), chain, state, t_end=10.0, dt=0.05, wanted=("prestrain",))
+    other = objective.of([load, objective.energy([1])], lambda t, y: (float(y[0, -1]), 0 * y))
+    more = [objective.impulse(wall=0), objective.arrival(2, displacement=0.1), other]
+    more += [objective.p_norm(objective.velocity(1), p=8, over=(0.0, 1.0))]
+    more += [objective.misfit(objective.displacement(1), [0.5], values=[0.1])]
+    gradient(more, chain, state, 10.0, 0.05, method="rkn6", exact=True, checkpoints=10)
+    objective.peak(3.0)  # type: ignore[arg-type]
+    objective.load("bond")  # type: ignore[arg-type]
+    gradient(3.0, chain, state, 10.0, 0.05)  # type: ignore[arg-type]
+    by: Array = found.by("prestrain")
+    return by
 
 
 def refused(spring: Potential) -> str:
