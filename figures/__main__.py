@@ -18,6 +18,7 @@ OUTPUT = Path(__file__).parent / "output"
 PAGES = {
     "limits": "Limits of the methods",
     "protectors": "Protectors",
+    "gradients": "Limits of gradients",
 }  # titles of the pages that groups have
 STYLE = {
     "figure.figsize": (8, 4.5),

@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from granular import sensitivity
 from granular.contact import contact_of
 from granular.crystal import Crystal
-from tensegrity import Network, TensegrityError, check
+from tensegrity import Network, State, TensegrityError, check
 from tensegrity.scenes.scene import KINK_SHARE
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Mapping, Sequence
     from typing import Any
 
     from numpy.typing import ArrayLike
@@ -37,9 +38,50 @@ class Assembly(Crystal, Network):
     ----------
     wall_names : tuple of str
         Of each wall; walls of one name count together.
+    wall_materials : tuple of Material
+    rest : ndarray, (sites, dim)
+        Displacements [m] in equilibrium under the loads, 0 where there are none.
     """
 
     wall_names: tuple[str, ...]
+    wall_materials: tuple[Material, ...]
+    rest: Array
+
+    def at_rest(self, velocity: Mapping[int, Sequence[float]] | None = None) -> State:
+        """All at rest under the loads, some sites given a velocity [m/s]: {site: (dim,)}."""
+        state = State(self.rest, super().at_rest(velocity).v)
+        self.check(state)
+        return state
+
+    def available_energy(self, state: State) -> float:
+        """Energy of motion and contacts [J], which any contact could get.
+
+        That of the loads counts from the places as laid, where it could be below 0.
+        """
+        return self.energy(state) + float(np.sum(self.loads * state.u))
+
+    bead_arguments = sensitivity.NAMES
+
+    def by_beads(
+        self, name: str, by_mass: Array, by_spring: Callable[[str], Array], by_gap: Array
+    ) -> Array:
+        """Derivatives by an argument of every bead at its place; see `granular.sensitivity`."""
+        if np.any(self.loads):
+            raise TensegrityError("no derivatives by beads under loads, which depend on them too")
+        walls = [(int(k), self.wall_materials[wall]) for k, wall in self.wall_contacts.tolist()]
+        pairs = [*map(tuple, self.bonds.tolist()), *walls]
+        by_constant = by_spring("stiffness")
+        return sensitivity.by_beads(
+            name, self.beads, pairs, self.springs, by_constant, by_mass, by_gap
+        )
+
+    def name(self, site: int) -> str:
+        """Words for a site: its part and its number in it, from 1."""
+        for part, sites in self.parts.items():
+            if site in sites:
+                known = f"bead {sites.index(site) + 1} of {part}"
+                return "the striker" if part == "striker" else known
+        return f"site {site}"
 
     @property
     def step_share(self) -> float:  # type: ignore[override]

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from granular import sensitivity
 from granular.beads import Bead, Striker
 from granular.contact import checked_law, contact_of, hertz
 from granular.crystal import Crystal
@@ -21,11 +22,12 @@ from granular.materials import Material
 from tensegrity import Chain, State, TensegrityError, check
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from typing import Any
 
     from numpy.typing import ArrayLike
 
-    from granular.contact import ContactLaw
+    from granular.contact import Contact, ContactLaw
     from tensegrity.typing import Array
 
 PER_BEAD = 2000  # bytes: each contact is a spring of its own
@@ -43,6 +45,8 @@ class BeadChain(Crystal, Chain):
         Sites of "striker" or "start wall", "chain" and "wall", in the order in which a wave meets
         them.
     striker : Striker or None
+    bodies : tuple of Bead or Material
+        One for each site: a Material stands for a wall.
     """
 
     def __init__(
@@ -54,7 +58,7 @@ class BeadChain(Crystal, Chain):
         law: ContactLaw,
         start_wall: Material | None = None,
     ) -> None:
-        self._made_of = {
+        self._made_of: dict[str, Any] = {
             "beads": beads, "striker": striker, "loads": loads, "end": end,
             "start_wall": start_wall,
         }  # fmt: skip
@@ -69,7 +73,7 @@ class BeadChain(Crystal, Chain):
         parts["chain"] = tuple(range(first, first + len(beads)))
         if walls[1]:
             parts["wall"] = (sites - 1,)
-        self.parts = parts
+        self.parts, self.bodies = parts, tuple(bodies)
         pairs = list(pairwise(bodies))
         self._contacts = [
             contact_of(law, *((a, b) if isinstance(a, Bead) else (b, a))) for a, b in pairs
@@ -102,6 +106,47 @@ class BeadChain(Crystal, Chain):
             ]
             u[:-1] = -np.cumsum(relief[::-1])[::-1]
         return State(u, v)
+
+    @property
+    def contacts(self) -> tuple[Contact, ...]:
+        """The law of each contact."""
+        return tuple(self._contacts)
+
+    bead_arguments = sensitivity.NAMES
+
+    def by_beads(
+        self, name: str, by_mass: Array, by_spring: Callable[[str], Array], by_gap: Array
+    ) -> Array:
+        """Derivatives by an argument of every bead; see `granular.sensitivity`.
+
+        Weights change with masses, and with them the preloads of contacts.
+        """
+        end = self._made_of["end"]
+        if self._made_of["start_wall"] is not None:
+            raise TensegrityError("no derivatives by beads of a chain with a start wall")
+        neighbours = [*range(1, len(self.beads)), *([] if end is None else [end])]
+        pairs = list(zip(range(len(self.beads)), neighbours, strict=False))
+        if name == "diameter" and self._carried.any():
+            by_mass = by_mass.copy()
+            pulled = np.cumsum(by_spring("preload")[::-1])[::-1]  # by the weight of each bead
+            gravity = self._gravity
+            by_mass[: len(pulled)] += gravity * pulled if gravity else 0.0
+        by_constant = by_spring("stiffness")
+        return sensitivity.by_beads(
+            name, self.beads, pairs, self.springs, by_constant, by_mass, None
+        )
+
+    @property
+    def _gravity(self) -> float:
+        """From the weight of a bead that carries no other load."""
+        loads = self._made_of["loads"]
+        if self.striker is None and len(self.beads) == 1:
+            raise TensegrityError(
+                "the load of a single bead does not say what of it is weight: no derivative by its "
+                "diameter"
+            )
+        site = 0 if self.striker else -1
+        return loads[site] / self.beads[site].mass
 
     def contact_forces(self, u: ArrayLike) -> Array:
         """Compressive force in each contact [N]; u of shape (..., sites) gives (..., sites - 1)."""

@@ -42,6 +42,7 @@ class Crystal:
     parts: dict[str, tuple[int, ...]]
     striker: Striker | None
     step_share = KINK_SHARE
+    _made_of: dict[str, Any]
     if TYPE_CHECKING:  # what sensors and sums over parts ask of it besides
         sites: int
 

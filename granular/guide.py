@@ -20,6 +20,7 @@ from granular.beads import Bead, Striker
 from granular.contact import checked_law, hertz
 from granular.layout import TOUCH, Layout, diamond_layout, y_layout
 from granular.materials import Material, materials
+from granular.statics import settle
 from tensegrity import State, TensegrityError, Wall, check
 from tensegrity.scenes.clearance import Clearance
 
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
     from granular.contact import ContactLaw
     from granular.layout import Piece
+    from granular.statics import Equilibrium
     from tensegrity.typing import Array, Indices
 
 
@@ -47,6 +49,10 @@ class Guide(Assembly):
         Of plane walls behind the last beads of the last parts; by default these are free.
     law : callable (Bead, Bead or Material) -> Contact, optional
         `hertz`, or `power(constant, exponent)`.
+    gravity : float, optional
+        [m/s^2], >= 0, along the axis of the first part, away from the striker.
+    preload : float, optional
+        Constant force along that axis on its first bead [N], >= 0.
 
     Attributes
     ----------
@@ -54,7 +60,11 @@ class Guide(Assembly):
     beads : tuple of Bead, (sites,)
     parts : dict of str to tuple of int
     striker : Striker or None
+    equilibrium : Equilibrium or None
+        How the beads rest under their loads, the striker apart; None without loads.
     """
+
+    equilibrium: Equilibrium | None
 
     def __init__(
         self,
@@ -64,6 +74,8 @@ class Guide(Assembly):
         striker: Striker | None = None,
         end: Material | None = None,
         law: ContactLaw = hertz,
+        gravity: float = 0.0,
+        preload: float = 0.0,
     ) -> None:
         check.kind("layout", layout, Layout)
         sides = len(layout.walls)
@@ -73,13 +85,28 @@ class Guide(Assembly):
         if striker is not None and not isinstance(striker, Striker):
             raise TensegrityError(f"striker {check.shown(striker)} is not a Striker")
         _fill(layout, beads)
-        parts = {"layout": layout, "beads": beads, "wall": wall, "striker": striker, "end": end}
-        self._made_of = parts
+        gravity = check.number("gravity", gravity, least=0, unit="m/s^2")
+        preload = check.number("preload", preload, least=0, unit="N")
+        self._made_of = {
+            "layout": layout, "beads": beads, "wall": wall, "striker": striker, "end": end,
+            "gravity": gravity, "preload": preload,
+        }  # fmt: skip
+        loaded = gravity > 0 or preload > 0
+        if loaded and end is None:
+            raise TensegrityError(
+                f"gravity {gravity:g} m/s^2 and preload {preload:g} N need an end: without walls "
+                "behind the last beads nothing carries them"
+            )
+        found = None
+        if striker is not None and loaded:
+            found = Guide(**self._made_of | {"striker": None, "law": law}).equilibrium
         if end is not None:
             layout = layout.stopped([p for p in layout.parts if p in _last_parts(layout)])
         layout.check()
         self.layout, self.striker = layout, striker
         self.wall_names = tuple(piece.name for piece in layout.walls)
+        stops = () if end is None else (end,) * (len(layout.walls) - sides)
+        self.wall_materials = (wall,) * sides + stops
         first = 0 if striker is None else 1
         parts = {p: tuple(b + first for b in sites) for p, sites in layout.parts.items()}
         filled = [beads[part] for part, sites in layout.parts.items() for _ in sites]
@@ -92,7 +119,7 @@ class Guide(Assembly):
             bonds = np.concatenate([[[0, 1]], bonds])
         self.parts, self.beads = parts, tuple(filled)
         touched = np.add(layout.wall_contacts(), (first, 0))
-        solids: list[Any] = [wall if number < sides else end for _, number in touched]
+        solids: Any = [self.wall_materials[number] for _, number in touched]
         springs = SharedSprings(checked_law(law))
         super().__init__(
             positions,
@@ -106,8 +133,16 @@ class Guide(Assembly):
             ],
             wall_gaps=layout.wall_gaps(),
             radius=None if layout.blind else [bead.radius for bead in self.beads],
+            loads=_loads(self.beads, first, gravity, preload),
         )
         self._contacts = springs.contacts
+        if striker is None and loaded:
+            found = settle(self)
+        self.equilibrium = found
+        rest = np.zeros(self.shape)
+        if found is not None:  # a striker is taken along by the bead before which it stands
+            rest = found.u if striker is None else np.concatenate([found.u[:1], found.u])
+        self.rest = rest
 
     @cached_property
     def clearance(self) -> Clearance | None:
@@ -116,10 +151,7 @@ class Guide(Assembly):
 
     def start(self) -> State:
         """The striker in contact and moving along the axis, all else at rest."""
-        u, v = np.zeros(self.shape), np.zeros(self.shape)
-        if self.striker is not None:
-            v[0, 0] = self.striker.speed
-        return State(u, v)
+        return self.at_rest({} if self.striker is None else {0: (self.striker.speed, 0.0)})
 
 
 class _Clearance(Clearance):
@@ -147,6 +179,14 @@ class _Clearance(Clearance):
             if (site, number) in self._behind:
                 gaps[row] = max(gaps[row], float(self.walls[number].overhang(x[site])))
         return gaps
+
+
+def _loads(beads: tuple[Bead, ...], first: int, gravity: float, preload: float) -> Array:
+    """Constant force on each bead along the axis [N], the preload on the first of the stem."""
+    loads = np.zeros((len(beads), 2))
+    loads[:, 0] = gravity * np.array([bead.mass for bead in beads])
+    loads[first, 0] += preload
+    return loads
 
 
 def _fill(layout: Layout, beads: Mapping[str, Bead]) -> None:
@@ -187,6 +227,8 @@ def y_guide(
     gap: float = 0.0,
     through: float = 0.0,
     law: ContactLaw = hertz,
+    gravity: float = 0.0,
+    preload: float = 0.0,
 ) -> Guide:
     """The first half of the guide of seeds/001: a stem that splits into two branches.
 
@@ -212,6 +254,11 @@ def y_guide(
         How far the outer walls run on past the junction [m]; see `y_layout`.
     law : callable, optional
         `hertz`, or `power(constant, exponent)`.
+    gravity : float, optional
+        [m/s^2], >= 0, along the stem towards the branches.  The state at the start is the static
+        equilibrium then; it needs an `end`.
+    preload : float, optional
+        Constant force on the first bead of stem 1 along it [N], >= 0; likewise.
 
     Returns
     -------
@@ -226,7 +273,8 @@ def y_guide(
         the guide does not list.
     """
     layout = y_layout(stem, branch, half_angle, _diameter(bead), gap, through)
-    return Guide(layout, _filling(bead, branches), wall, striker, end, law)
+    filling = _filling(bead, branches)
+    return Guide(layout, filling, wall, striker, end, law, gravity, preload)
 
 
 def diamond_guide(
@@ -242,6 +290,8 @@ def diamond_guide(
     gap: float = 0.0,
     through: float = 0.0,
     law: ContactLaw = hertz,
+    gravity: float = 0.0,
+    preload: float = 0.0,
 ) -> Guide:
     """The full guide of seeds/001: the branches meet again in a second stem.
 
@@ -251,7 +301,7 @@ def diamond_guide(
     """
     layout = diamond_layout(stem, branch, half_angle, _diameter(bead), gap, through)
     beads = {**_filling(bead, branches), "stem 2": bead}
-    return Guide(layout, beads, wall, striker, end, law)
+    return Guide(layout, beads, wall, striker, end, law, gravity, preload)
 
 
 def _diameter(bead: Bead) -> float:

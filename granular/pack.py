@@ -19,6 +19,7 @@ from granular.beads import Bead, Striker
 from granular.contact import hertz
 from granular.layout import TOUCH
 from granular.materials import Material
+from granular.statics import settle
 from tensegrity import State, TensegrityError, Wall, check
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from granular.statics import Equilibrium
     from tensegrity.typing import Array, Indices
 
     Walls = Mapping[str, tuple[Wall, Material]]
@@ -50,6 +52,10 @@ class Pack(Assembly):
     striker : Striker, optional
     approach : tuple of two (dim,), optional
         Place [m] and direction of motion of the striker.
+    gravity : float, optional
+        [m/s^2], >= 0, downward along the last axis.
+    preload : dict of int to array_like (dim,), optional
+        Constant force [N] on each of these sites.
 
     Attributes
     ----------
@@ -60,7 +66,11 @@ class Pack(Assembly):
     striker : Striker or None
     named_walls : dict of str to (Wall, Material)
         As `pack` takes them.
+    equilibrium : Equilibrium or None
+        How the beads rest under their loads, the striker apart; None without loads.
     """
+
+    equilibrium: Equilibrium | None
 
     def __init__(
         self,
@@ -71,6 +81,8 @@ class Pack(Assembly):
         parts: Mapping[str, tuple[int, ...]] | None = None,
         striker: Striker | None = None,
         approach: tuple[ArrayLike, ArrayLike] | None = None,
+        gravity: float = 0.0,
+        preload: Mapping[int, ArrayLike] | None = None,
     ) -> None:
         places = check.floats("places", places)
         if places.ndim != 2 or places.shape[1] not in (1, 2, 3) or not len(places):
@@ -85,6 +97,7 @@ class Pack(Assembly):
         self._made_of = {
             "places": places, "beads": filled, "walls": named, "contacts": contacts,
             "parts": parts, "striker": striker, "approach": approach,
+            "gravity": gravity, "preload": preload,
         }  # fmt: skip
         self.places, self.striker = places, striker
         given = {"beads": tuple(range(len(places)))} if parts is None else dict(parts)
@@ -94,14 +107,21 @@ class Pack(Assembly):
             given = {"striker": (len(places) - 1,), **given}
         self.parts, self.beads = given, filled
         self.named_walls, self.wall_names = dict(named), tuple(named)
-        solids = [material for _, material in named.values()]
+        solids = tuple(material for _, material in named.values())
+        self.wall_materials = solids
         springs = SharedSprings(hertz)
         radius = np.array([bead.radius for bead in filled])
         planes = [wall for wall, _ in named.values()]
         bonds, touched = self._touching(places, radius, planes)
         followed = None
-        if contacts == "follow":
+        if contacts == "follow":  # a wall that ends holds a bead only as long as it is beside it
+            endless = np.array([wall.extent is None for wall in planes], dtype=bool)
+            touched = touched[endless[touched[:, 1]]]
             followed = _Law(filled, planes, solids, springs)
+        loads = _loads(filled, places.shape, gravity, preload)
+        found = None
+        if striker is not None and loads.any():
+            found = Pack(**self._made_of | {"striker": None, "approach": None}).equilibrium
         super().__init__(
             places,
             bonds,
@@ -112,18 +132,14 @@ class Pack(Assembly):
             wall_spring=[springs(filled[s], solids[w]) for s, w in touched.tolist()],
             wall_gaps=np.zeros(len(touched)),
             radius=radius,
+            loads=loads,
             contacts=contacts,
             law=followed,
         )
-
-    def name(self, site: int) -> str:
-        """Words for a site: its part and its number in it, from 1."""
-        for part, sites in self.parts.items():
-            if site in sites:
-                return "the striker" if part == "striker" else (
-                    f"bead {sites.index(site) + 1} of {part}"
-                )  # fmt: skip
-        return f"site {site}"
+        if striker is None and loads.any():
+            found = settle(self)
+        self.equilibrium = found
+        self.rest = self._rest(radius)
 
     def _touching(
         self, places: Array, radius: Array, walls: Sequence[Wall]
@@ -175,6 +191,26 @@ class Pack(Assembly):
         touched.sort()
         return pairs[gap <= room], np.array(touched, dtype=int).reshape(-1, 2)
 
+    def _rest(self, radius: Array) -> Array:
+        """Displacements at rest; the striker is taken along by the bead that it is nearest to, and
+        moved back as far as it would overlap others."""
+        u = np.zeros(self.shape)
+        if self.equilibrium is None:
+            return u
+        beads = slice(len(self.places))
+        u[beads] = self.equilibrium.u
+        if self.striker is not None:
+            first, radii = self.positions[-1], radius[beads] + radius[-1]
+            gaps = np.linalg.norm(self.positions[beads] - first, axis=1) - radii
+            u[-1] = u[int(np.argmin(gaps))]
+            apart = first + u[-1] - self.positions[beads] - u[beads]
+            along = apart @ self._heading
+            within = radii**2 - np.sum(apart**2, axis=1)
+            back = along + np.sqrt(np.maximum(along**2 + within, 0.0))
+            close = within > 2e-12 * radii**2
+            u[-1] -= np.max(back[close], initial=0.0) * self._heading
+        return u
+
     def start(self) -> State:
         """The striker moving, all else at rest.
 
@@ -195,6 +231,29 @@ class Pack(Assembly):
         super().distance(part, numbers)  # refuses what are no two different beads of it
         first, second = (self.positions[self.site(part, number)] for number in numbers)
         return float(np.linalg.norm(second - first))
+
+
+def _loads(
+    beads: Sequence[Bead],
+    shape: tuple[int, ...],
+    gravity: float,
+    preload: Mapping[int, ArrayLike] | None,
+) -> Array:
+    """Constant force on each site [N]."""
+    gravity = check.number("gravity", gravity, least=0, unit="m/s^2")
+    loads = np.zeros(shape)
+    loads[:, -1] -= gravity * np.array([bead.mass for bead in beads])
+    if preload is None:
+        return loads
+    if not isinstance(preload, Mapping):
+        raise TensegrityError(f"preload {check.shown(preload)} must be a dict {{site: force}}")
+    for site, force in preload.items():
+        number = check.whole("site of a preload", site, least=0)
+        if number >= shape[0]:
+            raise TensegrityError(f"site {number} of a preload must be below {shape[0]}")
+        given = check.floats(f"preload of site {number}", force)
+        loads[number] += check.vector(f"preload of site {number}", given, shape[1:])
+    return loads
 
 
 class _Law:
@@ -222,6 +281,9 @@ def pack(
     beads: Bead | Sequence[Bead],
     walls: Walls | None = None,
     contacts: str = "follow",
+    *,
+    gravity: float = 0.0,
+    preload: Mapping[int, ArrayLike] | None = None,
 ) -> Pack:
     """Beads at any places, on a line, in the plane or in space.
 
@@ -236,8 +298,14 @@ def pack(
         By name; walls with an `extent` end there, others do not.
     contacts : {"follow", "fixed"}, optional
         "follow": contacts that form are found before they act, and a bead that leaves through an
-        open side is followed.  "fixed": a contact that is not there at the start ends the run with
-        ContactError.
+        open side, or flies past the end of a wall, is followed; one that touches the end of a wall,
+        for which there is no law, ends the run with ContactError.  "fixed": so does any contact
+        that is not there at the start.
+    gravity : float, optional
+        [m/s^2], >= 0, downward along the last axis.  States of the pack start from its static
+        equilibrium, `equilibrium`; beads that find none near their places are an error.
+    preload : dict of int to array_like (dim,), optional
+        Constant force [N] on these beads, {site: force}; as gravity.
 
     Returns
     -------
@@ -249,8 +317,10 @@ def pack(
     TensegrityError
         Beads that overlap each other or a wall, or stand behind one; what is not a Bead, a Wall or
         a Material; shapes that do not fit.
+    EquilibriumError
+        A bead that finds no rest under the loads within a tenth of its radius.
     """
-    return Pack(places, beads, walls, contacts)
+    return Pack(places, beads, walls, contacts, gravity=gravity, preload=preload)
 
 
 def per_place(beads: Bead | Sequence[Bead], count: int) -> tuple[Bead, ...]:

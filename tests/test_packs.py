@@ -210,6 +210,19 @@ def test_a_contact_that_forms_ends_a_run_with_fixed_ones():
         simulate(scene, scene.at_rest({0: (2.0, 0.0)}), 6e-3, dt=1e-6)
 
 
+def test_a_bead_that_flies_past_the_end_of_a_wall_is_followed():
+    table = {"floor": (Wall((0, 0), (0, 1), (2 * D, 0)), WALL)}
+    scene = pack([(0.0, 2 * D)], STEEL, table)
+    run = simulate(scene, scene.at_rest({0: (2.0, -1.0)}), 2.5e-2, dt=1e-5)
+    np.testing.assert_allclose(run.final.v[0], [2.0, -1.0], rtol=1e-14)
+    assert run.final.u[0, 1] < -2 * D
+    on_it = pack([(0.0, D / 2)], STEEL, table)
+    assert wall_force(simulate(on_it, on_it.at_rest({0: (0, -0.1)}), 1e-5), "floor").max() > 1
+    on_it = pack([(0.0, D / 2)], STEEL, table, gravity=9.81)
+    with pytest.raises(ContactError, match="site 0 touches the end of wall 0"):
+        simulate(on_it, on_it.at_rest({0: (2.0, 0.0)}), 1.1e-2, dt=1e-6)
+
+
 def test_a_run_of_a_pack_survives_a_file(tmp_path):
     scene = cubic(2, 2, bead=[STEEL, PTFE] * 4)
     run = simulate(scene, scene.start(), 1e-5, **LARGE)

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from tensegrity.branches.many import ManyProblem
     from tensegrity.typing import Array
 
 START_ITERATIONS = 50
@@ -176,7 +177,7 @@ class Branch(Table):
 
 
 def trace(
-    problem: Problem,
+    problem: Problem | ManyProblem,
     start: ArrayLike,
     parameters: ArrayLike = (),
     settings: Settings | None = None,
