@@ -205,6 +205,7 @@ class ElasticLaw:
     steps: int
     split = False
     compiled = ("energy",)
+    name = property(repr)
 
     @property
     def parameters(self) -> tuple[str, ...]:

@@ -13,7 +13,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from tensegrity import check
-from tensegrity.engine.codegen import Law
+from tensegrity.engine.codegen import DerivedLaw, Law
+from tensegrity.engine.kept import kept
+from tensegrity.engine.programs import program, run
 from tensegrity.errors import EquilibriumError, NoLocking, TensegrityError
 from tensegrity.once import once
 from tensegrity.springs.potential import Potential, call
@@ -91,9 +93,7 @@ class Prism:
 
     def natural_lengths(self) -> NaturalLengths:
         """Unstressed lengths of cross strings, base strings and bars [m], as a named tuple."""
-        from derivations import prism as derived
-
-        return NaturalLengths(*(float(x) for x in _exact(derived.natural_lengths, self)))
+        return NaturalLengths(*(float(x) for x in _exact(_natural_lengths, self)))
 
     def locking_height(self) -> float:
         """Height at which the bars of the rigid prism meet (twist pi) [m].
@@ -153,21 +153,19 @@ class Prism:
         return self._potential_at(self.height + _loaded_shift(unloaded, preload), preload)
 
     def _potential_at(self, height: float, preload: float) -> Potential:
-        from derivations import rigid_elastic as derived
-
+        law, role = rigid_law(), _roles()
         numbers = _exact(_parameters, self, height, preload)
-        values = dict(zip(derived.PARAMETERS, numbers, strict=True))
+        values = dict(zip(law.parameters, numbers, strict=True))
         (locking_squared,) = _exact(_locking_height_squared, self)
         if locking_squared <= 0:
-            values |= {derived.lock: height, derived.far_lock: height}
-            values |= {derived.no_lock: -locking_squared}
+            values |= {role["lock"]: height, role["far_lock"]: height}
+            values |= {role["no_lock"]: -locking_squared}
         ends = (
             "the bars meet (twist pi)" if locking_squared > 0 else "the prism is flat (height 0)",
             "the bars stand upright (twist 0)",
         )
-        law = rigid_law()
-        numbers = [float(values[symbol]) for symbol in derived.PARAMETERS]
-        domain = -float(values[derived.lock]), float(values[derived.stroke])
+        numbers = [float(value) for value in values.values()]
+        domain = -float(values[role["lock"]]), float(values[role["stroke"]])
         origin = call(f"{self}.potential", preload=preload)
         return Potential.from_law(law, numbers, height, domain, ends, origin)
 
@@ -183,17 +181,17 @@ def _decimals() -> Any:
 
 
 @once
-def _numeric(derive: Callable[[], Iterable[Any]]) -> Callable[..., list[Any]]:
-    """The expressions that `derive()` gives, in a fixed order, as one function for mpmath."""
-    import sympy as sp
+def _program(derive: Callable[[], Iterable[Any]]) -> dict[str, list[Any]]:
+    """The expressions that `derive()` gives, in a fixed order, as a program of numbers."""
 
-    from derivations import prism as p
-    from derivations import rigid_elastic as r
+    def make() -> dict[str, list[Any]]:
+        from derivations import prism as p
+        from derivations import rigid_elastic as r
 
-    fields = (p.base, p.reference_height, p.prestrain, p.k_cross, p.k_base, p.k_bar)
-    symbols = (*fields, r.loaded_height, r.preload)
-    own = {name: getattr(_decimals(), name) for name in dir(_decimals()) if name[0] != "_"}
-    return sp.lambdify(symbols, list(derive()), modules=[own, "mpmath"])
+        fields = (p.base, p.reference_height, p.prestrain, p.k_cross, p.k_base, p.k_bar)
+        return program(list(derive()), (*fields, r.loaded_height, r.preload))
+
+    return kept(("program", derive.__qualname__), make)
 
 
 def _exact(
@@ -201,11 +199,15 @@ def _exact(
 ) -> list[Any]:
     """Values of derived expressions to `DIGITS` decimals, the prism's fields taken as exact."""
     fields = (prism.base, prism.height, prism.prestrain, prism.k_cross, prism.k_base, prism.k_bar)
-    return _numeric(derive)(*map(_decimals().mpf, (*fields, height, preload)))
+    values = [_decimals().mpf(x) for x in (*fields, height, preload)]
+    return run(_program(derive), _decimals(), values)
 
 
-@once
 def rigid_law() -> Law:
+    return DerivedLaw(_rigid_law)
+
+
+def _rigid_law() -> Law:
     from derivations import rigid_elastic as derived
 
     return Law(
@@ -213,10 +215,28 @@ def rigid_law() -> Law:
     )
 
 
+@once
+def _roles() -> dict[str, str]:
+    """Names of parameters of the rigid law that `Prism.potential` needs to tell apart."""
+
+    def make() -> dict[str, str]:
+        from derivations import rigid_elastic as derived
+
+        return {x: str(getattr(derived, x)) for x in ("lock", "far_lock", "no_lock", "stroke")}
+
+    return kept(("roles of the rigid law",), make)
+
+
 def _locking_height_squared() -> list[Any]:
     from derivations import rigid_elastic as derived
 
     return [derived.locking_height_squared()]
+
+
+def _natural_lengths() -> Iterable[Any]:
+    from derivations import prism as derived
+
+    return derived.natural_lengths()
 
 
 def _least_k_base() -> list[Any]:
