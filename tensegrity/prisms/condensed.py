@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity import check
-from tensegrity.branches.continuation import Problem, Settings, trace
+from tensegrity.branches.continuation import DerivedProblem, Problem, Settings, trace
 from tensegrity.engine.codegen import deflated, horner, to_casadi
+from tensegrity.engine.functions import Functions
 from tensegrity.engine.kernel import kernel
 from tensegrity.errors import EquilibriumError, RangeError, TensegrityError
 from tensegrity.once import once
@@ -76,6 +77,10 @@ def problem(rigid_base: bool = False) -> Problem:
     end.  Events: contact (the cross strings unload at twist pi), unloaded (base strings and bars
     unload at twist 2 pi/3), flat, height, load; fold, turn.
     """
+    return DerivedProblem(_problem, bool(rigid_base))
+
+
+def _problem(rigid_base: bool) -> Problem:
     import casadi as ca
 
     from derivations.prism import REFERENCE_TWIST
@@ -121,7 +126,6 @@ def numbers(prism: Members, height: float = -1.0, load: float = math.inf) -> lis
     ]
 
 
-@once
 def _tangent(rigid_base):
     """Symmetric tangent of the energy in (base, twist, bar tension, height).
 
@@ -143,7 +147,7 @@ def _tangent(rigid_base):
     multiplier = matrix[-2, :]
     share = multiplier.T * form["bar_pull"] / (3 * form["bar_length"])
     share[-2] = 0
-    return ca.Function("tangent", [z, p], [matrix - share @ multiplier])
+    return ca.Function("tangent", [z, p], [ca.vec((matrix - share @ multiplier).T)])
 
 
 def stable(z: Array, p: Sequence[float], rigid_base: bool) -> tuple[Flags, Flags]:
@@ -160,7 +164,7 @@ def stable(z: Array, p: Sequence[float], rigid_base: bool) -> tuple[Flags, Flags
     tuple of two ndarrays of bool, (rows,)
     """
     rows, m = z.shape
-    matrices = np.array(_tangent(rigid_base)(z.T, p)).reshape(m, rows, m).transpose(1, 0, 2)
+    matrices = functions(rigid_base)("tangent", z, p).reshape(rows, m, m)
 
     def only_multiplier(part):
         values = np.linalg.eigvalsh((part + part.transpose(0, 2, 1)) / 2)
@@ -215,8 +219,9 @@ class ElasticLaw:
         unknowns = UNKNOWNS[self.rigid_base : -1]
         return names + tuple(f"{name} {k}" for name in unknowns for k in range(GUESS + 1))
 
-    def unknowns(self) -> tuple[Any, ...]:
-        """Symbols r, p, and the unknowns and the parameters of `problem` in terms of them."""
+    def guess(self) -> tuple[Any, ...]:
+        """Symbols r, p, and in terms of them the start of the iterations and the parameters of
+        `problem`."""
         import casadi as ca
 
         r, p = ca.SX.sym("r"), ca.SX.sym("p", len(self.parameters))
@@ -230,13 +235,13 @@ class ElasticLaw:
         ]
         z = ca.vertcat(*guess, at_rest + r * per_base)
         prism = ca.vertcat(*prism, 0, 0)  # where a branch ends does not matter here
-        for _ in range(self.steps):
-            z = _inner(self.rigid_base)[0](z, prism)
         return r, p, z, prism
 
     def forms(self) -> tuple[Any, Any, Sequence[Any]]:
         """The law in CasADi; see `codegen.Law.forms`."""
-        r, p, z, prism = self.unknowns()
+        r, p, z, prism = self.guess()
+        for _ in range(self.steps):
+            z = _inner(self.rigid_base)[0](z, prism)
         per_base, force, preload, energy_at_rest = p[0], p[1], p[2], p[4]
         energy, tension, stiffness, slope = (v(z, prism) for v in _inner(self.rigid_base)[1])
         return r, p, (
@@ -248,11 +253,21 @@ class ElasticLaw:
 
 
 @once
-def _unknowns(law):
-    import casadi as ca
+def functions(rigid_base: bool) -> Functions:
+    """Functions of (unknowns, parameters of `problem`), compiled: "step", Newton's at given
+    height, "value_0" to "value_3", the energy and its derivatives in the height, "tangent"; and
+    "guess" of (elongation, parameters of an `ElasticLaw`)."""
 
-    r, p, z, _ = law.unknowns()
-    return ca.Function("unknowns", [r, p], [z])
+    def make() -> dict[str, Any]:
+        import casadi as ca
+
+        step, values = _inner(rigid_base)
+        r, p, guess, _ = ElasticLaw(rigid_base, 0).guess()
+        found = {"step": step, "guess": ca.Function("guess", [r, p], [guess])}
+        found |= {f"value_{order}": value for order, value in enumerate(values)}
+        return found | {"tangent": _tangent(rigid_base)}
+
+    return Functions(("condensed", bool(rigid_base)), make)
 
 
 class ElasticPotential(Potential):
@@ -367,12 +382,14 @@ class ElasticPotential(Potential):
         """Law, parameters and reach for elongations in an interval; None if it takes too many
         iterations."""
         values = self._numbers(low, high, self._fitted(low, high))
+        of, taken = functions(self._rigid_base), 0
+        z = of("guess", np.linspace(low, high, SAMPLES)[:, None], values)
         for steps in STEPS:
-            law = ElasticLaw(self._rigid_base, steps)
-            z = np.array(_unknowns(law)(np.linspace(low, high, SAMPLES)[None, :], values))
-            moved = np.abs(np.array(_inner(law.rigid_base)[0](z, self._p)) - z)
-            if (moved.max(axis=1) <= SETTLED * np.abs(z).max(axis=1)).all():
-                return law, values, (low, high)
+            for _ in range(taken, steps):
+                z = of("step", z, self._p)
+            taken, moved = steps, np.abs(of("step", z, self._p) - z)
+            if (moved.max(axis=0) <= SETTLED * np.abs(z).max(axis=0)).all():
+                return ElasticLaw(self._rigid_base, steps), values, (low, high)
         return None
 
     def _fitted(self, low, high):
@@ -389,7 +406,7 @@ class ElasticPotential(Potential):
 
     def _numbers(self, low, high, coefficients):
         base, force = self._prism.base, self._prism.k_cross * self._prism.base
-        energy_at_rest = float(_inner(self._rigid_base)[1][0](self._at_rest, self._p))
+        (energy_at_rest,) = functions(self._rigid_base)("value_0", self._at_rest, self._p)
         scales = [1 / base, force, self._preload, self._at_rest[-1], energy_at_rest]
         interval = [(low + high) / 2, 2 / (high - low)]
         return np.array([*scales, *self._p[:4], *interval, *coefficients.ravel()])
@@ -413,14 +430,14 @@ class ElasticPotential(Potential):
         """Unknowns of the equilibria at elongations r [m], (r.size, m)."""
         rise = self._at_rest[-1] + np.clip(r, *self._domain) / self._prism.base
         rise = np.clip(rise, self._rise[0], self._rise[-1])
-        z = self._guess(rise).T
-        step, previous = _inner(self._rigid_base)[0], math.inf
+        z = self._guess(rise)
+        step, previous = functions(self._rigid_base), math.inf
         for _ in range(ITERATIONS):
-            new = np.array(step(z, self._p)).reshape(z.shape)
+            new = step("step", z, self._p)
             moved = np.max(np.abs(new - z) / (1 + np.abs(z)), initial=0.0)
             z = new
             if moved <= 1e-15 or (moved <= 1e-11 and moved >= previous / 4):
-                return z.T
+                return z
             previous = moved
         raise EquilibriumError(
             f"no equilibrium found at heights {self._length + np.min(r):g} to "
@@ -457,11 +474,11 @@ class ElasticPotential(Potential):
 
     def _from_states(self, order, r):
         """The order-th derivative of the energy at elongations r, (r.size,)."""
-        value = _inner(self._rigid_base)[1][order]
-        result = np.array(value(self.states(r).T, self._p)).reshape(r.shape)
+        of, name = functions(self._rigid_base), f"value_{order}"
+        result = of(name, self.states(r), self._p)[:, 0]
         result = result * self._prism.k_cross * self._prism.base ** (2 - order)
         if order == 0:
-            rest = float(value(self._at_rest, self._p))
+            (rest,) = of(name, self._at_rest, self._p)
             result = result - rest * self._prism.k_cross * self._prism.base**2 + self._preload * r
         return result + self._preload if order == 1 else result
 
