@@ -1,4 +1,4 @@
-"""Numbers of SymPy expressions in an arithmetic of many decimals, without SymPy.
+"""Numbers of SymPy expressions in NumPy or in an arithmetic of many decimals, without SymPy.
 
 An expression becomes a program: a list of operations in their order, each on results of earlier
 ones.  It is data, which can be kept in a file, and does no more than what is listed here.
@@ -10,12 +10,16 @@ import operator
 from functools import reduce
 from typing import TYPE_CHECKING
 
+from tensegrity.engine.kept import kept
+from tensegrity.once import once
+
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
     from typing import Any
 
 SUMS = {"Add": operator.add, "Mul": operator.mul}
 FUNCTIONS = ("sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "exp", "log")
+CHOICES = {"Max": "maximum", "Min": "minimum"}  # NumPy's
 CONSTANTS = {"Pi": "pi"}
 
 
@@ -48,7 +52,7 @@ def program(expressions: Sequence[Any], symbols: Sequence[Any]) -> dict[str, lis
         if e.is_Pow and abs(e.exp) == sp.Rational(1, 2):
             root = put("sqrt", place(e.base))
             return root if e.exp > 0 else put("Pow", root, place(sp.Integer(-1)))
-        if kind in SUMS or kind == "Pow" or kind in FUNCTIONS:
+        if kind in (*SUMS, "Pow", *FUNCTIONS, *CHOICES):
             return put(kind, *map(place, e.args))
         raise TypeError(f"{kind} in {e} is no operation of a program")
 
@@ -61,22 +65,24 @@ def program(expressions: Sequence[Any], symbols: Sequence[Any]) -> dict[str, lis
 
 
 def run(program: dict[str, list[Any]], context: Any, values: Sequence[Any]) -> list[Any]:
-    """Values of the expressions, in the arithmetic of an mpmath context.
+    """Values of the expressions.
 
     Parameters
     ----------
     program : dict
         What `program` gives.
-    context : mpmath.MPContext
-    values : sequence of mpf
+    context : mpmath.MPContext, or the module numpy
+        Whose functions and, in mpmath, numbers are used.
+    values : sequence of mpf, or of float or ndarray
         For the symbols.
     """
+    number = getattr(context, "mpf", float)
     found: list[Any] = []
     for name, *numbers in program["steps"]:
         if name == "Given":
             value = values[numbers[0]]
         elif name == "Ratio":
-            value = context.mpf(numbers[0]) / numbers[1]
+            value = number(numbers[0]) / numbers[1]
         elif name in CONSTANTS:
             value = +getattr(context, CONSTANTS[name])
         elif name in SUMS:
@@ -84,9 +90,20 @@ def run(program: dict[str, list[Any]], context: Any, values: Sequence[Any]) -> l
         elif name == "Pow":
             power = found[numbers[1]]
             value = found[numbers[0]] ** (int(power) if power == int(power) else power)
-        elif name in FUNCTIONS:
-            value = getattr(context, name)(found[numbers[0]])
+        elif name in FUNCTIONS or name in CHOICES:
+            value = getattr(context, CHOICES.get(name, name))(*(found[i] for i in numbers))
         else:
             raise ValueError(f"{name} is no operation of a program")
         found.append(value)
     return [found[i] for i in program["results"]]
+
+
+@once
+def derived(make: Callable[..., tuple[Sequence[Any], Sequence[Any]]], *arguments: Any) -> Any:
+    """The program of (expressions, symbols) that a function of a module derives, kept.
+
+    Its arguments are texts, numbers, and functions of that module.
+    """
+    given = tuple(getattr(x, "__qualname__", x) for x in arguments)  # functions by their name
+    parts = "program", make.__module__, make.__qualname__, given
+    return kept(parts, lambda: program(*make(*arguments)))

@@ -17,14 +17,14 @@ import numpy as np
 from tensegrity import check
 from tensegrity.branches.continuation import Settings, trace
 from tensegrity.branches.table import Event, Table
-from tensegrity.engine.codegen import to_casadi
+from tensegrity.engine.programs import derived, run
 from tensegrity.errors import NoLocking, TensegrityError
-from tensegrity.once import once
 from tensegrity.prisms.condensed import numbers, problem, stable
 from tensegrity.prisms.prism import Prism
+from tensegrity.root import root
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
     from typing import Any
 
     from matplotlib.axes import Axes
@@ -291,7 +291,8 @@ def _hanging(prism: Prism, max_height: float, below: Columns) -> Columns:
     """
     cross, _, bar = prism.natural_lengths()
     height = np.linspace(below["height"][0], min(max_height, bar), ROWS + 1)[:0:-1]
-    twist, base_squared, load = _hanging_forms()(height, prism.k_cross, cross, bar)
+    symbols = height, prism.k_cross, cross, bar
+    twist, base_squared, load = run(derived(_hanging_forms), np, symbols)
     true = np.ones(ROWS, dtype=bool)
     return {
         "height": height,
@@ -303,16 +304,12 @@ def _hanging(prism: Prism, max_height: float, below: Columns) -> Columns:
     }
 
 
-@once
-def _hanging_forms() -> Callable[..., Any]:
+def _hanging_forms() -> tuple[list[Any], tuple[Any, ...]]:
     """(twist, squared base, load) of height, k_cross, natural lengths of cross string and bar."""
-    import sympy as sp
-
     from derivations import hanging, prism
 
     symbols = (prism.height, prism.k_cross, prism.natural_cross, prism.natural_bar)
-    forms = hanging.upright_twist(), hanging.base_squared(), hanging.load()
-    return sp.lambdify(symbols, forms, "numpy")
+    return [hanging.upright_twist(), hanging.base_squared(), hanging.load()], symbols
 
 
 # --- rigid bases and bars --------------------------------------------------------------------
@@ -322,8 +319,6 @@ def _rigid_path(
     prism: Prism, min_height: float, max_load: float, max_height: float | None
 ) -> EquilibriumPath:
     """Rows of the closed form, closer towards where the prism locks."""
-    from scipy.optimize import brentq
-
     potential = prism.potential()
     low, _ = potential.domain
     try:
@@ -343,14 +338,13 @@ def _rigid_path(
 
     turning = potential.stiffness(r)
     for i in np.flatnonzero(turning[:-1] * turning[1:] < 0).tolist():
-        at = brentq(lambda x: float(potential.stiffness(x)), r[i + 1], r[i], xtol=1e-300)
+        at = root(lambda x: float(potential.stiffness(x)), r[i + 1], r[i])
         events.append(("fold", i, at))
     over = np.flatnonzero(load >= max_load)
     if over.size or (kind == "contact" and math.isfinite(max_load)):
         first = int(over[0]) if over.size else len(r)
         nearest = r[first] if over.size else np.nextafter(low, 0)
-        at = brentq(lambda x: -float(potential.tension(x)) - max_load, nearest, r[first - 1],
-                    xtol=1e-300)  # fmt: skip
+        at = root(lambda x: -float(potential.tension(x)) - max_load, nearest, r[first - 1])
         r, kind = np.append(r[:first], at), "load"
         events = [event for event in events if event[2] >= at]
     elif kind in ("contact", "flat"):
@@ -385,15 +379,12 @@ def _stretched(prism: Prism, potential: Potential, max_height: float) -> Array:
 
 def _rigid_columns(prism: Prism, potential: Potential, r: Array, locked: bool = False) -> Columns:
     """Numbers at elongations r; at a locked end no load (0 where flat) and no stiffness."""
-    from derivations.prism import REFERENCE_TWIST
-
-    tangent = _half_turn()(r.reshape(1, -1), list(potential.parameters.values()))
-    turn = 2 * np.arctan(np.array(tangent).ravel())
+    (twist,) = run(derived(_twist), np, (r, *potential.values))
     load = np.zeros_like(r) if locked else -potential.tension(r)
     stiff = np.full(r.shape, np.inf) if locked else potential.stiffness(r)
     return {
         "height": prism.height + r,
-        "twist": float(REFERENCE_TWIST) + turn,
+        "twist": twist,
         "base": np.full(r.shape, prism.base),
         "load": load,
         "stable_load": stiff >= 0,  # zero without prestrain, at a minimum of the energy
@@ -401,14 +392,12 @@ def _rigid_columns(prism: Prism, potential: Potential, r: Array, locked: bool = 
     }
 
 
-@once
-def _half_turn() -> Callable[..., Any]:
-    """Tangent of half the turn from the reference, from constant length of bars and bases."""
-    import casadi as ca
+def _twist() -> tuple[list[Any], tuple[Any, ...]]:
+    """Twist in terms of elongation and parameters, from constant length of bars and bases."""
+    import sympy as sp
 
-    from derivations import rigid_elastic as derived
+    from derivations import prism
+    from derivations import rigid_elastic as form
 
-    r, p = ca.SX.sym("r"), ca.SX.sym("p", len(derived.PARAMETERS))
-    symbols = (derived.elongation, *derived.PARAMETERS)
-    form = to_casadi(derived.half_turn(), symbols)(r, *ca.vertsplit(p))
-    return ca.Function("half_turn", [r, p], [form])
+    twist = prism.REFERENCE_TWIST + 2 * sp.atan(form.half_turn())
+    return [twist], (form.elongation, *form.PARAMETERS)

@@ -15,9 +15,11 @@ import numpy as np
 from tensegrity import check
 from tensegrity.engine.codegen import DerivedLaw, Law
 from tensegrity.engine.kept import kept
-from tensegrity.engine.programs import program, run
+from tensegrity.engine.programs import derived as program_of
+from tensegrity.engine.programs import run
 from tensegrity.errors import EquilibriumError, NoLocking, TensegrityError
 from tensegrity.once import once
+from tensegrity.root import root
 from tensegrity.springs.potential import Potential, call
 
 if TYPE_CHECKING:
@@ -180,27 +182,21 @@ def _decimals() -> Any:
     return context
 
 
-@once
-def _program(derive: Callable[[], Iterable[Any]]) -> dict[str, list[Any]]:
-    """The expressions that `derive()` gives, in a fixed order, as a program of numbers."""
-
-    def make() -> dict[str, list[Any]]:
-        from derivations import prism as p
-        from derivations import rigid_elastic as r
-
-        fields = (p.base, p.reference_height, p.prestrain, p.k_cross, p.k_base, p.k_bar)
-        return program(list(derive()), (*fields, r.loaded_height, r.preload))
-
-    return kept(("program", derive.__qualname__), make)
-
-
 def _exact(
     derive: Callable[[], Iterable[Any]], prism: Prism, height: float = 1.0, preload: float = 0.0
 ) -> list[Any]:
     """Values of derived expressions to `DIGITS` decimals, the prism's fields taken as exact."""
     fields = (prism.base, prism.height, prism.prestrain, prism.k_cross, prism.k_base, prism.k_bar)
     values = [_decimals().mpf(x) for x in (*fields, height, preload)]
-    return run(_program(derive), _decimals(), values)
+    return run(program_of(_of_fields, derive), _decimals(), values)
+
+
+def _of_fields(derive: Callable[[], Iterable[Any]]) -> tuple[list[Any], tuple[Any, ...]]:
+    from derivations import prism as p
+    from derivations import rigid_elastic as r
+
+    fields = (p.base, p.reference_height, p.prestrain, p.k_cross, p.k_base, p.k_bar)
+    return list(derive()), (*fields, r.loaded_height, r.preload)
 
 
 def rigid_law() -> Law:
@@ -259,8 +255,6 @@ def _parameters() -> Iterable[Any]:
 
 def _loaded_shift(unloaded: Potential, preload: float) -> float:
     """Elongation of the unloaded potential at which it carries the preload, on its first branch."""
-    from scipy.optimize import brentq
-
     lowest = _first_limit(unloaded)
     largest = -float(unloaded.tension(lowest))
     if preload >= largest:
@@ -268,15 +262,11 @@ def _loaded_shift(unloaded: Potential, preload: float) -> float:
             f"preload {preload:g} N is beyond {largest:g} N, the largest axial load of this prism "
             f"(at height {unloaded.length + lowest:g} m)"  # type: ignore[operator]
         )
-    return brentq(
-        lambda r: float(unloaded.tension(r)) + preload, lowest, 0.0, xtol=1e-300, rtol=1e-15
-    )
+    return root(lambda r: float(unloaded.tension(r)) + preload, lowest, 0.0)
 
 
 def _first_limit(potential: Potential, samples: int = 4000) -> float:
     """Elongation of the first limit point in compression, or next to the end of the domain."""
-    from scipy.optimize import brentq
-
     low = potential.domain[0]
     r = low * np.sin(np.linspace(0, np.pi / 2, samples + 1)[1:-1])  # closer towards the end
     falling = np.flatnonzero(potential.stiffness(r) < 0)
@@ -284,4 +274,4 @@ def _first_limit(potential: Potential, samples: int = 4000) -> float:
         return np.nextafter(low, 0) * (1 - 1e-15)
     first = falling[0]
     before = r[first - 1] if first else 0.0
-    return brentq(lambda x: float(potential.stiffness(x)), r[first], before, xtol=1e-300)
+    return root(lambda x: float(potential.stiffness(x)), r[first], before)

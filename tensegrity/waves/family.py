@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from tensegrity.errors import ResolutionError, TensegrityError
+from tensegrity.root import root
 from tensegrity.waves.excess import excess
 from tensegrity.waves.travelling import (
     Grid,
@@ -123,16 +124,20 @@ class Family:
     @cached_property
     def rough_tension(self):
         """|V'| [N] as a function of the size, interpolated in logarithms; positive."""
-        from scipy.interpolate import CubicHermiteSpline
-
         a = self.sizes
+        x, y = np.log(a), np.log(self.secant) + np.log(a)
         slope = self.stiffness / self.secant
-        spline = CubicHermiteSpline(np.log(a), np.log(self.secant) + np.log(a), slope)
 
         def tension(size):
             place = np.log(np.maximum(size, SMALLEST))
-            inside = np.maximum(place, spline.x[0])
-            return np.exp(spline(inside) + slope[0] * (place - inside))
+            inside = np.maximum(place, x[0])
+            i = np.clip(np.searchsorted(x, inside, side="right"), 1, len(x) - 1)
+            width = x[i] - x[i - 1]
+            u = (inside - x[i - 1]) / width
+            w = 1 - u
+            cubic = w * w * (1 + 2 * u) * y[i - 1] + u * u * (1 + 2 * w) * y[i]
+            cubic = cubic + width * u * w * (w * slope[i - 1] - u * slope[i])
+            return np.exp(cubic + slope[0] * (place - inside))
 
         return tension
 
@@ -266,8 +271,6 @@ class Family:
         fronts: between r = 0 and r the forces balance if m c^2 = V'(r)/r, the energy flows if
         V(r) = r V'(r)/2.
         """
-        from scipy.optimize import brentq
-
         top = int(np.argmax(self.long_wave))
         if top in (0, len(self.sizes) - 1):
             return math.inf, math.inf
@@ -279,7 +282,7 @@ class Family:
         low, high = self.sizes[[top - 1, top + 1]]
         if not surplus(low) > 0 > surplus(high):
             return math.inf, math.inf
-        size = brentq(surplus, low, high, xtol=1e-300, rtol=1e-14)
+        size = root(surplus, low, high, relative=1e-14)
         return size, float(self._excess.tension(self.sign * size)) / (self.sign * size)
 
     @property
@@ -392,7 +395,13 @@ def refined(profile, condition):
 
 
 def _even(points):
-    """The next length that a cosine transform is fast for."""
-    from scipy.fft import next_fast_len
-
-    return next_fast_len(math.ceil(points), real=True)
+    """The next length that a cosine transform is fast for: a product of 2, 3 and 5."""
+    length = math.ceil(points)
+    while True:
+        left = length
+        for factor in (2, 3, 5):
+            while left % factor == 0:
+                left //= factor
+        if left == 1:
+            return length
+        length += 1
