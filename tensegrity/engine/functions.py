@@ -25,19 +25,21 @@ class Functions:
         Run where they are not kept, or not compiled.
     more : str, optional
         C to be compiled behind them.
+    flags : sequence of str, optional
+        Of the compiler, besides the usual ones.
 
     Attributes
     ----------
     library : ctypes.CDLL or None
     """
 
-    def __init__(self, parts, make, more="") -> None:
+    def __init__(self, parts, make, more="", flags=()) -> None:
         self.made = once(make)
         found = kept(parts, lambda: written(self.made()))
         self._sizes = found["sizes"]
         try:
             text = files(__package__).joinpath("map.c").read_text()
-            self.library = library(found["text"] + text + more)
+            self.library = library(found["text"] + text + more, flags)
         except CompilerError:
             self.library = None
 

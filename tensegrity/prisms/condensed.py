@@ -40,6 +40,7 @@ GUESS = 23  # degree of the polynomials from which the compiled loop starts
 STEPS = (1, 2, 4)  # how often it iterates
 SETTLED = 1e-14  # what one more iteration may change the unknowns by, relative to their largest
 SAMPLES = 512  # elongations at which that is tried
+EXACT = ("-ffp-contract=off",)  # what cancels does so exactly: no load where a prism is flat
 HALVINGS = 8  # of the part of the domain on which it is tried
 
 
@@ -126,6 +127,7 @@ def numbers(prism: Members, height: float = -1.0, load: float = math.inf) -> lis
     ]
 
 
+@once
 def _tangent(rigid_base):
     """Symmetric tangent of the energy in (base, twist, bar tension, height).
 
@@ -147,7 +149,7 @@ def _tangent(rigid_base):
     multiplier = matrix[-2, :]
     share = multiplier.T * form["bar_pull"] / (3 * form["bar_length"])
     share[-2] = 0
-    return ca.Function("tangent", [z, p], [ca.vec((matrix - share @ multiplier).T)])
+    return ca.Function("tangent", [z, p], [matrix - share @ multiplier])
 
 
 def stable(z: Array, p: Sequence[float], rigid_base: bool) -> tuple[Flags, Flags]:
@@ -265,9 +267,11 @@ def functions(rigid_base: bool) -> Functions:
         r, p, guess, _ = ElasticLaw(rigid_base, 0).guess()
         found = {"step": step, "guess": ca.Function("guess", [r, p], [guess])}
         found |= {f"value_{order}": value for order, value in enumerate(values)}
-        return found | {"tangent": _tangent(rigid_base)}
+        symbols = (tangent := _tangent(rigid_base)).sx_in()
+        by_rows = ca.vec(tangent(*symbols).T)
+        return found | {"tangent": ca.Function("tangent", symbols, [by_rows])}
 
-    return Functions(("condensed", bool(rigid_base)), make)
+    return Functions(("condensed", bool(rigid_base)), make, flags=EXACT)
 
 
 class ElasticPotential(Potential):
