@@ -15,7 +15,7 @@ from importlib.resources import files
 
 import numpy as np
 
-from tensegrity.engine.functions import Functions
+from tensegrity.engine.functions import PREFIX, Functions
 from tensegrity.engine.native import CompilerError
 from tensegrity.once import once
 
@@ -88,7 +88,7 @@ class Machine:
         found = self.newton(kind).library
         if found is None:
             raise CompilerError(f"the Newton step for {kind} was not compiled")
-        address = ctypes.cast(found.newton, ctypes.c_void_p).value
+        address = ctypes.cast(found[f"{PREFIX}newton"], ctypes.c_void_p).value
         self.addresses[self.kinds.index(kind)] = address
         return address
 

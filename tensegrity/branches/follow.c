@@ -60,7 +60,7 @@ static void beyond(const branch *b, const double *before, const double *here, do
     memcpy(given + 2 * M, here, 2 * M * sizeof(double));
     given[4 * M] = length;
     given[4 * M + 1] = step;
-    call(advance, given, b->p, 0, out);
+    call(tensegrity_advance, given, b->p, 0, out);
     memcpy(made, out, DATA * sizeof(double));
     memcpy(figures, out + DATA, FIGURES * sizeof(double));
     memcpy(made + DATA, out + DATA + FIGURES, (SIZE - DATA) * sizeof(double));
@@ -81,7 +81,7 @@ static void exactly_at(const branch *b, const double *z, const double *tangent, 
 {
     double out[M + VALUES];
     at(b, z, tangent, made);
-    call(values, z, b->p, 0, out);
+    call(tensegrity_values, z, b->p, 0, out);
     memcpy(made, z, M * sizeof(double));
     memcpy(made + 2 * M, out + M, VALUES * sizeof(double));
 }

@@ -12,6 +12,10 @@ from tensegrity.engine.native import CompilerError, library
 from tensegrity.once import once
 
 
+PREFIX = "tensegrity_"  # in C: where its address is taken, a name must not be one of libc too
+QUICK = "-O1"  # straight code gains nothing from more, and compiles in half the time
+
+
 class Functions:
     """Named functions of up to 8 vectors with one vector as their result.
 
@@ -39,7 +43,7 @@ class Functions:
         self._sizes = found["sizes"]
         try:
             text = files(__package__).joinpath("map.c").read_text()
-            self.library = library(found["text"] + text + more, flags)
+            self.library = library(found["text"] + text + more, (QUICK, *flags))
         except CompilerError:
             self.library = None
 
@@ -76,7 +80,7 @@ class Functions:
         steps = (ctypes.c_longlong * len(rows))(*(x.shape[-1] * (x.ndim == 2) for x in rows))
         number, address = ctypes.c_longlong, ctypes.c_void_p
         self.library.map(
-            ctypes.cast(self.library[name], address), number(count), number(gives),
+            ctypes.cast(self.library[PREFIX + name], address), number(count), number(gives),
             number(len(rows)), given, steps, address(result.ctypes.data),
         )  # fmt: skip
         return result
@@ -88,7 +92,8 @@ def written(functions):
 
     generator, sizes = ca.CodeGenerator("functions.c"), {}
     for name, function in functions.items():
-        dense = ca.Function(name, x := function.sx_in(), [ca.densify(function(*x))])  # SX only
+        x = function.sx_in()  # of scalar expressions only
+        dense = ca.Function(PREFIX + name, x, [ca.densify(function(*x))])
         generator.add(dense)
         takes = [dense.numel_in(k) for k in range(dense.n_in())]
         sizes[name] = takes, dense.numel_out(0)

@@ -9,8 +9,11 @@ step to say where and when.
 from __future__ import annotations
 
 import math
+import sys
 import time
+from contextlib import nullcontext
 from dataclasses import dataclass
+from types import SimpleNamespace
 from functools import cached_property
 
 import numpy as np
@@ -141,6 +144,8 @@ def march(problem, steps, allowed, checkpoints=0, start=None):
 
 
 def _progress(steps):
+    if not sys.stderr.isatty():  # where tqdm is silent, it is not worth its import
+        return nullcontext(SimpleNamespace(n=0, update=lambda done: None))
     from tqdm import tqdm
 
     return tqdm(total=steps, unit="step", unit_scale=True, delay=1.0, leave=False, disable=None)
