@@ -40,10 +40,10 @@ def kept(parts, make):
     -------
     What `make` gives, after a passage through JSON: tuples are lists.
     """
-    made_by = _made_by()
-    if parts is None or made_by is None:
+    sources = made_by()
+    if parts is None or sources is None:
         return json.loads(json.dumps(make()))
-    key = repr(parts) + made_by
+    key = repr(parts) + sources
     path = cache_folder() / f"{hashlib.sha256(key.encode()).hexdigest()}.json"
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
         digest, _, content = path.read_bytes().partition(b"\n")
@@ -73,7 +73,7 @@ def _write(path, content):
 
 
 @cache
-def _made_by():
+def made_by():
     """What sources and packages derive, as a digest; None where there are no sources to read."""
     digest = hashlib.sha256()
     for package in SOURCES:
