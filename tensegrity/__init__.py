@@ -11,7 +11,7 @@ from tensegrity.errors import (
     StabilityError,
     TensegrityError,
 )
-from tensegrity.prisms.path import EquilibriumPath, equilibrium_path
+from tensegrity.prisms.path import EquilibriumPath, equilibrium_path, equilibrium_paths
 from tensegrity.prisms.prism import Prism
 from tensegrity.runs.integrate import simulate
 from tensegrity.runs.record import Record
@@ -50,6 +50,7 @@ __all__ = [
     "TensegrityError",
     "Wall",
     "equilibrium_path",
+    "equilibrium_paths",
     "resume",
     "simulate",
     "solitary_wave",

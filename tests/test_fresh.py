@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from benchmarks import fresh
-from tensegrity import Chain, PowerLaw, Prism, equilibrium_path
+from tensegrity import Chain, PowerLaw, Prism
 from tensegrity.engine import kept as kept_module
 from tensegrity.engine import programs
 from tensegrity.engine.codegen import DerivedLaw, functions
@@ -132,9 +132,7 @@ def test_a_changed_source_makes_everything_anew(folder, monkeypatch):
     assert kept_module.made_by() == first
     source = Path(sys.modules["tensegrity"].__file__).parent / "prisms" / "prism.py"
     real = Path.read_bytes
-    monkeypatch.setattr(
-        Path, "read_bytes", lambda path: real(path) + b"#" * (path == source)
-    )
+    monkeypatch.setattr(Path, "read_bytes", lambda path: real(path) + b"#" * (path == source))
     kept_module.made_by.cache_clear()
     try:
         assert kept_module.made_by() != first
@@ -233,16 +231,3 @@ def test_the_benchmark_measures_a_process_and_what_it_imports(tmp_path):
     assert 0 < spent < 60
     assert late == []
     assert fresh.seconds("import casadi", tmp_path)[1] == ["casadi"]
-
-
-def test_paths_are_the_same_on_casadis_machine(monkeypatch):
-    """The loop in Python, which runs where there is no compiler."""
-    from tensegrity.branches import continuation
-
-    prism = Prism(1.0, 0.5, 0.4, 1.0, 2.0, 20.0)
-    one = equilibrium_path(prism)
-    monkeypatch.setattr(continuation, "_follow", continuation._walked)
-    other = equilibrium_path(prism)
-    assert [e.kind for e in one.events] == [e.kind for e in other.events]
-    assert len(one) == len(other)
-    np.testing.assert_allclose(one.load, other.load, rtol=1e-12, atol=1e-14)

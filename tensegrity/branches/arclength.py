@@ -19,6 +19,8 @@ from tensegrity.engine.functions import PREFIX, Functions
 from tensegrity.engine.native import CompilerError
 from tensegrity.once import once
 
+START_ITERATIONS = 50
+FULL_RANK = 1e-8  # least diagonal of a factor over the largest, at a start that needs no more care
 ITERATIONS = 3  # Newton iterations in a step
 POLISH = 20  # iterations that locate an event
 BISECTIONS = 45  # where they fail
@@ -46,6 +48,7 @@ class Machine:
         self.values, self.numbers = tuple(facts["values"]), facts["numbers"]
         self.kinds, self.m = (*self.roots, *self.folds), len(self.unknowns)
         self.judged = 2 * self.m + len(self.values)  # where the figures of a step begin
+        self.size = self.judged + 3 + len(self.kinds)  # of a row in follow.c
         self._parts, self._scaled = parts, once(lambda: _Scaled(problem))
         self.functions = Functions(self._named("machine"), self._made, self._follow())
         self.newton = once(self._made_newton)
@@ -75,13 +78,16 @@ class Machine:
         sizes |= {"ROOTS": len(self.roots), "FOLDS": len(self.folds)}
         sizes |= {"POLISH": POLISH, "BISECTIONS": BISECTIONS, "ROOT_AT_START": ROOT_AT_START}
         sizes |= {"FOLD_AT_START": FOLD_AT_START, "SETTLED": SETTLED, "TWINS": TWINS, "TINY": TINY}
+        sizes |= {"START_ITERATIONS": START_ITERATIONS, "FULL_RANK": FULL_RANK}
         defined = [f"#define {name} {number!r}" for name, number in sizes.items()]
         text = files(__package__).joinpath("follow.c").read_text()
         return "\n".join([*defined, '#line 1 "follow.c"', text])
 
     def _made_newton(self, kind):
         """One Newton step on the system of an event."""
-        return Functions(self._named("newton", kind), lambda: {"newton": self._scaled().newton(kind)})
+        return Functions(
+            self._named("newton", kind), lambda: {"newton": self._scaled().newton(kind)}
+        )
 
     def address(self, kind):
         """Where the compiled Newton step for an event is."""

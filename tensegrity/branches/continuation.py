@@ -23,7 +23,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity import check
-from tensegrity.branches.arclength import SETTLED, TINY, TWINS, Machine, virtual_start
+from tensegrity.branches.arclength import (
+    SETTLED,
+    START_ITERATIONS,
+    TINY,
+    TWINS,
+    Machine,
+    virtual_start,
+)
 from tensegrity.branches.events import leave_start, located
 from tensegrity.branches.following import MANY, SHORT, followed
 from tensegrity.branches.table import Event, Table
@@ -39,8 +46,6 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from tensegrity.typing import Array
-
-START_ITERATIONS = 50
 
 
 class ContinuationError(TensegrityError):
@@ -254,9 +259,8 @@ def trace(
     """
     settings, machine = settings or Settings(), problem._machine
     start, p = _checked(machine, start, parameters, direction, stop)
-    here = _first_point(machine, start, p, settings, direction)
-    rows, events, end = _follow(machine, here, p, settings, stop)
-    branch = _branch(machine, rows, events, end if end in machine.kinds else "failed")
+    rows, found, listed, end = _follow(machine, start, p, settings, direction, stop)
+    branch = _branch(machine, rows, found, listed, end if end in machine.kinds else "failed")
     if end not in machine.kinds:
         failure = ContinuationError(f"{end}; last good point {_shown(machine, rows[-1])}")
         failure.branch = branch
@@ -264,16 +268,18 @@ def trace(
     return branch
 
 
-def _follow(machine, here, p, settings, stop):
+def _follow(machine, start, p, settings, direction, stop):
     if machine.functions.library:
         with contextlib.suppress(CompilerError):
-            return followed(machine, here, p, settings, stop)
-    return _walked(machine, here, p, settings, stop)
+            found = followed(machine, start, p, settings, direction, stop)
+            if found:
+                return found
+    return _walked(machine, start, p, settings, direction, stop)
 
 
-def _walked(machine, here, p, settings, stop):
-    """The rows of a branch from a point, its events as (kind, row, numbers), and the kind of
-    event, or the failure, that ends it."""
+def _walked(machine, start, p, settings, direction, stop):
+    """What `followed` gives, in Python."""
+    here = _first_point(machine, start, p, settings, direction)
     step = min(settings.first, settings.largest)
     rows, events, end = [here], [], ""
     before, here = virtual_start(here, step), replace(here, length=step)
@@ -296,8 +302,9 @@ def _walked(machine, here, p, settings, stop):
                 break
         rows.append(here)
         signs = [new or old for new, old in zip(here.tests, signs, strict=True)]
-    listed = [(kind, row, point.numbers) for kind, row, point in events]
-    return np.array([point.numbers for point in rows]), listed, end
+    found = np.array([point.numbers for _, _, point in events]).reshape(-1, machine.size)
+    listed = [(kind, row) for kind, row, _ in events]
+    return np.array([point.numbers for point in rows]), found, listed, end
 
 
 def fold_problem(problem: Problem, fold: str, free: int) -> Problem:
@@ -439,15 +446,15 @@ def _step(machine, before, here, step, p, settings):
     return None, step
 
 
-def _branch(machine, rows, events, end):
+def _branch(machine, rows, found, events, end):
     m, count = machine.m, len(rows)
     names, values = (*machine.unknowns, *machine.values), machine.judged
-    data = np.vstack([rows, *(numbers for _, _, numbers in events)]) if events else rows
+    data = np.concatenate([rows, found])
     z = np.sinh(data[:, :m]) * machine.scale
     table = np.hstack([z, data[:, 2 * m : values]])
     listed = [
         Event(kind, row, dict(zip(names, at, strict=True)))
-        for (kind, row, _), at in zip(events, table[count:].tolist(), strict=True)
+        for (kind, row), at in zip(events, table[count:].tolist(), strict=True)
     ]
     columns = dict(zip(names, table[:count].T.copy(), strict=True))
     arc = np.concatenate([[0.0], np.cumsum(rows[1:, values + 1])])

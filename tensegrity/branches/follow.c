@@ -16,8 +16,8 @@ typedef double point[SIZE];
 typedef int evaluate(const double **arg, double **res, integer *iw, double *w, int memory);
 
 enum { RESIDUAL = DATA, LENGTH, SIDE, TESTS };
-enum { ENDED, FULL, MANY, SHORT, NEEDED }; /* what `follow` returns */
-enum { STEP, LOCATE };                     /* what is to be done next */
+enum { ENDED, FULL, MANY, SHORT, NEEDED, REFUSED }; /* what `follow` returns */
+enum { BEGIN, STEP, LOCATE };              /* what is to be done next */
 
 typedef struct {
     const double *p, *settings; /* tolerance, residual, smallest, largest, turn */
@@ -26,7 +26,7 @@ typedef struct {
     double *rows, *events, *before, *here, *signs;
     integer *kinds, *places;    /* of events; kind KINDS is a bifurcation */
     double step;
-    integer points, room, events_room, count, found, next, kind;
+    integer points, room, events_room, count, found, next, kind, direction;
 } branch;
 
 static double dot(const double *a, const double *b)
@@ -299,11 +299,96 @@ static int next_point(branch *b)
     return 0;
 }
 
+/* Least-norm Newton step to g = 0 and the unit vector along the branch, from the QR factors of
+   the transposed Jacobian, whose columns are `rows`; 0 where its rank is in doubt. */
+static int least_norm(double rows[M - 1][M], const double *g, double *move, double *along)
+{
+    double q[M][M], scale[M], share[M], largest = 0; /* mirrors I - q share q', diagonal in scale */
+    for (int k = 0; k < M - 1; k++) {
+        double square = 0;
+        for (int i = k; i < M; i++)
+            square += rows[k][i] * rows[k][i];
+        scale[k] = rows[k][k] > 0 ? -sqrt(square) : sqrt(square);
+        largest = fabs(scale[k]) > largest ? fabs(scale[k]) : largest;
+        for (int i = 0; i < M; i++)
+            q[k][i] = i < k ? 0 : rows[k][i] - (i == k) * scale[k];
+        share[k] = 2 / (square - rows[k][k] * rows[k][k] + q[k][k] * q[k][k] + TINY);
+        for (int j = k + 1; j < M - 1; j++) {
+            double product = share[k] * dot(q[k], rows[j]);
+            for (int i = k; i < M; i++)
+                rows[j][i] -= product * q[k][i];
+        }
+    }
+    for (int k = 0; k < M - 1; k++) {
+        if (!(fabs(scale[k]) > FULL_RANK * largest))
+            return 0;
+        double left = g[k];
+        for (int j = 0; j < k; j++)
+            left -= rows[k][j] * move[j];
+        move[k] = left / scale[k];
+    }
+    move[M - 1] = 0;
+    for (int i = 0; i < M; i++)
+        along[i] = i == M - 1;
+    for (int k = M - 2; k >= 0; k--) {
+        double of_move = share[k] * dot(q[k], move), of_along = share[k] * dot(q[k], along);
+        for (int i = k; i < M; i++) {
+            move[i] -= of_move * q[k][i];
+            along[i] -= of_along * q[k][i];
+        }
+    }
+    return 1;
+}
+
+/* The first point, from what is in `here`; 0 where that has to be looked at more closely. */
+static int begin(branch *b)
+{
+    double z[M], move[M], along[M], out[M * M], rows[M - 1][M];
+    memcpy(z, b->here, sizeof z);
+    for (int k = 0; k < START_ITERATIONS; k++) {
+        int settled = 1;
+        call(tensegrity_linear, z, b->p, 0, out);
+        for (int i = 0; i < M - 1; i++)
+            for (int j = 0; j < M; j++)
+                rows[i][j] = out[M - 1 + (M - 1) * j + i];
+        if (!least_norm(rows, out, move, along))
+            return 0;
+        for (int i = 0; i < M; i++) {
+            z[i] -= move[i];
+            settled &= fabs(move[i]) <= 1e-15 * (1 + fabs(z[i]));
+        }
+        if (settled)
+            break;
+    }
+    double lead = along[M - 1];
+    if (!(fabs(lead) > 1e-8)) {
+        lead = 0;
+        for (int i = 0; i < M; i++)
+            lead = fabs(along[i]) > fabs(lead) ? along[i] : lead;
+    }
+    for (int i = 0; i < M; i++)
+        along[i] = lead * b->direction > 0 ? along[i] : -along[i];
+    at(b, z, along, b->here);
+    if (!(b->here[RESIDUAL] <= b->settings[1]))
+        return 0;
+    memcpy(b->rows, b->here, sizeof(point));
+    memcpy(b->signs, b->here + TESTS, KINDS * sizeof(double));
+    memcpy(b->before, b->here, sizeof(point));
+    for (int i = 0; i < M; i++)
+        b->before[i] = b->here[i] - b->step * b->here[M + i];
+    b->here[LENGTH] = b->step;
+    b->count = 1;
+    b->next = STEP;
+    return 1;
+}
+
 /* Go on until the branch ends, or something is missing: then it may be called again. */
 int follow(branch *b)
 {
     point made[MOST];
     int kinds[MOST];
+    if (b->next == BEGIN && !begin(b))
+        return REFUSED;
     for (;;) {
         if (b->next == STEP) {
             if (b->count >= b->points)

@@ -6,54 +6,78 @@ import ctypes
 
 import numpy as np
 
-from tensegrity.branches.arclength import virtual_start
-
 ROOM = 256  # rows, at first
 MANY = "{} rows do not reach an end"
 SHORT = "the step fell below {:g}"
 BIFURCATION = "bifurcation"
-ENDED, FULL, TOO_MANY, TOO_SHORT, NEEDED = range(5)  # what `follow` returns
+ENDED, FULL, TOO_MANY, TOO_SHORT, NEEDED, REFUSED = range(6)  # what `follow` returns
+BEGIN, STEP = range(2)
+
+
+ARRAYS = ("p", "settings", "stop", "newton", "rows", "events", "before", "here", "signs", "kinds")
+COUNTS = ("points", "room", "events_room", "count", "found", "next", "kind", "direction")
 
 
 class _Call(ctypes.Structure):
     """As `branch` in follow.c."""
 
     _fields_ = (
-        [(name, ctypes.c_void_p) for name in
-         "p settings stop newton rows events before here signs kinds places".split()]
+        [(name, ctypes.c_void_p) for name in (*ARRAYS, "places")]
         + [("step", ctypes.c_double)]
-        + [(name, ctypes.c_longlong) for name in
-           "points room events_room count found next kind".split()]
-    )  # fmt: skip
+        + [(name, ctypes.c_longlong) for name in COUNTS]
+    )
 
 
-def followed(machine, here, p, settings, stop):
-    """The rows of a branch from a point, its events as (kind, row, numbers), and the kind of
-    event, or the failure, that ends it."""
-    kinds, step = machine.kinds, min(settings.first, settings.largest)
-    size = machine.judged + 3 + len(kinds)
+def followed(machine, z, p, settings, direction, stop):
+    """A branch from next to a point.
+
+    Parameters
+    ----------
+    machine : Machine
+        Compiled.
+    z, p : ndarray, (m,), (k,)
+    settings : Settings
+    direction : {1, -1}
+    stop : collection of str
+
+    Returns
+    -------
+    tuple, or None where the start needs more care
+        Rows and events, (n, size) each; for each event its kind and its row; and the kind of
+        event, or the failure, that ends the branch.
+    """
+    kinds, size, k = machine.kinds, machine.size, len(p)
     most = 2 * len(kinds) + (len(machine.folds) + 1) * len(machine.roots) + 1  # between two looks
-    names = "tolerance residual smallest largest turn".split()
     newton = (ctypes.c_void_p * (len(kinds) + 1))(*machine.addresses)
-    before, now = virtual_start(here, step).numbers, here.numbers
-    now[machine.judged + 1] = step
-    numbers = {
-        "p": np.array(p),
-        "settings": np.array([getattr(settings, name) for name in names]),
-        "stop": np.array([kind in stop for kind in kinds], dtype=np.int64),
-        "before": np.concatenate([before, np.zeros(size - len(before))]),
-        "here": now,
-        "signs": np.array(here.tests),
-    }
-    call = _Call(step=step, points=settings.points, count=1, newton=ctypes.addressof(newton))
+    stops = (ctypes.c_longlong * (len(kinds) + 1))(*(kind in stop for kind in kinds))
+    # parameters, settings, two points and signs side by side: an address is asked for once
+    block = np.empty(k + 5 + 3 * size)
+    block[:k] = p
+    block[k : k + 5] = (
+        settings.tolerance,
+        settings.residual,
+        settings.smallest,
+        settings.largest,
+        settings.turn,
+    )
+    block[k + 5 + size : k + 5 + size + machine.m] = z
+    at = block.ctypes.data
+    at_points = at + 8 * (k + 5)
+    call = _Call(
+        p=at, settings=at + 8 * k, before=at_points, here=at_points + 8 * size,
+        signs=at_points + 16 * size, stop=ctypes.addressof(stops),
+        newton=ctypes.addressof(newton), step=min(settings.first, settings.largest),
+        points=settings.points, direction=direction,
+    )  # fmt: skip
     rows, events = np.empty((min(ROOM, settings.points + 1), size)), np.empty((4 * most, size))
-    rows[0] = here.numbers
     places = np.empty((2, len(events)), dtype=np.int64)
-    for name, array in numbers.items():
-        setattr(call, name, array.ctypes.data)
     while True:
-        call.rows, call.events = rows.ctypes.data, events.ctypes.data
-        call.kinds, call.places = places[0].ctypes.data, places[1].ctypes.data
+        call.rows, call.events, call.kinds = (
+            rows.ctypes.data,
+            events.ctypes.data,
+            places.ctypes.data,
+        )
+        call.places = call.kinds + 8 * len(events)
         call.room, call.events_room = len(rows), len(events)
         answer = machine.functions.library.follow(ctypes.byref(call))
         if answer == FULL:
@@ -63,11 +87,13 @@ def followed(machine, here, p, settings, stop):
             newton[call.kind] = machine.address(kinds[call.kind])
         else:
             break
+    if answer == REFUSED:
+        return None
     found, named = call.found, (*kinds, BIFURCATION)
-    listed = [
-        (named[kind], row, numbers)
-        for kind, row, numbers in zip(*places[:, :found].tolist(), events[:found], strict=True)
-    ]
-    ends = {TOO_MANY: MANY.format(settings.points), TOO_SHORT: SHORT.format(settings.smallest)}
-    end = kinds[call.kind] if answer == ENDED else ends[answer]
-    return rows[: call.count].copy(), listed, end
+    if answer == ENDED:
+        end = kinds[call.kind]
+    else:
+        full = answer == TOO_MANY
+        end = MANY.format(settings.points) if full else SHORT.format(settings.smallest)
+    listed = [(named[kind], row) for kind, row in zip(*places[:, :found].tolist(), strict=True)]
+    return rows[: call.count].copy(), events[:found], listed, end

@@ -11,7 +11,6 @@ process, is kept: see `tensegrity.engine.kept`.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from functools import cache
 from importlib.resources import files
 from typing import TYPE_CHECKING
 

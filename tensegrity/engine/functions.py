@@ -11,9 +11,7 @@ from tensegrity.engine.kept import kept
 from tensegrity.engine.native import CompilerError, library
 from tensegrity.once import once
 
-
 PREFIX = "tensegrity_"  # in C: where its address is taken, a name must not be one of libc too
-QUICK = "-O1"  # straight code gains nothing from more, and compiles in half the time
 
 
 class Functions:
@@ -43,7 +41,7 @@ class Functions:
         self._sizes = found["sizes"]
         try:
             text = files(__package__).joinpath("map.c").read_text()
-            self.library = library(found["text"] + text + more, (QUICK, *flags))
+            self.library = library(found["text"] + text + more, flags)
         except CompilerError:
             self.library = None
 

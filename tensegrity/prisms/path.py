@@ -10,6 +10,8 @@ hang upright and pull alone.  Source: seeds/000, part III, "Numerical approach".
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,14 +19,16 @@ import numpy as np
 from tensegrity import check
 from tensegrity.branches.continuation import Settings, trace
 from tensegrity.branches.table import Event, Table
+from tensegrity.engine.pieces import threads
 from tensegrity.engine.programs import derived, run
 from tensegrity.errors import NoLocking, TensegrityError
 from tensegrity.prisms.condensed import numbers, problem, stable
 from tensegrity.prisms.prism import Prism
+from tensegrity.progress import progress
 from tensegrity.root import root
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
     from typing import Any
 
     from matplotlib.axes import Axes
@@ -36,6 +40,7 @@ if TYPE_CHECKING:
     Columns = dict[str, Any]
     Found = tuple[str, int, dict[str, float]]  # kind, row, numbers
 
+PART = 16  # paths in a task of a thread
 ROWS = 200  # of a rigid prism, and of the part where base strings are slack
 SETTINGS = Settings(tolerance=1e-8, largest=0.05)
 COLUMNS = ("height", "twist", "base", "load", "shortening")
@@ -164,6 +169,68 @@ def equilibrium_path(
     TensegrityError
         If a bound is outside its range: 0 <= min_height < height < max_height, max_load > 0.
     """
+    return _followed(*_bounds(prism, min_height, max_load, max_height, past_contact))
+
+
+def equilibrium_paths(
+    prisms: Iterable[Prism],
+    *,
+    min_height: float = 0.0,
+    max_load: float = math.inf,
+    max_height: float | None = None,
+    past_contact: bool = False,
+) -> list[EquilibriumPath]:
+    """Equilibria of many prisms, from as many threads as there are processors.
+
+    Parameters
+    ----------
+    prisms : iterable of Prism
+    min_height, max_load, max_height, past_contact : optional
+        As in `equilibrium_path`, the same for all prisms.
+
+    Returns
+    -------
+    list of EquilibriumPath
+        In the order of the prisms, each as `equilibrium_path` gives it.
+
+    Raises
+    ------
+    TensegrityError
+        As `equilibrium_path`, before any path is followed: if one of `prisms` is no Prism, or a
+        bound is outside its range for one of them.
+
+    Examples
+    --------
+    >>> from tensegrity import Prism, equilibrium_paths
+    >>> soft = [Prism(1.0, 0.7, 0.1, 1.0, k_base, 20.0) for k_base in (2.0, 4.0, 8.0)]
+    >>> [len(path.events) for path in equilibrium_paths(soft)]
+    [2, 2, 2]
+    """
+    if isinstance(prisms, Prism) or not isinstance(prisms, Iterable):
+        raise TensegrityError(f"prisms {check.shown(prisms)} must be several Prism")
+    given = list(prisms)
+    bounds = [_bounds(x, min_height, max_load, max_height, past_contact) for x in given]
+    found = [_followed(*one) for one in bounds[:1]]  # what all of them need is made here
+    parts = [bounds[k : k + PART] for k in range(1, len(bounds), PART)]
+    pool = ThreadPoolExecutor(threads())
+    try:
+        with progress(len(given), "path") as bar:
+            for part in pool.map(lambda part: [_followed(*one) for one in part], parts):
+                found += part
+                bar.update(len(part))
+    finally:
+        pool.shutdown(cancel_futures=True)
+    return found
+
+
+def _bounds(
+    prism: Prism,
+    min_height: float,
+    max_load: float,
+    max_height: float | None,
+    past_contact: bool,
+) -> tuple[Prism, float, float, float | None, bool]:
+    """What `equilibrium_path` was given, checked."""
     check.kind("prism", prism, Prism)
     past_contact = check.truth("past_contact", past_contact)
     min_height = check.number("min_height", min_height, least=0, unit="m")
@@ -174,11 +241,17 @@ def equilibrium_path(
         )
     if max_height is not None:
         max_height = check.number("max_height", max_height, above=prism.height, unit="m")
+    if prism.is_rigid and past_contact:
+        raise TensegrityError(
+            "past_contact=True needs elastic bases or bars: rigid ones lock where the bars meet"
+        )
+    return prism, min_height, max_load, max_height, past_contact
+
+
+def _followed(
+    prism: Prism, min_height: float, max_load: float, max_height: float | None, past_contact: bool
+) -> EquilibriumPath:
     if prism.is_rigid:
-        if past_contact:
-            raise TensegrityError(
-                "past_contact=True needs elastic bases or bars: rigid ones lock where the bars meet"
-            )
         return _rigid_path(prism, min_height, max_load, max_height)
     return _elastic_path(prism, min_height, max_load, max_height, past_contact)
 

@@ -9,17 +9,15 @@ step to say where and when.
 from __future__ import annotations
 
 import math
-import sys
 import time
-from contextlib import nullcontext
 from dataclasses import dataclass
-from types import SimpleNamespace
 from functools import cached_property
 
 import numpy as np
 
 from tensegrity.engine.methods import Method, Nystrom
 from tensegrity.errors import ContactError, LockingError, RecordError, StabilityError
+from tensegrity.progress import progress
 from tensegrity.runs import stepping
 from tensegrity.runs.book import Book, Sound
 from tensegrity.runs.loops import Loop
@@ -144,11 +142,7 @@ def march(problem, steps, allowed, checkpoints=0, start=None):
 
 
 def _progress(steps):
-    if not sys.stderr.isatty():  # where tqdm is silent, it is not worth its import
-        return nullcontext(SimpleNamespace(n=0, update=lambda done: None))
-    from tqdm import tqdm
-
-    return tqdm(total=steps, unit="step", unit_scale=True, delay=1.0, leave=False, disable=None)
+    return progress(steps, "step")
 
 
 class _Watch:
