@@ -160,6 +160,22 @@ def test_failures_say_the_same_in_python(monkeypatch):
     assert said[:2] == said[2:]
 
 
+def test_a_start_beside_the_branch_meets_the_nearest_point_of_it():
+    """On a helix of three unknowns: two equations, least-norm steps."""
+    z, p = ca.SX.sym("z", 3), ca.SX.sym("p", 0)
+    x, y, turn = ca.vertsplit(z)
+    helix = Problem(
+        ("x", "y", "turn"), z, p, ca.vertcat(x - ca.cos(turn), y - ca.sin(turn)),
+        roots={"end": turn - 3},
+    )  # fmt: skip
+    branch = trace(helix, [0.98, 0.23, 0.2], stop=("end",))
+    scaled = [np.arcsinh(branch.z[0]), np.arcsinh([0.98, 0.23, 0.2])]
+    along = branch.tangent[0]
+    assert branch.residual[0] <= 1e-15
+    assert abs(np.dot(scaled[0] - scaled[1], along)) <= 1e-3 * np.linalg.norm(scaled[0] - scaled[1])
+    np.testing.assert_allclose(branch.x, np.cos(branch.turn), atol=1e-14)
+
+
 def test_a_branch_outgrows_the_room_for_its_rows():
     branch = circle(largest=1e-3, first=1e-3)
     assert len(branch) > 4 * ROOM

@@ -62,7 +62,9 @@ def damage(files, kind):
         elif kind == "cut off":
             file.write_bytes(content[: len(content) // 2])
         elif kind == "changed":
-            file.write_bytes(content[:-3] + b"7" + content[-2:])
+            head, value = content.rsplit(b'"value"', 1)  # still JSON, with other numbers
+            other = bytes.maketrans(b"123456789", b"234567891")
+            file.write_bytes(head + b'"value"' + value.translate(other))
         elif kind == "of something else":
             file.write_bytes(contents[k - 1])
         elif kind == "empty":

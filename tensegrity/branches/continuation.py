@@ -34,7 +34,7 @@ from tensegrity.branches.arclength import (
 from tensegrity.branches.events import leave_start, located
 from tensegrity.branches.following import MANY, SHORT, followed
 from tensegrity.branches.table import Event, Table
-from tensegrity.engine.kept import kept
+from tensegrity.engine.kept import kept, maker
 from tensegrity.engine.native import CompilerError
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
@@ -124,7 +124,7 @@ class DerivedProblem(Problem):
     """
 
     def __init__(self, make: Callable[..., Problem], *arguments: Any) -> None:
-        name = f"{make.__module__}.{make.__qualname__}{arguments!r}"
+        name = maker(make, *arguments)
         derive = once(lambda: make(*arguments))
         machine = once(lambda: Machine(self, kept(("problem", name), lambda: _facts(self)), name))
         self.__dict__.update(derived=derive, _made=machine)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity.engine.kept import kept
+from tensegrity.engine.kept import kept, maker
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
 
@@ -106,7 +106,7 @@ class DerivedLaw(Law):
 
     def __init__(self, make: Callable[..., Law], *arguments: Any) -> None:
         self.__dict__.update(make=make, arguments=arguments)
-        self.__dict__["name"] = f"{make.__module__}.{make.__qualname__}{arguments!r}"
+        self.__dict__["name"] = maker(make, *arguments)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, DerivedLaw) and self.name == other.name
@@ -115,7 +115,7 @@ class DerivedLaw(Law):
         return hash(self.name)
 
     def __repr__(self) -> str:
-        return f"DerivedLaw({self.name})"
+        return f"DerivedLaw({self.name.rpartition(' ')[0]})"
 
     def forms(self) -> tuple[Any, Any, Sequence[Any]]:
         """The law in CasADi; see `Law.forms`."""

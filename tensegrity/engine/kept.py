@@ -15,6 +15,7 @@ import json
 import os
 import shutil
 import stat
+import sys
 import tempfile
 import warnings
 from functools import cache
@@ -70,6 +71,18 @@ def _write(path, content):
         except BaseException:
             os.unlink(beside)
             raise
+
+
+def maker(make, *arguments):
+    """What stands for the call of a module's function with texts and numbers, and functions of
+    that module: names, and a digest of the module's source."""
+    given = ", ".join(getattr(x, "__qualname__", repr(x)) for x in arguments)
+    return f"{make.__module__}.{make.__qualname__}({given}) {_source(make.__module__)}"
+
+
+@cache
+def _source(module):
+    return hashlib.sha256(Path(sys.modules[module].__file__).read_bytes()).hexdigest()
 
 
 @cache

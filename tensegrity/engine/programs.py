@@ -10,7 +10,7 @@ import operator
 from functools import reduce
 from typing import TYPE_CHECKING
 
-from tensegrity.engine.kept import kept
+from tensegrity.engine.kept import kept, maker
 from tensegrity.once import once
 
 if TYPE_CHECKING:
@@ -104,6 +104,4 @@ def derived(make: Callable[..., tuple[Sequence[Any], Sequence[Any]]], *arguments
 
     Its arguments are texts, numbers, and functions of that module.
     """
-    given = tuple(getattr(x, "__qualname__", x) for x in arguments)  # functions by their name
-    parts = "program", make.__module__, make.__qualname__, given
-    return kept(parts, lambda: program(*make(*arguments)))
+    return kept(("program", maker(make, *arguments)), lambda: program(*make(*arguments)))

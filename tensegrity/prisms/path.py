@@ -206,9 +206,10 @@ def equilibrium_paths(
     >>> [len(path.events) for path in equilibrium_paths(soft)]
     [2, 2, 2]
     """
-    if isinstance(prisms, Prism) or not isinstance(prisms, Iterable):
-        raise TensegrityError(f"prisms {check.shown(prisms)} must be several Prism")
-    given = list(prisms)
+    try:
+        given = list(prisms)
+    except TypeError:
+        raise TensegrityError(f"prisms {check.shown(prisms)} must be several Prism") from None
     bounds = [_bounds(x, min_height, max_load, max_height, past_contact) for x in given]
     found = [_followed(*one) for one in bounds[:1]]  # what all of them need is made here
     parts = [bounds[k : k + PART] for k in range(1, len(bounds), PART)]
