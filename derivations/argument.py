@@ -17,7 +17,9 @@ NAMES = (
     "rigid_response",
     "hardening",
     "waves",
+    "softening",
     "contact",
+    "openings",
     "geometry",
     "junction",
 )

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import mpmath
 import sympy as sp
 
-from derivations import ledger_paper, ledger_talk, ledger_waves
+from derivations import ledger_paper, ledger_softening, ledger_talk, ledger_waves
 from derivations.entry import Entry, Verdict
 
 if TYPE_CHECKING:
@@ -128,4 +128,5 @@ SIGNS = (
 
 def entries() -> tuple[Entry, ...]:
     """All entries, in the order of the sources."""
-    return (*ledger_talk.ENTRIES, *ledger_waves.ENTRIES, *ledger_paper.ENTRIES)
+    sources = (*ledger_talk.ENTRIES, *ledger_waves.ENTRIES, *ledger_paper.ENTRIES)
+    return (*sources, *ledger_softening.ENTRIES)

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from tensegrity import Chain, Prism
-from tensegrity.engine.methods import METHODS
+from tensegrity.engine.methods import METHODS, Corrected
 
-EXPLICIT = [name for name, method in METHODS.items() if method.explicit]
+DIFFERENT = [name for name, method in METHODS.items() if not isinstance(method, Corrected)]
+"""Methods but those that, on smooth springs, do the steps of another."""
+EXPLICIT = [name for name in DIFFERENT if METHODS[name].explicit]
 COLOURS = {name: f"C{k}" for k, name in enumerate(METHODS)}
 
 

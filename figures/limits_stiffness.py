@@ -7,7 +7,7 @@ import time
 import numpy as np
 import sympy as sp
 
-from figures._limits import COLOURS, listed, moved, slope
+from figures._limits import COLOURS, DIFFERENT, EXPLICIT, listed, moved, slope
 from tensegrity import Chain, Potential
 from tensegrity.engine.methods import METHODS
 
@@ -75,7 +75,7 @@ def data(ratios=RATIOS, timed=True):
     """Steps that a small error takes against the ratio of stiffnesses, and times as ratios."""
     references = [exact(ratio) for ratio in ratios.tolist()]
     steps, times = {}, {}
-    for name in METHODS:
+    for name in DIFFERENT:
         found = [needed(name, *pair) for pair in zip(ratios.tolist(), references, strict=True)]
         steps[name] = np.array([n for n, _ in found])
         steps[f"{name}: error"] = np.array([error for _, error in found])
@@ -101,11 +101,9 @@ def text(tables):
     """What the page says."""
     t = tables["steps"]
     stiff = t["ratio"] >= 1e5
-    powers = [
-        f"{n} {slope(t['ratio'][stiff], t[n][stiff]):.2f}" for n, m in METHODS.items() if m.explicit
-    ]
-    (implicit,) = [n for n, m in METHODS.items() if not m.explicit]
-    last = [f"{t[n][-1]} of {n}" for n, m in METHODS.items() if m.explicit]
+    powers = [f"{n} {slope(t['ratio'][stiff], t[n][stiff]):.2f}" for n in EXPLICIT]
+    (implicit,) = [n for n in DIFFERENT if n not in EXPLICIT]
+    last = [f"{t[n][-1]} of {n}" for n in EXPLICIT]
     return (
         f"One bond of {2 * EACH_SIDE + 1} is stiffer than the rest and hardly vibrates. For an "
         f"error of {ERROR:.0e} the steps of explicit methods, bound by stability, grow with a "
@@ -118,7 +116,7 @@ def text(tables):
 
 def table(tables):
     """From where on the implicit method wins."""
-    (implicit,) = [n for n, m in METHODS.items() if not m.explicit]
+    (implicit,) = [n for n in DIFFERENT if n not in EXPLICIT]
     return [
         {
             "figure": NAME,
@@ -127,8 +125,7 @@ def table(tables):
             "here": crossing(tables[what], implicit, name),
         }
         for what, less in (("steps", "fewer steps"), ("times", "less time"))
-        for name, method in METHODS.items()
-        if method.explicit
+        for name in EXPLICIT
     ]
 
 
@@ -136,7 +133,7 @@ def draw(figure, tables):
     """Steps and times against the ratio of stiffnesses."""
     figure.set_size_inches(11, 4.5)
     left, right = figure.subplots(1, 2)
-    for name in METHODS:
+    for name in DIFFERENT:
         for axes, what in ((left, "steps"), (right, "times")):
             t = tables[what]
             axes.loglog(t["ratio"], t[name], "o-", ms=4, color=COLOURS[name], label=name)

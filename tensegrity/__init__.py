@@ -24,6 +24,7 @@ from tensegrity.scenes.scene import State
 from tensegrity.scenes.walls import Wall
 from tensegrity.springs.polynomial import Polynomial
 from tensegrity.springs.potential import Potential, PowerLaw
+from tensegrity.waves.prediction import Prediction, predict
 from tensegrity.waves.solitary import SolitaryWave, solitary_wave
 
 __all__ = [
@@ -38,6 +39,7 @@ __all__ = [
     "Polynomial",
     "Potential",
     "PowerLaw",
+    "Prediction",
     "Prism",
     "RangeError",
     "Record",
@@ -51,6 +53,7 @@ __all__ = [
     "Wall",
     "equilibrium_path",
     "equilibrium_paths",
+    "predict",
     "resume",
     "simulate",
     "solitary_wave",

@@ -50,6 +50,36 @@ class Fault:
 
 
 FAULTS = (
+    Fault(
+        "tensegrity/engine/openings.c",
+        "curvature * sums[1] / 2 + pull * sums[2]",
+        "curvature * sums[1] / 2",
+        "tests/test_openings.py::test_order_is_the_exponent_and_three_not_and_one[1.5-chain]",
+    ),
+    Fault(
+        "tensegrity/engine/openings.c",
+        "const real pull = curvature - swing(c, o, b, x);",
+        "const real pull = curvature;",
+        "tests/test_openings.py::test_order_is_the_exponent_and_three_not_and_one[1.5-space]",
+    ),
+    Fault(
+        "tensegrity/engine/line_openings.c",
+        "c->u[b + LANES] -= right * shift;",
+        "c->u[b + LANES] += right * shift;",
+        "tests/test_openings.py::test_two_bodies_keep_their_momentum_to_the_last_bit",
+    ),
+    Fault(
+        "tensegrity/engine/net_openings.c",
+        "c->v[from + k] += c->w[from + k] * impulse[k];",
+        "c->v[from + k] += impulse[k];",
+        "tests/test_openings.py::test_momentum_and_angular_momentum_of_a_network_are_kept",
+    ),
+    Fault(
+        "tensegrity/engine/openings.py",
+        "next_order = curvature * z2 / 2 + (curvature - swing) * z3",
+        "next_order = curvature * z2 + (curvature - swing) * z3",
+        "tests/test_openings.py::test_correction_of_an_event_is_the_derived_one",
+    ),
     # derivations
     Fault(
         "tensegrity/branches/table.py",

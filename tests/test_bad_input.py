@@ -33,6 +33,7 @@ from tensegrity import (
     Wall,
     equilibrium_path,
     equilibrium_paths,
+    predict,
     resume,
     simulate,
     solitary_wave,
@@ -60,7 +61,7 @@ NO_NUMBERS = (
 )  # fmt: skip
 EXTREME = ("1e308", "5e-324", "half")
 SEARCHES = (solitary_wave, largest_speed, limit_load)  # take long with these: see their tests
-MADE_BY_THE_LIBRARY = {"Run", "SolitaryWave", "EquilibriumPath", "BeadChain"}
+MADE_BY_THE_LIBRARY = {"Run", "SolitaryWave", "Prediction", "EquilibriumPath", "BeadChain"}
 
 R = sp.Symbol("r")
 SPRING = Prism(1.0, 0.7, 0.01, 1.0).potential()
@@ -74,6 +75,7 @@ LANES = Ensemble(Chain(SPRING, 4), 2)
 NET = Network([[0, 0], [1, 0], [0, 1]], [(0, 1), (1, 2)], SPRING)
 WALL = Wall((0, 0), (0, 1))
 WAVE = solitary_wave(SPRING, speed_ratio=2.0)
+LENNARD_JONES = Potential(((1 + R) ** -12 - 2 * (1 + R) ** -6) / 72, R, domain=(-1.0, math.inf))
 RUN = simulate(LINE, LINE.at_rest({0: 0.03}), 20.0, record=Record(every=1))
 BEADS_RUN = simulate(BEADS, BEADS.start(), 6e-5, record=Record(every=1))
 FOLDER = tempfile.TemporaryDirectory()
@@ -170,6 +172,10 @@ CALLS = [
     (solitary_wave, {"potential": SPRING, "speed": 2 * WAVE.sound_speed}),
     (solitary_wave, {"potential": SPRING, "amplitude": WAVE.amplitude}),
     (solitary_wave, {"potential": SPRING, "energy": WAVE.energy}),
+    (solitary_wave, {"potential": SPRING, "excess": 0.5}),
+    (predict, {"potential": SPRING, "mass": 1.0}),
+    (predict(SPRING)["compression"].small_crest, {"excess": 1e-3}),
+    (predict(LENNARD_JONES)["compression"].wall_crest, {"speed": 100.0}),
     (WAVE.launch, {"chain": Chain(SPRING, 200), "at": 100, "direction": 1, "tail": 1e-6}),
     (WAVE.width, {"level": 0.05}),
     (WAVE.reach, {"tail": 1e-6}),
@@ -184,6 +190,7 @@ CALLS = [
     (methods.find, {"method": "rkn6"}),
     (in_a_run(methods.Splitting), ROWS | SPLIT),
     (in_a_run(methods.Nystrom), ROWS | NYSTROM),
+    (in_a_run(methods.Corrected), ROWS | {"base": methods.METHODS["verlet"]}),
     (in_a_run(methods.Processed), ROWS | SPLIT | {"entry": ((0.0, 0.0), (0.0,))}),
     (asymptotics.sound_speed, {"spring": SPRING, "mass": 1.0}),
     (asymptotics.sech2, {"spring": SPRING, "speed_ratio": 1.05, "x": 0.0}),

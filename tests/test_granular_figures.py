@@ -71,7 +71,7 @@ def test_rk4_at_a_microsecond_misses_the_paper_s_energy_error_in_steel_not_in_pt
     assert np.isnan(granular_energy.meets(tables["steel"], "verlet", 1e-9))
     assert granular_energy.order(tables["steel"], "verlet") == pytest.approx(2, abs=0.2)
     for name in ("steel", "PTFE"):  # what `simulate` chooses
-        assert tables[f"{name} by default"]["rkn6"][0] < 1e-8
+        assert tables[f"{name} by default"]["error"][0] < 1e-10
 
 
 def test_ratios_of_figure_2_do_not_depend_on_the_step(single):

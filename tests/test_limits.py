@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from figures import (
-    _located,
     chosen,
     limits_bits,
     limits_contacts,
@@ -19,13 +18,12 @@ from figures import (
     limits_stiffness,
 )
 from figures.__main__ import render, write_page
-from figures._limits import moved
+from figures._limits import DIFFERENT, EXPLICIT, moved
 from tensegrity.engine.methods import METHODS
 
 pytestmark = pytest.mark.needs_compiler  # minutes without
 
 PAGE = Path(__file__).parent.parent / "figures" / "output" / "limits.md"
-EXPLICIT = [name for name, method in METHODS.items() if method.explicit]
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 ROUND_OFF = 1e-10  # numbers below are sizes of round-off: other processors have others
 
@@ -37,7 +35,7 @@ def stability():
 
 @pytest.fixture(scope="module")
 def contacts():
-    return limits_contacts.data(("verlet", "rkn6", "rk4"))
+    return limits_contacts.data(("verlet", "rkn6", "rk4", "corrected6"), (1.0, 2.0))
 
 
 def rows(table):
@@ -66,39 +64,25 @@ def test_nothing_grows_at_any_step_of_an_implicit_method(stability):
     assert np.max(np.abs(stability["implicit"]["growth"])) < 1e-9
 
 
-def test_order_is_kept_in_closed_contacts_lost_in_opening_ones_restored_by_graded_steps(contacts):
+def test_order_is_kept_in_closed_contacts_lost_in_opening_ones_restored_by_corrections(contacts):
     for row in rows(contacts["orders"]):
         assert row["closed"] == pytest.approx(row["nominal"], abs=0.2)
-        assert row["graded"] > row["nominal"] - 0.2
-        if row["nominal"] > limits_contacts._located.POWER:
+        if row["method"] == limits_contacts.CORRECTED:
+            assert row["opening"] > limits_contacts.HERTZ + 3 - 0.3
+        elif row["nominal"] > limits_contacts.HERTZ + 1:
             assert row["opening"] < row["nominal"] - 0.7
-            assert row["located"] < row["nominal"] - 0.7
+    for row in rows(contacts["exponents"]):
+        assert row[limits_contacts.PLAIN] == pytest.approx(row["exponent"] + 1, abs=0.3)
+        assert row[limits_contacts.CORRECTED] > row["exponent"] + 3 - 0.4
 
 
-def test_located_steps_agree_with_a_hundred_thousand_fixed_ones():
+def test_corrected_steps_agree_with_a_hundred_thousand_without():
     chain, state = limits_contacts.scene("opening")
-    *found, steps, events = _located.run(chain, state, limits_contacts.DURATION, "rkn6", 0.05)
+    found = limits_contacts.exact("opening")
     n = 100_000
     fixed = limits_contacts.moved(chain, state, "rkn6", limits_contacts.DURATION / n, n)
-    assert events > 5
-    assert steps < 2000
+    assert limits_contacts.events() > 5
     assert limits_contacts.gap(found, fixed) < 1e-10
-
-
-def test_each_event_is_located_on_an_overlap_of_zero(monkeypatch):
-    chain, state = limits_contacts.scene("opening")
-    times, ends = [], []
-    root = _located._root
-
-    def watched(function, h):
-        times.append(root(function, h))
-        ends.append(abs(function(times[-1])))
-        return times[-1]
-
-    monkeypatch.setattr(_located, "_root", watched)
-    _located.run(chain, state, limits_contacts.DURATION, "rkn6", 0.1)
-    assert len(ends) > 5
-    assert max(ends) < 1e-14
 
 
 def test_frequency_near_locking_grows_with_the_power_three_quarters_of_the_stroke_left():
@@ -174,7 +158,7 @@ def test_recording_more_often_changes_no_bit():
 
 def test_explicit_steps_grow_with_the_root_of_the_stiffness_ratio_and_implicit_ones_do_not():
     t = limits_stiffness.data(np.array([1e2, 1e4, 1e6]), timed=False)["steps"]
-    for name in METHODS:
+    for name in DIFFERENT:
         assert np.max(t[f"{name}: error"]) <= limits_stiffness.ERROR
         if METHODS[name].explicit:
             assert t[name][2] / t[name][1] == pytest.approx(10, rel=0.02)

@@ -30,6 +30,7 @@ def test_rows_are_consistent_palindromes(method):
 def step_matrix(method):
     """A step of the harmonic oscillator, each entry as a polynomial in dt * omega."""
     z = Polynomial([0, 1])
+    method = getattr(method, "base", method)  # what is corrected is no smooth force
     x, v = [Polynomial([1]), Polynomial([0])], [Polynomial([0]), Polynomial([1])]
     if method.processor:
         for rows, _ in passes(method, 1):

@@ -42,6 +42,7 @@ from tensegrity import (
     Polynomial,
     Potential,
     PowerLaw,
+    Prediction,
     Prism,
     RangeError,
     Record,
@@ -55,6 +56,7 @@ from tensegrity import (
     Wall,
     equilibrium_path,
     equilibrium_paths,
+    predict,
     resume,
     simulate,
     solitary_wave,
@@ -203,6 +205,9 @@ def waves(spring: Potential, chain: Chain) -> State:
     wave = solitary_wave(spring, speed_ratio=2, family="compression")
     assert_type(wave, SolitaryWave)
     assert_type(wave.width(0.1) + wave.speed + wave.shift, float)
+    assert_type(predict(spring), Prediction)
+    assert_type(predict(spring)["compression"].speeds, tuple[float, float])
+    assert_type(wave.excess, float)
     assert_type(wave.strain - wave.elongation(wave.x), Array)
     assert_type(asymptotics.sound_speed(spring), float)
     assert_type(asymptotics.sech2(spring, 1.1, 0.0) - asymptotics.tent(spring, [0.0]), Array)

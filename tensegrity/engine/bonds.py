@@ -39,6 +39,8 @@ class Bonds:
         [1/kg], 0 for a held site.
     contacts : Contacts, optional
         Where the bonds do not just join neighbours on a line.
+    openings : ndarray, (springs, 4), optional
+        What `Potential.opening` says of each different spring, NaN where it says nothing.
     """
 
     laws: tuple
@@ -47,6 +49,7 @@ class Bonds:
     group: np.ndarray
     inverse_mass: np.ndarray
     contacts: Contacts | None = None
+    openings: np.ndarray | None = None
 
     @property
     def dim(self):

@@ -388,7 +388,14 @@ def c_text(laws, loop="line", own=None, helpers=()):
             "#undef OWNED",
             "#undef IS_LONG",
         ]
-    parts += [f"{loop}.c", "steps.c", "evaluate.c"]
+    parts += [
+        f"{loop}.c",
+        "steps.c",
+        "openings.h",
+        f"{loop}_openings.c",
+        "openings.c",
+        "evaluate.c",
+    ]
     return "\n".join(_file(part) if part.endswith((".c", ".h")) else part for part in parts)
 
 

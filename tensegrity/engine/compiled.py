@@ -9,8 +9,9 @@ import numpy as np
 from tensegrity.engine import codegen, geometry
 from tensegrity.engine.bonds import by_spring
 from tensegrity.engine.kept import kept
-from tensegrity.engine.methods import Splitting
+from tensegrity.engine.methods import Corrected, Splitting
 from tensegrity.engine.native import library
+from tensegrity.engine.openings import DEGREE, Openings
 from tensegrity.once import once
 
 
@@ -34,6 +35,12 @@ _NYSTROM = _structure(  # as in steps.c
     "_Nystrom",
     "nodes velocities matrix positions dt place slopes travel",
     "stages count moving",
+)
+_OPENINGS = _structure(  # as in openings.h
+    "_Openings",
+    "place side strength exponents betas tables nodes weights offsets dt "
+    "before rate_before after rate_after u v end_u end_v end_a row",
+    "count entries kicks degree",
 )
 
 
@@ -69,6 +76,7 @@ class Compiled:
             ("advance", [address, number]),
             ("advance_part", [address] + [number] * 3),
             ("advance_nystrom", [address] * 2 + [number]),
+            ("advance_openings", [address] * 2 + [number]),
             ("evaluate", [number] * 3 + [address] * 3),
             ("evaluate_own", [number] * 4 + [address] * 3),
         ):
@@ -148,13 +156,16 @@ class _Bound:
         Bound on how far any coordinate of a site moved since then [m]; networks only.
     """
 
-    def _set_steps(self, loop, structure, arrays, method, dt, moving):
+    def _set_steps(self, loop, structure, arrays, bonds, method, dt, moving, places=None):
         """Keep what the structure points to, and prepare the call of a method's steps."""
         self._structure, self._arrays = structure, arrays
         address = ctypes.addressof(structure)
         if isinstance(method, Splitting):
             self._call = loop.advance, (address,)
             self._part = loop.advance_part, address
+            return
+        if isinstance(method, Corrected):
+            self._set_openings(loop, bonds, method, dt, places)
             return
         u, dt = arrays[0], np.array([dt], dtype=loop.dtype)
         rows = [
@@ -170,6 +181,36 @@ class _Bound:
         steps = _NYSTROM(*(x.ctypes.data for x in rows), method.stages, u.size, moving)
         self._arrays += [rows, steps]
         self._call = loop.advance_nystrom, (address, ctypes.addressof(steps))
+
+    def _set_openings(self, loop, bonds, method, dt, places):
+        """Prepare the steps of a corrected method; `places` are those of the loop's contacts."""
+        found, u = Openings(bonds, method, dt), self._arrays[0]
+        of_bonds = [found.place, found.side, found.strength, found.row]
+        if places is not None:
+            real = places >= 0
+            *numbers, row = (np.where(real, x[places], np.nan) for x in of_bonds)
+            of_bonds = [*numbers, np.where(real, row, 0)]
+        elif u.ndim > 1:
+            shape = len(u) - 1, self._lanes
+            of_bonds = [np.broadcast_to(x.reshape(len(x), -1), shape) for x in of_bonds]
+        *numbers, row = of_bonds
+        count = row.size
+        rows = [
+            *(loop.numbers(x) for x in numbers),
+            *(loop.numbers(x) for x in (found.exponents, found.betas, found.tables)),
+            *(loop.numbers(x) for x in method.rule),
+            np.array([dt], dtype=loop.dtype),
+            *np.zeros((4, count), dtype=loop.dtype),
+            *np.zeros((5, u.size), dtype=loop.dtype),
+            np.ascontiguousarray(row, dtype=np.int64),
+        ]
+        address = [x.ctypes.data for x in rows]
+        steps = _OPENINGS(*address, count, u.size, len(found.nodes), DEGREE)
+        self._arrays += [rows, steps]
+        self._call = (
+            loop.advance_openings,
+            (ctypes.addressof(self._structure), ctypes.addressof(steps)),
+        )
 
     def advance(self, steps):
         """Advance u and v by whole steps."""
@@ -189,6 +230,8 @@ class _Bound:
 
 def _rows(method, dt, dtype):
     """Kicks and drifts times dt, number of stages, and whether a kick closes the step."""
+    if isinstance(method, Corrected):
+        method = method.base
     if not isinstance(method, Splitting):
         return np.zeros(1, dtype), np.zeros(1, dtype), 0, 0
     kicks = np.multiply(method.kicks, dt, dtype=dtype)
@@ -232,7 +275,7 @@ class BoundLine(_Bound):
             (2 * runs.law + runs.own).astype(np.int64), own_at, range_at,
         ]  # fmt: skip
         structure = _LINE(*(x.ctypes.data for x in arrays), len(runs.law), *counts)
-        self._set_steps(loop, structure, arrays, method, dt, u.size)
+        self._set_steps(loop, structure, arrays, bonds, method, dt, u.size)
         self._kept, self._low, self._high = self._order(range_at, seen)
         self._apart = np.array_equal(self._kept, np.arange(self._springs))
         self.forget_range()
@@ -295,7 +338,7 @@ class BoundNet(_Bound):
             *(x.ctypes.data for x in arrays),
             len(runs.law), len(source), sites, contacts.rows, *counts,
         )  # fmt: skip
-        self._set_steps(loop, structure, arrays, method, dt, dim * sites)
+        self._set_steps(loop, structure, arrays, bonds, method, dt, dim * sites, source)
         self.forget_range()
 
     def forget_range(self):

@@ -10,7 +10,8 @@ import numpy as np
 
 from tensegrity.engine import codegen, geometry, plain
 from tensegrity.engine.bonds import KINDS, by_spring
-from tensegrity.engine.methods import Splitting
+from tensegrity.engine.methods import Corrected, Splitting
+from tensegrity.engine.openings import Openings
 
 FOLD = 50  # steps done in one call of the machine
 
@@ -66,7 +67,17 @@ class BoundInterpreted:
             x, y = step(acceleration, x, y, moved)
             return ca.Function(name, [state], [ca.vertcat(x, y, *seen.values())])
 
-        if isinstance(method, Splitting):
+        self._openings = None
+        if isinstance(method, Corrected):
+            self._openings = Openings(bonds, method, dt)
+            kicks, drifts = (
+                np.multiply(x, dt).tolist() for x in (method.base.kicks, method.base.drifts)
+            )
+            first = repeat = plain.split(kicks, [*drifts, 0.0])
+            last = None
+            x = ca.MX.sym("u", u.size)
+            self._pull = ca.Function("pull", [x], [pull(x)[0]])
+        elif isinstance(method, Splitting):
             first, repeat, last = plain.merged(method, dt)
         else:
             first = repeat = plain.nystrom(method, dt)
@@ -97,6 +108,9 @@ class BoundInterpreted:
         """Advance u and v by whole steps."""
         if steps == 0:
             return
+        if self._openings is not None:
+            self._advance_corrected(steps)
+            return
         state = np.concatenate([self._u.ravel(), self._v.ravel(), self._seen])
         state = self._first(state)
         for _ in range((steps - 1) // FOLD):
@@ -105,9 +119,23 @@ class BoundInterpreted:
             state = self._repeat(state)
         if self._last is not None:
             state = self._last(state)
+        self._take(state)
+
+    def _take(self, state):
         u, v, seen = np.split(np.array(state).ravel(), self._ends[1:3])
         self._u[...], self._v[...] = u.reshape(self._u.shape), v.reshape(self._v.shape)
         self._seen = seen
+
+    def _advance_corrected(self, steps):
+        """The same step by step, with a look at the contacts after each."""
+        u, v = self._u, self._v
+        if self._openings.bonds.contacts is None:
+            u, v = u.reshape(-1), v.reshape(-1)  # views
+        overlaps = self._openings.overlaps(u, v)
+        for _ in range(steps):
+            self._take(self._repeat(np.concatenate([u.ravel(), v.ravel(), self._seen])))
+            a = np.array(self._pull(u.ravel())).reshape(u.shape)
+            overlaps = self._openings.corrected(u, v, a, overlaps)
 
 
 class _Pull:

@@ -9,6 +9,7 @@ What runs where:
 | threads | pieces of long chains | no: contacts add to sites in any order |
 | walls, loads | no: a network on a line has them | yes |
 | "processed6" | yes | where sites have no radius, so that no contact can form |
+| "corrected6" | yes, lanes too, on one thread | yes |
 | implicit steps | yes, banded | yes, sparse |
 | fitted forces | yes | yes |
 | springs that change in time | `tensegrity.runs.tuning` | no |

@@ -338,5 +338,7 @@ register(Wall, _wall, _make_wall)
 register(Chain, _chain, _make_chain)
 register(Ensemble, _ensemble)
 register(Network, _network, _make_network)
-for _method in (methods.Splitting, methods.Processed, methods.Nystrom, methods.Gauss):
+for _method in (
+    methods.Splitting, methods.Processed, methods.Corrected, methods.Nystrom, methods.Gauss,
+):  # fmt: skip
     register(_method, _fields)

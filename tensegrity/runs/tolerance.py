@@ -56,7 +56,7 @@ def default_step(problem):
     What the energy at the start cannot tell, the run does: whether contacts opened, and how far
     loads drove them.  Where that asks for a finer step, it is run again.
     """
-    fraction = problem.method.step * problem.scene.step_share
+    fraction = problem.fraction(problem.scene.step_share)
     return settled(
         problem, refined(problem, expected_steps(problem, fraction), MARGIN * fraction)[0]
     )
@@ -68,7 +68,7 @@ def settled(problem, run):
     share = scene.finer_share(run.met) if run.complete and run.steps else None
     if share is None:
         return run
-    fraction = problem.method.step * share
+    fraction = problem.fraction(share)
     omega = scene.frequency(run.met) if run.fastest is None else run.fastest
     steps = count(problem, fraction * problem.natural_step(omega))
     return run if steps <= run.steps else refined(problem, steps, MARGIN * fraction)[0]

@@ -440,7 +440,8 @@ def _side_by_side(ensemble: Ensemble, method: Method) -> Any:
 
     def bonds(lanes: slice) -> Bonds:
         mine = group if group.ndim == 1 else group[:, lanes]
-        return Bonds(laws, law, parameters, mine, np.ascontiguousarray(weights[:, lanes]))
+        mass = np.ascontiguousarray(weights[:, lanes])
+        return Bonds(laws, law, parameters, mine, mass, openings=ensemble.spring_table.openings)
 
     return bonds
 

@@ -183,7 +183,8 @@ class Network(Scene):
         second = np.concatenate([self.bonds[:, 1], self.wall_contacts[:, 0]])
         arrays = (fixed(x) for x in (kind, first, second))
         contacts = Contacts(*arrays, self.geometry, self.loads, len(self.walls))  # type: ignore[call-arg]
-        return Bonds(*self.spring_table.table, self.spring_table.group, self.inverse_mass, contacts)
+        springs = self.spring_table
+        return Bonds(*springs.table, springs.group, self.inverse_mass, contacts, springs.openings)
 
     @cached_property
     def clearance(self) -> Clearance | None:

@@ -12,6 +12,7 @@ import numpy as np
 from tensegrity import check
 from tensegrity.engine import forces, kernel
 from tensegrity.engine.bonds import Bonds, by_spring
+from tensegrity.engine.openings import is_treated
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import ReadOnly, fixed
 from tensegrity.springs.collection import Springs
@@ -156,10 +157,16 @@ class Scene(ReadOnly):
         """Whether the derivatives of no spring jump."""
         return all(spring.smooth for spring in self.spring_table.different)
 
+    @property
+    def opens(self) -> bool:
+        """Whether some contact can open, of an exponent for which steps are corrected."""
+        return self.follows or bool(is_treated(self.spring_table.openings[:, 2]).any())
+
     @cached_property
     def loop_bonds(self) -> Bonds:
         """Bonds as the loop takes them."""
-        return Bonds(*self.spring_table.table, self.spring_table.group, self.inverse_mass)
+        springs = self.spring_table
+        return Bonds(*springs.table, springs.group, self.inverse_mass, openings=springs.openings)
 
     def is_alike(self, other: Scene) -> bool:
         """Whether states of one scene fit the other, bond for bond."""

@@ -85,6 +85,13 @@ class Springs:
         return laws, fixed(np.array(numbers, dtype=int)), fixed(parameters)
 
     @cached_property
+    def openings(self) -> Array:
+        """Place, strength, exponent and side of the opening of each; (springs, 4), or NaN."""
+        none = (np.nan,) * 4
+        rows = [none if spring.opening is None else spring.opening for spring in self.different]
+        return fixed(np.array(rows, dtype=float).reshape(-1, 4))
+
+    @cached_property
     def reach(self) -> Any:
         """Lowest and highest elongation that a run can follow [m]; (springs, 2)."""
         return fixed(np.array([spring.reach for spring in self.different]).reshape(-1, 2))

@@ -56,6 +56,7 @@ class Potential:
     """
 
     smooth = True  # its derivatives do not jump anywhere
+    opening: tuple[float, float, float, float] | None = None  # place, strength, exponent, side
     origin = ""  # the call that made it, where that is another than its class
 
     def __init__(
@@ -92,6 +93,8 @@ class Potential:
         law = Law(energy, elongation, tuple(symbols))
         check_law(law)
         self._set(law, values, length, domain)
+        self.opening = _opening(energy, elongation, dict(zip(symbols, values, strict=True)))
+        self.smooth = self.opening is None
 
     def _set(
         self,
@@ -233,6 +236,37 @@ class Potential:
         return f"Potential({law.energy}, {law.elongation}, {{{values}}}{length}, domain=({domain}))"
 
 
+def _opening(energy: Any, elongation: Any, values: Any) -> Any:
+    """Where a law has a one-sided power of the elongation, such as Max(r - r0, 0)**2.
+
+    Returns
+    -------
+    place [m], strength [N/m^exponent], exponent, side : tuple of float, or None
+        The tension has the part side strength max(side (r - place), 0)^exponent.
+    """
+    import sympy as sp
+
+    y = sp.Dummy("y", positive=True)
+    found = energy.atoms(sp.Max)
+    if len(found) != 1:
+        return None
+    (one,) = found
+    inside = [x for x in one.args if x != 0]
+    factor, power = (
+        sp.expand(energy.xreplace({one: y})).as_independent(y, as_Add=True)[1].as_independent(y)
+    )
+    base, exponent = power.as_base_exp()
+    if len(one.args) != 2 or len(inside) != 1 or base != y or factor.has(elongation):
+        return None
+    rate = sp.diff(inside[0], elongation)
+    known = [x.subs(values) for x in (rate, inside[0].subs(elongation, 0), factor, exponent)]
+    if not all(x.is_number and x.is_real for x in known) or not known[0]:
+        return None
+    rate, at_rest, factor, exponent = map(float, known)
+    strength = factor * exponent * abs(rate) ** exponent
+    return -at_rest / rate, strength, exponent - 1, math.copysign(1.0, rate)
+
+
 def shown(number: float) -> str:
     """The shortest text that reads back as this number: 1 rather than 1.0."""
     return repr(float(number)).removesuffix(".0")
@@ -292,6 +326,7 @@ class PowerLaw(Potential):
         domain = (-math.inf, math.inf)
         self._set(DerivedLaw(_power_law, exponent), values, length, domain)
         self._exponent = exponent
+        self.opening = overlap, stiffness, exponent, -1.0
         given: dict[str, Any] = {"stiffness": stiffness, "exponent": exponent, "preload": preload}
         given |= {} if length is None else {"length": self._length}
         self.origin = call("PowerLaw", **given)

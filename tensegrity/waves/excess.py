@@ -23,6 +23,7 @@ FITTED = 1e-14  # of its largest coefficient, left in the last ones
 HALVINGS = 40  # of the range in which a polynomial is sought
 CHANGE = 0.5  # of V'' over V''(0), that makes the scale of a potential
 AT_REST = 1e-9  # of V''(0) times the scale: V'(0) that is round-off
+ROUND_OFF = 1e-10  # of the largest force beyond the linear law: a derivative at rest that is none
 BINADES = 1000  # that are searched for the scale
 
 
@@ -38,6 +39,9 @@ class Excess:
         [m]; inf where it does not change or is 0 at rest.
     core : float
         Size of elongation up to which the polynomial is taken [m]; may be 0.
+    slope, bend : float
+        V'''(0) [N/m^2] and V''''(0) [N/m^3] of the polynomial, 0 where they are round-off; nan
+        without one.
 
     Raises
     ------
@@ -56,6 +60,7 @@ class Excess:
                 f"tension {self._tension:g} N at r = 0 must be 0: the spring is not at rest there"
             )
         self.core, self._means = self._fit()
+        self.slope, self.bend = self._derivatives()
 
     def _scale(self):
         if self.rest <= 0:
@@ -92,6 +97,20 @@ class Excess:
             if np.max(np.abs(series - direct)) <= AT_REST * self.rest:  # else V'' jumps
                 return core, means
         return 0.0, None
+
+    def _derivatives(self):
+        if self._means is None:
+            return math.nan, math.nan
+        series = self._means[:, 1]  # of V' - V''(0) r over r^2
+        values = (
+            2 * chebyshev.chebval(0.0, series),
+            6 * chebyshev.chebval(0.0, chebyshev.chebder(series)),
+        )
+        largest = np.max(np.abs(series))
+        return tuple(
+            float(x) / self.core**k if abs(x) > ROUND_OFF * largest else 0.0
+            for k, x in enumerate(values)
+        )
 
     def stiffness(self, r):
         """V'' - V''(0) [N/m] at elongations r [m] of any shape."""

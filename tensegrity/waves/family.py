@@ -14,8 +14,9 @@ from functools import cached_property
 import numpy as np
 
 from tensegrity.errors import ResolutionError, TensegrityError
-from tensegrity.root import root
 from tensegrity.waves.excess import excess
+from tensegrity.waves.fronts import lengthened
+from tensegrity.waves.rises import rises
 from tensegrity.waves.travelling import (
     Grid,
     NoWave,
@@ -35,6 +36,7 @@ LEAST_OF_END = 2.0**-30  # of the domain where the spring has no scale
 MOST_BINADES = 1023
 SMALLEST = np.finfo(float).tiny  # number that keeps all its digits
 PER_BINADE = 6  # sizes in the table
+CLOSER = 34  # ... between the last of them at which a spring resists and the next
 TINY = 2.0**-1000  # m: smallest size in the table of a spring without a scale
 ROUGH = 1e-4  # residual, and Newton's last step, while a wave is sought
 FIRST_POINTS, MOST_POINTS = 192, 32768
@@ -44,7 +46,8 @@ NO_TAIL = 1e-2  # of the crest, left at the end of the longest grid: it is no so
 LONGEST = 8  # half-length over what the linear tail needs, while a wave is sought
 CORE = 3.0  # sites in which a wave has fallen to its linear tail
 SLOWEST_DECAY = 6.0  # per site: faster tails are over within the core
-FRONT = 1 - 1e-6  # part of the size of a front
+FRONT = 1 - 1e-7  # part of the size of a front
+FLAT = 0.02  # distance to it, over its size, from which a wave is made from one farther away
 STROKE = 0.9995  # part of the stroke to the end of the domain that a wave is looked for in
 CLOSE = 0.03  # relative distance from which Newton's method is trusted to reach the target
 SEARCHES = 60
@@ -54,24 +57,49 @@ FACTOR = 4.0  # largest change of amplitude/(stroke left) in a step of the searc
 
 
 class Family:
-    """The waves of one sign: a family, ordered by the size a > 0 [m] of the crest's elongation."""
+    """Waves of one sign, ordered by the size a > 0 [m] of the crest's elongation.
 
-    def __init__(self, potential, sign) -> None:
+    Those of one rise of Q = 2V/r^2, see `rises`: of the first one by default.
+    """
+
+    def __init__(self, potential, sign, number=0) -> None:
         self.potential, self.sign = potential, sign
         self.name = next(name for name, s in SIGNS.items() if s == sign)
         self.end = sign * potential.domain[int(sign > 0)]
-        self._excess = excess(potential)
-        self.rest = self._excess.rest
+        self.beyond = excess(potential)
+        self.rest = self.beyond.rest
         self.sizes, self.gain, self.energy, self.stiffness = self._table()
         self.secant = self.rest + self.gain  # |V'|/a
-        self.long_wave = self._long_wave()
+        self.rises = rises(self.beyond, sign, self.sizes)
         self._check_existence()
+        if number >= len(self.rises):
+            raise TensegrityError(
+                f"no solitary wave of {self.name} {number + 1}: 2V/r^2 rises above what it was "
+                f"before {len(self.rises)} times only"
+            )
+        self.rise = self.rises[number]
+        self.name += f" {number + 1}" if number else ""
+        self.long_wave = self._long_wave()
+
+    def with_crest(self, size):
+        """The family of this sign, or the last one, to which a crest of that size [m] belongs."""
+        return self._one(lambda rise: size < rise.top)
+
+    def with_level(self, above):
+        """The same for m c^2 - V''(0) = above [N/m]."""
+        return self._one(lambda rise: above < rise.ceiling)
+
+    def _one(self, holds):
+        number = next((k for k, rise in enumerate(self.rises) if holds(rise)), len(self.rises) - 1)
+        return (
+            self if self.rise is self.rises[number] else Family(self.potential, self.sign, number)
+        )
 
     def _table(self):
         """Sizes a up to the end of the domain, |V'|/a - V''(0), V - V''(0) a^2/2 and V'' there,
         while the spring resists and all is finite; (4, n)."""
-        scale = min(self._excess.scale, self.end)
-        least = (LEAST if math.isfinite(self._excess.scale) else LEAST_OF_END) * scale
+        scale = min(self.beyond.scale, self.end)
+        least = (LEAST if math.isfinite(self.beyond.scale) else LEAST_OF_END) * scale
         if math.isinf(self.end):
             first = math.log2(TINY) if math.isinf(least) else math.log2(least)
             sizes = 2.0 ** (np.arange(PER_BINADE * (MOST_BINADES - first)) / PER_BINADE + first)
@@ -79,21 +107,28 @@ class Family:
             near = 2.0 ** -(np.arange(4, -math.log2(least / self.end), 1 / PER_BINADE))
             far = 1 - np.logspace(0, math.log10(1 - STROKE), 161)
             sizes = self.end * np.sort(np.concatenate([near, far[far > 1 / 16]]))
-        r = self.sign * sizes
-        with np.errstate(all="ignore"):
-            gain = self._excess.tension(r) / r
-            rows = np.array([sizes, gain, self._excess.energy(r), self.potential.stiffness(r)])
-            energy = (self.rest + gain) * sizes**2
-            good = np.isfinite(rows).all(axis=0) & np.isfinite(energy) & (energy > SMALLEST)
+        rows, good = self._rows(sizes)
         # without a scale the energies of the smallest crests underflow
-        first = 0 if math.isfinite(self._excess.scale) else int(np.argmax(good))
-        good = good[first:]
-        rows = rows[:, first:][:, : len(good) if good.all() else int(np.argmin(good))]
+        first = 0 if math.isfinite(self.beyond.scale) else int(np.argmax(good))
+        last = len(good) if good[first:].all() else first + int(np.argmin(good[first:]))
+        rows = rows[:, first:last]
+        if first < last < len(good):  # Q may have its maximum close to where the force ends
+            closer, good = self._rows(np.linspace(sizes[last - 1], sizes[last], CLOSER)[1:-1])
+            rows = np.hstack([rows, closer[:, : len(good) if good.all() else int(np.argmin(good))]])
         if rows.shape[1] < 2:
             raise TensegrityError(
                 f"no solitary wave of {self.name}: this spring does not resist {self.name}"
             )
         return rows
+
+    def _rows(self, sizes):
+        """Lines of the table, and where the spring resists and all is finite."""
+        r = self.sign * sizes
+        with np.errstate(all="ignore"):
+            gain = self.beyond.tension(r) / r
+            rows = np.array([sizes, gain, self.beyond.energy(r), self.potential.stiffness(r)])
+            energy = (self.rest + gain) * sizes**2
+            return rows, np.isfinite(rows).all(axis=0) & np.isfinite(energy) & (energy > SMALLEST)
 
     def _long_wave(self):
         """m c^2 - V''(0) [N/m] of the long-wave equation, at `sizes` a.
@@ -114,7 +149,7 @@ class Family:
         and c > cs for a tail that decays."""
         secant = self.secant
         grows = self.gain.max() > 1e-9 * self.rest and secant.max() > secant[0] * (1 + 1e-9)
-        if not (grows and self.long_wave.max() > 1e-9 * self.rest):
+        if not (grows and self.rises):
             raise TensegrityError(
                 f"no solitary wave of {self.name}: V'(r)/r does not rise above its value at rest, "
                 f"{secant[0]:g} N/m (beyond, it is {secant[-1]:g} N/m), but a wave whose tail "
@@ -153,13 +188,15 @@ class Family:
                 f"crest {self.sign * size:g} m must be at least {self.sizes[0]:g} m in size: {why} "
                 "to round-off"
             )
-        if size >= self.front[0]:
+        if size >= self.rise.top:
             raise NoWave(
-                f"crest {self.sign * size:g} m must be below {self.front[0]:g} m in size: the "
+                f"crest {self.sign * size:g} m must be below {self.rise.top:g} m in size: the "
                 f"spring softens, and as waves of {self.name} approach that their tops grow flat "
                 "and endless"
             )
         law = Scaled(self.potential, self.sign * size)
+        if size > (1 - FLAT) * self.rise.top and self.flattens:
+            return self._near_front(law)
         nu = self._rise(size) / law.secant
         points, length = FIRST_POINTS, 0.0
         while points <= MOST_POINTS:
@@ -187,6 +224,32 @@ class Family:
             f"{MOST_POINTS} points do not resolve the wave with a crest of {self.sign * size:.9g} m"
         )
 
+    @property
+    def flattens(self):
+        """Whether the family ends at a front that its waves come to with flat tops."""
+        return math.isfinite(self.rise.top) and self.top_stiffness > 0
+
+    @property
+    def top_stiffness(self):
+        return float(self.potential.stiffness(self.sign * self.rise.top))
+
+    @cached_property
+    def _flat(self):
+        """A wave with a top that begins to be flat."""
+        return self.wave((1 - FLAT) * self.rise.top)
+
+    def _near_front(self, law):
+        speed_squared = (self.rest + self.rise.ceiling) / self.top_stiffness
+        start = lengthened(self._flat, law, self.rise, decay_rate(speed_squared - 1))
+        while start.grid.points <= MOST_POINTS:
+            profile = solved(start, amplitude_is(1.0), ROUGH)
+            if profile.defect() < ROUGH:
+                return profile
+            start = profile.on(Grid(2 * profile.grid.points, profile.grid.half_length))
+        raise ResolutionError(
+            f"{MOST_POINTS} points do not resolve the wave with a crest of {law.reference:.9g} m"
+        )
+
     def _rough(self, size):
         """f of `Scaled`, interpolated."""
         return lambda rho: self.rough_tension(size * rho) / self.rough_tension(size)
@@ -212,7 +275,7 @@ class Family:
         def reached(profile):
             return f"crest {self.sign * crest(profile):.6g} m"
 
-        if not self.sizes[0] <= size < self.front[0]:
+        if not self.sizes[0] <= size < self.rise.top:
             self.wave(size)  # says why not
         profile = self._search(
             lambda profile: math.log(crest(profile) / size), size,
@@ -226,17 +289,30 @@ class Family:
         def say(above):
             return f"speed {math.sqrt((self.rest + above) / mass):.6g} sites/s"
 
-        if above >= self.front[1]:
+        rise = self.rise
+        if above >= rise.ceiling and self.flattens:
             raise TensegrityError(
-                f"{say(above)} must be below {say(self.front[1])}: the spring softens, and as "
+                f"{say(above)} must be below {say(rise.ceiling)}: the spring softens, and as "
                 f"waves of {self.name} approach that speed their tops grow flat and endless"
+            )
+        if above <= rise.floor:
+            raise TensegrityError(
+                f"{say(above)} must be above {say(rise.floor)}, that of the front at which the "
+                f"waves before those of {self.name} end"
             )
 
         def reached(profile):
             return say(profile.nu * profile.law.secant)
 
+        def place(value):  # from -inf to inf within the family
+            left = rise.ceiling - value if self.flattens else 1.0
+            return math.log(value - rise.floor) - math.log(left)
+
         def excess(profile):
-            return math.log(profile.nu) + math.log(profile.law.secant) - math.log(above)
+            value = profile.nu * profile.law.secant
+            if value <= rise.floor or (self.flattens and value >= rise.ceiling):
+                raise NoWave(f"a wave with {say(value)} is none of {self.name}")
+            return place(value) - place(above)
 
         start = self._start(self.long_wave > above)
         profile = self._search(excess, start, say(above), reached)
@@ -244,8 +320,9 @@ class Family:
 
     def _start(self, enough):
         """The first size at which a wave may exist and has enough of something, or the last."""
-        found = np.flatnonzero(enough & (self.long_wave > 0))
-        return self.sizes[found[0]] if found.size else self.sizes[-1]
+        inside = (self.sizes > self.rise.start) & (self.sizes < self.rise.top)
+        found = np.flatnonzero(enough & inside & (self.long_wave > self.rise.floor))
+        return self.sizes[found[0]] if found.size else self._last
 
     def with_energy(self, target):
         """A wave near, and the condition, for an energy [J]."""
@@ -263,32 +340,10 @@ class Family:
         )  # fmt: skip
         return profile, energy_is(target / (profile.law.reference * profile.law.force))
 
-    @cached_property
-    def front(self):
-        """Size [m] and m c^2 - V''(0) [N/m] of the front that ends a family, else (inf, inf).
-
-        Where a spring softens after it has stiffened the waves grow flat tops, whose ends are
-        fronts: between r = 0 and r the forces balance if m c^2 = V'(r)/r, the energy flows if
-        V(r) = r V'(r)/2.
-        """
-        top = int(np.argmax(self.long_wave))
-        if top in (0, len(self.sizes) - 1):
-            return math.inf, math.inf
-
-        def surplus(size):
-            r = self.sign * size
-            return float(r * self._excess.tension(r) - 2 * self._excess.energy(r))
-
-        low, high = self.sizes[[top - 1, top + 1]]
-        if not surplus(low) > 0 > surplus(high):
-            return math.inf, math.inf
-        size = root(surplus, low, high, relative=1e-14)
-        return size, float(self._excess.tension(self.sign * size)) / (self.sign * size)
-
     @property
     def _last(self):
         """Size of the largest wave that is looked for [m]."""
-        return min(self.sizes[-1], FRONT * min(self.end, self.front[0]))
+        return min(self.sizes[-1], FRONT * min(self.end, self.rise.top))
 
     def _search(self, excess, start, asked, reached):
         """Secant steps in the size until |excess| < CLOSE; excess must rise with the size.
@@ -296,7 +351,7 @@ class Family:
         Where waves end on the way, the last one found is told by `reached`.
         """
         largest = self._last
-        coordinate = Coordinate(min(self.end, self.front[0]))
+        coordinate = Coordinate(min(self.end, self.rise.top))
         size, before = min(start, largest), None
         low, high = -math.inf, math.inf  # coordinates between which the wave must lie
         below = above = None  # waves found there

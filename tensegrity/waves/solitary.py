@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array
 
 LEAST_LEVEL = 1e-8  # of the crest, at which a width is asked for
+MOST = 1000  # families of one sign that can be asked for
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +47,11 @@ class SolitaryWave:
         when its elongation is largest.
     speed, sound_speed : float
         [sites/s].
+    excess : float
+        speed/sound_speed - 1, to full relative precision also where it is small; inf in a sonic
+        vacuum.
+    family : str
+        "compression" or "rarefaction", with a number from the second family of that sign on.
     amplitude : float
         Elongation of the crest [m], extension > 0: negative in a compression wave.
     energy : float
@@ -62,6 +68,8 @@ class SolitaryWave:
     x: Array = field(repr=False)
     speed: float
     sound_speed: float
+    excess: float
+    family: str
     amplitude: float
     energy: float
     momentum: float
@@ -200,10 +208,9 @@ class SolitaryWave:
             )
 
     def __str__(self) -> str:
-        kind = "compression" if self.amplitude < 0 else "rarefaction"
         ratio = f" = {self.speed_ratio:.6g} sound speeds" if self.sound_speed else ""
         return (
-            f"solitary wave of {kind}, speed {self.speed:.6g} sites/s{ratio}\n"
+            f"solitary wave of {self.family}, speed {self.speed:.6g} sites/s{ratio}\n"
             f"crest {self.amplitude:.6g} m, width {self.width():.4g} sites at 5 % of it\n"
             f"energy {self.energy:.6g} J, momentum {self.momentum:.6g} kg m/s\n"
             f"residual {self.residual:.1e}"
@@ -216,6 +223,7 @@ def solitary_wave(
     *,
     speed: float | None = None,
     speed_ratio: float | None = None,
+    excess: float | None = None,
     amplitude: float | None = None,
     energy: float | None = None,
     family: str | None = None,
@@ -228,13 +236,16 @@ def solitary_wave(
         Of all springs.
     mass : float, optional
         Of each site [kg].
-    speed, speed_ratio, amplitude, energy : float
-        Exactly one: speed [sites/s], speed over sound speed, elongation of the crest [m]
-        (negative: compression), or energy [J].
-    family : {"compression", "rarefaction"}, optional
-        By default that of the amplitude's sign, else the one whose waves start from zero
-        amplitude: compression where the spring stiffens in compression.  Springs that stiffen
-        both ways carry the other one too, above a threshold.
+    speed, speed_ratio, excess, amplitude, energy : float
+        Exactly one: speed [sites/s], speed over sound speed, the same less 1 (which keeps its
+        digits close to sound), elongation of the crest [m] (negative: compression), or energy [J].
+    family : str, optional
+        "compression" or "rarefaction"; by default that of the amplitude's sign, else the one
+        whose waves start from zero amplitude: compression where the spring stiffens in
+        compression.  Springs that stiffen both ways carry the other one too, above a threshold.
+        Where a spring stiffens, softens and stiffens more there are several families of one sign,
+        see `predict`: "rarefaction 2" is the second.  Without a number it is the one to which
+        speed or amplitude belong, and with an energy the first.
 
     Returns
     -------
@@ -253,7 +264,10 @@ def solitary_wave(
     if not isinstance(potential, Potential):
         raise TensegrityError(f"potential {check.shown(potential)} is not a Potential")
     mass = check.number("mass", mass, above=0, unit="kg")
-    given = {"speed": speed, "speed_ratio": speed_ratio, "amplitude": amplitude, "energy": energy}
+    given = {
+        "speed": speed, "speed_ratio": speed_ratio, "excess": excess, "amplitude": amplitude,
+        "energy": energy,
+    }  # fmt: skip
     asked = {name: value for name, value in given.items() if value is not None}
     if len(asked) != 1:
         raise TensegrityError(
@@ -262,42 +276,30 @@ def solitary_wave(
     ((name, value),) = asked.items()
     value = check.number(name, value)
     sound = sound_speed(potential, mass)
-    sign = _sign(potential, family, value if name == "amplitude" else None)
-    side = Family(potential, sign)
+    sign, number = _sign_and_number(potential, family, value if name == "amplitude" else None)
+    side = Family(potential, sign, number or 0)
     if name == "amplitude":
+        if number is None:
+            side = side.with_crest(abs(value))
         profile, condition = side.with_size(abs(value))
     elif name == "energy":
         value = check.number("energy", value, above=0, unit="J")
         profile, condition = side.with_energy(value)
     else:
-        if name == "speed_ratio" and sound == 0:
-            raise TensegrityError(
-                "speed_ratio given, but the sound speed is 0 (a sonic vacuum): give the speed"
-            )
-        speed = value * sound if name == "speed_ratio" else value
-        if not speed > sound:
-            raise TensegrityError(
-                f"speed {speed:g} must be above {sound:g} sites/s, the sound speed: a slower wave "
-                "has no decaying tail"
-            )
-        stiffness = mass * speed * speed
-        above = side.rest * (speed / sound - 1) * (speed / sound + 1) if sound else stiffness
-        if not (above > 0 and stiffness < math.inf):
-            raise TensegrityError(
-                f"speed {float(speed)} sites/s gives m c^2 = {float(stiffness)} N/m, must be a "
-                f"number above the stiffness at rest, {side.rest} N/m"
-            )
+        above = _above(name, value, sound, mass, side.rest)
+        if number is None:
+            side = side.with_level(above)
         profile, condition = side.with_stiffness(above, mass)
     try:
         exact, residual = refined(profile, condition)
     except NoWave:
-        near = _wave(potential, mass, sound, profile, profile.residual())
+        near = _wave(side.name, mass, sound, profile, profile.residual())
         raise TensegrityError(
             f"no solitary wave of {side.name} with {name} {value:g}: the nearest one found has a "
             f"crest of {near.amplitude:.6g} m, speed {near.speed:.6g} sites/s and energy "
             f"{near.energy:.6g} J, where the family ends"
         ) from None
-    return _wave(potential, mass, sound, exact, residual)
+    return _wave(side.name, mass, sound, exact, residual)
 
 
 def _distances(x):
@@ -307,10 +309,48 @@ def _distances(x):
     return x
 
 
+def _above(name, value, sound, mass, rest):
+    """m c^2 - V''(0) [N/m] of a speed, a speed ratio or its excess."""
+    if name != "speed" and sound == 0:
+        raise TensegrityError(
+            f"{name} given, but the sound speed is 0 (a sonic vacuum): give the speed"
+        )
+    if name == "excess":
+        value = check.number("excess", value, above=0)
+        speed, above = sound * (1 + value), rest * value * (2 + value)
+    else:
+        speed = value * sound if name == "speed_ratio" else value
+        above = rest * (speed / sound - 1) * (speed / sound + 1) if sound else mass * speed * speed
+    if name != "excess" and not speed > sound:
+        raise TensegrityError(
+            f"speed {speed:g} must be above {sound:g} sites/s, the sound speed: a slower wave "
+            "has no decaying tail"
+        )
+    stiffness = mass * speed * speed
+    if not (above > 0 and stiffness < math.inf):
+        raise TensegrityError(
+            f"speed {float(speed)} sites/s gives m c^2 = {float(stiffness)} N/m, must be a "
+            f"number above the stiffness at rest, {rest} N/m"
+        )
+    return above
+
+
+def _sign_and_number(potential, family, amplitude):
+    """-1 or 1, the sign of the elongation, and which family of it, from 0, or None."""
+    number = None
+    if family is not None:
+        word, _, rest = family.partition(" ") if isinstance(family, str) else ("", "", "")
+        if word not in SIGNS or not (rest == "" or (rest.isdecimal() and 0 < int(rest) <= MOST)):
+            raise TensegrityError(
+                f"family {check.shown(family)} must be one of {', '.join(SIGNS)}, with a number "
+                "from the second family on"
+            )
+        family, number = word, int(rest) - 1 if rest else None
+    return _sign(potential, family, amplitude), number
+
+
 def _sign(potential, family, amplitude):
     """-1 or 1, the sign of the elongation."""
-    if family is not None and not (isinstance(family, str) and family in SIGNS):
-        raise TensegrityError(f"family {check.shown(family)} must be one of {', '.join(SIGNS)}")
     if amplitude is not None:
         if amplitude == 0:
             raise TensegrityError("amplitude 0 m must not be 0")
@@ -369,15 +409,16 @@ def largest_speed(
     closest = check.number("closest", closest, least=1 - STROKE)
     if closest > 0.1:
         raise TensegrityError(f"closest {closest:g} must be at most 0.1")
-    side = Family(potential, _sign(potential, family, None))
-    if math.isfinite(side.front[1]):
-        return math.sqrt((side.rest + side.front[1]) / mass)
+    sign, number = _sign_and_number(potential, family, None)
+    side = Family(potential, sign, number or 0)
+    if math.isfinite(side.rise.ceiling):
+        return math.sqrt((side.rest + side.rise.ceiling) / mass)
     if math.isinf(side.end):
         raise TensegrityError("no largest speed: the spring does not lock (its domain is open)")
     return math.sqrt(side.stiffness_at_end(closest) / mass)
 
 
-def _wave(potential, mass, sound, profile, residual):
+def _wave(family, mass, sound, profile, residual):
     law, grid = profile.law, profile.grid
     stiffness = profile.mu * law.secant  # m c^2
     speed = math.sqrt(stiffness / mass)
@@ -386,8 +427,10 @@ def _wave(potential, mass, sound, profile, residual):
     bonds = law.reference * law.force * (grid.weights @ law.energy(profile.rho))
     masses = stiffness / 2 * (grid.weights @ grid.values(rates) ** 2)
     return SolitaryWave(
-        potential=potential, mass=mass, x=np.concatenate([-grid.x[:0:-1], grid.x]), speed=speed,
-        sound_speed=sound, amplitude=float(law.reference * profile.rho[0]),
+        potential=law.potential, mass=mass, x=np.concatenate([-grid.x[:0:-1], grid.x]),
+        speed=speed, sound_speed=sound, family=family,
+        excess=math.expm1(math.log1p(profile.nu / law.rest) / 2) if law.rest else math.inf,
+        amplitude=float(law.reference * profile.rho[0]),
         energy=float(bonds + masses),
         momentum=float(-mass * speed * 2 * grid.half_length * rates[0]),
         residual=residual, _grid=grid, _rates=rates,

@@ -1,0 +1,107 @@
+/* Overlaps of a network's contacts, and what its rows get where one opens or closes. */
+
+static void run_of(const scene *c, const openings *o, integer s, const real *restrict u,
+                   const real *restrict v, real *restrict w, real *restrict rate, const int wall)
+{
+    const integer n = c->contacts, start = c->first[s], last = c->first[s + 1];
+    const real *restrict geometry = c->geometry, dt = *o->dt;
+    for (integer b = start; b < last; b += GROUP) {
+        real x[DIM][GROUP], y[DIM][GROUP];
+        const integer *restrict from = c->from + b, *restrict to = c->to + b;
+        for (int i = 0; i < GROUP; i++)
+            AXES(k) {
+                x[k][i] = wall ? u[to[i] + k] : u[to[i] + k] - u[from[i] + k];
+                y[k][i] = wall ? v[to[i] + k] : v[to[i] + k] - v[from[i] + k];
+            }
+        EACH(GROUP) {
+            real at[DIM], apart[DIM], along[DIM], r, change = 0;
+            const real gap = geometry[DIM * n + b + i], length = geometry[(DIM + 1) * n + b + i];
+            AXES(k) at[k] = geometry[k * n + b + i], apart[k] = x[k][i];
+            if (wall) wall_contact(at, apart, gap, length, &r, along);
+            else pair_contact(at, apart, gap, length, &r, along);
+            AXES(k) change += along[k] * y[k][i];
+            w[b + i] = o->side[b + i] * (r - o->place[b + i]);
+            rate[b + i] = o->side[b + i] * dt * change;
+        }
+    }
+}
+
+__attribute__((flatten)) static void overlaps(const scene *c, const openings *o, const real *u,
+                                              const real *v, real *w, real *d)
+{
+    for (integer s = 0; s < c->runs; s++)
+        if (c->law[s] & 2) run_of(c, o, s, u, v, w, d, 1);
+        else run_of(c, o, s, u, v, w, d, 0);
+}
+
+static int may_pass(const scene *c, const openings *o)
+{
+    integer any = 0;
+    EACH(c->contacts) any |= (c->low[i] <= o->place[i]) & (c->high[i] >= o->place[i]);
+    return any != 0;
+}
+
+static void remember(const scene *c, const openings *o)
+{
+    acceleration(c, c->u, o->end_a);
+    EACH(o->entries) o->end_u[i] = c->u[i], o->end_v[i] = c->v[i];
+}
+
+static int is_wall(const scene *c, integer b)
+{
+    integer s = 0;
+    while (c->first[s + 1] <= b) s++;
+    return (c->law[s] & 2) != 0;
+}
+
+/* The line of contact at the event, a part 1 - x of the step ago, how fast it turned, and how
+   long it was; the last two are 0 where it does not turn. */
+static real line_at(const scene *c, const openings *o, integer b, real x, real *line, real *turn)
+{
+    const real back = (1 - x) * *o->dt;
+    AXES(k) line[k] = c->geometry[k * c->contacts + b], turn[k] = 0;
+    if (DIM == 1 || is_wall(c, b)) return 0;
+    const integer from = c->from[b], to = c->to[b];
+    real square = 0, along = 0;
+    AXES(k) {
+        const real pull = o->end_a[to + k] - o->end_a[from + k];
+        const real speed = o->end_v[to + k] - o->end_v[from + k];
+        line[k] += o->end_u[to + k] - o->end_u[from + k] - back * (speed - back / 2 * pull);
+        turn[k] = speed - back * pull;
+        square += line[k] * line[k];
+    }
+    const real length = sqrt(square);
+    AXES(k) line[k] /= length, along += line[k] * turn[k];
+    AXES(k) turn[k] = (turn[k] - along * line[k]) / length;
+    return length;
+}
+
+static real swing(const scene *c, const openings *o, integer b, real x)
+{
+    real line[DIM], turn[DIM], square = 0;
+    const real length = line_at(c, o, b, x, line, turn), dt = *o->dt;
+    AXES(k) square += turn[k] * turn[k];
+    return o->side[b] * dt * dt * length * square;
+}
+
+static void give(const scene *c, const openings *o, integer b, real w, real x, real total,
+                 real moment, real turning)
+{
+    const integer from = c->from[b], to = c->to[b];
+    const real dt = *o->dt, back = (1 - x) * dt;
+    real line[DIM], turn[DIM], impulse[DIM], shift[DIM], size = 0, mobility = 0;
+    line_at(c, o, b, x, line, turn);
+    AXES(k) {
+        impulse[k] = dt * o->side[b] * (total * line[k] + dt * turning * turn[k]);
+        shift[k] = dt * dt * o->side[b] * moment * line[k] + back * impulse[k];
+        size += fabs(shift[k]);
+        mobility = larger(mobility, c->w[from + k] + c->w[to + k]);
+    }
+    const real share = size * mobility >= fabs(w) ? 0 : 1; /* else it would change side once more */
+    AXES(k) {
+        c->v[from + k] += c->w[from + k] * impulse[k];
+        c->v[to + k] -= c->w[to + k] * impulse[k];
+        c->u[from + k] += c->w[from + k] * share * shift[k];
+        c->u[to + k] -= c->w[to + k] * share * shift[k];
+    }
+}

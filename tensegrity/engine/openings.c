@@ -1,0 +1,153 @@
+/* Steps of a splitting, corrected where contacts open or close: `derivations.openings`.
+
+   Behind `steps.c` and what the scene's own text says: overlaps(c, o, u, v, w, d), the overlap of
+   each contact and its change in a step; may_pass(c, o), whether any can have passed zero, by
+   the elongations met; remember(c, o), the motion at the end of a step; swing(c, o, b, x), the
+   part of an overlap's change of rate that the turn of its line makes; give(c, o, b, w, x, total,
+   moment, turning), which hands impulse and moment to the two rows of a contact. */
+
+#define SCAN 64
+
+static real cubic(const real *p, real x) { return p[0] + x * (p[1] + x * (p[2] + x * p[3])); }
+static real incline(const real *p, real x) { return p[1] + x * (2 * p[2] + x * 3 * p[3]); }
+
+/* Where a cubic passes zero between two places on different sides of it. */
+static real root_between(const real *p, real low, real high)
+{
+    const int below = cubic(p, low) > 0;
+    real x = (low + high) / 2;
+    for (int k = 0; k < 60; k++) {
+        const real y = cubic(p, x), rate = incline(p, x);
+        if ((y > 0) == below) low = x;
+        else high = x;
+        real next = rate != 0 ? x - y / rate : low;
+        if (!(next > low && next < high)) next = (low + high) / 2;
+        if (fabs(next - x) <= 1e-16) break;
+        x = next;
+    }
+    return x;
+}
+
+/* The quadrature's error of a force (distance from the root)^alpha on one side of it. */
+static void event(const scene *c, const openings *o, integer b, real w, const real *p, real x,
+                  int opens)
+{
+    const integer row = o->row[b], width = o->degree + 1;
+    const real alpha = o->exponents[row], *table = o->tables + 3 * row * width;
+    const real rate = fabs(incline(p, x)), curvature = 2 * p[2] + 6 * p[3] * x;
+    real sums[3] = {0};
+    for (integer i = 0; i < o->kicks; i++) {
+        real q = opens ? x - o->nodes[i] : o->nodes[i] - x;
+        q -= floor(q);
+        const real least = pow(q, alpha - 1), t = 2 * q - 1, weight = o->weights[i];
+        real z[3] = {0};
+        for (integer k = width - 1; k >= 0; k--)
+            for (int j = 0; j < 3; j++) z[j] = z[j] * t + table[j * width + k];
+        sums[0] += weight * (z[0] + least * q);
+        sums[1] += weight * (z[1] + least * q * q);
+        sums[2] += weight * o->offsets[i] * (z[2] + least);
+    }
+    const real size = o->strength[b] * pow(rate, alpha - 1), way = opens ? -1 : 1;
+    const real pull = curvature - swing(c, o, b, x);
+    const real total = -size * (rate * sums[0] + alpha * (curvature * sums[1] / 2 + pull * sums[2]));
+    const real moment = way * size * rate * sums[1];
+    give(c, o, b, w, x, total, moment, -moment);
+}
+
+/* A contact that closed and opened again within the step: all its kicks are in there. */
+static void touch(const scene *c, const openings *o, integer b, real w, const real *p, real one,
+                  real other)
+{
+    const real alpha = o->exponents[o->row[b]], middle = (one + other) / 2;
+    const real curvature = 2 * p[2] + 6 * p[3] * middle, pull = curvature - swing(c, o, b, middle);
+    real total = pow(fabs(curvature / 2), alpha) * pow(other - one, 2 * alpha + 1)
+                 * o->betas[o->row[b]], moment = 0;
+    for (integer i = 0; i < o->kicks; i++) {
+        const real node = o->nodes[i], inside = cubic(p, node) + pull * o->offsets[i];
+        if (!(inside > 0 && node > 0 && node < 1)) continue;
+        const real force = o->weights[i] * pow(inside, alpha);
+        total -= force;
+        moment += (node - middle) * force;
+    }
+    give(c, o, b, w, middle, o->strength[b] * total, o->strength[b] * moment, 0);
+}
+
+/* Whether an overlap that came back to its side was beyond zero, and at a kick too: what no kick
+   felt is left, as it would be where nothing is looked at. */
+static int is_felt(const scene *c, const openings *o, integer b, const real *p, real turn,
+                   int closed)
+{
+    const real pull = 2 * p[2] + 6 * p[3] * turn - swing(c, o, b, turn);
+    int felt = 0;
+    for (integer i = 0; i < o->kicks; i++)
+        felt |= (cubic(p, o->nodes[i]) + pull * o->offsets[i] > 0) != closed;
+    return felt && (cubic(p, turn) > 0) != closed;
+}
+
+/* What a step in which contact b opened or closed, if it did, is corrected by. */
+static void pass(const scene *c, const openings *o, integer b)
+{
+    const real w0 = o->before[b], w1 = o->after[b];
+    const real d0 = o->rate_before[b], d1 = o->rate_after[b];
+    const real p[4] = {w0, d0, 3 * (w1 - w0) - 2 * d0 - d1, 2 * (w0 - w1) + d0 + d1};
+    if ((w0 > 0) != (w1 > 0)) {
+        event(c, o, b, w1, p, root_between(p, 0, 1), w0 > 0);
+        return;
+    }
+    const real rates[4] = {p[1], 2 * p[2], 3 * p[3], 0}, turn = root_between(rates, 0, 1);
+    if (!is_felt(c, o, b, p, turn, w0 > 0)) return;
+    const real one = root_between(p, 0, turn), other = root_between(p, turn, 1);
+    if (w0 > 0) {
+        event(c, o, b, w1, p, one, 1);
+        event(c, o, b, w1, p, other, 0);
+    } else touch(c, o, b, w1, p, one, other);
+}
+
+/* The sign of an overlap changed, or it turned near zero; NaN, where nothing opens, is neither.
+   Integers as wide as the numbers, without branches: the scan is done in vectors. */
+static inline integer suspect(real w0, real d0, real w1, real d1)
+{
+    const real near0 = fabs(w0), near1 = fabs(w1), least = near0 < near1 ? near0 : near1;
+    const integer crossed = (w0 > 0) ^ (w1 > 0), turned = (w0 * d0 < 0) & (w1 * d1 > 0);
+    return crossed | (turned & (4 * least < fabs(d0) + fabs(d1)));
+}
+
+static void pass_all(const scene *c, const openings *o)
+{
+    const real *restrict w0 = o->before, *restrict d0 = o->rate_before;
+    const real *restrict w1 = o->after, *restrict d1 = o->rate_after;
+    int met = 0;
+    for (integer start = 0; start < o->count; start += SCAN) {
+        const integer left = o->count - start, n = left < SCAN ? left : SCAN;
+        integer any = 0;
+        EACH(n) any |= suspect(w0[start + i], d0[start + i], w1[start + i], d1[start + i]);
+        if (!any) continue;
+        if (!met) remember(c, o);
+        met = 1;
+        for (integer i = start; i < start + n; i++)
+            if (suspect(w0[i], d0[i], w1[i], d1[i])) pass(c, o, i);
+    }
+    if (met) overlaps(c, o, c->u, c->v, o->after, o->rate_after);
+}
+
+/* Nothing is looked at as long as the elongations met say that every contact stayed on its side. */
+void advance_openings(const scene *c, openings *o, integer steps)
+{
+    int looking = 0;
+    for (integer k = 0; k < steps; k++) {
+        if (!looking) EACH(o->entries) o->u[i] = c->u[i], o->v[i] = c->v[i];
+        for (integer s = 0; s < c->stages; s++) stage(c, c->kicks[s], c->drifts[s]);
+        if (c->closing) stage(c, c->kicks[c->stages], 0);
+        if (!looking) {
+            if (!may_pass(c, o)) continue;
+            overlaps(c, o, o->u, o->v, o->before, o->rate_before);
+            looking = 1;
+        }
+        overlaps(c, o, c->u, c->v, o->after, o->rate_after);
+        pass_all(c, o);
+        real *swap = o->before;
+        o->before = o->after, o->after = swap;
+        swap = o->rate_before;
+        o->rate_before = o->rate_after, o->rate_after = swap;
+    }
+}

@@ -1,0 +1,14 @@
+/* Contacts that open: a contact is closed where w = side (elongation - place) > 0; then its
+   tension has the part side strength w^exponent.  NaN in all of these where a bond never opens. */
+typedef struct {
+    const real *place, *side, *strength; /* (contacts) */
+    const real *exponents, *betas;       /* (rows), integral of (y (1 - y))^exponent */
+    const real *tables;                  /* (rows, 3, degree + 1), `openings.zetas` */
+    const real *nodes, *weights, *offsets; /* (kicks) of a step, over dt, dt and dt^2 */
+    const real *dt;
+    real *before, *rate_before, *after, *rate_after; /* (contacts) overlap, and rate times dt */
+    real *u, *v;                         /* (entries) at the begin of a step */
+    real *end_u, *end_v, *end_a;         /* (entries) at its end, before it is corrected */
+    const integer *row;                  /* (contacts) of its exponent */
+    integer count, entries, kicks, degree;
+} openings;

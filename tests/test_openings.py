@@ -1,0 +1,379 @@
+"""Contacts that open: what corrections restore, and what they keep."""
+
+from math import gamma, pi, sqrt
+
+import mpmath
+import numpy as np
+import pytest
+import sympy as sp
+from scipy.integrate import solve_ivp
+
+from derivations import openings as derived
+from tensegrity import (
+    Chain,
+    Ensemble,
+    Network,
+    Polynomial,
+    Potential,
+    PowerLaw,
+    Prism,
+    Run,
+    State,
+    TensegrityError,
+    Wall,
+    simulate,
+)
+from tensegrity.engine.interpreted import BoundInterpreted
+from tensegrity.engine.kernel import bind
+from tensegrity.engine.methods import METHODS, Corrected, find
+from tensegrity.engine.openings import Openings, beta, hurwitz, zetas
+
+EXPONENTS = (1.0, 1.5, 2.0, 2.5)
+METHOD = METHODS["corrected6"]
+FLOOR = 2e-12  # errors below it are round-off
+ZETA = 4e-12  # a correction is far smaller than what it corrects: more digits would be lost
+
+
+def row(exponent, sites=6, **how):
+    """Touching beads of unit mass."""
+    return Chain(PowerLaw(1.0, exponent), sites, **how)
+
+
+def blow(chain):
+    return chain.at_rest({0: 1.0, 1: -0.3, 5: -0.6})
+
+
+def cluster(exponent, dim=2):
+    """Three beads that meet obliquely, one of which touches a wall."""
+    positions = np.array([[0, 0, 0], [1, 0, 0], [0.5, np.sqrt(0.75), 0]])[:, :dim]
+    how = {}
+    if dim == 2:
+        wall = Wall(np.array([0.0, -0.5]), np.array([0.0, 1.0]))
+        how = {"walls": [wall], "wall_contacts": [(0, 0), (1, 0)], "radius": 0.5,
+               "wall_spring": PowerLaw(1.3, exponent), "wall_gaps": [0.0, 0.0]}  # fmt: skip
+    bonds = [(0, 1), (0, 2), (1, 2)]
+    return Network(positions, bonds, PowerLaw(1.0, exponent), mass=[1.0, 1.2, 0.8], **how)
+
+
+def thrown(network):
+    velocity = np.array([[0.5, -0.3, 0.2], [-0.4, -0.2, 0.1], [0.05, -0.7, -0.1]])
+    return State(np.zeros(network.shape), velocity[:, : network.dim])
+
+
+def moved(scene, state, t_end, steps, method=METHOD, engine=bind):
+    """u and v of the sites after so many steps of the bare loop."""
+    u, v = scene.arrays(state)
+    engine(u, v, scene.loop_bonds, method, t_end / steps).advance(steps)
+    return np.stack([u[: scene.sites], v[: scene.sites]])
+
+
+def order(scene, state, t_end, method=METHOD):
+    """Least-squares power of the step in the error, and the errors."""
+    counts, exact = (
+        np.unique(np.geomspace(40, 400, 70).astype(int)),
+        moved(scene, state, t_end, 3000),
+    )
+    errors = [np.max(np.abs(moved(scene, state, t_end, n, method) - exact)) for n in counts]
+    errors = np.array(errors)
+    above = errors > FLOOR
+    return -np.polyfit(np.log(counts[above]), np.log(errors[above]), 1)[0], errors
+
+
+# the table
+
+
+@pytest.mark.parametrize("s", [-3.5, -2.5, -2.0, -1.5, -1.0, -0.5, 0.0])
+def test_zeta_function_is_that_of_mpmath(s):
+    for q in (0.03, 0.4, 1.0, 1.7):
+        assert hurwitz(s, q) == pytest.approx(float(mpmath.zeta(s, q)), rel=0, abs=ZETA)
+
+
+@pytest.mark.parametrize("n", EXPONENTS)
+def test_polynomials_are_the_zeta_functions_less_their_first_term(n):
+    for s, table in zip((-n, -n - 1, 1 - n), zetas(n), strict=True):
+        for q in (0.0, 0.21, 0.77, 1.0):
+            found = np.polynomial.polynomial.polyval(2 * q - 1, table)
+            assert found == pytest.approx(float(mpmath.zeta(s, 1 + q)), rel=0, abs=ZETA)
+
+
+def test_quadrature_error_of_a_square_is_the_zeta_function_at_minus_two():
+    q = derived.place
+    assert sp.expand(derived.quadrature_error(2) + sp.bernoulli(3, q) / 3) == 0
+    assert hurwitz(-2.0, 0.3) == pytest.approx(float(derived.quadrature_error(2).subs(q, 0.3)))
+
+
+def test_offsets_of_a_method_are_those_derived():
+    nodes, weights, offsets = METHOD.rule
+    names = [*sp.symbols("b_0:4"), *sp.symbols("d_0:4")]
+    numbers = dict(zip(names, [*weights[:4], *METHOD.base.drifts[:4]], strict=True))
+    expected = [float(x.subs(numbers)) for x in derived.offsets(4)]
+    np.testing.assert_allclose(offsets[:4], expected, rtol=0, atol=1e-15)
+    assert nodes[-1] == 1
+    assert offsets[-1] == pytest.approx(0, abs=1e-15)
+
+
+def test_impulse_of_a_touch_is_its_integral():
+    numbers = {derived.strength: 1, derived.exponent: 1.5, derived.curvature: -0.7}
+    found = float(derived.touch().subs(numbers).subs(sp.Symbol("l", positive=True), 0.3))
+    y = np.linspace(0, 0.3, 200_001)
+    exact = np.trapezoid((0.35 * y * (0.3 - y)) ** 1.5, y)
+    assert found == pytest.approx(exact, rel=1e-9)
+    assert beta(1.5) == pytest.approx(float(sp.beta(2.5, 2.5)))
+
+
+@pytest.mark.parametrize("opens", [True, False])
+@pytest.mark.parametrize("n", EXPONENTS)
+def test_correction_of_an_event_is_the_derived_one(n, opens):
+    bonds = row(n, 2).loop_bonds
+    table = Openings(bonds, METHOD, 0.1)
+    w = np.array([0.004, -0.009, 0.001, -0.0004]) * (1 if opens else -1)
+    x, total, moment, turning = table._event(0, w, 0.48, opens, 0.0007)
+    nodes, weights, offsets = METHOD.rule
+    q = np.mod((x - nodes) * (1 if opens else -1), 1)
+    z = [[float(mpmath.zeta(-n - k, y)) for y in q] for k in (0, 1, -1)]
+    numbers = {
+        derived.exponent: n, derived.strength: 1, derived.way: -1 if opens else 1,
+        derived.rate: abs(w[1] + 2 * w[2] * x + 3 * w[3] * x**2),
+        derived.curvature: 2 * w[2] + 6 * w[3] * x, derived.after: 1 - x, derived.turning: 1,
+        derived.pull: 2 * w[2] + 6 * w[3] * x - 0.0007,
+        derived.zeta_n: weights @ z[0], derived.zeta_up: weights @ z[1],
+        derived.zeta_down: (weights * offsets) @ z[2],
+    }  # fmt: skip
+    forms = derived.impulse(), derived.shift(), derived.turned()
+    expected = [float(form.subs(numbers)) for form in forms]
+    found = total, moment + (1 - x) * total, turning
+    np.testing.assert_allclose(found, expected, rtol=1e-7)
+
+
+# the order
+
+
+@pytest.mark.needs_compiler
+@pytest.mark.parametrize("n", EXPONENTS)
+@pytest.mark.parametrize("where", ["chain", "plane with a wall", "space"])
+def test_order_is_the_exponent_and_three_not_and_one(where, n):
+    if where == "chain":
+        scene, state, t_end = row(n), blow(row(n)), 9.0
+    else:
+        scene = cluster(n, 3 if where == "space" else 2)
+        state, t_end = thrown(scene), 6.0
+    found, errors = order(scene, state, t_end)
+    plain, others = order(scene, state, t_end, METHODS["rkn6"])
+    assert found > float(derived.left().subs(derived.exponent, n)) - 0.55
+    assert plain == pytest.approx(n + 1, abs=0.4)
+    assert np.median(errors / others) < 5e-3
+
+
+@pytest.mark.needs_compiler
+def test_struck_beads_agree_with_an_adaptive_method():
+    chain = row(1.5)
+    state = blow(chain)
+
+    def rates(_, y):
+        u, v = y.reshape(2, -1)
+        push = np.maximum(u[:-1] - u[1:], 0) ** 1.5
+        return np.concatenate([v, np.append(0, push) - np.append(push, 0)])
+
+    start = np.concatenate([state.u, state.v])
+    found = solve_ivp(rates, (0, 9), start, method="DOP853", rtol=3e-14, atol=1e-15, max_step=0.02)
+    exact = found.y[:, -1].reshape(2, -1)
+    np.testing.assert_allclose(moved(chain, state, 9.0, 800), exact, rtol=0, atol=1e-11)
+
+
+@pytest.mark.needs_compiler
+@pytest.mark.parametrize("gap", [0.0, 0.137])
+@pytest.mark.parametrize("n", EXPONENTS)
+def test_a_bounce_off_a_wall_is_the_exact_one(n, gap):
+    """Also where the two touch at t = 0; the time of contact is Hertz's integral."""
+    r, place = sp.symbols("r place")
+    energy = sp.Max(place - r, 0) ** (sp.nsimplify(n) + 1) / (n + 1)
+    chain = Chain(Potential(energy, r, {place: -gap}), 2, ends=("free", "fixed"))
+    speed, t_end = 0.7, 9.0
+    deepest = ((n + 1) / 2 * speed**2) ** (1 / (n + 1))
+    turn = 1 / (n + 1)
+    contact = 2 * deepest / speed * sqrt(pi) * gamma(1 + turn) / gamma(0.5 + turn)
+    assert n != 1 or contact == pytest.approx(pi)
+    u = gap - speed * (t_end - gap / speed - contact)
+    errors = {}
+    for name in ("rkn6", "corrected6"):
+        each = []
+        for steps in (60, 67, 75):
+            end = moved(chain, chain.at_rest({0: speed}), t_end, steps, METHODS[name])
+            each.append(max(abs(end[0, 0] - u), abs(end[1, 0] + speed)))
+        errors[name] = max(each)
+    assert errors["corrected6"] < errors["rkn6"] / 30
+    assert errors["corrected6"] < 3e-5
+
+
+def string(place):
+    """A spring of unit stiffness beside a contact of stiffness 2, as two bonds of a chain."""
+    r, a = sp.symbols("r a")
+    contact = Potential(sp.Max(a - r, 0) ** 2, r, {a: place})
+    return Chain([Potential(r**2 / 2, r), contact], 3, ends=("fixed", "fixed"))
+
+
+@pytest.mark.needs_compiler
+@pytest.mark.parametrize("kind", ["touch", "dip"])
+def test_a_contact_that_changes_side_twice_in_a_step_is_treated(kind):
+    """It closes and opens, or opens and closes, within 0.6 of a step, at all phases of it."""
+    t_end, steps, sign = 3.0, 60, 1 if kind == "touch" else -1
+    depth = 1 - np.cos(0.3 * t_end / steps)
+    chain, errors = string(-sign * (1 - depth)), {"rkn6": [], "corrected6": []}
+    for phase in np.linspace(0, 1, 15):
+        angle = -1.5 + phase * t_end / steps
+        start = sign * np.array([np.cos(angle), -np.sin(angle)])
+        state = State(np.array([0, start[0], 0]), np.array([0, start[1], 0]))
+        exact = moved(chain, state, t_end, 4000)
+        for name, found in errors.items():
+            error = moved(chain, state, t_end, steps, METHODS[name]) - exact
+            found.append(np.max(np.abs(error)))
+    plain, corrected = np.array(errors["rkn6"]), np.array(errors["corrected6"])
+    assert np.median(corrected) < np.median(plain) / 100
+    assert corrected.max() < plain.max()
+
+
+@pytest.mark.needs_compiler
+def test_slack_strings_are_contacts_of_exponent_one():
+    r, k, taut = sp.symbols("r k taut")
+    string = Potential(k * sp.Max(r + taut, 0) ** 2 / 2, r, {k: 2.0, taut: 0.05}, length=1.0)
+    assert string.opening == (-0.05, 2.0, 1.0, 1.0)
+    positions = np.array([[0, 0.0], [1, 0], [0.5, 0.8]])
+    net = Network(positions, [(0, 1), (0, 2), (1, 2)], string)
+    state = State(np.zeros((3, 2)), np.array([[0.2, -0.1], [-0.15, 0.1], [0.05, 0.3]]))
+    assert order(net, state, 8.0)[0] > 3.4
+    assert order(net, state, 8.0, METHODS["rkn6"])[0] < 2.6
+
+
+@pytest.mark.needs_compiler
+def test_preloaded_contacts_that_open_are_corrected_too():
+    chain = Chain(PowerLaw(1.0, 1.5, preload=0.1), 6)
+    assert order(chain, blow(chain), 9.0)[0] > 3.9
+
+
+# what is kept
+
+
+@pytest.mark.needs_compiler
+def test_two_bodies_keep_their_momentum_to_the_last_bit():
+    chain = row(1.5, 2)
+    for steps in (50, 77, 123):
+        u, v = moved(chain, chain.at_rest({0: 0.3, 1: -0.3}), 7.0, steps)
+        assert u[0] == -u[1]
+        assert v[0] == -v[1]
+        assert v[0] < 0
+
+
+@pytest.mark.needs_compiler
+def test_momentum_and_angular_momentum_of_a_network_are_kept():
+    network = cluster(1.5, 3)
+    state = thrown(network)
+    u, v = moved(network, state, 6.0, 300)
+    mass = network.mass[:, None]
+    np.testing.assert_allclose(np.sum(mass * v, 0), np.sum(mass * state.v, 0), atol=2e-15)
+    x = network.positions
+    spin = np.sum(mass * np.cross(x + u, v), 0) - np.sum(mass * np.cross(x, state.v), 0)
+    assert np.max(np.abs(spin)) < 1e-10
+
+
+@pytest.mark.needs_compiler
+def test_energy_over_long_times_is_kept_better_than_without_corrections():
+    chain = row(1.5, ends=("fixed", "fixed"))
+    state, error = chain.at_rest({1: 0.5, 3: -0.4}), {}
+    for name in ("rkn6", "corrected6"):
+        error[name] = simulate(chain, state, 500.0, method=name, dt=0.05).energy_error
+    assert error["corrected6"] < error["rkn6"] / 50
+
+
+@pytest.mark.needs_compiler
+@pytest.mark.parametrize("parts", [(37, 63), (1, 99), (50, 50)])
+def test_looking_at_a_run_changes_no_bit(parts):
+    for scene, state in ((row(1.5), blow(row(1.5))), (cluster(1.5), thrown(cluster(1.5)))):
+        whole = moved(scene, state, 6.0, 100)
+        u, v = scene.arrays(state)
+        loop = bind(u, v, scene.loop_bonds, METHOD, 0.06)
+        for part in parts:
+            loop.forget_range()
+            loop.advance(part)
+        assert np.array_equal(whole, np.stack([u[: scene.sites], v[: scene.sites]]))
+
+
+@pytest.mark.needs_compiler
+@pytest.mark.parametrize("n", EXPONENTS)
+@pytest.mark.parametrize("make", [row, cluster])
+def test_the_loop_without_a_compiler_makes_the_same_corrections(make, n):
+    scene = make(n)
+    state = blow(scene) if make is row else thrown(scene)
+    fast = moved(scene, state, 6.0, 60)
+    slow = moved(scene, state, 6.0, 60, engine=BoundInterpreted)
+    np.testing.assert_allclose(slow, fast, rtol=0, atol=1e-13)
+
+
+@pytest.mark.needs_compiler
+def test_lanes_are_corrected_like_chains_alone():
+    chains = [Chain(PowerLaw(k, 1.5), 6) for k in np.linspace(0.7, 1.4, 8)]
+    together = Ensemble(chains)
+    start = blow(chains[0])
+    states = State(*(np.repeat(x[:, None], 8, axis=1) for x in (start.u, start.v)))
+    u, v = together.arrays(states)
+    together.bind(u, v, METHOD, 0.1).advance(90)
+    for lane, chain in enumerate(chains):
+        alone = moved(chain, start, 9.0, 90)
+        np.testing.assert_allclose([u[:, lane], v[:, lane]], alone, rtol=0, atol=1e-14)
+
+
+@pytest.mark.needs_compiler
+def test_where_nothing_opens_steps_are_those_of_the_base():
+    chain = Chain(PowerLaw(1.0, 1.5, preload=1.0), 20)
+    state = chain.at_rest({0: 0.05})
+    one, other = (moved(chain, state, 20.0, 200, METHODS[m]) for m in ("rkn6", "corrected6"))
+    np.testing.assert_allclose(one, other, rtol=0, atol=1e-14)
+
+
+# what a user meets
+
+
+def test_corrected_steps_are_taken_where_contacts_can_open():
+    def chosen(spring, **how):
+        chain = Chain(spring, 4)
+        return simulate(chain, chain.at_rest({0: 1e-3}), 0.5, **how).method
+
+    assert chosen(PowerLaw(1.0, 1.5)) == "corrected6"
+    assert chosen(PowerLaw(1.0, 1.5), tol=1e-6) == "corrected6"
+    assert chosen(PowerLaw(1.0, 1.5), dt=0.01) == "verlet"
+    assert chosen(PowerLaw(1.0, 3.0)) == "rkn6"
+    assert chosen(Prism(1.0, 0.7, 0.1, 1.0).potential()) == "rkn6"
+    assert Polynomial(Prism(1.0, 0.7, 0.1, 1.0).potential(), -1e-2, 1e-2).opening is None
+
+
+@pytest.mark.parametrize(
+    ("energy", "opening"),
+    [
+        ("k*Max(-r, 0)**Rational(5, 2) + 3*r**2", (0.0, 5.0, 1.5, -1.0)),
+        ("k*Max(1 - 2*r, 0)**2", (0.5, 16.0, 1.0, -1.0)),
+        ("k*r*Max(r, 0)**2", None),
+        ("Max(r, 0)**2 + Max(r, 0)**3", None),
+        ("k*Max(r, 0)**2 + Max(-r, 0)**2", None),
+        ("k*r**2", None),
+    ],
+)
+def test_one_sided_powers_are_found_in_an_energy(energy, opening):
+    r, k = sp.symbols("r k")
+    energy = sp.sympify(energy, {"r": r, "k": k})
+    potential = Potential(energy, r, {k: 2.0} if energy.has(k) else {})
+    assert potential.opening == opening
+    assert potential.smooth == (opening is None)
+
+
+def test_a_base_must_be_a_splitting_in_the_scene_s_variables():
+    with pytest.raises(TensegrityError, match=r"base of 'x'"):
+        Corrected("x", 4, 0.1, METHODS["rk4"])
+    with pytest.raises(TensegrityError, match="processor"):
+        find(Corrected("x", 6, 0.1, METHODS["processed6"]))
+
+
+@pytest.mark.needs_compiler
+def test_a_run_with_corrections_is_kept_in_a_file(tmp_path):
+    chain = row(1.5)
+    run = simulate(chain, blow(chain), 9.0)
+    run.save(tmp_path / "run.npz")
+    assert Run.load(tmp_path / "run.npz").method == "corrected6"
