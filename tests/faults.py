@@ -94,14 +94,14 @@ FAULTS = (
         "tests/test_derivations_numeric.py::test_force_and_energy_grow_towards_locking_with_the_stated_powers",
     ),
     Fault(
-        "tensegrity/branches/events.py",
-        "if z is not None and _between_ends(z, low[2], high[2]):",
-        "if z is not None:",
+        "tensegrity/branches/follow.c",
+        " && apart(z, z_low) <= near && apart(z, z_high) <= near",
+        "",
         "tests/test_continuation.py::test_events_lie_between_the_rows_that_they_are_told_to",
     ),
     Fault(
-        "tensegrity/branches/continuation.py",
-        "            and moved <= step / 2\n",
+        "tensegrity/branches/follow.c",
+        " && moved <= b->step / 2",
         "",
         "tests/test_continuation.py::test_loose_tolerance_does_not_step_across_a_bend",
     ),
@@ -280,9 +280,9 @@ FAULTS = (
     ),
     Fault(
         "tensegrity/branches/follow.c",
-        "left -= rows[k][j] * move[j];",
-        "left += rows[k][j] * move[j];",
-        "tests/test_continuation.py::test_a_start_beside_the_branch_meets_the_nearest_point_of_it",
+        "along[i] = lead * b->direction > 0",
+        "along[i] = lead * b->direction < 0",
+        "tests/test_continuation.py::test_both_directions_meet_the_mirror_image",
     ),
     Fault(
         "tensegrity/branches/events.py",

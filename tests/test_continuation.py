@@ -185,6 +185,7 @@ def test_a_branch_outgrows_the_room_for_its_rows():
 
 def test_both_directions_meet_the_mirror_image():
     up, down = (trace(CIRCLE, [1.0, 0.0], [1.0], direction=d, stop=("below",)) for d in (1, -1))
+    assert up.parameter[1] > 0 > down.parameter[1]
     assert np.allclose(up.v[-1], down.v[-1], atol=1e-15)
     assert np.allclose(up.parameter[-1], -down.parameter[-1], atol=1e-15)
 
