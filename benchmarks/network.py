@@ -1,130 +1,241 @@
-"""Cost of the network loop: a double chain of 132 beads and a large lattice, against its peers.
+"""Cost of the network loop: packs of beads in space, and a half guide, against their peers.
 
-Hertz contacts in the plane, velocity Verlet; nanoseconds per contact and step of the whole loop.
-Peers do the same sums: NumPy with bincount, and a loop over contacts in numba where it is there.
+A pack of 833 steel beads as of seeds/001 (17 layers of 7 x 7, each bead touching 12, in a box of
+five walls) and one of 37 x 37 x 37; velocity Verlet from random velocities, nanoseconds of CPU
+time per contact and step of the whole loop.  Peers do the same sums: an earlier revision of this
+package named by $TENSEGRITY_BEFORE (a checkout), a plain loop over contacts in numba, and LAMMPS
+(granular hertz/material, no damping).  All take turns, in many short calls, the least of each
+counts.
 """
 
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
 import warnings
+from pathlib import Path
 
 import numpy as np
 
-from benchmarks._timing import best, table
-from tensegrity import Network, PowerLaw, State
-from tensegrity.engine.compiled import Compiled
-from tensegrity.engine.interpreted import Interpreted
-from tensegrity.engine.kernel import bind
+from benchmarks import lammps
+from benchmarks._network import DT, SPEED, WORK, pack
+from benchmarks._timing import table
+from granular import Striker, y_guide
+from tensegrity import State
+from tensegrity.engine import pieces
+from tensegrity.engine.compiled import BoundNet
+from tensegrity.engine.kernel import kernel
 from tensegrity.engine.methods import METHODS
 
-STIFFNESS, DT = 1.0, 1e-3
-WORK = 3_000_000  # contact-steps of one call
+PACKS = {"833 beads": (7, 17), "50,653 beads": (37, 37)}
+BEFORE = "TENSEGRITY_BEFORE"
+ROUNDS = 40
+THREADS = 2
 
 
-def double_chain(beads=66):
-    """Two rows of touching beads, joined side by side."""
-    x = np.stack(np.meshgrid(np.arange(2.0), np.arange(float(beads))), -1).reshape(-1, 2)
-    return _touching(x)
-
-
-def lattice(side=224):
-    """A square lattice of touching beads, about 1e5 contacts."""
-    x = np.stack(np.meshgrid(*[np.arange(float(side))] * 2), -1).reshape(-1, 2)
-    return _touching(x)
-
-
-def _touching(x):
-    from scipy.spatial import cKDTree
-
-    pairs = np.sort(cKDTree(x).query_pairs(1.01, output_type="ndarray"), axis=1)
-    pairs = pairs[np.lexsort(pairs.T[::-1])]
-    return Network(x, pairs, PowerLaw(STIFFNESS, 1.5))
-
-
-def _ours(kind, network, velocity, steps):
-    bonds = network.loop_bonds
-    u, v = network.arrays(State(np.zeros(network.shape), velocity))
-    bound = bind(u, v, bonds, METHODS["verlet"], DT, kind.of(bonds))
-    return lambda: bound.advance(steps)
-
-
-def _numpy(network, velocity, steps):
-    u, v, x = np.zeros_like(velocity), velocity.copy(), network.positions
-    i, j = network.bonds.T
-    sites, length = len(u), network.lengths
-
-    def run():
-        for _ in range(steps):
-            apart = x[j] + u[j] - x[i] - u[i]
-            distance = np.sqrt(apart[:, 0] ** 2 + apart[:, 1] ** 2)
-            overlap = np.maximum(length - distance, 0)
-            pull = -STIFFNESS * overlap * np.sqrt(overlap) / distance
-            for axis in range(2):
-                f = pull * apart[:, axis]
-                v[:, axis] += DT * (np.bincount(i, f, sites) - np.bincount(j, f, sites))
-            u[:] += DT * v
-
-    return run
+def bound(scene, state, dt, threads=1):
+    """A scene bound to its loop, and its u and v."""
+    u, v = scene.arrays(state)
+    bonds = scene.loop_bonds
+    given = kernel(bonds.laws, bonds.own, bonds.dim), u, v, bonds, METHODS["verlet"], dt
+    return (BoundNet(*given) if threads == 1 else pieces.BoundParts(*given, threads)), u, v
 
 
 def _numba(network, velocity, steps):
+    """The plain loop: forces from the places of the beads, as one would type it."""
     import numba
 
+    k, k_wall = (network.springs[i].values[0] for i in (0, -1))
+
     @numba.njit(error_model="numpy")
-    def loop(x, u, v, f, bonds, length, steps):
+    def loop(x, u, v, f, bonds, length, mass, site, wall, normal, offset, radius, steps):
         for _ in range(steps):
             f[:] = 0
             for b in range(len(bonds)):
                 i, j = bonds[b]
                 dx = x[j, 0] + u[j, 0] - x[i, 0] - u[i, 0]
                 dy = x[j, 1] + u[j, 1] - x[i, 1] - u[i, 1]
-                distance = np.sqrt(dx * dx + dy * dy)
+                dz = x[j, 2] + u[j, 2] - x[i, 2] - u[i, 2]
+                distance = np.sqrt(dx * dx + dy * dy + dz * dz)
                 overlap = max(length[b] - distance, 0.0)
-                pull = -STIFFNESS * overlap * np.sqrt(overlap) / distance
+                pull = -k * overlap * np.sqrt(overlap) / distance
                 f[i, 0] += pull * dx
                 f[i, 1] += pull * dy
+                f[i, 2] += pull * dz
                 f[j, 0] -= pull * dx
                 f[j, 1] -= pull * dy
-            for k in range(len(u)):
-                for axis in range(2):
-                    v[k, axis] += DT * f[k, axis]
-                    u[k, axis] += DT * v[k, axis]
+                f[j, 2] -= pull * dz
+            for c in range(len(site)):
+                s, n = site[c], normal[wall[c]]
+                height = -offset[wall[c]]
+                for axis in range(3):
+                    height += n[axis] * (x[s, axis] + u[s, axis])
+                overlap = max(radius - height, 0.0)
+                push = k_wall * overlap * np.sqrt(overlap)
+                for axis in range(3):
+                    f[s, axis] += push * n[axis]
+            for s in range(len(u)):
+                for axis in range(3):
+                    v[s, axis] += DT / mass * f[s, axis]
+                    u[s, axis] += DT * v[s, axis]
 
-    x, bonds, length = network.positions, network.bonds, network.lengths
     u, v, f = np.zeros_like(velocity), velocity.copy(), np.zeros_like(velocity)
-    loop(x, u, v, f, bonds, length, 1)
-    return lambda: loop(x, u, v, f, bonds, length, steps)
+    site, wall = network.wall_contacts.T.copy()
+    normal = np.array([w.normal for w in network.walls])
+    offset = np.array([w.normal @ w.point for w in network.walls])
+    given = (
+        network.positions, u, v, f, network.bonds, network.lengths, network.mass[0], site, wall,
+        normal, offset, network.radius[0],
+    )  # fmt: skip
+    return lambda: loop(*given, steps)
 
 
-def rivals(network):
-    """Calls of all contestants, and the contact-steps of one call of each."""
-    velocity = 0.05 * np.random.default_rng(0).standard_normal(network.shape)
-    contacts = len(network.bonds)
-    steps = max(3, WORK // contacts)
-    few = max(2, steps // 50)
-    calls = {
-        "compiled": _ours(Compiled, network, velocity, steps),
-        "numpy bincount": _numpy(network, velocity, few),
-        "interpreted": _ours(Interpreted, network, velocity, few),
-    }
-    work = {"compiled": steps * contacts}
-    work |= dict.fromkeys(("numpy bincount", "interpreted"), few * contacts)
+class _Earlier:
+    """The earlier revision, in a process of its own that advances when asked."""
+
+    def __init__(self, folder, size, steps):
+        here = Path(__file__).parent
+        self._process = subprocess.Popen(
+            [sys.executable, str(here / "_network.py"), *map(str, (*size, steps))],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=folder,
+            env=os.environ | {"PYTHONPATH": str(Path(folder).resolve())},
+        )  # fmt: skip
+
+    def __call__(self):
+        """CPU seconds of its call."""
+        self._process.stdin.write("\n")
+        self._process.stdin.flush()
+        return float(self._process.stdout.readline())
+
+    def close(self):
+        self._process.stdin.close()
+        self._process.wait()
+
+
+def _cpu(call):
+    """CPU seconds of a call, or what it says itself."""
+    began = time.process_time()
+    said = call()
+    return said if isinstance(said, float) else time.process_time() - began
+
+
+def least(calls, rounds=ROUNDS):
+    """Least CPU seconds of each call, all in turn."""
+    for call in calls.values():
+        call()
+    found = dict.fromkeys(calls, float("inf"))
+    for _ in range(rounds):
+        for name, call in calls.items():
+            found[name] = min(found[name], _cpu(call))
+    return found
+
+
+def contestants(size, module):
+    """Calls of all contestants for a pack, steps and contacts of a call."""
+    network = pack(*size)
+    velocity = SPEED * np.random.default_rng(0).standard_normal(network.shape)
+    contacts = len(network.springs)
+    steps = max(1, WORK // contacts)
+    loop, _, _ = bound(network, State(np.zeros(network.shape), velocity), DT)
+    calls = {"here": lambda: loop.advance(steps)}
     try:
-        calls["numba, error_model numpy"] = _numba(network, velocity, steps)
-        work["numba, error_model numpy"] = steps * contacts
+        calls["numba"] = _numba(network, velocity, steps)
     except ImportError:
         warnings.warn("numba is not installed: pip install '.[bench]'", stacklevel=2)
-    return calls, work
+    if module is not None:
+        peer = lammps.Peer(module, network.positions, in_box(network), velocities=velocity)
+        peer.core.command(f"timestep {DT}")
+        calls["LAMMPS"] = lambda: peer.run(steps)
+    if os.environ.get(BEFORE):
+        calls["earlier"] = _Earlier(os.environ[BEFORE], size, steps)
+    return calls, steps * contacts
+
+
+def in_box(network):
+    """The walls of a pack as LAMMPS takes them."""
+    site, wall = network.wall_contacts.T
+    return [
+        (site[wall == k].tolist(), one.point, one.normal) for k, one in enumerate(network.walls)
+    ]
+
+
+def packs(module):
+    """{pack: {contestant: ns per contact-step}}."""
+    found = {}
+    for name, size in PACKS.items():
+        calls, work = contestants(size, module)
+        found[name] = {n: t / work * 1e9 for n, t in least(calls).items()}
+        if "earlier" in calls:
+            calls["earlier"].close()
+    return found
+
+
+def half_guide(module):
+    """ns per contact-step of the half guide in the plane, here and in LAMMPS."""
+    steel, dt, steps = lammps.STEEL, lammps.DT, 2_000
+    guide = y_guide(bead=steel, striker=Striker(steel, lammps.SPEED))
+    loop, u, v = bound(guide, guide.start(), dt)
+    start = u.copy(), v.copy()
+
+    def here():
+        u[:], v[:] = start
+        loop.advance(steps)
+
+    calls = {"here": here}
+    if module is not None:
+        walls = lammps.guide_walls(guide)
+        for style in ("granular", "history"):
+            peer = lammps.Peer(module, guide.positions, walls, style)
+            calls[f"LAMMPS {style}"] = lambda peer=peer: peer.run(steps)
+    return {n: t / steps / len(guide.springs) * 1e9 for n, t in least(calls).items()}
+
+
+def threads():
+    """Wall seconds of one thread over those of several on the large pack; whether bits agree."""
+    network = pack(*PACKS["50,653 beads"])
+    velocity = SPEED * np.random.default_rng(0).standard_normal(network.shape)
+    runs = [bound(network, State(np.zeros(network.shape), velocity), DT, n) for n in (1, THREADS)]
+    seconds = [float("inf")] * 2
+    for _ in range(ROUNDS // 2):
+        for k, (loop, _, _) in enumerate(runs):
+            began = time.perf_counter()
+            loop.advance(10)
+            seconds[k] = min(seconds[k], time.perf_counter() - began)
+    same = all(np.array_equal(a, b) for a, b in zip(runs[0][1:], runs[1][1:], strict=True))
+    return seconds[0] / seconds[1], same
 
 
 def main():
-    """Print nanoseconds per contact-step and the ratios to the compiled loop."""
-    cost = {}
-    scenes = {"132 beads": double_chain(), "lattice": lattice()}
-    for name, network in scenes.items():
-        calls, work = rivals(network)
-        cost[name] = {n: t / work[n] * 1e9 for n, t in best(calls).items()}
-    names = list(cost["132 beads"])
-    heads = [f"{name}, {len(network.bonds)} contacts" for name, network in scenes.items()]
-    rows = [(n, *(cost[s][n] for s in scenes)) for n in names]
-    table("ns per contact-step, velocity Verlet, Hertz contacts in the plane", ["", *heads], rows)
-    rows = [(n, *(cost[s][n] / cost[s]["compiled"] for s in scenes)) for n in names]
-    table("times the compiled loop", ["", *heads], rows)
+    """Print nanoseconds per contact-step and the ratios beside their targets."""
+    module = lammps.library()
+    if not os.environ.get(BEFORE):
+        print(f"no earlier revision to compare with: set {BEFORE}")
+    cost = packs(module)
+    names = list(next(iter(cost.values())))
+    rows = [(n, *(cost[s][n] for s in cost)) for n in names]
+    table("ns per contact-step, velocity Verlet, packs in space", ["", *cost], rows)
+    wide = "avx512f" in _features()
+    aims = {
+        "earlier": ">= 3", "numba": ">= 2.4" if wide else ">= 0.87",
+        "LAMMPS": ">= 12" if wide else ">= 6",
+    }  # fmt: skip
+    rows = [(n, *(cost[s][n] / cost[s]["here"] for s in cost), aims[n]) for n in names if n in aims]
+    table("times the loop here", ["", *cost, "target"], rows)
+    guide = half_guide(module)
+    rows = [(n, t, t / guide["here"]) for n, t in guide.items()]
+    table("half guide, LAMMPS >= 8 times", ["", "ns", "times"], rows)
+    ratio, same = threads()
+    rows = [(f"{THREADS} threads, 50,653 beads", ratio, ">= 1.7", "same" if same else "NO")]
+    table("one thread over several, wall clock", ["", "ratio", "target", "bits"], rows)
+
+
+def _features():
+    """Features of the processor that the compiler is told to use."""
+    if "-mno-avx512f" in os.environ.get("CC", ""):
+        return ""
+    try:
+        return Path("/proc/cpuinfo").read_text()
+    except OSError:
+        return ""

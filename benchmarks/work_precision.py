@@ -3,8 +3,10 @@
 Solitary wave, wave near locking and softening chain (smooth); struck beads and a Y-guide (contacts
 that open, steel).  The error of the last state is taken against Blanes and Moan's method with
 steps far smaller, in extended precision where the scene is smooth; how good that is, a run with
-twice its step tells.  All contestants of a scene take turns; times are medians.  A run here is
-the prepared loop with its processor, a peer's run its own call; compile times are told apart.
+twice its step tells.  All contestants of a scene take turns; times are medians.  "simulate" is the
+whole call with a tolerance, its rows and energies; the other runs of ours are the prepared loop
+alone, with its processor, at a step that nobody tells it; a peer's run is its own call.  Compile
+times are told apart.
 Peers get the prism's force as one would type it; of the softening prism, whose force solves
 equations, the polynomial that ours is fitted by.
 Forces: the formula, and polynomials of it (`+p`) whose error is a small part of the run's.
@@ -33,6 +35,7 @@ from tensegrity import (
     Prism,
     ResolutionError,
     TensegrityError,
+    simulate,
     solitary_wave,
 )
 from tensegrity.engine import codegen, native
@@ -40,6 +43,7 @@ from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.methods import METHODS
 
 LEVELS = 10.0 ** -np.arange(2.0, 13.0)
+CALL, CALLED = "simulate", 10.0 ** -np.arange(2.0, 12.0)
 ROUNDS = 5
 LONG = 0.3  # a run of more seconds is done twice only
 SLOWEST = 2.5  # seconds; finer runs of a contestant are left out behind such a one
@@ -47,6 +51,7 @@ FINER = 2.0  # ratio of the numbers of steps
 MOST = 400.0  # evaluations per unit of 1/omega
 REFERENCE = 300.0
 FIT = 0.02  # error of a polynomial over that of the run
+THIN, THICK = {"lw": 0.7, "ms": 2.5}, {"lw": 1.5, "ms": 4}  # loops alone; whole calls
 LANES, ENSEMBLE_SITES, ENSEMBLE_END = 8, 40, 60.0
 
 
@@ -171,6 +176,21 @@ def ours(scene, exact):
                 break  # round-off
             smallest = min(smallest, error)
             steps = math.ceil(steps * FINER)
+
+
+def calls(scene):
+    """Entries of the whole call, from a tolerance to rows and energies."""
+    chain, state, t_end = scene.run
+    for tol in CALLED:
+
+        def prepare(tol=tol):
+            def run():
+                found = simulate(chain, state, t_end, tol=tol).final
+                return found.u, found.v
+
+            return run
+
+        yield Entry(CALL, f"tol {tol:g}", prepare)
 
 
 def peers(scene, exact):
@@ -311,7 +331,8 @@ def chart(found, folder=OUTPUT):
                     [max(e, 1e-15) for _, e in points], [t for t, _ in points],
                     ":" if name.endswith("+p") else "-",
                     color=plt.cm.tab20(number % 10 * 2 + number // 10 % 2),
-                    marker="osv^D*Xp"[number % 8], ms=4, label=name,
+                    marker="osv^D*Xp"[number % 8], label=name,
+                    **(THIN if name.removesuffix(" +p") in METHODS else THICK),
                 )  # fmt: skip
             axes.set_xlim(1, 1e-15)
             axes.set_xlabel(f"error of the last state, {scene} [1]")
@@ -362,7 +383,7 @@ def main():
     found = {}
     for name, scene in all_scenes().items():
         exact, known = reference(scene.run)
-        found[name] = race([*ours(scene, exact), *peers(scene, exact)], exact)
+        found[name] = race([*calls(scene), *ours(scene, exact), *peers(scene, exact)], exact)
         show(f"{name}, reference good to {known:.0e}", found[name])
     found["ensemble"] = list(ensemble())
     show(f"{LANES} chains of {ENSEMBLE_SITES} prisms", found["ensemble"])

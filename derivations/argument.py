@@ -16,11 +16,13 @@ NAMES = (
     "elastic",
     "rigid_response",
     "hardening",
+    "polygon",
     "waves",
     "softening",
     "contact",
     "openings",
     "geometry",
+    "member",
     "junction",
 )
 """The derivations, in reading order; each module offers TITLE and argument()."""

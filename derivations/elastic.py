@@ -15,7 +15,18 @@ import sympy as sp
 
 from derivations import prism
 from derivations.argument import Step
-from derivations.prism import base, height, k_bar, k_base, k_cross, prestrain, twist
+from derivations.prism import (
+    ANY,
+    TRIANGLE,
+    Polygon,
+    base,
+    height,
+    k_bar,
+    k_base,
+    k_cross,
+    prestrain,
+    twist,
+)
 
 TITLE = "The elastic prism: equilibrium equations and axial stiffness"
 
@@ -35,57 +46,75 @@ def equations() -> tuple[sp.Expr, sp.Expr, sp.Expr]:
 
 
 @cache
-def cross_length_squared() -> sp.Expr:
+def cross_length_squared(of: Polygon = TRIANGLE) -> sp.Expr:
     """s^2(l, b, h): the twist eliminated by the bar, on the branch 0 < phi < pi."""
     cosine = sp.Symbol("c")
-    compatibility = prism.bar_length_squared().subs(sp.cos(twist), cosine) - bar**2
+    compatibility = prism.bar_length_squared(None, of).subs(sp.cos(twist), cosine) - bar**2
     (cos_twist,) = sp.solve(compatibility, cosine)
-    squared = sp.expand_trig(prism.cross_length_squared())
+    squared = of.expanded(prism.cross_length_squared(None, of))
     return squared.subs({sp.sin(twist): sp.sqrt(1 - cos_twist**2), sp.cos(twist): cos_twist})
 
 
 @cache
-def _reference():
-    """The reference state in units of the circumradius: a = 1, l = sqrt 3, h = eta0."""
-    lengths = {base: sp.sqrt(3), height: slenderness}
-    squared = prism.bar_length_squared().subs({twist: prism.REFERENCE_TWIST, **lengths})
-    return {**lengths, bar: sp.sqrt(sp.expand(squared))}
+def _reference(of):
+    """The reference state in units of the circumradius: a = 1, l = 2 S, h = eta0."""
+    lengths = {base: 2 * of.sine, height: slenderness}
+    squared = prism.bar_length_squared(None, of).subs({twist: of.reference_twist, **lengths})
+    return {**lengths, bar: sp.sqrt(sp.expand(of.expanded(squared)))}
 
 
-def _at_reference(expression):
+def _at_reference(expression, of):
     """An expression in l, b, h at the reference, expanded so that its root 3 are collected."""
-    return sp.expand(sp.radsimp(sp.expand(expression.subs(_reference()))))
+    expression = sp.expand(expression.subs(_reference(of)))
+    if of is ANY:  # the roots are powers of sin phi = C
+        expression = sp.expand(expression.replace(_is_root, _in_cosine))
+        return sp.cancel(sp.expand(expression.subs(of.cosine**2, 1 - of.sine**2)))
+    return sp.expand(sp.radsimp(expression))
+
+
+def _is_root(power):
+    squared = 1 - prism.half_sine**2
+    return (
+        power.is_Pow
+        and power.exp.is_Rational
+        and power.exp.q == 2
+        and sp.expand(power.base - squared) == 0
+    )
+
+
+def _in_cosine(power):
+    return prism.half_cosine ** (2 * power.exp)
 
 
 @cache
-def string_hessian() -> sp.Matrix:
+def string_hessian(of: Polygon = TRIANGLE) -> sp.Matrix:
     """Hessian in (l, b, h) of the energy of the three cross strings, at the reference, k1 = 1.
 
     With s^2 = S and force density q, half k (s - sN)^2 has the second derivatives
     (1 - q)/(4 S) S_i S_j + (q/2) S_ij.
     """
-    squared, coordinates = cross_length_squared(), (base, bar, height)
-    length_squared = _at_reference(squared)
-    slope = [_at_reference(sp.diff(squared, x)) for x in coordinates]
+    squared, coordinates = cross_length_squared(of), (base, bar, height)
+    length_squared = _at_reference(squared, of)
+    slope = [_at_reference(sp.diff(squared, x), of) for x in coordinates]
 
     def entry(i, j):
-        curvature = _at_reference(sp.diff(squared, coordinates[i], coordinates[j]))
+        curvature = _at_reference(sp.diff(squared, coordinates[i], coordinates[j]), of)
         outer = (1 - extension) / (4 * length_squared) * sp.expand(slope[i] * slope[j])
-        return prism.CROSS.number * (outer + extension / 2 * curvature)
+        return prism.CROSS.count(of) * (outer + extension / 2 * curvature)
 
     return sp.Matrix(3, 3, entry)
 
 
 @cache
-def axial_stiffness() -> sp.Expr:
+def axial_stiffness(of: Polygon = TRIANGLE) -> sp.Expr:
     """K_h0/k1 in eta0, q and the compliances in units of 1/k1: c2 = k1/k2, c3 = k1/k3."""
-    return condensed(string_hessian())
+    return condensed(string_hessian(of), of)
 
 
-def condensed(h: sp.Matrix) -> sp.Expr:
+def condensed(h: sp.Matrix, of: Polygon = TRIANGLE) -> sp.Expr:
     """A string Hessian in (l, b, h), 6/c2 and 3/c3 added to its diagonal, without l and b."""
     soft_base, soft_bar = base_compliance, bar_compliance
-    bases, bars = prism.BASE.number, prism.BAR.number
+    bases, bars = prism.BASE.count(of), prism.BAR.count(of)
     ll, bb, hh = (h[i, i] for i in range(3))
     lb, lh, bh = h[0, 1], h[0, 2], h[1, 2]
     eliminated = (
@@ -97,11 +126,12 @@ def condensed(h: sp.Matrix) -> sp.Expr:
     return hh - eliminated / determinant
 
 
-def axial_stiffness_of_prism() -> sp.Expr:
+def axial_stiffness_of_prism(of: Polygon = TRIANGLE) -> sp.Expr:
     """K_h0 [N/m] in l, h0, p0, k1, k2, k3; an infinite k2 or k3 is a compliance of zero."""
-    return k_cross * axial_stiffness().subs(
+    radius = prism.CIRCUMRADIUS if of is TRIANGLE else of.circumradius
+    return k_cross * axial_stiffness(of).subs(
         {
-            slenderness: prism.reference_height / prism.CIRCUMRADIUS,
+            slenderness: prism.reference_height / radius,
             extension: prestrain / (1 + prestrain),
             base_compliance: k_cross / k_base,
             bar_compliance: k_cross / k_bar,

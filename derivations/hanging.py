@@ -10,29 +10,38 @@ from functools import cache
 import sympy as sp
 
 from derivations import prism
-from derivations.prism import base, height, natural_bar, twist
+from derivations.prism import ANY, TRIANGLE, Polygon, base, height, natural_bar, twist
 
 
-def upright_twist() -> sp.Expr:
-    """Twist at which a cross string stands upright, s = h."""
+def upright_twist(of: Polygon = TRIANGLE) -> sp.Expr:
+    """Twist at which a cross string stands upright, s = h: 2 pi/n."""
+    if of is ANY:
+        if sp.simplify(prism.cross_length_squared(None, of).subs(twist, 2 * of.angle)) != height**2:
+            raise ArithmeticError("cross strings are not upright at twist 2 pi/n")
+        return 2 * of.angle
     leaning = prism.cross_length_squared() - height**2
     (value,) = sp.solveset(leaning, twist, sp.Interval(0, sp.pi))
     return value
 
 
-def base_squared() -> sp.Expr:
+def base_squared(of: Polygon = TRIANGLE) -> sp.Expr:
     """l^2 [m^2] of the state of this height, from the natural length of the bars."""
     square = sp.Symbol("square")
-    squared = prism.bar_length_squared().subs(twist, upright_twist()).subs(base**2, square)
+    squared = prism.bar_length_squared(None, of).subs(twist, upright_twist(of))
+    squared = of.expanded(squared) if of is ANY else squared
+    squared = squared.subs(base**2, square)
     (value,) = sp.solve(squared - natural_bar**2, square)
     return sp.factor(value)
 
 
 @cache
-def load() -> sp.Expr:
+def load(of: Polygon = TRIANGLE) -> sp.Expr:
     """Axial load [N], compression > 0, of a state in which no base string is needed."""
-    energy = sum(member.energy(member.length()) for member in (prism.CROSS, prism.BAR))
-    state = {twist: upright_twist(), base: sp.sqrt(base_squared())}
+    energy = sum(member.energy(member.length(of), of) for member in (prism.CROSS, prism.BAR))
+    state = {twist: upright_twist(of), base: sp.sqrt(base_squared(of))}
+    if of is ANY:
+        sines = {prism.half_sine: sp.sin(of.angle), prism.half_cosine: sp.cos(of.angle)}
+        energy, state = energy.subs(sines), {x: v.subs(sines) for x, v in state.items()}
     slopes = [sp.simplify(sp.diff(energy, x).subs(state)) for x in (base, twist, height)]
     if slopes[:2] != [0, 0]:
         raise ArithmeticError("the prism does not hang in equilibrium without base strings")

@@ -14,7 +14,7 @@ import sympy as sp
 
 from derivations import prism
 from derivations.argument import Step
-from derivations.prism import twist
+from derivations.prism import TRIANGLE, Polygon, twist
 from derivations.rigid_response import lock_order
 
 TITLE = "Hardening: H1, H2, H3, and the limit of no prestrain"
@@ -25,20 +25,20 @@ turn = sp.Symbol("delta", real=True)  # phi - 5 pi/6
 
 
 @cache
-def path() -> tuple[sp.Expr, sp.Expr]:
+def path(of: Polygon = TRIANGLE) -> tuple[sp.Expr, sp.Expr]:
     """(h^2 - h0^2, s^2 - s0^2) as functions of the turn, a = 1: the geometry on b = const."""
     one = sp.Integer(1)
-    bars, strings = prism.bar_length_squared(one), prism.cross_length_squared(one)
+    bars, strings = prism.bar_length_squared(one, of), prism.cross_length_squared(one, of)
     gained = [-bars, strings - bars]
-    here = [sp.expand_trig(x.subs(twist, prism.REFERENCE_TWIST + turn)) for x in gained]
+    here = [of.expanded(x.subs(twist, of.reference_twist + turn)) for x in gained]
     first, second = (sp.expand(x - x.subs(turn, 0)) for x in here)
     return first, second
 
 
 @cache
-def derivatives(highest: int = 4) -> list[sp.Expr]:
+def derivatives(highest: int = 4, of: Polygon = TRIANGLE) -> list[sp.Expr]:
     """[V'', V''', ...] at the reference in eta0, q, a, k1: V as a power series in the turn."""
-    gained = [sp.series(x, turn, 0, highest + 1).removeO() for x in path()]
+    gained = [sp.series(x, turn, 0, highest + 1).removeO() for x in path(of)]
     r, *unknown = sp.symbols(f"r t_1:{highest}")
     guess = sum(t * r**k for k, t in enumerate(unknown, 1))
     compatibility = sp.expand((eta + r) ** 2 - eta**2 - gained[0].subs(turn, guess))
@@ -47,10 +47,10 @@ def derivatives(highest: int = 4) -> list[sp.Expr]:
         compatibility = sp.expand(compatibility.subs(t, value))
         guess = guess.subs(t, value)
     gain, rest = sp.symbols("g S", positive=True)  # s^2 - s0^2 = O(r^2), s0^2
-    held = sp.expand(prism.CROSS.energy(sp.sqrt(rest + gain)))
+    held = sp.expand(prism.CROSS.energy(sp.sqrt(rest + gain), of))
     energy = sp.series(held.subs(prism.natural_cross, (1 - extension) * sp.sqrt(rest)), gain, 0, 3)
     g = sp.expand(gained[1].subs(turn, guess))
-    at_rest = prism.at_reference(prism.cross_length_squared(sp.Integer(1)))
+    at_rest = prism.at_reference(prism.cross_length_squared(sp.Integer(1), of), of)
     at_rest = sp.expand(at_rest.subs(prism.reference_height, eta))
     linear, quadratic = (sp.expand(energy.removeO()).coeff(gain, k) for k in (1, 2))
     return [

@@ -19,136 +19,138 @@ from functools import cache
 import sympy as sp
 
 from derivations import prism
-from derivations.prism import base, height, twist
+from derivations.prism import TRIANGLE, Polygon, base, height, twist
 
 base_tension, bar_tension = sp.symbols("y_2 y_3", real=True)  # changes of tension
-half_turn = sp.Symbol("tau", real=True)  # tan((phi - 5 pi/6)/2)
+half_turn = sp.Symbol("tau", real=True)  # tan of half the turn from the self-stressed state
 rise = sp.Symbol("eta", real=True)  # h - h0
 UNKNOWNS = (base_tension, bar_tension, half_turn, rise)
 
 reference_height, prestrain = prism.reference_height, prism.prestrain
 base_compliance, bar_compliance = sp.symbols("c_2 c_3", nonnegative=True)  # k1/k2, k1/k3
 PARAMETERS = (reference_height, prestrain, base_compliance, bar_compliance)
+SIDES = (prism.number_of_sides, prism.half_sine, prism.half_cosine)  # more where they are any
 
 _PULLS = sp.symbols("t_1 t_2 t_3", real=True)  # tensions of one member
 _cross, _bar = sp.symbols("s b", positive=True)
 _UNITS = {prism.k_cross: 1}
 
 
-def _turned(expression):
+def _turned(expression, of):
     """With the twist written as the reference plus a turn, in terms of tan of half of it."""
     turn = sp.Symbol("delta", real=True)
     sine, versine = sp.symbols("sigma nu", real=True)
-    expression = sp.expand(sp.expand_trig(expression.subs(twist, prism.REFERENCE_TWIST + turn)))
+    expression = sp.expand(of.expanded(expression.subs(twist, of.reference_twist + turn)))
     expression = expression.subs({sp.cos(turn): 1 - versine, sp.sin(turn): sine})
     square = 1 + half_turn**2
     return sp.expand(expression), {sine: 2 * half_turn / square, versine: 2 * half_turn**2 / square}
 
 
 @cache
-def gain(squared: sp.Expr) -> sp.Expr:
+def gain(squared: sp.Expr, of: Polygon = TRIANGLE) -> sp.Expr:
     """A squared length less its reference value, every term small where the unknowns are."""
     wider, higher = sp.symbols("Lambda Z", real=True)  # l^2 - 1, h^2 - h0^2
-    expression, turned = _turned(squared)
+    expression, turned = _turned(squared, of)
     expression = expression.subs({base**2: 1 + wider, height**2: reference_height**2 + higher})
-    reference = prism.at_reference(squared).subs(base, 1)
+    reference = prism.at_reference(squared, of).subs(base, 1)
     widened = base_compliance * base_tension
     known = {wider: widened * (2 + widened), higher: rise * (2 * reference_height + rise)}
     return sp.expand(expression - reference).subs(known | turned)
 
 
-def reference_length(squared: sp.Expr) -> sp.Expr:
-    return sp.sqrt(prism.at_reference(squared).subs(base, 1))
+def reference_length(squared: sp.Expr, of: Polygon = TRIANGLE) -> sp.Expr:
+    return sp.sqrt(prism.at_reference(squared, of).subs(base, 1))
 
 
 @cache
-def reference_tensions() -> tuple[sp.Expr, sp.Expr, sp.Expr]:
+def reference_tensions(of: Polygon = TRIANGLE) -> tuple[sp.Expr, sp.Expr, sp.Expr]:
     """(cross, base, bar) tensions of one member in the self-stressed state; no stiffness left."""
     pulls = (
-        member.tension(prism.at_reference(member.length())).subs(member.natural, natural)
-        for member, natural in zip(prism.MEMBERS, prism.natural_lengths(), strict=True)
+        member.tension(prism.at_reference(member.length(of), of)).subs(member.natural, natural)
+        for member, natural in zip(prism.MEMBERS, prism.natural_lengths(of), strict=True)
     )
     return tuple(sp.factor(sp.expand(pull)).subs(_UNITS | {base: 1}) for pull in pulls)
 
 
 @cache
-def _gradient(coordinate):
+def _gradient(coordinate, of):
     """dU/d(coordinate) with each natural length replaced by length less tension over stiffness."""
-    s, b = prism.cross_length(), prism.bar_length()
-    derivative = sp.diff(prism.energy(), coordinate).subs(
+    s, b = prism.cross_length(of), prism.bar_length(of)
+    derivative = sp.diff(prism.energy(of), coordinate).subs(
         {
-            member.natural: member.length() - pull / member.stiffness
+            member.natural: member.length(of) - pull / member.stiffness
             for member, pull in zip(prism.MEMBERS, _PULLS, strict=True)
         }
     )
     return sp.expand(sp.expand(derivative).subs({s: _cross, b: _bar}))
 
 
-def lengths() -> tuple[sp.Expr, sp.Expr, sp.Expr]:
+def lengths(of: Polygon = TRIANGLE) -> tuple[sp.Expr, sp.Expr, sp.Expr]:
     """(cross, base, bar) in terms of the unknowns; the bar's from its tension."""
-    cross = prism.cross_length_squared()
+    cross = prism.cross_length_squared(None, of)
     return (
-        sp.sqrt(reference_length(cross) ** 2 + gain(cross)),
+        sp.sqrt(reference_length(cross, of) ** 2 + gain(cross, of)),
         1 + base_compliance * base_tension,
-        reference_length(prism.bar_length_squared()) + bar_compliance * bar_tension,
+        reference_length(prism.bar_length_squared(None, of), of) + bar_compliance * bar_tension,
     )
 
 
-def tension_changes() -> tuple[sp.Expr, sp.Expr, sp.Expr]:
+def tension_changes(of: Polygon = TRIANGLE) -> tuple[sp.Expr, sp.Expr, sp.Expr]:
     """(cross, base, bar) tensions less those of the self-stressed state."""
-    squared = prism.cross_length_squared()
+    squared = prism.cross_length_squared(None, of)
     return (
-        gain(squared) / (lengths()[0] + reference_length(squared)),
+        gain(squared, of) / (lengths(of)[0] + reference_length(squared, of)),
         base_tension,
         bar_tension,
     )
 
 
-def tensions() -> tuple[sp.Expr, sp.Expr, sp.Expr]:
+def tensions(of: Polygon = TRIANGLE) -> tuple[sp.Expr, sp.Expr, sp.Expr]:
     """(cross, base, bar) tension of one member."""
     return tuple(
         start + change
-        for start, change in zip(reference_tensions(), tension_changes(), strict=True)
+        for start, change in zip(reference_tensions(of), tension_changes(of), strict=True)
     )
 
 
-def _in_unknowns(derivative):
-    expression, turned = _turned(derivative)
-    cross, width, bar = lengths()
-    known = dict(zip(_PULLS, tensions(), strict=True))
+def _in_unknowns(coordinate, of):
+    expression, turned = _turned(_gradient(coordinate, of), of)
+    cross, width, bar = lengths(of)
+    known = dict(zip(_PULLS, tensions(of), strict=True))
     known |= {_cross: cross, _bar: bar, base: width, height: reference_height + rise}
     return expression.subs(known | turned)
 
 
-def base_equilibrium() -> sp.Expr:
+def base_equilibrium(of: Polygon = TRIANGLE) -> sp.Expr:
     """dU/dl."""
-    return _in_unknowns(_gradient(base))
+    return _in_unknowns(base, of)
 
 
-def twist_equilibrium() -> sp.Expr:
+def twist_equilibrium(of: Polygon = TRIANGLE) -> sp.Expr:
     """dU/d phi."""
-    return _in_unknowns(_gradient(twist))
+    return _in_unknowns(twist, of)
 
 
-def bar_compatibility() -> sp.Expr:
+def bar_compatibility(of: Polygon = TRIANGLE) -> sp.Expr:
     """b^2 from the coordinates less b^2 from the bar's tension."""
     longer = bar_compliance * bar_tension
-    bar = reference_length(prism.bar_length_squared())
-    return gain(prism.bar_length_squared()) - longer * (2 * bar + longer)
+    squared = prism.bar_length_squared(None, of)
+    bar = reference_length(squared, of)
+    return gain(squared, of) - longer * (2 * bar + longer)
 
 
-def load() -> sp.Expr:
+def load(of: Polygon = TRIANGLE) -> sp.Expr:
     """Total axial load -dU/dh, compression > 0."""
-    return -_in_unknowns(_gradient(height))
+    return -_in_unknowns(height, of)
 
 
-def stored_energy() -> sp.Expr:
+def stored_energy(of: Polygon = TRIANGLE) -> sp.Expr:
     """U - U0, of the tensions and their changes so that its error vanishes with them."""
     members = zip(
-        (member.number for member in prism.MEMBERS),
+        (member.count(of) for member in prism.MEMBERS),
         (1, base_compliance, bar_compliance),
-        tension_changes(),
-        reference_tensions(),
+        tension_changes(of),
+        reference_tensions(of),
         strict=True,
     )
     return sum(n * c * change * (change + 2 * start) / 2 for n, c, change, start in members)

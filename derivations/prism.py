@@ -1,9 +1,9 @@
-"""Geometry, energy and natural lengths of the triangular tensegrity prism.
+"""Geometry, energy and natural lengths of the regular tensegrity prism.
 
-Two equilateral triangles of base strings, the upper one raised by the height and turned by
-the twist, joined by three bars and three cross strings without thickness.  The geometry is
-typed once, as the positions of six nodes and the table of `MEMBERS` between them; lengths,
-energy and natural lengths follow.
+Two regular polygons of base strings, the upper one raised by the height and turned by the twist,
+joined by as many bars and cross strings without thickness: three by default (`TRIANGLE`), or any
+number n as a symbol (`ANY`).  The geometry is typed once, as the positions of the nodes and the
+table of `MEMBERS` between them; lengths, energy and natural lengths follow.
 Source: seeds/000, part III, "Compatibility equations" and "Elastic problem".
 """
 
@@ -26,22 +26,69 @@ natural_cross, natural_base, natural_bar = sp.symbols("s_N l_N b_N", positive=Tr
 reference_height = sp.Symbol("h_0", positive=True)
 prestrain = sp.Symbol("p_0", nonnegative=True)
 
-REFERENCE_TWIST = 5 * sp.pi / 6
-"""Twist of the self-stressed state in which strings pull and bars push."""
+number_of_sides = sp.Symbol("n", positive=True, integer=True)
+half_sine, half_cosine = sp.symbols("S C", positive=True)  # of pi/n
+half_angle = sp.Symbol("alpha", positive=True)  # pi/n, while it is inside of a sine
+
+
+@dataclass(frozen=True)
+class Polygon:
+    """What the base of a prism is: a number of sides, with sine and cosine of pi over it.
+
+    Attributes
+    ----------
+    sides, angle, sine, cosine : sympy.Expr
+    """
+
+    sides: sp.Expr
+    angle: sp.Expr
+    sine: sp.Expr
+    cosine: sp.Expr
+
+    @property
+    def reference_twist(self) -> sp.Expr:
+        """Twist of the self-stressed state in which strings pull and bars push."""
+        return sp.pi / 2 + self.angle
+
+    @property
+    def circumradius(self) -> sp.Expr:
+        """Of a polygon of side l [m]."""
+        return base / (2 * self.sine)
+
+    def expanded(self, expression: sp.Expr) -> sp.Expr:
+        """An expression with sines of sums expanded, in `sine` and `cosine`."""
+        expression = sp.expand_trig(expression)
+        known = {sp.sin(half_angle): half_sine, sp.cos(half_angle): half_cosine}
+        return expression.subs(known)
+
+
+TRIANGLE = Polygon(sp.Integer(3), sp.pi / 3, sp.sqrt(3) / 2, sp.Rational(1, 2))
+ANY = Polygon(number_of_sides, half_angle, half_sine, half_cosine)
+
+REFERENCE_TWIST = TRIANGLE.reference_twist
+"""5 pi/6."""
 
 CIRCUMRADIUS = base / sp.sqrt(3)
+
+
+def node(
+    number: int,
+    of: Polygon,
+    height: sp.Expr = sp.S.Zero,
+    twist: sp.Expr = sp.S.Zero,
+    radius: sp.Expr = CIRCUMRADIUS,
+) -> sp.Matrix:
+    """Position of a node of a polygon that is raised and turned."""
+    angle = twist + 2 * of.angle * number
+    return sp.Matrix([radius * sp.cos(angle), radius * sp.sin(angle), height])
 
 
 def nodes(
     height: sp.Expr = height, twist: sp.Expr = twist, radius: sp.Expr = CIRCUMRADIUS
 ) -> tuple[list[sp.Matrix], list[sp.Matrix]]:
     """Positions of the three lower and of the three upper nodes, as two lists of vectors."""
-
-    def triangle(turn, level):
-        angles = [turn + 2 * sp.pi * i / 3 for i in range(3)]
-        return [sp.Matrix([radius * sp.cos(t), radius * sp.sin(t), level]) for t in angles]
-
-    return triangle(0, 0), triangle(twist, height)
+    lower = [node(i, TRIANGLE, radius=radius) for i in range(3)]
+    return lower, [node(i, TRIANGLE, height, twist, radius) for i in range(3)]
 
 
 def _squared_distance(start, end):
@@ -58,104 +105,147 @@ class Member:
     kind : str
     stiffness, natural : sympy.Symbol
         Spring constant [N/m] and natural length [m] of one of them.
-    ends : tuple of (int, int)
-        Nodes that each joins: 0 to 2 the lower ones, 3 to 5 the upper ones.
+    step : int
+        How many nodes further round it ends than it starts.
+    rises : bool
+        Whether it ends at the upper polygon; if not there are as many in each.
     """
 
     kind: str
     stiffness: sp.Symbol
     natural: sp.Symbol
-    ends: tuple
+    step: int
+    rises: bool
+
+    def pairs(self, sides: int = 3) -> list[tuple[int, int]]:
+        """Nodes that each joins: 0 to n - 1 the lower ones, n to 2 n - 1 the upper ones."""
+        starts = (0,) if self.rises else (0, sides)
+        return [
+            (start + i, (sides if self.rises else start) + (i + self.step) % sides)
+            for start in starts
+            for i in range(sides)
+        ]
+
+    @property
+    def ends(self) -> list[tuple[int, int]]:
+        """Of a triangular prism."""
+        return self.pairs()
 
     @property
     def number(self) -> int:
-        """How many there are."""
+        """How many a triangular prism has."""
         return len(self.ends)
 
-    def length_squared(self, radius: sp.Expr = CIRCUMRADIUS) -> sp.Expr:
-        """Squared length in circumradius (or base), twist and height [m^2]."""
-        lower, upper = nodes(radius=radius)
-        start, end = self.ends[0]
-        return _squared_distance(*((*lower, *upper)[node] for node in (start, end)))
+    def count(self, of: Polygon = TRIANGLE) -> sp.Expr:
+        """How many there are."""
+        return of.sides if self.rises else 2 * of.sides
 
-    def length(self) -> sp.Expr:
+    def length_squared(self, radius: sp.Expr | None = None, of: Polygon = TRIANGLE) -> sp.Expr:
+        """Squared length in circumradius (or base), twist and height [m^2]."""
+        if radius is None:
+            radius = CIRCUMRADIUS if of is TRIANGLE else of.circumradius
+        start = node(0, of, radius=radius)
+        if not self.rises:
+            squared = _squared_distance(start, node(self.step, of, radius=radius))
+            return of.expanded(squared) if of is ANY else squared
+        return _squared_distance(start, node(self.step, of, height, twist, radius))
+
+    def length(self, of: Polygon = TRIANGLE) -> sp.Expr:
         """Length(l, phi, h) [m]."""
-        return sp.sqrt(self.length_squared())
+        if not self.rises:
+            return base
+        return sp.sqrt(self.length_squared(of=of))
 
     def tension(self, length: sp.Expr | None) -> sp.Expr:
         """Tension of one at a length [N]."""
         return self.stiffness * (length - self.natural)
 
-    def energy(self, length: sp.Expr | None) -> sp.Expr:
+    def energy(self, length: sp.Expr | None, of: Polygon = TRIANGLE) -> sp.Expr:
         """Elastic energy of all at a length [J]."""
-        return sp.Rational(self.number, 2) * self.stiffness * (length - self.natural) ** 2
+        return self.count(of) / 2 * self.stiffness * (length - self.natural) ** 2
 
 
 # A bar joins a lower node to the upper one turned away from it by the twist, a cross string to
-# the one before that, turned by the twist less 2 pi/3.
-CROSS = Member("cross", k_cross, natural_cross, tuple((i, 3 + (i + 2) % 3) for i in range(3)))
-BASE = Member(
-    "base", k_base, natural_base,
-    tuple((level + i, level + (i + 1) % 3) for level in (0, 3) for i in range(3)),
-)  # fmt: skip
-BAR = Member("bar", k_bar, natural_bar, tuple((i, 3 + i) for i in range(3)))
+# the one before that, turned by the twist less 2 pi/n.
+CROSS = Member("cross", k_cross, natural_cross, -1, True)
+BASE = Member("base", k_base, natural_base, 1, False)
+BAR = Member("bar", k_bar, natural_bar, 0, True)
 MEMBERS = (CROSS, BASE, BAR)
 
 
 @cache
-def bar_length_squared(radius: sp.Expr = CIRCUMRADIUS) -> sp.Expr:
+def bar_length_squared(radius: sp.Expr | None = None, of: Polygon = TRIANGLE) -> sp.Expr:
     """b^2."""
-    return BAR.length_squared(radius)
+    return BAR.length_squared(radius, of)
 
 
 @cache
-def cross_length_squared(radius: sp.Expr = CIRCUMRADIUS) -> sp.Expr:
+def cross_length_squared(radius: sp.Expr | None = None, of: Polygon = TRIANGLE) -> sp.Expr:
     """s^2."""
-    return CROSS.length_squared(radius)
+    return CROSS.length_squared(radius, of)
 
 
-def bar_length() -> sp.Expr:
+def bar_length(of: Polygon = TRIANGLE) -> sp.Expr:
     """b(l, phi, h) [m]."""
-    return sp.sqrt(bar_length_squared())
+    return sp.sqrt(bar_length_squared(None, of))
 
 
-def cross_length() -> sp.Expr:
+def cross_length(of: Polygon = TRIANGLE) -> sp.Expr:
     """s(l, phi, h) [m]."""
-    return sp.sqrt(cross_length_squared())
+    return sp.sqrt(cross_length_squared(None, of))
 
 
 @cache
-def energy() -> sp.Expr:
+def energy(of: Polygon = TRIANGLE) -> sp.Expr:
     """Elastic energy of all members, U(l, phi, h) [J]."""
-    return sum(member.energy(member.length()) for member in MEMBERS)
+    return sum(member.energy(member.length(of), of) for member in MEMBERS)
 
 
-def at_reference(expression: sp.Expr) -> sp.Expr:
-    """An expression at the self-stressed state: twist 5 pi/6, height h0."""
-    return expression.subs({twist: REFERENCE_TWIST, height: reference_height})
+def at_reference(expression: sp.Expr, of: Polygon = TRIANGLE) -> sp.Expr:
+    """An expression at the self-stressed state: twist pi/2 + pi/n, height h0."""
+    expression = expression.subs({twist: of.reference_twist, height: reference_height})
+    return of.expanded(expression) if of is ANY else expression
 
 
 @cache
-def natural_lengths() -> tuple[sp.Expr, sp.Expr, sp.Expr]:
+def natural_lengths(of: Polygon = TRIANGLE) -> tuple[sp.Expr, sp.Expr, sp.Expr]:
     """Natural lengths (s_N, l_N, b_N) [m] that put the unloaded prism at twist 5 pi/6, height h0.
 
     The prestrain p0 = (s0 - s_N)/s_N gives s_N; l_N and b_N follow because U is stationary
     there in all three coordinates: three equations for the two unknowns, which can be met
-    at this twist and at phi = -pi/6 only.
+    at this twist and at phi = pi/n - pi/2 only.
     """
-    cross = at_reference(cross_length()) / (1 + prestrain)
-    gradient = [at_reference(sp.diff(energy(), q)) for q in (base, twist, height)]
+    cross = at_reference(cross_length(of), of) / (1 + prestrain)
+    gradient = [at_reference(sp.diff(energy(of), q), of) for q in (base, twist, height)]
     residual = [g.subs(natural_cross, cross) for g in gradient]
+    if of is ANY:  # sine and cosine are two symbols: one of three equations is checked apart
+        residual, last = [residual[0], residual[2]], residual[1]
     solutions = sp.linsolve(residual, [natural_base, natural_bar])
+    if of is ANY:
+        known = dict(zip((natural_base, natural_bar), next(iter(solutions)), strict=True))
+        if not vanishes(last.subs(known)):
+            raise ArithmeticError("the reference state has no self-stress")
     if len(solutions) != 1:
         raise ArithmeticError("the reference state has no unique self-stress")
     base_length, bar = next(iter(solutions))
     return cross, sp.apart(sp.factor(base_length), k_base), sp.apart(sp.factor(bar), k_bar)
 
 
-def least_k_base() -> sp.Expr:
+def vanishes(expression: sp.Expr) -> bool:
+    """Whether an expression in sine and cosine of pi/n is zero for every n."""
+    numerator = sp.fraction(sp.together(expression))[0]
+    return sp.expand(sp.expand(numerator).subs(half_sine**2, 1 - half_cosine**2)) == 0 or (
+        sp.simplify(
+            numerator.subs({half_sine: sp.sin(half_angle), half_cosine: sp.cos(half_angle)})
+        )
+        == 0
+    )
+
+
+@cache
+def least_k_base(of: Polygon = TRIANGLE) -> sp.Expr:
     """Stiffness of the base strings [N/m] below which their natural length is not positive."""
-    (value,) = sp.solve(natural_lengths()[1], k_base)
+    (value,) = sp.solve(natural_lengths(of)[1], k_base)
     return value
 
 

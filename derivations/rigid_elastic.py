@@ -14,7 +14,16 @@ from functools import cache
 import sympy as sp
 
 from derivations import prism
-from derivations.prism import circumradius, k_cross, natural_cross, prestrain, twist
+from derivations.prism import (
+    ANY,
+    TRIANGLE,
+    Polygon,
+    circumradius,
+    k_cross,
+    natural_cross,
+    prestrain,
+    twist,
+)
 from derivations.rigid_response import (
     bar,
     cos_twist,
@@ -55,11 +64,11 @@ def turn() -> tuple[sp.Expr, sp.Expr]:
 
 
 @cache
-def cross_gain() -> sp.Expr:
+def cross_gain(of: Polygon = TRIANGLE, start: sp.Expr = twist_1) -> sp.Expr:
     """s^2 - s1^2 in terms of delta, with h eliminated by b = const."""
-    squared = prism.cross_length_squared(circumradius) - prism.bar_length_squared(circumradius)
-    difference = squared.subs(twist, twist_1 + delta) - squared.subs(twist, twist_1)
-    return sp.expand(sp.expand_trig(difference)).subs(circumradius**2, area)
+    squared = prism.cross_length_squared(circumradius, of) - prism.bar_length_squared(circumradius)
+    difference = squared.subs(twist, start + delta) - squared.subs(twist, start)
+    return sp.expand(of.expanded(difference)).subs(circumradius**2, area)
 
 
 def height_rate() -> sp.Expr:
@@ -81,6 +90,13 @@ PARAMETERS = (
     far_stroke, area, natural, squared_0, surplus, root_1, length_1, extension_1, versine_gain,
     sine_gain,
 )  # fmt: skip
+SIDES = (prism.number_of_sides, prism.half_sine, prism.half_cosine)
+
+
+def parameters_of(of: Polygon = TRIANGLE) -> tuple[sp.Symbol, ...]:
+    """Symbols of the law: `PARAMETERS`, and those of the polygon where it is any."""
+    return (*PARAMETERS, *SIDES) if of is ANY else PARAMETERS
+
 
 above_lock, below_stretch = sp.symbols("X Y")  # h^2 - h_lock^2, b^2 - h^2
 
@@ -105,12 +121,12 @@ sums of those distances: 2 h stays exact down to h = 0, where a thick prism lies
 
 
 @cache
-def energy() -> sp.Expr:
+def energy(of: Polygon = TRIANGLE) -> sp.Expr:
     """V(r) = U(h1 + r) - U(h1) + F0 r [J], its error proportional to r however small r is."""
     sine, versine = turn()
     gained = versine_gain * versine + sine_gain * sine
     extended = gained / (sp.sqrt(length_1**2 + gained) + length_1)
-    weight = sp.Rational(prism.CROSS.number, 2) * stiffness
+    weight = prism.CROSS.count(of) / 2 * stiffness
     value = weight * extended * (extended + 2 * extension_1)
     value = value.subs(gain, elongation * (elongation + 2 * length_at_rest))
     value = value.subs(root, sp.sqrt(above_lock * below_stretch))
@@ -118,25 +134,30 @@ def energy() -> sp.Expr:
 
 
 @cache
-def tension() -> sp.Expr:
+def tension(of: Polygon = TRIANGLE) -> sp.Expr:
     """V'(r) = dU/dh + F0 [N] with two square roots and one division, in r and `THROUGH`.
 
-    The known state is the self-stressed one: rho1 = a^2 and s^2 - s0^2 ~ 1 - cos delta.  With
-    rho^2 eliminated the denominator in `turn` is 2 a^2 M, M = a^2 + rho + sqrt(3) z, and
+    The known state is the self-stressed one: rho1 = 2 a^2 C and s^2 - s0^2 ~ 1 - cos delta.  With
+    rho^2 eliminated the denominator in `turn` is 4 a^2 C M, M = 2 a^2 C + rho + z S/C, and
     s = T/M.  Where s - s_N appears, its conjugate (s^2 - s_N^2)/(s + s_N) does not cancel.
     """
     m, t = sp.symbols("M T")
-    cosine = sp.cos(prism.REFERENCE_TWIST) + gain / (2 * area)
+    cosine = of.expanded(sp.cos(of.reference_twist)) + gain / (2 * area)
     root_squared = sp.expand(4 * area**2 * (1 - cosine**2))
+    if of is ANY:
+        root_squared = sp.expand(root_squared.subs(of.sine**2, 1 - of.cosine**2))
+    known_root = 2 * area * of.cosine
 
     def at_reference(fraction):
-        numerator, denominator = sp.fraction(fraction.subs(root_1, area))
+        numerator, denominator = sp.fraction(fraction.subs(root_1, known_root))
         denominator = sp.factor(sp.expand(denominator).subs(root**2, root_squared))
         return sp.factor(numerator) / denominator.subs(m_of_gain, m)
 
-    m_of_gain = area + root + sp.sqrt(3) * gain
+    m_of_gain = known_root + root + of.sine / of.cosine * gain
     sine, versine = (at_reference(x) for x in turn())
     gained = cross_gain().subs(twist_1, prism.REFERENCE_TWIST)
+    if of is ANY:
+        gained = cross_gain(of, of.reference_twist)
     slope = sp.diff(gained, delta).subs(sp.sin(delta), sine)
     gained = sp.expand(gained.subs(sp.cos(delta), 1 - versine))
 
@@ -145,11 +166,13 @@ def tension() -> sp.Expr:
     extended = t / m - natural
     conjugate = surplus_times_m / (m * (t / m + natural))
     rate = height_rate().subs(circumradius**2, area)
-    weight = sp.Rational(prism.CROSS.number, 2) * stiffness
+    weight = prism.CROSS.count(of) / 2 * stiffness
     force = weight * extended * (m / t) * slope * rate
     force = sp.factor(sp.cancel(force / extended) * sp.together(conjugate))
 
     force = force.subs(t, sp.sqrt(squared_times_m * m)).subs(m, m_of_gain)
+    if of is ANY:
+        force = force.subs(sp.sqrt(1 - of.cosine**2), of.sine)
     current = {height: length_at_rest + elongation, root: sp.sqrt(above_lock * below_stretch)}
     return force.subs(current) + preload
 
@@ -167,7 +190,7 @@ def half_turn() -> sp.Expr:
 
 
 @cache
-def parameter_expressions() -> dict[sp.Symbol, sp.Expr]:
+def parameter_expressions(of: Polygon = TRIANGLE) -> dict[sp.Symbol, sp.Expr]:
     """The `PARAMETERS` in terms of l, h0, p0, k1, the loaded height h1 and F0.
 
     Returns
@@ -176,21 +199,23 @@ def parameter_expressions() -> dict[sp.Symbol, sp.Expr]:
         For a prism that locks; where `locking_height_squared` is negative, p1 = p2 = h1 and
         p3 = -h_lock^2 keep rho real.
     """
-    radius_squared = prism.CIRCUMRADIUS**2
-    bar_squared = prism.at_reference(prism.bar_length_squared())
+    radius_squared = prism.CIRCUMRADIUS**2 if of is TRIANGLE else of.circumradius**2
+    bar_squared = prism.at_reference(prism.bar_length_squared(None, of), of)
     cosine = cos_twist().subs({circumradius**2: radius_squared, bar: sp.sqrt(bar_squared)})
     cosine = sp.expand(cosine).subs(height, loaded_height)
     sine = sp.sqrt(1 - cosine**2)
     known = {sp.cos(twist_1): cosine, sp.sin(twist_1): sine, area: radius_squared}
-    cross_squared = sp.expand_trig(prism.cross_length_squared()).subs(
+    cross_squared = of.expanded(prism.cross_length_squared(None, of)).subs(
         {sp.cos(twist): cosine, sp.sin(twist): sine, prism.height: loaded_height}
     )
-    cross_squared_0 = prism.at_reference(prism.cross_length_squared())
+    cross_squared_0 = prism.at_reference(prism.cross_length_squared(None, of), of)
     natural_length = sp.sqrt(cross_squared_0) / (1 + prestrain)
     # cross_gain = versine_gain (1 - cos delta) + sine_gain sin delta
-    half = cross_gain().subs(delta, sp.pi) / 2
-    lock_height = sp.sqrt(locking_height_squared())
-    return {
+    gained = cross_gain(of)
+    half = gained.subs(delta, sp.pi) / 2
+    lock_height = sp.sqrt(locking_height_squared(of))
+    shape = dict(zip(SIDES, SIDES, strict=True)) if of is ANY else {}
+    given = {
         stiffness: k_cross,
         preload: preload,
         length_at_rest: loaded_height,
@@ -209,5 +234,6 @@ def parameter_expressions() -> dict[sp.Symbol, sp.Expr]:
         length_1: sp.sqrt(cross_squared),
         extension_1: sp.sqrt(cross_squared) - natural_length,
         versine_gain: half.subs(known),
-        sine_gain: (cross_gain().subs(delta, sp.pi / 2) - half).subs(known),
+        sine_gain: (gained.subs(delta, sp.pi / 2) - half).subs(known),
     }
+    return given | shape

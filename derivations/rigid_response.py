@@ -13,7 +13,7 @@ import sympy as sp
 
 from derivations import prism
 from derivations.argument import Step
-from derivations.prism import circumradius, natural_cross, prestrain, twist
+from derivations.prism import TRIANGLE, Polygon, circumradius, natural_cross, prestrain, twist
 
 TITLE = "The rigid-elastic prism: twist, force, locking"
 
@@ -49,12 +49,12 @@ def force(order: int = 1) -> sp.Expr:
 
 
 @cache
-def locking_height_squared() -> sp.Expr:
+def locking_height_squared(of: Polygon = TRIANGLE) -> sp.Expr:
     """h^2 at twist pi, where the bars meet on the axis; negative if they never do."""
     square = sp.Symbol("H")
-    squared = prism.bar_length_squared()
+    squared = prism.bar_length_squared(None, of)
     at_lock = squared.subs({twist: sp.pi, prism.height**2: square})
-    return sp.solve(at_lock - prism.at_reference(squared), square)[0]
+    return sp.solve(at_lock - prism.at_reference(squared, of), square)[0]
 
 
 # --- the same force in the twist, and both ends of the range ---------------------------------

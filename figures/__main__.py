@@ -15,7 +15,11 @@ from tqdm import tqdm
 from figures import chosen
 
 OUTPUT = Path(__file__).parent / "output"
-PAGES = {"limits": "Limits of the methods"}  # titles of the pages that groups have
+PAGES = {
+    "limits": "Limits of the methods",
+    "protectors": "Protectors",
+    "gradients": "Limits of gradients",
+}  # titles of the pages that groups have
 STYLE = {
     "figure.figsize": (8, 4.5),
     "figure.dpi": 110,

@@ -1,12 +1,14 @@
-"""Granular crystals on the engine of `tensegrity`: contact laws, chains and guides."""
+"""Granular crystals on the engine of `tensegrity`: contact laws, chains, guides and packs."""
 
 from granular.beads import Bead, Striker, bead_of_mass, coated
 from granular.chain import BeadChain, chain
 from granular.contact import Contact, hertz, power
 from granular.guide import Guide, diamond_guide, y_guide
 from granular.kept import keep_scenes
+from granular.lattices import fcc_pack, hexagonal_pack
 from granular.materials import Material, materials
-from granular.observables import sensor_force
+from granular.observables import sensor_force, wall_force
+from granular.pack import Pack, pack
 from tensegrity import simulate
 
 keep_scenes()
@@ -17,15 +19,20 @@ __all__ = [
     "Contact",
     "Guide",
     "Material",
+    "Pack",
     "Striker",
     "bead_of_mass",
     "chain",
     "coated",
     "diamond_guide",
+    "fcc_pack",
     "hertz",
+    "hexagonal_pack",
     "materials",
+    "pack",
     "power",
     "sensor_force",
     "simulate",
+    "wall_force",
     "y_guide",
 ]

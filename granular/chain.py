@@ -9,10 +9,12 @@ Source: seeds/000, part II, "Discrete element modeling" (the potentials W_i).
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence, Sized
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from granular import sensitivity
 from granular.beads import Bead, Striker
 from granular.contact import checked_law, contact_of, hertz
 from granular.crystal import Crystal
@@ -20,9 +22,12 @@ from granular.materials import Material
 from tensegrity import Chain, State, TensegrityError, check
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+    from typing import Any
+
     from numpy.typing import ArrayLike
 
-    from granular.contact import ContactLaw
+    from granular.contact import Contact, ContactLaw
     from tensegrity.typing import Array
 
 PER_BEAD = 2000  # bytes: each contact is a spring of its own
@@ -30,15 +35,18 @@ WALL_MASS = 1.0  # kg: of the site that stands for a wall; it is held, any numbe
 
 
 class BeadChain(Crystal, Chain):
-    """A chain of beads, perhaps with a striker before it and a wall behind it.
+    """A chain of beads, perhaps with a striker or a wall before it and a wall behind it.
 
     Attributes
     ----------
     beads : tuple of Bead
         One for each site, the wall apart.
     parts : dict of str to tuple of int
-        Sites of "striker", "chain" and "wall", in the order in which a wave meets them.
+        Sites of "striker" or "start wall", "chain" and "wall", in the order in which a wave meets
+        them.
     striker : Striker or None
+    bodies : tuple of Bead or Material
+        One for each site: a Material stands for a wall.
     """
 
     def __init__(
@@ -48,30 +56,42 @@ class BeadChain(Crystal, Chain):
         loads: Sequence[float],
         end: Material | None,
         law: ContactLaw,
+        start_wall: Material | None = None,
     ) -> None:
-        self._made_of = {"beads": beads, "striker": striker, "loads": loads, "end": end}
+        self._made_of: dict[str, Any] = {
+            "beads": beads, "striker": striker, "loads": loads, "end": end,
+            "start_wall": start_wall,
+        }  # fmt: skip
         self.striker = striker
         self.beads: tuple[Bead, ...] = (striker.bead, *beads) if striker else tuple(beads)
-        first = len(self.beads) - len(beads)
-        sites = len(self.beads) + (end is not None)
+        walls = (start_wall is not None, end is not None)
+        bodies: list[Any] = [start_wall] * walls[0] + [*self.beads] + [end] * walls[1]
+        sites, first = len(bodies), len(bodies) - len(beads) - walls[1]
         parts: dict[str, tuple[int, ...]] = {"striker": (0,)} if striker else {}
-        parts["chain"] = tuple(range(first, len(self.beads)))
-        if end is not None:
-            parts["wall"] = (len(self.beads),)
-        self.parts = parts
-        neighbours = (*self.beads[1:], *(() if end is None else (end,)))
-        pairs = zip(self.beads, neighbours, strict=False)
-        self._contacts = [contact_of(law, a, b) for a, b in pairs]
+        if walls[0]:
+            parts["start wall"] = (0,)
+        parts["chain"] = tuple(range(first, first + len(beads)))
+        if walls[1]:
+            parts["wall"] = (sites - 1,)
+        self.parts, self.bodies = parts, tuple(bodies)
+        pairs = list(pairwise(bodies))
+        self._contacts = [
+            contact_of(law, *((a, b) if isinstance(a, Bead) else (b, a))) for a, b in pairs
+        ]
+        loads = [0.0] * walls[0] + list(loads)
         self._carried = np.cumsum(loads)[: sites - 1]  # by each contact in equilibrium [N]
         self._unstruck = np.cumsum([0.0, *loads[1:]] if striker else loads)[: sites - 1]
         springs = [
-            contact.spring(preload, a.radius + (b.radius if isinstance(b, Bead) else 0.0))
-            for contact, preload, a, b in zip(
-                self._contacts, self._carried, self.beads, neighbours, strict=False
-            )
+            contact.spring(preload, sum(x.radius for x in pair if isinstance(x, Bead)))
+            for contact, preload, pair in zip(self._contacts, self._carried, pairs, strict=True)
         ]
-        masses = [*(bead.mass for bead in self.beads), *([] if end is None else [WALL_MASS])]
-        super().__init__(springs, sites, masses, ("free", "free" if end is None else "fixed"))
+        masses = [x.mass if isinstance(x, Bead) else WALL_MASS for x in bodies]
+        ends = tuple("fixed" if wall else "free" for wall in walls)
+        super().__init__(springs, sites, masses, ends)  # type: ignore[arg-type]
+
+    def beads_by_site(self) -> dict[int, Bead]:
+        """The bead of each site that is one."""
+        return dict(enumerate(self.beads, start=int("start wall" in self.parts)))
 
     def start(self) -> State:
         """The striker in contact and moving, all else at rest under its loads."""
@@ -86,6 +106,47 @@ class BeadChain(Crystal, Chain):
             ]
             u[:-1] = -np.cumsum(relief[::-1])[::-1]
         return State(u, v)
+
+    @property
+    def contacts(self) -> tuple[Contact, ...]:
+        """The law of each contact."""
+        return tuple(self._contacts)
+
+    bead_arguments = sensitivity.NAMES
+
+    def by_beads(
+        self, name: str, by_mass: Array, by_spring: Callable[[str], Array], by_gap: Array
+    ) -> Array:
+        """Derivatives by an argument of every bead; see `granular.sensitivity`.
+
+        Weights change with masses, and with them the preloads of contacts.
+        """
+        end = self._made_of["end"]
+        if self._made_of["start_wall"] is not None:
+            raise TensegrityError("no derivatives by beads of a chain with a start wall")
+        neighbours = [*range(1, len(self.beads)), *([] if end is None else [end])]
+        pairs = list(zip(range(len(self.beads)), neighbours, strict=False))
+        if name == "diameter" and self._carried.any():
+            by_mass = by_mass.copy()
+            pulled = np.cumsum(by_spring("preload")[::-1])[::-1]  # by the weight of each bead
+            gravity = self._gravity
+            by_mass[: len(pulled)] += gravity * pulled if gravity else 0.0
+        by_constant = by_spring("stiffness")
+        return sensitivity.by_beads(
+            name, self.beads, pairs, self.springs, by_constant, by_mass, None
+        )
+
+    @property
+    def _gravity(self) -> float:
+        """From the weight of a bead that carries no other load."""
+        loads = self._made_of["loads"]
+        if self.striker is None and len(self.beads) == 1:
+            raise TensegrityError(
+                "the load of a single bead does not say what of it is weight: no derivative by its "
+                "diameter"
+            )
+        site = 0 if self.striker else -1
+        return loads[site] / self.beads[site].mass
 
     def contact_forces(self, u: ArrayLike) -> Array:
         """Compressive force in each contact [N]; u of shape (..., sites) gives (..., sites - 1)."""
@@ -114,16 +175,56 @@ class BeadChain(Crystal, Chain):
         return np.ones(len(self.contacts_at(site)))
 
     def bead_energies(self, u: Array, v: Array) -> Array:
-        """Energy of each site [J], the contact with the wall apart; (..., sites)."""
+        """Energy of each site [J], the contacts with walls apart; (..., sites)."""
         energies = self.site_energy(u, v)
-        if "wall" in self.parts:
-            energies[..., -2] -= energies[..., -1]
-            energies[..., -1] = 0
+        for wall, bead in self._wall_sites.values():
+            energies[..., bead] -= energies[..., wall]
+            energies[..., wall] = 0
         return energies
 
     def walls_hold(self, u: Array) -> Array:
-        """Energy of the contact with the wall [J]; (...)."""
-        return self.bond_energy(u)[..., -1] if "wall" in self.parts else np.zeros(u.shape[:-1])
+        """Energy of the contacts with the walls [J]; (...)."""
+        held = np.zeros(u.shape[:-1])
+        for wall, _ in self._wall_sites.values():
+            held += 2 * self.site_energy(u, np.zeros_like(u))[..., wall]
+        return held
+
+    def held_by_beads(self, u: Array) -> Array:
+        """Half the energy of each bead's contacts with others, and all of those with walls [J].
+
+        What the contacts store by themselves, without the potential of the loads; (..., sites).
+        """
+        constants = np.array([contact.constant for contact in self._contacts])
+        powers = np.array([contact.exponent + 1 for contact in self._contacts])
+        stored = constants / powers * np.maximum(self.overlaps(u), 0.0) ** powers
+        held = np.zeros(u.shape)
+        held[..., :-1] += stored / 2
+        held[..., 1:] += stored / 2
+        for wall, bead in self._wall_sites.values():
+            held[..., bead] += held[..., wall]
+            held[..., wall] = 0
+        return held
+
+    @property
+    def _wall_sites(self) -> dict[str, tuple[int, int]]:
+        """Site of each wall, and that of the bead before it."""
+        found = {"start": (0, 1)} if "start wall" in self.parts else {}
+        return found | ({"end": (self.sites - 1, self.sites - 2)} if "wall" in self.parts else {})
+
+    def wall_forces(self, u: ArrayLike, name: str) -> Array:
+        """Contact force of each site on the wall "start" or "end" [N]; (..., sites)."""
+        bead = self.touches_wall(name)[-1]
+        forces = self.contact_forces(u)
+        found = np.zeros((*forces.shape[:-1], self.sites))
+        found[..., bead] = forces[..., 0 if name == "start" else -1]
+        return found
+
+    def touches_wall(self, name: str) -> list[int]:
+        """Sites on which the force on a wall depends: its own and the bead's before it."""
+        if not isinstance(name, str) or name not in self._wall_sites:
+            known = ", ".join(self._wall_sites) or "none"
+            raise TensegrityError(f"wall {check.shown(name)} is not one of this scene's: {known}")
+        return list(self._wall_sites[name])
 
 
 def chain(
@@ -132,6 +233,7 @@ def chain(
     striker: Striker | None = None,
     gravity: float = 0.0,
     preload: float = 0.0,
+    start_wall: Material | None = None,
     end: Material | None = None,
     law: ContactLaw = hertz,
 ) -> BeadChain:
@@ -148,6 +250,8 @@ def chain(
         constant force holds the last bead both before the striker's weight came and after.
     preload : float, optional
         Constant force on the first bead (not on the striker) towards the far end [N], >= 0.
+    start_wall : Material, optional
+        Of a plane wall before the first bead: site 0 then, which is held.  It excludes a striker.
     end : Material, optional
         Of a plane wall behind the last bead.  Without, that bead is free and, where there are
         loads, held back by a constant force.
@@ -167,9 +271,13 @@ def chain(
     beads = _beads(beads)
     if striker is not None and not isinstance(striker, Striker):
         raise TensegrityError(f"striker {check.shown(striker)} is not a Striker")
-    if end is not None and not isinstance(end, Material):
-        raise TensegrityError(f"end {check.shown(end)} is not the Material of a wall")
-    if not beads or len(beads) + (striker is not None) + (end is not None) < 2:
+    for name, wall in (("end", end), ("start_wall", start_wall)):
+        if wall is not None and not isinstance(wall, Material):
+            raise TensegrityError(f"{name} {check.shown(wall)} is not the Material of a wall")
+    if striker is not None and start_wall is not None:
+        raise TensegrityError("a striker and a start_wall exclude each other: give one")
+    others = sum(x is not None for x in (striker, start_wall, end))
+    if not beads or len(beads) + others < 2:
         raise TensegrityError(f"a chain of {len(beads)} beads has no contact: give more beads")
     gravity = check.number("gravity", gravity, least=0, unit="m/s^2")
     preload = check.number("preload", preload, least=0, unit="N")
@@ -180,7 +288,7 @@ def chain(
         )
     weights = [gravity * bead.mass for bead in ((striker.bead,) if striker else ()) + beads]
     weights[1 if striker else 0] += preload
-    return BeadChain(beads, striker, weights, end, checked_law(law))
+    return BeadChain(beads, striker, weights, end, checked_law(law), start_wall)
 
 
 def _beads(beads: Sequence[Bead]) -> tuple[Bead, ...]:

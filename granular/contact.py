@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from typing import Any
 
-    from tensegrity.typing import Number
+    from tensegrity.typing import Array, Number
 
     ContactLaw = Callable[[Bead, Bead | Material], "Contact"]
 
@@ -127,6 +127,22 @@ def contact_of(law: ContactLaw, bead: Bead, other: Bead | Material) -> Contact:
 def _constant(kind: str, *numbers: float) -> float:
     (constant,) = run(derived(_constants, kind), np, numbers)
     return float(constant)
+
+
+def hertz_constants(modulus: Array, poisson: Array, radius: Array, *other: Array) -> Array:
+    """Constants of many contacts after `hertz` at once [N/m^1.5].
+
+    Parameters
+    ----------
+    modulus, poisson, radius : array_like
+        Of beads [Pa], 1, [m]; of any shapes that broadcast.
+    *other : array_like
+        The same three of their partners; radius inf for a plane wall.
+    """
+    modulus_2, poisson_2, radius_2 = other
+    numbers = (modulus, modulus_2, poisson, poisson_2, radius, radius_2)
+    (constants,) = run(derived(_constants, "pair"), np, numbers)
+    return np.asarray(constants)
 
 
 def _constants(kind: str) -> tuple[list[Any], tuple[Any, ...]]:

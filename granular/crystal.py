@@ -13,8 +13,12 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
     from typing import Any
 
+    from numpy.typing import ArrayLike
+
     from granular.beads import Bead, Striker
     from tensegrity.typing import Array, Recorded
+
+MANY = 6  # parts that are not all named in print
 
 
 class Crystal:
@@ -38,6 +42,7 @@ class Crystal:
     parts: dict[str, tuple[int, ...]]
     striker: Striker | None
     step_share = KINK_SHARE
+    _made_of: dict[str, Any]
     if TYPE_CHECKING:  # what sensors and sums over parts ask of it besides
         sites: int
 
@@ -49,9 +54,13 @@ class Crystal:
         def overlaps(self, u: Array) -> Array: ...
         def bead_energies(self, u: Array, v: Array) -> Array: ...
         def walls_hold(self, u: Array) -> Array: ...
+        def held_by_beads(self, u: Array) -> Array: ...
+        def wall_forces(self, u: ArrayLike, name: str) -> Array: ...
+        def touches_wall(self, name: str) -> list[int]: ...
 
     def __repr__(self) -> str:
-        parts = ", ".join(f"{name}: {len(sites)}" for name, sites in self.parts.items())
+        counts = [f"{name}: {len(sites)}" for name, sites in self.parts.items()]
+        parts = ", ".join(counts if len(counts) < MANY else [*counts[:2], "...", counts[-1]])
         struck = "" if self.striker is None else f", struck at {self.striker.speed:g} m/s"
         return f"{type(self).__name__}({parts}{struck}) on {super().__repr__()}"
 
@@ -60,6 +69,10 @@ class Crystal:
         if not isinstance(part, str) or part not in self.parts:
             raise TensegrityError(f"part {check.shown(part)} is not one of {', '.join(self.parts)}")
         return self.parts[part]
+
+    def beads_by_site(self) -> dict[int, Bead]:
+        """The bead of each site that is one."""
+        return dict(enumerate(self.beads))
 
     def site(self, part: str, number: int) -> int:
         """Site of the bead with that number, from 1, in a part.
@@ -82,7 +95,8 @@ class Crystal:
         first, second = sorted(self.site(part, n) for n in numbers)
         if first == second:
             raise TensegrityError(f"numbers {numbers!r} of {part} must be two different beads")
-        diameters = [self.beads[s].diameter for s in range(first, second + 1)]
+        beads = self.beads_by_site()
+        diameters = [beads[s].diameter for s in range(first, second + 1)]
         return sum(diameters) - (diameters[0] + diameters[-1]) / 2
 
 

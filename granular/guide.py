@@ -15,26 +15,25 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from granular.assembly import Assembly, SharedSprings
 from granular.beads import Bead, Striker
-from granular.contact import checked_law, contact_of, hertz
-from granular.crystal import Crystal
+from granular.contact import checked_law, hertz
 from granular.layout import TOUCH, Layout, diamond_layout, y_layout
 from granular.materials import Material, materials
-from tensegrity import Network, State, TensegrityError, Wall, check
+from granular.statics import settle
+from tensegrity import State, TensegrityError, Wall, check
 from tensegrity.scenes.clearance import Clearance
 
 if TYPE_CHECKING:
     from typing import Any
 
-    from numpy.typing import ArrayLike
-
-    from granular.contact import Contact, ContactLaw
+    from granular.contact import ContactLaw
     from granular.layout import Piece
-    from tensegrity.springs.potential import PowerLaw
+    from granular.statics import Equilibrium
     from tensegrity.typing import Array, Indices
 
 
-class Guide(Crystal, Network):
+class Guide(Assembly):
     """Beads in a layout, with a striker before the first.
 
     Parameters
@@ -50,6 +49,10 @@ class Guide(Crystal, Network):
         Of plane walls behind the last beads of the last parts; by default these are free.
     law : callable (Bead, Bead or Material) -> Contact, optional
         `hertz`, or `power(constant, exponent)`.
+    gravity : float, optional
+        [m/s^2], >= 0, along the axis of the first part, away from the striker.
+    preload : float, optional
+        Constant force along that axis on its first bead [N], >= 0.
 
     Attributes
     ----------
@@ -57,7 +60,11 @@ class Guide(Crystal, Network):
     beads : tuple of Bead, (sites,)
     parts : dict of str to tuple of int
     striker : Striker or None
+    equilibrium : Equilibrium or None
+        How the beads rest under their loads, the striker apart; None without loads.
     """
+
+    equilibrium: Equilibrium | None
 
     def __init__(
         self,
@@ -67,6 +74,8 @@ class Guide(Crystal, Network):
         striker: Striker | None = None,
         end: Material | None = None,
         law: ContactLaw = hertz,
+        gravity: float = 0.0,
+        preload: float = 0.0,
     ) -> None:
         check.kind("layout", layout, Layout)
         sides = len(layout.walls)
@@ -76,12 +85,28 @@ class Guide(Crystal, Network):
         if striker is not None and not isinstance(striker, Striker):
             raise TensegrityError(f"striker {check.shown(striker)} is not a Striker")
         _fill(layout, beads)
-        parts = {"layout": layout, "beads": beads, "wall": wall, "striker": striker, "end": end}
-        self._made_of = parts
+        gravity = check.number("gravity", gravity, least=0, unit="m/s^2")
+        preload = check.number("preload", preload, least=0, unit="N")
+        self._made_of = {
+            "layout": layout, "beads": beads, "wall": wall, "striker": striker, "end": end,
+            "gravity": gravity, "preload": preload,
+        }  # fmt: skip
+        loaded = gravity > 0 or preload > 0
+        if loaded and end is None:
+            raise TensegrityError(
+                f"gravity {gravity:g} m/s^2 and preload {preload:g} N need an end: without walls "
+                "behind the last beads nothing carries them"
+            )
+        found = None
+        if striker is not None and loaded:
+            found = Guide(**self._made_of | {"striker": None, "law": law}).equilibrium
         if end is not None:
             layout = layout.stopped([p for p in layout.parts if p in _last_parts(layout)])
         layout.check()
         self.layout, self.striker = layout, striker
+        self.wall_names = tuple(piece.name for piece in layout.walls)
+        stops = () if end is None else (end,) * (len(layout.walls) - sides)
+        self.wall_materials = (wall,) * sides + stops
         first = 0 if striker is None else 1
         parts = {p: tuple(b + first for b in sites) for p, sites in layout.parts.items()}
         filled = [beads[part] for part, sites in layout.parts.items() for _ in sites]
@@ -94,22 +119,30 @@ class Guide(Crystal, Network):
             bonds = np.concatenate([[[0, 1]], bonds])
         self.parts, self.beads = parts, tuple(filled)
         touched = np.add(layout.wall_contacts(), (first, 0))
-        solids: list[Any] = [wall if number < sides else end for _, number in touched]
-        springs, walls = _Springs(checked_law(law)), tuple(_wall(piece) for piece in layout.walls)
+        solids: Any = [self.wall_materials[number] for _, number in touched]
+        springs = SharedSprings(checked_law(law))
         super().__init__(
             positions,
             bonds,
             [springs(self.beads[i], self.beads[j]) for i, j in bonds],
             mass=[bead.mass for bead in self.beads],
-            walls=walls,
+            walls=[_wall(piece) for piece in layout.walls],
             wall_contacts=touched,
             wall_spring=[
                 springs(self.beads[b], solid) for (b, _), solid in zip(touched, solids, strict=True)
             ],
             wall_gaps=layout.wall_gaps(),
             radius=None if layout.blind else [bead.radius for bead in self.beads],
+            loads=_loads(self.beads, first, gravity, preload),
         )
         self._contacts = springs.contacts
+        if striker is None and loaded:
+            found = settle(self)
+        self.equilibrium = found
+        rest = np.zeros(self.shape)
+        if found is not None:  # a striker is taken along by the bead before which it stands
+            rest = found.u if striker is None else np.concatenate([found.u[:1], found.u])
+        self.rest = rest
 
     @cached_property
     def clearance(self) -> Clearance | None:
@@ -118,58 +151,7 @@ class Guide(Crystal, Network):
 
     def start(self) -> State:
         """The striker in contact and moving along the axis, all else at rest."""
-        u, v = np.zeros(self.shape), np.zeros(self.shape)
-        if self.striker is not None:
-            v[0, 0] = self.striker.speed
-        return State(u, v)
-
-    def contact_forces(self, u: Array) -> Array:
-        """Compressive force in each contact [N], those with walls last; (..., contacts)."""
-        return np.concatenate([-self.bond_tension(u), self.wall_load(u)], axis=-1)
-
-    def overlaps(self, u: ArrayLike) -> Array:
-        """Overlap of each contact of two beads [m], < 0 for a gap; (..., bonds)."""
-        return -self.elongation(u)
-
-    def contacts_at(self, site: int) -> list[int]:
-        """Numbers of the contacts of a bead, those with walls last."""
-        walls = len(self.bonds) + np.flatnonzero(self.wall_contacts[:, 0] == site)
-        return [*np.flatnonzero((self.bonds == site).any(axis=1)).tolist(), *walls.tolist()]
-
-    def contacts_within(self, part: str | None = None) -> list[int]:
-        """Numbers of the contacts between beads of a part, or between any."""
-        sites = range(self.sites) if part is None else self.members(part)
-        return np.flatnonzero(np.isin(self.bonds, list(sites)).all(axis=1)).tolist()
-
-    def needed(self, site: int) -> list[int]:
-        """Sites on which the contacts of a bead depend."""
-        return sorted({site, *self.bonds[(self.bonds == site).any(axis=1)].ravel().tolist()})
-
-    def cosines(self, u: Array, site: int) -> Array:
-        """|n . k| of each contact of a bead, k along its displacement; (..., contacts).
-
-        0 for a bead that has not moved.
-        """
-        size = np.linalg.norm(u[..., site, :], axis=-1, keepdims=True)
-        k = u[..., site, :] / np.where(size > 0, size, 1.0)
-        numbers = np.array(self.contacts_at(site))
-        bonds, walls = numbers[numbers < len(self.bonds)], numbers[numbers >= len(self.bonds)]
-        normals = [self.walls[w].normal for w in self.wall_contacts[walls - len(self.bonds), 1]]
-        along = np.einsum("...bk,...k->...b", self.direction(u)[..., bonds, :], k)
-        across = k @ np.array(normals).reshape(-1, 2).T
-        return np.abs(np.concatenate([along, across], axis=-1))
-
-    def bead_energies(self, u: Array, v: Array) -> Array:
-        """Energy of each site [J], contacts with walls apart; (..., sites)."""
-        energies = self.site_energy(u, v)
-        held = self.wall_energy(u)
-        for contact, (site, _) in enumerate(self.wall_contacts):
-            energies[..., site] -= held[..., contact]
-        return energies
-
-    def walls_hold(self, u: Array) -> Array:
-        """Energy of all contacts with walls [J]; (...)."""
-        return self.wall_energy(u).sum(axis=-1)
+        return self.at_rest({} if self.striker is None else {0: (self.striker.speed, 0.0)})
 
 
 class _Clearance(Clearance):
@@ -199,20 +181,12 @@ class _Clearance(Clearance):
         return gaps
 
 
-class _Springs:
-    """One spring object for all contacts of the same kind of partners."""
-
-    def __init__(self, law: ContactLaw) -> None:
-        self._law = law
-        self._known: dict[tuple[Bead, Bead | Material], PowerLaw] = {}
-        self.contacts: list[Contact] = []
-
-    def __call__(self, bead: Bead, other: Bead | Material) -> PowerLaw:
-        pair = bead, other
-        if pair not in self._known:
-            self.contacts.append(contact_of(self._law, bead, other))
-            self._known[pair] = self.contacts[-1].spring()
-        return self._known[pair]
+def _loads(beads: tuple[Bead, ...], first: int, gravity: float, preload: float) -> Array:
+    """Constant force on each bead along the axis [N], the preload on the first of the stem."""
+    loads = np.zeros((len(beads), 2))
+    loads[:, 0] = gravity * np.array([bead.mass for bead in beads])
+    loads[first, 0] += preload
+    return loads
 
 
 def _fill(layout: Layout, beads: Mapping[str, Bead]) -> None:
@@ -253,6 +227,8 @@ def y_guide(
     gap: float = 0.0,
     through: float = 0.0,
     law: ContactLaw = hertz,
+    gravity: float = 0.0,
+    preload: float = 0.0,
 ) -> Guide:
     """The first half of the guide of seeds/001: a stem that splits into two branches.
 
@@ -278,6 +254,11 @@ def y_guide(
         How far the outer walls run on past the junction [m]; see `y_layout`.
     law : callable, optional
         `hertz`, or `power(constant, exponent)`.
+    gravity : float, optional
+        [m/s^2], >= 0, along the stem towards the branches.  The state at the start is the static
+        equilibrium then; it needs an `end`.
+    preload : float, optional
+        Constant force on the first bead of stem 1 along it [N], >= 0; likewise.
 
     Returns
     -------
@@ -292,7 +273,8 @@ def y_guide(
         the guide does not list.
     """
     layout = y_layout(stem, branch, half_angle, _diameter(bead), gap, through)
-    return Guide(layout, _filling(bead, branches), wall, striker, end, law)
+    filling = _filling(bead, branches)
+    return Guide(layout, filling, wall, striker, end, law, gravity, preload)
 
 
 def diamond_guide(
@@ -308,6 +290,8 @@ def diamond_guide(
     gap: float = 0.0,
     through: float = 0.0,
     law: ContactLaw = hertz,
+    gravity: float = 0.0,
+    preload: float = 0.0,
 ) -> Guide:
     """The full guide of seeds/001: the branches meet again in a second stem.
 
@@ -317,7 +301,7 @@ def diamond_guide(
     """
     layout = diamond_layout(stem, branch, half_angle, _diameter(bead), gap, through)
     beads = {**_filling(bead, branches), "stem 2": bead}
-    return Guide(layout, beads, wall, striker, end, law)
+    return Guide(layout, beads, wall, striker, end, law, gravity, preload)
 
 
 def _diameter(bead: Bead) -> float:

@@ -15,6 +15,7 @@ from granular.contact import Contact
 from granular.guide import Guide
 from granular.layout import Layout, Piece
 from granular.materials import Material
+from granular.pack import Pack
 from tensegrity.runs.archive import register
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ def keep_scenes() -> None:
         register(kind, _fields)
     for kind in (BeadChain, Guide):
         register(kind, _scene, _again(kind))
+    register(Pack, lambda scene: dict(scene._made_of))
 
 
 def _fields(x: Any) -> dict[str, Any]:

@@ -70,6 +70,36 @@ def _sensed(
     return (scene.contact_forces(u)[:, touching] * share(u, site)).sum(axis=-1) / 2
 
 
+def wall_force(run: Run, name: str, each: bool = False) -> Array:
+    """Contact force on a wall.
+
+    Parameters
+    ----------
+    run : Run
+        Of a chain, a guide or a pack, with all beads recorded that can touch the wall: those of
+        `scene.touches_wall(name)`.
+    name : str
+        Such as "floor"; "start" and "end" of a chain.  Walls of one name count together.
+    each : bool, optional
+        Every site's share, in the order of the sites.
+
+    Returns
+    -------
+    ndarray, (T,) or (T, sites)
+        [N], compression > 0.
+
+    Raises
+    ------
+    TensegrityError
+        No such wall; a bead that can touch it was not recorded.
+    """
+    scene = crystal_of(run)
+    each = check.truth("each", each)
+    u = rows(run, scene.touches_wall(name))
+    forces = scene.wall_forces(u, name)
+    return forces if each else forces.sum(axis=-1)
+
+
 def density(run: Run, sites: Sequence[int]) -> Array:
     """Sensor forces of several beads of a run of all sites [N], (T, beads)."""
     scene = crystal_of(run)
@@ -312,3 +342,66 @@ def overlaps(run: Run, part: str | None = None) -> tuple[float, float]:
         raise TensegrityError(f"part {part!r} has no contact of two of its beads")
     peaks = scene.overlaps(u)[:, chosen].max(axis=0)
     return float(peaks.max()), float(np.mean(peaks))
+
+
+def energy_shares(run: Run) -> Array:
+    """Part of the energy that each bead has.
+
+    A bead has its motion, half of each contact with another bead and all of its contacts with
+    walls; the potential of gravity and of a preload counts for none.
+
+    Parameters
+    ----------
+    run : Run
+        With all sites recorded.
+
+    Returns
+    -------
+    ndarray, (T, beads)
+        In the order of the sites, walls of a chain left out; every row adds up to 1.
+
+    Raises
+    ------
+    TensegrityError
+        Not a run of beads; a site that was not recorded; no energy at all.
+    """
+    kinetic, stored = _energies(run)
+    energies = kinetic + stored
+    total = energies.sum(axis=-1, keepdims=True)
+    if not np.all(total > 0):
+        raise TensegrityError(f"energy {total.min():g} J of a row must be above 0 to be shared")
+    return energies / total
+
+
+def effective_number(run: Run) -> Array:
+    """Number of beads that share the energy, exp of the entropy of `energy_shares`; (T,)."""
+    shares = energy_shares(run)
+    logs = np.log(np.where(shares > 0, shares, 1.0))
+    return np.exp(-np.sum(shares * logs, axis=-1))
+
+
+def participation_ratio(run: Run) -> Array:
+    """Number of beads that share the energy, 1 over the sum of squared `energy_shares`; (T,)."""
+    return 1 / np.sum(energy_shares(run) ** 2, axis=-1)
+
+
+def virial_ratio(run: Run) -> Array:
+    """Kinetic energy over kinetic and contact energy; (T,).
+
+    Its mean over a long time is 5/9 for a line of Hertz beads that just fills the room between two
+    walls, without gravity or preload: the potential is homogeneous of degree 5/2 in the
+    displacements, whether or not contacts open, and these stay bounded, so that 2 <T> = 5/2 <V>
+    (virial theorem).
+    """
+    kinetic, stored = (x.sum(axis=-1) for x in _energies(run))
+    return kinetic / (kinetic + stored)
+
+
+def _energies(run: Run) -> tuple[Array, Array]:
+    """Kinetic energy of each bead and that of its contacts [J], two arrays (T, beads)."""
+    scene = crystal_of(run)
+    u = rows(run, range(scene.sites))
+    beads = list(scene.beads_by_site())
+    speeds = run.v**2 if run.v.ndim == 2 else np.sum(run.v**2, axis=-1)
+    kinetic = 0.5 * run.scene.mass * speeds[:, np.argsort(run.sites)]
+    return kinetic[:, beads], scene.held_by_beads(u)[:, beads]

@@ -11,12 +11,19 @@ from tensegrity.errors import (
     StabilityError,
     TensegrityError,
 )
+from tensegrity.gradients import objective
+from tensegrity.gradients.compute import gradient
+from tensegrity.prisms.column import column
+from tensegrity.prisms.contact import bar_contact
+from tensegrity.prisms.fit import fit
+from tensegrity.prisms.members import member_stiffness
 from tensegrity.prisms.path import EquilibriumPath, equilibrium_path, equilibrium_paths
 from tensegrity.prisms.prism import Prism
 from tensegrity.runs.integrate import simulate
 from tensegrity.runs.record import Record
 from tensegrity.runs.resuming import resume
 from tensegrity.runs.run import Run
+from tensegrity.runs.sweep import sweep
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.scenes.network import Network
@@ -24,6 +31,9 @@ from tensegrity.scenes.scene import State
 from tensegrity.scenes.walls import Wall
 from tensegrity.springs.polynomial import Polynomial
 from tensegrity.springs.potential import Potential, PowerLaw
+from tensegrity.structures.path import StructurePath, control_path
+from tensegrity.structures.structure import Structure, equilibrium
+from tensegrity.structures.supports import held, plates
 from tensegrity.waves.prediction import Prediction, predict
 from tensegrity.waves.solitary import SolitaryWave, solitary_wave
 
@@ -49,12 +59,25 @@ __all__ = [
     "SolitaryWave",
     "StabilityError",
     "State",
+    "Structure",
+    "StructurePath",
     "TensegrityError",
     "Wall",
+    "bar_contact",
+    "column",
+    "control_path",
+    "equilibrium",
     "equilibrium_path",
     "equilibrium_paths",
+    "fit",
+    "gradient",
+    "held",
+    "member_stiffness",
+    "objective",
+    "plates",
     "predict",
     "resume",
     "simulate",
     "solitary_wave",
+    "sweep",
 ]

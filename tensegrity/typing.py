@@ -73,3 +73,7 @@ class Members(Protocol):
     @property
     def k_bar(self) -> float:
         """[N/m]; inf is rigid."""
+
+    @property
+    def sides(self) -> int:
+        """Of the base."""

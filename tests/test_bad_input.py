@@ -16,7 +16,9 @@ import sympy as sp
 
 import granular
 import tensegrity
+from granular import design
 from granular import observables as beads_observables
+from granular.lammps import to_lammps
 from granular.layout import crossed_layout, diamond_layout, y_layout
 from tensegrity import (
     Chain,
@@ -29,10 +31,21 @@ from tensegrity import (
     Record,
     Run,
     State,
+    Structure,
     TensegrityError,
     Wall,
+    bar_contact,
+    column,
+    control_path,
+    equilibrium,
     equilibrium_path,
     equilibrium_paths,
+    fit,
+    gradient,
+    held,
+    member_stiffness,
+    objective,
+    plates,
     predict,
     resume,
     simulate,
@@ -60,24 +73,42 @@ NO_NUMBERS = (
     "complex", "list", "list of text", "dict", "object", "function", "array", "namespace",
 )  # fmt: skip
 EXTREME = ("1e308", "5e-324", "half")
-SEARCHES = (solitary_wave, largest_speed, limit_load)  # take long with these: see their tests
-MADE_BY_THE_LIBRARY = {"Run", "SolitaryWave", "Prediction", "EquilibriumPath", "BeadChain"}
+SEARCHES = (  # take long with these: see their tests
+    solitary_wave,
+    largest_speed,
+    limit_load,
+    design.peak_force,
+    design.search,
+)
+MADE_BY_THE_LIBRARY = {
+    "StructurePath",
+    "Run",
+    "SolitaryWave",
+    "Prediction",
+    "EquilibriumPath",
+    "BeadChain",
+    "Pack",
+}
 
 R = sp.Symbol("r")
 SPRING = Prism(1.0, 0.7, 0.01, 1.0).potential()
 ELASTIC = Prism(1.0, 0.7, 0.01, 1.0, 10.0, 100.0)
 STEEL = granular.materials["steel"]
 BEAD = granular.Bead(4.76e-3, STEEL)
+PTFE, SMALL = granular.materials["ptfe"], granular.Bead(3e-3, STEEL)
 STRIKER = granular.Striker(BEAD, 0.5)
-BEADS = granular.chain([BEAD] * 6, striker=STRIKER)
+BEADS = granular.chain([BEAD] * 6, striker=STRIKER, end=STEEL)
 LINE = Chain(SPRING, 24)
 LANES = Ensemble(Chain(SPRING, 4), 2)
+TRUSS = Structure([[-1, 0], [1, 0], [0, 1]], bars=[(0, 2), (1, 2)])
 NET = Network([[0, 0], [1, 0], [0, 1]], [(0, 1), (1, 2)], SPRING)
 WALL = Wall((0, 0), (0, 1))
 WAVE = solitary_wave(SPRING, speed_ratio=2.0)
 LENNARD_JONES = Potential(((1 + R) ** -12 - 2 * (1 + R) ** -6) / 72, R, domain=(-1.0, math.inf))
 RUN = simulate(LINE, LINE.at_rest({0: 0.03}), 20.0, record=Record(every=1))
 BEADS_RUN = simulate(BEADS, BEADS.start(), 6e-5, record=Record(every=1))
+CUBE = granular.fcc_pack(2, 2, bead=BEAD, floor=STEEL, sides=STEEL, striker=STRIKER)
+PACKED = simulate(CUBE, CUBE.start(), 1e-5, dt=1e-6)
 FOLDER = tempfile.TemporaryDirectory()
 FILE = f"{FOLDER.name}/run.npy"
 simulate(LINE, LINE.at_rest({0: 0.01}), 1.0, dt=0.1, record=Record(path=FILE, checkpoint=1.0))
@@ -88,7 +119,7 @@ X = np.linspace(-5.0, 5.0, 101)
 TIMES = {"t": T, "force": FORCE}
 GUIDE = {"stem": 3, "branch": 3, "half_angle": 0.7, "bead": BEAD, "branches": (BEAD, BEAD)}
 GUIDE |= {"wall": STEEL, "striker": STRIKER, "end": STEEL, "gap": 0.0, "through": 0.0}
-GUIDE |= {"law": granular.hertz}
+GUIDE |= {"law": granular.hertz, "gravity": 9.81, "preload": 0.1}
 LAYOUT = {"stem": 3, "branch": 3, "half_angle": 0.7, "diameter": 0.005}
 ROWS = {"name": "own", "order": 2, "step": 0.1, "reference": "", "when_not": ""}
 SPLIT = {"kicks": (0.5, 0.5), "drifts": (1.0,)}
@@ -114,6 +145,30 @@ CALLS = [
                         "past_contact": False}),
     (equilibrium_paths, {"prisms": [ELASTIC, ELASTIC], "min_height": 0.4, "max_load": 1.0,
                          "max_height": 0.75, "past_contact": False}),
+    (equilibrium_path, {"prism": TRUSS, "supports": held([0, 1]), "loads": {2: (0.0, -1.0)},
+                        "max_load": 0.1, "branch": "stable", "max_shortening": 0.1}),
+    (Structure, {"positions": [[0, 0], [1, 0], [0, 1]], "bars": [(0, 1)], "strings": [(1, 2)],
+                 "k_bar": 1.0, "k_string": [1.0], "mass": 1.0, "natural_lengths": [1.0, 1.0],
+                 "platforms": ()}),
+    (equilibrium, {"structure": TRUSS, "loads": {2: (0.0, -0.1)}, "supports": held([0, 1])}),
+    (lambda force: equilibrium(TRUSS, {2: force}, held([0, 1])), {"force": (0.0, -0.1)}),
+    (held, {"nodes": [0, 1], "axes": [0]}),
+    (plates, {"lower": [0], "upper": [1], "normal": (0.0, 1.0)}),
+    (column, {"prism": ELASTIC, "count": 2, "chirality": "same", "plates": False}),
+    (control_path, {"structure": TRUSS, "natural_lengths": {0: 1.1}, "supports": held([0, 1]),
+                    "branch": "stable"}),
+    (lambda value: control_path(TRUSS, {0: value}, held([0, 1])), {"value": 1.1}),
+    (TRUSS.prestressed, {"force_densities": [0.0, 0.0]}),
+    (TRUSS.prestressed, {"prestrain": None, "force_densities": [0.0, 0.0]}),
+    (TRUSS.modes, {"count": 1, "supports": held([0, 1])}),
+    (TRUSS.is_stable, {"supports": held([0, 1])}),
+    (member_stiffness, {"modulus": 1e9, "area": 1e-6, "length": 0.1}),
+    (Prism.from_members, {"cross": 0.13, "base": 0.08, "bar": 0.1623, "k_cross": 19192.7,
+                          "k_base": 31188.2, "k_bar": 4.7e7, "sides": 3}),
+    (ELASTIC.structure, {"mass": 1.0}),
+    (bar_contact, {"path": equilibrium_path(ELASTIC), "diameter": 0.01}),
+    (fit, {"shortening": [0.0, 0.01, 0.02, 0.03], "load": [0.0, 0.001, 0.002, 0.003],
+           "prism": ELASTIC, "free": ("prestrain",), "offset": False, "noise": 0.1}),
     (Potential, {"energy": R**2, "elongation": R, "parameters": {}, "length": 1.0,
                  "domain": (-1.0, 1.0)}),
     (lambda **k: Potential(sp.Symbol("k") * R**2, R, k), {"k": 1.0}),
@@ -167,6 +222,21 @@ CALLS = [
     (simulate, {"scene": LINE, "state": LINE.at_rest({0: 0.01}), "t_end": 1.0, "method": "rkn6",
                 "dt": 0.1, "record": Record()}),
     (simulate, {"scene": LINE, "state": LINE.at_rest({0: 0.01}), "t_end": 1.0, "tol": 1e-4}),
+    (gradient, {"objective": objective.displacement(1), "scene": LINE,
+                "state": LINE.at_rest({0: 0.01}), "t_end": 1.0, "dt": 0.1, "method": "verlet",
+                "wanted": ("prestrain",), "exact": False, "checkpoints": 5}),
+    (objective.load, {"bond": 1}),
+    (objective.load, {"wall": 1}),
+    (objective.displacement, {"site": 1, "axis": 0}),
+    (objective.velocity, {"site": 1, "axis": 0}),
+    (objective.energy, {"sites": [0, 1]}),
+    (objective.peak, {"trace": objective.load(1)}),
+    (objective.p_norm, {"trace": objective.load(1), "p": 8, "over": (0.1, 0.5)}),
+    (objective.impulse, {"bond": 1}),
+    (objective.arrival, {"site": 1, "displacement": 0.1}),
+    (objective.misfit, {"trace": objective.load(1), "t": [0.1, 0.2], "values": [0.0, 1.0]}),
+    (objective.of, {"traces": [objective.load(1)], "function": lambda t, y: (0.0, 0 * y)}),
+    (objective.objective_of, {"given": objective.load(1)}),
     (solitary_wave, {"potential": SPRING, "mass": 1.0, "speed_ratio": 2.0,
                      "family": "compression"}),
     (solitary_wave, {"potential": SPRING, "speed": 2 * WAVE.sound_speed}),
@@ -221,11 +291,43 @@ CALLS = [
     (granular.power, {"constant": 1e9, "exponent": 1.5}),
     (granular.chain, {"beads": [BEAD] * 3, "striker": STRIKER, "gravity": 9.81, "preload": 0.1,
                       "end": STEEL, "law": granular.hertz}),
+    (granular.chain, {"beads": [BEAD] * 3, "start_wall": STEEL, "end": STEEL}),
+    (granular.fcc_pack, {"layers": 2, "side": 2, "bead": BEAD, "floor": STEEL, "sides": STEEL,
+                         "striker": STRIKER, "struck": (0, 1), "contacts": "follow",
+                         "gravity": 9.81, "preload": 0.1}),
+    (granular.hexagonal_pack, {"rows": 2, "columns": 2, "bead": BEAD, "floor": STEEL,
+                               "sides": STEEL, "striker": STRIKER, "struck": 0, "gap": 1e-5,
+                               "offset": (0, 1), "direction": (0, -1), "contacts": "follow",
+                               "gravity": 9.81, "preload": 0.1}),
+    (granular.pack, {"places": [(0.0, 0.1), (0.0, 0.2)], "beads": [BEAD] * 2,
+                     "walls": {"floor": (WALL, STEEL)}, "contacts": "fixed", "gravity": 0.0,
+                     "preload": {}}),
+    (lambda pair: granular.pack([(0.0, 0.1)], BEAD, {"floor": pair}), {"pair": (WALL, STEEL)}),
+    (PACKED.scene.members, {"part": "layer 1"}),
+    (granular.wall_force, {"run": PACKED, "name": "floor", "each": True}),
+    (granular.wall_force, {"run": BEADS_RUN, "name": "end"}),
+    (to_lammps, {"scene": CUBE, "state": CUBE.start(), "t_end": 1e-5, "dt": 1e-6, "every": 2,
+                 "path": f"{FOLDER.name}/in.beads"}),
+    (beads_observables.energy_shares, {"run": PACKED}),
+    (beads_observables.effective_number, {"run": PACKED}),
+    (beads_observables.participation_ratio, {"run": PACKED}),
+    (beads_observables.virial_ratio, {"run": PACKED}),
+    (tensegrity.sweep, {"function": abs, "cases": [1, -2], "executor": None,
+                        "checkpoint": "sweep.npz"}),
+    (design.Order, {"given": [BEAD, SMALL]}),
+    (design.Choice, {"count": 3, "diameter": 0.005, "materials": [STEEL, PTFE]}),
+    (design.Sizes, {"count": 3, "diameters": (0.004, 0.006), "length": 0.015, "material": STEEL}),
+    (design.peak_force, {"beads": [BEAD] * 3, "striker": STRIKER, "wall": STEEL, "t_end": 2e-4,
+                         "dt": 1e-6}),
+    (design.search, {"space": design.Order([BEAD, SMALL]), "striker": STRIKER, "wall": STEEL,
+                     "t_end": 1e-4, "build": None, "method": "ga", "budget": 64, "seed": 0,
+                     "executor": None, "checkpoint": "search.npz"}),
     (granular.y_guide, GUIDE),
     (granular.diamond_guide, GUIDE),
     (granular.Guide, {"layout": y_layout(3, 3, 0.7, BEAD.diameter),
                       "beads": dict.fromkeys(("stem 1", "branch 1", "branch 2"), BEAD),
-                      "wall": STEEL, "striker": STRIKER, "end": STEEL, "law": granular.hertz}),
+                      "wall": STEEL, "striker": STRIKER, "end": STEEL, "law": granular.hertz,
+                      "gravity": 9.81, "preload": 0.1}),
     (y_layout, LAYOUT | {"gap": 0.0, "through": 0.0}),
     (diamond_layout, LAYOUT | {"gap": 0.0, "through": 0.0}),
     (crossed_layout, LAYOUT),
@@ -291,7 +393,7 @@ def takes_arrays(function, name, kind):
 
 def test_every_public_callable_has_a_good_call():
     called = {getattr(function, "__name__", "") for function, _ in CALLS}
-    modules = (asymptotics, budget, observables, beads_observables)
+    modules = (asymptotics, budget, observables, beads_observables, objective)
     public = {name for module in modules for name, thing in vars(module).items()
               if inspect.isfunction(thing) and thing.__module__ == module.__name__}  # fmt: skip
     for module in (tensegrity, granular):

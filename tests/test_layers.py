@@ -21,11 +21,13 @@ ROOMS = [  # inside tensegrity: each may import what stands before it
     "engine",
     "springs",
     "branches",
-    "prisms",
     "scenes",
+    "structures",
+    "prisms",
     "runs",
     "waves",
     "measure",
+    "gradients",
 ]
 
 

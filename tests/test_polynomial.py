@@ -336,7 +336,7 @@ def test_a_range_left_is_widened(monkeypatch):
     assert simulate(chain, state, 20.0, tol=1e-6).force == "exact"
 
 
-@pytest.mark.parametrize("at", [1, 30, 60, 100])
+@pytest.mark.parametrize("at", [1, 10, 25, 40])
 def test_interrupt_while_polynomials_are_tried(monkeypatch, at):
     monkeypatch.setattr(tolerance, "WORTH", -math.inf)
     chain, state = soft_blow()
@@ -349,6 +349,7 @@ def test_interrupt_while_polynomials_are_tried(monkeypatch, at):
             raise KeyboardInterrupt
         advance(self, steps)
 
+    monkeypatch.setattr(march, "STRIDE", 0)
     monkeypatch.setattr(march._Watch, "advance", interrupted)
     run = simulate(chain, state, 10.0, tol=1e-9, record=Record(every=5))
     assert not run.complete

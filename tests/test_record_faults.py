@@ -119,7 +119,7 @@ def test_an_interrupt_anywhere_loses_nothing(tmp_path, options):
     """The last row is the final state; rows before are those of the whole run."""
     whole = run(**{k: v for k, v in options.items() if k != "path"})
     chain, wanted = prism_chain(20), whole.t.tolist()
-    at, ended, stride = -1, False, 7
+    at, ended, stride = -1, False, 5
     while not ended:
         at += stride
         if "path" in options:

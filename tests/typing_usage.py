@@ -19,17 +19,24 @@ from granular import (
     Contact,
     Guide,
     Material,
+    Pack,
     Striker,
     bead_of_mass,
     coated,
     diamond_guide,
+    fcc_pack,
     hertz,
+    hexagonal_pack,
     materials,
+    pack,
     power,
     sensor_force,
+    wall_force,
     y_guide,
 )
 from granular import observables as sensors
+from granular.design import Best, Choice, Order, Sizes, peak_force, search
+from granular.lammps import run_lammps, to_lammps
 from tensegrity import (
     Chain,
     ContactError,
@@ -52,14 +59,27 @@ from tensegrity import (
     SolitaryWave,
     StabilityError,
     State,
+    Structure,
+    StructurePath,
     TensegrityError,
     Wall,
+    bar_contact,
+    column,
+    control_path,
+    equilibrium,
     equilibrium_path,
     equilibrium_paths,
+    fit,
+    gradient,
+    held,
+    member_stiffness,
+    objective,
+    plates,
     predict,
     resume,
     simulate,
     solitary_wave,
+    sweep,
 )
 from tensegrity.engine import methods
 from tensegrity.measure import budget, observables
@@ -92,12 +112,38 @@ def prisms_and_paths() -> Potential:
     Prism(base="1", height=0.7, prestrain=0.01, k_cross=1.0)  # type: ignore[arg-type]
     Prism(base=1.0, height=0.7, prestrain=0.01)  # type: ignore[call-arg]
     prism.height = 0.8  # type: ignore[misc]
-    equilibrium_path(spring)  # type: ignore[arg-type]
-    equilibrium_path(prism, 0.2)  # type: ignore[call-arg]
+    equilibrium_path(spring)  # type: ignore[call-overload]
+    equilibrium_path(prism, 0.2)  # type: ignore[call-overload]
     equilibrium_paths(prism)  # type: ignore[arg-type]
     spring.tension(None)  # type: ignore[arg-type]
     path["load"]  # type: ignore[call-overload]
     return spring
+
+
+def structures() -> Structure:
+    prism = Prism.from_members(0.13, 0.08, 0.1623, 2e4, k_base=3e4, k_bar=5e7, sides=3)
+    one: Structure = prism.structure(mass=0.1)
+    s = column(prism, count=2, chirality="same", plates=False)
+    assert_type(s.self_stress().feasible, Array)
+    assert_type(s.mechanisms(), Array)
+    assert_type(s.prestressed(prestrain={6: 0.1}).relaxed(), Structure)
+    assert_type(s.modes(3, held([0, 1, 2])).frequencies, Array)
+    assert_type(s.is_stable(), bool)
+    state = equilibrium(s, loads={8: (0.0, 0.0, -1.0)}, supports=held([0, 1, 2]))
+    assert_type(state.tensions, Array)
+    assert_type(state.slack, Flags)
+    path = equilibrium_path(s, supports=plates([0, 1, 2], [6, 7, 8]), branch="symmetric")
+    assert_type(path, StructurePath)
+    assert_type(path.tensions, Array)
+    assert_type(control_path(s, {6: 0.1}), StructurePath)
+    touch = bar_contact(path, diameter=8e-3)
+    assert touch is None or assert_type(touch.load, float) > 0
+    assert_type(member_stiffness(1e9, 1e-6, 0.1), float)
+    result = fit([0.0, 1e-3], [0.0, 1.0], prism, free=("prestrain",), offset=False, noise=0.1)
+    assert_type(result.prism, Prism)
+    assert_type(s.network(), Network)
+    Structure([[0, 0], [1, 0]], bars=3)  # type: ignore[arg-type]
+    return one
 
 
 def springs(spring: Potential) -> Sequence[Potential]:
@@ -260,6 +306,21 @@ def of_methods() -> list[float]:
     return [method.stability_limit * method.stages for method in methods.METHODS.values()]
 
 
+def differentiated(chain: Chain, state: State) -> Array:
+    load = objective.load(bond=3)
+    found = gradient(objective.peak(load), chain, state, t_end=10.0, dt=0.05, wanted=("prestrain",))
+    other = objective.of([load, objective.energy([1])], lambda t, y: (float(y[0, -1]), 0 * y))
+    more = [objective.impulse(wall=0), objective.arrival(2, displacement=0.1), other]
+    more += [objective.p_norm(objective.velocity(1), p=8, over=(0.0, 1.0))]
+    more += [objective.misfit(objective.displacement(1), [0.5], values=[0.1])]
+    gradient(more, chain, state, 10.0, 0.05, method="rkn6", exact=True, checkpoints=10)
+    objective.peak(3.0)  # type: ignore[arg-type]
+    objective.load("bond")  # type: ignore[arg-type]
+    gradient(3.0, chain, state, 10.0, 0.05)  # type: ignore[arg-type]
+    by: Array = found.by("prestrain")
+    return by
+
+
 def refused(spring: Potential) -> str:
     try:
         spring.tension(-10.0)
@@ -311,7 +372,53 @@ def sensed(run: Run) -> Array:
     assert_type(sensors.overlaps(run, "stem 1"), tuple[float, float])
     assert_type(sensors.speed(run, "stem 1", (3, 7)), float)
     mean = sensors.mean_force(run, "stem 1", 3)
+    assert_type(sensors.energy_shares(run) + sensors.effective_number(run), Array)
+    assert_type(sensors.participation_ratio(run) + sensors.virial_ratio(run), Array)
     sensors.peak(run.t)  # type: ignore[call-arg]
     sensor_force(run, 3, "stem 1")  # type: ignore[arg-type]
     sensors.part_energies(run.final)  # type: ignore[arg-type]
     return mean + sensors.momentum(run)[:, 0] + sensors.density(run, [1])[:, 0]
+
+
+def protectors(bead: Bead) -> list[Bead]:
+    steel, striker = materials["steel"], Striker(bead, speed=1)
+    how = {"a": 1.0}
+    single = peak_force([bead] * 3, striker=striker, wall=steel, t_end=1e-3)
+    assert_type(single, float | Array)
+    peak_force([[bead] * 3] * 2, striker=striker, wall=steel, t_end=1e-3, dt=1e-6)
+    for space in (
+        Order([bead, bead]),
+        Sizes(3, (4e-3, 5e-3), 13e-3, steel),
+        Choice(count=3, diameter=5e-3, materials=[steel, materials["ptfe"]]),
+    ):
+        best = search(space, striker=striker, wall=steel, t_end=1e-3, method="ga", budget=100)
+        assert_type(best, Best)
+        assert_type(best.history, Array)
+    search(how, striker=striker, wall=steel, t_end=1e-3)  # type: ignore[arg-type]
+    peak_force([bead], striker=striker, wall="steel", t_end=1e-3)  # type: ignore[arg-type]
+    assert_type(sweep(abs, [1, 2], checkpoint="sweep.npz"), list[Any])
+    return best.beads
+
+
+def packs(bead: Bead) -> Run:
+    steel, striker = materials["steel"], Striker(bead, speed=1)
+    cubic = fcc_pack(4, 3, bead=bead, floor=steel, sides=steel, striker=striker, struck=(0, 1))
+    assert_type(cubic, Pack)
+    planar = hexagonal_pack(
+        rows=3, columns=4, bead=[bead] * 11, floor=steel, striker=striker, struck=1,
+        offset=(-1, 2.0), direction=np.array([1, -2]), gap=1e-4, contacts="follow",
+    )  # fmt: skip
+    assert_type(planar.places, Array)
+    floor = Wall((0, 0), (0, 1)), steel
+    loose = pack([(0.1, 0.1), (0.2, 0.1)], bead, {"floor": floor}, contacts="fixed")
+    loose.at_rest({0: (1.0, 0.0)})
+    run = simulate(cubic, cubic.start(), 1e-5)
+    assert_type(wall_force(run, "floor"), Array)
+    wall_force(run, "floor", each=True)
+    path = to_lammps(cubic, cubic.start(), 1e-4, 1e-7, "in.beads", every=10)
+    assert_type(path, Path)
+    assert_type(run_lammps(cubic, cubic.start(), 1e-4, 1e-7, ranks=2, path=path), Run)
+    pack([(0.1, 0.1)], "steel")  # type: ignore[arg-type]
+    fcc_pack(4, 3, bead=bead, floor="steel")  # type: ignore[arg-type]
+    fcc_pack(bead=bead, struck=1)  # type: ignore[arg-type]
+    return run

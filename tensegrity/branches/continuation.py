@@ -45,6 +45,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from tensegrity.branches.many import ManyProblem
     from tensegrity.typing import Array
 
 
@@ -224,7 +225,7 @@ class Branch(Table):
 
 
 def trace(
-    problem: Problem,
+    problem: Problem | ManyProblem,
     start: ArrayLike,
     parameters: ArrayLike = (),
     settings: Settings | None = None,

@@ -63,7 +63,7 @@ def located(machine, before, here, signs, p):
     return [(kind, replace(x, length=_chord(before, x.z))) for kind, x in sorted(found, key=place)]
 
 
-def _between(before, here, part):
+def between(before, here, part):
     """z and unit tangent at a given part (0 to 1) of the way, from the cubic through both."""
     m, u, w = before.m, part, 1 - part
     ends = np.concatenate([before.data[: 2 * m], here.data[: 2 * m]]).reshape(4, m)
@@ -80,12 +80,12 @@ def _locate(machine, before, here, index, sign, p):
     kind = machine.kinds[index]
     for _ in range(BISECTIONS):
         part = low[0] + (high[0] - low[0]) * low[1] / (low[1] - high[1])
-        guess, tangent = _between(before, here, part)
+        guess, tangent = between(before, here, part)
         z = machine.polish(kind, guess, tangent, p)
         if z is not None and _between_ends(z, low[2], high[2]):
             return machine.exactly_at(z, tangent, p)
         part = (low[0] + high[0]) / 2
-        middle = machine.at(*_between(before, here, part), p)
+        middle = machine.at(*between(before, here, part), p)
         if middle.tests[index] * sign > 0:
             low = part, middle.tests[index], middle.z
         else:
@@ -107,7 +107,7 @@ def _bifurcation(machine, before, here, p):
     """The point where the bordered determinant changes its sign between two points."""
     low, high = 0.0, 1.0
     for _ in range(BISECTIONS):
-        point = machine.at(*_between(before, here, (low + high) / 2), p)
+        point = machine.at(*between(before, here, (low + high) / 2), p)
         if point.side * before.side > 0:
             low = (low + high) / 2
         else:

@@ -19,7 +19,7 @@ PAIR, WALL = 0, 1
 KINDS = ("pair", "wall")
 SHORT = 64  # bonds: in a chain, fewer equal ones in a row may join a run of unequal ones
 FEW = 4  # rows of so short that a law does without
-GROUP = 8  # as in net.h
+GROUP = 8  # as in lanes.c
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +69,11 @@ class Bonds:
         return Runs(*(fixed(getattr(found, field.name)) for field in fields(Runs)))
 
     @cached_property
+    def laid(self):
+        """What loops over them keep from one run to the next, by loop."""
+        return {}
+
+    @cached_property
     def own(self):
         """For each law the numbers of the parameters that differ in a run; None where no run
         has bonds with a range of their own."""
@@ -93,6 +98,8 @@ class Contacts:
         Rows that a contact joins; the first of a wall contact is the wall.
     geometry : ndarray, (dim + 2, contacts)
         Reference separation of the two, or normal of the wall [m]; initial gap; length [m].
+    positions : ndarray, (sites, dim)
+        Reference places [m], whose differences are the separations of pairs.
     load : ndarray, (sites, dim)
         Constant forces [N].
     walls : int
@@ -102,6 +109,7 @@ class Contacts:
     first: np.ndarray
     second: np.ndarray
     geometry: np.ndarray
+    positions: np.ndarray
     load: np.ndarray
     walls: int
 
@@ -181,8 +189,8 @@ def net_runs(bonds):
     first, source, found, own = [0], [], np.unique(pair), []
     for number in found:
         members = np.flatnonzero(pair == number)
-        values = bonds.parameters[bonds.group[members]]
-        own.append(int(np.any(values != values[0])))
+        group = bonds.group[members]
+        own.append(int(np.any(group != group[0])))
         source += [members, np.full(-len(members) % GROUP, -1)]
         first.append(first[-1] + len(members) + len(source[-1]))
     for k, number in enumerate(found // len(KINDS)):

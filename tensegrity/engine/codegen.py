@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tensegrity.engine import lanes
 from tensegrity.engine.kept import kept, maker
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
@@ -328,7 +329,7 @@ def _split_at_root(tension, r, h, p):
     return (roots[0] if roots else ca.SX(0)), tail
 
 
-def c_text(laws, loop="line", own=None, helpers=()):
+def c_text(laws, loop="line", own=None, helpers=(), packed=()):
     """C source of a loop over bonds of the given laws, numbered in their order.
 
     Parameters
@@ -342,6 +343,8 @@ def c_text(laws, loop="line", own=None, helpers=()):
         None where no run has bonds that the loop tells apart.
     helpers : sequence of (casadi.Function, str)
         What the loop needs besides, and the C by which it is called.
+    packed : sequence of str
+        C of what the loop needs besides for several contacts side by side.
     """
     import casadi as ca
 
@@ -365,6 +368,8 @@ def c_text(laws, loop="line", own=None, helpers=()):
     for function, hook in helpers:
         generator.add(function)
         hooks.append(hook)
+    if packed:
+        hooks += ["lanes.c", *packed, *_lanes(laws, own)]
     runs = [(number, kind) for number, law in enumerate(laws) for kind in kinds(law, own[number])]
     evaluations = " ".join(
         f"X({number}, {DERIVATIVES.index(name)}, {name})"
@@ -414,6 +419,20 @@ def kinds(law, own):
     if own is None:
         return (0,)
     return (1,) if is_long(law) else (0, 1)
+
+
+def _lanes(laws, own):
+    """C of the tensions of several contacts, `tension_lanes_<law>_<kind of run>`."""
+    arguments = "const pack *r, const pack *p, const real *own, integer all, pack *f"
+    for number, law in enumerate(laws):
+        for kind in kinds(law, own[number]):
+            mine = own[number] if kind else ()
+            p = [
+                f"load(own + {mine.index(k)} * all + g * GROUP)" if k in mine else f"p[{k}]"
+                for k in range(len(law.parameters))
+            ]
+            name = f"tension_lanes_{number}_{kind}"
+            yield lanes.text(functions(law)["tension"], name, arguments, [["r[g]"], p], [["f[g]"]])
 
 
 def _take(number, count, own):

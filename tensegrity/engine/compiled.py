@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import ctypes
+from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
 from tensegrity.engine import codegen, geometry
-from tensegrity.engine.bonds import by_spring
+from tensegrity.engine.bonds import GROUP, WALL, by_spring
 from tensegrity.engine.kept import kept
 from tensegrity.engine.methods import Corrected, Splitting
 from tensegrity.engine.native import library
 from tensegrity.engine.openings import DEGREE, Openings
+from tensegrity.engine.slices import slices
+from tensegrity.engine.walk import Part
 from tensegrity.once import once
 
 
@@ -28,8 +32,10 @@ _LINE = _structure(  # as in line.h
 )
 _NET = _structure(  # as in net.h
     "_Net",
-    "u v force w load geometry shared own kicks drifts low high travel from to first law own_at",
-    "runs contacts sites rows stages closing",
+    "u v w inverse_mass load geometry shared own kicks drifts travel from to first law places near "
+    "slice site depth begin other entry own_at gap length gap_at length_at gap_each length_each "
+    "held taker taken taken_at store press low high met_at farthest gate",
+    "runs contacts sites rows stages closing tiles room loaded before tile last_tile piece pieces",
 )
 _NYSTROM = _structure(  # as in steps.c
     "_Nystrom",
@@ -85,8 +91,9 @@ class Compiled:
             setattr(self, name if name.startswith("advance") else f"_{name}", function)
 
     def _text(self, loop):
-        helpers = geometry.helpers(self.dim) if self.dim else ()
-        return codegen.c_text(self.laws, loop, self.own, helpers)
+        dim = self.dim
+        parts = (geometry.helpers(dim), geometry.side_by_side(dim)) if dim else ()
+        return codegen.c_text(self.laws, loop, self.own, *parts)
 
     @classmethod
     def of(cls, bonds, lanes=1, extended=False):
@@ -217,6 +224,10 @@ class _Bound:
         function, addresses = self._call
         function(*addresses, steps)
 
+    def parts(self):
+        """What `walk` needs to advance them with others."""
+        return [Part(..., *self._call, *self._arrays[:2])]
+
     def advance_part(self, steps, opened, close):
         """Steps of a splitting whose first kick includes the last one of the steps before, if
         `opened`, and whose own last kick is left out, unless `close`."""
@@ -256,29 +267,41 @@ class BoundLine(_Bound):
     """
 
     def __init__(self, loop, u, v, bonds, method, dt, runs=None, seen=None):
+        self._group, self._lanes = bonds.group, loop.lanes
+        laid = None if runs is not None else bonds.laid.get(loop)
+        if laid is None:
+            laid = self._lay(loop, bonds, runs, seen)
+            if runs is None:
+                bonds.laid[loop] = laid
+        self._kept, self._low, self._high, self._apart, size, fixed_arrays, count = laid
+        weights, shared, own, *where = fixed_arrays
+        self._range = np.empty(size, dtype=loop.dtype)
+        self._travel = np.zeros(1, dtype=loop.dtype)
+        self._springs = len(bonds.law)
+        kicks, drifts, *counts = _rows(method, dt, loop.dtype)
+        arrays = [u, v, weights, shared, own, kicks, drifts, self._range, *where]
+        structure = _LINE(*(x.ctypes.data for x in arrays), count, *counts)
+        self._set_steps(loop, structure, arrays, bonds, method, dt, u.size)
+        self.forget_range()
+
+    def _lay(self, loop, bonds, runs, seen):
+        """What does not depend on the motion and the method: kept for the next time."""
         runs = bonds.runs if runs is None else runs
         seen = np.ones(len(runs.law), dtype=bool) if seen is None else seen
-        self._runs, self._group, self._lanes = runs, bonds.group, loop.lanes
+        self._runs = runs
         shared, own, own_at = loop.parameters(bonds, runs)
         sizes = np.where(runs.own, 2 * loop.lanes * np.diff(runs.first), 2)
         range_at = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
-        self._range = np.empty(range_at[-1], dtype=loop.dtype)
-        self._travel = np.zeros(1, dtype=loop.dtype)
-        self._springs = len(bonds.law)
         weights = np.asarray(bonds.inverse_mass)
         if loop.lanes > 1 and weights.ndim == 1:
             weights = np.repeat(weights, loop.lanes)
-        kicks, drifts, *counts = _rows(method, dt, loop.dtype)
+        order = self._order(range_at, seen)
+        apart = np.array_equal(order[0], np.arange(len(bonds.law)))
         arrays = [
-            u, v, loop.numbers(weights), shared, own, kicks, drifts, self._range,
-            (runs.first - runs.first[0]).astype(np.int64),
+            loop.numbers(weights), shared, own, (runs.first - runs.first[0]).astype(np.int64),
             (2 * runs.law + runs.own).astype(np.int64), own_at, range_at,
         ]  # fmt: skip
-        structure = _LINE(*(x.ctypes.data for x in arrays), len(runs.law), *counts)
-        self._set_steps(loop, structure, arrays, bonds, method, dt, u.size)
-        self._kept, self._low, self._high = self._order(range_at, seen)
-        self._apart = np.array_equal(self._kept, np.arange(self._springs))
-        self.forget_range()
+        return *order, apart, range_at[-1], arrays, len(runs.law)
 
     def _order(self, range_at, seen):
         """The spring that each kept range belongs to, and where its two numbers are."""
@@ -308,38 +331,89 @@ class BoundLine(_Bound):
 
 
 class BoundNet(_Bound):
-    """A network advanced in place; rows of u and v are sites, walls, and a spare one."""
+    """A network advanced in place; rows of u and v are sites, walls, and a spare one.
 
-    def __init__(self, loop, u, v, bonds, method, dt):
-        runs, contacts = bonds.runs, bonds.contacts
-        source, spare, dim = runs.source, contacts.rows - 1, loop.dim
+    Parameters
+    ----------
+    pieces : int, optional
+        Parts of about equal work, each to be advanced by a thread of its own: see `part`.
+    """
+
+    def __init__(self, loop, u, v, bonds, method, dt, pieces=1):
+        runs, contacts, found = bonds.runs, bonds.contacts, slices(bonds)
+        source, dim, sites = runs.source, loop.dim, len(contacts.load)
         real = source >= 0
-        filled = np.where(real, source, 0)
+        filled, spare = np.where(real, source, 0), contacts.rows - 1
         place = np.zeros((dim + 2, len(source)))
         place[0], place[-1] = 1, 1  # a bond of length 1 m at rest, between the spare row and itself
         place[:, real] = contacts.geometry[:, source[real]]
-        self._real = np.flatnonzero(real)
-        self._group, self._springs = bonds.group[source[real]], len(bonds.law)
-        shared, own, own_at = loop.parameters(bonds, runs)
-        self._low, self._high = np.empty((2, len(source)), dtype=loop.dtype)
+        entries = replace(runs, source=source[found.contact], first=found.first)
+        shared, own, own_at = loop.parameters(bonds, entries)
+        gaps, gap_at, gap_each = _varying(place[dim, found.contact], found.first)
+        lengths, length_at, length_each = _varying(place[-1, found.contact], found.first)
+        places = np.zeros((contacts.rows + 1, dim))
+        places[:sites] = contacts.positions
+        other = found.other * dim
+        weights = contacts.weights(bonds.inverse_mass)
+        for k in np.flatnonzero(runs.kind == WALL):
+            part = slice(*found.first[k : k + 2])
+            other[part] = found.contact[part]
+        self._set_ranges(bonds, entries, pieces, loop.dtype)
         self._travel = np.zeros(1, dtype=loop.dtype)
         kicks, drifts, *counts = _rows(method, dt, loop.dtype)
-        sites = len(contacts.load)
+        count = len(source)
         arrays = [
-            u, v, loop.numbers(contacts.loads()),
-            loop.numbers(contacts.weights(bonds.inverse_mass)), loop.numbers(contacts.loads()),
-            loop.numbers(place), shared, own, kicks, drifts, self._low, self._high, self._travel,
-            (dim * np.where(real, contacts.first[filled], spare)).astype(np.int64),
-            (dim * np.where(real, contacts.second[filled], spare)).astype(np.int64),
-            runs.first.astype(np.int64),
-            (4 * runs.law + 2 * runs.kind + runs.own).astype(np.int64), own_at,
+            u, v, loop.numbers(weights), loop.numbers(weights[:, 0]),
+            loop.numbers(contacts.loads()), loop.numbers(place), shared, own, kicks, drifts,
+            self._travel,
+            _integers(dim * np.where(real, contacts.first[filled], spare)),
+            _integers(dim * np.where(real, contacts.second[filled], spare)),
+            _integers(runs.first), _integers(4 * runs.law + 2 * runs.kind + runs.own),
+            loop.numbers(places), np.zeros_like(u), _integers(found.slice),
+            (found.site * dim).astype(np.int32), _integers(found.depth), _integers(found.begin),
+            other.astype(np.int32), _integers(found.first), own_at, loop.numbers(gaps),
+            loop.numbers(lengths), gap_at, length_at, gap_each, length_each,
+            _integers(found.held), found.taker.astype(np.int32), _in_store(found.taken, dim),
+            _integers(found.taken_at),
+            np.zeros(pieces * found.store * dim * GROUP, dtype=loop.dtype),
+            np.zeros((count + contacts.rows - sites, dim), dtype=loop.dtype), self._low, self._high,
+            self._met_at, np.zeros(pieces, dtype=loop.dtype), np.zeros(16, dtype=np.int64),
         ]  # fmt: skip
-        structure = _NET(
-            *(x.ctypes.data for x in arrays),
-            len(runs.law), len(source), sites, contacts.rows, *counts,
+        numbers = (
+            len(runs.law), count, sites, contacts.rows, *counts, found.tiles, found.store,
+            bool(contacts.load.any()),
         )  # fmt: skip
-        self._set_steps(loop, structure, arrays, bonds, method, dt, dim * sites, source)
+
+        def structure(*piece):
+            return _NET(*(x.ctypes.data for x in arrays), *numbers, *piece)
+
+        cuts = found.shares(pieces)
+        self._pieces = [
+            structure(found.needed[a], a, b, k, pieces) for k, (a, b) in enumerate(pairwise(cuts))
+        ]
+        whole = structure(0, 0, found.tiles, 0, 1)
+        self._set_steps(loop, whole, arrays, bonds, method, dt, dim * sites, source)
         self.forget_range()
+
+    def part(self, number, steps):
+        """Advance one of the pieces by whole steps, at the same time as all others."""
+        self._call[0](ctypes.addressof(self._pieces[number]), steps)
+
+    def _set_ranges(self, bonds, entries, pieces, dtype):
+        """Places of the elongations met: of the runs for each piece, then of entries told apart."""
+        runs = len(entries.law)
+        together = pieces * runs * GROUP
+        sizes = np.where(entries.own, np.diff(entries.first), 0)
+        apart = together + np.cumsum(sizes) - sizes
+        self._met_at = _integers(np.where(entries.own, apart, GROUP * np.arange(runs)))
+        self._low, self._high = np.empty((2, together + sizes.sum()), dtype=dtype)
+        first = bonds.group[entries.source[entries.first[:-1]]]
+        told = [
+            bonds.group[entries.source[slice(*entries.first[k : k + 2])]]
+            for k in np.flatnonzero(entries.own)
+        ]
+        self._group = np.concatenate([np.tile(np.repeat(first, GROUP), pieces), *told])
+        self._springs = len(bonds.law)
 
     def forget_range(self):
         """Start anew to record elongations and the way travelled."""
@@ -348,7 +422,27 @@ class BoundNet(_Bound):
 
     @property
     def range(self):
-        return by_spring(self._group, self._springs, self._low[self._real], self._high[self._real])
+        return by_spring(self._group, self._springs, self._low, self._high)
+
+
+def _integers(array):
+    return np.ascontiguousarray(array, dtype=np.int64)
+
+
+def _in_store(entry, dim):
+    """Where the first coordinate of an entry is in the store."""
+    return (entry // GROUP * GROUP * dim + entry % GROUP).astype(np.int32)
+
+
+def _varying(values, first):
+    """Values of the entries of each run, or `GROUP` equal ones; where these begin, and which."""
+    kept, at, each = [np.zeros(0)], [], []
+    for start, stop in pairwise(first):
+        part = values[start:stop]
+        each.append(bool(np.any(part != part[0])))
+        at.append(sum(map(len, kept)))
+        kept.append(part if each[-1] else part[:GROUP])
+    return np.concatenate(kept), _integers(at), _integers(each)
 
 
 @once

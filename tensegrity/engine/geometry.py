@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tensegrity.engine import codegen
+from tensegrity.engine import codegen, lanes
 from tensegrity.once import once
 
 
@@ -38,6 +38,20 @@ def helpers(dim):
             "real *r, real *along) { const real *arg[] = {d, w, &g, &length}; "
             f"real *res[] = {{r, along}}; geometry_{kind}(arg, res, 0, 0, 0); }}",
         )
+
+
+def side_by_side(dim):
+    """C of the same for several contacts at once, `<kind>_lanes`; see `lanes`."""
+    axes = [[f"{name}[{k}][g]" for k in range(dim)] for name in ("d", "w", "along")]
+    inputs = [*axes[:2], ["load(gap + g * each_gap)"], ["load(length + g * each_length)"]]
+    arguments = (
+        "pack (*d)[ROOM], pack (*w)[ROOM], const real *gap, integer each_gap, const real *length, "
+        "integer each_length, pack *r, pack (*along)[ROOM]"
+    )
+    return [
+        lanes.text(function, f"{kind}_lanes", arguments, inputs, [["r[g]"], axes[2]])
+        for kind, function in functions(dim).items()
+    ]
 
 
 def scalars(dim, kind):

@@ -6,7 +6,7 @@ What runs where:
 |---|---|---|
 | parameters common, own to each bond | yes | yes |
 | lanes of one scene, or of several | side by side in one loop | in turn |
-| threads | pieces of long chains | no: contacts add to sites in any order |
+| threads | pieces of long chains | pieces of large ones, by splittings |
 | walls, loads | no: a network on a line has them | yes |
 | "processed6" | yes | where sites have no radius, so that no contact can form |
 | "corrected6" | yes, lanes too, on one thread | yes |
@@ -56,7 +56,7 @@ def bind(u, v, bonds, method, dt, loop=None, divided=True):
     loop : Compiled or Interpreted, optional
         By default that of `kernel`.
     divided : bool, optional
-        Whether a long chain may be advanced on several threads.
+        Whether a long chain or a large network may be advanced on several threads.
     """
     lanes = 1 if bonds.dim or u.ndim == 1 else u.shape[1]
     if loop is None:
@@ -65,13 +65,12 @@ def bind(u, v, bonds, method, dt, loop=None, divided=True):
         return BoundGauss(loop, u, v, bonds, method, dt)
     if isinstance(loop, Interpreted):
         return BoundInterpreted(u, v, bonds, method, dt)
-    if bonds.dim:
-        return BoundNet(loop, u, v, bonds, method, dt)
-    if divided and u.size > pieces.LONG and lanes == 1 and isinstance(method, Splitting):
-        count = pieces.threads()
-        if count > 1:
-            return pieces.BoundPieces(loop, u, v, bonds, method, dt, count)
-    return BoundLine(loop, u, v, bonds, method, dt)
+    large = len(bonds.group) > pieces.MANY if bonds.dim else u.size > pieces.LONG and lanes == 1
+    count = pieces.threads() if divided and large and isinstance(method, Splitting) else 1
+    if count > 1:
+        kind = pieces.BoundParts if bonds.dim else pieces.BoundPieces
+        return kind(loop, u, v, bonds, method, dt, count)
+    return (BoundNet if bonds.dim else BoundLine)(loop, u, v, bonds, method, dt)
 
 
 @once

@@ -1,36 +1,60 @@
 /* Masses on a line, in the plane or in space, joined by contacts in any pattern.
 
-   The generated geometry gives DIM coordinates, and pair_contact and wall_contact of (reference D,
-   difference w, initial gap g, length L), which give the elongation r and its gradient n in w.
+   Rows of u and v: the sites, the walls, one more that takes what is left over.  A wall's row
+   collects its impulse in v.
 
-   Rows of u, v and force: the sites, the walls, one more that takes what is left over.  A wall's
-   row collects its impulse in v.  Contacts come in runs of one kind and one law, filled up to
-   whole groups of GROUP: every contact is computed by the same instructions wherever it stands
-   in the list, so that equal neighbourhoods feel equal forces to the last bit, and the sums at a
-   site are taken in the order of the list. */
+   The list of contacts comes in runs of one kind and one law, filled up to whole groups of GROUP.
+   The forces are computed from a second list: GROUP sites stand side by side in a slice, and
+   their k-th contacts with sites of higher numbers, or with walls, in its k-th group.  A site adds
+   these up in a register.  What they do to the other site waits in a store until that site comes,
+   which takes it with the opposite sign: equal and opposite to the last bit.  Sites with fewer
+   contacts than others of their slice repeat the last one, which does not count.  Slices come in
+   tiles of TILE sites, whose sums stay in the nearest cache until the sites move.  A thread has
+   tiles and a store of its own, and does the contacts of the tiles before them again that its
+   sites take from: no sum depends on the number of threads. */
 
-#define GROUP 8
+#define TILE 256
 
 typedef struct {
-    real *u, *v, *force;                /* (rows, DIM) */
+    real *u, *v;                        /* (rows, DIM) */
     const real *w;                      /* (rows, DIM) inverse mass; 0 holds a site */
+    const real *inverse_mass;           /* (rows) */
     const real *load;                   /* (rows, DIM) constant forces */
     const real *geometry;               /* (DIM + 2, contacts) D, g, L */
     const real *shared;                 /* (runs, PARAMETERS) */
-    const real *own;                    /* for each run (own parameters of its law, its contacts) */
+    const real *own;                    /* for each run (own parameters of its law, entries) */
     const real *kicks, *drifts;         /* dt times the coefficients (stages + 1), (stages) */
-    real *low, *high;                   /* (contacts) smallest and largest elongation met */
     real *travel;                       /* bound on how far any coordinate of a site moved */
     const integer *from, *to;           /* (contacts) where their rows begin; a wall is `from` */
     const integer *first;               /* (runs + 1) first contact of each run */
     const integer *law;                 /* (runs) 4 times the law, 2 more for walls, 1 for own */
+    const real *places;                 /* (rows + 1, DIM) reference positions */
+    real *near;                         /* (rows, DIM) displacements that threads have in common */
+    const integer *slice;               /* (runs, tiles + 1) first slice of a run in each tile */
+    const int *site;                    /* (slices, GROUP) where the rows of the sites begin */
+    const integer *depth;               /* (slices, GROUP) contacts of each; 0 repeats another */
+    const integer *begin;               /* (slices + 1) first group of each slice */
+    const int *other;                   /* (groups, GROUP) where the row of the other site begins,
+                                           or the contact with a wall */
+    const integer *entry;               /* (runs + 1) first entry (of a group) of each run */
     const integer *own_at;              /* (runs) where its own parameters begin */
-    integer runs, contacts, sites, rows, stages, closing;
+    const real *gap, *length;           /* for each run those of its entries, or GROUP equal ones */
+    const integer *gap_at, *length_at;  /* (runs) where these begin */
+    const integer *gap_each, *length_each; /* (runs) whether each entry has its own */
+    const integer *held;                /* (runs, tiles) groups before its own in the store */
+    const int *taker;                   /* (sites) in the order in which they take from the store */
+    const int *taken;                   /* places in the store of what they take */
+    const integer *taken_at;            /* (sites + 1) where those of each begin */
+    real *store;                        /* (pieces, room, DIM, GROUP) forces on the other sites */
+    real *press;                        /* (contacts + rows - sites, DIM) forces on walls by each
+                                           contact, and their sums */
+    real *low, *high;                   /* smallest and largest elongation met: for each piece and
+                                           run GROUP, or of each entry of runs with own ones */
+    const integer *met_at;              /* (runs) where these begin */
+    real *farthest;                     /* (pieces) of the sites in this stage */
+    integer *gate;                      /* (16) where threads wait for each other */
+    integer runs, contacts, sites, rows, stages, closing, tiles, room, loaded;
+    integer before, tile, last_tile, piece, pieces; /* what this thread does */
 } scene;
 
-/* Unrolled first, the loop would be taken apart into scalars and branches. */
-#define WHOLE_GROUP _Pragma("GCC unroll 1") EACH(GROUP)
 #define AXES(k) for (int k = 0; k < DIM; k++)
-/* The force is rounded before it is added to one site and subtracted from the other: contracted
-   with the sums the two would differ, and mirrored sites with them. */
-#define ROUNDED(array) __asm__("" : "+m"(array));

@@ -1,65 +1,111 @@
-/* Forces of a run of contacts of law number K, of pairs or with walls. */
-
-/* Tensions of a group of contacts at the elongations r: parameters shared, or some of their own.
-   A long law is kept in one function, so that it is compiled once only. */
-#if IS_LONG
-__attribute__((noinline, flatten)) static void OF(tensions)(
-#else
-__attribute__((always_inline, flatten)) static inline void OF(tensions)(
-#endif
-    const real *restrict shared, const real *restrict own, integer all, const real *restrict r,
-    real *restrict t)
-{
-    WHOLE_GROUP {
-        real p[PARAMETERS + 1];
-#if OWNED
-        LAW(take)(p, shared, own, all, i);
-#else
-        for (int k = 0; k < PARAMETERS; k++) p[k] = shared[k];
-#endif
-        t[i] = LAW(tail)(r[i], LAW(head)(r[i], p), p);
-    }
-}
+/* Forces of a run of contacts of law number K on the sites of a tile, of pairs or with walls. */
 
 __attribute__((always_inline)) static inline void OF(run)(
-    const scene *c, integer s, const real *restrict u, const int wall)
+    const scene *c, const real *restrict u, integer s, integer t, real *restrict pull,
+    const int wall)
 {
-    const integer n = c->contacts, start = c->first[s], last = c->first[s + 1];
+    pack d[DIM][ROOM], w[DIM][ROOM], along[DIM][ROOM], r[ROOM], f[ROOM], p[PARAMETERS + 1];
+    const integer n = c->contacts, start = c->entry[s], all = c->entry[s + 1] - start;
+    const integer *slice = c->slice + s * (c->tiles + 1) + t;
+    const integer each_gap = c->gap_each[s], each_length = c->length_each[s];
     const real *restrict shared = c->shared + s * PARAMETERS, *restrict own = c->own + c->own_at[s];
-    real *restrict low = c->low, *restrict high = c->high, *restrict force = c->force;
-    const real *restrict geometry = c->geometry;
-    for (integer b = start; b < last; b += GROUP) {
-        real x[DIM][GROUP], along[DIM][GROUP], r[GROUP], t[GROUP];
-        const integer *restrict from = c->from + b, *restrict to = c->to + b;
-        for (int i = 0; i < GROUP; i++)
-            AXES(k) x[k][i] = wall ? u[to[i] + k] : u[to[i] + k] - u[from[i] + k];
-        EACH(GROUP) {
-            real d[DIM], w[DIM], e[DIM];
-            const real gap = geometry[DIM * n + b + i], length = geometry[(DIM + 1) * n + b + i];
-            AXES(k) d[k] = geometry[k * n + b + i], w[k] = x[k][i];
-            if (wall) wall_contact(d, w, gap, length, &r[i], e);
-            else pair_contact(d, w, gap, length, &r[i], e);
-            AXES(k) along[k][i] = e[k];
-            low[b + i] = r[i] < low[b + i] ? r[i] : low[b + i];
-            high[b + i] = r[i] > high[b + i] ? r[i] : high[b + i];
-        }
-        OF(tensions)(shared, own + (b - start), last - start, r, t);
-        AXES(k) EACH(GROUP) along[k][i] *= t[i];
-        ROUNDED(along)
-        for (int i = 0; i < GROUP; i++)
-            AXES(k) {
-                force[from[i] + k] += along[k][i];
-                force[to[i] + k] -= along[k][i];
+    const real *restrict gaps = c->gap + c->gap_at[s];
+    const real *restrict lengths = c->length + c->length_at[s];
+    const real *restrict places = c->places;
+    real *restrict held =
+        c->store + (c->piece * c->room + c->held[s * c->tiles + t]) * DIM * GROUP;
+    real *restrict low = c->low + c->met_at[s], *restrict high = c->high + c->met_at[s];
+    for (int k = 0; k < PARAMETERS; k++) p[k] = wide(shared[k]);
+#if !OWNED
+    low += c->piece * c->runs * GROUP, high += c->piece * c->runs * GROUP;
+    pack least = load(low), most = load(high);
+#endif
+    const integer begin = c->begin[slice[0]];
+    for (integer q = slice[0], at = begin; q < slice[1];) {
+        /* Whole slices that find room, or a part of one that does not. */
+        integer last = q;
+        while (last < slice[1] && c->begin[last + 1] - at <= ROOM) last++;
+        const integer stop = last > q ? c->begin[last] : at + ROOM, to = last + (last == q);
+        for (int part = 0; part < GROUP; part += WIDE) {
+            const integer e = at * GROUP - start + part;
+            const int *restrict other = c->other + at * GROUP + part;
+            for (integer z = q, g = 0; z < to; z++) {
+                const int *restrict site = c->site + z * GROUP + part;
+                const integer end = (c->begin[z + 1] < stop ? c->begin[z + 1] : stop) - at;
+                pack here[DIM], moved[DIM];
+                columns(places, site, here);
+                columns(u, site, moved);
+                for (; g < end; g++) {
+                    pack x[DIM], y[DIM];
+                    if (wall) {
+                        AXES(k) LANES_OF(l) LANE(x[k], l) = c->geometry[k * n + other[g * GROUP + l]];
+                        AXES(k) d[k][g] = x[k], w[k][g] = moved[k];
+                        continue;
+                    }
+                    columns(places, other + g * GROUP, x);
+                    columns(u, other + g * GROUP, y);
+                    AXES(k) w[k][g] = y[k] - moved[k], x[k] -= here[k];
+#if DIM == 1
+                    x[0] = TRUTH(x[0] > wide(0)) - TRUTH(x[0] < wide(0));
+#endif
+                    AXES(k) d[k][g] = x[k];
+                }
             }
+            (wall ? wall_lanes : pair_lanes)(
+                stop - at, d, w, gaps + e * each_gap, each_gap * GROUP, lengths + e * each_length,
+                each_length * GROUP, r, along);
+            OF(tension_lanes)(stop - at, r, p, own + e, all, f);
+            for (integer z = q, g = 0; z < to; z++) {
+                const int *restrict site = c->site + z * GROUP + part;
+                const integer end = (c->begin[z + 1] < stop ? c->begin[z + 1] : stop) - at;
+                const mask depth = load_integers(c->depth + z * GROUP + part);
+                mask place = wide_integer(at + g - c->begin[z]);
+                pack sum[DIM];
+                AXES(k) sum[k] = wide(0);
+                for (; g < end; g++) {
+                    const mask counts = (mask)(place < depth);
+                    const pack tension = only(counts, f[g]);
+                    place += wide_integer(1);
+#if OWNED
+                    real *lower = low + e + g * GROUP, *upper = high + e + g * GROUP;
+                    store(lower, smaller_of(r[g], load(lower)));
+                    store(upper, larger_of(r[g], load(upper)));
+#else
+                    least = smaller_of(r[g], least), most = larger_of(r[g], most);
+#endif
+                    AXES(k) {
+                        pack force = along[k][g] * tension;
+                        ROUNDED(force)
+                        sum[k] = wall ? sum[k] - force : sum[k] + force;
+                        if (!wall) store(held + ((at + g - begin) * DIM + k) * GROUP + part, force);
+                        else
+                            LANES_OF(l) if (LANE(counts, l))
+                                c->press[other[g * GROUP + l] * DIM + k] = LANE(force, l);
+                    }
+                }
+                LANES_OF(l) if (LANE(depth, l)) {
+                    real *to_site = pull + (site[l] - t * TILE * DIM);
+                    AXES(k) to_site[k] += LANE(sum[k], l);
+                }
+            }
+        }
+        q = last, at = stop;
     }
+#if !OWNED
+    store(low, least), store(high, most);
+#endif
 }
 
-__attribute__((flatten)) static void OF(pairs)(const scene *c, integer s, const real *u)
+__attribute__((flatten)) static void OF(pairs)(
+    const scene *c, const real *u, integer s, integer t, real *restrict pull)
 {
-    OF(run)(c, s, u, 0);
+    OF(run)(c, u, s, t, pull, 0);
 }
 
-__attribute__((flatten)) static void OF(walls)(const scene *c, integer s, const real *u)
+__attribute__((flatten)) static void OF(walls)(
+    const scene *c, const real *u, integer s, integer t, real *restrict pull)
 {
-    OF(run)(c, s, u, 1);
+    OF(run)(c, u, s, t, pull, 1);
 }
+
+#undef EACH_P

@@ -34,10 +34,18 @@ __attribute__((flatten)) static void overlaps(const scene *c, const openings *o,
         else run_of(c, o, s, u, v, w, d, 0);
 }
 
+/* By what all contacts of a run met together: each of them met no more. */
 static int may_pass(const scene *c, const openings *o)
 {
     integer any = 0;
-    EACH(c->contacts) any |= (c->low[i] <= o->place[i]) & (c->high[i] >= o->place[i]);
+    for (integer s = 0; s < c->runs; s++) {
+        const real *low = c->low + c->met_at[s], *high = c->high + c->met_at[s];
+        const integer start = c->first[s], count = c->first[s + 1] - start;
+        const integer met = c->law[s] & 1 ? c->entry[s + 1] - c->entry[s] : GROUP;
+        real least = low[0], most = high[0];
+        EACH(met) least = smaller(low[i], least), most = larger(high[i], most);
+        EACH(count) any |= (least <= o->place[start + i]) & (most >= o->place[start + i]);
+    }
     return any != 0;
 }
 
@@ -84,6 +92,13 @@ static real swing(const scene *c, const openings *o, integer b, real x)
     return o->side[b] * dt * dt * length * square;
 }
 
+/* Add what was rounded before, so that equal and opposite ones cancel to the last bit. */
+static void add(real *to, real part)
+{
+    __asm__("" : "+m"(part));
+    *to += part;
+}
+
 static void give(const scene *c, const openings *o, integer b, real w, real x, real total,
                  real moment, real turning)
 {
@@ -99,9 +114,9 @@ static void give(const scene *c, const openings *o, integer b, real w, real x, r
     }
     const real share = size * mobility >= fabs(w) ? 0 : 1; /* else it would change side once more */
     AXES(k) {
-        c->v[from + k] += c->w[from + k] * impulse[k];
-        c->v[to + k] -= c->w[to + k] * impulse[k];
-        c->u[from + k] += c->w[from + k] * share * shift[k];
-        c->u[to + k] -= c->w[to + k] * share * shift[k];
+        add(c->v + from + k, c->w[from + k] * impulse[k]);
+        add(c->v + to + k, -c->w[to + k] * impulse[k]);
+        add(c->u + from + k, c->w[from + k] * share * shift[k]);
+        add(c->u + to + k, -c->w[to + k] * share * shift[k]);
     }
 }

@@ -1,33 +1,36 @@
-"""Long chains in pieces, each with a halo, on a pool of threads.
+"""Long chains and large networks in pieces, on a pool of threads.
 
-A stage carries what is wrong at the cut ends of a piece one site further, so a halo as wide as
-the stages of a few steps keeps the piece itself right.  Pieces and halos begin and end where the
-whole chain's loop begins a block, so every bond is computed by the same instructions on the same
-numbers: the result equals that of one loop bit for bit, whatever the number of threads.
+A stage carries what is wrong at the cut ends of a piece of a chain one site further, so a halo as
+wide as the stages of a few steps keeps the piece itself right.  Pieces and halos begin and end
+where the whole chain's loop begins a block, so every bond is computed by the same instructions on
+the same numbers.  A piece of a network does again what its sites take from the contacts before
+it.  So the result equals that of one loop bit for bit, whatever the number of threads.
 """
 
 from __future__ import annotations
 
 import os
 import warnings
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import replace
 from functools import cache
+from threading import Event, Lock
 
 import numpy as np
 
 from tensegrity import check
-from tensegrity.engine.compiled import BoundLine
+from tensegrity.engine.compiled import BoundLine, BoundNet
 from tensegrity.errors import TensegrityError
 
 BLOCK = 64  # as in line.h
 HALO = 4 * BLOCK
 PIECE = 512 * BLOCK  # bonds: what two arrays of them take fits the cache of one processor
 LONG = 2 * PIECE  # bonds from which pieces are worth it
+MANY = 20_000  # contacts of a network from which they are
 
 
 def threads() -> int:
-    """Threads used for long chains: $TENSEGRITY_THREADS, or one per processor we may use.
+    """Threads used for large scenes: $TENSEGRITY_THREADS, or one per processor we may use.
 
     More than that would only get in each other's way: fewer are taken, with a warning.
     """
@@ -62,8 +65,18 @@ def _pool(count):
     return ThreadPoolExecutor(count, thread_name_prefix="tensegrity")
 
 
-if hasattr(os, "register_at_fork"):  # threads do not come along into a forked process
-    os.register_at_fork(after_in_child=_pool.cache_clear)
+_alone = Lock()  # who has it has all threads at once
+
+
+def _forget_threads():
+    """Threads do not come along into a forked process, nor do those that hold a lock."""
+    global _alone
+    _pool.cache_clear()
+    _alone = Lock()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forget_threads)
 
 
 class BoundPieces:
@@ -115,6 +128,51 @@ class BoundPieces:
             for work in (_Piece.advance, _Piece.give):  # all take before any gives
                 list(self._pool.map(work, self._pieces))
             done += part
+
+
+class BoundParts:
+    """A network advanced in place, a piece on each thread; as `BoundNet`.
+
+    The threads wait for each other in every stage, so all must run at once: one network has the
+    pool, and another that comes meanwhile is advanced as one piece, with the same result.
+    """
+
+    def __init__(self, loop, u, v, bonds, method, dt, count) -> None:
+        self._pool, self._count = _pool(count), count
+        self._whole = BoundNet(loop, u, v, bonds, method, dt, count)
+        self.forget_range = self._whole.forget_range
+
+    @property
+    def range(self):
+        """Smallest and largest elongation of each different spring since `forget_range`."""
+        return self._whole.range
+
+    @property
+    def travel(self):
+        """Bound on how far any coordinate of a site moved since then [m]."""
+        return self._whole.travel
+
+    def advance(self, steps):
+        """Advance u and v by whole steps."""
+        if not _alone.acquire(blocking=False):
+            self._whole.advance(steps)
+            return
+        begin, turns, complete = Event(), [], []
+
+        def turn(number):
+            begin.wait()
+            if complete:  # else the others will not come
+                self._whole.part(number, steps)
+
+        try:
+            turns += [self._pool.submit(turn, k) for k in range(self._count)]
+            complete.append(True)
+        finally:
+            begin.set()
+            wait(turns)
+            _alone.release()
+        for one in turns:
+            one.result()
 
 
 class _Piece:

@@ -45,8 +45,9 @@ def program(expressions: Sequence[Any], symbols: Sequence[Any]) -> dict[str, lis
         kind = type(e).__name__
         if e in symbols:
             return put("Given", list(symbols).index(e))
-        if e.is_Rational:
-            return put("Ratio", int(e.p), int(e.q))
+        if e.is_Rational or e.is_Float:
+            ratio = sp.Rational(e)
+            return put("Ratio", int(ratio.p), int(ratio.q))
         if kind in CONSTANTS:
             return put(kind)
         if e.is_Pow and abs(e.exp) == sp.Rational(1, 2):
@@ -88,8 +89,9 @@ def run(program: dict[str, list[Any]], context: Any, values: Sequence[Any]) -> l
         elif name in SUMS:
             value = reduce(SUMS[name], (found[i] for i in numbers))
         elif name == "Pow":
-            power = found[numbers[1]]
-            value = found[numbers[0]] ** (int(power) if power == int(power) else power)
+            base, power = (found[i] for i in numbers)
+            power = int(power) if power == int(power) else power
+            value = 1 / base if power == -1 else base**power  # a float's power may overflow
         elif name in FUNCTIONS or name in CHOICES:
             value = getattr(context, CHOICES.get(name, name))(*(found[i] for i in numbers))
         else:

@@ -45,48 +45,52 @@ HALVINGS = 8  # of the part of the domain on which it is tried
 
 
 @once
-def _forms(rigid_base):
+def _forms(rigid_base, any_sides):
     """What `derivations.mixed` gives, as CasADi expressions of unknowns z and parameters p."""
     import casadi as ca
 
     from derivations import mixed as derived
+    from derivations import prism
 
-    z, p = ca.SX.sym("z", 4 - rigid_base), ca.SX.sym("p", 6)
+    of = prism.ANY if any_sides else prism.TRIANGLE
+    z, p = ca.SX.sym("z", 4 - rigid_base), ca.SX.sym("p", 9 if any_sides else 6)
     unknowns = (ca.SX(0), *ca.vertsplit(z)) if rigid_base else ca.vertsplit(z)
-    symbols = (*derived.UNKNOWNS, *derived.PARAMETERS)
+    symbols = (*derived.UNKNOWNS, *derived.PARAMETERS, *(derived.SIDES if any_sides else ()))
     forms = {
-        "base": derived.base_equilibrium(),
-        "twist": derived.twist_equilibrium(),
-        "bar": derived.bar_compatibility(),
-        "load": derived.load(),
-        "energy": derived.stored_energy(),
+        "base": derived.base_equilibrium(of),
+        "twist": derived.twist_equilibrium(of),
+        "bar": derived.bar_compatibility(of),
+        "load": derived.load(of),
+        "energy": derived.stored_energy(of),
     }
-    forms |= dict(zip(("cross_pull", "base_pull", "bar_pull"), derived.tensions(), strict=True))
-    forms |= dict(zip(("cross_length", "width", "bar_length"), derived.lengths(), strict=True))
-    values = to_casadi(list(forms.values()), symbols)(*unknowns, *ca.vertsplit(p)[:4])
+    forms |= dict(zip(("cross_pull", "base_pull", "bar_pull"), derived.tensions(of), strict=True))
+    forms |= dict(zip(("cross_length", "width", "bar_length"), derived.lengths(of), strict=True))
+    given = [p[i] for i in range(p.numel()) if i not in (4, 5)]  # where a branch ends is no form
+    values = to_casadi(list(forms.values()), symbols)(*unknowns, *given)
     found = {name: ca.SX(value) for name, value in zip(forms, values, strict=True)}
     return z, p, found | {"half_turn": unknowns[2], "rise": unknowns[3]}
 
 
-@once
-def problem(rigid_base: bool = False) -> Problem:
+def problem(rigid_base: bool = False, any_sides: bool = False) -> Problem:
     """Equilibria of a prism as a branch, parametrised by the rise h - h0.
 
     Unknowns: changes of the tension of a base string (absent if the bases are rigid) and of a
     bar, tangent of half the turn, rise.  With rigid bars the bar's tension is the multiplier of
     its constant length.  Parameters: h0, p0, k1/k2, k1/k3, and a height and a load at which to
-    end.  Events: contact (the cross strings unload at twist pi), unloaded (base strings and bars
-    unload at twist 2 pi/3), flat, height, load; fold, turn.
+    end; n, sin(pi/n) and cos(pi/n) where `any_sides`, else the prism is triangular.  Events:
+    contact (the cross strings unload at twist pi), unloaded (base strings and bars unload at
+    twist 2 pi/n), flat, height, load; fold, turn.
     """
-    return DerivedProblem(_problem, bool(rigid_base))
+    return DerivedProblem(_problem, bool(rigid_base), bool(any_sides))
 
 
-def _problem(rigid_base: bool) -> Problem:
+def _problem(rigid_base: bool, any_sides: bool) -> Problem:
     import casadi as ca
 
     from derivations.prism import REFERENCE_TWIST
 
-    z, p, form = _forms(rigid_base)
+    z, p, form = _forms(rigid_base, any_sides)
+    reference = math.pi / 2 + math.pi / p[6] if any_sides else float(REFERENCE_TWIST)
     pulls = ca.vertcat(form["cross_pull"], form["base_pull"], form["bar_pull"])
     force = ca.norm_2(pulls) + 1e-300
     names = ("twist", "bar") if rigid_base else ("base", "twist", "bar")
@@ -108,7 +112,7 @@ def _problem(rigid_base: bool) -> Problem:
         folds={"fold": form["load"], "turn": form["rise"]},
         values={
             "height": height,
-            "twist": float(REFERENCE_TWIST) + 2 * ca.atan(form["half_turn"]),
+            "twist": reference + 2 * ca.atan(form["half_turn"]),
             "base": form["width"],
             "load": form["load"],
         },
@@ -124,11 +128,19 @@ def numbers(prism: Members, height: float = -1.0, load: float = math.inf) -> lis
         prism.k_cross / prism.k_bar,
         height / prism.base,
         load / (prism.k_cross * prism.base),
+        *sides_of(prism.sides),
     ]
 
 
+def sides_of(sides: int) -> tuple[float, ...]:
+    """n, sin(pi/n) and cos(pi/n): what a problem for any number of sides takes beside."""
+    if sides == 3:
+        return ()
+    return float(sides), math.sin(math.pi / sides), math.cos(math.pi / sides)
+
+
 @once
-def _tangent(rigid_base):
+def _tangent(rigid_base, any_sides):
     """Symmetric tangent of the energy in (base, twist, bar tension, height).
 
     The bar's tension is the multiplier of its compatibility, so one negative eigenvalue belongs
@@ -136,9 +148,9 @@ def _tangent(rigid_base):
     """
     import casadi as ca
 
-    z, p, form = _forms(rigid_base)
-    softness = ca.sqrt(p[2])
-    rows = [form["twist"], 3 * form["bar"] / (2 * form["bar_length"]), -form["load"]]
+    z, p, form = _forms(rigid_base, any_sides)
+    softness, sides = ca.sqrt(p[2]), p[6] if any_sides else 3
+    rows = [form["twist"], sides * form["bar"] / (2 * form["bar_length"]), -form["load"]]
     columns = [(1 + form["half_turn"] ** 2) / 2, 1, 1]
     order = [1, 0, 2]  # columns of z: bar tension, half turn, rise
     if not rigid_base:
@@ -147,7 +159,7 @@ def _tangent(rigid_base):
     matrix = ca.jacobian(ca.vertcat(*rows), z)[:, order] @ ca.diag(ca.vertcat(*columns))
     # the equations take b from its tension; the energy takes it from the coordinates
     multiplier = matrix[-2, :]
-    share = multiplier.T * form["bar_pull"] / (3 * form["bar_length"])
+    share = multiplier.T * form["bar_pull"] / (sides * form["bar_length"])
     share[-2] = 0
     return ca.Function("tangent", [z, p], [matrix - share @ multiplier])
 
@@ -158,7 +170,8 @@ def stable(z: Array, p: Sequence[float], rigid_base: bool) -> tuple[Flags, Flags
     Parameters
     ----------
     z : ndarray, (rows, m)
-    p : sequence of float, (6,)
+    p : sequence of float, (6,) or (9,)
+        See `numbers`.
     rigid_base : bool
 
     Returns
@@ -166,7 +179,7 @@ def stable(z: Array, p: Sequence[float], rigid_base: bool) -> tuple[Flags, Flags
     tuple of two ndarrays of bool, (rows,)
     """
     rows, m = z.shape
-    matrices = functions(rigid_base)("tangent", z, p).reshape(rows, m, m)
+    matrices = functions(rigid_base, len(p) > 6)("tangent", z, p).reshape(rows, m, m)
 
     def only_multiplier(part):
         values = np.linalg.eigvalsh((part + part.transpose(0, 2, 1)) / 2)
@@ -176,12 +189,12 @@ def stable(z: Array, p: Sequence[float], rigid_base: bool) -> tuple[Flags, Flags
 
 
 @once
-def _inner(rigid_base):
+def _inner(rigid_base, any_sides):
     """Newton step at given height, and energy with its derivatives in the height."""
     import casadi as ca
 
-    z, p, form = _forms(rigid_base)
-    g = problem(rigid_base).residual
+    z, p, form = _forms(rigid_base, any_sides)
+    g = problem(rigid_base, any_sides).residual
     v, rise = z[:-1], z[-1]
     move = ca.solve(ca.jacobian(g, v), g)
     rate = ca.vertcat(-ca.solve(ca.jacobian(g, v), ca.jacobian(g, rise)), 1)
@@ -205,10 +218,13 @@ class ElasticLaw:
     rigid_base : bool
     steps : int
         Iterations of Newton's method, which start from polynomials of the elongation.
+    any_sides : bool
+        Whether the number of sides is a parameter, or three.
     """
 
     rigid_base: bool
     steps: int
+    any_sides: bool = False
     split = False
     compiled = ("energy",)
     name = property(repr)
@@ -219,7 +235,13 @@ class ElasticLaw:
         names = ("per_base", "force", "preload", "rise_at_rest", "energy_at_rest")
         names += ("height", "prestrain", "k_cross/k_base", "k_cross/k_bar", "middle", "per_half")
         unknowns = UNKNOWNS[self.rigid_base : -1]
-        return names + tuple(f"{name} {k}" for name in unknowns for k in range(GUESS + 1))
+        names += tuple(f"{name} {k}" for name in unknowns for k in range(GUESS + 1))
+        return names + (("sides", "sine", "cosine") if self.any_sides else ())
+
+    @property
+    def kind(self) -> tuple[bool, bool]:
+        """Which equations: `rigid_base` and `any_sides`."""
+        return self.rigid_base, self.any_sides
 
     def guess(self) -> tuple[Any, ...]:
         """Symbols r, p, and in terms of them the start of the iterations and the parameters of
@@ -229,6 +251,8 @@ class ElasticLaw:
         r, p = ca.SX.sym("r"), ca.SX.sym("p", len(self.parameters))
         per_base, _, _, at_rest, _, *prism = ca.vertsplit(p)[:9]
         middle, per_half, *coefficients = ca.vertsplit(p)[9:]
+        count = len(coefficients) - 3 * self.any_sides
+        coefficients, sides = coefficients[:count], coefficients[count:]
         t = (r - middle) * per_half
         rows = range(0, len(coefficients), GUESS + 1)  # at rest, then the slope from there
         guess = [
@@ -236,16 +260,16 @@ class ElasticLaw:
             for row in rows
         ]
         z = ca.vertcat(*guess, at_rest + r * per_base)
-        prism = ca.vertcat(*prism, 0, 0)  # where a branch ends does not matter here
+        prism = ca.vertcat(*prism, 0, 0, *sides)  # where a branch ends does not matter here
         return r, p, z, prism
 
     def forms(self) -> tuple[Any, Any, Sequence[Any]]:
         """The law in CasADi; see `codegen.Law.forms`."""
         r, p, z, prism = self.guess()
         for _ in range(self.steps):
-            z = _inner(self.rigid_base)[0](z, prism)
+            z = _inner(*self.kind)[0](z, prism)
         per_base, force, preload, energy_at_rest = p[0], p[1], p[2], p[4]
-        energy, tension, stiffness, slope = (v(z, prism) for v in _inner(self.rigid_base)[1])
+        energy, tension, stiffness, slope = (v(z, prism) for v in _inner(*self.kind)[1])
         return r, p, (
             force / per_base * (energy - energy_at_rest) + preload * r,
             force * tension + preload,
@@ -255,7 +279,7 @@ class ElasticLaw:
 
 
 @once
-def functions(rigid_base: bool) -> Functions:
+def functions(rigid_base: bool, any_sides: bool = False) -> Functions:
     """Functions of (unknowns, parameters of `problem`), compiled: "step", Newton's at given
     height, "value_0" to "value_3", the energy and its derivatives in the height, "tangent"; and
     "guess" of (elongation, parameters of an `ElasticLaw`)."""
@@ -263,15 +287,15 @@ def functions(rigid_base: bool) -> Functions:
     def make() -> dict[str, Any]:
         import casadi as ca
 
-        step, values = _inner(rigid_base)
-        r, p, guess, _ = ElasticLaw(rigid_base, 0).guess()
+        step, values = _inner(rigid_base, any_sides)
+        r, p, guess, _ = ElasticLaw(rigid_base, 0, any_sides).guess()
         found = {"step": step, "guess": ca.Function("guess", [r, p], [guess])}
         found |= {f"value_{order}": value for order, value in enumerate(values)}
-        symbols = (tangent := _tangent(rigid_base)).sx_in()
+        symbols = (tangent := _tangent(rigid_base, any_sides)).sx_in()
         by_rows = ca.vec(tangent(*symbols).T)
         return found | {"tangent": ca.Function("tangent", symbols, [by_rows])}
 
-    return Functions(("condensed", bool(rigid_base)), make, flags=EXACT)
+    return Functions(("condensed", bool(rigid_base), bool(any_sides)), make, flags=EXACT)
 
 
 class ElasticPotential(Potential):
@@ -285,7 +309,7 @@ class ElasticPotential(Potential):
         Axial load F0 at rest [N], compression > 0, >= 0.
 
     The domain ends where the bars meet (twist pi), the prism is flat (height 0) or equilibrium
-    at given height turns unstable, and where base strings and bars unload (twist 2 pi/3).  The
+    at given height turns unstable, and where base strings and bars unload (twist 2 pi/n).  The
     tension is finite at these ends, so they belong to the domain.
 
     Source: seeds/000, part III, "Elastic problem".
@@ -299,6 +323,7 @@ class ElasticPotential(Potential):
         self._prism, self._preload = prism, preload
         self.origin = call(f"{prism}.potential", preload=preload)
         self._rigid_base = math.isinf(prism.k_base)
+        self._kind = self._rigid_base, prism.sides != 3
         self._p = numbers(prism)
         self._at_rest = self._loaded() if preload else self._zero()
         rise, self._nodes, self._rates, end = self._traced()
@@ -306,13 +331,13 @@ class ElasticPotential(Potential):
         base, start = prism.base, self._at_rest[-1]
         self._length = float(prism.height + start * base)
         self._domain = tuple(float(x - start) * base for x in (rise[0], rise[-1]))
-        self.ends = end, "base strings and bars are unloaded (twist 2 pi/3)"
+        self.ends = end, "base strings and bars are unloaded (twist 2 pi/" + f"{prism.sides})"
 
     def _loaded(self):
         """Unknowns under the preload, on the branch of the reference up to its first fold."""
         p = numbers(self._prism, load=self._preload)
         stop = ("load", "fold", "contact", "flat")
-        branch = trace(problem(self._rigid_base), self._zero(), p, direction=-1, stop=stop)
+        branch = trace(problem(*self._kind), self._zero(), p, direction=-1, stop=stop)
         if branch.end != "load":
             largest = branch.load[-1] * self._prism.k_cross * self._prism.base
             raise EquilibriumError(
@@ -326,7 +351,7 @@ class ElasticPotential(Potential):
 
     def _traced(self):
         """Rises in ascending order, asinh of the unknowns there, their rates, and the low end."""
-        of, settings = problem(self._rigid_base), Settings(tolerance=1e-7, largest=0.2)
+        of, settings = problem(*self._kind), Settings(tolerance=1e-7, largest=0.2)
         stop = ("contact", "flat", "turn")
         down = trace(of, self._zero(), self._p, settings, direction=-1, stop=stop)
         reasons = {
@@ -386,14 +411,14 @@ class ElasticPotential(Potential):
         """Law, parameters and reach for elongations in an interval; None if it takes too many
         iterations."""
         values = self._numbers(low, high, self._fitted(low, high))
-        of, taken = functions(self._rigid_base), 0
+        of, taken = functions(*self._kind), 0
         z = of("guess", np.linspace(low, high, SAMPLES)[:, None], values)
         for steps in STEPS:
             for _ in range(taken, steps):
                 z = of("step", z, self._p)
             taken, moved = steps, np.abs(of("step", z, self._p) - z)
             if (moved.max(axis=0) <= SETTLED * np.abs(z).max(axis=0)).all():
-                return ElasticLaw(self._rigid_base, steps), values, (low, high)
+                return ElasticLaw(self._rigid_base, steps, self._kind[1]), values, (low, high)
         return None
 
     def _fitted(self, low, high):
@@ -410,10 +435,10 @@ class ElasticPotential(Potential):
 
     def _numbers(self, low, high, coefficients):
         base, force = self._prism.base, self._prism.k_cross * self._prism.base
-        (energy_at_rest,) = functions(self._rigid_base)("value_0", self._at_rest, self._p)
+        (energy_at_rest,) = functions(*self._kind)("value_0", self._at_rest, self._p)
         scales = [1 / base, force, self._preload, self._at_rest[-1], energy_at_rest]
         interval = [(low + high) / 2, 2 / (high - low)]
-        return np.array([*scales, *self._p[:4], *interval, *coefficients.ravel()])
+        return np.array([*scales, *self._p[:4], *interval, *coefficients.ravel(), *self._p[6:]])
 
     def beyond(self, r: float) -> LockingError:
         """The error for an elongation at or beyond an end of the domain or of the reach."""
@@ -435,7 +460,7 @@ class ElasticPotential(Potential):
         rise = self._at_rest[-1] + np.clip(r, *self._domain) / self._prism.base
         rise = np.clip(rise, self._rise[0], self._rise[-1])
         z = self._guess(rise)
-        step, previous = functions(self._rigid_base), math.inf
+        step, previous = functions(*self._kind), math.inf
         for _ in range(ITERATIONS):
             new = step("step", z, self._p)
             moved = np.max(np.abs(new - z) / (1 + np.abs(z)), initial=0.0)
@@ -478,7 +503,7 @@ class ElasticPotential(Potential):
 
     def _from_states(self, order, r):
         """The order-th derivative of the energy at elongations r, (r.size,)."""
-        of, name = functions(self._rigid_base), f"value_{order}"
+        of, name = functions(*self._kind), f"value_{order}"
         result = of(name, self.states(r), self._p)[:, 0]
         result = result * self._prism.k_cross * self._prism.base ** (2 - order)
         if order == 0:

@@ -29,16 +29,16 @@ SETTINGS = Settings(tolerance=1e-7, largest=0.05)
 
 
 @once
-def _folds(rigid_base: bool) -> Problem:
-    return fold_problem(problem(rigid_base), "fold", PRESTRAIN)
+def _folds(rigid_base: bool, any_sides: bool) -> Problem:
+    return fold_problem(problem(rigid_base, any_sides), "fold", PRESTRAIN)
 
 
 @once
-def _values(rigid_base: bool) -> Callable[..., Any]:
+def _values(rigid_base: bool, any_sides: bool) -> Callable[..., Any]:
     """Height, twist, base and load as a function of (unknowns, parameters)."""
     import casadi as ca
 
-    of = problem(rigid_base)
+    of = problem(rigid_base, any_sides)
     values = [of.values[name] for name in ("height", "twist", "base", "load")]
     return ca.Function("values", [of.z, of.p], [ca.vertcat(*values)])
 
@@ -70,8 +70,8 @@ def limit_load(prism: Prism, prestrain: float) -> Table:
         raise TensegrityError("limit_load needs elastic bases or bars: k_base, k_bar are inf")
     if prestrain == prism.prestrain:
         raise TensegrityError(f"prestrain {prestrain:g} must differ from that of the prism")
-    rigid_base, p = math.isinf(prism.k_base), numbers(prism)
-    of = problem(rigid_base)
+    kind, p = (math.isinf(prism.k_base), prism.sides != 3), numbers(prism)
+    of = problem(*kind)
     start = np.zeros(len(of.unknowns))
     first = trace(of, start, p, direction=-1, stop=("fold", "flat"))
     if first.end != "fold":
@@ -79,14 +79,12 @@ def limit_load(prism: Prism, prestrain: float) -> Table:
     on_fold = fold_start(of, first.events[-1], p, PRESTRAIN)
     direction = 1 if prestrain > prism.prestrain else -1
     p[PRESTRAIN] = prestrain
-    branch = trace(_folds(rigid_base), on_fold, p, SETTINGS, direction, ("end",))
+    branch = trace(_folds(*kind), on_fold, p, SETTINGS, direction, ("end",))
     states = []
     for state, freed in zip(branch.z, branch.free, strict=True):
         p[PRESTRAIN] = freed
         states.append((refined_fold(of, "fold", state[: len(start)], p), list(p)))
-    height, twist, base, load = np.hstack(
-        [np.array(_values(rigid_base)(*state)) for state in states]
-    )
+    height, twist, base, load = np.hstack([np.array(_values(*kind)(*state)) for state in states])
     columns = {
         "prestrain": branch.free,
         "height": height * prism.base,

@@ -3,16 +3,17 @@
 Members have no thickness.  With elastic bases or bars the path is a branch of the problem of
 `tensegrity.prisms.condensed`, at rigid bases with one unknown less; with both rigid it is the
 closed form.  Strings are unilateral: cross strings go slack where the bars meet (twist pi), where
-the path ends, and base strings where they unload (twist 2 pi/3), beyond which the cross strings
+the path ends, and base strings where they unload (twist 2 pi/n), beyond which the cross strings
 hang upright and pull alone.  Source: seeds/000, part III, "Numerical approach".
 """
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, overload
 
 import numpy as np
 
@@ -23,9 +24,11 @@ from tensegrity.engine.pieces import threads
 from tensegrity.engine.programs import derived, run
 from tensegrity.errors import NoLocking, TensegrityError
 from tensegrity.prisms.condensed import numbers, problem, stable
-from tensegrity.prisms.prism import Prism
+from tensegrity.prisms.prism import Prism, rigid_law
 from tensegrity.progress import progress
 from tensegrity.root import root
+from tensegrity.structures.path import structure_path
+from tensegrity.structures.structure import Structure
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -35,6 +38,8 @@ if TYPE_CHECKING:
 
     from tensegrity.branches.continuation import Branch
     from tensegrity.springs.potential import Potential
+    from tensegrity.structures.path import StructurePath
+    from tensegrity.structures.supports import Supports
     from tensegrity.typing import Array, Flags
 
     Columns = dict[str, Any]
@@ -134,7 +139,69 @@ class EquilibriumPath(Table):
         return super().plot(x, y, axes, LABELS)
 
 
+@overload
 def equilibrium_path(
+    prism: Prism,
+    *,
+    min_height: float = ...,
+    max_load: float = ...,
+    max_height: float | None = ...,
+    past_contact: bool = ...,
+) -> EquilibriumPath: ...
+@overload
+def equilibrium_path(
+    prism: Structure,
+    *,
+    supports: Supports,
+    max_load: float = ...,
+    branch: str = ...,
+    loads: Mapping[int, Sequence[float]] | None = ...,
+    max_shortening: float = ...,
+) -> StructurePath: ...
+def equilibrium_path(prism: Any, **given: Any) -> Any:
+    """Equilibria of a prism, or of a structure between plates or under loads that grow.
+
+    Parameters
+    ----------
+    prism : Prism or Structure
+        Others are as of `prism_path` for a prism: min_height, max_load, max_height, past_contact.
+    supports : Supports
+        Of a structure: `plates(lower, upper)`, of which the upper one comes down, or any with
+        `loads`.
+    max_load : float, optional
+        Load at which to end [N].
+    branch : {"stable", "symmetric"}, optional
+        What is followed where strings go slack together, and where a path loses stability at
+        given shortening: the branch of least energy, or that on which all of them do the same.
+    loads : dict, optional
+        {node: force (dim,)}: their directions and ratios; load and shortening belong to their
+        sum of sizes.
+    max_shortening : float, optional
+        Shortening at which to end [m].
+
+    Returns
+    -------
+    EquilibriumPath or StructurePath
+
+    Raises
+    ------
+    TensegrityError
+        If an argument does not belong to what is given, or is outside its bounds.
+    """
+    of = structure_path if isinstance(prism, Structure) else prism_path
+    known = set(inspect.signature(of).parameters) - {"prism", "structure"}
+    wrong = sorted(set(given) - known)
+    if wrong:
+        raise TensegrityError(
+            f"{wrong[0]} does not belong to a path of a {type(prism).__name__}, only "
+            f"{', '.join(sorted(known))}"
+        )
+    if of is structure_path and "supports" not in given:
+        raise TensegrityError("a path of a structure needs supports: held(...) or plates(...)")
+    return of(prism, **given)
+
+
+def prism_path(
     prism: Prism,
     *,
     min_height: float = 0.0,
@@ -316,7 +383,7 @@ def _branch(
 ) -> tuple[Branch, list[Found]]:
     """The branch in the problem's units, and its events in SI units as (kind, row, numbers)."""
     rigid_base = math.isinf(prism.k_base)
-    of, start = problem(rigid_base), np.zeros(4 - rigid_base)
+    of, start = problem(rigid_base, prism.sides != 3), np.zeros(4 - rigid_base)
     branch = trace(of, start, p, SETTINGS, direction, stop)
     branch.p = p
     kinds = {"contact": "contact", "unloaded": "slack"}
@@ -366,7 +433,7 @@ def _hanging(prism: Prism, max_height: float, below: Columns) -> Columns:
     cross, _, bar = prism.natural_lengths()
     height = np.linspace(below["height"][0], min(max_height, bar), ROWS + 1)[:0:-1]
     symbols = height, prism.k_cross, cross, bar
-    twist, base_squared, load = run(derived(_hanging_forms), np, symbols)
+    twist, base_squared, load = run(derived(_hanging_forms, prism.sides), np, symbols)
     true = np.ones(ROWS, dtype=bool)
     return {
         "height": height,
@@ -378,12 +445,21 @@ def _hanging(prism: Prism, max_height: float, below: Columns) -> Columns:
     }
 
 
-def _hanging_forms() -> tuple[list[Any], tuple[Any, ...]]:
+def _hanging_forms(sides: int) -> tuple[list[Any], tuple[Any, ...]]:
     """(twist, squared base, load) of height, k_cross, natural lengths of cross string and bar."""
     from derivations import hanging, prism
 
     symbols = (prism.height, prism.k_cross, prism.natural_cross, prism.natural_bar)
-    return [hanging.upright_twist(), hanging.base_squared(), hanging.load()], symbols
+    of = prism.TRIANGLE if sides == 3 else prism.ANY
+    forms = hanging.upright_twist(of), hanging.base_squared(of), hanging.load(of)
+    if sides != 3:
+        import sympy as sp
+
+        angle = sp.pi / sides
+        known = {prism.half_angle: angle, prism.number_of_sides: sides}
+        known |= {prism.half_sine: sp.sin(angle), prism.half_cosine: sp.cos(angle)}
+        forms = tuple(form.subs(known).evalf(30) for form in forms)
+    return list(forms), symbols
 
 
 # --- rigid bases and bars --------------------------------------------------------------------
@@ -453,12 +529,13 @@ def _stretched(prism: Prism, potential: Potential, max_height: float) -> Array:
 
 def _rigid_columns(prism: Prism, potential: Potential, r: Array, locked: bool = False) -> Columns:
     """Numbers at elongations r; at a locked end no load (0 where flat) and no stiffness."""
-    (twist,) = run(derived(_twist), np, (r, *potential.values))
+    shared = len(rigid_law().parameters)  # without the number of sides
+    (half,) = run(derived(_half_turn), np, (r, *potential.values[:shared]))
     load = np.zeros_like(r) if locked else -potential.tension(r)
     stiff = np.full(r.shape, np.inf) if locked else potential.stiffness(r)
     return {
         "height": prism.height + r,
-        "twist": twist,
+        "twist": prism.reference_twist + 2 * np.arctan(half),
         "base": np.full(r.shape, prism.base),
         "load": load,
         "stable_load": stiff >= 0,  # zero without prestrain, at a minimum of the energy
@@ -466,12 +543,8 @@ def _rigid_columns(prism: Prism, potential: Potential, r: Array, locked: bool = 
     }
 
 
-def _twist() -> tuple[list[Any], tuple[Any, ...]]:
-    """Twist in terms of elongation and parameters, from constant length of bars and bases."""
-    import sympy as sp
-
-    from derivations import prism
+def _half_turn() -> tuple[list[Any], tuple[Any, ...]]:
+    """Tangent of half the turn from the reference, from constant length of bars and bases."""
     from derivations import rigid_elastic as form
 
-    twist = prism.REFERENCE_TWIST + 2 * sp.atan(form.half_turn())
-    return [twist], (form.elongation, *form.PARAMETERS)
+    return [form.half_turn()], (form.elongation, *form.PARAMETERS)

@@ -1,7 +1,8 @@
-"""The triangular tensegrity prism a user describes, and what follows from it in closed form.
+"""The regular tensegrity prism a user describes, and what follows from it in closed form.
 
-Two triangles of strings, three bars, three cross strings; members without thickness.  The
-reference is the self-stressed state at twist 5 pi/6.  Source: seeds/000, part III.
+Two regular polygons of strings, as many bars and cross strings, three by default; members without
+thickness.  The reference is the self-stressed state at twist pi/2 + pi/n, 5 pi/6 for triangles.
+Source: seeds/000, part III; the forms for any n are those of `derivations.polygon`.
 """
 
 from __future__ import annotations
@@ -26,6 +27,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
     from typing import Any
 
+    from numpy.typing import ArrayLike
+
+    from tensegrity.structures.structure import Structure
+
 DIGITS = 40  # decimals in which stored parameters are computed before they are rounded
 
 
@@ -39,12 +44,12 @@ class NaturalLengths(NamedTuple):
 
 @dataclass(frozen=True)
 class Prism:
-    """A triangular tensegrity prism.
+    """A regular tensegrity prism, triangular unless told otherwise.
 
     Parameters
     ----------
     base : float
-        Side of the triangles in the self-stressed state [m].
+        Side of the polygons in the self-stressed state [m].
     height : float
         Height of the self-stressed state [m].
     prestrain : float
@@ -53,12 +58,14 @@ class Prism:
         Spring constant of a cross string [N/m].
     k_base, k_bar : float, optional
         Spring constants of a base string and of a bar [N/m]; inf (the default) is rigid.
+    sides : int, optional
+        Sides of the polygons, at least 3.
 
     Raises
     ------
     TensegrityError
         If a value is outside its bounds, or the bases are so soft that their natural length
-        would not be positive (k_base <= k_cross p0/((1 + p0) sqrt(3))).
+        would not be positive (k_base <= k_cross p0/((1 + p0) 2 sin(pi/n))).
     """
 
     base: float
@@ -67,8 +74,10 @@ class Prism:
     k_cross: float
     k_base: float = math.inf
     k_bar: float = math.inf
+    sides: int = 3
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "sides", check.whole("sides", self.sides, least=3))
         for name, unit in (("base", "m"), ("height", "m"), ("k_cross", "N/m")):
             self._check(name, above=0, unit=unit)
         self._check("prestrain", least=0)
@@ -81,17 +90,97 @@ class Prism:
                 "below which the natural length of the base strings is not positive"
             )
 
+    @classmethod
+    def from_members(
+        cls,
+        cross: float,
+        base: float,
+        bar: float,
+        k_cross: float,
+        k_base: float = math.inf,
+        k_bar: float = math.inf,
+        sides: int = 3,
+    ) -> Prism:
+        """The prism that members of given natural lengths make.
+
+        Parameters
+        ----------
+        cross, base, bar : float
+            Natural lengths of cross strings, base strings and bars [m].
+        k_cross, k_base, k_bar : float
+            EA over natural length [N/m], see `member_stiffness`; inf is rigid.
+        sides : int, optional
+
+        Returns
+        -------
+        Prism
+
+        Raises
+        ------
+        EquilibriumError
+            If the bars are too short to stress the strings, or so short in comparison with the
+            base that there is no height.
+        """
+        from tensegrity.prisms.members import assembled
+
+        given = {"cross": cross, "base": base, "bar": bar}
+        lengths = [check.number(name, x, above=0, unit="m") for name, x in given.items()]
+        k_cross = check.number("k_cross", k_cross, above=0, unit="N/m")
+        stiff = [
+            check.number(name, k, above=0, finite=False, unit="N/m")
+            for name, k in (("k_base", k_base), ("k_bar", k_bar))
+        ]
+        sides = check.whole("sides", sides, least=3)
+        found = assembled(lengths, [k_cross, *stiff], sides)
+        return cls(found[0], found[1], found[2], k_cross, stiff[0], stiff[1], sides)
+
+    def structure(self, mass: ArrayLike = 1.0) -> Structure:
+        """The prism in all coordinates of its nodes.
+
+        Parameters
+        ----------
+        mass : float or array_like, (2 sides,), optional
+            Of each node [kg].
+
+        Returns
+        -------
+        Structure
+            Lower nodes 0 to n - 1 on the plane z = 0, node 0 on the x axis; upper node n + j is
+            joined to lower node j by bar j.  Strings: n cross ones, n of the lower base, n of the
+            upper.
+
+        Raises
+        ------
+        TensegrityError
+            If bases or bars are rigid.
+        """
+        from tensegrity.prisms.stack import stacked
+
+        return stacked(self, 1, "same", False).at_mass(mass)
+
     def _check(self, name: str, **bounds: Any) -> None:
         object.__setattr__(self, name, check.number(name, getattr(self, name), **bounds))
 
     def __repr__(self) -> str:
         given = {name: value for name, value in asdict(self).items() if value != math.inf}
+        if self.sides == 3:
+            del given["sides"]
         return call("Prism", **given)
 
     @property
     def is_rigid(self) -> bool:
         """Whether bases and bars are rigid, so that the height alone describes the prism."""
         return math.isinf(self.k_base) and math.isinf(self.k_bar)
+
+    @property
+    def reference_twist(self) -> float:
+        """Twist of the self-stressed state, pi/2 + pi/n [rad]."""
+        return 5 * math.pi / 6 if self.sides == 3 else math.pi / 2 + math.pi / self.sides
+
+    @property
+    def circumradius(self) -> float:
+        """Of the polygons in the self-stressed state [m]."""
+        return self.base / (2 * math.sin(math.pi / self.sides))
 
     def natural_lengths(self) -> NaturalLengths:
         """Unstressed lengths of cross strings, base strings and bars [m], as a named tuple."""
@@ -155,7 +244,7 @@ class Prism:
         return self._potential_at(self.height + _loaded_shift(unloaded, preload), preload)
 
     def _potential_at(self, height: float, preload: float) -> Potential:
-        law, role = rigid_law(), _roles()
+        law, role = rigid_law(self.sides != 3), _roles()
         numbers = _exact(_parameters, self, height, preload)
         values = dict(zip(law.parameters, numbers, strict=True))
         (locking_squared,) = _exact(_locking_height_squared, self)
@@ -183,32 +272,42 @@ def _decimals() -> Any:
 
 
 def _exact(
-    derive: Callable[[], Iterable[Any]], prism: Prism, height: float = 1.0, preload: float = 0.0
+    derive: Callable[[Any], Iterable[Any]],
+    prism: Prism,
+    height: float = 1.0,
+    preload: float = 0.0,
 ) -> list[Any]:
     """Values of derived expressions to `DIGITS` decimals, the prism's fields taken as exact."""
     fields = (prism.base, prism.height, prism.prestrain, prism.k_cross, prism.k_base, prism.k_bar)
-    values = [_decimals().mpf(x) for x in (*fields, height, preload)]
-    return run(program_of(_of_fields, derive), _decimals(), values)
+    own = _decimals()
+    angle = own.pi / prism.sides
+    sides = (own.mpf(prism.sides), own.sin(angle), own.cos(angle))
+    values = [own.mpf(x) for x in (*fields, height, preload)]
+    return run(program_of(_of_fields, derive, prism.sides != 3), own, (*values, *sides))
 
 
-def _of_fields(derive: Callable[[], Iterable[Any]]) -> tuple[list[Any], tuple[Any, ...]]:
+def _of_fields(
+    derive: Callable[[Any], Iterable[Any]], any_sides: bool
+) -> tuple[list[Any], tuple[Any, ...]]:
     from derivations import prism as p
     from derivations import rigid_elastic as r
 
     fields = (p.base, p.reference_height, p.prestrain, p.k_cross, p.k_base, p.k_bar)
-    return list(derive()), (*fields, r.loaded_height, r.preload)
+    symbols = (*fields, r.loaded_height, r.preload, *r.SIDES)
+    return list(derive(_polygon(any_sides))), symbols
 
 
-def rigid_law() -> Law:
-    return DerivedLaw(_rigid_law)
+def rigid_law(any_sides: bool = False) -> Law:
+    """Of triangular prisms, or of those with any number of sides, which is a parameter then."""
+    return DerivedLaw(_rigid_law, bool(any_sides))
 
 
-def _rigid_law() -> Law:
+def _rigid_law(any_sides: bool) -> Law:
     from derivations import rigid_elastic as derived
 
-    return Law(
-        derived.energy(), derived.elongation, derived.PARAMETERS, derived.tension(), derived.THROUGH
-    )
+    of = _polygon(any_sides)
+    symbols, tension = derived.parameters_of(of), derived.tension(of)
+    return Law(derived.energy(of), derived.elongation, symbols, tension, derived.THROUGH)
 
 
 @once
@@ -223,34 +322,40 @@ def _roles() -> dict[str, str]:
     return kept(("roles of the rigid law",), make)
 
 
-def _locking_height_squared() -> list[Any]:
+def _polygon(any_sides: bool) -> Any:
+    from derivations import prism as derived
+
+    return derived.ANY if any_sides else derived.TRIANGLE
+
+
+def _natural_lengths(of: Any) -> Iterable[Any]:
+    from derivations import prism as derived
+
+    return derived.natural_lengths(of)
+
+
+def _locking_height_squared(of: Any) -> list[Any]:
     from derivations import rigid_elastic as derived
 
-    return [derived.locking_height_squared()]
+    return [derived.locking_height_squared(of)]
 
 
-def _natural_lengths() -> Iterable[Any]:
+def _least_k_base(of: Any) -> list[Any]:
     from derivations import prism as derived
 
-    return derived.natural_lengths()
+    return [derived.least_k_base(of)]
 
 
-def _least_k_base() -> list[Any]:
-    from derivations import prism as derived
-
-    return [derived.least_k_base()]
-
-
-def _axial_stiffness() -> list[Any]:
+def _axial_stiffness(of: Any) -> list[Any]:
     from derivations import elastic as derived
 
-    return [derived.axial_stiffness_of_prism()]
+    return [derived.axial_stiffness_of_prism(of)]
 
 
-def _parameters() -> Iterable[Any]:
+def _parameters(of: Any) -> Iterable[Any]:
     from derivations import rigid_elastic as derived
 
-    return derived.parameter_expressions().values()
+    return derived.parameter_expressions(of).values()
 
 
 def _loaded_shift(unloaded: Potential, preload: float) -> float:

@@ -268,14 +268,15 @@ def _power_law(x):
 
 
 def _rigid(x):
-    if x.law != rigid_law():
+    if all(x.law != rigid_law(any_sides) for any_sides in (False, True)):
         return None
     parts = {"values": x.values, "length": x.length, "domain": x.domain, "ends": x.ends}
     return parts | {"origin": x.origin}
 
 
 def _make_rigid(values, length, domain, ends, origin):
-    return Potential.from_law(rigid_law(), values, length, domain, ends, origin)
+    any_sides = len(values) > len(rigid_law().parameters)
+    return Potential.from_law(rigid_law(any_sides), values, length, domain, ends, origin)
 
 
 def _elastic(x):

@@ -43,14 +43,15 @@ def simulate(
         Name of a method, `tensegrity.engine.methods.METHODS`, or a `Splitting` or `Nystrom` of
         `tensegrity.engine.methods` with rows of your own.  By default "rkn6"; "verlet" where `dt`
         is given or a `tol` above 1e-3; else "corrected6" where contacts can open, of exponents
-        from 1 to 2.5; "processed6" where a `tol` is given and no contact can open.
+        from 1 to 2.5; "processed6" where a `tol` is given, no contact can open and the run takes
+        some hundred steps.
     dt : float, optional
         Step [s]; the step used is the largest not above it that divides `t_end` evenly.  By
         default a small fraction of the stability limit, at the largest stiffness that any
         bond can meet with the initial energy, or does meet.
     tol : float, optional
         Wanted bound of max(|du|/max|u|, |dv|/max|v|), maxima over the run, instead of `dt`: the
-        step is refined until two runs, one with half the step of the other, say it is met.
+        step is refined until runs with different steps, compared all along, say it is met.
     record : Record, optional
 
     Returns
@@ -79,7 +80,8 @@ def simulate(
     tol = None if tol is None else check.number("tol", tol, least=ROUND_OFF)
     if dt is not None and tol is not None:
         raise TensegrityError(f"dt {dt!r} s and tol {tol!r} exclude each other: give one")
-    method = methods.find(_default(scene, dt, tol) if method is None else method)
+    free, method = method is None, _default(scene, dt, tol) if method is None else method
+    method = methods.find(method)
     if method.processor is not None and scene.clearance is not None:
         raise TensegrityError(
             f"method {method.name!r} runs no scene whose sites have a radius: contacts are looked "
@@ -93,7 +95,8 @@ def simulate(
     if dt is not None:
         run = fixed_step(problem, dt)
     elif tol is not None:
-        run = to_tolerance(problem, tol)
+        short = methods.METHODS["rkn6"] if free and method.processor is not None else None
+        run = to_tolerance(problem, tol, short)
     else:
         run = default_step(problem)
     return replace(run, wall_time=time.perf_counter() - started)

@@ -10,8 +10,11 @@ from __future__ import annotations
 import numpy as np
 
 from tensegrity.engine.methods import Splitting
+from tensegrity.engine.walk import Walk
+from tensegrity.once import once
 
 
+@once
 def parts(method):
     """Splittings of one step: the first of a run, all others, and the closing kick or None."""
     if not isinstance(method, Splitting) or not method.kicks[-1]:
@@ -80,11 +83,30 @@ class Loop:
             return self._u.copy(), self._v.copy()
         self._out[0][:], self._out[1][:] = self._u, self._v
         self._close.advance(1)
+        self._join()
+        return self._out[0].copy(), self._out[1].copy()
+
+    def _join(self):
         self.range = self._bound[0].range.copy()
         for loop in self._bound[1:]:
             np.minimum(self.range[:, 0], loop.range[:, 0], out=self.range[:, 0])
             np.maximum(self.range[:, 1], loop.range[:, 1], out=self.range[:, 1])
-        return self._out[0].copy(), self._out[1].copy()
+
+    def walk(self, leave=None):
+        """The same steps with their rows in one call, or None where some are not compiled.
+
+        `leave` is a loop that leads a copy out of the method's variables.
+        """
+        loops = self._first, self._others, self._close, leave
+        if any(loop is not None and getattr(loop, "parts", None) is None for loop in loops):
+            return None
+        return Walk(self._u, self._v, *loops)
+
+    def walked(self, begun):
+        """After steps of `walk`: make `range` and `travel` those of all done."""
+        if self._first is not None and not begun and self._first not in self._bound:
+            self._bound.append(self._first)
+        self._join()
 
     @property
     def travel(self):

@@ -17,17 +17,17 @@ import numpy as np
 
 from tensegrity.engine.methods import Method, Nystrom
 from tensegrity.errors import ContactError, LockingError, RecordError, StabilityError
-from tensegrity.progress import progress
 from tensegrity.runs import stepping
-from tensegrity.runs.book import Book, Sound
+from tensegrity.runs.book import Book, Checks, Kept, Sound
 from tensegrity.runs.loops import Loop
-from tensegrity.runs.record import Record
 from tensegrity.scenes.clearance import CAUTION
-from tensegrity.scenes.scene import State
+from tensegrity.scenes.scene import known_state
 
 BLOCK = 2_000_000  # bonds x stages x steps in one call of the loop: about 5 ms
+STRIDE = 20  # blocks in one call with its rows: an interrupt waits no longer
 FEWEST = 100  # steps in one call: the pieces of a long chain work apart for some tens
 MOST_STEPS = 10**12
+KNOWN = 4  # ranges whose stiffness a scene remembers
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,16 +36,18 @@ class Problem:
 
     `surrogate` is the scene with springs that are fitted to those of `scene`: it is moved, while
     checks and recorded energies are those of `scene`.  `choice` says what chose the step: "dt",
-    "tol" or "default".
+    "tol" or "default".  Of a `trial` that
+    ends well the energies of rows that hold all sites are left out, NaN.
     """
 
     scene: object
-    state: State
+    state: object
     t_end: float
     method: Method
-    record: Record
+    record: object
     surrogate: object = None
     choice: str = "dt"
+    trial: bool = False
 
     @property
     def moved(self):
@@ -103,50 +105,97 @@ def march(problem, steps, allowed, checkpoints=0, start=None):
     Returns
     -------
     run : Run
-    checks : structured ndarray
-        All sites at `checkpoints` + 1 evenly spaced instants, which `steps` is a multiple of.
+    checks : tuple of ndarray
+        u and v of all sites at `checkpoints` + 1 evenly spaced instants, which `steps` is a
+        multiple of.
     """
     scene, seconds = problem.scene, problem.record.checkpoint
     watch = _Watch(problem, problem.t_end / steps if steps else 0.0, allowed, start)
     book = Book(problem, watch, steps, start and start.count)
-    checks = Record().rows(
-        checkpoints + 1 if checkpoints else 0, scene.shape, watch.impulse().shape
-    )
-    apart = steps // checkpoints if checkpoints else steps  # steps between two of them
+    checks = Checks(scene.shape, steps, checkpoints)
     largest = max(FEWEST, BLOCK // (scene.cost * problem.method.stages))
-    since, failure = time.monotonic(), None
+    since, failure, careful = time.monotonic(), None, 0
     book.keep_state()
     try:
-        with _progress(steps) as bar:
+        with _Progress(steps) as bar:
             while True:
                 done = watch.sound.done
-                bar.update(done - bar.n)
+                bar.show(done)
                 book.catch_up()
-                if checkpoints and done == checks.count * apart:
-                    state, impulse = watch.look()
-                    checks.add(done * watch.dt, 0.0, state.u, state.v, impulse)
+                checks.catch_up(watch)
                 if done == steps:
                     break
                 if seconds is not None and time.monotonic() - since > seconds:
                     book.keep_state()
                     since = time.monotonic()
-                stop = min(book.stop(), checks.count * apart if checkpoints else steps)
+                if done >= careful and _stride(
+                    watch, book, checks, min(steps - done, STRIDE * largest)
+                ):
+                    continue
+                careful = max(careful, min(steps, done + STRIDE * largest))
+                stop = min(book.stop(), checks.stop())
                 watch.advance(min(stop - done, largest))
         book.keep_state()
-        return book.run(complete=True), checks.finished()
+        return book.run(complete=True), checks.rows
     except KeyboardInterrupt:
         pass
     except (ContactError, LockingError, StabilityError, RecordError) as error:
         failure = error
     run, failure = book.broken_off(failure)
     if failure is None:
-        return run, checks.finished()
+        return run, checks.rows
     failure.run = run
     raise failure
 
 
-def _progress(steps):
-    return progress(steps, "step")
+def _stride(watch, book, checks, steps):
+    """Do steps with their rows in one call, at most `steps`; whether any was done."""
+    if not (steps > 0 and book.can_wait() and watch.strides()):
+        return False
+    while True:
+        steps = min(steps, watch.most())
+        end = watch.sound.done + steps
+        rows, seen = book.ahead(end), checks.ahead(end)
+        if rows is None:
+            return False
+        if watch.stride(end, book.room(rows) if not len(seen) else _room(watch, rows, seen)):
+            return True
+        if steps <= max(watch.most(), 1):  # not for want of a look for new contacts
+            return False
+
+
+def _room(watch, rows, seen):
+    """Room for rows and what is compared, in one order."""
+    dense = len(rows) and len(rows) == rows[-1] - rows[0] + 1
+    at = rows if dense and rows[0] <= seen[0] and seen[-1] <= rows[-1] else np.union1d(rows, seen)
+    state, impulse = watch.look()
+    each = state.u.shape, state.v.shape, impulse.shape
+    return Kept(at, *(np.empty((len(at), *shape)) for shape in each))
+
+
+class _Progress:
+    """A progress bar that a run of less than a second does without."""
+
+    def __init__(self, steps):
+        self._steps, self._bar, self._begun = steps, None, time.monotonic()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        if self._bar is not None:
+            self._bar.close()
+
+    def show(self, done):
+        """Say how many steps are done."""
+        if self._bar is None and time.monotonic() - self._begun > 1.0:
+            from tqdm import tqdm
+
+            self._bar = tqdm(
+                total=self._steps, unit="step", unit_scale=True, leave=False, disable=None
+            )
+        if self._bar is not None:
+            self._bar.update(done - self._bar.n)
 
 
 class _Watch:
@@ -155,7 +204,6 @@ class _Watch:
     def __init__(self, problem, dt, allowed, start=None) -> None:
         scene = problem.moved
         self._problem, self.dt, self.allowed = problem, dt, allowed
-        self._energy = problem.scene.available_energy(problem.state)
         u = problem.state.u if start is None else start.sound.seen[0][: scene.sites]
         self._list(scene.listed(u))
         if start is None or not start.sound.done:
@@ -169,7 +217,7 @@ class _Watch:
             self._u, self._v = self.sound.u.copy(), self.sound.v.copy()
         self._tracker = scene.clearance and scene.clearance.tracker(self._u[: scene.sites])
         self._most = math.inf  # steps that can be done without a look for new contacts
-        self._loop, self._fastest = None, 0.0
+        self._loop, self._walk, self._fastest = None, None, 0.0
 
     def _list(self, scene):
         """Take the contacts that a scene lists, with no range of theirs known to be allowed."""
@@ -245,7 +293,7 @@ class _Watch:
         """Rows of the loop's arrays as a state, and the impulses behind them, (walls[, dim])."""
         scene = self._problem.scene
         walls = slice(scene.sites, scene.sites + scene.wall_count)
-        return State(u[: scene.sites], v[: scene.sites]), v[walls]
+        return known_state(u[: scene.sites], v[: scene.sites]), v[walls]
 
     def state(self):
         """The last sound state."""
@@ -283,6 +331,49 @@ class _Watch:
                 self._list_anew()
                 return
         raise StabilityError(f"a block of {steps} steps went wrong, but not step by step")
+
+    def strides(self):
+        """Whether steps and their rows can be done in one call."""
+        if self._loop is None:
+            self._begin()
+        if self._walk is None:
+            follows = self._problem.scene.follows
+            self._walk = (not follows and self._loop.walk(self._leave)) or False
+        return self._walk is not False
+
+    def most(self):
+        """Steps that can be done without a look for new contacts."""
+        return self._most
+
+    def stride(self, end, kept):
+        """Advance to step `end`, with a row at each step that there is room for in `kept`.
+
+        Returns whether all was sound; if not, nothing is done.
+        """
+        before, steps, at = self.sound, end - self.sound.done, kept.at
+        if not len(at) or at[-1] < end:
+            at = np.append(at, end)
+        loops = [self._loop] + [self._leave] * (self._leave is not None)
+        for loop in loops:
+            loop.forget_range()
+        at, sites = np.ascontiguousarray(at, dtype=np.int64), self._problem.scene.sites
+        self._walk.go(
+            before.done, at, len(at) == len(kept.at), sites, kept.u, kept.v,
+            self._problem.scene.wall_count, kept.impulse,
+        )  # fmt: skip
+        self._loop.walked(before.done > 0)
+        seen = self._walk.seen()
+        sound = self._is_sound(self._loop, *seen) and (
+            self._leave is None or self._is_sound(self._leave, *seen)
+        )
+        if not (sound and (self._tracker is None or self._is_clear(before.done, steps))):
+            self._u[:], self._v[:] = before.u, before.v
+            return False
+        at_step = None if steps > 1 else before.seen
+        self.sound = Sound(self._u.copy(), self._v.copy(), end, seen, at_step, kept)
+        for loop in loops:
+            self._see(loop)
+        return True
 
     def _block(self, done, steps):
         """Do steps, and look: whether all is sound."""
@@ -344,6 +435,8 @@ class _Watch:
         grown = np.flatnonzero(below | above)
         if not grown.size:
             return True
+        if self._is_known(met):
+            return True
         low, high = self._domains.T
         if self._stiffness is None:
             self._stiffness = self._scene.stiffness_within(self._safe)
@@ -355,9 +448,22 @@ class _Watch:
             wider[above, 1] = _towards(high[above], met[above, 1], margin)
             stiffness = self._stiffness.copy()
             stiffness[grown] = self._scene.stiffness_within(wider, grown)
-            self._limit = self._problem.largest_step(self._scene.fastest(stiffness))
+            omega = self._scene.fastest(stiffness)
+            self._limit = self._problem.largest_step(omega)
             if self.dt <= self.allowed * self._limit:
                 self._safe, self._stiffness = wider, stiffness
+                self._scene.known_ranges.append((wider, stiffness, omega))
+                del self._scene.known_ranges[:-KNOWN]
+                return True
+        return False
+
+    def _is_known(self, met):
+        """Whether another run of the scene met as much, which a step like this one can take."""
+        for ranges, stiffness, omega in self._scene.known_ranges:
+            within = np.all(ranges[:, 0] <= met[:, 0]) and np.all(met[:, 1] <= ranges[:, 1])
+            limit = self._problem.largest_step(omega)
+            if within and self.dt <= self.allowed * limit:
+                self._safe, self._stiffness, self._limit = ranges, stiffness, limit
                 return True
         return False
 
@@ -383,11 +489,12 @@ class _Watch:
         for row, side in np.argwhere(np.stack([met[:, 0] <= low, met[:, 1] >= high], axis=1)):
             spring, where = self._springs[row], scene.extreme(int(row), u, side)
             barrier = float(spring.energy(spring.reach[side]))
-            if self._energy < barrier:
+            given = self._problem.scene.available_energy(self._problem.state)
+            if given < barrier:
                 return StabilityError(
                     f"dt {self.dt:.6g} s is too coarse: the spring {where} passed the end of "
                     f"its domain at t = {t:.6g} s, which takes {barrier:.6g} J, with "
-                    f"{self._energy:.6g} J in the whole scene"
+                    f"{given:.6g} J in the whole scene"
                 )
             error = spring.beyond(met[row, side])
             return type(error)(f"{error}: the spring {where} got there at t = {t:.6g} s")

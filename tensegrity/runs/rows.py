@@ -17,6 +17,7 @@ from tensegrity import check
 from tensegrity.errors import RecordError, TensegrityError
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from typing import Any
 
     from numpy.typing import ArrayLike, NDArray
@@ -24,9 +25,13 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array
 
 
+SMALL = 4_000_000  # bytes that are not asked for
+
+
 def need_memory(size):
     """Refuse a record of more bytes than there is memory for."""
-    _refuse_more(size, check.free_memory(), "memory")
+    if size > SMALL:
+        _refuse_more(size, check.free_memory(), "memory")
 
 
 def _refuse_more(size, room, what):
@@ -43,21 +48,25 @@ def _row(kind, *fields):
 
 
 class Rows:
-    """Rows in memory: time, energy, and u and v of the kept sites."""
+    """Rows in memory: time, energy, and u and v of the kept sites, each in an array of its own."""
 
     def __init__(self, instants: int, kind: np.dtype[Any]) -> None:
         need_memory(instants * kind.itemsize)
-        self._rows = np.zeros(instants, dtype=kind)
+        fields = {} if kind.names is None else {name: kind[name] for name in kind.names}
+        self.arrays = {
+            name: np.zeros((instants, *field.shape), field.base) for name, field in fields.items()
+        }
         self.count = 0
 
     def add(self, t: float, energy: float, u: Array, v: Array, impulse: ArrayLike = ()) -> None:
         """Append a row."""
-        self._rows[self.count] = _row(self._rows.dtype, t, energy, u, v, impulse)
+        for rows, value in zip(self.arrays.values(), (t, energy, u, v, impulse), strict=False):
+            rows[self.count] = value
         self.count += 1
 
-    def finished(self) -> NDArray[Any]:
-        """The rows written so far, as a structured array with fields t, energy, u, v."""
-        return self._rows[: self.count]
+    def finished(self) -> Mapping[str, NDArray[Any]]:
+        """The rows written so far: arrays t, energy, u, v."""
+        return {name: rows[: self.count] for name, rows in self.arrays.items()}
 
 
 class FileRows:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,6 +10,24 @@ import numpy as np
 if TYPE_CHECKING:
     from tensegrity.scenes.scene import Scene, State
     from tensegrity.typing import Array
+
+
+ENERGIES = 8  # to a factor of two between which nothing is asked again
+
+
+def expected_frequency(scene: Scene, state: State, share: float) -> float:
+    """Angular frequency [rad/s] if one spring gets about a share of the state's energy: a start.
+
+    Asked once a scene for energies that differ little.
+    """
+    energy = share * scene.available_energy(state)
+    if not 0 < energy < math.inf:
+        return scene.frequency(within(scene, energy))
+    rounded = 2.0 ** (math.ceil(ENERGIES * math.log2(energy)) / ENERGIES)
+    known = scene.known_starts
+    if rounded not in known:
+        known[rounded] = scene.frequency(within(scene, rounded))
+    return known[rounded]
 
 
 def expected_ranges(scene: Scene, state: State, share: float = 1.0) -> Array:
@@ -21,8 +40,13 @@ def expected_ranges(scene: Scene, state: State, share: float = 1.0) -> Array:
     -------
     ndarray, (springs, 2)
     """
+    return within(scene, share * scene.available_energy(state))
+
+
+def within(scene: Scene, energy: float) -> Array:
+    """The same for an energy [J]."""
     springs = scene.spring_table
-    ranges, locks = springs.reachable(share * scene.available_energy(state))
+    ranges, locks = springs.reachable(energy)
     half = springs.domains[locks] / 2
     ranges[locks, 0] = np.maximum(ranges[locks, 0], half[:, 0])
     ranges[locks, 1] = np.minimum(ranges[locks, 1], half[:, 1])

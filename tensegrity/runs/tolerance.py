@@ -8,24 +8,35 @@ does to the motion.  They stay if that is a small part of the tolerance and they
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tensegrity.engine.codegen import cost
+from tensegrity.engine.methods import Corrected
+from tensegrity.engine.openings import is_treated
 from tensegrity.errors import LockingError, RangeError, StabilityError, TensegrityError
 from tensegrity.runs import stepping
 from tensegrity.runs.march import count, march
 from tensegrity.runs.record import Record
 from tensegrity.springs.polynomial import DEGREES, Polynomial, PolynomialLaw
+from tensegrity.springs.potential import Potential, PowerLaw
 
 MARGIN = 2.0  # a default step may be this much larger, at the stiffness met, than meant
-TRIAL = 0.5  # first step over the stability limit where a tolerance decides
-SHARE = 0.25  # of the energy, in one bond, for that first step
+TRIAL = 0.85  # first step over the stability limit where a tolerance decides
+SHARE = 0.5  # of the energy, in one bond, for that first step
 REFINEMENTS, MOST_REFINEMENTS = 8, 14  # how often a step chosen here is refined
-CHECKPOINTS = 17  # instants at which two runs are compared to estimate an error
-SAFETY = 0.5  # aim at this part of a tolerance
-FASTEST = 16.0  # largest refinement at once
+CHECKPOINTS = 17  # least number of steps that are chosen here
+DENSE = 2  # first steps between two instants at which runs are compared, where nothing opens
+FEWEST, MOST_KEPT = 16, 2_000_000  # instants; numbers in each of u and v of a run at them
+KEPT = 3  # runs that are compared with the last one, and it
+SLOWER = 0.5  # order that is trusted less than a method has
+LEAST_ORDER = 0.5  # that is reckoned with
+FIRST_ORDER = 4.0  # by which errors of the two coarsest runs are taken to fall from there
+CORRECTED = 4.5  # order trusted of methods that correct openings
+LEAST_FACTOR, FASTEST = 1.25, 6.0  # of the steps from one run to the next
+COARSE, SHORT = 1e-4, 800  # usual error of the first run; steps of what counts as a short one
+FAR = 0.4  # share of the steps from which on an error is told so uncertainly that it is looked at
 ROUND_OFF = 1e-14  # differences below this say nothing
 FORCE_SHARE = 0.1  # of a tolerance that fitted forces may take up
 FIRST_ERROR, LEAST_ERROR = 1e-3, 1e-13  # of a fit over the tolerance, and of any fit
@@ -33,7 +44,7 @@ FITS = 4  # attempts
 MARGINS = (0.05, 0.5)  # over the range met, on either side, by which a fit is wider
 WORTH = 0.3  # seconds that fitted forces must save
 PER_FIT = 0.05  # seconds
-STUCK = 3  # refinements in a row that bring nothing: round-off is reached
+STUCK = 4  # refinements in a row that bring nothing: round-off is reached
 
 
 def fixed_step(problem, dt):
@@ -83,7 +94,7 @@ def expected_steps(problem, fraction, share=1.0):
     if scene is problem.scene and share == 1.0:
         omega = scene.fastest(problem.expected[1])
     else:
-        omega = scene.frequency(stepping.expected_ranges(scene, problem.state, share))
+        omega = stepping.expected_frequency(scene, problem.state, share)
     step = problem.natural_step(omega)
     return max(count(problem, fraction * step), CHECKPOINTS)
 
@@ -114,84 +125,241 @@ def refined(problem, steps, allowed, checkpoints=0, start=None):
     return march(problem, steps, 1.0, checkpoints)
 
 
-def to_tolerance(problem, tol):
-    """Refine the step until a run and one with half its step agree well enough."""
-    steps = CHECKPOINTS * math.ceil(expected_steps(problem, TRIAL, SHARE) / CHECKPOINTS)
-    if steps == 0:
+def to_tolerance(problem, tol, short=None):
+    """As `_to_tolerance`; what goes wrong in a trial tells of the energies that it had."""
+    try:
+        return _to_tolerance(problem, tol, short)
+    except TensegrityError as error:
+        if getattr(error, "run", None) is not None:
+            error.run = with_energies(error.run)
+        raise
+
+
+def _to_tolerance(problem, tol, short):
+    """Refine the step until runs with different steps say that the tolerance is met.
+
+    All runs have steps of which a whole number goes between the same instants, at which they are
+    compared: those of the first run's steps, at the stability limit, or every second.  A `short`
+    run is done by the method given so.
+    """
+    if not problem.t_end:
         return march(problem, 0, 1.0)[0]
-    exact = refined(_trial(problem), steps, 1.0, CHECKPOINTS)
-    if exact[0].complete:
+    least = expected_steps(problem, TRIAL, SHARE)
+    if short is not None and least * (COARSE / tol) ** (1 / short.order) < SHORT:
+        problem = replace(problem, method=short)
+        least = expected_steps(problem, TRIAL, SHARE)
+    apart = DENSE if problem.scene.smooth else 1
+    instants = min(math.ceil(least / apart), max(FEWEST, MOST_KEPT // problem.state.u.size))
+    first = Rung.of(_trial(problem), math.ceil(least / instants), instants)
+    if first.run.complete:
         for margin in MARGINS:
             try:
-                fitted = with_polynomials(problem, *exact, tol, margin)
+                fitted = with_polynomials(problem, first, tol, margin)
                 if fitted is None:
                     break
                 return converged(*fitted, tol)
             except RangeError:  # finer runs reach farther than the coarse one
                 continue
-    return converged(problem, *exact, 0.0, tol)
+    return converged(problem, first, 0.0, tol)
 
 
 def _trial(problem):
-    return replace(problem, record=Record(sites=problem.record.sites))
+    """The same with rows that cost nothing; their energies come when it turns out to be it."""
+    record = problem.record
+    if not _is_plain(record):
+        record = Record(sites=record.sites)
+    return replace(problem, record=record, trial=True)
 
 
-def converged(problem, coarse_run, coarse, error, tol):
-    """Refine from a first run on.
+def _is_plain(record):
+    return record.path is None and record.times is None and record.interval is None
 
-    The largest difference of two runs at common instants, over 2^order - 1, estimates the error
-    of the finer one, once it was seen to shrink about as fast as the order promises.  Before
-    that, and where it does not (contacts that open), less is trusted: see `gain`.  `error` is what
-    the fitted forces add.
+
+@dataclass(frozen=True)
+class Rung:
+    """One of the runs that are compared.
+
+    Attributes
+    ----------
+    run : Run
+    instants : int
+    seen : tuple of ndarray, (instants + 1, *shape)
+        u and v at evenly spaced instants, which all rungs have in common.
     """
-    order, trial = problem.method.order, _trial(problem)
-    steps, last, stuck = coarse_run.steps, None, 0
-    run = coarse_run
-    while run.complete and coarse_run.complete:
-        run, fine = refined(problem, 2 * steps, 1.0, CHECKPOINTS)
-        if not run.complete:
+
+    run: object
+    instants: int
+    seen: tuple
+
+    @classmethod
+    def of(cls, problem, steps, instants):
+        """With so many steps from one instant to the next, or more where those are too coarse."""
+        run, seen = refined(problem, steps * instants, 1.0, instants)
+        return cls(run, instants, seen)
+
+    @property
+    def fineness(self):
+        """Steps from one instant to the next."""
+        return self.run.steps / self.instants
+
+    def gap(self, finer):
+        """Largest difference from a finer one in u and in v, over the largest value there."""
+        return largest_gap(self.seen, finer.seen)
+
+
+def converged(problem, rung, error, tol):
+    """Refine from a first run on; `error` is what fitted forces add.
+
+    The error of a run is its largest difference from a finer one.  That of the finest follows
+    by the order that errors of coarser runs fall with, as far as it is to be trusted: `Judge`.
+    """
+    trial, judge = _trial(problem), Judge(problem, rung.run.met)
+    rungs, stuck = [rung], 0
+    factor, smallest = judge.first, math.inf
+    while rungs[-1].run.complete:
+        fineness = max(math.ceil(rungs[-1].fineness * factor), int(rungs[-1].fineness) + 1)
+        rungs.append(Rung.of(trial, fineness, rung.instants))
+        if not rungs[-1].run.complete:
             break
-        difference = largest_gap(coarse, fine, run)
-        estimate = difference / gain(order, last, 2 * steps, difference)
-        if estimate <= SAFETY * tol or difference < ROUND_OFF:
-            return replace(run, error_estimate=estimate + error)
-        stuck = stuck + 1 if last and difference > last[1] / 2 else 0
+        judge.see(rungs[-1].run.met)
+        rungs = rungs[-KEPT:]
+        gaps = [(r.fineness / rungs[-1].fineness, r.gap(rungs[-1])) for r in rungs[:-1]]
+        estimate = judge.estimate(gaps) + rounded(problem, rungs[-1].run)
+        if estimate <= judge.accept * tol or gaps[-1][1] < ROUND_OFF:
+            return answer(problem, rungs[-1].run, estimate + error)
+        stuck = stuck + 1 if gaps[-1][1] > smallest / 2 else 0
+        smallest = min(smallest, gaps[-1][1])
         if stuck == STUCK:
             raise TensegrityError(
-                f"tol {tol:g} is below {difference:.1e}, the difference of two runs that "
-                f"{run.steps} steps, and fewer, do not make smaller"
+                f"tol {tol:g} is below {max(smallest, tol):.1e}, the difference of two runs that "
+                f"{rungs[-1].run.steps} steps, and fewer, do not make smaller"
             )
-        factor = min((estimate / (SAFETY * tol)) ** (1 / order), 2.0 if stuck else FASTEST)
-        last = 2 * steps, difference
-        if factor <= 2:  # the run just made serves as the coarse one
-            steps, coarse = run.steps, fine
-        else:
-            steps = CHECKPOINTS * math.ceil(run.steps * factor / 2 / CHECKPOINTS)
-            coarse_run, coarse = refined(trial, steps, 1.0, CHECKPOINTS)
-    return run if coarse_run.complete else coarse_run
+        factor = judge.factor(gaps, tol)
+        factor = min(factor, 2.0) if stuck else factor
+    return with_energies(rungs[-1].run)  # interrupted
 
 
-def with_polynomials(problem, run, checks, tol, margin):
+def rounded(problem, run):
+    """What a walk at random of the last digits comes to in all stages of a run."""
+    return np.finfo(float).eps * math.sqrt(run.steps * problem.method.stages)
+
+
+def answer(problem, run, estimate):
+    """The run that meets a tolerance, with the rows that were asked for."""
+    if _is_plain(problem.record):
+        return replace(with_energies(run), error_estimate=estimate)
+    run = march(problem, run.steps, 1.0)[0]
+    return replace(run, error_estimate=estimate if run.complete else None)
+
+
+class Judge:
+    """How far the order of a method is trusted.
+
+    On smooth scenes to half less than it has, once it was seen.  Where contacts open, the errors
+    of an event vary with its place within a step, and may by luck be small in one run: the worst
+    of two runs counts, and no more than the order that openings leave.
+
+    Parameters
+    ----------
+    problem : Problem
+    met : ndarray, (springs, 2)
+        Elongations that a run met [m].
+    """
+
+    def __init__(self, problem, met):
+        self._problem = problem
+        self.see(met)
+
+    def see(self, met):
+        """Contacts may open in this run that did not in the coarser ones."""
+        left, order = order_left(self._problem, met), self._problem.method.order
+        self.opens, self.order = left < math.inf, min(left, order - SLOWER)
+        self.accept, self._aim = (0.5, 0.2) if self.opens else (0.8, 0.25)
+        self.first = 2.0 if self.opens else 1.5
+
+    def estimate(self, gaps):
+        """Estimated error of the finest run.
+
+        Parameters
+        ----------
+        gaps : list of (share of its steps, difference from it), the coarsest first
+        """
+        if len(gaps) == 1:
+            share, gap = gaps[0]
+            return gap / max(share ** (-self.order / 2) - 1, 1.0) if not self.opens else gap
+        order = self._seen(gaps)
+        errors = [gap / (1 - share**order) * share**order for share, gap in gaps[-2:]]
+        return max(errors) if self.opens else errors[-1]
+
+    def _seen(self, gaps):
+        """Order by which errors fell, not more than what is trusted."""
+        (wide, above), (narrow, below) = gaps[-2:]
+        if not below:
+            return self.order
+        fell = math.log(max(above, below) / below) / math.log(narrow / wide)
+        least = self.order - SLOWER if self.opens else LEAST_ORDER
+        return min(max(fell - SLOWER, least), self.order)
+
+    def factor(self, gaps, tol):
+        """By how much finer the next run should be."""
+        order = max(self.order, FIRST_ORDER)
+        share, gap = gaps[-1]
+        estimate = gap / (share**-order - 1)
+        if len(gaps) > 1:
+            order, estimate = self._seen(gaps), self.estimate(gaps)
+        needed = (estimate / (self._aim * tol)) ** (1 / order)
+        far = len(gaps) > 1 and share < FAR and not self.opens  # errors may have fallen faster
+        return min(max(needed, LEAST_FACTOR), self.first if far else FASTEST)
+
+
+def order_left(problem, met):
+    """Order that contacts which opened leave to a method, by the springs that it met them with.
+
+    A force that grows like overlap^n leaves n + 1.
+    """
+    order, scene = math.inf, problem.scene
+    corrected = CORRECTED if isinstance(problem.method, Corrected) else 0.0
+    springs = scene.spring_table.different
+    if scene.follows:
+        given = scene.law.given
+        springs = (given if isinstance(given, Potential) else PowerLaw(1.0, 1.0),)
+        met = [(-math.inf, math.inf)]
+    for spring, (low, high) in zip(springs, met, strict=True):
+        exponent = spring.opens_within(low, high)
+        if exponent is not None:
+            treated = corrected and is_treated(exponent)
+            order = min(order, corrected if treated else exponent + 1)
+    return order
+
+
+def with_energies(run):
+    """A trial with the energies of its rows."""
+    if not np.isnan(run.energy).any():  # some may be known, others not
+        return run
+    return replace(run, energy=run.scene.energies(run.u, run.v))
+
+
+def with_polynomials(problem, coarse, tol, margin):
     """The problem with fitted forces, where they are good enough and save time.
 
     Parameters
     ----------
     problem : Problem
-    run, checks
-        A coarse run with the exact forces.
+    coarse : Rung
+        With the exact forces.
     tol, margin : float
 
     Returns
     -------
-    None, or problem, the same coarse run and its checks with fitted forces, and the largest
-    difference that they make there
+    None, or problem, the same coarse run with fitted forces, and the largest difference that
+    they make there
 
     Raises
     ------
     RangeError
         If that run leaves the range.
     """
-    scene = problem.scene
+    scene, run = problem.scene, coarse.run
     if problem.record.checkpoint is not None:
         return None  # a state that is kept has to say what the forces are
     if scene.follows or saved(problem, run, tol) < WORTH:
@@ -203,7 +371,7 @@ def with_polynomials(problem, run, checks, tol, margin):
         try:
             fits = [Polynomial(s, *r, error) for s, r in zip(springs, ranges, strict=True)]
             fitted = replace(problem, surrogate=scene.with_springs(fits))
-            there, found = march(_trial(fitted), run.steps, 1.0, CHECKPOINTS)
+            there, seen = march(_trial(fitted), run.steps, 1.0, coarse.instants)
         except RangeError:
             raise
         except (LockingError, StabilityError):
@@ -212,11 +380,12 @@ def with_polynomials(problem, run, checks, tol, margin):
             least = error
             error *= 10
             continue
+        found = Rung(there, coarse.instants, seen)
         if not there.complete:
-            return fitted, there, found, 0.0
-        gap = largest_gap(checks, found, run)
+            return fitted, found, 0.0
+        gap = coarse.gap(found)
         if gap <= FORCE_SHARE * tol:
-            return fitted, there, found, gap
+            return fitted, found, gap
         error *= FORCE_SHARE * tol / gap / 3
         if error <= least:
             return None
@@ -241,22 +410,10 @@ def _widened(spring, low, high, margin):
     return max(low, spring.reach[0]), min(high, spring.reach[1])
 
 
-def gain(order, last, steps, difference):
-    """By how much the finer run may be taken to be better than its difference from the coarser.
-
-    `last` holds steps and difference of the refinement before, or None.
-    """
-    if last is None:
-        return 2 ** (order / 2)
-    expected = last[1] * (last[0] / steps) ** order
-    return 2**order - 1 if difference <= 2 * expected else 1
-
-
-def largest_gap(coarse, fine, run):
+def largest_gap(coarse, fine):
     """Largest difference of two runs in u and in v, each over its own largest value in the run."""
     parts = []
-    for name in ("u", "v"):
-        largest = max(np.max(np.abs(fine[name])), np.max(np.abs(getattr(run, name))))
-        gap = np.max(np.abs(coarse[name] - fine[name]))
+    for one, other in zip(coarse, fine, strict=True):
+        largest, gap = np.max(np.abs(other)), np.max(np.abs(one - other))
         parts.append(gap / largest if largest else gap)
     return float(max(parts))

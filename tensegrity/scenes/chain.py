@@ -152,9 +152,13 @@ class Chain(Scene):
     def energy(self, state: State) -> float:
         """Total energy [J]."""
         self._refuse_other(state)
+        return float(self.energies(state.u, state.v))
+
+    def energies(self, u: Array, v: Array) -> Array:
+        """Total energy [J] of each of many states; u and v (..., sites)."""
         with np.errstate(over="ignore"):  # to inf, which `check` refuses
-            kinetic = 0.5 * np.sum(self.mass * state.v**2)
-        return float(kinetic + np.sum(self.bond_energy(state.u)))
+            kinetic = 0.5 * np.sum(self.mass * v**2, axis=-1)
+        return kinetic + np.sum(self.bond_energy(u), axis=-1)
 
     def site_energy(self, u: Array, v: Array) -> Array:
         """Kinetic energy of each site and half that of its bonds [J]; (..., sites)."""

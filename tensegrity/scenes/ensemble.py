@@ -18,6 +18,7 @@ from tensegrity import check
 from tensegrity.engine import kernel
 from tensegrity.engine.bonds import Bonds
 from tensegrity.engine.compiled import Compiled
+from tensegrity.engine.walk import Part
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import fixed
 from tensegrity.scenes.scene import PER_SITE, Scene, State, velocities
@@ -320,7 +321,11 @@ class Ensemble(Scene):
 
     def energy(self, state: State) -> float:
         """Total energy of all lanes [J]."""
-        return float(np.sum(self._energies(state)))
+        return float(self.energies(state.u[None], state.v[None])[0])
+
+    def energies(self, u: Array, v: Array) -> Array:
+        """Total energy [J] of all lanes of each of many states; u, v (states, *shape)."""
+        return np.array([np.sum(each) for each in self._lane_energies(u, v)])
 
     def available_energy(self, state: State) -> float:
         """What one spring could get: the largest energy of a lane [J]."""
@@ -328,18 +333,21 @@ class Ensemble(Scene):
 
     def _energies(self, state: State) -> Array:
         """Total energy of each lane [J]; (lanes,)."""
-        r = self.stretch(state.u)
+        return self._lane_energies(state.u[None], state.v[None])[0]
+
+    def _lane_energies(self, u: Array, v: Array) -> Array:
+        """Total energy of each lane [J] of many states (states, *shape); (states, lanes)."""
+        r = self.stretch(u)
         if self.spring_table.group.ndim == 1:
-            stored = self.spring_table.evaluate("energy", r.T).T
+            turned = np.ascontiguousarray(np.moveaxis(r, -1, -2))
+            stored = np.moveaxis(self.spring_table.evaluate("energy", turned), -2, -1)
         else:
             stored = self.spring_table.evaluate("energy", r)
-        motion = np.zeros_like(state.v)
+        motion = np.zeros_like(v)
         for lane, scene in enumerate(self.scenes):
-            mass = scene.mass.reshape(-1, *[1] * (state.v.ndim - 2))
-            motion[..., lane] = (
-                mass * state.v[..., lane] ** 2 / 2 - scene.loads * state.u[..., lane]
-            )
-        return stored.sum(axis=0) + motion.reshape(-1, self.lanes).sum(axis=0)
+            mass = scene.mass.reshape(-1, *[1] * (v.ndim - 3))
+            motion[..., lane] = mass * v[..., lane] ** 2 / 2 - scene.loads * u[..., lane]
+        return stored.sum(axis=-2) + motion.reshape(len(u), -1, self.lanes).sum(axis=1)
 
     def momentum(self, state: State) -> float:
         """Total momentum of all lanes [kg m/s]."""
@@ -409,6 +417,18 @@ class _Lanes:
             np.minimum.at(found[:, 0], place, low)
             np.maximum.at(found[:, 1], place, high)
         return found
+
+    @property
+    def parts(self) -> Any:
+        """Those of all groups, as `walk` takes them; None where one has none."""
+        each: Any = [(part, getattr(loop, "parts", None)) for part, _, loop, _ in self._groups]
+        if any(parts is None for _, parts in each):
+            return None
+        return lambda: [
+            Part(place, one.call[0], one.call[1], one.u, one.v)
+            for place, parts in each
+            for one in parts()
+        ]
 
     @property
     def travel(self) -> float:

@@ -55,7 +55,8 @@ class Network(Scene):
     positions : array_like, (sites, dim)
         Reference places [m], dim 2 or 3; displacements count from them.
     bonds : array_like of int, (bonds, 2)
-        The two sites of each bond.  Forces at a site are summed in this order.
+        The two sites of each bond.  In which order forces at a site are summed follows from this
+        one: those of bonds to sites of lower number last.
     spring : Potential or sequence of Potential
         One for all bonds or one for each.
     lengths : float or array_like (bonds,), optional
@@ -182,7 +183,8 @@ class Network(Scene):
         first = np.concatenate([self.bonds[:, 0], self.sites + self.wall_contacts[:, 1]])
         second = np.concatenate([self.bonds[:, 1], self.wall_contacts[:, 0]])
         arrays = (fixed(x) for x in (kind, first, second))
-        contacts = Contacts(*arrays, self.geometry, self.loads, len(self.walls))  # type: ignore[call-arg]
+        places = self.geometry, self.positions
+        contacts = Contacts(*arrays, *places, self.loads, len(self.walls))  # type: ignore[call-arg]
         springs = self.spring_table
         return Bonds(*springs.table, springs.group, self.inverse_mass, contacts, springs.openings)
 
@@ -220,7 +222,10 @@ class Network(Scene):
 
     def _listing(self, pairs: Array, walls: Array) -> Self:
         """This network with these contacts besides its own, and none that are followed."""
+        if not len(pairs) and not len(walls):
+            return self._alone
         springs, count = self.springs, len(self.bonds)
+        openings = self.geometry[self.dim, :count]  # as known, not as the positions round
         of_pairs = tuple(self.law(i, j) for i, j in pairs.tolist())
         of_walls = tuple(self.law(site, self.walls[wall]) for site, wall in walls.tolist())
         gaps = self.geometry[self.dim, count:]
@@ -235,9 +240,15 @@ class Network(Scene):
             other.__dict__.pop(name)
         other._set_geometry(lengths, None)
         geometry = other.__dict__.pop("geometry").copy()
+        geometry[self.dim, :count] = openings
         geometry[self.dim, len(bonds) : len(bonds) + len(gaps)] = gaps
         other.geometry = geometry
         return other
+
+    @cached_property
+    def _alone(self) -> Self:
+        """This network with its own contacts, and none that are followed."""
+        return self._with(law=None, clearance=None)
 
     def _with(self, **changed: Any) -> Self:
         """This network with other springs or contacts; what is computed from them is dropped."""
@@ -320,12 +331,14 @@ class Network(Scene):
         return fixed(found)
 
     def opened(self, ranges: Array) -> bool:
-        """Whether a contact both pushes and is open within given ranges (springs, 2)."""
+        """Whether a contact both pushes and is open, or a string pulls and is slack, within given
+        ranges (springs, 2)."""
         for spring, (low, high) in zip(self.spring_table.different, ranges, strict=True):
             if low < 0 < high:
-                slack = not (spring.tension(high) or spring.stiffness(high))
-                if slack and spring.tension(low):
-                    return True
+                for slack, loaded in ((high, low), (low, high)):  # contacts push, strings pull
+                    none = not (spring.tension(slack) or spring.stiffness(slack))
+                    if none and spring.tension(loaded):
+                        return True
         return False
 
     def finer_share(self, met: Array) -> float | None:
@@ -428,12 +441,18 @@ class Network(Scene):
     def energy(self, state: State) -> float:
         """Total energy [J], the potential of the loads included."""
         self._refuse_other(state)
+        scene = self.listed(state.u)
+        return float(scene.energies(state.u[None], state.v[None])[0])
+
+    def energies(self, u: Array, v: Array) -> Array:
+        """Total energy [J] of each of many states; u and v (states, sites, dim)."""
         if self.follows:
-            return self.listed(state.u).energy(state)
+            return super().energies(u, v)
+        rows = len(u), -1
         with np.errstate(over="ignore"):  # to inf, which `check` refuses
-            kinetic = 0.5 * np.sum(self.mass[:, None] * state.v**2)
-        stored = np.sum(self._per_contact("energy", state.u))
-        return float(kinetic + stored - np.sum(self.loads * state.u))
+            kinetic = 0.5 * np.sum((self.mass[:, None] * v**2).reshape(rows), axis=-1)
+        stored = np.sum(self._per_contact("energy", u), axis=-1)
+        return kinetic + stored - np.sum((self.loads * u).reshape(rows), axis=-1)
 
     def site_energy(self, u: Array, v: Array) -> Array:
         """Energy of each site [J]: motion, half its bonds, walls, load; (..., sites)."""

@@ -79,6 +79,13 @@ class State:
         return State(self.u.copy(), -self.v)
 
 
+def known_state(u: Array, v: Array) -> State:
+    """A state of arrays that are known to be right."""
+    state = object.__new__(State)
+    state.__dict__.update(u=u, v=v)
+    return state
+
+
 class Scene(ReadOnly):
     """Base of scenes, and what `simulate` asks of one.
 
@@ -146,6 +153,17 @@ class Scene(ReadOnly):
         w = 1 / self.mass
         w[list(self.held)] = 0
         return fixed(w)
+
+    @cached_property
+    def known_ranges(self) -> list[tuple[Array, Array, float]]:
+        """Ranges of elongation (springs, 2) that runs met lately, how stiff each spring is at most
+        there [N/m], and the angular frequency that this bounds [rad/s]."""
+        return []
+
+    @cached_property
+    def known_starts(self) -> dict[float, float]:
+        """Angular frequencies [rad/s] expected with energies [J] in one bond."""
+        return {}
 
     @cached_property
     def spring_table(self) -> Springs:
@@ -235,6 +253,10 @@ class Scene(ReadOnly):
     def likely(self, u: Array) -> Scene:
         """The scene with contacts that may well form in a run from displacements u."""
         return self
+
+    def energies(self, u: Array, v: Array) -> Array:
+        """Total energy [J] of each of many states; u and v (states, *shape of the scene)."""
+        return np.array([self.energy(State(*pair)) for pair in zip(u, v, strict=True)])
 
     def available_energy(self, state: State) -> float:
         """What one spring could get of the energy [J]: all of it."""

@@ -16,6 +16,7 @@ from tensegrity import check
 from tensegrity.engine.codegen import DerivedLaw, Law, check_law
 from tensegrity.engine.kernel import kernel
 from tensegrity.errors import LockingError, TensegrityError
+from tensegrity.once import once
 from tensegrity.readonly import fixed
 
 if TYPE_CHECKING:
@@ -204,6 +205,14 @@ class Potential:
         out = kernel((self.law,)).evaluate(0, order, self.values, flat)
         return out.reshape(r.shape)
 
+    def opens_within(self, low: float, high: float) -> float | None:
+        """The exponent of the force at a corner of it, as of a contact that opens, between two
+        elongations [m]; None where there is none.  That of an energy in pieces is taken as 1."""
+        if self.opening is not None:
+            place, _, exponent, _ = self.opening
+            return exponent if low <= place <= high else None
+        return 1.0 if _has_corners(self.law) else None
+
     def beyond(self, r: float) -> LockingError:
         """The error for an elongation at or beyond an end of the domain or of the reach."""
         side = int(r > 0)
@@ -234,6 +243,16 @@ class Potential:
         domain = ", ".join(map(shown, self._domain))
         law = self.law
         return f"Potential({law.energy}, {law.elongation}, {{{values}}}{length}, domain=({domain}))"
+
+
+@once
+def _has_corners(law: Any) -> bool:
+    """Whether the energy of a law is made of pieces."""
+    import sympy as sp
+
+    energy = getattr(law, "energy", None)
+    pieces = sp.Max, sp.Min, sp.Abs, sp.Heaviside, sp.Piecewise, sp.sign
+    return isinstance(energy, sp.Expr) and energy.has(*pieces)
 
 
 def _opening(energy: Any, elongation: Any, values: Any) -> Any:

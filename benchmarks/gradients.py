@@ -1,0 +1,128 @@
+"""Cost of a gradient: over the run that it is of, over differences, and over stored states.
+
+Ratios of CPU time in one process, minima over rounds.  A gradient is value and derivatives; the
+run is `simulate` with as few rows, and the bare loop beside it.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+
+import numpy as np
+
+from benchmarks._timing import table
+from tensegrity import Chain, PowerLaw, Prism, Record, gradient, simulate
+from tensegrity import objective as o
+from tensegrity.engine.methods import METHODS
+
+STEPS, DT = 40_000, 0.02
+ROUNDS = 5
+STORED = (1_000, 4_000)  # steps: what is stored grows with them
+PEERS = ("ours", "jax", "diffrax")
+
+
+def scenes(bonds=60):
+    """{name: (chain, state, the parameters asked for)}."""
+    ends, spread = ("free", "fixed"), np.linspace(0.01, 0.05, bonds)
+    prisms = Chain([Prism(1.0, 0.7, p, 1.0).potential() for p in spread], bonds + 1, ends=ends)
+    hertz = Chain([PowerLaw(1 + k, 1.5) for k in spread], bonds + 1, ends=ends)
+    return {
+        f"{bonds} prisms": (prisms, prisms.at_rest({0: 0.05}), ("prestrain",)),
+        f"{bonds} Hertz contacts": (hertz, hertz.at_rest({0: 0.05}), ("stiffness",)),
+    }
+
+
+def cpu(calls, rounds=ROUNDS):
+    """Least CPU seconds of each call, all in turn; {name: seconds}."""
+    found = dict.fromkeys(calls, float("inf"))
+    for call in calls.values():
+        call()
+    for _ in range(rounds):
+        for name, call in calls.items():
+            began = time.process_time()
+            call()
+            found[name] = min(found[name], time.process_time() - began)
+    return found
+
+
+def loop(chain, state, method, steps):
+    """A call of the bare loop."""
+    u, v = chain.arrays(state)
+    bound = chain.bind(u, v, METHODS[method], DT)
+    return lambda: bound.advance(steps)
+
+
+def costs(name, chain, state, asked, method="verlet", steps=STEPS):
+    """Rows of the table: ratios of one scene."""
+    t_end, last = steps * DT, chain.sites - 2
+    peak, few = o.peak(o.load(bond=last)), Record(every=-(-steps // 32))
+    run_of = chain, state, t_end, DT, method
+    times = cpu({
+        "loop": loop(chain, state, method, steps),
+        "run": lambda: simulate(chain, state, t_end, dt=DT, method=method, record=few),
+        "asked": lambda: gradient(peak, *run_of, wanted=asked),
+        "none": lambda: gradient(peak, *run_of, wanted=()),
+        "all": lambda: gradient(peak, *run_of),
+        "exact": lambda: gradient(peak, *run_of, wanted=asked, exact=True),
+        "ten": lambda: gradient([o.load(bond=k) for k in range(0, last, last // 8)], *run_of,
+                                wanted=asked),
+    })  # fmt: skip
+    ratios = [times[k] / times[base] for base in ("run", "loop")
+              for k in ("asked", "none", "all", "exact", "ten")]  # fmt: skip
+    ns = 1e9 * times["loop"] / (steps * (last + 1))
+    return (f"{name}, {method}", ns, *ratios)
+
+
+def differences(name, chain, state, asked):
+    """CPU seconds of a gradient, and of 60 more runs for one-sided differences."""
+    t_end, last = STEPS * DT, chain.sites - 2
+    few, peak = Record(every=STEPS), o.peak(o.load(bond=last))
+    times = cpu({
+        "run": lambda: simulate(chain, state, t_end, dt=DT, record=few),
+        "gradient": lambda: gradient(peak, chain, state, t_end, DT, wanted=asked),
+    }, 3)  # fmt: skip
+    many = (last + 2) * times["run"]
+    return name, times["gradient"], many, many / times["gradient"]
+
+
+def stored(peer, steps):
+    """(seconds of a gradient, megabytes at most) of a peer in a process of its own."""
+    answer = subprocess.run(
+        [sys.executable, "-m", "benchmarks._adjoint", peer, str(steps)], capture_output=True,
+        text=True, check=False,
+    )  # fmt: skip
+    if answer.returncode:
+        last = answer.stderr.strip().splitlines()[-1:] or ["no answer"]
+        return None, last[0]
+    seconds, megabytes, value, norm = map(float, answer.stdout.split())
+    return (seconds, megabytes, value, norm), ""
+
+
+def main():
+    """Print ratios beside their aims."""
+    kinds = ("asked", "none", "all", "exact", "8 in one")
+    rows = [costs(name, *one, method) for name, one in scenes().items()
+            for method in ("verlet", "rkn6")]  # fmt: skip
+    part = len(kinds) + 2
+    table("value and gradient over the run (aim: prisms 4, Hertz 3, at most 6; `exact` apart)",
+          ["", "ns a bond", *kinds], [row[:part] for row in rows])  # fmt: skip
+    table("the same over the bare loop", ["", "ns a bond", *kinds],
+          [(*row[:2], *row[part:]) for row in rows])  # fmt: skip
+    table("60 parameters: CPU seconds", ["", "gradient", "differences", "ratio"],
+          [differences(name, *one) for name, one in scenes().items()])  # fmt: skip
+    rows, values = [], {}
+    for peer in PEERS:
+        for steps in STORED:
+            found, why = stored(peer, steps)
+            if found is None:
+                print(f"{peer}: {why}")
+                break
+            rows.append((f"{peer}, {steps} steps", *found[:2]))
+            values.setdefault(steps, []).append(found[2:])
+    table("60 prisms, verlet, displacement at the end by 60 prestrains, each in its process",
+          ["", "s", "MB at most"], rows)  # fmt: skip
+    for steps, found in values.items():
+        off = np.ptp(found, axis=0) / np.abs(found[0])
+        print(f"{steps} steps: values agree to {off[0]:.1e}, norms of gradients to {off[1]:.1e}")

@@ -1,0 +1,119 @@
+"""Statics of towers beside tnsgrt, and a path of the icosahedron beside root solves by SciPy.
+
+Where tnsgrt is not installed or does not import, its columns are left out and that is printed.
+Times are minima of processor time over repeats in one run.
+"""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from tensegrity import Prism, column, equilibrium_path, plates
+
+STAGES = (10, 100, 300)
+REPEATS = 2
+PRISM = Prism(1.0, 1.0, 0.1, 1.0, 5.0, 50.0)
+BALL = {"lower": (0, 4, 8), "upper": (3, 7, 11)}
+
+
+def least_time(work):
+    """Smallest processor time [s] of some calls, and the last result."""
+    best = np.inf
+    for _ in range(REPEATS):
+        start = time.process_time()
+        result = work()
+        best = min(best, time.process_time() - start)
+    return best, result
+
+
+def by_tnsgrt(s):
+    """A function that gives its tangent as a dense or sparse matrix; None where it cannot."""
+    if not hasattr(np, "float_"):
+        setattr(np, "float_", np.float64)  # noqa: B010 - a name of NumPy 1 that its annotations use
+    try:
+        from tnsgrt.structure import Structure as Other
+    except Exception as error:  # any failure to import is reported, none stops the benchmark
+        print(f"tnsgrt left out: {type(error).__name__}: {error}")
+        return None
+    bars = s.bars
+    order = np.concatenate([np.arange(bars, len(s.ends)), np.arange(bars)])
+    other = Other(s.positions.T.copy(), s.ends[order].T.copy(), len(s.ends) - bars)
+    other.member_properties["lambda_"] = s.densities[order]
+    other.member_properties["stiffness"] = s.stiffnesses[order]
+
+    def tangent():
+        return other.stiffness(apply_planar_constraint=False)[0].K
+
+    return tangent
+
+
+def towers():
+    """Tangent and six modes of towers: time, and the largest difference from tnsgrt."""
+    for stages in STAGES:
+        s = column(PRISM, stages)
+        seconds, matrix = least_time(s.stiffness)
+        modes, _ = least_time(lambda s=s: s.modes(6))
+        line = f"{stages} stages, {s.nodes} nodes: tangent {1e3 * seconds:.3g} ms, "
+        line += f"6 modes {modes:.3g} s"
+        peer = by_tnsgrt(s) if stages <= 100 else None
+        if peer is not None:
+            try:
+                other_seconds, other = least_time(peer)
+                other = other.toarray() if hasattr(other, "toarray") else np.asarray(other)
+                gap = np.abs(other - matrix.toarray()).max() / np.abs(other).max()
+                line += (
+                    f"; tnsgrt {1e3 * other_seconds:.3g} ms, ratio {other_seconds / seconds:.3g}"
+                )
+                line += f", largest difference {gap:.2g} of the largest entry"
+            except Exception as error:  # its interface may be another one: said, not hidden
+                line += f"; tnsgrt failed: {type(error).__name__}: {error}"
+        print(line, flush=True)
+
+
+def ball_path():
+    """Loads of the icosahedron along its symmetric path up to the slack corner, both ways."""
+    from scipy.optimize import root
+
+    from figures.structures_icosahedron import icosahedron
+
+    s = icosahedron()
+    held = plates(BALL["lower"], BALL["upper"])
+    seconds, path = least_time(
+        lambda: equilibrium_path(s, supports=held, branch="symmetric", max_shortening=0.85)
+    )
+    freedom = s.freedom(held)
+    motions = np.asarray(freedom.motions @ freedom.complement())
+    pattern = np.zeros((12, 3))
+    pattern[list(BALL["upper"]), 2] = -1 / 3
+    along = motions.T @ pattern.ravel()
+    places = path.shortening
+
+    def by_roots():
+        x, loads = np.zeros(motions.shape[1] + 1), []
+        for place in places:
+
+            def gap(u, place=place):
+                at = s.positions + (motions @ u[:-1]).reshape(12, 3)
+                force = motions.T @ s.members.gradient(at).ravel() - u[-1] * along
+                return np.append(force, along @ u[:-1] - place)
+
+            x = root(gap, x, tol=1e-13).x
+            loads.append(x[-1])
+        return np.array(loads)
+
+    other, loads = least_time(by_roots)
+    print(
+        f"icosahedron, {len(places)} equilibria: path {seconds:.3g} s, root solves {other:.3g} s, "
+        f"ratio {other / seconds:.3g}, largest difference {np.abs(loads - path.load).max():.2g} N"
+    )
+
+
+def main():
+    towers()
+    ball_path()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,76 @@
+"""A straight elastic member between two points: force on them and tangent, from its energy.
+
+E = k/2 (|d| - l_N)^2 with d from the first end to the second.  Everything that a structure of any
+bars and strings needs is a derivative of it; a string that is shorter than l_N is slack and has
+none.  Source: seeds/000, part III, "Elastic problem", member by member.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import sympy as sp
+
+from derivations.argument import Step
+
+TITLE = "A member: force density and tangent from its energy"
+
+stiffness, natural, length = sp.symbols("k l_N l", positive=True)
+density = sp.Symbol("q", real=True)  # tension over length
+
+
+@cache
+def separation(dim: int) -> tuple[sp.Symbol, ...]:
+    """Symbols of d."""
+    return tuple(sp.symbols([f"d_{axis}" for axis in "xyz"[:dim]], real=True))
+
+
+def length_of(dim: int) -> sp.Expr:
+    """|d|."""
+    return sp.sqrt(sum(d**2 for d in separation(dim)))
+
+
+def energy(length: sp.Expr = length) -> sp.Expr:
+    """E at a length [J]."""
+    return stiffness * (length - natural) ** 2 / 2
+
+
+def tension() -> sp.Expr:
+    """dE/dl [N], of `length`."""
+    return sp.diff(energy(), length)
+
+
+@cache
+def pull(dim: int) -> list[sp.Expr]:
+    """Gradient of E in d [N]: what pulls the first end; the second feels the opposite."""
+    return [sp.diff(energy(length_of(dim)), d) for d in separation(dim)]
+
+
+@cache
+def tangent(dim: int) -> sp.Matrix:
+    """Hessian of E in d [N/m], in d, `length` and `density`."""
+    back = {stiffness * (length - natural): density * length}
+    hessian = sp.hessian(energy(length_of(dim)), separation(dim))
+    known = {length_of(dim): length, natural: length * (1 - density / stiffness)}
+    return hessian.subs(known).applyfunc(sp.expand).subs(back)
+
+
+def tangent_in_density(dim: int = 3) -> sp.Matrix:
+    """(k - q) n n^T + q I with n = d/l: what `tangent` is."""
+    direction = sp.Matrix(separation(dim)) / length
+    return (stiffness - density) * direction * direction.T + density * sp.eye(dim)
+
+
+def argument() -> list[Step]:
+    gap = (tangent(3) - tangent_in_density(3)).subs(length, length_of(3)).applyfunc(sp.simplify)
+    if any(gap):
+        raise ArithmeticError("the tangent of a member is not (k - q) n n^T + q I")
+    n = sp.MatrixSymbol("n", 3, 1)
+    return [
+        Step("A member of spring constant k and natural length l_N at the length l stores",
+             energy()),
+        Step("and pulls its ends together with", sp.Eq(sp.Symbol("T"), tension())),
+        Step("Both ends stand d apart, l = |d|. With the force density q = T/l and n = d/l the "
+             "gradient in d is q d, and the Hessian is",
+             (stiffness - density) * n * n.T + density * sp.Identity(3)),
+    ]  # fmt: skip

@@ -1,0 +1,157 @@
+"""Prisms with any number of sides: what holds for every n, derived with n as a symbol.
+
+R is the circumradius of the base, S = sin(pi/n), C = cos(pi/n), eta = h0/R, q = p0/(1 + p0).  The
+three-sided prism of the talk is the case S = sqrt(3)/2, C = 1/2.
+Source: seeds/000, part III, whose statements are for n = 3.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import sympy as sp
+
+from derivations import elastic, hardening, prism
+from derivations.argument import Step
+from derivations.prism import ANY, circumradius, half_angle, half_sine, twist
+from derivations.rigid_response import locking_height_squared, turn_rate
+
+TITLE = "Prisms with any number of sides"
+
+eta, extension, radius = hardening.eta, hardening.extension, hardening.radius
+cross_density, base_density, bar_density = sp.symbols("x_1 x_2 x_3", real=True)
+natural_lengths = prism.natural_cross, prism.natural_base, prism.natural_bar
+
+
+@cache
+def balance() -> list[sp.Expr]:
+    """Radial, tangential and axial force on a lower node of the unloaded prism, less R."""
+    at = prism.node(0, ANY, radius=circumradius)
+    others = {
+        base_density: [prism.node(i, ANY, radius=circumradius) for i in (1, -1)],
+        cross_density: [prism.node(-1, ANY, prism.height, twist, circumradius)],
+        bar_density: [prism.node(0, ANY, prism.height, twist, circumradius)],
+    }
+    force = sum(
+        (density * (end - at) for density, ends in others.items() for end in ends),
+        sp.zeros(3, 1),
+    )
+    return [sp.simplify(f) for f in force]
+
+
+@cache
+def self_stress() -> dict[sp.Symbol, sp.Expr]:
+    """Force densities {base, bar} that balance one of 1 in a cross string, at the twist."""
+    radial, tangential, axial = balance()
+    (bar,) = sp.solve(axial, bar_density)
+    turning = tangential.subs(bar_density, bar).subs(twist, ANY.reference_twist)
+    if sp.simplify(turning) != 0:
+        raise ArithmeticError("the twist pi/2 + pi/n is no state of self-stress")
+    (base,) = sp.solve(radial.subs(bar_density, bar).subs(twist, ANY.reference_twist), base_density)
+    ratio = sp.simplify(base / cross_density)
+    if sp.simplify(ratio - 1 / (2 * sp.sin(half_angle))) != 0:
+        raise ArithmeticError("the base strings do not carry 1/(2 S) of a cross string")
+    return {base_density: 1 / (2 * half_sine), bar_density: bar / cross_density}
+
+
+@cache
+def load() -> sp.Expr:
+    """-dV/dh of rigid bases and bars [N], compression > 0, in h, s and the twist."""
+    squared = prism.CROSS.length_squared(circumradius, ANY)
+    slope = sp.diff(squared, prism.height) + sp.diff(squared, twist) * turn_rate()
+    length = sp.Symbol("s", positive=True)
+    pull = ANY.sides * prism.CROSS.tension(length) / (2 * length)
+    return -sp.simplify(pull * slope)
+
+
+@cache
+def derivatives() -> list[sp.Expr]:
+    """[V'', V'''] at the reference, in eta, q, R, k1, n, S and C."""
+    return [sp.factor(x) for x in hardening.derivatives(3, ANY)]
+
+
+def curvature_ratio() -> sp.Expr:
+    """h0 V'''/V'': free of the prestrain."""
+    second, third = derivatives()
+    return sp.factor(sp.cancel(eta * radius * third / second))
+
+
+def hardening_slenderness_squared() -> sp.Expr:
+    """eta^2 above which the prism softens first."""
+    square = sp.Symbol("X", positive=True)
+    (value,) = sp.solve(curvature_ratio().subs(eta, sp.sqrt(square)), square)
+    return value
+
+
+def locking_slenderness_squared() -> sp.Expr:
+    """eta^2 above which the bars meet before the prism is flat."""
+    square = sp.Symbol("X", positive=True)
+    level = locking_height_squared(ANY).subs(
+        {prism.base: 2 * half_sine, prism.reference_height: sp.sqrt(square)}
+    )
+    (value,) = sp.solve(level, square)
+    return sp.expand(value)
+
+
+@cache
+def members_condition() -> tuple[sp.Expr, tuple[sp.Expr, sp.Expr, sp.Expr]]:
+    """(b^2 - s^2 - l^2/S, the lengths s, l, b in x1 and natural lengths) of the self-stressed
+    prism: x1 is the root.
+
+    The tension of each kind of member is its force density times its length.
+    """
+    densities = {**self_stress(), cross_density: sp.Integer(1)}
+    lengths = []
+    for member, density in zip(
+        prism.MEMBERS, (cross_density, base_density, bar_density), strict=True
+    ):
+        length = sp.Symbol("L", positive=True)
+        pull = cross_density * densities[density] * length
+        (value,) = sp.solve(member.tension(length) - pull, length)
+        lengths.append(value)
+    gap = prism.bar_length_squared(None, ANY) - prism.cross_length_squared(None, ANY)
+    gap = prism.at_reference(gap, ANY)
+    if not prism.vanishes(gap - prism.base**2 / half_sine):
+        raise ArithmeticError("b^2 - s^2 is not l^2/S in the self-stressed state")
+    cross, base, bar = lengths
+    return bar**2 - cross**2 - base**2 / half_sine, (cross, base, bar)
+
+
+@cache
+def height_squared() -> sp.Expr:
+    """h^2 of the self-stressed prism in s and l."""
+    s = sp.Symbol("s", positive=True)
+    squared = prism.at_reference(prism.cross_length_squared(None, ANY), ANY)
+    (value,) = sp.solve(squared - s**2, prism.reference_height**2)
+    return sp.factor(value)
+
+
+def argument() -> list[Step]:
+    densities = self_stress()
+    second, third = derivatives()
+    condition, lengths = members_condition()
+    names = sp.symbols("s l b")
+    return [
+        Step("Forces on a lower node (radial, tangential, axial) with force densities x_1, x_2, "
+             "x_3 of cross strings, base strings and bars:", sp.Matrix(balance())),
+        Step("They balance without load at the twist", sp.Eq(twist, sp.pi / 2 + sp.pi / ANY.sides)),
+        Step("for every n, where base strings and bars carry, per force density of a cross string,",
+             *(sp.Eq(name / cross_density, x) for name, x in densities.items())),
+        Step("One state of self-stress and 6 n - 6 - 4 n + 1 = 2 n - 5 mechanisms: the triangular "
+             "prism has one, each further side brings two more. All are stiffened by prestress."),
+        Step("With rigid bases and bars the load is",
+             sp.Eq(sp.Symbol("F"), load().subs(half_angle, sp.pi / ANY.sides))),
+        Step("and at the reference, with the turn as parameter,",
+             sp.Eq(sp.Symbol("V''"), second), sp.Eq(sp.Symbol("V'''"), third)),
+        Step("so the prism softens first where eta^2 is above the first, and locks where it is "
+             "above the second of",
+             hardening_slenderness_squared(), locking_slenderness_squared()),
+        Step("With elastic members the axial stiffness is rational in S, eta, q and the "
+             "compliances; the Hessian of the cross strings in (l, b, h) is",
+             elastic.string_hessian(ANY).applyfunc(sp.factor)),
+        Step("From cut lengths: each member's length in the self-stressed prism follows from x_1,",
+             *(sp.Eq(name, x) for name, x in zip(names, lengths, strict=True))),
+        Step("and x_1 is the one root in (0, min(k_1, 2 S k_2)) of the following, which falls from "
+             "b_N^2 - s_N^2 - l_N^2/S: that must be positive.", condition),
+        Step("The height is then", sp.Eq(prism.reference_height**2, height_squared())),
+    ]  # fmt: skip

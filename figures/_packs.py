@@ -1,0 +1,96 @@
+"""The packs of the talk: beads, scenes, runs and what is read off them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from granular import (
+    Bead,
+    Striker,
+    chain,
+    fcc_pack,
+    hertz,
+    hexagonal_pack,
+    materials,
+    simulate,
+    wall_force,
+)
+from tensegrity import Record
+
+D = 9.53e-3  # m, of all beads
+STEEL, PTFE, GLASS = (Bead(D, materials[name]) for name in ("steel", "ptfe", "glass"))
+FAST, SLOW = 1.65, 1.0  # m/s: strikers in space and in the plane
+FINE, COARSE = 2e-7, 1e-7  # s: steps of rkn6 and of verlet
+ROW = 4e-7  # s between rows; peaks between them by a parabola
+
+
+def cube(layers=17, bead=STEEL, sides="ptfe", floor="steel", struck=None):
+    """The pack in space, 7 x 7 beads in a layer; `sides` None: without walls."""
+    striker = bead if isinstance(bead, Bead) else STEEL
+    return fcc_pack(
+        layers, 7, bead=bead, floor=materials[floor], sides=sides and materials[sides],
+        striker=Striker(striker, FAST), struck=struck,
+    )  # fmt: skip
+
+
+def plane(bead=STEEL, **options):
+    """The pack in the plane, 12 rows of 21 and 20 beads, the striker steel."""
+    striker = Striker(STEEL, SLOW)
+    return hexagonal_pack(
+        12, 21, bead=bead, floor=STEEL.material, sides=PTFE.material, striker=striker, **options
+    )
+
+
+def column(beads, speed):
+    """The same materials one below the other on a steel floor, struck by a steel bead."""
+    return chain(beads, striker=Striker(STEEL, speed), end=STEEL.material)
+
+
+def quick(scene, t_end, record):
+    """A run by verlet: peaks to 5e-6 of themselves."""
+    return simulate(scene, scene.start(), t_end, method="verlet", dt=COARSE, record=record)
+
+
+def exact(scene, t_end, record):
+    """A run by rkn6: peaks to 1e-7."""
+    return simulate(scene, scene.start(), t_end, method="rkn6", dt=FINE, record=record)
+
+
+def floor_of(scene, t_end, how=quick, name="floor"):
+    """Instants and the force on the floor [N] of a run, by default of a quick one."""
+    record = Record(interval=ROW, sites=scene.touches_wall(name))
+    run = how(scene, t_end, record)
+    return run.t, wall_force(run, name)
+
+
+def highest(t, force):
+    """Instant and height of the highest row, by a parabola through it and its neighbours."""
+    k = int(np.clip(np.argmax(force), 1, len(t) - 2))
+    a, b, c = np.polyfit((t[k - 1 : k + 2] - t[k]) / ROW, force[k - 1 : k + 2], 2)
+    if not a < 0:
+        return float(t[k]), float(force[k])
+    return float(t[k] - ROW * b / (2 * a)), float(c - b**2 / (4 * a))
+
+
+def crests(t, force, least):
+    """Indices of rows higher than their neighbours and than `least`."""
+    inner = (force[1:-1] > force[:-2]) & (force[1:-1] >= force[2:]) & (force[1:-1] > least)
+    return np.flatnonzero(inner) + 1
+
+
+def direct(bead, speed, wall="steel"):
+    """Largest force of that bead straight on a wall [N], in closed form."""
+    alpha = hertz(bead, materials[wall]).constant
+    return alpha * (5 * bead.mass * speed**2 / (4 * alpha)) ** 0.6
+
+
+def lines(scene, u):
+    """Ends of all contacts of two beads that carry, and their forces; (n, 2, dim), (n,)."""
+    force = -scene.bond_tension(u)
+    carry = force > 0
+    return scene.positions[scene.bonds[carry]], force[carry]
+
+
+def row(figure, quantity, here, reference=""):
+    """One line of the table of the group."""
+    return {"figure": figure, "quantity": quantity, "reference": reference, "here": here}

@@ -1,0 +1,221 @@
+"""Protectors of the talk: what is optimised, what it is compared with, and how a wall feels it.
+
+Part II of seeds/000 names topology (the order of beads), size and material, not the numbers; ours:
+20 beads of 10 mm or below, a free steel striker of 10 mm at 0.44 m/s, a steel wall.
+"""
+
+from __future__ import annotations
+
+import itertools
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from granular import Bead, Striker, chain, materials, simulate
+from granular.design import Choice, Order, Sizes, objective, peak_force, search
+from granular.observables import effective_number, energy_shares, participation_ratio, wall_force
+from tensegrity import Record, sweep
+
+STEEL = materials["steel"]
+BIG, SMALL = Bead(10e-3, STEEL), Bead(4e-3, STEEL)
+SOFT = Bead(10e-3, materials["ptfe"])
+NAMES = ("steel", "ptfe", "rubber", "bronze", "glass", "nylon")
+STRIKER = Striker(BIG, speed=0.44)
+COUNT = 20
+RANDOM, SEEDS = 1000, 5  # designs drawn with each seed
+PART = 2048  # designs of one case of a sweep
+ROWS = 3000  # recorded rows of a trace
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What is optimised.
+
+    Attributes
+    ----------
+    title : str
+    space : Space
+    t_end : float
+        [s].
+    methods : dict
+        Name to (seeds, budget).
+    compared : dict of str to list of Bead
+        Designs that nobody searched for.
+    """
+
+    title: str
+    space: object
+    t_end: float
+    methods: dict
+    compared: dict
+
+
+def of(material, diameter=10e-3):
+    """A uniform design."""
+    return [Bead(diameter, materials[material])] * COUNT
+
+
+def halves(first, second):
+    """The stepped design: the first kind at the struck end."""
+    return [first] * (COUNT // 2) + [second] * (COUNT // 2)
+
+
+SCENES = {
+    "T1": Scene(
+        "order of 10 steel beads of 10 mm and 10 of 4 mm",
+        Order(halves(BIG, SMALL)), 1e-3,
+        {"ga": (10, 5000), "cma": (3, 5000), "catcma": (3, 5000)},
+        {"uniform 10 mm": of("steel"), "uniform 4 mm": of("steel", 4e-3),
+         "stepped": halves(BIG, SMALL), "alternating": [BIG, SMALL] * (COUNT // 2)},
+    ),
+    "T2": Scene(
+        "order of 10 steel and 10 PTFE beads of 10 mm",
+        Order(halves(BIG, SOFT)), 8e-3,
+        {"ga": (10, 5000), "cma": (3, 5000), "catcma": (3, 5000)},
+        {"uniform steel": of("steel"), "uniform PTFE": of("ptfe"),
+         "stepped": halves(BIG, SOFT), "alternating": [BIG, SOFT] * (COUNT // 2)},
+    ),
+    "S": Scene(
+        "diameters of 20 steel beads, 4 to 10 mm, 140 mm in all",
+        Sizes(COUNT, (4e-3, 10e-3), 0.140, STEEL), 1e-3,
+        {"cma": (6, 25000)},
+        {"uniform 7 mm": of("steel", 7e-3), "stepped": halves(BIG, SMALL)},
+    ),
+    "M": Scene(
+        "materials of 20 beads of 10 mm, six to choose from",
+        Choice(COUNT, 10e-3, [materials[name] for name in NAMES]), 12e-3,
+        {"ga": (3, 40000), "catcma": (2, 20000)},
+        {"uniform steel": of("steel"), "uniform rubber": of("rubber"),
+         "stepped": halves(BIG, SOFT), "alternating": [BIG, SOFT] * (COUNT // 2)},
+    ),
+}  # fmt: skip
+
+
+def forces(chains, t_end):
+    """Largest wall forces of designs, to 1e-4 [N]."""
+    return peak_force(chains, striker=STRIKER, wall=STEEL, t_end=t_end)
+
+
+def found(case):
+    """Result of one search; (scene, method, seed)."""
+    name, method, seed = case
+    scene = SCENES[name]
+    budget = scene.methods[method][1]
+    return search(
+        scene.space, striker=STRIKER, wall=STEEL, t_end=scene.t_end,
+        method=method, budget=budget, seed=seed,
+    )  # fmt: skip
+
+
+@cache
+def searches():
+    """{(scene, method): results of all seeds}, on all processors."""
+    cases = [
+        (name, method, seed)
+        for name, scene in SCENES.items()
+        for method, (seeds, _) in scene.methods.items()
+        for seed in range(seeds)
+    ]
+    with ProcessPoolExecutor() as pool:
+        results = sweep(found, cases, executor=pool)
+    kept = {}
+    for (name, method, _), result in zip(cases, results, strict=True):
+        kept.setdefault((name, method), []).append(result)
+    return kept
+
+
+@cache
+def best(name):
+    """The best result of all searches of a scene."""
+    return min(
+        (one for (scene, _), several in searches().items() if scene == name for one in several),
+        key=lambda one: one.peak_force,
+    )
+
+
+@cache
+def drawn(name):
+    """Forces of random designs, in the order in which they were drawn [N]; (seeds, designs)."""
+    space = SCENES[name].space
+    rows = [space.random(np.random.default_rng(seed), RANDOM) for seed in range(SEEDS)]
+    with ProcessPoolExecutor() as pool:
+        return np.array(sweep(some, [(name, one) for one in rows], executor=pool))
+
+
+def some(case):
+    """Forces of rows of genes of a scene, with the steps of a search [N]."""
+    name, rows = case
+    scene = SCENES[name]
+    unit = scene.space.all_kinds.unit(STEEL, STRIKER.speed)[0]
+    steps = objective.step_count(unit, scene.t_end, 2 * objective.SHARE * unit)
+    designs = scene.space.designs(rows)
+    return objective.largest(designs, STRIKER, STEEL, scene.t_end, steps).force
+
+
+@cache
+def every_order(name):
+    """All rows of genes of an order of two kinds, and their forces [N]."""
+    places = np.array(list(itertools.combinations(range(COUNT), COUNT // 2)))
+    rows = np.ones((len(places), COUNT), dtype=int)
+    np.put_along_axis(rows, places, 0, axis=1)
+    cases = [(name, rows[k : k + PART]) for k in range(0, len(rows), PART)]
+    with ProcessPoolExecutor() as pool:
+        return rows, np.concatenate(sweep(some, cases, executor=pool))
+
+
+def letters(name, beads):
+    """A design in words of one letter a bead, or in mm."""
+    if name == "S":
+        return " ".join(f"{1e3 * bead.diameter:.2f}" for bead in beads)
+    if name in ("T1", "T2"):
+        return "".join("A" if bead == BIG else "b" for bead in beads)
+    return "".join(bead.material.name[0].upper() for bead in beads)
+
+
+def trace(beads, t_end, scale=1.0):
+    """How the wall and the beads fare: a run's rows in time.
+
+    Returns
+    -------
+    dict
+        t [s]; force on the wall [N]; share of the energy of each bead (T, beads), the striker
+        first; number of beads that share it, by entropy and by squares; times of the peak [s].
+    """
+    scene = chain(beads, striker=STRIKER, end=STEEL)
+    t_end = scale * t_end
+    dt = t_end / (4 * ROWS)
+    run = simulate(scene, scene.start(), t_end, method="rkn6", dt=dt, record=Record(every=4))
+    force = wall_force(run, "end")
+    return {
+        "t": run.t, "force": force, "shares": energy_shares(run),
+        "effective": effective_number(run), "participation": participation_ratio(run),
+    }  # fmt: skip
+
+
+def measures(one):
+    """Width of the largest pulse, time above half of it, impulse, and the beads that share.
+
+    Returns
+    -------
+    dict
+        peak [N], full width at half maximum [us], time above half [us], impulse [N s], effective
+        beads at the peak, and their mean while 5 to 95 % of the impulse arrive.
+    """
+    t, force = one["t"], one["force"]
+    top = int(np.argmax(force))
+    half = force >= force[top] / 2
+    ends = np.flatnonzero(~half)
+    before, after = ends[ends < top].max(initial=0), ends[ends > top].min(initial=len(t) - 1)
+    impulse = np.concatenate([[0], np.cumsum((force[1:] + force[:-1]) / 2 * np.diff(t))])
+    share = impulse / impulse[-1]
+    arriving = (share > 0.05) & (share < 0.95)
+    return {
+        "peak [N]": float(force[top]), "width [us]": 1e6 * float(t[after] - t[before]),
+        "above half [us]": 1e6 * float(np.sum(half) * (t[1] - t[0])),
+        "impulse [mN s]": 1e3 * float(impulse[-1]),
+        "effective beads at the peak": float(one["effective"][top]),
+        "mean while it arrives": float(one["effective"][arriving].mean()),
+        "by squares at the peak": float(one["participation"][top]),
+    }  # fmt: skip

@@ -1,0 +1,71 @@
+"""How the time of passage of a solitary wave depends on each prism's prestrain and height.
+
+A chain of equal prisms carries the wave that it was launched with; by one pass backwards, the time
+at which a site passes half the displacement that the wave leaves gives its derivative by every
+prism before and behind it.  Prisms that the wave has crossed count nearly alike; behind the site
+nothing counts.  The sum is the change by the prestrain of all at once, which two more waves check.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tensegrity import Chain, Prism, gradient, solitary_wave
+from tensegrity import objective as o
+
+NAME = "gradients_wave"
+GROUP = "gradients"
+
+SITES, AT, SITE, RATIO = 120, 25, 80, 1.5
+PRESTRAIN, STEP = 0.02, 1e-5
+DT, METHOD = 0.2, "rkn6"
+
+
+def passage(prestrain, wave=None):
+    """The gradient of the time of passage in a chain of one prestrain, by the given wave."""
+    spring = Prism(1.0, 0.7, prestrain, 1.0).potential()
+    chain = Chain(spring, SITES)
+    wave = solitary_wave(spring, mass=1.0, speed_ratio=RATIO) if wave is None else wave
+    state = wave.launch(Chain(Prism(1.0, 0.7, PRESTRAIN, 1.0).potential(), SITES), at=AT)
+    t_end = 1.4 * (SITE - AT) / wave.speed
+    half = (state.u[0] + state.u[-1]) / 2
+    return gradient(o.arrival(SITE, half), chain, state, t_end, DT, METHOD), wave
+
+
+def data():
+    """Derivatives by each prism, and the check by two more chains under the same start."""
+    found, wave = passage(PRESTRAIN)
+    low, high = (passage(PRESTRAIN + x, wave)[0].value for x in (-STEP, STEP))
+    by = {name: found.by(name) for name in ("prestrain", "height", "k_cross")}
+    names = ("passage of the site [s]", "speed of the wave [sites/s]",
+             "sum of the derivatives by prestrain [s]", "difference of two chains [s]",
+             "digits that round-off leaves")  # fmt: skip
+    values = found.value, wave.speed, by["prestrain"].sum(), (high - low) / (2 * STEP), found.digits
+    return {
+        "bonds": {"bond": np.arange(SITES - 1), **by},
+        "numbers": {"quantity": list(names), "value": [float(x) for x in values]},
+    }
+
+
+def table(tables):
+    """The numbers."""
+    numbers = tables["numbers"]
+    pairs = zip(numbers["quantity"], numbers["value"], strict=True)
+    return [{"picture": NAME, "quantity": k, "value": float(x)} for k, x in pairs]
+
+
+def draw(figure, tables):
+    """Derivatives of the time of passage by each prism."""
+    figure.set_size_inches(8, 5.5)
+    bonds = tables["bonds"]
+    units = {"prestrain": "s", "height": "s/m", "k_cross": "s/(N/m)"}
+    panels = figure.subplots(3, 1, sharex=True)
+    for axes, (name, unit) in zip(panels, units.items(), strict=True):
+        axes.plot(bonds["bond"], bonds[name], ".-", ms=3, lw=0.8)
+        axes.axvline(AT, color="0.5", ls=":", lw=0.8)
+        axes.axvline(SITE, color="0.5", ls=":", lw=0.8)
+        axes.set_ylabel(f"by {name} [{unit}]")
+    panels[0].set_title(
+        f"time of passage of site {SITE}; the wave starts at bond {AT} (dotted)", fontsize=10
+    )
+    panels[-1].set_xlabel("bond")

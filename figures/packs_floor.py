@@ -1,0 +1,120 @@
+"""833 steel beads struck at 1.65 m/s: what reaches the floor, its single beads and the sides.
+
+The talk says "force mitigation efficiency at the bottom wall: 70 %" and not against what.  The
+table gives it under each definition, of this pack and of those that differ in one thing.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from figures import _packs
+from figures._packs import FAST, STEEL, highest, row
+from granular import wall_force
+from tensegrity import Record
+
+NAME = "packs_floor"
+GROUP = "packs"
+
+END = 1e-3  # s
+SHOWN = {"centre (3, 3)": 24, "corner (6, 6)": 48, "corner (0, 0)": 0}  # beads on the floor
+FRONT = 4.5e-4  # s: by then the direct front is through, and nothing has come back
+COLUMN_END = 3e-4
+
+
+def data():
+    """Forces on floor, single beads and sides; the peaks; efficiencies."""
+    scene = _packs.cube()
+    sites = {site for name in ("floor", "left", "right") for site in scene.touches_wall(name)}
+    record = Record(interval=_packs.ROW, sites=sorted(sites))
+    run = _packs.exact(scene, END, record)
+    each = wall_force(run, "floor", each=True)
+    total = each.sum(axis=1)
+    sides = {name: wall_force(run, name) for name in ("left", "right")}
+    hit = _packs.direct(STEEL, FAST)
+    lone = highest(*_packs.floor_of(_packs.column([STEEL] * 17, FAST), COLUMN_END, name="end"))
+    steel = highest(*_packs.floor_of(_packs.cube(sides="steel"), END))
+    before = run.t < FRONT
+    peak, first = highest(run.t, total), highest(run.t[before], total[before])
+    single = max((highest(run.t, each[:, k]) for k in range(49)), key=lambda found: found[1])
+    against = {
+        "the striker straight on the wall": (peak[1], hit),
+        "the same 17 layers as one straight column": (peak[1], lone[1]),
+        "the same pack with steel sides": (peak[1], steel[1]),
+        "the striker, first front only": (first[1], hit),
+        "the striker, one sensor below the worst floor bead": (single[1], hit),
+    }
+    return {
+        "forces": {
+            "t [s]": run.t, "floor [N]": total, **{f"{k} [N]": f for k, f in sides.items()},
+            **{f"bead {name} [N]": each[:, k] for name, k in SHOWN.items()},
+        },
+        "peaks": {
+            "what": ["floor", "first front", "largest single bead", "left side", "right side"],
+            "t [s]": [x[0] for x in (peak, first, single, *(highest(run.t, f) for f in
+                                                            sides.values()))],
+            "force [N]": [x[1] for x in (peak, first, single, *(highest(run.t, f) for f in
+                                                                sides.values()))],
+        },
+        "efficiency": {
+            "against": list(against),
+            "efficiency": [1 - force / other for force, other in against.values()],
+        },
+        "numbers": {"energy error": np.array([run.energy_error]), "direct [N]": np.array([hit])},
+    }  # fmt: skip
+
+
+REFERENCES = {"floor": "202.404006", "first front": "170.10", "largest single bead": "9.81913",
+              "left side": "136.85496", "right side": "127.76841"}  # fmt: skip
+
+
+def table(tables):
+    """Peaks and efficiencies."""
+    peaks, found = tables["peaks"], tables["efficiency"]
+    return [
+        *(row("floor", f"{what}, peak [N]", force, REFERENCES[what])
+          for what, force in zip(peaks["what"], peaks["force [N]"], strict=True)),
+        row("floor", "peak on the floor at [us]", 1e6 * peaks["t [s]"][0], "606.2904"),
+        *(row("floor", f"efficiency against {what}", e, "talk: 0.70")
+          for what, e in zip(found["against"], found["efficiency"], strict=True)),
+        row("floor", "energy error", float(tables["numbers"]["energy error"][0])),
+    ]  # fmt: skip
+
+
+def draw(figure, tables):
+    """Floor, single beads, sides against time; efficiencies as bars."""
+    figure.set_size_inches(12, 7.5)
+    (a, b), (c, d) = figure.subplots(2, 2)
+    forces, peaks = tables["forces"], tables["peaks"]
+    t = 1e3 * forces["t [s]"]
+    a.plot(t, forces["floor [N]"], "C0")
+    for k, (what, shift) in enumerate((("maximum", (14, -4)), ("first front", (-20, 8)))):
+        at, force = 1e3 * peaks["t [s]"][k], peaks["force [N]"][k]
+        a.plot(at, force, "o", color="C3", ms=5)
+        a.annotate(f"{what}\n{force:.2f} N at {1e3 * at:.1f} us", (at, force), shift,
+                   textcoords="offset points", fontsize=8, ha="left" if k == 0 else "right",
+                   va="top" if k == 0 else "bottom")  # fmt: skip
+    a.set(title="total force on the floor", ylim=(0, 240))
+    for name in SHOWN:
+        b.plot(t, forces[f"bead {name} [N]"], lw=1, label=f"floor bead {name}")
+    b.set(title="single floor beads")
+    b.legend(fontsize=8)
+    for name in ("left", "right"):
+        c.plot(t, forces[f"{name} [N]"], lw=1, label=f"{name} wall")
+    c.set(title="side walls (PTFE)")
+    c.legend(fontsize=8)
+    for axes in (a, b, c):
+        axes.set(xlabel="time [ms]", ylabel="force [N]")
+    found = tables["efficiency"]
+    place = np.arange(len(found["against"]))[::-1]
+    d.barh(place, 100 * np.array(found["efficiency"]), color="C0", height=0.55)
+    d.axvline(70, color="C3", lw=1, ls="--", label="the talk's 70 %")
+    d.set_yticks(
+        place,
+        [x.replace(", ", ",\n").replace(" as one", "\nas one") for x in found["against"]],
+        fontsize=8,
+    )
+    for y, e in zip(place, found["efficiency"], strict=True):
+        d.text(2, y, f"{100 * e:.1f} %", color="w", va="center", fontsize=8)
+    d.set(xlabel="1 - force / reference force [%]", title="efficiency, against", xlim=(0, 109))
+    d.legend(fontsize=8, loc="upper right")

@@ -1,0 +1,177 @@
+"""The pack in the plane, struck straight and obliquely: both animations of the talk side by side.
+
+12 rows of 21 and 20 steel beads, a steel striker at 1 m/s on the middle of the top row: straight
+down, and at 30 degrees along a close-packed line.  Left the motion, displacements magnified, right
+the contact forces as lines whose width is the force.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from figures import _motion, _packs
+from figures._packs import ROW, SLOW, STEEL, D, highest, row
+from granular import wall_force
+from granular.observables import energy_shares
+from tensegrity import Record
+
+NAME = "packs_plane"
+GROUP = "packs"
+
+TILTED = (-0.5, math.sqrt(0.75)), (0.5, -math.sqrt(0.75))
+HITS = {"straight": {}, "oblique": {"offset": TILTED[0], "direction": TILTED[1]}}
+END, FRAMES = 6e-4, 60
+FACTOR, MOST = 60, 50.0  # of the displacements; N of the widest line
+KNOWN = {"straight": (575.759026, 219.97633), "oblique": (482.694720, 224.91311)}
+SPEEDS = {"straight": (643.5, 480.9), "oblique": (639.3, 489.5)}  # m/s, of the first and last pair
+
+
+def down(scene):
+    """Contacts of the line of touching beads at 60 degrees, from the struck bead to the right."""
+    x, found, site = scene.positions, [], scene.parts["row 1"][10]
+    for number in range(2, 13):
+        part = np.array(scene.parts[f"row {number}"])
+        following = part[np.argmin(np.abs(x[part, 0] - x[site, 0] - D / 2))]
+        pair = sorted((site, int(following)))
+        found += np.flatnonzero((scene.bonds == pair).all(axis=1)).tolist()
+        site = int(following)
+    return found
+
+
+def frames(scene, run):
+    """Displacements, speeds and contact forces of all rows, as columns."""
+    return {
+        "t [s]": run.t,
+        **{f"{name}{k} [m]": run.u[:, k, axis]
+           for k in range(scene.sites) for axis, name in enumerate(("ux ", "uz "))},
+        **{f"speed {k} [m/s]": np.linalg.norm(run.v[:, k], axis=1) for k in range(scene.sites)},
+        **{f"force {k} [N]": f for k, f in enumerate(-scene.bond_tension(run.u).T)},
+    }  # fmt: skip
+
+
+def data():
+    """Forces on the floor, fronts, shares of the rows, and the frames of each hit."""
+    tables = {}
+    for name, how in HITS.items():
+        scene = _packs.plane(**how)
+        run = _packs.exact(scene, END, Record(interval=ROW))
+        each = wall_force(run, "floor", each=True)[:, list(scene.parts["row 12"])]
+        struck = [k for k in range(len(scene.bonds)) if scene.sites - 1 in scene.bonds[k]]
+        line = [max(struck, key=lambda k: scene.contact_forces(run.u)[:, k].max()), *down(scene)]
+        forces = scene.contact_forces(run.u)[:, line]
+        peaks = np.array([first(run.t, force) for force in forces.T])
+        shares = energy_shares(run)
+        tables |= {
+            f"{name}_floor": {"t [s]": run.t, "floor [N]": each.sum(axis=1)},
+            f"{name}_beads": {
+                "x [m]": scene.positions[list(scene.parts["row 12"]), 0],
+                "peak [N]": np.array([highest(run.t, f)[1] for f in each.T]),
+            },
+            f"{name}_line": {
+                "t [s]": peaks[:, 0], "peak [N]": peaks[:, 1],
+                "speed [m/s]": np.append(D / np.diff(peaks[:, 0]), np.nan),
+            },
+            f"{name}_rows": {"t [s]": run.t[::10], **{
+                part: shares[::10][:, list(sites)].sum(axis=1)
+                for part, sites in scene.parts.items()
+            }},
+            f"{name}_frames": frames(scene, thinned(scene)),
+        }  # fmt: skip
+    return tables
+
+
+def first(t, force):
+    """Instant and height of the first crest above a fifth of the largest force."""
+    k = _packs.crests(t, force, force.max() / 5)[0]
+    return highest(t[k - 2 : k + 3], force[k - 2 : k + 3])
+
+
+def thinned(scene):
+    """A run with as many rows as the GIF has frames."""
+    return _packs.exact(scene, END, Record(interval=END / FRAMES))
+
+
+def table(tables):
+    """Peaks on the floor, speeds of the front, energy at the bottom."""
+    rows = []
+    for name in HITS:
+        t = tables[f"{name}_floor"]
+        instant, force = highest(t["t [s]"], t["floor [N]"])
+        line, shares = tables[f"{name}_line"], tables[f"{name}_rows"]
+        low = sum(shares[f"row {k}"] for k in range(7, 13))
+        rows += [
+            row(f"plane, {name}", "peak on the floor [N]", force, KNOWN[name][0]),
+            row(f"plane, {name}", "at [us]", 1e6 * instant, KNOWN[name][1]),
+            row(f"plane, {name}", "over the direct hit", force / _packs.direct(STEEL, SLOW)),
+            *(row(f"plane, {name}", f"front along the close-packed line, {where} [m/s]",
+                  float(line["speed [m/s]"][k]), SPEEDS[name][n])
+              for n, (where, k) in enumerate((("first", 0), ("last", -2)))),
+            row(f"plane, {name}", "largest share of the energy in rows 7 to 12", float(low.max())),
+        ]  # fmt: skip
+    return rows
+
+
+def draw(figure, tables):
+    """Floor, line, force along the floor, shares of rows."""
+    figure.set_size_inches(13, 7.5)
+    (a, b, c), (d, e, f) = figure.subplots(2, 3)
+    for name in HITS:
+        t = tables[f"{name}_floor"]
+        a.plot(1e3 * t["t [s]"], t["floor [N]"], label=name)
+        line = tables[f"{name}_line"]
+        b.plot(np.arange(1, 12), line["speed [m/s]"][:-1], "o-", ms=4, label=name)
+        beads = tables[f"{name}_beads"]
+        d.plot(1e3 * beads["x [m]"], beads["peak [N]"], "o-", ms=4, label=name)
+        e.plot(np.arange(12), line["peak [N]"], "o-", ms=4, label=name)
+    a.axhline(
+        _packs.direct(STEEL, SLOW), color="k", lw=0.8, ls=":", label="direct hit on the floor"
+    )
+    a.set(xlabel="time [ms]", ylabel="force [N]", title="total force on the floor")
+    b.set(xlabel="row", ylabel="speed [m/s]", title="front along the close-packed line")
+    d.set(xlabel="x [mm]", ylabel="peak force [N]", title="single beads along the floor")
+    e.set(xlabel="contact down the line", ylabel="peak force [N]", title="peaks of its contacts")
+    for axes in (a, b, d, e):
+        axes.legend(fontsize=8)
+    e.set_yscale("log")
+    for axes, name in ((c, "straight"), (f, "oblique")):
+        t = tables[f"{name}_rows"]
+        parts = [k for k in t if k.startswith("row")]
+        image = axes.imshow(
+            np.array([t[k] for k in parts]), aspect="auto", cmap="magma", vmin=0, vmax=0.4,
+            extent=(0, 1e3 * t["t [s]"][-1], 12.5, 0.5), interpolation="nearest",
+        )  # fmt: skip
+        axes.set(xlabel="time [ms]", ylabel="row", title=f"energy by row, {name}")
+        axes.grid(False)
+        figure.colorbar(image, ax=axes, label="share of the energy")
+
+
+def animate(tables, path):
+    """Both hits, motion left and contact forces right, as a GIF."""
+    import matplotlib.pyplot as plt
+
+    figure, panels = plt.subplots(2, 2, figsize=(11, 8.6), dpi=70, layout="constrained")
+    stages = []
+    for line, (name, how) in zip(panels, HITS.items(), strict=True):
+        scene = _packs.plane(**how)
+        width, top = 21 * D, scene.places[:, 1].max() + D / 2
+        stage = _motion.Stage(line, scene.positions, D, (0, width, top), FACTOR, MOST)
+        columns = {kind: np.stack([x for key, x in tables[f"{name}_frames"].items()
+                                   if key.startswith(kind)], axis=1)
+                   for kind in ("ux", "uz", "speed", "force")}  # fmt: skip
+        line[0].set_title(f"struck {name}: displacements x {FACTOR}", fontsize=9)
+        line[1].set_title(f"contact forces, widest line {MOST:g} N", fontsize=9)
+        stages.append((scene, stage, columns))
+    figure.colorbar(stages[0][1].disks, ax=panels[:, 0], label="speed [m/s]", shrink=0.6)
+
+    def show(k):
+        for scene, stage, columns in stages:
+            u = np.stack([columns["ux"][k], columns["uz"][k]], axis=1)
+            force = columns["force"][k]
+            carry = force > 0.01
+            ends = scene.positions[scene.bonds[carry]]
+            stage.show(u, columns["speed"][k], 0.2, ends, force[carry])
+        figure.suptitle(f"t = {1e3 * tables['straight_frames']['t [s]'][k]:.2f} ms", fontsize=10)
+
+    _motion.gif(path, figure, range(FRAMES + 1), show)

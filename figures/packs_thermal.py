@@ -1,0 +1,96 @@
+"""How many beads share the energy: lines between two walls, and packs; the virial ratio.
+
+Lines of 40 beads of 10 mm between steel walls, all touching, the first started at 1 m/s.  The mean
+of kinetic over total energy is 5/9, exactly, over a long time.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from figures import _packs
+from figures._packs import row
+from figures.packs_mixed import planar
+from granular import Bead, chain, materials, simulate
+from granular.observables import effective_number, virial_ratio
+from tensegrity import Record
+
+NAME = "packs_thermal"
+GROUP = "packs"
+
+STEEL, PTFE, GLASS = (Bead(0.01, materials[name]) for name in ("steel", "ptfe", "glass"))
+LINES = {"steel": [STEEL] * 40, "steel, glass": [STEEL, GLASS] * 20,
+         "steel, PTFE": [STEEL, PTFE] * 20, "PTFE": [PTFE] * 40}  # fmt: skip
+END, DT, INTERVAL = 4e-2, 4e-7, 1e-5  # s
+PACKS = ("all steel", "alternating", "random")
+PACKS_END = 4e-3
+SPANS = {  # s, and the mean number there of an independent code
+    "steel": ((0, 2e-3, 2.49), (5e-3, 1e-2, 17.1), (1e-2, 2e-2, 23.0)),
+    "steel, glass": ((0, 2e-3, 5.42), (5e-3, 1e-2, 23.8), (1e-2, 2e-2, 26.3)),
+    "steel, PTFE": ((0, 4e-3, 5.02), (1e-2, 2e-2, 18.5), (2e-2, 4e-2, 23.8)),
+    "PTFE": ((0, 4e-3, 2.45), (4e-3, 1e-2, 2.9), (2e-2, 4e-2, 18.4)),
+}
+
+
+def data():
+    """Numbers of beads and virial ratios against time."""
+    tables = {"lines": {}, "virial": {}, "packs": {}}
+    for name, beads in LINES.items():
+        scene = chain(beads, start_wall=STEEL.material, end=STEEL.material)
+        state = scene.at_rest({scene.parts["chain"][0]: 1.0})
+        record = Record(interval=INTERVAL)
+        run = simulate(scene, state, END, method="rkn6", dt=DT, record=record)
+        tables["lines"]["t [s]"] = tables["virial"]["t [s]"] = run.t
+        tables["lines"][name] = effective_number(run)
+        tables["virial"][name] = virial_ratio(run)
+    for mix in PACKS:
+        scene = planar(mix)
+        run = _packs.quick(scene, PACKS_END, Record(interval=2e-5))
+        tables["packs"]["t [s]"] = run.t
+        tables["packs"][f"plane, {mix}"] = effective_number(run)
+    return tables
+
+
+def table(tables):
+    """Means over spans of time, and of the virial ratio over the second half."""
+    t, rows = tables["lines"]["t [s]"], []
+    for name, spans in SPANS.items():
+        for first, last, known in spans:
+            within = (t >= first) & (t <= last)
+            words = f"{name}: beads that share the energy, {1e3 * first:g} to {1e3 * last:g} ms"
+            rows.append(row("thermal", words, float(tables["lines"][name][within].mean()), known))
+    for name in LINES:
+        mean = float(tables["virial"][name][t >= END / 2].mean())
+        rows.append(row("thermal", f"{name}: mean virial ratio, 20 to 40 ms", mean, 5 / 9))
+    for name, found in tables["packs"].items():
+        if name != "t [s]":
+            rows.append(row("thermal", f"{name}: beads of 247 that share it at 4 ms", found[-1]))
+    return rows
+
+
+def draw(figure, tables):
+    """Beads that share the energy in lines and packs, running means of the virial ratio."""
+    figure.set_size_inches(13, 4.6)
+    a, b, c = figure.subplots(1, 3)
+    t = tables["lines"]["t [s]"]
+    wide = np.ones(50) / 50
+    for name in LINES:
+        a.plot(
+            1e3 * t[25:-24], np.convolve(tables["lines"][name], wide, "valid"), lw=1.2, label=name
+        )
+        mean = np.cumsum(tables["virial"][name]) / np.arange(1, len(t) + 1)
+        b.plot(1e3 * t[1:], mean[1:], lw=1.2, label=name)
+    a.axhline(0.655 * 40, color="k", lw=0.8, ls=":", label="exponential energy law")
+    a.set(xlabel="time [ms]", ylabel="beads that share the energy (of 40)",
+          title="lines between two walls, means over 0.5 ms")  # fmt: skip
+    b.axhline(5 / 9, color="k", lw=0.8, ls=":", label="5/9")
+    b.set(xlabel="time [ms]", ylabel="kinetic / total energy", title="mean since the start",
+          ylim=(0.52, 0.62))  # fmt: skip
+    for name, found in tables["packs"].items():
+        if name != "t [s]":
+            c.plot(1e3 * tables["packs"]["t [s]"], found, label=name)
+    c.set(
+        xlabel="time [ms]", ylabel="beads that share the energy (of 247)", title="packs, open above"
+    )
+    for axes in (a, b, c):
+        axes.legend(fontsize=8)

@@ -1,0 +1,149 @@
+"""Protectors found: the largest wall force against the number of designs computed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from figures import _protectors as common
+
+NAME = "protectors_search"
+GROUP = "protectors"
+
+MARKS = np.unique(np.round(np.logspace(0, np.log10(40000), 200)).astype(int))
+BETTER = "random ones better than the stepped one"
+COLOURS = {"ga": "C0", "cma": "C1", "catcma": "C2"}
+
+
+def curve(history):
+    """Designs computed, and the least force so far, at some of them."""
+    marks = MARKS[len(history) >= MARKS]
+    return marks, np.minimum.accumulate(history)[marks - 1]
+
+
+def data():
+    """Least force against designs for every seed; what was reached; what it is compared with."""
+    tables = {}
+    for (name, method), results in common.searches().items():
+        columns = {}
+        for one in results:
+            marks, least = curve(one.history)
+            columns["designs"] = max(columns.get("designs", marks), marks, key=len)
+            columns[f"seed {one.seed} [N]"] = least
+        tables[f"{name} {method}"] = columns
+    for name, scene in common.SCENES.items():
+        drawn = common.drawn(name)
+        tables[f"{name} random"] = {"designs": curve(drawn[0])[0]}
+        for seed, one in enumerate(drawn):
+            tables[f"{name} random"][f"seed {seed} [N]"] = curve(one)[1]
+        forces = common.forces(list(scene.compared.values()), scene.t_end)
+        known = dict(zip(scene.compared, forces, strict=True))
+        known["random, median"] = float(np.median(drawn))
+        known["random, best of 1,000, median of seeds"] = float(np.median(drawn.min(axis=1)))
+        known[BETTER] = float(np.mean(drawn < known["stepped"]))
+        tables[f"{name} compared"] = {"design": list(known), "force [N]": list(known.values())}
+    columns = {}
+    for (name, method), results in common.searches().items():
+        for one in results:
+            for key, value in {
+                "scene": name, "method": method, "seed": one.seed, "designs": one.evaluations,
+                "force [N]": one.peak_force, "converged in time": one.converged_in_time,
+                "rejected": one.rejected, "design": common.letters(name, one.beads),
+            }.items():  # fmt: skip
+                columns.setdefault(key, []).append(value)
+    tables["found"] = columns
+    rows, forces = common.every_order("T1")
+    order = np.argsort(forces)
+    tables["T1 all"] = {
+        "rank": np.arange(1, 21),
+        "force [N]": forces[order[:20]],
+        "design": ["".join("Ab"[k] for k in rows[j]) for j in order[:20]],
+    }
+    shares = (0.0001, 0.001, 0.01, 0.1, 0.5)
+    tables["T1 quantiles"] = {"share": shares, "force [N]": np.quantile(forces, shares)}
+    return tables
+
+
+def table(tables):
+    """What is compared, and what each method reached."""
+    lines = []
+    for name in common.SCENES:
+        one = tables[f"{name} compared"]
+        known = dict(zip(one["design"], one["force [N]"], strict=True))
+        for design, force in known.items():
+            drawn = common.RANDOM if design.startswith("random") else 1
+            seeds = f"0 to {common.SEEDS - 1}" if design.startswith("random") else ""
+            value = f"{force:.1%}" if design == BETTER else force
+            lines.append(line(name, design, value, drawn, seeds))
+        found = tables["found"]
+        for method in COLOURS:
+            here = [k for k, pair in enumerate(zip(found["scene"], found["method"], strict=True))
+                    if pair == (name, method)]  # fmt: skip
+            if not here:
+                continue
+            reached = np.array([found["force [N]"][k] for k in here])
+            least = here[int(np.argmin(reached))]
+            designs = max(found["designs"][k] for k in here)
+            seeds = f"0 to {len(here) - 1}"
+            lines.append(line(name, f"{method}, median of seeds", np.median(reached), designs,
+                              seeds))  # fmt: skip
+            note = "" if found["converged in time"][least] else " (NOT converged in time)"
+            lines.append(line(name, f"{method}, best: {found['design'][least]}{note}",
+                              reached.min(), designs, seeds))  # fmt: skip
+            hits = int(np.sum(reached <= reached.min() * (1 + 1e-6)))
+            lines.append(line(name, f"{method}, seeds that reach it", f"{hits} of {len(here)}",
+                              designs, seeds))  # fmt: skip
+    best, median = tables["T1 all"]["force [N]"][0], tables["T1 quantiles"]["force [N]"][-1]
+    lines.append(line("T1", f"all orders, best: {tables['T1 all']['design'][0]}", best, 184756, ""))
+    lines.append(line("T1", "all orders, median", median, 184756, ""))
+    return lines
+
+
+def line(scene, quantity, value, designs, seeds):
+    """A row of the group's table."""
+    value = float(value) if not isinstance(value, str) else value
+    return {"scene": scene, "what": quantity, "value": value, "designs": designs, "seeds": seeds}
+
+
+def draw(figure, tables):
+    """A panel for each scene: methods, random ones, and lines for what is compared."""
+    figure.set_size_inches(13, 9)
+    for axes, (name, scene) in zip(
+        figure.subplots(2, 2).ravel(), common.SCENES.items(), strict=True
+    ):
+        for method, colour in COLOURS.items():
+            columns = dict(tables.get(f"{name} {method}", {}))
+            marks = columns.pop("designs", ())
+            for k, least in enumerate(columns.values()):
+                axes.plot(marks[: len(least)], least, color=colour, lw=0.9, alpha=0.8,
+                          label=f"{method}, {len(columns)} seeds" if k == 0 else None)  # fmt: skip
+        columns = tables[f"{name} random"]
+        for seed in range(common.SEEDS):
+            axes.plot(columns["designs"], columns[f"seed {seed} [N]"], "0.5", lw=0.8,
+                      label=None if seed else f"random, {common.SEEDS} seeds")  # fmt: skip
+        one = tables[f"{name} compared"]
+        known = dict(zip(one["design"], one["force [N]"], strict=True))
+        for kind, style in (("stepped", ":"), ("random, median", "-.")):
+            axes.axhline(known[kind], color="0.4", ls=style, lw=1.2, label=kind)
+        axes.set(xscale="log", yscale="log", xlabel="designs computed",
+                 ylabel="largest wall force [N]", title=f"{name}: {scene.title}")  # fmt: skip
+        axes.legend(fontsize=8, loc="upper right", frameon=True, framealpha=1, edgecolor="none")
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_minor_formatter("{x:g}")
+        axes.tick_params(axis="y", which="minor", labelsize=7)
+
+
+def text(tables):
+    """What was searched, and what came out."""
+    lines = [
+        "20 beads between a free steel striker of 10 mm at 0.44 m/s and a steel wall.  Forces of "
+        "searches are those with a quarter of the step; random designs: 1,000 with each seed.",
+        "",
+        "| scene | what | force [N] | designs | seeds |",
+        "|---|---|---|---|---|",
+    ]
+    for one in table(tables):
+        value = one["value"] if isinstance(one["value"], str) else f"{one['value']:.7g}"
+        lines.append(
+            f"| {one['scene']} | {one['what']} | {value} | {one['designs']} | {one['seeds']} |"
+        )
+    return "\n".join(lines)

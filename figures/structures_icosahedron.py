@@ -1,0 +1,128 @@
+"""An icosahedron of six bars between plates: the slack corner, and both branches beyond it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tensegrity import Structure, equilibrium_path, plates
+
+NAME = "structures_icosahedron"
+GROUP = "structures"
+
+LOWER, UPPER = (0, 4, 8), (3, 7, 11)
+PRESTRAIN = 0.1
+FRAMES = 36
+
+
+def icosahedron():
+    """Six bars and 24 strings, upright on a triangle of strings."""
+    corners = [(0, a, b) for a in (-1, 1) for b in (-2, 2)]
+    nodes = np.array([np.roll(p, shift) for shift in range(3) for p in corners], dtype=float)
+    far = np.linalg.norm(nodes[:, None] - nodes, axis=2)
+    bars, strings = (
+        np.argwhere(np.triu(np.abs(far - length) < 1e-9)).tolist() for length in (4.0, 6**0.5)
+    )
+    low, high = (nodes[list(three)].mean(axis=0) for three in (LOWER, UPPER))
+    axis = (high - low) / np.linalg.norm(high - low)
+    first = nodes[UPPER[0]] - high
+    first = first / np.linalg.norm(first)
+    frame = np.array([first, np.cross(axis, first), axis])
+    s = Structure((nodes - low) @ frame.T, bars=bars, strings=strings, k_bar=100.0, k_string=1.0)
+    return s.prestressed(prestrain={6: PRESTRAIN})
+
+
+def data(progress=iter):
+    """Both branches, their events, and nodes and tensions along the stable one."""
+    s, tables, marks = icosahedron(), {}, []
+    for branch in progress(("stable", "symmetric")):
+        limit = 1.3 if branch == "stable" else 1.6
+        path = equilibrium_path(
+            s, supports=plates(LOWER, UPPER), branch=branch, max_shortening=limit
+        )
+        tables[branch] = {
+            "shortening": path.shortening, "load": path.load,
+            "stable_height": path.stable_height, "slack": path.slack.sum(axis=1),
+        }  # fmt: skip
+        marks += [(branch, e.kind, e.shortening, e.load) for e in path.events]
+        if branch == "stable":
+            rows = np.linspace(0, len(path) - 1, FRAMES).astype(int)
+            tables["frames"] = _frames(s, path, rows)
+    names = ("branch", "event", "shortening", "load")
+    tables["events"] = dict(zip(names, map(list, zip(*marks, strict=True)), strict=True))
+    return tables
+
+
+def _frames(s, path, rows):
+    """One line for each member of each frame: ends, tension, whether slack."""
+    columns = {name: [] for name in ("frame", "shortening", "x0", "y0", "z0", "x1", "y1", "z1",
+                                     "tension", "slack", "string")}  # fmt: skip
+    for number, row in enumerate(rows.tolist()):
+        for member, (i, j) in enumerate(s.ends.tolist()):
+            ends = [*path.positions[row, i].tolist(), *path.positions[row, j].tolist()]
+            values = (number, float(path.shortening[row]), *ends,
+                      float(path.tensions[row, member]), bool(path.slack[row, member]),
+                      bool(s.is_string[member]))  # fmt: skip
+            for column, value in zip(columns.values(), values, strict=True):
+                column.append(value)
+    return columns
+
+
+def draw(figure, tables):
+    """Load against shortening on both branches; the structure before and beyond the corner."""
+    axes = figure.add_subplot(1, 2, 1)
+    for branch, style in (("symmetric", "C1--"), ("stable", "C0-")):
+        table = tables[branch]
+        axes.plot(table["shortening"], table["load"], style, lw=1.8, label=f"{branch} branch")
+    events = tables["events"]
+    for kind, mark in (("slack", "o"), ("fold", "s"), ("plate", "^")):
+        at = [k for k, name in enumerate(events["event"]) if name == kind]
+        if at:
+            axes.plot([events["shortening"][k] for k in at], [events["load"][k] for k in at],
+                      mark, color="0.2", ms=5, label=kind)  # fmt: skip
+    axes.set(xlabel="shortening [m]", ylabel="load [N], compression > 0")
+    axes.legend(fontsize=8, loc="lower right")
+    space = figure.add_subplot(1, 2, 2, projection="3d")
+    show(space, tables["frames"], FRAMES - 1)
+
+
+def show(axes, table, frame):
+    """The structure of one frame: bars black, strings by tension, slack ones dashed."""
+    from matplotlib import colormaps
+
+    rows = np.flatnonzero(np.array(table["frame"]) == frame)
+    ends = np.column_stack([np.array(table[n])[rows] for n in ("x0", "y0", "z0", "x1", "y1", "z1")])
+    tension = np.array(table["tension"])
+    strings = np.array(table["string"])
+    largest = tension[strings].max()
+    for row, (x0, y0, z0, x1, y1, z1) in zip(rows.tolist(), ends.tolist(), strict=True):
+        line = {"color": "0.15", "lw": 2.6}
+        if table["string"][row]:
+            line = {"color": colormaps["viridis"](tension[row] / largest), "lw": 1.4}
+            if table["slack"][row]:
+                line = {"color": "0.6", "lw": 1.0, "ls": "--"}
+        axes.plot([x0, x1], [y0, y1], [z0, z1], **line)
+    axes.set(xlim=(-2.3, 2.3), ylim=(-2.3, 2.3), zlim=(0, 3.5), xlabel="x [m]", ylabel="y [m]")
+    axes.set_box_aspect((4.6, 4.6, 3.5))
+    axes.set_title(f"shortening {table['shortening'][rows[0]]:.2f} m; slack strings dashed;\n"
+                   f"colour: tension, 0 to {largest:.2f} N", fontsize=9)  # fmt: skip
+
+
+def animate(tables, path):
+    """The compression on the stable branch."""
+    import matplotlib.pyplot as plt
+    from matplotlib.animation import FuncAnimation, PillowWriter
+
+    figure = plt.figure(figsize=(5, 4.6))
+    axes = figure.add_subplot(projection="3d")
+
+    def frame(number):
+        axes.clear()
+        show(axes, tables["frames"], number)
+
+    FuncAnimation(figure, frame, frames=FRAMES).save(path, PillowWriter(fps=9))
+
+
+def table(tables):
+    """The located events."""
+    events = tables["events"]
+    return [dict(zip(events, row, strict=True)) for row in zip(*events.values(), strict=True)]

@@ -1,0 +1,389 @@
+"""The search for the protector whose wall feels least, here or on many machines.
+
+Every batch that a method proposes is computed in parts, by the workers of an executor or here;
+designs that were computed before are looked up.  What a design is worth does not depend on the
+part that it is computed in, so that a seed gives one result however many workers there are.
+
+An optimiser finds the errors of an integration.  The best designs are therefore computed again
+with a half and a quarter of the step, and one whose force moves is not taken; and the force of the
+one taken is looked for in a window ten times longer, at the half step.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from granular.beads import Bead, Striker
+from granular.design import objective
+from granular.design.methods import suits
+from granular.design.packs import Build, wall_peak
+from granular.design.spaces import Choice, Order, Sizes, Space
+from granular.materials import Material
+from tensegrity import TensegrityError, check
+from tensegrity.runs import archive
+from tensegrity.runs.sweep import Crew, Failed, keep, progress, require_same
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tensegrity.typing import Array
+
+COARSE = 2.0  # steps of a search over the default ones
+FINER = (2, 4)  # of whose steps the best are computed again
+MOVED = 1e-3  # relative change of a force that is the integration's, not the design's
+FINALISTS = 16  # the best designs that are computed again, at a time
+ROUNDS = 4  # times so many are looked at
+WINDOW = 10  # times longer, for the maximum to stay
+IDLE = 30  # batches without a new design, after which a search ends
+PART = 16  # chains that one worker is given
+
+
+class Again(NamedTuple):
+    """The best design computed again.
+
+    Attributes
+    ----------
+    t_end, dt : float
+        [s].
+    force : float
+        [N]; nan where a scene could not be followed that long.
+    """
+
+    t_end: float
+    dt: float
+    force: float
+
+
+@dataclass(frozen=True, eq=False)
+class Best:
+    """What a search found.
+
+    Attributes
+    ----------
+    beads : list of Bead
+        The design, from the struck end to the wall.
+    peak_force : float
+        Largest force on the wall, with the finest of the steps [N].
+    evaluations : int
+        Different designs computed.
+    history : ndarray, (evaluations,)
+        Force of each in the order in which they were proposed [N], with the steps of the search:
+        `numpy.minimum.accumulate(history)` is how the search went.
+    converged_in_time : bool
+        Whether the force is the same with two finer steps, and in a window ten times longer.
+    again : tuple of Again
+        The best with the step of the search, finer ones, and in the longer window.
+    rejected : int
+        Better designs of the search whose force moved with the step.
+    failed : int
+        Designs that were lost twice with the worker that computed them; inf in `history`.
+    method : str
+    seed : int
+    """
+
+    beads: list[Bead]
+    peak_force: float
+    evaluations: int
+    history: Array
+    converged_in_time: bool
+    again: tuple[Again, ...]
+    rejected: int
+    failed: int
+    method: str
+    seed: int
+
+    def __str__(self) -> str:
+        lines = [
+            f"{self.peak_force:.6g} N, {self.method}, seed {self.seed}, "
+            f"{self.evaluations} designs computed"
+        ]
+        lines += [
+            f"in {one.t_end:.4g} s at dt = {one.dt:.3g} s: {one.force:.8g} N" for one in self.again
+        ]
+        if self.failed:
+            lines.append(f"{self.failed} designs were lost with their workers")
+        if self.rejected:
+            lines.append(f"{self.rejected} better ones moved with the step and were not taken")
+        if not self.converged_in_time:
+            lines.append(
+                f"NOT converged in time: these differ by more than {MOVED:g}; take a longer "
+                "t_end, or this force as an estimate"
+            )
+        return "\n".join(lines)
+
+    __repr__ = __str__
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What a design is worth: rows of genes -> forces on the wall; sent to workers.
+
+    Attributes
+    ----------
+    space : Space
+    striker : Striker
+    wall : Material
+    t_end, dt : float
+        [s].
+    build : callable or None
+    """
+
+    space: Space
+    striker: Striker
+    wall: Material
+    t_end: float
+    dt: float
+    build: Build | None
+
+    def __call__(self, genes: Array) -> Array:
+        """Forces [N]; inf where the wave has not arrived before `t_end`."""
+        if self.build is None:
+            steps = objective.step_count(self.dt, self.t_end, self.dt)
+            designs = self.space.designs(genes)
+            found = objective.largest(designs, self.striker, self.wall, self.t_end, steps)
+            return np.where(np.isfinite(found.first), found.force, np.inf)
+        each = (wall_peak(self.build, self.space.beads(x), self.t_end, self.dt) for x in genes)
+        return np.array([force for force, _ in each])
+
+    @property
+    def part(self) -> int:
+        """Designs that one worker is given."""
+        return PART if self.build is None else 1
+
+    def at(self, t_end: float, dt: float) -> Problem:
+        """The same with another time and step."""
+        return Problem(self.space, self.striker, self.wall, t_end, dt, self.build)
+
+
+def search(
+    space: Space,
+    *,
+    striker: Striker,
+    wall: Material,
+    t_end: float,
+    build: Build | None = None,
+    method: str | None = None,
+    budget: int = 20000,
+    seed: int = 0,
+    executor: Executor | None = None,
+    checkpoint: str | os.PathLike[str] | None = None,
+) -> Best:
+    """The design of a space with the least peak force on the wall that a method finds.
+
+    Parameters
+    ----------
+    space : Order, Sizes or Choice
+    striker : Striker
+    wall : Material
+        Behind a chain; where there is a `build`, of the wall whose force counts.
+    t_end : float
+        Time from the blow in which the force is looked for [s], > 0.
+    build : callable, optional
+        Of the beads of a design, gives a scene with a striker and the name of a wall of it, such
+        as ``(hexagonal_pack(bead=beads, ...), "floor")``; by default a chain before the wall.
+    method : {"ga", "cma", "catcma"}, optional
+        "ga": a genetic method, for `Order` and `Choice`.  "cma": covariance matrix adaptation, for
+        `Sizes`, and by random keys for `Order`.  "catcma": the same for categories, for `Choice`
+        and, repaired, for `Order`.  By default "cma" for `Sizes`, else "ga".
+    budget : int, optional
+        Different designs that are computed at most, at least one population.
+    seed : int, optional
+        >= 0.  One seed gives one result, whatever computes it.
+    executor : concurrent.futures.Executor, optional
+        Whose workers compute the designs; see `tensegrity.sweep`.
+    checkpoint : str or path, optional
+        File that is written after every batch, beside and renamed.  The same search goes on from
+        it where it was broken off; a larger budget goes on where a smaller one ended.
+
+    Returns
+    -------
+    Best
+        Also after Ctrl-C, of what was computed until then.
+
+    Raises
+    ------
+    TensegrityError
+        Bad input, before any work; a wave that does not arrive before `t_end` in any design of
+        the first batch; a design that cannot be built or whose force is no number; a checkpoint
+        of another search.
+    """
+    if not isinstance(space, (Order, Sizes, Choice)):
+        raise TensegrityError(f"space {check.shown(space)} is not an Order, Sizes or a Choice")
+    objective.check_blow(striker, wall)
+    t_end = check.number("t_end", t_end, above=0, unit="s")
+    if build is not None and not callable(build):
+        raise TensegrityError(f"build {check.shown(build)} cannot be called")
+    name, propose, population = suits(method, space)
+    budget = check.whole("budget", budget, least=1)
+    if budget < population:
+        raise TensegrityError(
+            f"budget {budget} is below one population of {name!r}, {population} designs"
+        )
+    seed = check.whole("seed", seed, least=0)
+    unit = float(space.all_kinds.behind(striker.bead).unit(wall, striker.speed)[0])
+    dt = t_end / objective.step_count(unit, t_end, COARSE * objective.SHARE * unit)
+    problem = Problem(space, striker, wall, t_end, dt, build)
+    with Crew(executor) as crew:
+        trail = _Trail(problem, crew, budget, checkpoint, name, seed)
+        try:
+            with progress(budget, "design", trail.kept) as trail.bar:
+                trail.follow(propose(space, np.random.default_rng(seed)))
+        except KeyboardInterrupt:
+            if not trail.forces:
+                raise
+        return trail.best()
+
+
+class _Trail:
+    """The designs of a search and what they are worth, in memory and in a file."""
+
+    def __init__(
+        self, problem: Problem, crew: Crew, budget: int, path: Any, method: str, seed: int
+    ) -> None:
+        self._problem, self._crew, self._budget = problem, crew, budget
+        self._method, self._seed, self.bar = method, seed, None
+        self.forces: list[float] = []
+        self._known: dict[bytes, float] = {}
+        self._top, self._top_forces = np.empty((0, problem.space.count)), np.empty(0)
+        self._digest, self.failed = hashlib.sha256(), 0
+        self._path: Path | None = None if path is None else check.path("checkpoint", path)
+        self._old, self._old_digest = np.empty(0), ""
+        build = problem.build
+        named = "" if build is None else f"{build.__module__}.{getattr(build, '__qualname__', '')}"
+        self._of = {
+            "space": repr(problem.space), "striker": repr(problem.striker),
+            "wall": repr(problem.wall), "t_end": problem.t_end, "dt": problem.dt, "build": named,
+            "method": method, "seed": seed,
+        }  # fmt: skip
+        if self._path is not None and self._path.exists():
+            kept = archive.read(self._path, "search")
+            require_same(self._path, "search", kept["of"], self._of)
+            self._old, self._old_digest = kept["forces"], kept["digest"]
+
+    @property
+    def kept(self) -> int:
+        """Designs that the file had."""
+        return min(len(self._old), self._budget)
+
+    def follow(self, proposals: Any) -> None:
+        """Compute what a method proposes, until it ends or the budget does."""
+        rows, idle = next(proposals, None), 0
+        while rows is not None:
+            before = len(self.forces)
+            forces = self._values(rows)
+            idle = 0 if len(self.forces) > before else idle + 1
+            if len(self.forces) >= self._budget or idle == IDLE:
+                return
+            try:
+                rows = proposals.send(forces)
+            except StopIteration:
+                return
+
+    def _values(self, rows: Array) -> Array:
+        """Forces of rows, those of new ones computed; inf beyond the budget."""
+        keys = [row.tobytes() for row in rows]
+        new = {key: k for k, key in reversed(list(enumerate(keys))) if key not in self._known}
+        numbers = sorted(new.values())[: self._budget - len(self.forces)]
+        if numbers:
+            self._add([keys[k] for k in numbers], rows[numbers])
+        return np.array([self._known.get(key, np.inf) for key in keys])
+
+    def _add(self, keys: list[bytes], rows: Array) -> None:
+        begun = len(self.forces)
+        forces = self._old[begun : begun + len(rows)]
+        for key in keys[: len(forces)]:
+            self._digest.update(key)
+        reached = begun < len(self._old) <= begun + len(rows)
+        if reached and self._digest.hexdigest() != self._old_digest:
+            raise TensegrityError(
+                f"checkpoint {self._path}: its designs are not those that this search proposes; "
+                "was it written with other versions of the libraries?"
+            )
+        fresh = rows[len(forces) :]
+        if len(fresh):
+            computed = self._computed(self._problem, fresh, begun + len(forces))
+            for key in keys[len(forces) :]:
+                self._digest.update(key)
+            forces = np.concatenate([forces, computed])
+        self.forces += forces.tolist()
+        self._known.update(zip(keys, forces.tolist(), strict=True))
+        every, values = np.concatenate([self._top, rows]), np.append(self._top_forces, forces)
+        order = np.argsort(values, kind="stable")[: FINALISTS * ROUNDS]
+        self._top, self._top_forces = every[order].astype(rows.dtype), values[order]
+        if self.bar is not None:
+            self.bar.update(len(fresh))
+        if len(fresh) and self._path is not None:
+            data = {"of": self._of, "forces": np.array(self.forces)}
+            keep(self._path, "search", data | {"digest": self._digest.hexdigest()})
+        if not begun and not np.isfinite(forces).any():
+            self._refuse_early(rows)
+
+    def _refuse_early(self, rows: Array) -> None:
+        problem = self._problem
+        if problem.build is None:
+            design = problem.space.designs(rows[:1])
+            raise objective.not_arrived(0, design, problem.striker, problem.wall, problem.t_end)
+        raise TensegrityError(f"no wave reaches the wall before t_end {problem.t_end:g} s")
+
+    def _computed(self, problem: Problem, rows: Array, number: int = 0) -> Array:
+        """Forces of rows, in parts where there are workers; `number` is that of the first."""
+        size = problem.part if self._crew.is_apart else len(rows)
+        parts = [rows[k : k + size] for k in range(0, len(rows), size)]
+        forces = np.empty(len(rows))
+        for k, result in self._crew.outcomes(problem, parts):
+            mine = slice(k * size, (k + 1) * size)
+            if isinstance(result, Failed):
+                if not result.lost:
+                    raise TensegrityError(f"design {number + k * size}: {result.error}")
+                self.failed += len(parts[k])
+                result = np.full(len(parts[k]), np.inf)
+            forces[mine] = result
+        if np.isnan(forces).any():
+            bad = int(np.argmax(np.isnan(forces)))
+            beads = check.shown(problem.space.beads(rows[bad]))
+            raise TensegrityError(f"the force of design {number + bad} is nan N: {beads}")
+        return forces
+
+    def best(self) -> Best:
+        """The best design that does not move with the step."""
+        problem, rejected = self._problem, 0
+        t_end, dt = problem.t_end, problem.dt
+        some = np.isfinite(self._top_forces)
+        top, forces = self._top[some], self._top_forces[some]
+        chosen: tuple[float, int, Array, bool] | None = None
+        for first in range(0, len(top), FINALISTS):
+            rows = top[first : first + FINALISTS]
+            finer = np.array([self._computed(problem.at(t_end, dt / k), rows) for k in FINER])
+            holds = np.abs(finer[0] / finer[-1] - 1) <= MOVED
+            worth = np.where(holds, finer[-1], np.inf) if holds.any() else finer.max(axis=0)
+            k = int(np.argmin(worth))
+            if chosen is None or holds.any():
+                chosen = worth[k], first + k, finer[:, k], bool(holds[k])
+            better = forces[first : first + FINALISTS] < worth[k]
+            rejected += int(np.sum(~holds & better))
+            if holds.any():
+                break
+        if chosen is None:
+            raise TensegrityError(f"no design of {len(self.forces)} has a force at the wall")
+        _, number, finer, holds = chosen
+        row = top[number : number + 1]
+        try:
+            longer = self._computed(problem.at(WINDOW * t_end, dt / FINER[0]), row)[0]
+        except TensegrityError:  # a pack that came apart, such that unlisted beads meet
+            longer = np.nan
+        again = [Again(t_end, dt, float(forces[number]))]
+        again += [Again(t_end, dt / k, float(f)) for k, f in zip(FINER, finer, strict=True)]
+        again.append(Again(WINDOW * t_end, dt / FINER[0], float(longer)))
+        return Best(
+            beads=problem.space.beads(row[0]), peak_force=float(finer[-1]),
+            evaluations=len(self.forces), history=np.array(self.forces),
+            converged_in_time=bool(holds and abs(longer / finer[0] - 1) <= MOVED),
+            again=tuple(again), rejected=rejected, failed=self.failed,
+            method=self._method, seed=self._seed,
+        )  # fmt: skip

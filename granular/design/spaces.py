@@ -1,0 +1,284 @@
+"""What may be changed in a protector: the order of given beads, their sizes, or their materials.
+
+A design is a row of genes: numbers of kinds of beads, or diameters.  Spaces know how to draw rows
+at random, what the beads of a row are, and, where genes are kinds, how two rows make a third.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from granular.beads import Bead, volume
+from granular.design.objective import Designs
+from granular.materials import Material
+from tensegrity import TensegrityError, check
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
+
+    from tensegrity.typing import Array, Indices
+
+HALVINGS = 60  # of the interval in which a shift is sought
+SLACK = 1e-12  # of a length, relative
+
+
+class Kinds:
+    """A space whose genes are numbers of kinds of beads.
+
+    Attributes
+    ----------
+    kinds : tuple of Bead
+    count : int
+        Beads of a design.
+    """
+
+    kinds: tuple[Bead, ...]
+    count: int
+
+    @cached_property
+    def all_kinds(self) -> Designs:
+        """Every bead that may occur, in one row."""
+        return Designs.of([self.kinds])
+
+    def designs(self, genes: Any) -> Designs:
+        """Rows of genes as chains; (designs, count)."""
+        return Designs(*(column[0, genes] for column in self.all_kinds.columns))
+
+    def beads(self, row: Any) -> list[Bead]:
+        """The beads of one row of genes."""
+        return [self.kinds[k] for k in row]
+
+
+@dataclass(frozen=True)
+class Order(Kinds):
+    """Every order of given beads.
+
+    Parameters
+    ----------
+    given : sequence of Bead
+        Two or more; beads that are equal are one kind.
+
+    Raises
+    ------
+    TensegrityError
+        What is no bead, or beads that are all equal.
+    """
+
+    given: tuple[Bead, ...]
+
+    def __init__(self, given: Sequence[Bead]) -> None:
+        object.__setattr__(self, "given", _tuple("beads", given, Bead))
+        if len(self.kinds) < 2:
+            raise TensegrityError(f"{len(self.given)} equal beads have one order only")
+
+    @cached_property
+    def kinds(self) -> tuple[Bead, ...]:  # type: ignore[override]
+        """The different beads, in the order in which they are given first."""
+        return tuple(dict.fromkeys(self.given))
+
+    @property
+    def count(self) -> int:  # type: ignore[override]
+        """Beads of a design."""
+        return len(self.given)
+
+    @cached_property
+    def row(self) -> Indices:
+        """The given order as a row of genes."""
+        return np.array([self.kinds.index(bead) for bead in self.given])
+
+    def random(self, rng: Generator, count: int) -> Indices:
+        """Rows drawn evenly; (count, beads)."""
+        return rng.permuted(np.tile(self.row, (count, 1)), axis=1)
+
+    def children(self, rng: Generator, one: Indices, other: Indices) -> Indices:
+        """Rows that keep what their parents share; what is left of the beads fills the rest."""
+        free = one != other
+        keys = np.where(free, rng.random(one.shape), 2.0)
+        shuffled = np.take_along_axis(one, np.argsort(keys, axis=1), axis=1)
+        places = np.argsort(~free, axis=1, kind="stable")  # free ones first, as in `shuffled`
+        rows = np.empty_like(one)
+        np.put_along_axis(rows, places, shuffled, axis=1)
+        return np.where(free, rows, one)
+
+    def mutants(self, rng: Generator, rows: Indices) -> Indices:
+        """Rows with two unequal beads changed for each other, or one moved elsewhere."""
+        first = rng.integers(self.count, size=(len(rows), 1))
+        unlike = rows != np.take_along_axis(rows, first, axis=1)
+        second = np.argmax(np.where(unlike, rng.random(rows.shape), -1.0), axis=1)[:, None]
+        swapped = rows.copy()
+        np.put_along_axis(swapped, first, np.take_along_axis(rows, second, axis=1), axis=1)
+        np.put_along_axis(swapped, second, np.take_along_axis(rows, first, axis=1), axis=1)
+        return np.where(rng.random((len(rows), 1)) < 0.5, swapped, moved(rng, rows))
+
+    def from_keys(self, keys: Array) -> Indices:
+        """Rows in which sites of larger keys get later kinds; shape of keys."""
+        row = np.sort(self.row)
+        return row[np.argsort(np.argsort(keys, axis=-1, kind="stable"), axis=-1)]
+
+    def repaired(self, rng: Generator, row: Indices) -> Indices:
+        """The row with as few kinds changed as the given beads allow."""
+        row = row.copy()
+        wanted = np.bincount(self.row, minlength=len(self.kinds))
+        surplus = np.bincount(row, minlength=len(self.kinds)) - wanted
+        missing = np.repeat(np.arange(len(wanted)), np.maximum(-surplus, 0))
+        sites = [rng.choice(np.flatnonzero(row == k), n, replace=False)
+                 for k, n in enumerate(surplus) if n > 0]  # fmt: skip
+        if sites:
+            row[np.concatenate(sites)] = rng.permutation(missing)
+        return row
+
+
+@dataclass(frozen=True)
+class Choice(Kinds):
+    """A material for each of some beads of one size.
+
+    Parameters
+    ----------
+    count : int
+        Beads, at least 1.
+    diameter : float
+        [m], > 0.
+    materials : sequence of Material
+        Two or more different ones.
+
+    Raises
+    ------
+    TensegrityError
+        Such as the name of a material in place of one.
+    """
+
+    count: int
+    diameter: float
+    materials: tuple[Material, ...]
+
+    def __init__(self, count: int, diameter: float, materials: Sequence[Material]) -> None:
+        found = _tuple("materials", materials, Material)
+        object.__setattr__(self, "count", check.whole("count of beads", count, least=1))
+        object.__setattr__(self, "materials", tuple(dict.fromkeys(found)))
+        object.__setattr__(self, "kinds", tuple(Bead(diameter, m) for m in self.materials))
+        object.__setattr__(self, "diameter", self.kinds[0].diameter)
+        if len(self.materials) < 2:
+            raise TensegrityError(f"materials {check.shown(materials)} leave no choice")
+
+    def random(self, rng: Generator, count: int) -> Indices:
+        """Rows drawn evenly; (count, beads)."""
+        return rng.integers(len(self.kinds), size=(count, self.count))
+
+    def children(self, rng: Generator, one: Indices, other: Indices) -> Indices:
+        """Rows that take each bead, or all up to a place, from one or the other parent."""
+        each = rng.random(one.shape) < 0.5
+        upto = np.arange(self.count) < rng.integers(self.count + 1, size=(len(one), 1))
+        return np.where(np.where(rng.random((len(one), 1)) < 0.5, each, upto), one, other)
+
+    def mutants(self, rng: Generator, rows: Indices) -> Indices:
+        """Rows with one bead of another material, or one moved elsewhere."""
+        place = rng.integers(self.count, size=(len(rows), 1))
+        shift = rng.integers(1, len(self.kinds), size=(len(rows), 1))
+        old = np.take_along_axis(rows, place, axis=1)
+        changed = rows.copy()
+        np.put_along_axis(changed, place, (old + shift) % len(self.kinds), axis=1)
+        return np.where(rng.random((len(rows), 1)) < 0.5, changed, moved(rng, rows))
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Diameters of beads of one material that fill a length.
+
+    Parameters
+    ----------
+    count : int
+        Beads, at least 2.
+    diameters : (float, float)
+        Smallest and largest [m].
+    length : float
+        Sum of the diameters [m].
+    material : Material
+
+    Raises
+    ------
+    TensegrityError
+        A length that no such diameters can sum to; limits in the wrong order.
+    """
+
+    count: int
+    diameters: tuple[float, float]
+    length: float
+    material: Material
+
+    def __post_init__(self) -> None:
+        count = check.whole("count of beads", self.count, least=2)
+        limits = check.floats("diameters", self.diameters)
+        if limits.shape != (2,):
+            raise TensegrityError(f"diameters {check.shown(self.diameters)} must be two limits")
+        low = check.number("smallest diameter", limits[0], above=0, unit="m")
+        high = check.number("largest diameter", limits[1], above=low, unit="m")
+        length = check.number("length", self.length, above=0, unit="m")
+        if not count * low * (1 - SLACK) <= length <= count * high * (1 + SLACK):
+            raise TensegrityError(
+                f"length {length:g} m: {count} diameters from {low:g} m to {high:g} m sum to "
+                f"{count * low:g} m at least and {count * high:g} m at most"
+            )
+        check.kind("material", self.material, Material, "; take one of granular.materials")
+        for name, value in (("count", count), ("diameters", (low, high)), ("length", length)):
+            object.__setattr__(self, name, value)
+
+    def random(self, rng: Generator, count: int) -> Array:
+        """Rows of diameters drawn evenly between the limits, then shifted to the length [m]."""
+        return self.projected(rng.uniform(*self.diameters, (count, self.count)))
+
+    def projected(self, rows: Array) -> Array:
+        """The nearest diameters within the limits that fill the length [m]; shape of rows.
+
+        They are all shifted by one amount and clipped.
+        """
+        low, high = self.diameters
+        lowest, highest = (x - rows for x in (low, high))
+        down, up = lowest.min(axis=-1, keepdims=True), highest.max(axis=-1, keepdims=True)
+        for _ in range(HALVINGS):
+            middle = (down + up) / 2
+            long = np.clip(rows + middle, low, high).sum(axis=-1, keepdims=True) > self.length
+            down, up = np.where(long, down, middle), np.where(long, middle, up)
+        return np.clip(rows + (down + up) / 2, low, high)
+
+    def designs(self, genes: Array) -> Designs:
+        """Rows of diameters as chains; (designs, count)."""
+        solid = self.material.modulus, self.material.poisson
+        modulus, poisson = (np.full(genes.shape, x) for x in solid)
+        mass = self.material.density * volume(genes)  # type: ignore[arg-type]
+        return Designs(np.asarray(mass), modulus, poisson, genes / 2)
+
+    def beads(self, row: Array) -> list[Bead]:
+        """The beads of one row of diameters."""
+        return [Bead(float(d), self.material) for d in row]
+
+    @property
+    def all_kinds(self) -> Designs:
+        """The smallest and the largest bead, in one row."""
+        return self.designs(np.array([self.diameters]))
+
+
+Space = Order | Sizes | Choice
+
+
+def moved(rng: Generator, rows: Indices) -> Indices:
+    """Rows in each of which one gene was taken out and put in elsewhere."""
+    count = rows.shape[1]
+    start, stop = rng.integers(count, size=(2, len(rows), 1))
+    place = np.arange(count)
+    later = (place >= start) & (place < stop)  # these take the next gene's
+    earlier = (place <= start) & (place > stop)  # these the one's before
+    source = np.where(place == stop, start, place + later - earlier)
+    return np.take_along_axis(rows, source, axis=1)
+
+
+def _tuple(name: str, given: object, kind: type) -> tuple[Any, ...]:
+    if isinstance(given, str) or not isinstance(given, Sequence) or not len(given):
+        raise TensegrityError(f"{name} {check.shown(given)} are not a sequence of {kind.__name__}s")
+    for number, one in enumerate(given):
+        check.kind(f"number {number} of {name}", one, kind)
+    return tuple(given)

@@ -1,0 +1,267 @@
+"""Beads, walls and loads as LAMMPS takes them: places in space, types, the text of its files."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from granular.assembly import Assembly
+from granular.beads import volume
+from granular.chain import BeadChain
+from granular.contact import hertz
+from tensegrity import PowerLaw, State, TensegrityError, check
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from granular.beads import Bead
+    from granular.materials import Material
+    from tensegrity.typing import Array
+
+SKIN = 0.3  # of the smallest radius: room of the neighbour lists
+
+
+@dataclass(frozen=True)
+class Plane:
+    """A wall, the sites that it pushes (None: all), and a name."""
+
+    name: str
+    point: Array
+    normal: Array
+    material: Material
+    sites: tuple[int, ...] | None
+
+
+@dataclass(frozen=True)
+class Laid:
+    """Beads in space, as LAMMPS takes them.
+
+    Attributes
+    ----------
+    sites : list of int
+        Of each bead.
+    places, u, v, loads : ndarray, (beads, 3)
+        Where displacements count from, displacement, velocity, constant force.
+    axes : int
+        Coordinates that the scene has.
+    """
+
+    sites: list[int]
+    beads: list[Bead]
+    places: Array
+    u: Array
+    v: Array
+    loads: Array
+    walls: list[Plane]
+    axes: int
+
+    def types(self) -> tuple[list[int], list[Bead]]:
+        """The type of each bead from 1, and a bead of each: one for each material, where the
+        contact takes the bead's own radius."""
+        known: dict[Any, int] = {}
+        kinds: list[Bead] = []
+        found = []
+        for bead in self.beads:
+            plain = abs(bead.contact_radius / bead.radius - 1) < 1e-12
+            key = bead.material if plain else bead
+            if key not in known:
+                known[key] = len(kinds) + 1
+                kinds.append(bead)
+            found.append(known[key])
+        return found, kinds
+
+    def data(self) -> str:
+        """The data file: beads, velocities, loads."""
+        types, kinds = self.types()
+        x = self.places + self.u
+        room = max(bead.diameter for bead in self.beads)
+        lines = [f"{len(x)} beads", "", f"{len(x)} atoms", f"{len(kinds)} atom types", ""]
+        for axis, low, high in zip("xyz", x.min(axis=0) - room, x.max(axis=0) + room, strict=True):
+            lines.append(f"{low:.17g} {high:.17g} {axis}lo {axis}hi")
+        lines += ["", "Atoms # sphere", ""]
+        for k, (kind, bead) in enumerate(zip(types, self.beads, strict=True)):
+            density = bead.mass / volume(bead.diameter)
+            lines.append(f"{k + 1} {kind} {bead.diameter:.17g} {density:.17g} {_numbers(x[k])}")
+        lines += ["", "Velocities", ""]
+        lines += [f"{k + 1} {_numbers(row)} 0 0 0" for k, row in enumerate(self.v)]
+        if self.loads.any():
+            lines += ["", "Loads", ""]
+            lines += [f"{k + 1} {_numbers(row)}" for k, row in enumerate(self.loads)]
+        return "\n".join([*lines, ""])
+
+    def input(self, name: str, steps: int, dt: float, every: int) -> str:
+        """The input script; `name` is that of its file."""
+        types, kinds = self.types()
+        push = bool(self.loads.any())
+        sides = " ".join("s" * self.axes + "f" * (3 - self.axes))
+        lines = [
+            f"# {len(self.beads)} beads with Hertz contacts, velocity Verlet",
+            "units si", "atom_style sphere", f"boundary {sides}", "comm_modify vel yes",
+            f"neighbor {SKIN * min(b.radius for b in self.beads):.17g} bin",
+            "neigh_modify every 1 delay 0 check yes",
+            *["fix loads all property/atom d_lx d_ly d_lz"] * push,
+            f"read_data {name}.data" + " fix loads NULL Loads" * push,
+            "pair_style granular",
+        ]  # fmt: skip
+        for i, one in enumerate(kinds, 1):
+            for j, other in enumerate(kinds[i - 1 :], i):
+                radius = one.radius * other.radius / (one.radius + other.radius)
+                k = hertz(one, other).constant / math.sqrt(radius)
+                lines.append(f"pair_coeff {i} {j} hertz {k:.17g} 0 tangential linear_nohistory 0 0")
+        lines += ["fix motion all nve", f"timestep {dt:.17g}"]
+        if push:
+            lines += [f"variable l{axis} atom d_l{axis}" for axis in "xyz"]
+            lines.append("fix push all addforce v_lx v_ly v_lz")
+        lines += self._walls(types, kinds, name, every)
+        dump = "custom {} id x y z vx vy vz modify sort id format float %.17g"
+        last = dump.format(f"{name}.last")
+        return "\n".join(
+            [
+                *lines,
+                f"dump rows all custom {every} {name}.dump id x y z vx vy vz",
+                "dump_modify rows sort id format float %.17g",
+                "thermo_style custom step", f"thermo {max(1, steps // 100)}",
+                f"run {steps}", f"write_dump all {last}", "",
+            ]
+        )  # fmt: skip
+
+    def _walls(self, types: list[int], kinds: list[Bead], name: str, every: int) -> list[str]:
+        """Lines of the walls: a fix for each wall and type of bead, and their sums in a file."""
+        lines, sums = [], []
+        of_type = np.array(types)
+        for w, wall in enumerate(self.walls):
+            point, normal = _numbers(wall.point), _numbers(wall.normal)
+            lines.append(f"region plane{w} plane {point} {normal}")
+            parts = []
+            for kind, bead in enumerate(kinds, 1):
+                chosen = np.flatnonzero(of_type == kind) + 1
+                if wall.sites is not None:
+                    index = {site: k + 1 for k, site in enumerate(self.sites)}
+                    chosen = np.intersect1d(chosen, [index[site] for site in wall.sites])
+                if not len(chosen):
+                    continue
+                who = f"touch{w}x{kind}"
+                if wall.sites is None:
+                    lines.append(f"group {who} type {kind}")
+                else:
+                    lines += [
+                        f"group {who} id " + " ".join(map(str, chosen[k : k + 50]))
+                        for k in range(0, len(chosen), 50)
+                    ]
+                k = hertz(bead, wall.material).constant / math.sqrt(bead.radius)
+                lines.append(
+                    f"fix wall{w}x{kind} {who} wall/gran/region granular hertz {k:.17g} 0 "
+                    f"tangential linear_nohistory 0 0 region plane{w} contacts"
+                )
+                array = f"f_wall{w}x{kind}"
+                lines.append(
+                    f"compute sum{w}x{kind} {who} reduce sum {array}[2] {array}[3] {array}[4]"
+                )
+                parts.append(f"sum{w}x{kind}")
+            pull = [
+                "+".join(f"c_{part}[{axis + 1}]*({-n:.17g})" for part in parts)
+                for axis, n in enumerate(wall.normal)
+                if n
+            ]
+            total = "+".join(f"({x})" for x in pull) if parts else "0"
+            lines.append(f"variable wall{w} equal -({total})")
+            sums.append(f"v_wall{w}")
+        if sums:
+            title = "step " + " ".join(repr(wall.name) for wall in self.walls)
+            lines.append(
+                f"fix sums all ave/time {every} 1 {every} {' '.join(sums)} file {name}.walls "
+                f'format " %.17g" title1 "# {title}"'
+            )
+        return lines
+
+
+def _numbers(row: Array) -> str:
+    return " ".join(f"{x:.17g}" for x in row)
+
+
+def laid(scene: Any, state: State) -> Laid:
+    """A scene and a state of it in space."""
+    if not isinstance(scene, (BeadChain, Assembly)):
+        raise TensegrityError(
+            f"scene {check.shown(scene)} is not a chain, a guide or a pack of beads"
+        )
+    scene.check(state)
+    by_site = scene.beads_by_site()
+    sites = list(by_site)
+    beads = list(by_site.values())
+    places, loads, walls = _line(scene) if isinstance(scene, BeadChain) else _net(scene)
+    u, v = (np.reshape(x, (scene.sites, -1))[sites] for x in (state.u, state.v))
+    axes = u.shape[1]
+    places, u, v, loads = (_in_space(x) for x in (places, u, v, loads))
+    return Laid(sites, beads, places, u, v, loads, walls, axes)
+
+
+def _line(scene: BeadChain) -> tuple[Array, Array, list[Plane]]:
+    """Places and loads of a chain's beads along x, and its walls."""
+    bodies = scene.bodies
+    for contact, (a, b) in zip(scene.contacts, pairwise(bodies), strict=True):
+        _refuse_other_law(contact.constant, contact.exponent, a, b)
+    beads = scene.beads_by_site()
+    radii = np.array([beads[s].radius if s in beads else 0.0 for s in range(scene.sites)])
+    rest = scene.overlaps(np.zeros(scene.sites))
+    x = np.concatenate([[0.0], np.cumsum(radii[:-1] + radii[1:] - rest)])
+    carried = scene.contact_forces(np.zeros(scene.sites))
+    loads = np.diff(np.concatenate([[0.0], carried, [0.0]]))
+    walls = []
+    for name, site, body, normal in (
+        ("start", 0, bodies[0], 1.0), ("end", scene.sites - 1, bodies[-1], -1.0)
+    ):  # fmt: skip
+        if site not in beads:
+            point, way = np.array([x[site], 0, 0]), np.array([normal, 0, 0])
+            walls.append(Plane(name, point, way, body, None))
+    sites = list(beads)
+    return x[sites, None], loads[sites, None], walls
+
+
+def _net(scene: Assembly) -> tuple[Array, Array, list[Plane]]:
+    """Places and loads of the beads of a guide or a pack, and its walls."""
+    if scene.radius is None:
+        raise TensegrityError("beads that pass through each other have no like in LAMMPS")
+    table, group = scene.spring_table, scene.spring_table.group
+    known = set()
+    solids = scene.wall_materials
+    partners = [(scene.beads[i], scene.beads[j]) for i, j in scene.bonds.tolist()]
+    partners += [(scene.beads[s], solids[w]) for s, w in scene.wall_contacts.tolist()]
+    for number, (one, other) in zip(group.tolist(), partners, strict=True):
+        key = number, id(one), id(other)
+        spring = table.different[number]
+        if key not in known and isinstance(spring, PowerLaw):
+            _refuse_other_law(spring.parameters["stiffness"], spring.exponent, one, other)
+            known.add(key)
+    walls = []
+    for number, (wall, name) in enumerate(zip(scene.walls, scene.wall_names, strict=True)):
+        listed = scene.wall_contacts[scene.wall_contacts[:, 1] == number, 0].tolist()
+        if wall.extent is not None and scene.follows:
+            raise TensegrityError(
+                f"wall {name!r} has an end and contacts come and go: LAMMPS would have to know "
+                "its edge; leave out its extent"
+            )
+        point, normal = (_in_space(x[None])[0] for x in (wall.point, wall.normal))
+        members = None if wall.extent is None else tuple(listed)
+        walls.append(Plane(name, point, normal, solids[number], members))
+    return scene.positions, scene.loads, walls
+
+
+def _refuse_other_law(constant: float, exponent: float, one: Any, other: Any) -> None:
+    if not hasattr(one, "radius"):
+        one, other = other, one
+    expected = hertz(one, other)
+    if exponent != expected.exponent or abs(constant / expected.constant - 1) > 1e-9:
+        raise TensegrityError(
+            f"a contact of constant {constant:.6g} and exponent {exponent:g} is not Hertz's, "
+            f"{expected.constant:.6g} and {expected.exponent:g}: LAMMPS is told of those only"
+        )
+
+
+def _in_space(x: Array) -> Array:
+    """Rows of one to three coordinates as rows of three."""
+    return np.pad(x, ((0, 0), (0, 3 - x.shape[1])))

@@ -1,0 +1,289 @@
+"""Packs on regular lattices: cubic layers in space, hexagonal rows in the plane.
+
+Equal spheres that touch; a striker in contact with one of the top layer or row, or before it.
+Source: seeds/000, part II, "3D granular crystals/systems" (833 beads of 9.53 mm: 17 layers of 7 x
+7), "2D granular crystals/systems"; layers and rows as such are our reading of its pictures.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from granular.beads import Bead, Striker
+from granular.layout import TOUCH
+from granular.materials import Material
+from granular.pack import PER_BEAD, Pack, per_place
+from tensegrity import TensegrityError, Wall, check
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from numpy.typing import ArrayLike
+
+    from tensegrity.typing import Array
+
+    Plane = tuple[tuple[float, ...], tuple[float, ...]]  # a point and a normal
+
+
+def fcc_pack(
+    layers: int = 17,
+    side: int = 7,
+    *,
+    bead: Bead | Sequence[Bead],
+    floor: Material | None = None,
+    sides: Material | None = None,
+    striker: Striker | None = None,
+    struck: tuple[int, int] | None = None,
+    contacts: str | None = None,
+    gravity: float = 0.0,
+    preload: float = 0.0,
+) -> Pack:
+    """Layers of side x side touching beads, the (001) planes of a face-centred cubic lattice.
+
+    Layer 1 lies on the floor z = 0.  Layers 1, 3, 5, ... touch the walls at x = 0 and y = 0, the
+    others are shifted by half a diameter in x and y and touch the opposite ones: the box is
+    side + 1/2 diameters wide, and open above.  Layers are d/sqrt(2) apart.
+
+    Parameters
+    ----------
+    layers, side : int, optional
+        At least 1.
+    bead : Bead or sequence of Bead
+        One for all, or one for each of `places`: layer by layer from the floor, x fastest, then y.
+        Diameters must be equal.
+    floor, sides : Material, optional
+        Of the walls "floor", and "left" (x = 0), "right", "front" (y = 0), "back", which go on
+        without end; None: there is no such wall.
+    striker : Striker, optional
+        In contact, straight above the struck bead, and moving straight down.
+    struck : (int, int), optional
+        ix and iy of that bead of the top layer, from 0; by default the middle, (side - 1)//2.
+    contacts : {"fixed", "follow"}, optional
+        "fixed": pairs that touch at the start; one that forms ends the run with ContactError.
+        "follow": contacts that form are found before they act.  By default "fixed", which is exact
+        and cheapest: second neighbours are 0.41 diameters apart, and with a step of its own choice
+        a run that follows takes three times as many.
+    gravity : float, optional
+        [m/s^2], >= 0, downward.  The state at the start is the static equilibrium then.
+    preload : float, optional
+        Constant force on each bead of the top layer, downward [N], >= 0; likewise.
+
+    Returns
+    -------
+    Pack
+        With parts "striker", "layer 1" (on the floor) and so on.
+
+    Raises
+    ------
+    TensegrityError
+        Counts below 1, a struck bead outside the layer, unequal diameters, a name in place of a
+        Material; a striker that reaches into another bead or a wall.
+    """
+    layers, side = check.whole("layers", layers, least=1), check.whole("side", side, least=1)
+    check.room(f"a pack of {layers} layers of {side} x {side} beads", PER_BEAD * layers * side**2)
+    beads, d = _equal(bead, layers * side**2, lambda k: f"bead {k % side**2 + 1} of layer "
+                      f"{k // side**2 + 1}")  # fmt: skip
+    layer, iy, ix = np.indices((layers, side, side)).reshape(3, -1)
+    shift = d / 2 + d / 2 * (layer % 2)
+    places = np.stack([shift + ix * d, shift + iy * d, d / 2 + layer * (d / math.sqrt(2))], axis=1)
+    width = (side + 0.5) * d
+    walls = _box(
+        floor, sides,
+        {"left": ((0, 0, 0), (1, 0, 0)), "right": ((width, 0, 0), (-1, 0, 0)),
+         "front": ((0, 0, 0), (0, 1, 0)), "back": ((0, width, 0), (0, -1, 0))}, 3,
+    )  # fmt: skip
+    parts = {f"layer {k + 1}": tuple(range(k * side**2, (k + 1) * side**2)) for k in range(layers)}
+    middle = (side - 1) // 2
+    column, row = (
+        _within("struck", value, side)
+        for value in ((middle, middle) if struck is None else _pair("struck", struck))
+    )
+    hit = (layers - 1) * side**2 + row * side + column
+    approach = _approach(striker, places[hit], beads[hit], (0, 0, 1), (0, 0, -1), 0.0)
+    pressed = _pressed(preload, parts[f"layer {layers}"], 3)
+    kind = _kind(contacts, 0.0)
+    return Pack(places, beads, walls, kind, parts, striker, approach, gravity, pressed)
+
+
+def hexagonal_pack(
+    rows: int = 12,
+    columns: int = 21,
+    *,
+    bead: Bead | Sequence[Bead],
+    floor: Material | None = None,
+    sides: Material | None = None,
+    striker: Striker | None = None,
+    struck: int | None = None,
+    offset: ArrayLike = (0, 1),
+    direction: ArrayLike = (0, -1),
+    gap: float = 0.0,
+    contacts: str | None = None,
+    gravity: float = 0.0,
+    preload: float = 0.0,
+) -> Pack:
+    """Rows of touching beads in the plane, each bead between two of the next row.
+
+    x runs along the rows, z up.  Row 1 is the top one, with `columns` beads at x = d/2 + i d; rows
+    2, 4, ... have one bead fewer and are shifted by half a diameter.  The last row lies on the
+    floor z = 0; rows 1, 3, ... touch the walls x = 0 and x = columns d.
+
+    Parameters
+    ----------
+    rows, columns : int, optional
+        At least 1; 2 columns where there are 2 rows.
+    bead : Bead or sequence of Bead
+        One for all, or one for each of `places`: row by row from the top, x growing.  Diameters
+        must be equal.
+    floor, sides : Material, optional
+        Of the walls "floor", and "left" and "right", which go on without end; None: no such wall.
+    striker : Striker, optional
+    struck : int, optional
+        Number of the struck bead in row 1, from 0; by default the middle, (columns - 1)//2.
+    offset : (2,), optional
+        Direction from the struck bead to the striker, of any length; it may touch two beads.
+    direction : (2,), optional
+        Of the striker's velocity, of any length.
+    gap : float, optional
+        Between the surfaces of the two at the start [m], >= 0; above 0 contacts have to be
+        followed.
+    contacts : {"fixed", "follow"}, optional
+        As for `fcc_pack`; by default "follow" where there is a gap, else "fixed".
+    gravity, preload : float, optional
+        As for `fcc_pack`, on row 1.
+
+    Returns
+    -------
+    Pack
+        With parts "striker", "row 1" (the top one) and so on.
+
+    Raises
+    ------
+    TensegrityError
+        As `fcc_pack`; a gap with fixed contacts; directions without length.
+    """
+    rows, columns = check.whole("rows", rows, least=1), check.whole("columns", columns, least=1)
+    if rows > 1 and columns < 2:
+        raise TensegrityError(f"columns {columns} must be at least 2: row 2 has one bead fewer")
+    check.room(f"a pack of {rows} rows of {columns} beads", PER_BEAD * rows * columns)
+    counts = [columns - k % 2 for k in range(rows)]
+    first = np.cumsum([0, *counts]).tolist()
+    parts = {f"row {k + 1}": tuple(range(first[k], first[k + 1])) for k in range(rows)}
+
+    def named(k: int) -> str:
+        row = int(np.searchsorted(first, k, side="right"))
+        return f"bead {k - first[row - 1] + 1} of row {row}"
+
+    beads, d = _equal(bead, first[-1], named)
+    places = np.concatenate(
+        [
+            np.stack(
+                [
+                    d / 2 + d / 2 * (k % 2) + np.arange(count) * d,
+                    np.full(count, d / 2 + (rows - 1 - k) * (d * math.sqrt(3) / 2)),
+                ],
+                axis=1,
+            )
+            for k, count in enumerate(counts)
+        ]
+    )
+    pieces = {"left": ((0, 0), (1, 0)), "right": ((columns * d, 0), (-1, 0))}
+    walls = _box(floor, sides, pieces, 2)
+    hit = (columns - 1) // 2 if struck is None else _within("struck", struck, columns)
+    gap = check.number("gap", gap, least=0, unit="m")
+    approach = _approach(striker, places[hit], beads[hit], offset, direction, gap)
+    pressed = _pressed(preload, parts["row 1"], 2)
+    kind = _kind(contacts, gap)
+    return Pack(places, beads, walls, kind, parts, striker, approach, gravity, pressed)
+
+
+def _kind(contacts: str | None, gap: float) -> str:
+    """How contacts are treated where nothing is said, and what a gap does not go with."""
+    if contacts is None:
+        return "follow" if gap else "fixed"
+    if isinstance(contacts, str) and contacts == "fixed" and gap:
+        raise TensegrityError(
+            f"gap {gap:g} m needs contacts that follow: with fixed ones it must be 0"
+        )
+    return contacts
+
+
+def _pressed(preload: float, sites: tuple[int, ...], dim: int) -> dict[int, tuple[float, ...]]:
+    """The same force [N] on all of these sites, downward."""
+    preload = check.number("preload", preload, least=0, unit="N")
+    return dict.fromkeys(sites, (0.0,) * (dim - 1) + (-preload,)) if preload else {}
+
+
+def _equal(
+    bead: Bead | Sequence[Bead], count: int, name: Callable[[int], str]
+) -> tuple[tuple[Bead, ...], float]:
+    """One bead for each place, and the diameter of them all."""
+    beads = per_place(bead, count)
+    d = beads[0].diameter
+    for k, one in enumerate(beads):
+        if abs(one.diameter - d) > TOUCH * d:
+            raise TensegrityError(
+                f"{name(k)} has diameter {one.diameter:.9g} m, must be that of the first, "
+                f"{d:.9g} m: a lattice takes equal ones; give other places to `pack`"
+            )
+    return beads, d
+
+
+def _box(
+    floor: Material | None, sides: Material | None, pieces: Mapping[str, Plane], dim: int
+) -> dict[str, tuple[Wall, Material]]:
+    """The walls of a box that is open above."""
+    up = (0,) * (dim - 1) + (1,)
+    walls: dict[str, tuple[Wall, Material]] = {}
+    for name, material, planes in (
+        ("floor", floor, {"floor": ((0,) * dim, up)}),
+        ("sides", sides, pieces),
+    ):
+        if material is None:
+            continue
+        check.kind(name, material, Material, "; take one of granular.materials")
+        walls |= {k: (Wall(point, normal), material) for k, (point, normal) in planes.items()}
+    return walls
+
+
+def _approach(
+    striker: Striker | None,
+    place: Array,
+    bead: Bead,
+    offset: ArrayLike,
+    direction: ArrayLike,
+    gap: float,
+) -> tuple[Array, Array] | None:
+    """Where the striker starts, and its direction."""
+    offset, direction = _unit("offset", offset, len(place)), _unit(
+        "direction", direction, len(place)
+    )  # fmt: skip
+    if striker is None:
+        return None
+    check.kind("striker", striker, Striker)
+    return place + (bead.radius + striker.bead.radius + gap) * offset, direction
+
+
+def _unit(name: str, given: ArrayLike, dim: int) -> Array:
+    """A direction of length 1."""
+    vector = check.vector(name, check.floats(name, given), (dim,))
+    length = np.linalg.norm(vector / max(np.abs(vector).max(), 1e-300))
+    if not length > 0:
+        raise TensegrityError(f"{name} {check.shown(given)} has no direction: its length is 0")
+    vector = vector / np.abs(vector).max()
+    return vector / np.linalg.norm(vector)
+
+
+def _pair(name: str, given: object) -> tuple[object, object]:
+    if not isinstance(given, (tuple, list)) or len(given) != 2:
+        raise TensegrityError(f"{name} {check.shown(given)} must be two numbers, (ix, iy)")
+    return given[0], given[1]
+
+
+def _within(name: str, value: object, count: int) -> int:
+    number = check.whole(name, value, least=0)
+    if number >= count:
+        raise TensegrityError(f"{name} {number} must be below {count}, the beads there are")
+    return number

@@ -1,0 +1,358 @@
+"""Packs of beads in the plane or in space, between plane walls: a `tensegrity.Network`.
+
+Model: as in the guides: frictionless Hertz contacts without rotation or loss, walls that stand
+still.  Pairs of beads, and beads and walls, whose gap is below 1e-9 of a diameter at the given
+places touch: their contacts are listed with a gap of exactly 0.  What else may touch is refused by
+the run that meets it (contacts "fixed") or found before it acts ("follow").
+Source: seeds/000, part II, "2D granular crystals/systems", "3D granular crystals/systems".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from granular.assembly import Assembly, SharedSprings
+from granular.beads import Bead, Striker
+from granular.contact import hertz
+from granular.layout import TOUCH
+from granular.materials import Material
+from granular.statics import settle
+from tensegrity import State, TensegrityError, Wall, check
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from numpy.typing import ArrayLike
+
+    from granular.statics import Equilibrium
+    from tensegrity.typing import Array, Indices
+
+    Walls = Mapping[str, tuple[Wall, Material]]
+
+PER_BEAD = 6000  # bytes while a pack is built: places, contacts, and their search
+
+FARTHEST = 1e6  # radii: there the round-off of a place is still well below what counts as touching
+
+
+class Pack(Assembly):
+    """Beads at given places, perhaps with a striker, which is the last site then.
+
+    Parameters
+    ----------
+    places : array_like, (beads, dim)
+        Centres of the beads at the start, the striker's apart [m]; dim 1 to 3, the last axis up.
+    beads : Bead or sequence of Bead, (beads,)
+    walls : dict of str to (Wall, Material), optional
+    contacts : {"fixed", "follow"}
+    parts : dict of str to tuple of int, optional
+        Sites of each part, the striker apart; by default all are "beads".
+    striker : Striker, optional
+    approach : tuple of two (dim,), optional
+        Place [m] and direction of motion of the striker.
+    gravity : float, optional
+        [m/s^2], >= 0, downward along the last axis.
+    preload : dict of int to array_like (dim,), optional
+        Constant force [N] on each of these sites.
+
+    Attributes
+    ----------
+    places : ndarray, (beads, dim)
+        As given: the places of all sites but the striker.
+    beads : tuple of Bead, (sites,)
+    parts : dict of str to tuple of int
+    striker : Striker or None
+    named_walls : dict of str to (Wall, Material)
+        As `pack` takes them.
+    equilibrium : Equilibrium or None
+        How the beads rest under their loads, the striker apart; None without loads.
+    """
+
+    equilibrium: Equilibrium | None
+
+    def __init__(
+        self,
+        places: ArrayLike,
+        beads: Bead | Sequence[Bead],
+        walls: Walls | None = None,
+        contacts: str = "fixed",
+        parts: Mapping[str, tuple[int, ...]] | None = None,
+        striker: Striker | None = None,
+        approach: tuple[ArrayLike, ArrayLike] | None = None,
+        gravity: float = 0.0,
+        preload: Mapping[int, ArrayLike] | None = None,
+    ) -> None:
+        places = check.floats("places", places)
+        if places.ndim != 2 or places.shape[1] not in (1, 2, 3) or not len(places):
+            raise TensegrityError(
+                f"places have shape {places.shape}, must be (beads, 1), 2 or 3, of one bead or more"
+            )
+        places = check.vector("places", places, places.shape)
+        if not isinstance(contacts, str) or contacts not in ("fixed", "follow"):
+            raise TensegrityError(f"contacts {check.shown(contacts)} must be 'fixed' or 'follow'")
+        filled = per_place(beads, len(places))
+        named = _named_walls(walls)
+        self._made_of = {
+            "places": places, "beads": filled, "walls": named, "contacts": contacts,
+            "parts": parts, "striker": striker, "approach": approach,
+            "gravity": gravity, "preload": preload,
+        }  # fmt: skip
+        self.places, self.striker = places, striker
+        given = {"beads": tuple(range(len(places)))} if parts is None else dict(parts)
+        if striker is not None:
+            start, self._heading = (np.asarray(x, dtype=float) for x in approach)  # type: ignore[union-attr]
+            places, filled = np.concatenate([places, start[None]]), (*filled, striker.bead)
+            given = {"striker": (len(places) - 1,), **given}
+        self.parts, self.beads = given, filled
+        self.named_walls, self.wall_names = dict(named), tuple(named)
+        solids = tuple(material for _, material in named.values())
+        self.wall_materials = solids
+        springs = SharedSprings(hertz)
+        radius = np.array([bead.radius for bead in filled])
+        planes = [wall for wall, _ in named.values()]
+        bonds, touched = self._touching(places, radius, planes)
+        followed = None
+        if contacts == "follow":  # a wall that ends holds a bead only as long as it is beside it
+            endless = np.array([wall.extent is None for wall in planes], dtype=bool)
+            touched = touched[endless[touched[:, 1]]]
+            followed = _Law(filled, planes, solids, springs)
+        loads = _loads(filled, places.shape, gravity, preload)
+        found = None
+        if striker is not None and loads.any():
+            found = Pack(**self._made_of | {"striker": None, "approach": None}).equilibrium
+        super().__init__(
+            places,
+            bonds,
+            [springs(filled[i], filled[j]) for i, j in bonds.tolist()],
+            mass=[bead.mass for bead in filled],
+            walls=planes,
+            wall_contacts=touched,
+            wall_spring=[springs(filled[s], solids[w]) for s, w in touched.tolist()],
+            wall_gaps=np.zeros(len(touched)),
+            radius=radius,
+            loads=loads,
+            contacts=contacts,
+            law=followed,
+        )
+        if striker is None and loads.any():
+            found = settle(self)
+        self.equilibrium = found
+        self.rest = self._rest(radius)
+
+    def _touching(
+        self, places: Array, radius: Array, walls: Sequence[Wall]
+    ) -> tuple[Indices, Indices]:
+        """Pairs of beads and (bead, wall) that touch; refuses those that overlap."""
+        from scipy.spatial import cKDTree
+
+        far = np.abs(places).max(axis=1)
+        if np.any(far > FARTHEST * radius.min()):
+            k = int(np.argmax(far))
+            raise TensegrityError(
+                f"{self.name(k)} is {far[k]:.3g} m off the origin, must be at most "
+                f"{FARTHEST * radius.min():.3g} m, {FARTHEST:.0e} radii: gaps are lost in round-off"
+            )
+        reach = 2 * radius.max() * (1 + TOUCH)
+        pairs = cKDTree(places).query_pairs(reach, output_type="ndarray").reshape(-1, 2)
+        pairs = np.sort(pairs, axis=1)
+        pairs = pairs[np.lexsort(pairs.T[::-1])]
+        i, j = pairs.T
+        apart = np.linalg.norm(places[j] - places[i], axis=1)
+        room = TOUCH * (radius[i] + radius[j])
+        gap = apart - radius[i] - radius[j]
+        if np.any(gap < -room):
+            k = int(np.argmin(gap))
+            raise TensegrityError(
+                f"{self.name(int(i[k]))} and {self.name(int(j[k]))} overlap by {-gap[k]:.6g} m at "
+                f"the start, at most {room[k]:.1g} m is taken for touching: their centres are "
+                f"{apart[k]:.6g} m apart, their radii add up to {radius[i[k]] + radius[j[k]]:.6g} m"
+            )
+        touched = []
+        for number, (wall, name) in enumerate(zip(walls, self.wall_names, strict=True)):
+            if wall.point.size != places.shape[1]:
+                raise TensegrityError(
+                    f"wall {name!r} has {wall.point.size} coordinates, the places have "
+                    f"{places.shape[1]}"
+                )
+            height, beside = wall.height(places), wall.overhang(places) <= 0
+            depth = np.where(beside, radius - height, radius - wall.distance(places))
+            worst = int(np.argmax(depth / radius))
+            if depth[worst] > 2 * TOUCH * radius[worst]:
+                where = "behind" if height[worst] < 0 and beside[worst] else "through"
+                raise TensegrityError(
+                    f"{self.name(worst)} reaches {depth[worst]:.6g} m {where} the wall {name!r} at "
+                    f"the start: its centre is {height[worst]:.6g} m before it, must be at least "
+                    f"its radius, {radius[worst]:.6g} m"
+                )
+            close = np.flatnonzero(beside & (np.abs(height - radius) <= 2 * TOUCH * radius))
+            touched += [(site, number) for site in close.tolist()]
+        touched.sort()
+        return pairs[gap <= room], np.array(touched, dtype=int).reshape(-1, 2)
+
+    def _rest(self, radius: Array) -> Array:
+        """Displacements at rest; the striker is taken along by the bead that it is nearest to, and
+        moved back as far as it would overlap others."""
+        u = np.zeros(self.shape)
+        if self.equilibrium is None:
+            return u
+        beads = slice(len(self.places))
+        u[beads] = self.equilibrium.u
+        if self.striker is not None:
+            first, radii = self.positions[-1], radius[beads] + radius[-1]
+            gaps = np.linalg.norm(self.positions[beads] - first, axis=1) - radii
+            u[-1] = u[int(np.argmin(gaps))]
+            apart = first + u[-1] - self.positions[beads] - u[beads]
+            along = apart @ self._heading
+            within = radii**2 - np.sum(apart**2, axis=1)
+            back = along + np.sqrt(np.maximum(along**2 + within, 0.0))
+            close = within > 2e-12 * radii**2
+            u[-1] -= np.max(back[close], initial=0.0) * self._heading
+        return u
+
+    def start(self) -> State:
+        """The striker moving, all else at rest.
+
+        Raises
+        ------
+        TensegrityError
+            A pack without a striker: give velocities to `at_rest`.
+        """
+        if self.striker is None:
+            raise TensegrityError(
+                "this pack has no striker to start: give velocities to at_rest, {site: velocity}"
+            )
+        velocity = (self.striker.speed * self._heading).tolist()
+        return self.at_rest({self.sites - 1: velocity})
+
+    def distance(self, part: str, numbers: tuple[int, int]) -> float:
+        """Straight way between the centres of two different beads of a part at the start [m]."""
+        super().distance(part, numbers)  # refuses what are no two different beads of it
+        first, second = (self.positions[self.site(part, number)] for number in numbers)
+        return float(np.linalg.norm(second - first))
+
+
+def _loads(
+    beads: Sequence[Bead],
+    shape: tuple[int, ...],
+    gravity: float,
+    preload: Mapping[int, ArrayLike] | None,
+) -> Array:
+    """Constant force on each site [N]."""
+    gravity = check.number("gravity", gravity, least=0, unit="m/s^2")
+    loads = np.zeros(shape)
+    loads[:, -1] -= gravity * np.array([bead.mass for bead in beads])
+    if preload is None:
+        return loads
+    if not isinstance(preload, Mapping):
+        raise TensegrityError(f"preload {check.shown(preload)} must be a dict {{site: force}}")
+    for site, force in preload.items():
+        number = check.whole("site of a preload", site, least=0)
+        if number >= shape[0]:
+            raise TensegrityError(f"site {number} of a preload must be below {shape[0]}")
+        given = check.floats(f"preload of site {number}", force)
+        loads[number] += check.vector(f"preload of site {number}", given, shape[1:])
+    return loads
+
+
+class _Law:
+    """The springs of contacts that form, by sites and walls."""
+
+    def __init__(
+        self,
+        beads: Sequence[Bead],
+        walls: Sequence[Wall],
+        solids: Sequence[Material],
+        springs: SharedSprings,
+    ) -> None:
+        self._beads, self._springs = beads, springs
+        self._walls, self._solids = walls, solids
+
+    def __call__(self, site: int, other: int | Wall) -> Any:
+        if isinstance(other, Wall):
+            number = next(k for k, wall in enumerate(self._walls) if wall is other)
+            return self._springs(self._beads[site], self._solids[number])
+        return self._springs(self._beads[site], self._beads[other])
+
+
+def pack(
+    places: ArrayLike,
+    beads: Bead | Sequence[Bead],
+    walls: Walls | None = None,
+    contacts: str = "follow",
+    *,
+    gravity: float = 0.0,
+    preload: Mapping[int, ArrayLike] | None = None,
+) -> Pack:
+    """Beads at any places, on a line, in the plane or in space.
+
+    Parameters
+    ----------
+    places : array_like, (beads, dim)
+        Centres [m], dim 1 to 3; the last axis points up.  Beads must not overlap: pairs, and beads
+        and walls, with a gap of at most 1e-9 diameters, of either sign, touch.
+    beads : Bead or sequence of Bead
+        One for all, or one for each place.
+    walls : dict of str to (Wall, Material), optional
+        By name; walls with an `extent` end there, others do not.
+    contacts : {"follow", "fixed"}, optional
+        "follow": contacts that form are found before they act, and a bead that leaves through an
+        open side, or flies past the end of a wall, is followed; one that touches the end of a wall,
+        for which there is no law, ends the run with ContactError.  "fixed": so does any contact
+        that is not there at the start.
+    gravity : float, optional
+        [m/s^2], >= 0, downward along the last axis.  States of the pack start from its static
+        equilibrium, `equilibrium`; beads that find none near their places are an error.
+    preload : dict of int to array_like (dim,), optional
+        Constant force [N] on these beads, {site: force}; as gravity.
+
+    Returns
+    -------
+    Pack
+        With the part "beads"; `at_rest({site: velocity})` makes states of it.
+
+    Raises
+    ------
+    TensegrityError
+        Beads that overlap each other or a wall, or stand behind one; what is not a Bead, a Wall or
+        a Material; shapes that do not fit.
+    EquilibriumError
+        A bead that finds no rest under the loads within a tenth of its radius.
+    """
+    return Pack(places, beads, walls, contacts, gravity=gravity, preload=preload)
+
+
+def per_place(beads: Bead | Sequence[Bead], count: int) -> tuple[Bead, ...]:
+    """One Bead for each of `count` places, from one for all or a sequence."""
+    if isinstance(beads, Bead):
+        return (beads,) * count
+    if not isinstance(beads, Iterable) or isinstance(beads, (str, bytes, Mapping)):
+        raise TensegrityError(f"beads {check.shown(beads)} are not a Bead or a sequence of Beads")
+    beads = tuple(beads)
+    for number, bead in enumerate(beads):
+        if not isinstance(bead, Bead):
+            raise TensegrityError(f"bead {number} is {check.shown(bead)}, not a Bead")
+    if len(beads) != count:
+        raise TensegrityError(f"{len(beads)} beads for {count} places: give one for each")
+    return beads
+
+
+def _named_walls(walls: Walls | None) -> dict[str, tuple[Wall, Material]]:
+    """Walls by name as given, if they are."""
+    if walls is None:
+        return {}
+    if not isinstance(walls, Mapping):
+        raise TensegrityError(f"walls {check.shown(walls)} must be a dict of names and pairs")
+    found = {}
+    for name, pair in walls.items():
+        check.kind("name of a wall", name, str)
+        if not isinstance(pair, (tuple, list)) or len(pair) != 2:
+            raise TensegrityError(
+                f"wall {name!r} is {check.shown(pair)}, must be a pair (Wall, Material)"
+            )
+        check.kind(f"wall {name!r}", pair[0], Wall)
+        known = "; take one of granular.materials"
+        check.kind(f"material of the wall {name!r}", pair[1], Material, known)
+        found[name] = (pair[0], pair[1])
+    return found

@@ -1,0 +1,161 @@
+/* Several numbers side by side, in one register of the processor where it has such: `pack`.
+
+   What the text of a law or of the geometry needs of them.  Roots and quotients start from the
+   processor's own estimates, good to 14 bits, where it has them for these registers (AVX-512).  A
+   root takes one step of fourth order, 1/sqrt(1 - e) to the third power of e < 2^-13; a quotient
+   two of second order, the last with the remainder.  Elsewhere there is no estimate of doubles,
+   and the processor's roots and divisions are taken. */
+
+#if defined(EXTENDED)
+#define WIDE 1
+#elif defined(__AVX512F__)
+#define WIDE 8
+#elif defined(__AVX__)
+#define WIDE 4
+#else
+#define WIDE 2
+#endif
+#if defined(__AVX__) && WIDE > 1
+#include <immintrin.h>
+#endif
+
+#define GROUP 8 /* of which every list of contacts consists; a multiple of WIDE */
+#define PACKED static inline __attribute__((always_inline))
+#define LANES_OF(l) for (int l = 0; l < WIDE; l++)
+
+#if WIDE == 1
+typedef real pack;
+typedef integer mask;
+#define LANE(x, l) (*(&(x) + (l)))
+#define TRUTH(c) ((real)(c))
+#define SELECT(c, a, b) ((c) ? (a) : (b))
+PACKED pack wide(real x) { return x; }
+PACKED mask wide_integer(integer n) { return n; }
+PACKED pack magnitude(pack x) { return fabs(x); }
+#else
+typedef real pack __attribute__((vector_size(8 * WIDE)));
+typedef integer mask __attribute__((vector_size(8 * WIDE)));
+#define LANE(x, l) ((x)[l])
+#define SELECT(c, a, b) ((pack)(((mask)(c) & (mask)(a)) | (~(mask)(c) & (mask)(b))))
+#define TRUTH(c) ((pack)((mask)(c) & (mask)wide(1)))
+PACKED pack wide(real x)
+{
+    pack y;
+    LANES_OF(l) y[l] = x;
+    return y;
+}
+PACKED mask wide_integer(integer n)
+{
+    mask y;
+    LANES_OF(l) y[l] = n;
+    return y;
+}
+PACKED pack magnitude(pack x) { return (pack)((mask)x & wide_integer(0x7fffffffffffffff)); }
+#endif
+
+PACKED pack load(const real *at)
+{
+    pack y;
+    __builtin_memcpy(&y, at, sizeof y);
+    return y;
+}
+PACKED mask load_integers(const integer *at)
+{
+    mask y;
+    __builtin_memcpy(&y, at, sizeof y);
+    return y;
+}
+PACKED void store(real *at, pack x) { __builtin_memcpy(at, &x, sizeof x); }
+
+#if WIDE == 8
+PACKED pack larger_of(pack x, pack y) { return _mm512_max_pd(x, y); }
+PACKED pack smaller_of(pack x, pack y) { return _mm512_min_pd(x, y); }
+/* Zero where `c` does not hold. */
+PACKED pack only(mask c, pack x) { return _mm512_maskz_mov_pd(_mm512_movepi64_mask((__m512i)c), x); }
+#define ESTIMATE(x) _mm512_rsqrt14_pd(x)
+#define SERIES(e) (wide(0.5) + (e) * (wide(0.375) + (e) * 0.3125))
+PACKED pack root(pack x)
+{
+    const pack y = _mm512_min_pd(wide(1e300), ESTIMATE(x)); /* finite at 0, nan below */
+    const pack h = x * y, e = 1 - h * y;
+    return h + h * e * SERIES(e);
+}
+PACKED pack inverse_root(pack x)
+{
+    const pack y = ESTIMATE(x), e = 1 - x * y * y;
+    return y + y * e * SERIES(e);
+}
+PACKED pack quotient(pack x, pack y)
+{
+    const pack z = _mm512_rcp14_pd(y), z2 = z + z * (1 - y * z), q = x * z2;
+    return q + (x - y * q) * z2;
+}
+PACKED pack root_by(pack x, pack inverse)
+{
+    return _mm512_maskz_mul_pd(_mm512_cmp_pd_mask(x, wide(0), _CMP_NEQ_UQ), x, inverse);
+}
+#else
+PACKED pack larger_of(pack x, pack y) { return SELECT(x > y, x, y); }
+PACKED pack smaller_of(pack x, pack y) { return SELECT(x < y, x, y); }
+PACKED pack only(mask c, pack x) { return SELECT(c, x, wide(0)); }
+PACKED pack root(pack x)
+{
+#if WIDE == 4
+    return _mm256_sqrt_pd(x);
+#else
+    pack y;
+    LANES_OF(l) LANE(y, l) = sqrt(LANE(x, l));
+    return y;
+#endif
+}
+PACKED pack inverse_root(pack x) { return 1 / root(x); }
+PACKED pack root_by(pack x, pack inverse) { return root(x); }
+PACKED pack quotient(pack x, pack y) { return x / y; }
+#endif
+
+/* What no processor does for several numbers at once. */
+#define ONE_BY_ONE(y, f, ...) LANES_OF(l) LANE(y, l) = f(__VA_ARGS__);
+
+/* The product is rounded before it is added: contracted with the sum, forces that are equal and
+   opposite would differ in their last bit, and momentum with them.  gcc keeps a product that is
+   also stored; others need not. */
+#if WIDE == 8
+#define ROUNDED(x) __asm__("" : "+v"(x));
+#elif WIDE == 4
+#define ROUNDED(x) __asm__("" : "+x"(x));
+#else
+#define ROUNDED(x) __asm__("" : "+m"(x));
+#endif
+
+#define ROOM 24 /* packs that wait between two passes, all in the nearest cache */
+
+/* The numbers that begin at base + at[lane], as many as a site has coordinates.  Up to four are
+   read: behind the last row is another. */
+PACKED void columns(const real *base, const int *at, pack *out)
+{
+#if WIDE == 8 && DIM > 1
+#define TWO(i, j)                                                                           \
+    _mm512_mask_broadcast_f64x4(                                                            \
+        _mm512_castpd256_pd512(_mm256_loadu_pd(base + at[i])), 0xf0, _mm256_loadu_pd(base + at[j]))
+    const __m512d a = TWO(0, 2), b = TWO(1, 3), c = TWO(4, 6), d = TWO(5, 7);
+    const __m512d ab = _mm512_unpacklo_pd(a, b), cd = _mm512_unpacklo_pd(c, d);
+    out[0] = _mm512_shuffle_f64x2(ab, cd, 0x88);
+    out[1] = _mm512_shuffle_f64x2(_mm512_unpackhi_pd(a, b), _mm512_unpackhi_pd(c, d), 0x88);
+#if DIM > 2
+    out[2] = _mm512_shuffle_f64x2(ab, cd, 0xdd);
+#endif
+#elif WIDE == 4 && DIM > 1
+#define TWO(i, j, k)                                                                        \
+    _mm256_insertf128_pd(                                                                   \
+        _mm256_castpd128_pd256(_mm_loadu_pd(base + at[i] + k)), _mm_loadu_pd(base + at[j] + k), 1)
+    const __m256d a = TWO(0, 2, 0), b = TWO(1, 3, 0);
+    out[0] = _mm256_unpacklo_pd(a, b);
+    out[1] = _mm256_unpackhi_pd(a, b);
+#if DIM > 2
+    out[2] = _mm256_unpacklo_pd(TWO(0, 2, 2), TWO(1, 3, 2));
+#endif
+#else
+    for (int k = 0; k < DIM; k++) LANES_OF(l) LANE(out[k], l) = base[at[l] + k];
+#endif
+#undef TWO
+}

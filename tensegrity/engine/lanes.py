@@ -1,0 +1,212 @@
+"""CasADi functions as C that works on several elongations side by side; see `lanes.c`.
+
+CasADi writes scalar C, of which compilers make vectors only where they can and with the
+processor's own roots.  Here the same instructions are written for packs of numbers: one
+reciprocal for all divisions by one thing, and none beside a root of it.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+
+QUARTERS = 32  # a power up to an exponent of 8 in quarters becomes products and roots
+
+
+def _names(ca):
+    """C of operations: {operation: text of its arguments a and b}, and names of the C library."""
+    texts = {
+        ca.OP_ASSIGN: "{a}", ca.OP_ADD: "{a} + {b}", ca.OP_SUB: "{a} - {b}",
+        ca.OP_MUL: "{a} * {b}", ca.OP_NEG: "-{a}", ca.OP_SQ: "{a} * {a}", ca.OP_TWICE: "{a} + {a}",
+        ca.OP_LT: "TRUTH({a} < {b})", ca.OP_LE: "TRUTH({a} <= {b})",
+        ca.OP_EQ: "TRUTH({a} == {b})", ca.OP_NE: "TRUTH({a} != {b})",
+        ca.OP_NOT: "TRUTH({a} == wide(0))", ca.OP_AND: "{a} * {b}", ca.OP_OR: "larger_of({a}, {b})",
+        ca.OP_FMAX: "larger_of({a}, {b})", ca.OP_FMIN: "smaller_of({a}, {b})",
+        ca.OP_FABS: "magnitude({a})", ca.OP_SIGN: "TRUTH({a} > wide(0)) - TRUTH({a} < wide(0))",
+        ca.OP_IF_ELSE_ZERO: "only((mask)({a} != wide(0)), {b})",
+    }  # fmt: skip
+    library = [
+        "EXP", "LOG", "SIN", "COS", "TAN", "ASIN", "ACOS", "ATAN", "SINH", "COSH", "TANH", "ASINH",
+        "ACOSH", "ATANH", "FLOOR", "CEIL", "ERF", "ATAN2", "FMOD", "COPYSIGN",
+    ]  # fmt: skip
+    called = {getattr(ca, f"OP_{name}"): name.lower() for name in library}
+    return texts, called | {ca.OP_POW: "library_power", ca.OP_CONSTPOW: "library_power"}
+
+
+def text(function, name, arguments, inputs, outputs):
+    """C of a function that does this for the packs number 0 to n - 1, in several passes.
+
+    Each pass goes as far as a root or a division: what limits a processor is the longest chain of
+    slow operations that fits its window, not their number alone.
+
+    Parameters
+    ----------
+    function : casadi.Function
+        Made of SX.
+    name, arguments : str
+        Of the C function, whose first argument is n.
+    inputs, outputs : sequence of sequences of str
+        C of pack number g of each entry of each argument, and of each result.
+    """
+    import casadi as ca
+
+    found = _Body(ca, inputs, outputs).of(function)
+    return f"__attribute__((noinline)) static void {name}(integer n, {arguments})\n{{\n{found}}}\n"
+
+
+@dataclass
+class _Value:
+    """A constant of the text: its pass, whether the next pass has to wait for it, and uses."""
+
+    level: int
+    slow: bool = False
+    kept: bool = False
+
+
+class _Body:
+    """The statements of one function, each value in a constant of its own."""
+
+    def __init__(self, ca, inputs, outputs):
+        self._ca, self._inputs, self._outputs = ca, inputs, outputs
+        self._texts, self._library = _names(ca)
+        self._lines = []  # (pass, names set, names read, text)
+        self._values = {}  # name -> _Value
+        self._known = {}  # expression -> name: CasADi repeats divisions
+        self._divisors = set()  # names of what is divided by more than once
+
+    def of(self, function):
+        ca, work = self._ca, {}
+        below = self._denominators(function)
+        for k in range(function.n_instructions()):
+            operation = function.instruction_id(k)
+            source, target = function.instruction_input(k), function.instruction_output(k)
+            if operation == ca.OP_CONST:
+                work[target[0]] = _literal(function.instruction_constant(k))
+            elif operation == ca.OP_INPUT:
+                work[target[0]] = self._inputs[source[0]][source[1]]
+            elif operation == ca.OP_OUTPUT:
+                given = work[source[0]]
+                self._add(f"{self._outputs[target[0]][target[1]]} = {given};", (), (given,))
+            else:
+                a, b = (*(work[s] for s in source), None)[:2]
+                work[target[0]] = self._value(operation, a, b, below.get(k, 0))
+                if below.get(k, 0) > 1:
+                    self._divisors.add(work[target[0]])
+        return self._passes()
+
+    def _denominators(self, function):
+        """How often the result of each instruction is divided by."""
+        made, found = {}, {}
+        for k in range(function.n_instructions()):
+            operation, source = function.instruction_id(k), function.instruction_input(k)
+            if operation in (self._ca.OP_DIV, self._ca.OP_INV):
+                found[made[source[-1]]] = found.get(made[source[-1]], 0) + 1
+            if operation != self._ca.OP_OUTPUT:
+                made[function.instruction_output(k)[0]] = k
+        return found
+
+    def _value(self, operation, a, b, divides):
+        ca = self._ca
+        if operation == ca.OP_SQRT:
+            return self._roots(a) if divides else self._new(f"root({a})", a, slow=True)
+        if operation in (ca.OP_POW, ca.OP_CONSTPOW) and (n := _quarters(b)) is not None:
+            return self._power(a, n)
+        if operation == ca.OP_INV:
+            return self._new(_inverse(a), a, slow=True)
+        if operation == ca.OP_DIV:
+            if _inverse(b) in self._known or b in self._divisors:
+                inverse = self._new(_inverse(b), b, slow=True)
+                return self._new(f"{a} * {inverse}", a, inverse)
+            return self._new(f"quotient({a}, {b})", a, b, slow=True)
+        if operation in self._texts:
+            return self._new(self._texts[operation].format(a=a, b=b), a, b)
+        if operation in self._library:
+            return self._one_by_one(self._library[operation], a, b)
+        raise NotImplementedError(f"operation {operation} of CasADi")
+
+    def _add(self, line, sets, reads):
+        reads = [self._values[x] for x in reads if x in self._values]
+        level = max((x.level + (x.slow and bool(sets)) for x in reads), default=0)
+        for value in reads:
+            value.kept |= value.level < level
+        self._lines.append((level, sets, line))
+        return level
+
+    def _name(self, expression, line, *reads, slow=False):
+        """A new value with the line that computes it, in which it is {0}."""
+        name = f"x{len(self._values)}"
+        level = self._add(line.format(name), (name,), reads)
+        self._known[expression], self._values[name] = name, _Value(level, slow)
+        return name
+
+    def _new(self, expression, *reads, slow=False):
+        if expression in self._known:
+            return self._known[expression]
+        return self._name(expression, f"{{0}} = {expression};", *reads, slow=slow)
+
+    def _roots(self, a):
+        """A root and beside it its inverse, which costs less than the root itself."""
+        if f"root({a})" not in self._known:
+            down = self._name(f"inverse of root({a})", f"{{0}} = inverse_root({a});", a, slow=True)
+            up = self._new(f"root_by({a}, {down})", a, down)
+            self._known[f"root({a})"], self._known[_inverse(up)] = up, down
+        return self._known[f"root({a})"]
+
+    def _power(self, a, quarters):
+        whole, rest = divmod(quarters, 4)
+        half = self._new(f"root({a})", a, slow=True) if rest else None
+        factors = [half] if rest >= 2 else []
+        factors += [self._new(f"root({half})", half, slow=True)] if rest % 2 else []
+        factors += [a] * whole or ["wide(1)"]
+        return self._new(" * ".join(factors), *factors)
+
+    def _one_by_one(self, called, a, b):
+        given = [_scalar(x) for x in (a, b) if x is not None]
+        call = f"ONE_BY_ONE({{0}}, {called}, {', '.join(given)})"
+        return self._known.get(call) or self._name(call, call, a, b, slow=True)
+
+    def _passes(self):
+        """The lines of each pass in a loop; what a later one needs is kept in arrays."""
+        levels, kept = [[] for _ in range(1 + max(line[0] for line in self._lines))], []
+        later = [set() for _ in levels]
+        for level, sets, line in self._lines:
+            declared = ", ".join(sets)
+            levels[level].append(f"pack {declared}; {line}" if sets else line)
+            for name in sets:
+                if self._values[name].kept:
+                    levels[level].append(f"k{name}[g] = {name};")
+                    kept.append(f"k{name}[ROOM]")
+            for name in re.findall(r"\bx\d+\b", line):
+                if name not in sets and self._values[name].level < level:
+                    later[level].add(name)
+        found = f"    pack {', '.join(kept)};\n" if kept else ""
+        for lines, names in zip(levels, later, strict=True):
+            loads = [f"const pack {name} = k{name}[g];" for name in sorted(names)]
+            body = "".join(f"        {line}\n" for line in loads + lines)
+            found += f"    for (integer g = 0; g < n; g++) {{\n{body}    }}\n"
+        return found
+
+
+def _inverse(value):
+    return f"quotient(wide(1), {value})"
+
+
+def _literal(value):
+    if math.isnan(value):
+        return "wide(NAN)"
+    if math.isinf(value):
+        return "wide(-INFINITY)" if value < 0 else "wide(INFINITY)"
+    return f"wide({value!r})"
+
+
+def _scalar(value):
+    return value[5:-1] if value.startswith("wide(") else f"LANE({value}, l)"
+
+
+def _quarters(b):
+    """Four times a constant exponent, where that is a small whole number."""
+    if not b.startswith("wide(") or not (0 <= float(b[5:-1].lower()) * 4 <= QUARTERS):
+        return None
+    n = 4 * float(b[5:-1])
+    return int(n) if n == int(n) else None

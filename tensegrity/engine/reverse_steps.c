@@ -1,0 +1,119 @@
+/* Stages and steps backwards, one text for every scene. */
+
+static void reverse_stage(const scene *c, real a, real b)
+{
+    const integer n = c->entries;
+    real *u = c->u, *v = c->v, *pull = c->pull, *turn = c->turn; /* those called have them too */
+    const real *w = c->w;
+#if EXACT
+    if (b != 0) {
+        moves_of_u(c, b, v, turn);
+        EACH(n) u[i] -= turn[i];
+    }
+#else
+    EACH(n) u[i] -= b * v[i];
+#endif
+    for (integer o = 0; o < c->objectives; o++) {
+        real *ub = c->ub + o * n, *vb = c->vb + o * n;
+        EACH(n) vb[i] += b * ub[i];
+    }
+    if (a == 0) return;
+    place(c);
+    laws(c);
+    gather(c);
+#if EXACT
+    moves_of_v(c, a, w, pull, turn);
+    EACH(n) v[i] -= turn[i];
+#else
+    EACH(n) v[i] -= a * w[i] * pull[i];
+#endif
+    for (integer o = 0; o < c->objectives; o++) {
+        const real *vb = c->vb + o * n;
+        real *wb = c->wb + o * n;
+        EACH(n) {
+            turn[i] = a * w[i] * vb[i];
+            wb[i] += a * vb[i] * pull[i];
+        }
+        scatter(c, o);
+    }
+}
+
+/* Add what the objectives have to do with the state after step number k. */
+void sow(const scene *c, const seeds *s, integer k)
+{
+    if (k < s->begin || k > s->end) return;
+    for (integer o = 0; o < c->objectives; o++) {
+        const real *row = s->rows + (o * (s->end - s->begin + 1) + k - s->begin) * s->count;
+        for (integer j = 0; j < s->of_u; j++) c->ub[o * c->entries + s->places[j]] += row[j];
+        for (integer j = s->of_u; j < s->count; j++)
+            c->vb[o * c->entries + s->places[j]] += row[j];
+    }
+}
+
+/* Undo `steps` steps, the last of them number `last`, as `advance_part` did them. */
+void reverse(const scene *c, integer steps, integer opened, integer close, integer last,
+             const seeds *s)
+{
+    const real closing = c->closing ? c->kicks[c->stages] : 0;
+    if (c->closing && close) reverse_stage(c, closing, 0);
+    for (integer k = steps - 1; k >= 0; k--) {
+        for (integer i = c->stages - 1; i >= 0; i--)
+            reverse_stage(c, c->kicks[i] + ((k > 0 || opened) && i == 0 ? closing : 0),
+                          c->drifts[i]);
+        if (s) sow(c, s, last - (steps - k));
+    }
+}
+
+#if EXACT
+static void stage(const scene *c, real a, real b)
+{
+    const integer n = c->entries;
+    real *u = c->u, *v = c->v, *turn = c->turn;
+    if (a != 0) {
+        place(c);
+        real *low = c->low, *high = c->high, *r = c->r;
+        EACH(c->bonds) {
+            low[i] = r[i] < low[i] ? r[i] : low[i];
+            high[i] = r[i] > high[i] ? r[i] : high[i];
+        }
+        tensions(c);
+        gather(c);
+        moves_of_v(c, a, c->w, c->pull, turn);
+        EACH(n) v[i] += turn[i];
+    }
+    if (b == 0) return;
+    real largest = 0;
+    moves_of_u(c, b, v, turn);
+    for (integer i = 0; i < c->moving; i++) largest = larger(largest, fabs(turn[i]));
+    EACH(n) u[i] += turn[i];
+    *c->travel += largest;
+}
+
+void advance(const scene *c, integer steps)
+{
+    const real closing = c->closing ? c->kicks[c->stages] : 0;
+    for (integer k = 0; k < steps; k++)
+        for (integer i = 0; i < c->stages; i++)
+            stage(c, c->kicks[i] + (k > 0 && i == 0 ? closing : 0), c->drifts[i]);
+    if (steps > 0 && c->closing) stage(c, closing, 0);
+}
+#endif
+
+/* Steps one by one by a loop's own function, keeping the entries asked for after each. */
+void sampled(void (*step)(const void *, integer), const void *loop, integer steps, const real *u,
+             const real *v, const integer *places, integer count, integer of_u, real *rows)
+{
+    for (integer k = 0; k < steps; k++, rows += count) {
+        step(loop, 1);
+        for (integer j = 0; j < count; j++) rows[j] = j < of_u ? u[places[j]] : v[places[j]];
+    }
+}
+
+#define EVALUATE_CASE(K, OWN)                                                               \
+    if (law == K && !OWN) rows_##K##_##OWN(n, n, r, f, k, d, p, p);
+
+/* The same for n elongations of a bond of one law, with its parameters p. */
+void evaluate(integer law, integer n, const real *p, const real *r, real *f, real *k, real *d)
+{
+    RUNS(EVALUATE_CASE)
+}

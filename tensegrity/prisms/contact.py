@@ -1,0 +1,124 @@
+"""Where bars of some thickness touch first along a path that takes them as lines.
+
+The path itself is that of members without thickness: beyond the touch it holds no more.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from tensegrity import check
+from tensegrity.errors import TensegrityError
+from tensegrity.prisms.path import EquilibriumPath
+from tensegrity.structures.path import StructurePath
+
+if TYPE_CHECKING:
+    from tensegrity.typing import Array
+
+
+class BarContact(NamedTuple):
+    """The first touch of two bars along a path."""
+
+    bars: tuple[int, int]  #: their numbers
+    shortening: float  #: [m]; of a path of control the control
+    load: float  #: [N]; of a path of control nan is never returned: 0
+    distance: float  #: of their axes at the reference [m]
+
+
+def bar_contact(path: EquilibriumPath | StructurePath, diameter: float) -> BarContact | None:
+    """Where bars of a diameter touch first, or None where they stay apart on the whole path.
+
+    Parameters
+    ----------
+    path : EquilibriumPath or StructurePath
+        From `equilibrium_path` or `control_path`.
+    diameter : float
+        Of all bars [m].
+
+    Returns
+    -------
+    BarContact or None
+        Between rows the distances of axes are interpolated linearly in the first column.
+    """
+    diameter = check.number("diameter", diameter, above=0, unit="m")
+    if isinstance(path, EquilibriumPath):
+        start = int(np.argmin(np.abs(path.shortening)))
+        x, pairs = _prism_nodes(path)[start:], _free_pairs(_prism_bars(path.prism.sides))
+        along, load = path.shortening[start:], path.load[start:]
+    elif isinstance(path, StructurePath):
+        x = path.positions
+        pairs = _free_pairs(path.structure.ends[: path.structure.bars].tolist())
+        names = list(path.columns)
+        along = path.columns[names[0]]
+        load = path.columns["load"] if "load" in names else np.zeros(len(along))
+    else:
+        raise TensegrityError(
+            f"path {check.shown(path)} is not one of a prism or a structure: see equilibrium_path"
+        )
+    found = None
+    for numbers, ends in pairs:
+        apart = distances(x, ends) - diameter
+        touching = np.flatnonzero(apart <= 0)
+        if not touching.size:
+            continue
+        row = int(touching[0])
+        place = float(row)
+        if row:
+            place = row - 1 + float(apart[row - 1] / (apart[row - 1] - apart[row]))
+        if found is None or place < found[0]:
+            found = place, numbers, float(apart[0] + diameter)
+    if found is None:
+        return None
+    rows = np.arange(len(along))
+    at = float(np.interp(found[0], rows, along)), float(np.interp(found[0], rows, load))
+    return BarContact(found[1], *at, found[2])
+
+
+def distances(x: Array, ends: tuple[int, int, int, int]) -> Array:
+    """Least distances [m] of two bars at many positions (rows, nodes, dim), ends included."""
+    a, b, c, d = (x[:, node] for node in ends)
+    u, v, w = b - a, d - c, a - c
+    uu, uv, vv = (np.sum(p * q, axis=1) for p, q in ((u, u), (u, v), (v, v)))
+    uw, vw = np.sum(u * w, axis=1), np.sum(v * w, axis=1)
+    found = np.full(len(x), np.inf)
+    det = uu * vv - uv**2
+    s = np.where(det > 1e-12 * uu * vv, (uv * vw - vv * uw) / np.where(det > 0, det, 1), 0.0)
+    inner = np.clip(s, 0, 1)
+    for part in (inner, np.zeros(len(x)), np.ones(len(x))):
+        t = np.clip((uv * part + vw) / vv, 0, 1)
+        s = np.clip((uv * t - uw) / uu, 0, 1)
+        gap = w + s[:, None] * u - t[:, None] * v
+        found = np.minimum(found, np.sqrt(np.sum(gap**2, axis=1)))
+    return found
+
+
+def _free_pairs(
+    bars: list[tuple[int, int]],
+) -> list[tuple[tuple[int, int], tuple[int, int, int, int]]]:
+    return [
+        ((i, j), (*bars[i], *bars[j]))
+        for i, j in combinations(range(len(bars)), 2)
+        if not {*bars[i]} & {*bars[j]}
+    ]
+
+
+def _prism_bars(sides: int) -> list[tuple[int, int]]:
+    return [(j, sides + j) for j in range(sides)]
+
+
+def _prism_nodes(path: EquilibriumPath) -> Array:
+    """(rows, 2 n, 3)."""
+    n = path.prism.sides
+    radius = path.base / (2 * np.sin(np.pi / n))
+    angles = 2 * np.pi / n * np.arange(n)
+    result = np.zeros((len(path), 2 * n, 3))
+    turns = (np.zeros(len(path)), path.twist)
+    for level, turn in enumerate(turns):
+        place = result[:, n * level : n * (level + 1)]
+        place[..., 0] = radius[:, None] * np.cos(angles + turn[:, None])
+        place[..., 1] = radius[:, None] * np.sin(angles + turn[:, None])
+    result[:, n:, 2] = path.height[:, None]
+    return result

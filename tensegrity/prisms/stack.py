@@ -1,0 +1,74 @@
+"""Nodes and members of prisms on one another: what `column` and `Prism.structure` give.
+
+Source: seeds/000, part III, chains of prisms; members without thickness.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tensegrity import check
+from tensegrity.errors import TensegrityError
+from tensegrity.structures.structure import Structure
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from tensegrity.typing import Array
+
+
+def stacked(prism: Any, count: int, chirality: str, plates: bool) -> Structure:
+    """See `tensegrity.column`."""
+    count = check.whole("count", count, least=1)
+    plates = check.truth("plates", plates)
+    if not isinstance(chirality, str) or chirality not in ("alternate", "same"):
+        raise TensegrityError(f"chirality {check.shown(chirality)} must be 'alternate' or 'same'")
+    if math.isinf(prism.k_base) or math.isinf(prism.k_bar):
+        raise TensegrityError(
+            f"k_base {prism.k_base:g} N/m and k_bar {prism.k_bar:g} N/m must be finite: rigid "
+            "bases or bars have no structure"
+        )
+    from derivations import prism as derived
+
+    n, rest = prism.sides, prism.natural_lengths()
+    nodes: list[Array] = []
+    bars: list[tuple[int, int]] = []
+    cross: list[tuple[int, int]] = []
+    bases, shares = [], []
+    turn, level = 0.0, 0
+    for unit in range(count):
+        sense = -1 if chirality == "alternate" and unit % 2 else 1
+        if plates or unit == 0:
+            nodes.append(_polygon(prism, turn, unit * prism.height))
+            shares.append(1.0)
+        else:
+            shares[-1] = 2.0
+        turn += sense * prism.reference_twist
+        nodes.append(_polygon(prism, turn, (unit + 1) * prism.height))
+        shares.append(1.0)
+        start = n * (len(nodes) - 2)
+        for member, listed in ((derived.BAR, bars), (derived.CROSS, cross)):
+            listed += [(start + i, start + n + (i + sense * member.step) % n) for i in range(n)]
+    for level in range(len(nodes)):
+        bases += [(n * level + i, n * level + (i + 1) % n) for i in range(n)]
+    between = range(1, len(nodes) - 1, 2) if plates else ()
+    return Structure(
+        np.concatenate(nodes),
+        bars=bars,
+        strings=cross + bases,
+        k_bar=prism.k_bar,
+        k_string=np.repeat([prism.k_cross, *(prism.k_base * np.array(shares))],
+                           [len(cross), *[n] * len(nodes)]),
+        natural_lengths=np.repeat([rest.bar, rest.cross, rest.base],
+                                  [len(bars), len(cross), len(bases)]),
+        platforms=[range(n * level, n * (level + 2)) for level in between],
+    )  # fmt: skip
+
+
+def _polygon(prism: Any, turn: float, height: float) -> Array:
+    angles = turn + 2 * np.pi / prism.sides * np.arange(prism.sides)
+    place = prism.circumradius * np.column_stack([np.cos(angles), np.sin(angles)])
+    return np.column_stack([place, np.full(prism.sides, height)])

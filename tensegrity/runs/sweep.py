@@ -1,0 +1,287 @@
+"""The same function of many cases, here or on the workers of any `concurrent.futures.Executor`.
+
+A case that raises is kept with its error and the rest goes on.  A worker that dies takes its case
+along: that case is repeated once, by itself where a pool of processes broke, and kept as failed
+if it is lost again.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import pickle
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tensegrity import check
+from tensegrity.errors import TensegrityError
+from tensegrity.runs import archive
+
+if TYPE_CHECKING:
+    from types import TracebackType
+
+AHEAD = 1024  # cases handed to an executor at a time
+WRITING = 0.1  # share of the time that a checkpoint may take
+
+
+@dataclass(frozen=True)
+class Failed:
+    """A case without a result.
+
+    Attributes
+    ----------
+    number : int
+        Of the case, from 0.
+    error : str
+        Name and message of what it raised, or by which its worker was lost.
+    lost : bool
+        Whether its worker was.
+    """
+
+    number: int
+    error: str
+    lost: bool = False
+
+
+archive.register(Failed, vars)
+
+
+def sweep(
+    function: Callable[[Any], Any],
+    cases: Iterable[Any],
+    executor: Executor | None = None,
+    checkpoint: str | os.PathLike[str] | None = None,
+) -> list[Any]:
+    """Results of a function for each of many cases, in their order.
+
+    Parameters
+    ----------
+    function : callable
+        Of one case.  For a pool of processes it has to be one that other processes can import.
+    cases : iterable
+    executor : concurrent.futures.Executor, optional
+        Whose workers compute the cases: a pool of processes or threads,
+        `dask.distributed.Client.get_executor()`, `mpi4py.futures.MPIPoolExecutor`.  By default
+        they are computed here, one after the other.
+    checkpoint : str or path, optional
+        File in which results are kept as they come, written beside and renamed; with it the same
+        call goes on where it was broken off.  Results must be numbers, text, None, arrays, or
+        sequences and dicts of these; sequences come back as tuples.
+
+    Returns
+    -------
+    list
+        One for each case; a `Failed` where it raised, or its worker died twice.
+
+    Raises
+    ------
+    TensegrityError
+        A function that cannot be called or sent; no executor; a checkpoint of other cases.
+
+    Examples
+    --------
+    >>> sweep(abs, [-1, 2, "x"])
+    [1, 2, Failed(number=2, error="TypeError: bad operand type for abs(): 'str'", lost=False)]
+    """
+    if not callable(function):
+        raise TensegrityError(f"function {check.shown(function)} cannot be called")
+    if isinstance(cases, (str, bytes)) or not isinstance(cases, Iterable):
+        raise TensegrityError(f"cases {check.shown(cases)} are not a sequence of cases")
+    cases = list(cases)
+    ledger = _Ledger(checkpoint, function, cases)
+    left = [k for k in range(len(cases)) if k not in ledger.results]
+    with Crew(executor) as crew, progress(len(cases), "case", len(ledger.results)) as bar:
+        try:
+            for number, result in crew.outcomes(function, [cases[k] for k in left]):
+                k = left[number]
+                ledger.add(k, replace(result, number=k) if isinstance(result, Failed) else result)
+                bar.update()
+        finally:
+            ledger.write()
+    return [ledger.results[k] for k in range(len(cases))]
+
+
+def progress(total: int, unit: str, done: int = 0) -> Any:
+    """A bar for what takes long, where there is a terminal."""
+    from tqdm import tqdm
+
+    return tqdm(total=total, initial=done, unit=unit, delay=1.0, leave=False, disable=None)
+
+
+class _Ledger:
+    """Results so far, in memory and in a file."""
+
+    def __init__(self, path: Any, function: Any, cases: Sequence[Any]) -> None:
+        self._path = None if path is None else check.path("checkpoint", path)
+        self.results: dict[int, Any] = {}
+        self._fresh, self._due, self._took = False, 0.0, 0.0
+        if self._path is None:
+            return
+        name = f"{getattr(function, '__module__', '')}.{getattr(function, '__qualname__', '')}"
+        try:
+            self._of = {"function": name, "cases": archive.fingerprint(tuple(cases))}
+        except TypeError as error:  # such as complex numbers
+            raise TensegrityError(f"cases that no checkpoint can name: {error}") from error
+        if self._path.exists():
+            kept = archive.read(self._path, "sweep")
+            require_same(self._path, "sweep", kept["of"], self._of)
+            self.results = dict(zip(kept["numbers"], kept["results"], strict=True))
+
+    def add(self, number: int, result: Any) -> None:
+        """Keep a result; write where that does not take much of the time."""
+        if self._path is not None and not _can_be_kept(result):
+            raise TensegrityError(
+                f"the result of case {number} is {check.shown(result)}, which no checkpoint holds"
+            )
+        self.results[number], self._fresh = result, True
+        if time.monotonic() >= self._due:
+            self.write()
+
+    def write(self) -> None:
+        """Write what is new."""
+        if self._path is None or not self._fresh:
+            return
+        began = time.monotonic()
+        numbers = sorted(self.results)
+        results = [self.results[k] for k in numbers]
+        keep(self._path, "sweep", {"of": self._of, "numbers": numbers, "results": results})
+        self._fresh = False
+        self._due = time.monotonic() + (time.monotonic() - began) / WRITING
+
+
+def _can_be_kept(result: Any) -> bool:
+    trial = archive._Writer()
+    try:
+        json.dumps(trial.value(result))
+    except TypeError:  # such as complex numbers
+        return False
+    return not trial.opaque
+
+
+def keep(path: Path, kind: str, data: dict[str, Any]) -> None:
+    """Write a checkpoint beside and rename it."""
+    try:
+        archive.write(path, kind, data)
+    except OSError as error:
+        raise TensegrityError(f"checkpoint {path}: {error.strerror}") from error
+
+
+def require_same(path: Path, kind: str, there: dict[str, Any], here: dict[str, Any]) -> None:
+    """Refuse the checkpoint of something else, naming the difference."""
+    for name, value in here.items():
+        if there.get(name) != value:
+            was, now = check.shown(there.get(name)), check.shown(value)
+            raise TensegrityError(
+                f"checkpoint {path} is of another {kind}: its {name} is {was}, here {now}"
+            )
+
+
+class Crew:
+    """Workers of an executor, or this process alone, that outlive the death of one of them."""
+
+    def __init__(self, executor: Executor | None) -> None:
+        if executor is not None and not isinstance(executor, Executor):
+            raise TensegrityError(
+                f"executor {check.shown(executor)} is not a concurrent.futures.Executor"
+            )
+        self._executor, self._own = executor, False
+
+    @property
+    def is_apart(self) -> bool:
+        """Whether others than this thread compute."""
+        return self._executor is not None
+
+    def __enter__(self) -> Crew:
+        return self
+
+    def __exit__(
+        self, kind: type | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._own and self._executor is not None:
+            self._executor.shutdown(cancel_futures=True)
+
+    def outcomes(
+        self, function: Callable[[Any], Any], cases: Sequence[Any]
+    ) -> Iterator[tuple[int, Any]]:
+        """(number, result or Failed) of each case, in the order in which they are done."""
+        if self._executor is None:
+            for number, case in enumerate(cases):
+                yield number, _unwrapped(number, _attempt(function, case))
+            return
+        self._require_sendable(function)
+        ahead = AHEAD
+        if isinstance(self._executor, ProcessPoolExecutor):
+            ahead = 2 * (os.cpu_count() or 1) + 2  # all of them are lost with one process
+        waiting, running = iter(range(len(cases))), dict[Future[Any], int]()
+        try:
+            while True:
+                lost = []
+                while len(running) < ahead and (number := next(waiting, None)) is not None:
+                    try:
+                        running[self._executor.submit(_attempt, function, cases[number])] = number
+                    except RuntimeError:  # it broke, or was shut down
+                        lost.append(number)
+                        break
+                done = wait(running, return_when=FIRST_COMPLETED).done if running else set()
+                for future in done:
+                    number = running.pop(future)
+                    if future.exception() is None:
+                        yield number, _unwrapped(number, future.result())
+                    else:  # not of the function, which is caught: of its worker
+                        lost.append(number)
+                for number in lost:
+                    yield number, self._once_more(number, function, cases[number])
+                if not (running or done or lost):
+                    return
+        finally:
+            for future in running:
+                future.cancel()
+
+    def _once_more(self, number: int, function: Callable[[Any], Any], case: Any) -> Any:
+        """The result of a case that was lost; a pool that broke is replaced."""
+        try:
+            if isinstance(self._executor, ProcessPoolExecutor):
+                with ProcessPoolExecutor(1) as alone:
+                    answer = alone.submit(_attempt, function, case).result()
+                self._replace_broken()
+            else:
+                answer = self._executor.submit(_attempt, function, case).result()  # type: ignore[union-attr]
+        except Exception as error:
+            self._replace_broken()
+            return Failed(number, f"{type(error).__name__}: {error}", lost=True)
+        return _unwrapped(number, answer)
+
+    def _replace_broken(self) -> None:
+        if not isinstance(self._executor, ProcessPoolExecutor):
+            return
+        try:
+            self._executor.submit(int).result()
+        except RuntimeError:
+            self._executor, self._own = ProcessPoolExecutor(), True
+
+    def _require_sendable(self, function: Callable[[Any], Any]) -> None:
+        if not isinstance(self._executor, ProcessPoolExecutor):
+            return
+        try:
+            pickle.dumps(function)
+        except Exception as error:
+            raise TensegrityError(
+                f"function {check.shown(function)} cannot be sent to other processes: {error}"
+            ) from error
+
+
+def _attempt(function: Callable[[Any], Any], case: Any) -> tuple[bool, Any]:
+    """Whether a case has a result, and it, or its error in words."""
+    try:
+        return True, function(case)
+    except Exception as error:
+        return False, f"{type(error).__name__}: {error}"
+
+
+def _unwrapped(number: int, answer: tuple[bool, Any]) -> Any:
+    good, result = answer
+    return result if good else Failed(number, result)

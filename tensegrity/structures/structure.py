@@ -1,0 +1,566 @@
+"""A structure of bars and strings that a user describes, and what follows from its shape.
+
+Lumped masses at the nodes; members massless, straight and linear elastic in their elongation.
+Source: seeds/000, part III, "Elastic problem", for members; Pellegrino & Calladine 1986 for
+self-stress and mechanisms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tensegrity import check
+from tensegrity.errors import EquilibriumError, TensegrityError
+from tensegrity.readonly import ReadOnly, fixed
+from tensegrity.structures import statics
+from tensegrity.structures.members import Members
+from tensegrity.structures.solve import NEUTRAL, Freedom, lowest_eigenvalues, settle
+from tensegrity.structures.supports import Supports
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from numpy.typing import ArrayLike
+
+    from tensegrity.scenes.network import Network
+    from tensegrity.structures.statics import SelfStress
+    from tensegrity.typing import Array, Flags, Indices
+
+SAME = 1e-9  # force that is left on a node, over those of its members: no self-stress
+
+
+@dataclass(frozen=True)
+class Modes:
+    """The softest modes of a structure, rigid motions out.
+
+    Attributes
+    ----------
+    eigenvalues : ndarray, (count,)
+        Of the tangent stiffness [N/m], the lowest first; one below 0 is an instability.
+    frequencies : ndarray, (count,)
+        Angular frequencies of small motions [rad/s], the lowest first; below 0 the rate [1/s]
+        at which an unstable motion grows.
+    shapes : ndarray, (count, nodes, dim)
+        Motions that belong to the frequencies, the largest displacement of a node being 1.
+    """
+
+    eigenvalues: Array
+    frequencies: Array
+    shapes: Array
+
+
+class Structure(ReadOnly):
+    """Nodes joined by bars and strings.
+
+    Parameters
+    ----------
+    positions : array_like, (nodes, dim)
+        [m], dim 2 or 3.
+    bars, strings : sequence of (int, int)
+        The two nodes of each.  All arrays of members hold bars first, then strings.
+    k_bar, k_string : float or array_like, (bars,) or (strings,)
+        EA over natural length [N/m], > 0.
+    mass : float or array_like, (nodes,), optional
+        Of each node [kg], > 0.
+    natural_lengths : array_like, (members,), optional
+        Lengths without stress [m]; by default those of the positions.
+    platforms : sequence of sequences of int, optional
+        Nodes on each of some rigid plates inside of the structure, smooth and guided along the
+        last axis: they move along it as one.  In statics only.
+
+    Attributes
+    ----------
+    positions, natural_lengths, stiffnesses, mass : ndarray
+    ends : ndarray of int, (members, 2)
+    is_string : ndarray of bool, (members,)
+
+    Raises
+    ------
+    TensegrityError
+        If a member has no length or is given twice, a node is in no member, or a number is
+        outside its bounds.
+    """
+
+    def __init__(
+        self,
+        positions: ArrayLike,
+        bars: Sequence[tuple[int, int]] = (),
+        strings: Sequence[tuple[int, int]] = (),
+        k_bar: ArrayLike = 100.0,
+        k_string: ArrayLike = 1.0,
+        mass: ArrayLike = 1.0,
+        natural_lengths: ArrayLike | None = None,
+        platforms: Sequence[Sequence[int]] = (),
+    ) -> None:
+        places = check.floats("positions", positions)
+        if places.ndim != 2 or places.shape[1] not in (2, 3) or not len(places):
+            raise TensegrityError(f"positions have shape {places.shape}, must be (nodes, 2) or 3")
+        self.positions = check.vector("positions", places, places.shape)
+        nodes = len(places)
+        pairs = [_pairs(name, given, nodes) for name, given in (("bar", bars), ("string", strings))]
+        self.ends = np.concatenate(pairs)
+        self.is_string = np.arange(len(self.ends)) >= len(pairs[0])
+        if not len(self.ends):
+            raise TensegrityError("0 bars and strings, must be at least 1")
+        _refuse_double(self.ends, len(pairs[0]))
+        alone = sorted(set(range(nodes)) - set(self.ends.ravel().tolist()))
+        if alone:
+            raise TensegrityError(f"node {alone[0]} is in no member")
+        self.stiffnesses = np.concatenate(
+            [
+                _each(name, given, len(of), "N/m")
+                for name, given, of in zip(
+                    ("k_bar", "k_string"), (k_bar, k_string), pairs, strict=True
+                )
+            ]
+        )
+        self.mass = _each("mass", mass, nodes, "kg")
+        self.platforms = _platforms(platforms, nodes)
+        lengths = self.lengths
+        short = np.flatnonzero(~(lengths > 1e-12 * np.ptp(places, axis=0).max()))
+        if short.size:
+            i, j = self.ends[short[0]].tolist()
+            raise TensegrityError(
+                f"{self.name_of(int(short[0]))} between nodes {i} and {j} has length "
+                f"{lengths[short[0]]:g} m, must be above 0"
+            )
+        if natural_lengths is None:
+            self.natural_lengths = lengths
+        else:
+            self.natural_lengths = _each("natural length", natural_lengths, len(lengths), "m")
+
+    def name_of(self, member: int) -> str:
+        """A member in words."""
+        bars = self.bars
+        return f"string {member}" if member >= bars else f"bar {member}"
+
+    @property
+    def nodes(self) -> int:
+        """Number of nodes."""
+        return len(self.positions)
+
+    @property
+    def dim(self) -> int:
+        """2 or 3."""
+        return int(self.positions.shape[1])
+
+    @property
+    def bars(self) -> int:
+        """Number of bars."""
+        return int(np.sum(~self.is_string))
+
+    @property
+    def strings(self) -> int:
+        """Number of strings."""
+        return int(np.sum(self.is_string))
+
+    @cached_property
+    def members(self) -> Members:
+        """What computes forces and energy."""
+        return Members(self.ends, self.stiffnesses, self.natural_lengths, self.is_string)
+
+    @cached_property
+    def lengths(self) -> Array:
+        """Lengths of the members at the positions [m], (members,)."""
+        d = self.positions[self.ends[:, 1]] - self.positions[self.ends[:, 0]]
+        return fixed(np.sqrt(np.einsum("ij,ij->i", d, d)))
+
+    @cached_property
+    def tensions(self) -> Array:
+        """Of the members at the positions [N], (members,); 0 of slack strings."""
+        return fixed(self.members.tensions(self.positions))
+
+    @property
+    def densities(self) -> Array:
+        """Force densities, tension over length [N/m], (members,)."""
+        return self.tensions / self.lengths
+
+    @property
+    def slack(self) -> Flags:
+        """Which members are slack strings, (members,)."""
+        return ~self.members.taut(self.lengths)
+
+    # the shape alone
+
+    def self_stress(self) -> SelfStress:
+        """States of self-stress of the shape, whatever the stiffnesses."""
+        return statics.self_stress(self.positions, self.ends, self.is_string)
+
+    def mechanisms(self) -> Array:
+        """Motions that stretch no member, rigid ones out, (count, nodes, dim), orthonormal."""
+        return statics.mechanisms(self.positions, self.ends)
+
+    def nearest_form(self) -> Structure:
+        """The structure moved as little as possible to a shape that has a self-stress.
+
+        For shapes that were measured: see `SelfStress.gap`.  Natural lengths become those of the
+        new shape.
+        """
+        if len(self.self_stress().states):
+            return self
+        return self.at(statics.nearest_form(self.positions, self.ends), natural_lengths=None)
+
+    # structures made from this one
+
+    def at(self, positions: ArrayLike, **other: Any) -> Structure:
+        """The same structure at other positions; other arguments of `Structure` by name."""
+        given: dict[str, Any] = {
+            "bars": self.ends[: self.bars],
+            "strings": self.ends[self.bars :],
+            "k_bar": self.stiffnesses[: self.bars],
+            "k_string": self.stiffnesses[self.bars :],
+            "mass": self.mass,
+            "natural_lengths": self.natural_lengths,
+            "platforms": self.platforms,
+        }
+        return Structure(positions, **(given | other))
+
+    def at_mass(self, mass: ArrayLike) -> Structure:
+        """The same structure with other masses of its nodes [kg]."""
+        return self.at(self.positions, mass=mass)
+
+    def prestressed(
+        self,
+        force_densities: ArrayLike | None = None,
+        prestrain: Mapping[int, float] | None = None,
+    ) -> Structure:
+        """Natural lengths that make this shape an equilibrium with given stress.
+
+        Parameters
+        ----------
+        force_densities : array_like, (members,), optional
+            [N/m], tension > 0; a state of self-stress.
+        prestrain : dict, optional
+            {member: (length - natural length)/natural length} of as many strings as there are
+            states of self-stress; members are numbered bars first.
+
+        Returns
+        -------
+        Structure
+
+        Raises
+        ------
+        EquilibriumError
+            If the shape has no self-stress, or these force densities are none.
+        """
+        if (force_densities is None) == (prestrain is None):
+            raise TensegrityError("give force_densities or prestrain, one of them")
+        if force_densities is not None:
+            q = check.vector("force_densities", force_densities, (len(self.ends),))
+            matrix = statics.equilibrium_matrix(self.positions, self.ends)
+            left = np.abs(matrix @ q).max()
+            size = (np.abs(matrix) @ np.abs(q)).max()
+            if left > SAME * size:
+                raise EquilibriumError(
+                    f"these force densities are no self-stress: a force of {left:.3g} N is left, "
+                    f"beside {size:.3g} N"
+                )
+        else:
+            q = self._with_prestrain(prestrain)
+        natural = self.lengths * (1 - q / self.stiffnesses)
+        bad = np.flatnonzero(~(natural > 0))
+        if bad.size:
+            raise TensegrityError(
+                f"force density {q[bad[0]]:.6g} N/m of {self.name_of(int(bad[0]))} must be below "
+                f"its stiffness {self.stiffnesses[bad[0]]:g} N/m"
+            )
+        return self.at(self.positions, natural_lengths=natural)
+
+    def _with_prestrain(self, prestrain: Any) -> Array:
+        """Force densities of which some strings have given prestrains."""
+        if not isinstance(prestrain, Mapping) or not prestrain:
+            raise TensegrityError(
+                f"prestrain {check.shown(prestrain)} must be a dict {{string: value}}"
+            )
+        stress = self.self_stress()
+        if not len(stress.states):
+            return stress.feasible  # says why not
+        numbers = [self.member_number(m) for m in prestrain]
+        for number in numbers:
+            if not self.is_string[number]:
+                raise TensegrityError(
+                    f"prestrain of bar {number}: strings are numbered from {self.bars} to "
+                    f"{len(self.ends) - 1}"
+                )
+        if len(numbers) != len(stress.states):
+            raise TensegrityError(
+                f"prestrain of {len(numbers)} strings, must be of {len(stress.states)}: that many "
+                "states of self-stress has this shape"
+            )
+        values = np.array(
+            [check.number(f"prestrain of string {m}", x, above=-1) for m, x in prestrain.items()]
+        )
+        wanted = self.stiffnesses[numbers] * values / (1 + values)
+        part = stress.states[:, numbers].T
+        if np.linalg.cond(part) > 1e10:
+            raise TensegrityError(
+                f"the prestrains of strings {', '.join(map(str, numbers))} do not determine the "
+                "self-stress: choose others"
+            )
+        return np.asarray(np.linalg.solve(part, wanted) @ stress.states)
+
+    def member_number(self, member: object) -> int:
+        """The number of a member that a user names, checked."""
+        number = check.whole("member", member, least=0)
+        if number >= len(self.ends):
+            raise TensegrityError(f"member {number} must be below {len(self.ends)}")
+        return number
+
+    def relaxed(self) -> Structure:
+        """The structure in the shape that its natural lengths give, found downhill from this one.
+
+        Raises
+        ------
+        EquilibriumError
+            If all strings and bars end without stress.
+        """
+        x = settle(self.members, self.freedom(None), self.positions, 0 * self.positions)
+        found = self.at(x)
+        if not (np.abs(found.tensions) > 1e-12 * self.stiffnesses * self.natural_lengths).any():
+            longest = np.max(self.lengths / self.natural_lengths)
+            raise EquilibriumError(
+                "these natural lengths leave all members without stress: no prestress holds a "
+                f"shape (largest tension {np.abs(found.tensions).max():.3g} N; before, lengths "
+                f"were up to {longest:.6g} of natural ones)"
+            )
+        return found
+
+    # stiffness
+
+    def stiffness(self) -> Any:
+        """Tangent stiffness at the positions [N/m], SciPy sparse array (nodes dim, nodes dim).
+
+        Slack strings are absent; one at its natural length counts as taut.
+        """
+        return self.members.tangent(self.positions)
+
+    def modes(self, count: int = 6, supports: Supports | None = None) -> Modes:
+        """The softest modes over the motions that supports leave, rigid motions out.
+
+        Parameters
+        ----------
+        count : int, optional
+        supports : Supports, optional
+
+        Returns
+        -------
+        Modes
+        """
+        count = check.whole("count", count, least=1)
+        freedom = self.freedom(supports)
+        tangent, weights = self.stiffness(), np.repeat(self.mass, self.dim)
+        floor = self.least_eigenvalue_bound
+        squares, vectors = lowest_eigenvalues(tangent, freedom, weights, count, floor)
+        if np.ptp(self.mass) == 0:
+            values = squares * self.mass[0]
+        else:
+            values = lowest_eigenvalues(tangent, freedom, None, count, floor)[0]
+        shapes = vectors.T.reshape(-1, *self.positions.shape)
+        largest = np.sqrt(np.sum(shapes**2, axis=2)).max(axis=1)
+        frequencies = np.sign(squares) * np.sqrt(np.abs(squares))
+        return Modes(values, frequencies, shapes / largest[:, None, None])
+
+    @property
+    def least_eigenvalue_bound(self) -> float:
+        """A bound [N/m] from below of the eigenvalues of the tangent, by members that push."""
+        pushed = np.maximum(-self.densities, 0.0)
+        return -2 * float(
+            np.max(np.bincount(self.ends.ravel(), np.repeat(pushed, 2), minlength=self.nodes))
+        )
+
+    def is_stable(self, supports: Supports | None = None) -> bool:
+        """Whether every motion that supports leave costs energy, rigid motions apart."""
+        freedom = self.freedom(supports)
+        if freedom.motions.shape[1] == freedom.rigid.shape[1]:
+            return True  # nothing can move
+        values, _ = lowest_eigenvalues(
+            self.stiffness(), freedom, None, 1, self.least_eigenvalue_bound
+        )
+        return bool(values[0] > NEUTRAL * self.stiffnesses.max())
+
+    def freedom(self, supports: Supports | None) -> Freedom:
+        """Motions that supports and platforms leave."""
+        if supports is not None:
+            check.kind("supports", supports, Supports, ": made by held(...) or plates(...)")
+        return Freedom.of(supports, self.positions, self.platforms, self.parts)
+
+    @cached_property
+    def parts(self) -> tuple[Any, ...]:
+        """Node numbers of each part that no member joins to another."""
+        from scipy.sparse import coo_matrix
+        from scipy.sparse.csgraph import connected_components
+
+        joined = coo_matrix((np.ones(len(self.ends)), self.ends.T), shape=(self.nodes,) * 2)
+        count, label = connected_components(joined, directed=False)
+        return tuple(np.flatnonzero(label == k) for k in range(count))
+
+    def network(self) -> Network:
+        """The structure as a scene for `simulate`: strings pull only, bars pull and push.
+
+        Lines without thickness: members pass through each other.  Displacements count from the
+        positions.
+
+        Raises
+        ------
+        TensegrityError
+            If there are platforms, which a scene does not have.
+        """
+        if self.platforms:
+            raise TensegrityError(
+                f"{len(self.platforms)} platforms: a structure with rigid plates has statics only"
+            )
+        from tensegrity.structures.dynamics import network
+
+        return network(self.positions, self.members, self.mass)
+
+    def __repr__(self) -> str:
+        return (
+            f"Structure({self.nodes} nodes in {self.dim} dimensions, {self.bars} bars, "
+            f"{self.strings} strings, {int(self.slack.sum())} of them slack)"
+        )
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """A state of equilibrium under loads.
+
+    Attributes
+    ----------
+    structure : Structure
+        At the new positions.
+    loads : ndarray, (nodes, dim)
+        [N].
+    supports : Supports or None
+    """
+
+    structure: Structure
+    loads: Array
+    supports: Supports | None
+
+    @property
+    def positions(self) -> Array:
+        """[m], (nodes, dim)."""
+        return self.structure.positions
+
+    @property
+    def tensions(self) -> Array:
+        """Of the members [N], (members,)."""
+        return self.structure.tensions
+
+    @property
+    def slack(self) -> Flags:
+        """Which members are slack strings, (members,)."""
+        return self.structure.slack
+
+    @cached_property
+    def stable(self) -> bool:
+        """Whether it is a minimum of the energy under these loads and supports."""
+        return self.structure.is_stable(self.supports)
+
+    @cached_property
+    def reactions(self) -> Array:
+        """Forces that supports exert on the nodes [N], (nodes, dim)."""
+        return self.structure.members.gradient(self.positions) - self.loads
+
+
+def equilibrium(
+    structure: Structure,
+    loads: Mapping[int, Sequence[float]] | None = None,
+    supports: Supports | None = None,
+) -> Equilibrium:
+    """The equilibrium under constant loads, found downhill in energy from the positions.
+
+    Parameters
+    ----------
+    structure : Structure
+    loads : dict, optional
+        {node: force (dim,) [N]}.
+    supports : Supports, optional
+        By default none: the loads must then be in equilibrium themselves.
+
+    Returns
+    -------
+    Equilibrium
+
+    Raises
+    ------
+    EquilibriumError
+        If the supports leave rigid motions on which the loads do work, or nothing carries them.
+    """
+    check.kind("structure", structure, Structure)
+    if supports is not None:
+        check.kind("supports", supports, Supports, ": made by held(...) or plates(...)")
+    forces = nodal(structure, loads)
+    freedom = structure.freedom(supports)
+    x = settle(structure.members, freedom, structure.positions, forces)
+    return Equilibrium(structure.at(x), fixed(forces), supports)
+
+
+def nodal(structure: Structure, loads: Any) -> Array:
+    """Loads as an array (nodes, dim)."""
+    result = np.zeros(structure.positions.shape)
+    if loads is None:
+        return result
+    if not isinstance(loads, Mapping):
+        raise TensegrityError(f"loads {check.shown(loads)} must be a dict {{node: force}}")
+    for node, force in loads.items():
+        number = check.whole("loaded node", node, least=0)
+        if number >= structure.nodes:
+            raise TensegrityError(f"loaded node {number} must be below {structure.nodes}")
+        result[number] = check.vector(f"load of node {number}", force, (structure.dim,))
+    return result
+
+
+def _platforms(given: Any, nodes: int) -> tuple[tuple[int, ...], ...]:
+    try:
+        groups = tuple(tuple(group) for group in given)
+    except TypeError:
+        raise TensegrityError(f"platforms {check.shown(given)} must list nodes of each") from None
+    numbers = [check.whole("node of a platform", n, least=0) for group in groups for n in group]
+    for number in numbers:
+        if number >= nodes or numbers.count(number) > 1:
+            raise TensegrityError(
+                f"node {number} of a platform must be below {nodes} and on one platform only"
+            )
+    return groups
+
+
+def _pairs(name: str, given: Any, nodes: int) -> Indices:
+    try:
+        listed = [tuple(pair) for pair in given]
+    except TypeError:
+        raise TensegrityError(f"{name}s {check.shown(given)} must be pairs of nodes") from None
+    for pair in listed:
+        if len(pair) != 2:
+            raise TensegrityError(f"{name} {check.shown(pair)} must join two nodes")
+        for node in pair:
+            if check.whole(f"node of a {name}", node, least=0) >= nodes:
+                raise TensegrityError(f"node {node} of a {name} must be below {nodes}")
+        if pair[0] == pair[1]:
+            raise TensegrityError(f"{name} joins node {pair[0]} to itself: its length is 0 m")
+    return np.array(listed, dtype=np.int64).reshape(-1, 2)
+
+
+def _refuse_double(ends: Indices, bars: int) -> None:
+    first: dict[tuple[int, int], int] = {}
+    for number, (i, j) in enumerate(np.sort(ends, axis=1).tolist()):
+        if (i, j) in first:
+            words = [f"{'bar' if m < bars else 'string'} {m}" for m in (first[i, j], number)]
+            raise TensegrityError(f"{words[0]} and {words[1]} both join nodes {i} and {j}")
+        first[i, j] = number
+
+
+def _each(name: str, given: ArrayLike, count: int, unit: str) -> Array:
+    values = check.floats(name, given)
+    if values.shape not in ((), (count,)):
+        raise TensegrityError(f"{name} has shape {values.shape}, must be one or ({count},)")
+    bad = np.flatnonzero(~((values > 0) & np.isfinite(values)))
+    if bad.size:
+        worst = values.ravel()[bad[0]]
+        raise TensegrityError(f"{name} {worst:g} {unit} must be finite and above 0")
+    return np.broadcast_to(values, (count,)).copy()

@@ -1,0 +1,187 @@
+"""Contacts side by side: roots, laws, lists, threads, and forces that are opposite to the bit."""
+
+import ctypes
+import shutil
+
+import casadi as ca
+import numpy as np
+import pytest
+from networks import patch, pushed
+
+from tensegrity import Network, PowerLaw, Prism, State, Wall
+from tensegrity.engine import codegen, lanes
+from tensegrity.engine.bonds import GROUP
+from tensegrity.engine.compiled import BoundNet, Compiled
+from tensegrity.engine.methods import METHODS
+from tensegrity.engine.native import library
+from tensegrity.engine.pieces import BoundParts
+from tensegrity.engine.slices import TILE, slices
+
+pytestmark = pytest.mark.needs_compiler
+WITHOUT = ["", "-mno-avx512f", "-mno-avx"]  # what a processor may lack
+
+
+def packed(function, flags=()):
+    """A function of one argument as the compiled text of it does it, over an array (n, 8)."""
+    text = lanes.text(function, "made", "const pack *x, pack *y", [["x[g]"]], [["y[g]"]])
+    call = (
+        "void call(integer n, const real *x, real *y)\n{\n    pack a, b;\n"
+        "    for (integer i = 0; i < n; i += WIDE) {\n        a = load(x + i);\n"
+        "        made(1, &a, &b);\n        store(y + i, b);\n    }\n}\n"
+    )
+    parts = (codegen._file("prelude.c"), "#define DIM 1", codegen._file("lanes.c"), text, call)
+    found = library("\n".join(parts), flags)["call"]
+    found.argtypes, found.restype = [ctypes.c_longlong, ctypes.c_void_p, ctypes.c_void_p], None
+
+    def apply(x):
+        x = np.ascontiguousarray(x)
+        y = np.empty_like(x)
+        found(x.size, x.ctypes.data, y.ctypes.data)
+        return y
+
+    return apply
+
+
+def made(form):
+    x = ca.SX.sym("x")
+    return ca.Function("f", [x], [form(x)])
+
+
+@pytest.mark.needs_extended
+@pytest.mark.parametrize("flag", WITHOUT)
+@pytest.mark.parametrize(
+    ("form", "exact", "most"),
+    [
+        (ca.sqrt, np.sqrt, 1),
+        (lambda x: 1 / ca.sqrt(x), lambda x: 1 / np.sqrt(x), 1.5),
+        (lambda x: 3 / x, lambda x: 3 / x, 1),
+        (lambda x: x**1.5, lambda x: x * np.sqrt(x), 2),
+        (lambda x: x**0.25, lambda x: np.sqrt(np.sqrt(x)), 2),
+    ],
+)
+def test_roots_and_quotients_are_exact_to_a_unit_or_two(form, exact, most, flag):
+    random = np.random.default_rng(1)
+    x = np.concatenate([random.uniform(0.25, 4, 80_000), 10.0 ** random.uniform(-99, 99, 80_000)])
+    want = exact(x.astype(np.longdouble))
+    error = np.abs(packed(made(form), [flag] if flag else [])(x) - want)
+    assert np.max(error / np.spacing(np.abs(want).astype(float))) < most
+
+
+@pytest.mark.parametrize("flag", WITHOUT)
+def test_the_root_of_nothing_is_nothing_and_below_there_is_none(flag):
+    x = np.array([0.0, -1.0, 1e-320, 4.0] * 2)
+    y = packed(made(ca.sqrt), [flag] if flag else [])(x)
+    np.testing.assert_array_equal(y[[0, 3]], [0, 2])
+    assert np.isnan(y[1])
+    assert y[2] == pytest.approx(np.sqrt(1e-320), rel=1e-12)
+
+
+FORMS = [
+    lambda x: ca.if_else(x < 0.5, ca.sin(x), ca.exp(-x)) + ca.fmax(x, 1) * ca.fmin(x, 2),
+    lambda x: ca.fabs(x - 1) ** 3 + ca.sign(x - 1) + ca.logic_not(x > 1) + x**0.3,
+    lambda x: ca.if_else(ca.logic_and(x > 0.3, x <= 2), ca.log(x), ca.atan2(x, 2)) / (x * x + 1),
+    lambda x: ca.if_else(ca.logic_or(x == 1, x != x), 5, ca.sqrt(x) / ca.sqrt(x + 1)) / x + 2 / x,
+]
+
+
+@pytest.mark.parametrize("flag", WITHOUT[::2])
+@pytest.mark.parametrize("form", FORMS)
+def test_every_operation_does_what_casadi_does(form, flag):
+    function = made(form)
+    x = np.concatenate([np.linspace(0.1, 4, 31), [1.0]])
+    want = np.array(function(x.reshape(1, -1))).ravel()
+    found = packed(function, [flag] if flag else [])(x)
+    np.testing.assert_allclose(found, want, rtol=1e-14, atol=1e-15)
+
+
+def box(side=9, seed=0):
+    """A shaken cubic pile between two walls, of several tiles, some bonds of other strength."""
+    random = np.random.default_rng(seed)
+    cells = np.indices((side,) * 3).reshape(3, -1).T
+    far = (cells[:, None] - cells[None]).astype(float)
+    first, second = np.nonzero(np.triu((far**2).sum(axis=2) <= 2, 1))
+    order = random.permutation(len(first))
+    turned = random.random(len(first)) < 0.5
+    bonds = np.stack([first, second], axis=1)
+    bonds[turned] = bonds[turned, ::-1]
+    springs = [PowerLaw(k, 1.5) for k in (1.0, 2.0, 3.0)]
+    given = [springs[k] for k in random.integers(0, 3, len(first))]
+    walls = [Wall((0, 0, -0.5), (0, 0, 1)), Wall((-0.5, 0, 0), (1, 0, 0))]
+    touching = [
+        (s, k) for k, axis in enumerate((2, 0)) for s in np.flatnonzero(cells[:, axis] == 0)
+    ]
+    return Network(
+        cells + 0.01 * random.random(cells.shape), bonds[order], given, mass=1.0, walls=walls,
+        wall_contacts=touching, wall_spring=PowerLaw(0.3, 1.5), radius=0.5, loads=0.01 * cells,
+    )  # fmt: skip
+
+
+def test_lists_have_every_contact_once():
+    network = box()
+    bonds = network.loop_bonds
+    found, contacts = slices(bonds), bonds.contacts
+    assert found.tiles == -(-network.sites // TILE) > 2
+    seen = []
+    for s in range(len(found.site)):
+        for slot in range(found.begin[s], found.begin[s + 1]):
+            for lane in range(GROUP):
+                if slot - found.begin[s] < found.depth[s, lane]:
+                    entry = slot * GROUP + lane
+                    number = bonds.runs.source[found.contact[entry]]
+                    ends = {found.site[s, lane], found.other[entry]}
+                    assert ends == {contacts.first[number], contacts.second[number]}
+                    seen.append(number)
+    assert sorted(seen) == list(range(len(network.springs)))
+
+
+@pytest.mark.parametrize("count", [2, 3])
+@pytest.mark.parametrize("make", [box, lambda: patch(30), lambda: patch(18, dim=2)])
+def test_threads_give_the_bits_of_one(make, count):
+    network = make()
+    velocity = 0.1 * np.random.default_rng(2).standard_normal(network.shape)
+    found = []
+    for kind in (BoundNet, BoundParts):
+        u, v = network.arrays(State(np.zeros(network.shape), velocity))
+        bonds = network.loop_bonds
+        given = Compiled.of(bonds), u, v, bonds, METHODS["verlet"], 0.05
+        bound = kind(*given, *([count] if kind is BoundParts else []))
+        for steps in (1, 40):
+            bound.advance(steps)
+        found.append((u, v, bound.range, bound.travel))
+    for one, two in zip(*found, strict=True):
+        np.testing.assert_array_equal(one, two)
+    assert np.abs(found[0][0]).max() > 0.05
+
+
+@pytest.mark.parametrize(("dim", "flag"), [(1, ""), (2, ""), *((3, flag) for flag in WITHOUT)])
+def test_two_that_push_each_other_get_opposite_velocities_to_the_last_bit(dim, flag, monkeypatch):
+    """Each pair alone, from rest, of whatever direction and wherever in the list."""
+    monkeypatch.setenv("CC", f"{shutil.which('cc') or shutil.which('gcc')} {flag}")
+    random, count = np.random.default_rng(dim), 300
+    one = 10.0 * np.arange(count)[:, None] + random.random((count, dim))
+    two = one + random.standard_normal((count, dim))
+    positions, order = np.concatenate([one, two]), random.permutation(2 * count)
+    where = np.argsort(order)
+    bonds = np.stack([where[:count], where[count:]], axis=1)
+    apart = np.linalg.norm(two - one, axis=1)
+    network = Network(positions[order], bonds, PowerLaw(1.0, 1.5), lengths=1.05 * apart)
+    u, v = network.arrays(network.at_rest())
+    loop = Compiled.of(network.loop_bonds)
+    BoundNet(loop, u, v, network.loop_bonds, METHODS["rkn6"], 0.1).advance(50)
+    assert np.abs(v).max() > 0.01
+    np.testing.assert_array_equal(v[where[:count]], -v[where[count:]])
+
+
+@pytest.mark.parametrize("flag", WITHOUT[1:])
+def test_processors_agree(flag, monkeypatch):
+    network = patch(12, spring=Prism(1.0, 1.0, 0.2, 1.0, 10.0, 100.0).potential())
+    state, found = pushed(network), []
+    for given in ("", flag):
+        monkeypatch.setenv("CC", f"{shutil.which('cc') or shutil.which('gcc')} {given}")
+        u, v = network.arrays(state)
+        bonds = network.loop_bonds
+        bound = BoundNet(Compiled.of(bonds), u, v, bonds, METHODS["rkn6"], 0.1)
+        bound.advance(40)
+        found.append((u, v, bound.range))
+    for one, two in zip(*found, strict=True):
+        np.testing.assert_allclose(one, two, rtol=0, atol=1e-13 * np.abs(two).max())

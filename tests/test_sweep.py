@@ -1,0 +1,130 @@
+"""Sweeps: results in order, failures kept, workers that die, checkpoints."""
+
+import ast
+import random
+import subprocess
+import sys
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from designs import square_or_die, square_or_die_once, squared
+from test_design_search import ROOT, run_and_kill
+
+from tensegrity import TensegrityError, sweep
+from tensegrity.runs import archive
+from tensegrity.runs.sweep import Failed
+
+
+def test_results_come_in_the_order_of_the_cases_and_failures_with_their_errors():
+    cases = [3, "x", 2, None, 1]
+    expected = [9, "TypeError", 4, "TypeError", 1]
+    with ProcessPoolExecutor(2) as pool, ThreadPoolExecutor(3) as threads:
+        for executor in (None, pool, threads):
+            found = sweep(squared, cases, executor)
+            for number, (result, wanted) in enumerate(zip(found, expected, strict=True)):
+                if isinstance(wanted, str):
+                    assert isinstance(result, Failed)
+                    assert (result.number, result.lost) == (number, False)
+                    assert result.error.startswith(wanted)
+                else:
+                    assert result == wanted
+    assert sweep(squared, []) == []
+
+
+def test_a_case_whose_worker_dies_is_repeated_once_and_the_others_are_not_lost(tmp_path):
+    with ProcessPoolExecutor(2) as pool:
+        cases = [(x, tmp_path / f"died{x}" if x == 5 else tmp_path) for x in range(20)]
+        assert sweep(square_or_die_once, cases, pool) == [x * x for x in range(20)]
+    with ProcessPoolExecutor(2) as pool:
+        found = sweep(square_or_die, [1, 2, -3, 4, -5, *range(6, 30)], pool)
+    dead = {k: one for k, one in enumerate(found) if isinstance(one, Failed)}
+    assert {k: (one.number, one.lost) for k, one in dead.items()} == {2: (2, True), 4: (4, True)}
+    assert "BrokenProcessPool" in dead[2].error
+    assert [x for x in found if not isinstance(x, Failed)] == [
+        x * x for x in (1, 2, 4, *range(6, 30))
+    ]
+
+
+def test_a_sweep_goes_on_from_its_checkpoint(tmp_path):
+    path = tmp_path / "sweep.npz"
+    seen = []
+
+    def counted(x):
+        seen.append(x)
+        if len(seen) == 3:
+            raise KeyboardInterrupt
+        return {"value": x, "row": np.arange(x)}
+
+    with pytest.raises(KeyboardInterrupt):
+        sweep(counted, range(6), checkpoint=path)
+    assert len(archive.read(path, "sweep")["numbers"]) == 2
+    found = sweep(counted, range(6), checkpoint=path)
+    assert seen == [0, 1, 2, 2, 3, 4, 5]
+    assert [one["value"] for one in found] == list(range(6))
+    np.testing.assert_array_equal(found[4]["row"], np.arange(4))
+    with pytest.raises(TensegrityError, match="of another sweep: its cases"):
+        sweep(counted, range(7), checkpoint=path)
+    with pytest.raises(TensegrityError, match="of another sweep: its function"):
+        sweep(squared, range(6), checkpoint=path)
+
+
+def test_what_a_checkpoint_cannot_hold_is_refused(tmp_path):
+    with pytest.raises(TensegrityError, match=r"result of case 0 is .*no checkpoint holds"):
+        sweep(lambda x: object(), [1], checkpoint=tmp_path / "x.npz")
+
+
+@pytest.mark.slow
+def test_killed_at_random_moments_a_sweep_ends_with_the_same_results(tmp_path):
+    path, dice, kills = tmp_path / "sweep.npz", random.Random(2), 0
+    for _ in range(5):
+        kills += run_and_kill("sweep", path, dice.uniform(0.8, 2.0)) is None
+    assert kills
+    last = run_and_kill("sweep", path, 600)
+    assert ast.literal_eval(last) == [x * x for x in range(40)]
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: sweep("abs", [1]), "function 'abs' cannot be called"),
+        (lambda: sweep(abs, 3), "cases 3 are not a sequence"),
+        (lambda: sweep(abs, [1], executor="pool"), "not a concurrent.futures.Executor"),
+        (lambda: sweep(abs, [1], checkpoint=3), "checkpoint 3 is not a path"),
+    ],
+)
+def test_bad_input_is_refused(call, words):
+    with pytest.raises(TensegrityError, match=words):
+        call()
+
+
+def test_a_function_that_other_processes_cannot_import_is_refused_before_any_work():
+    with (
+        ProcessPoolExecutor(1) as pool,
+        pytest.raises(TensegrityError, match="cannot be sent to other processes"),
+    ):
+        sweep(lambda x: x, [1], pool)
+
+
+@pytest.mark.slow
+def test_a_search_under_mpi_gives_the_result_of_one_process(tmp_path):
+    pytest.importorskip("mpi4py")
+    from shutil import which
+
+    if which("mpiexec") is None:
+        pytest.skip("mpiexec is not installed")
+    code = (
+        "import sys; sys.path.insert(0, 'tests'); import designs\n"
+        "from mpi4py.futures import MPIPoolExecutor\n"
+        "if __name__ == '__main__':\n"
+        "    with MPIPoolExecutor() as pool:\n"
+        "        one, two = designs.small_search(), designs.small_search(executor=pool)\n"
+        "    print(one.peak_force == two.peak_force, (one.history == two.history).all())\n"
+    )
+    script = tmp_path / "under_mpi.py"
+    script.write_text(code)
+    answer = subprocess.run(
+        ["mpiexec", "-n", "3", sys.executable, "-m", "mpi4py.futures", str(script)],
+        capture_output=True, text=True, cwd=ROOT, timeout=600,
+    )  # fmt: skip
+    assert answer.stdout.split() == ["True", "True"], answer.stderr
