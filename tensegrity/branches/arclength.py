@@ -43,14 +43,15 @@ class Machine:
     """
 
     def __init__(self, problem, facts, parts=None) -> None:
-        self.unknowns, self.scale = tuple(facts["unknowns"]), np.array(facts["scale"])
+        self.names, self.scale = tuple(facts["unknowns"]), np.array(facts["scale"])
         self.roots, self.folds = tuple(facts["roots"]), tuple(facts["folds"])
-        self.values, self.numbers = tuple(facts["values"]), facts["numbers"]
-        self.kinds, self.m = (*self.roots, *self.folds), len(self.unknowns)
-        self.judged = 2 * self.m + len(self.values)  # where the figures of a step begin
+        self.tabulated, self.numbers = tuple(facts["values"]), facts["numbers"]
+        self.kinds, self.m = (*self.roots, *self.folds), len(self.names)
+        self.judged = 2 * self.m + len(self.tabulated)  # where the figures of a step begin
         self.size = self.judged + 3 + len(self.kinds)  # of a row in follow.c
         self._parts, self._scaled = parts, once(lambda: _Scaled(problem))
         self.functions = Functions(self._named("machine"), self._made, self._follow())
+        self.library = self.functions.library
         self.newton = once(self._made_newton)
         self.addresses = [0] * len(self.kinds)  # of the compiled Newton steps made so far
 
@@ -74,7 +75,7 @@ class Machine:
 
     def _follow(self):
         """C of the loop, with the numbers that it is made for."""
-        sizes = {"M": self.m, "VALUES": len(self.values), "KINDS": len(self.kinds)}
+        sizes = {"M": self.m, "VALUES": len(self.tabulated), "KINDS": len(self.kinds)}
         sizes |= {"ROOTS": len(self.roots), "FOLDS": len(self.folds)}
         sizes |= {"POLISH": POLISH, "BISECTIONS": BISECTIONS, "ROOT_AT_START": ROOT_AT_START}
         sizes |= {"FOLD_AT_START": FOLD_AT_START, "SETTLED": SETTLED, "TWINS": TWINS, "TINY": TINY}

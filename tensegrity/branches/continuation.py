@@ -270,7 +270,7 @@ def trace(
 
 
 def _follow(machine, start, p, settings, direction, stop):
-    if machine.functions.library:
+    if machine.library:
         with contextlib.suppress(CompilerError):
             found = followed(machine, start, p, settings, direction, stop)
             if found:
@@ -396,7 +396,7 @@ def _checked(machine, start, parameters, direction, stop):
 
 
 def _shown(machine, row):
-    values = zip(machine.unknowns, np.sinh(row[: machine.m]) * machine.scale, strict=True)
+    values = zip(machine.names, np.sinh(row[: machine.m]) * machine.scale, strict=True)
     return ", ".join(f"{name} {value:.9g}" for name, value in values)
 
 
@@ -449,7 +449,7 @@ def _step(machine, before, here, step, p, settings):
 
 def _branch(machine, rows, found, events, end):
     m, count = machine.m, len(rows)
-    names, values = (*machine.unknowns, *machine.values), machine.judged
+    names, values = (*machine.names, *machine.tabulated), machine.judged
     data = np.concatenate([rows, found])
     z = np.sinh(data[:, :m]) * machine.scale
     table = np.hstack([z, data[:, 2 * m : values]])

@@ -79,7 +79,7 @@ def followed(machine, z, p, settings, direction, stop):
         )
         call.places = call.kinds + 8 * len(events)
         call.room, call.events_room = len(rows), len(events)
-        answer = machine.functions.library.follow(ctypes.byref(call))
+        answer = machine.library.follow(ctypes.byref(call))
         if answer == FULL:
             rows, events = (np.concatenate([x, np.empty_like(x)]) for x in (rows, events))
             places = np.concatenate([places, np.empty_like(places)], axis=1)
