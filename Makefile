@@ -15,8 +15,9 @@ figures: $(READY)
 derivations: $(READY)
 	$(BIN)/python -m derivations
 
+# Two processes, each with one thread of linear algebra: the matrices are small.
 test: $(READY)
-	$(BIN)/python -m pytest -m "not slow"
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m "not slow" -n 2 --dist loadfile
 
 test-slow: $(READY)
 	$(BIN)/python -m pytest -m slow

@@ -60,7 +60,9 @@ NO_NUMBERS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("bad", NO_NUMBERS, ids=repr)
+@pytest.mark.parametrize(
+    "bad", NO_NUMBERS, ids=lambda x: "object()" if type(x) is object else repr(x)
+)
 def test_what_is_no_number_is_told_so(bad):
     with pytest.raises(TensegrityError, match=r"mass .* is not a number"):
         check.number("mass", bad)
