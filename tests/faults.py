@@ -147,8 +147,8 @@ FAULTS = (
     ),
     Fault(
         "tensegrity/engine/net_openings.c",
-        "c->v[from + k] += c->w[from + k] * impulse[k];",
-        "c->v[from + k] += impulse[k];",
+        "add(c->v + from + k, c->w[from + k] * impulse[k]);",
+        "add(c->v + from + k, impulse[k]);",
         "tests/test_openings.py::test_momentum_and_angular_momentum_of_a_network_are_kept",
     ),
     Fault(

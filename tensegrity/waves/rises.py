@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from tensegrity.waves.excess import Excess
 
 FLAT = 1e-9  # of V''(0) + Q: a rise that is round-off
+ROUGH = 1e-6  # ... where no digits are gained near rest
+NEAR = 1e-3  # of the scale of such a spring, from which on Q is looked at
 
 
 class Rise(NamedTuple):
@@ -54,21 +56,24 @@ def rises(beyond: Excess, sign: int, sizes: Array) -> list[Rise]:
     sizes : ndarray, (n,)
         Sizes of elongation [m], rising from near rest; Q is looked at between them.
     """
+    flat = FLAT
+    if beyond.core == 0 < beyond.rest:  # differences of energies, which are round-off near rest
+        sizes, flat = sizes[sizes > NEAR * beyond.scale], ROUGH
     level = 2 * beyond.energy(sign * sizes) / sizes / sizes  # Q - V''(0)
     unit = beyond.rest + np.abs(level)
     found: list[Rise] = []
     floor, place = 0.0, 0
-    if beyond.rest == 0 and level[1] - level[0] <= FLAT * unit[0]:  # as steep as a line, or less
+    if beyond.rest == 0 and level[1] - level[0] <= flat * unit[0]:  # as steep as a line, or less
         floor = float(level[0])
     while place < len(sizes):
-        above = np.flatnonzero(level[place:] - floor > FLAT * unit[place:])
+        above = np.flatnonzero(level[place:] - floor > flat * unit[place:])
         if not above.size:
             break
         if place == floor == 0 and rises_from_rest(beyond, sign):
             above[0] = 0
         first = place + int(above[0])
         highest = np.maximum.accumulate(level[first:])
-        falls = np.flatnonzero(highest - level[first:] > FLAT * unit[first:])
+        falls = np.flatnonzero(highest - level[first:] > flat * unit[first:])
         start = 0.0 if first == 0 else _crossing(beyond, sign, sizes[first - 1 : first + 1], floor)
         if not falls.size:
             found.append(Rise(start, floor, math.inf, math.inf))
