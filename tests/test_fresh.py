@@ -16,6 +16,8 @@ from tensegrity.engine import kept as kept_module
 from tensegrity.engine import programs
 from tensegrity.engine.codegen import DerivedLaw, functions
 from tensegrity.engine.kept import cache_folder, kept
+from tensegrity.prisms.condensed import functions as functions_of
+from tensegrity.prisms.condensed import problem
 from tensegrity.prisms.prism import rigid_law
 
 ROOT = Path(__file__).parent.parent
@@ -176,6 +178,13 @@ def test_derived_laws_are_equal_by_what_they_are_made_of():
     assert rigid_law() != law
     assert len(Chain([PowerLaw(1.0, 1.5), PowerLaw(2.0, 1.5)], 3).spring_table.table[0]) == 1
     assert functions(law)["tension"].size1_in(1) == len(law.parameters) == 3
+
+
+def test_problems_of_prisms_are_made_once():
+    """Not at each path: their functions are read and loaded with them."""
+    for kind in ((False,), (True, False), (False, True)):
+        assert problem(*kind) is problem(*kind)
+        assert functions_of(*kind) is functions_of(*kind)
 
 
 def test_a_program_gives_the_numbers_of_its_expressions():

@@ -81,7 +81,12 @@ def problem(rigid_base: bool = False, any_sides: bool = False) -> Problem:
     contact (the cross strings unload at twist pi), unloaded (base strings and bars unload at
     twist 2 pi/n), flat, height, load; fold, turn.
     """
-    return DerivedProblem(_problem, bool(rigid_base), bool(any_sides))
+    return _derived_problem(bool(rigid_base), bool(any_sides))
+
+
+@once
+def _derived_problem(*kind: bool) -> Problem:
+    return DerivedProblem(_problem, *kind)
 
 
 def _problem(rigid_base: bool, any_sides: bool) -> Problem:
