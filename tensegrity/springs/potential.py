@@ -248,6 +248,8 @@ class Potential:
 @once
 def _has_corners(law: Any) -> bool:
     """Whether the energy of a law is made of pieces."""
+    if isinstance(law, DerivedLaw):  # of prisms: smooth
+        return False
     import sympy as sp
 
     energy = getattr(law, "energy", None)
