@@ -12,8 +12,9 @@ def frames(path, rows):
     s, along = path.structure, next(iter(path.columns))
     columns = {n: [] for n in ("frame", along, *ENDS, "tension", "slack", "string")}
     for number, row in enumerate(np.asarray(rows).tolist()):
+        x = path.positions[row] - [0, 0, path.positions[row, :, 2].min()]  # on the ground
         for member, (i, j) in enumerate(s.ends.tolist()):
-            ends = [*path.positions[row, i].tolist(), *path.positions[row, j].tolist()]
+            ends = [*x[i].tolist(), *x[j].tolist()]
             values = (number, float(path.columns[along][row]), *ends,
                       float(path.tensions[row, member]), bool(path.slack[row, member]),
                       bool(s.is_string[member]))  # fmt: skip
@@ -43,9 +44,13 @@ def show(axes, table, frame):
     axes.set(xlim=(-wide, wide), ylim=(-wide, wide), zlim=(low, high), xlabel="x [m]",
              ylabel="y [m]")  # fmt: skip
     axes.set_box_aspect((2 * wide, 2 * wide, high - low))
+    axes.locator_params(nbins=4)
     unit = " m" if along == "shortening" else ""
-    axes.set_title(f"{along} {table[along][rows[0]]:.2f}{unit}; slack strings dashed;\n"
-                   f"colour: tension, 0 to {largest:.2f} N", fontsize=9)  # fmt: skip
+    axes.set_title(
+        f"{along} {abs(table[along][rows[0]]):.2f}{unit}\ncolour: tension, 0 to {largest:.2f} N\n"
+        "slack strings dashed",
+        fontsize=8,
+    )
 
 
 def film(table, path):

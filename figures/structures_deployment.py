@@ -58,7 +58,9 @@ def data(progress=iter):
 def draw(figure, tables):
     """Height and work; tensions; the column folded and deployed."""
     first = tables[f"units_{COUNTS[0]}"]
-    heights, work = figure.add_subplot(2, 3, 1), figure.add_subplot(2, 3, 4)
+    figure.set_size_inches(11, 5.5)
+    cells = figure.add_gridspec(2, 4)
+    heights, work = figure.add_subplot(cells[0, 0]), figure.add_subplot(cells[1, 0])
     for count, style in zip(COUNTS, ("-", "--"), strict=True):
         units = tables[f"units_{count}"]
         word = "1 unit" if count == 1 else f"{count} units"
@@ -67,13 +69,13 @@ def draw(figure, tables):
     heights.set_ylabel("height [m]")
     heights.legend(fontsize=8)
     work.set(xlabel="control", ylabel="energy stored since [J]")
-    tension = figure.add_subplot(1, 3, 2)
+    tension = figure.add_subplot(cells[:, 1])
     for name, colour in (("cross", "C0"), ("base", "C1"), ("bar", "0.2")):
         tension.plot(first["control"], first[name], color=colour, label=name)
     tension.set(xlabel="control", ylabel="tension of one unit's members [N]")
     tension.legend(fontsize=8)
-    for place, frame in ((3, 0), (6, FRAMES - 1)):
-        show(figure.add_subplot(2, 3, place, projection="3d"), tables["frames"], frame)
+    for place, frame in ((2, 0), (3, FRAMES - 1)):
+        show(figure.add_subplot(cells[:, place], projection="3d"), tables["frames"], frame)
 
 
 def animate(tables, path):

@@ -56,7 +56,7 @@ def draw(figure, tables):
     above.fill_between(x, low, high, color="C0", alpha=0.35, label="95 % band of the curve")
     rows = tables["parameters"]
     lines = [
-        f"{name} = {value:.4g} ± {error:.1g}  (true {true:.4g})"
+        f"{name} = {value:.4g} ± {error:.2g}  (true {true:.4g})"
         for name, value, error, true in zip(
             rows["parameter"], rows["fitted"], rows["error"], rows["true"], strict=True
         )

@@ -88,9 +88,11 @@ def data(progress=iter):
 
 def draw(figure, tables):
     """The form found; load against shortening; the tower at the end of the stable path."""
-    show(figure.add_subplot(1, 3, 1, projection="3d"), tables["frames"], 0)
-    show(figure.add_subplot(1, 3, 3, projection="3d"), tables["frames"], FRAMES - 1)
-    axes = figure.add_subplot(1, 3, 2)
+    figure.set_size_inches(11, 4.5)
+    cells = figure.add_gridspec(1, 3, width_ratios=(1, 1.1, 1))
+    show(figure.add_subplot(cells[0], projection="3d"), tables["frames"], 0)
+    show(figure.add_subplot(cells[2], projection="3d"), tables["frames"], FRAMES - 1)
+    axes = figure.add_subplot(cells[1])
     for branch, style in (("symmetric", "C1--"), ("stable", "C0-")):
         axes.plot(tables[branch]["shortening"], tables[branch]["load"], style, label=branch)
     events = tables["events"]
