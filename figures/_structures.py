@@ -47,10 +47,10 @@ def show(axes, table, frame):
     axes.locator_params(nbins=4)
     unit = " m" if along == "shortening" else ""
     axes.set_title(
-        f"{along} {abs(table[along][rows[0]]):.2f}{unit}\ncolour: tension, 0 to {largest:.2f} N\n"
-        "slack strings dashed",
-        fontsize=8,
-    )
+        f"{along} {abs(table[along][rows[0]]):.2f}{unit}; slack strings dashed\n"
+        f"colour: tension, 0 to {largest:.2f} N",
+        fontsize=8, y=0.97,
+    )  # fmt: skip
 
 
 def film(table, path):
