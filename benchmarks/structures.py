@@ -139,7 +139,7 @@ def ball_path():
                 inner = motions.T @ (at.stiffness() @ motions)
                 return np.block([[inner, -along[:, None]], [along, np.zeros(1)]])
 
-            x = root(gap, x, jac=slope, tol=1e-13).x
+            x = root(gap, x, jac=slope, method="lm", options={"xtol": 1e-14, "ftol": 1e-14}).x
             loads.append(x[-1])
         return np.array(loads)
 
