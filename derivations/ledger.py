@@ -88,7 +88,7 @@ def _components(form):
 
 def _agrees_at_points(form, other, domain):
     symbols = sorted(form.free_symbols | other.free_symbols, key=str)
-    if form.atoms(sp.core.function.AppliedUndef):
+    if form.atoms(sp.core.function.AppliedUndef) or form.has(sp.zoo, sp.oo, sp.nan):
         return False
     function = sp.lambdify(symbols, [form, other], "mpmath")
     random = Random(7)

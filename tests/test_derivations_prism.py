@@ -284,7 +284,7 @@ def test_hanging_begins_where_base_strings_and_bars_unload_together():
 
 
 def test_hanging_without_equilibrium_is_an_error(monkeypatch):
-    monkeypatch.setattr(hanging, "upright_twist", lambda: 3 * sp.pi / 4)
+    monkeypatch.setattr(hanging, "upright_twist", lambda *_: 3 * sp.pi / 4)
     with pytest.raises(ArithmeticError, match="does not hang"):
         hanging.load.__wrapped__()
 

@@ -24,7 +24,7 @@ from tensegrity.scenes.clearance import CAUTION
 from tensegrity.scenes.scene import known_state
 
 BLOCK = 2_000_000  # bonds x stages x steps in one call of the loop: about 5 ms
-STRIDE = 20  # blocks in one call with its rows: an interrupt waits no longer
+STRIDE = 4  # blocks in one call with its rows: an interrupt waits no longer
 FEWEST = 100  # steps in one call: the pieces of a long chain work apart for some tens
 MOST_STEPS = 10**12
 KNOWN = 4  # ranges whose stiffness a scene remembers
@@ -452,14 +452,14 @@ class _Watch:
             self._limit = self._problem.largest_step(omega)
             if self.dt <= self.allowed * self._limit:
                 self._safe, self._stiffness = wider, stiffness
-                self._scene.known_ranges.append((wider, stiffness, omega))
-                del self._scene.known_ranges[:-KNOWN]
+                self._scene.remembered.ranges.append((wider, stiffness, omega))
+                del self._scene.remembered.ranges[:-KNOWN]
                 return True
         return False
 
     def _is_known(self, met):
         """Whether another run of the scene met as much, which a step like this one can take."""
-        for ranges, stiffness, omega in self._scene.known_ranges:
+        for ranges, stiffness, omega in self._scene.remembered.ranges:
             within = np.all(ranges[:, 0] <= met[:, 0]) and np.all(met[:, 1] <= ranges[:, 1])
             limit = self._problem.largest_step(omega)
             if within and self.dt <= self.allowed * limit:

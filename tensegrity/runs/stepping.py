@@ -24,7 +24,7 @@ def expected_frequency(scene: Scene, state: State, share: float) -> float:
     if not 0 < energy < math.inf:
         return scene.frequency(within(scene, energy))
     rounded = 2.0 ** (math.ceil(ENERGIES * math.log2(energy)) / ENERGIES)
-    known = scene.known_starts
+    known = scene.remembered.starts
     if rounded not in known:
         known[rounded] = scene.frequency(within(scene, rounded))
     return known[rounded]

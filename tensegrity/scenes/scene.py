@@ -79,6 +79,23 @@ class State:
         return State(self.u.copy(), -self.v)
 
 
+class Remembered:
+    """What runs of a scene know of it; without it they find the same again.
+
+    Attributes
+    ----------
+    ranges : list of (ndarray, ndarray, float)
+        Ranges of elongation (springs, 2) [m] that runs met lately, how stiff each spring is at
+        most there [N/m], and the angular frequency that this bounds [rad/s].
+    starts : dict of float to float
+        Angular frequencies [rad/s] expected with energies [J] in one bond.
+    """
+
+    def __init__(self) -> None:
+        self.ranges: list[tuple[Array, Array, float]] = []
+        self.starts: dict[float, float] = {}
+
+
 def known_state(u: Array, v: Array) -> State:
     """A state of arrays that are known to be right."""
     state = object.__new__(State)
@@ -155,15 +172,9 @@ class Scene(ReadOnly):
         return fixed(w)
 
     @cached_property
-    def known_ranges(self) -> list[tuple[Array, Array, float]]:
-        """Ranges of elongation (springs, 2) that runs met lately, how stiff each spring is at most
-        there [N/m], and the angular frequency that this bounds [rad/s]."""
-        return []
-
-    @cached_property
-    def known_starts(self) -> dict[float, float]:
-        """Angular frequencies [rad/s] expected with energies [J] in one bond."""
-        return {}
+    def remembered(self) -> Remembered:
+        """What its runs found out and the next one need not."""
+        return Remembered()
 
     @cached_property
     def spring_table(self) -> Springs:

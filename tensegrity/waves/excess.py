@@ -23,6 +23,7 @@ FITTED = 1e-14  # of its largest coefficient, left in the last ones
 HALVINGS = 40  # of the range in which a polynomial is sought
 CHANGE = 0.5  # of V'' over V''(0), that makes the scale of a potential
 AT_REST = 1e-9  # of V''(0) times the scale: V'(0) that is round-off
+NEAR = 1e-2  # of the scale: where differences stand for derivatives
 ROUND_OFF = 1e-10  # of the largest force beyond the linear law: a derivative at rest that is none
 BINADES = 1000  # that are searched for the scale
 
@@ -99,8 +100,12 @@ class Excess:
         return 0.0, None
 
     def _derivatives(self):
-        if self._means is None:
+        if self._means is None and math.isinf(self.scale):
             return math.nan, math.nan
+        if self._means is None:  # V''' jumps, or is beyond all numbers
+            h = NEAR * self.scale
+            below, above = (float(self.potential.stiffness(x)) for x in (-h, h))
+            return (above - below) / (2 * h), (above - 2 * self.rest + below) / h**2
         series = self._means[:, 1]  # of V' - V''(0) r over r^2
         values = (
             2 * chebyshev.chebval(0.0, series),

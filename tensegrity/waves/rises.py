@@ -13,11 +13,15 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from tensegrity.root import root
+
 if TYPE_CHECKING:
     from tensegrity.typing import Array
     from tensegrity.waves.excess import Excess
 
 FLAT = 1e-9  # of V''(0) + Q: a rise that is round-off
+ROUGH = 1e-6  # ... where no digits are gained near rest
+NEAR = 1e-3  # of the scale of such a spring, from which on Q is looked at
 
 
 class Rise(NamedTuple):
@@ -52,21 +56,24 @@ def rises(beyond: Excess, sign: int, sizes: Array) -> list[Rise]:
     sizes : ndarray, (n,)
         Sizes of elongation [m], rising from near rest; Q is looked at between them.
     """
+    flat = FLAT
+    if beyond.core == 0 < beyond.rest:  # differences of energies, which are round-off near rest
+        sizes, flat = sizes[sizes > NEAR * beyond.scale], ROUGH
     level = 2 * beyond.energy(sign * sizes) / sizes / sizes  # Q - V''(0)
     unit = beyond.rest + np.abs(level)
     found: list[Rise] = []
     floor, place = 0.0, 0
-    if beyond.rest == 0 and level[1] - level[0] <= FLAT * unit[0]:  # as steep as a line, or less
+    if beyond.rest == 0 and level[1] - level[0] <= flat * unit[0]:  # as steep as a line, or less
         floor = float(level[0])
     while place < len(sizes):
-        above = np.flatnonzero(level[place:] - floor > FLAT * unit[place:])
+        above = np.flatnonzero(level[place:] - floor > flat * unit[place:])
         if not above.size:
             break
         if place == floor == 0 and rises_from_rest(beyond, sign):
             above[0] = 0
         first = place + int(above[0])
         highest = np.maximum.accumulate(level[first:])
-        falls = np.flatnonzero(highest - level[first:] > FLAT * unit[first:])
+        falls = np.flatnonzero(highest - level[first:] > flat * unit[first:])
         start = 0.0 if first == 0 else _crossing(beyond, sign, sizes[first - 1 : first + 1], floor)
         if not falls.size:
             found.append(Rise(start, floor, math.inf, math.inf))
@@ -89,23 +96,20 @@ def rises_from_rest(beyond: Excess, sign: int) -> bool:
 
 def _summit(beyond: Excess, sign: int, sizes: Array) -> float:
     """Size between the first and the last at which Q' = 0, from above to below."""
-    from scipy.optimize import brentq
 
     def slope(size: float) -> float:  # r^3 Q'/2
         r = sign * size
         return float(r * beyond.tension(r) - 2 * beyond.energy(r))
 
     low, high = float(sizes[0]), float(sizes[-1])
-    return float(brentq(slope, low, high, xtol=1e-300, rtol=1e-14))
+    return root(slope, low, high, relative=1e-14)
 
 
 def _crossing(beyond: Excess, sign: int, sizes: Array, floor: float) -> float:
-    from scipy.optimize import brentq
-
     def surplus(size: float) -> float:
         return float(2 * beyond.energy(sign * size) / size / size) - floor
 
     low, high = float(sizes[0]), float(sizes[1])
     if surplus(low) >= 0:
         return low
-    return float(brentq(surplus, low, high, xtol=1e-300, rtol=1e-14))
+    return root(surplus, low, high, relative=1e-14)
