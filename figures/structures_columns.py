@@ -57,7 +57,7 @@ def draw(figure, tables):
             rows &= table["prestrain"] == prestrain
             share = np.where(np.isnan(table["share"][rows]), 1.0, table["share"][rows])
             axes.semilogy(table["units"][rows], share, "o-", color=f"C{k}",
-                          label=f"height {slenderness:g}, prestrain {prestrain:g}")  # fmt: skip
+                          label=f"height {slenderness:g} m, prestrain {prestrain:g}")  # fmt: skip
         axes.set(xlabel="units", title=("top free to tilt", "top on a guided plate")[number])
         axes.set_xticks(COUNTS)
         if number == 0:

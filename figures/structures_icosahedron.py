@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from figures._structures import film, frames, show
 from tensegrity import Structure, equilibrium_path, plates
 
 NAME = "structures_icosahedron"
@@ -46,25 +47,10 @@ def data(progress=iter):
         marks += [(branch, e.kind, e.shortening, e.load) for e in path.events]
         if branch == "stable":
             rows = np.linspace(0, len(path) - 1, FRAMES).astype(int)
-            tables["frames"] = _frames(s, path, rows)
+            tables["frames"] = frames(path, rows)
     names = ("branch", "event", "shortening", "load")
     tables["events"] = dict(zip(names, map(list, zip(*marks, strict=True)), strict=True))
     return tables
-
-
-def _frames(s, path, rows):
-    """One line for each member of each frame: ends, tension, whether slack."""
-    columns = {name: [] for name in ("frame", "shortening", "x0", "y0", "z0", "x1", "y1", "z1",
-                                     "tension", "slack", "string")}  # fmt: skip
-    for number, row in enumerate(rows.tolist()):
-        for member, (i, j) in enumerate(s.ends.tolist()):
-            ends = [*path.positions[row, i].tolist(), *path.positions[row, j].tolist()]
-            values = (number, float(path.shortening[row]), *ends,
-                      float(path.tensions[row, member]), bool(path.slack[row, member]),
-                      bool(s.is_string[member]))  # fmt: skip
-            for column, value in zip(columns.values(), values, strict=True):
-                column.append(value)
-    return columns
 
 
 def draw(figure, tables):
@@ -85,41 +71,9 @@ def draw(figure, tables):
     show(space, tables["frames"], FRAMES - 1)
 
 
-def show(axes, table, frame):
-    """The structure of one frame: bars black, strings by tension, slack ones dashed."""
-    from matplotlib import colormaps
-
-    rows = np.flatnonzero(np.array(table["frame"]) == frame)
-    ends = np.column_stack([np.array(table[n])[rows] for n in ("x0", "y0", "z0", "x1", "y1", "z1")])
-    tension = np.array(table["tension"])
-    strings = np.array(table["string"])
-    largest = tension[strings].max()
-    for row, (x0, y0, z0, x1, y1, z1) in zip(rows.tolist(), ends.tolist(), strict=True):
-        line = {"color": "0.15", "lw": 2.6}
-        if table["string"][row]:
-            line = {"color": colormaps["viridis"](tension[row] / largest), "lw": 1.4}
-            if table["slack"][row]:
-                line = {"color": "0.6", "lw": 1.0, "ls": "--"}
-        axes.plot([x0, x1], [y0, y1], [z0, z1], **line)
-    axes.set(xlim=(-2.3, 2.3), ylim=(-2.3, 2.3), zlim=(0, 3.5), xlabel="x [m]", ylabel="y [m]")
-    axes.set_box_aspect((4.6, 4.6, 3.5))
-    axes.set_title(f"shortening {table['shortening'][rows[0]]:.2f} m; slack strings dashed;\n"
-                   f"colour: tension, 0 to {largest:.2f} N", fontsize=9)  # fmt: skip
-
-
 def animate(tables, path):
     """The compression on the stable branch."""
-    import matplotlib.pyplot as plt
-    from matplotlib.animation import FuncAnimation, PillowWriter
-
-    figure = plt.figure(figsize=(5, 4.6))
-    axes = figure.add_subplot(projection="3d")
-
-    def frame(number):
-        axes.clear()
-        show(axes, tables["frames"], number)
-
-    FuncAnimation(figure, frame, frames=FRAMES).save(path, PillowWriter(fps=9))
+    film(tables["frames"], path)
 
 
 def table(tables):

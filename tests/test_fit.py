@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tensegrity import Prism, TensegrityError, fit
+from tensegrity.prisms.curve import Curve, loads
 
 STRONG = 2495.05288548
 THIN = Prism.from_members(0.13, 0.08, 0.1623, STRONG / 0.13, STRONG / 0.08, 7.686e6 / 0.1623)
@@ -23,6 +24,37 @@ def test_clean_curve_gives_its_prism_back():
     assert found.prism.prestrain == pytest.approx(THIN.prestrain, rel=1e-7)
     assert found.prism.k_base == pytest.approx(THIN.k_base, rel=1e-8)
     assert found.offset == pytest.approx(OFFSET, rel=1e-7)
+
+
+@pytest.mark.parametrize(
+    "prism",
+    [
+        Prism(1.0, 1.0, 0.1, 2.0, 5.0, 50.0),
+        Prism(1.0, 1.2, 0.1, 2.0, 5.0, 50.0, sides=5),
+        Prism(1.0, 1.0, 0.1, 2.0, k_bar=50.0),
+        Prism(1.0, 1.0, 0.1, 2.0, k_base=5.0),
+    ],
+)
+def test_curve_and_its_derivatives_are_those_of_traced_branches(prism):
+    x = np.linspace(-0.02, 0.15, 12)
+    theta = np.array([0.1, 0.05, -0.1, 0.2, 1e-3])
+    theta[:-1] *= np.isfinite(
+        [getattr(prism, n) for n in ("prestrain", "k_cross", "k_base", "k_bar")]
+    )
+    curve = Curve(prism, x)
+    found, slopes = curve(theta)
+
+    def traced(t):
+        return loads(curve.made(t), x + t[-1])
+
+    assert np.abs(found - traced(theta)).max() < 1e-14 * found.max()
+    for k in np.flatnonzero(theta):
+        h = 1e-5 * np.eye(5)[k]
+        difference = (traced(theta + h) - traced(theta - h)) / 2e-5
+        assert np.abs(slopes[:, k] - difference).max() < 1e-7 * np.abs(slopes).max()
+    with pytest.raises(TensegrityError, match="goes beyond this prism"):
+        curve(np.array([0, 0, 0, 0, 2.0]))
+    assert np.abs(curve(theta)[0] - found).max() < 1e-14 * found.max()
 
 
 def test_errors_and_condition_are_those_of_the_reference():

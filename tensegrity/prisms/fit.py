@@ -2,7 +2,8 @@
 
 Model: the equilibrium path of the elastic prism, read at a shortening that may be offset; errors
 of the loads independent and of one size.  Least squares on the logarithms of what is positive, by
-SciPy; standard errors from the Jacobian at the solution (Gauss-Newton covariance).  Source:
+SciPy, with the exact derivatives of `tensegrity.prisms.curve`; standard errors from the Jacobian
+at the solution (Gauss-Newton covariance).  Source:
 seeds/000, part III, "Experimental validation of the constitutive response".
 """
 
@@ -16,7 +17,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity import check
-from tensegrity.errors import EquilibriumError, LockingError, TensegrityError
+from tensegrity.errors import EquilibriumError, TensegrityError
+from tensegrity.prisms.curve import NAMES, Curve, loads
 from tensegrity.prisms.prism import Prism
 
 if TYPE_CHECKING:
@@ -29,10 +31,10 @@ if TYPE_CHECKING:
 
     from tensegrity.typing import Array
 
-NAMES = ("prestrain", "k_cross", "k_base", "k_bar")
-STEP = 1e-5  # of differences of logarithms
 LARGE = 0.3  # relative standard error from which a parameter counts as not identified
 FEW = 5e-3  # of the height, the size of offsets
+OFF = 1e3  # misfit of parameters that have no such curve, over the largest load
+SAME = 1e-9  # of the largest load: two ways to the loads agree
 
 
 @dataclass(frozen=True)
@@ -173,32 +175,41 @@ def fit(
         raise TensegrityError("all points have one shortening: no curve")
     scale = FEW * prism.height
     size = max(float(np.abs(y).max()), 1e-300)
-    _loads(prism, x)  # refuses curves beyond its contact
+    curve = Curve(prism, x)
+    places = [NAMES.index(name) for name in names] + [len(NAMES)] * offset
+    weights = np.ones(count)
+    known: dict[bytes, tuple[Array, Array]] = {}  # the last: SciPy asks twice
+    if offset:
+        weights[-1] = scale
 
-    def made(z: Array) -> tuple[Prism, float]:
-        changed = {n: getattr(prism, n) * math.exp(v) for n, v in zip(names, z, strict=False)}
-        return replace(prism, **changed), float(z[-1]) * scale if offset else 0.0
-
-    def misfit(z: Array) -> Array:
+    def at(z: Array) -> tuple[Array, Array]:
+        """Misfits and their derivatives, over the largest load."""
+        key = z.tobytes()
+        if key in known:
+            return known[key]
+        known.clear()
+        theta = np.zeros(len(NAMES) + 1)
+        theta[places] = z * weights
         try:
-            of, shift = made(z)
-            return (_loads(of, x + shift) - y) / size
+            computed, slopes = curve(theta)
         except TensegrityError:
-            return np.full(len(x), 1e3)
+            known[key] = np.full(len(x), OFF), np.zeros((len(x), count))
+        else:
+            known[key] = (computed - y) / size, slopes[:, places] * weights / size
+        return known[key]
 
-    def slopes(z: Array) -> Array:
-        columns = []
-        for k in range(count):
-            h = np.zeros(count)
-            h[k] = STEP
-            columns.append((misfit(z + h) - misfit(z - h)) / (2 * STEP))
-        return np.column_stack(columns)
-
-    found = least_squares(misfit, np.zeros(count), slopes, method="lm", xtol=1e-12, ftol=1e-12)
-    if np.abs(found.fun).max() >= 1e3:
+    found = least_squares(
+        lambda z: at(z)[0], np.zeros(count), lambda z: at(z)[1], method="lm",
+        xtol=1e-12, ftol=1e-12,
+    )  # fmt: skip
+    theta = np.zeros(len(NAMES) + 1)
+    theta[places] = found.x * weights
+    best, shift = curve.made(theta), float(theta[-1])
+    if np.abs(found.fun).max() >= OFF or (
+        np.abs(loads(best, x + shift) - y - found.fun * size).max() > SAME * size
+    ):
         raise EquilibriumError("no prism near the given one has equilibria at all these points")
-    best, shift = made(found.x)
-    jacobian = slopes(found.x) * size
+    jacobian = at(found.x)[1] * size
     residuals = -found.fun * size
     spread = noise
     if spread is None:
@@ -236,22 +247,13 @@ def _unidentified(
         if name in names or math.isinf(value) or name == "k_cross":
             continue
         try:
-            doubled = _loads(replace(prism, **{name: 2 * value}), x)
-            change = np.abs(doubled - _loads(prism, x)).max()
+            doubled = loads(replace(prism, **{name: 2 * value}), x)
+            change = np.abs(doubled - loads(prism, x)).max()
         except TensegrityError:
             continue
         if change < 3 * noise / math.sqrt(len(x)):
             words.append(f"{name}: doubled, it changes loads by {change:.2g} N only")
     return tuple(words)
-
-
-def _loads(prism: Prism, x: Array) -> Array:
-    try:
-        return -prism.potential().tension(-x)
-    except LockingError as error:
-        raise TensegrityError(
-            f"shortening {x.min():.6g} to {x.max():.6g} m goes beyond this prism: {error}"
-        ) from None
 
 
 def _free(free: Any, prism: Prism) -> tuple[str, ...]:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from tensegrity.structures.members import Members
     from tensegrity.typing import Array
 
-DENSE = 450  # unknowns up to which matrices are dense
+DENSE = 450  # unknowns up to which matrices are dense; of eigenvalues up to three times as many
 ITERATIONS = 300
 SETTLED = 1e-13  # forces left, over the forces there are
 NEUTRAL = 1e-10  # eigenvalues below this part of the stiffness are zero
@@ -213,7 +213,7 @@ def lowest_eigenvalues(
     free = matrix.shape[0]
     rigid = weights @ freedom.rigid
     count = min(count, free - rigid.shape[1])
-    if free <= DENSE or count >= free // 4:
+    if free <= 3 * DENSE or count >= free // 4:
         inner = np.linalg.svd(rigid.T)[2][rigid.shape[1] :].T if rigid.size else np.eye(free)
         small, masses = inner.T @ matrix.toarray() @ inner, inner.T @ weights.toarray() @ inner
         values, vectors = eigh((small + small.T) / 2, masses, subset_by_index=[0, count - 1])

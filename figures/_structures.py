@@ -1,0 +1,79 @@
+"""Structures drawn in space: bars black, strings by tension, slack ones dashed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+ENDS = ("x0", "y0", "z0", "x1", "y1", "z1")
+
+
+def frames(path, rows):
+    """Some rows of a path, one line for each member of each: ends, tension, whether slack."""
+    s, along = path.structure, next(iter(path.columns))
+    columns = {n: [] for n in ("frame", along, *ENDS, "tension", "slack", "string")}
+    for number, row in enumerate(np.asarray(rows).tolist()):
+        x = path.positions[row] - [0, 0, path.positions[row, :, 2].min()]  # on the ground
+        for member, (i, j) in enumerate(s.ends.tolist()):
+            ends = [*x[i].tolist(), *x[j].tolist()]
+            values = (number, float(path.columns[along][row]), *ends,
+                      float(path.tensions[row, member]), bool(path.slack[row, member]),
+                      bool(s.is_string[member]))  # fmt: skip
+            for column, value in zip(columns.values(), values, strict=True):
+                column.append(value)
+    return columns
+
+
+def show(axes, table, frame):
+    """The structure of one frame; colours and limits are those of all frames."""
+    from matplotlib import colormaps
+
+    along = list(table)[1]
+    rows = np.flatnonzero(np.array(table["frame"]) == frame)
+    everything = np.column_stack([table[name] for name in ENDS])
+    tension, strings = np.array(table["tension"]), np.array(table["string"])
+    largest = tension[strings].max()
+    for row in rows.tolist():
+        line = {"color": "0.15", "lw": 2.6}
+        if strings[row]:
+            line = {"color": colormaps["viridis"](tension[row] / largest), "lw": 1.4}
+            if table["slack"][row]:
+                line = {"color": "0.6", "lw": 1.0, "ls": "--"}
+        axes.plot(*everything[row].reshape(2, 3).T, **line)
+    wide = 1.05 * np.abs(everything[:, [0, 1, 3, 4]]).max()
+    low, high = everything[:, [2, 5]].min(), everything[:, [2, 5]].max()
+    axes.set(xlim=(-wide, wide), ylim=(-wide, wide), zlim=(low, high), xlabel="x [m]",
+             ylabel="y [m]")  # fmt: skip
+    axes.set_box_aspect((2 * wide, 2 * wide, high - low))
+    axes.locator_params(nbins=4)
+    unit = " m" if along == "shortening" else ""
+    axes.set_title(
+        f"{along} {abs(table[along][rows[0]]):.2f}{unit}; slack strings dashed\n"
+        f"colour: tension, 0 to {largest:.2f} N",
+        fontsize=8, y=0.97,
+    )  # fmt: skip
+
+
+def film(table, path):
+    """All frames as a GIF."""
+    import matplotlib.pyplot as plt
+    from matplotlib.animation import FuncAnimation, PillowWriter
+
+    figure = plt.figure(figsize=(5, 4.6))
+    axes = figure.add_subplot(projection="3d")
+
+    def frame(number):
+        axes.clear()
+        show(axes, table, number)
+
+    count = 1 + max(table["frame"])
+    FuncAnimation(figure, frame, frames=count).save(path, PillowWriter(fps=9))
+
+
+def upright(s, lower):
+    """A structure turned and moved so that three nodes lie at height 0, the others above."""
+    x = s.positions - s.positions[list(lower)].mean(axis=0)
+    first, second = x[lower[0]], x[lower[1]] - x[lower[0]]
+    axis = np.cross(first, second)
+    axis *= np.sign(axis @ x.mean(axis=0)) / np.linalg.norm(axis)
+    first = first / np.linalg.norm(first)
+    return s.at(x @ np.array([first, np.cross(axis, first), axis]).T)
