@@ -140,6 +140,28 @@ def hertz_constants(modulus: Array, poisson: Array, radius: Array, *other: Array
     return np.asarray(constants)
 
 
+def hertz_slopes(
+    modulus: Array, poisson: Array, radius: Array, *other: Array
+) -> tuple[Array, Array]:
+    """Derivatives of `hertz_constants` by the radius of the bead, and of its partner [N/m^2.5]."""
+    modulus_2, poisson_2, radius_2 = other
+    found = _slopes()(modulus, modulus_2, poisson, poisson_2, radius, radius_2)
+    return np.asarray(found[0]), np.asarray(found[1])
+
+
+@once
+def _slopes() -> Callable[..., list[Array]]:
+    """Derivatives of alpha of two spheres by both radii, as a function of arrays."""
+    import sympy as sp
+
+    from derivations import contact as derived
+
+    solids = (derived.modulus_1, derived.modulus_2, derived.poisson_1, derived.poisson_2)
+    radii = derived.radius_1, derived.radius_2
+    pair, _ = derived.hertz_constant()
+    return sp.lambdify((*solids, *radii), [sp.diff(pair, x) for x in radii], "numpy", cse=True)
+
+
 @once
 def _constants(module: str) -> tuple[Callable[..., float], Callable[..., float]]:
     """alpha of two spheres and of a sphere on a wall, as functions of numbers, or
