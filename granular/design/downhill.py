@@ -12,6 +12,7 @@ within a distance that is shortened where they did not keep what their slopes pr
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -31,12 +32,17 @@ if TYPE_CHECKING:
     from granular.materials import Material
     from tensegrity.typing import Array
 
+PARTS = 12  # steps of velocity Verlet in one of a search's
 TINY = 1e-30  # step of a derivative through the complex plane, relative
 NORMS = (8.0, 32.0, 128.0)
 ITERATIONS = 120  # of each norm
 PEAKS = 8  # the highest maxima, whose slopes are computed
 PROGRAMS = 40  # linear ones
 REACH, NEAR = 0.02, 1e-5  # of the largest diameter: how far the first goes, and the last
+
+
+class NotArrived(TensegrityError):
+    """No force at the wall until the end of the run."""
 
 
 class Pass:
@@ -106,7 +112,7 @@ class Pass:
         )  # fmt: skip
         force = self._table[-1, 0] * np.maximum(self._rows[:, 0], 0) ** objective.EXPONENT
         if not force.any():
-            raise TensegrityError(
+            raise NotArrived(
                 f"no wave reaches the wall before t_end {self._dt * self._steps:g} s through beads "
                 f"of {', '.join(f'{1e3 * d:.4g}' for d in sizes)} mm"
             )
@@ -203,8 +209,33 @@ class Way(NamedTuple):
     forces: Array
 
 
+@dataclass(frozen=True)
+class Descents:
+    """Starts -> ways downhill; sent to workers.
+
+    Attributes
+    ----------
+    space : Sizes
+    striker : Striker
+    wall : Material
+    t_end, dt : float
+        Time, and step of a search [s], of which `PARTS` are made.
+    """
+
+    space: Sizes
+    striker: Striker
+    wall: Material
+    t_end: float
+    dt: float
+
+    def __call__(self, start: Array) -> Way:
+        steps = PARTS * objective.step_count(self.dt, self.t_end, self.dt)
+        one = Pass(self.space, self.striker, self.wall, self.t_end, steps)
+        return downhill(one, self.space, start)
+
+
 def downhill(one: Pass, space: Sizes, start: Array) -> Way:
-    """The way from a start to the nearest low place.
+    """The way from a start to the nearest low place; it ends where no wave arrives in time.
 
     Parameters
     ----------
@@ -231,16 +262,19 @@ def downhill(one: Pass, space: Sizes, start: Array) -> Way:
         return float(np.log(value)), slopes * high / value
 
     x = space.projected(start) / high
-    for p in NORMS:
-        found = minimize(
-            norm, x, args=(p,), jac=True, method="SLSQP", bounds=[(low / high, 1.0)] * x.size,
-            options={"maxiter": ITERATIONS, "ftol": 1e-6},
-            constraints={"type": "eq", "fun": lambda x: x.sum() - space.length / high,
-                         "jac": lambda x: np.ones(x.size)},
-        )  # fmt: skip
-        x = space.projected(found.x * high) / high
-    _pressed(one, space, rows[int(np.argmin(forces))], kept)
-    return Way(space.projected(np.array(rows)), np.array(forces))
+    try:
+        for p in NORMS:
+            found = minimize(
+                norm, x, args=(p,), jac=True, method="SLSQP", bounds=[(low / high, 1.0)] * x.size,
+                options={"maxiter": ITERATIONS, "ftol": 1e-6},
+                constraints={"type": "eq", "fun": lambda x: x.sum() - space.length / high,
+                             "jac": lambda x: np.ones(x.size)},
+            )  # fmt: skip
+            x = space.projected(found.x * high) / high
+        _pressed(one, space, rows[int(np.argmin(forces))], kept)
+    except NotArrived:
+        pass
+    return Way(space.projected(np.array(rows).reshape(-1, x.size)), np.array(forces))
 
 
 def _pressed(one: Pass, space: Sizes, start: Array, kept: Any) -> None:
