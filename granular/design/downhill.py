@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from granular.design import objective
+from granular.design.spaces import SLACK
 from tensegrity import PowerLaw, TensegrityError
 from tensegrity.engine import kernel, reverse
 from tensegrity.engine.bonds import Bonds
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     from granular.beads import Striker
     from granular.design.spaces import Sizes
     from granular.materials import Material
-    from tensegrity.typing import Array
+    from tensegrity.typing import Array, Indices
 
 PARTS = 12  # steps of velocity Verlet in one of a search's
 TINY = 1e-30  # step of a derivative through the complex plane, relative
@@ -140,7 +141,8 @@ class Pass:
         back.reverse(self._steps, self._steps, seeds)
         by_constant = totals.p[:, 0].copy()
         by_constant[:, -1] += by_force @ force / self._table[-1, 0]
-        all_ = self._space.designs(self._sizes[None] * (1 + 1j * TINY))
+        moved: Any = self._sizes[None] * (1 + 1j * TINY)
+        all_ = self._space.designs(moved)
         weight = (1 / all_.mass[0]).imag / (TINY * self._sizes)
         radius = all_.radius[0].imag / (TINY * self._sizes)
         before, behind = (x[0] for x in self._designs.contact_slopes(self._wall))
@@ -177,7 +179,7 @@ class Pass:
         return float((shares * force[steps]).sum(axis=1).max())
 
 
-def _maxima(force: Array) -> tuple[Array, Array]:
+def _maxima(force: Array) -> tuple[Indices, Array]:
     """Three steps around each maximum, and the shares of their forces in the parabola's top.
 
     These are also the derivatives of the top: where it is highest, it does not move the height.  A
@@ -257,6 +259,8 @@ def downhill(one: Pass, space: Sizes, start: Array) -> Way:
 
     def norm(x: Array, p: float) -> tuple[float, Array]:
         sizes = x * high
+        if not _fits(space, sizes):  # by round-off of the quadratic program
+            sizes = space.projected(sizes)
         largest, value, slopes = one.norm(sizes, p)
         kept(sizes, largest)
         return float(np.log(value)), slopes * high / value
@@ -274,7 +278,14 @@ def downhill(one: Pass, space: Sizes, start: Array) -> Way:
         _pressed(one, space, rows[int(np.argmin(forces))], kept)
     except NotArrived:
         pass
-    return Way(space.projected(np.array(rows).reshape(-1, x.size)), np.array(forces))
+    return Way(np.array(rows).reshape(-1, x.size), np.array(forces))
+
+
+def _fits(space: Sizes, sizes: Array) -> bool:
+    """Whether diameters are within the limits, and their sum is the length but for round-off."""
+    low, high = space.diameters
+    inside = low <= sizes.min() and sizes.max() <= high
+    return bool(inside and abs(sizes.sum() - space.length) <= SLACK * space.length)
 
 
 def _pressed(one: Pass, space: Sizes, start: Array, kept: Any) -> None:

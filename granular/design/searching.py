@@ -295,7 +295,7 @@ class _Trail:
             except StopIteration:
                 return
 
-    def _values(self, rows: Array) -> Array:
+    def _values(self, rows: Array) -> Any:
         """Forces of rows, those of new ones computed; inf beyond the budget."""
         keys = [row.tobytes() for row in rows]
         new = {key: k for k, key in reversed(list(enumerate(keys))) if key not in self._known}
@@ -408,9 +408,8 @@ class _Descending(_Trail):
     def __init__(self, *given: Any) -> None:
         super().__init__(*given)
         problem = self._problem
-        self._descents = Descents(
-            problem.space, problem.striker, problem.wall, problem.t_end, problem.dt
-        )
+        space: Any = problem.space
+        self._descents = Descents(space, problem.striker, problem.wall, problem.t_end, problem.dt)
         counts, rows = self._old_places
         parts = np.split(self._old, np.cumsum(counts)[:-1]) if len(counts) else []
         self._ways = list(zip(rows, parts, strict=True))  # lowest place and all forces of each
