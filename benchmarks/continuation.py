@@ -21,8 +21,9 @@ from pathlib import Path
 import numpy as np
 
 from figures.__main__ import OUTPUT, STYLE, write, write_table
-from tensegrity import Prism
+from tensegrity import Prism, equilibrium_paths
 from tensegrity.branches.continuation import Settings, trace
+from tensegrity.engine.pieces import processors
 from tensegrity.prisms.condensed import numbers, problem
 
 PRISM = Prism(1.0, 0.5, 0.4, 1.0, 2.0, 20.0)
@@ -30,7 +31,8 @@ LOWEST = 0.05
 TOLERANCES = 10.0 ** -np.arange(4.0, 13.0)
 STEPS = (0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002)
 EQUAL = 1e-7  # interpolated error, relative to the largest load, at which times are compared
-ROUNDS = 7
+ROUNDS = 25
+MANY = 1000  # prisms in one call
 AUTO = Path("/usr/lib/auto-07p")
 
 
@@ -289,13 +291,30 @@ def run_auto(program, largest):
 
 
 def best(call, rounds=ROUNDS):
-    """Shortest of several calls [s], and what the last one returned."""
+    """Shortest CPU time of several calls [s], and what the last one returned."""
     times = []
     for _ in range(rounds):
-        started = time.perf_counter()
+        started = time.process_time()
         result = call()
-        times.append(time.perf_counter() - started)
+        times.append(time.process_time() - started)
     return min(times), result
+
+
+def many(count=MANY):
+    """CPU and wall seconds of a path with stability, in one call for many prisms, by threads."""
+    prisms = [Prism(1.0, 0.5, 0.4, 1.0, 2.0 + k / count, 20.0) for k in range(count)]
+    equilibrium_paths(prisms[:3])
+    given, found = os.environ.get("TENSEGRITY_THREADS"), {}
+    for threads in sorted({1, processors()}):
+        os.environ["TENSEGRITY_THREADS"] = str(threads)
+        for _ in range(3):
+            spent, began = time.process_time(), time.perf_counter()
+            equilibrium_paths(prisms)
+            now = (time.process_time() - spent) / count, (time.perf_counter() - began) / count
+            found[threads] = tuple(map(min, now, found.get(threads, now)))
+    os.environ.pop("TENSEGRITY_THREADS")
+    os.environ |= {"TENSEGRITY_THREADS": given} if given else {}
+    return found
 
 
 def at_equal_error(rows):
@@ -323,7 +342,7 @@ def measure():
             program = build_auto(Path(folder))
             found["auto-07p inside"], found["auto-07p process"] = [], []
             for setting in STEPS:
-                runs = [run_auto(program, setting) for _ in range(ROUNDS)]
+                runs = [run_auto(program, setting) for _ in range(7)]
                 rows = runs[-1][0]
                 for name, k in (("auto-07p inside", 1), ("auto-07p process", 2)):
                     seconds = min(run[k] for run in runs)
@@ -378,4 +397,9 @@ def main():
         print(f"{name:>24}: {seconds * 1e3:8.3f} ms, {seconds / mine:6.2f} times this")
     if "auto-07p inside" not in found:
         print("auto-07p: not measured, it needs the programs auto-07p and gfortran")
+    for threads, (spent, wall) in many().items():
+        print(
+            f"{MANY} prisms in one call, {threads} thread(s), with stability: "
+            f"{spent * 1e3:.3f} ms CPU, {wall * 1e3:.3f} ms wall a path"
+        )
     print(*chart(found), sep="\n")

@@ -15,10 +15,11 @@ import numpy as np
 from granular.beads import Bead
 from granular.materials import Material
 from tensegrity import PowerLaw, TensegrityError, check
-from tensegrity.once import once
+from tensegrity.engine.programs import derived, run
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from typing import Any
 
     from tensegrity.typing import Array, Number
 
@@ -83,17 +84,16 @@ def hertz(bead: Bead, other: Bead | Material) -> Contact:
     """
     if not isinstance(bead, Bead):
         raise TensegrityError(f"{check.shown(bead)} is not a Bead")
-    for_pair, for_wall = _constants("math")
     one = bead.material
     if isinstance(other, Material):
-        return Contact(
-            for_wall(one.modulus, other.modulus, one.poisson, other.poisson, bead.contact_radius)
-        )
+        solids = one.modulus, other.modulus, one.poisson, other.poisson
+        return Contact(_constant("wall", *solids, bead.contact_radius))
     if not isinstance(other, Bead):
         raise TensegrityError(f"{check.shown(other)} is neither a Bead nor a Material")
     two = other.material
     radii = bead.contact_radius, other.contact_radius
-    return Contact(for_pair(one.modulus, two.modulus, one.poisson, two.poisson, *radii))
+    solids = one.modulus, two.modulus, one.poisson, two.poisson
+    return Contact(_constant("pair", *solids, *radii))
 
 
 def power(constant: float, exponent: float) -> ContactLaw:
@@ -124,6 +124,11 @@ def contact_of(law: ContactLaw, bead: Bead, other: Bead | Material) -> Contact:
     return contact
 
 
+def _constant(kind: str, *numbers: float) -> float:
+    (constant,) = run(derived(_constants, kind), np, numbers)
+    return float(constant)
+
+
 def hertz_constants(modulus: Array, poisson: Array, radius: Array, *other: Array) -> Array:
     """Constants of many contacts after `hertz` at once [N/m^1.5].
 
@@ -134,9 +139,9 @@ def hertz_constants(modulus: Array, poisson: Array, radius: Array, *other: Array
     *other : array_like
         The same three of their partners; radius inf for a plane wall.
     """
-    for_pair, _ = _constants("numpy")
     modulus_2, poisson_2, radius_2 = other
-    constants = for_pair(modulus, modulus_2, poisson, poisson_2, radius, radius_2)
+    numbers = (modulus, modulus_2, poisson, poisson_2, radius, radius_2)
+    (constants,) = run(derived(_constants, "pair"), np, numbers)
     return np.asarray(constants)
 
 
@@ -145,36 +150,29 @@ def hertz_slopes(
 ) -> tuple[Array, Array]:
     """Derivatives of `hertz_constants` by the radius of the bead, and of its partner [N/m^2.5]."""
     modulus_2, poisson_2, radius_2 = other
-    found = _slopes()(modulus, modulus_2, poisson, poisson_2, radius, radius_2)
-    return np.asarray(found[0]), np.asarray(found[1])
+    numbers = (modulus, modulus_2, poisson, poisson_2, radius, radius_2)
+    by_radius, by_other = run(derived(_slopes), np, numbers)
+    return np.asarray(by_radius), np.asarray(by_other)
 
 
-@once
-def _slopes() -> Callable[..., list[Array]]:
-    """Derivatives of alpha of two spheres by both radii, as a function of arrays."""
+def _slopes() -> tuple[list[Any], tuple[Any, ...]]:
+    """Derivatives of alpha of two spheres by both radii, and the symbols of its numbers."""
     import sympy as sp
 
-    from derivations import contact as derived
-
-    solids = (derived.modulus_1, derived.modulus_2, derived.poisson_1, derived.poisson_2)
-    radii = derived.radius_1, derived.radius_2
-    pair, _ = derived.hertz_constant()
-    return sp.lambdify((*solids, *radii), [sp.diff(pair, x) for x in radii], "numpy", cse=True)
+    (pair,), numbers = _constants("pair")
+    return [sp.diff(pair, radius) for radius in numbers[-2:]], numbers
 
 
-@once
-def _constants(module: str) -> tuple[Callable[..., float], Callable[..., float]]:
-    """alpha of two spheres and of a sphere on a wall, as functions of numbers, or
-    of arrays."""
+def _constants(kind: str) -> tuple[list[Any], tuple[Any, ...]]:
+    """alpha of two spheres or of a sphere on a wall, and the symbols of its numbers."""
     import sympy as sp
 
-    from derivations import contact as derived
+    from derivations import contact as form
 
-    solids = (derived.modulus_1, derived.modulus_2, derived.poisson_1, derived.poisson_2)
-    pair, exponent = derived.hertz_constant()
+    solids = (form.modulus_1, form.modulus_2, form.poisson_1, form.poisson_2)
+    pair, exponent = form.hertz_constant()
     if exponent != sp.Rational(3, 2):
         raise TensegrityError(f"exponent {exponent} of the derived contact law must be 3/2")
-    return (
-        sp.lambdify((*solids, derived.radius_1, derived.radius_2), pair, module),
-        sp.lambdify((*solids, derived.radius_1), derived.wall_constant(), module),
-    )
+    if kind == "wall":
+        return [form.wall_constant()], (*solids, form.radius_1)
+    return [pair], (*solids, form.radius_1, form.radius_2)

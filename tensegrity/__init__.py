@@ -17,7 +17,7 @@ from tensegrity.prisms.column import column
 from tensegrity.prisms.contact import bar_contact
 from tensegrity.prisms.fit import fit
 from tensegrity.prisms.members import member_stiffness
-from tensegrity.prisms.path import EquilibriumPath, equilibrium_path
+from tensegrity.prisms.path import EquilibriumPath, equilibrium_path, equilibrium_paths
 from tensegrity.prisms.prism import Prism
 from tensegrity.runs.integrate import simulate
 from tensegrity.runs.record import Record
@@ -68,6 +68,7 @@ __all__ = [
     "control_path",
     "equilibrium",
     "equilibrium_path",
+    "equilibrium_paths",
     "fit",
     "gradient",
     "held",

@@ -6,7 +6,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from tensegrity import TensegrityError
+from tensegrity import Prism, TensegrityError, equilibrium_path
+from tensegrity.branches import continuation
 from tensegrity.branches.continuation import (
     Branch,
     ContinuationError,
@@ -16,6 +17,7 @@ from tensegrity.branches.continuation import (
     fold_start,
     trace,
 )
+from tensegrity.branches.following import ROOM
 
 
 def planar(residual, **extra):
@@ -111,8 +113,79 @@ def test_start_on_a_fold_is_an_event_there_and_no_hindrance():
     assert branch.residual.max() <= 1e-12
 
 
+SCENES = {
+    "circle": lambda: circle(),
+    "fine circle": lambda: circle(tolerance=1e-11),
+    "many rows": lambda: circle(largest=2e-3),
+    "start on a fold": lambda: trace(CIRCLE, [0.0, 1.0], [1.0], direction=-1, stop=("below",)),
+    "start near it": lambda: trace(CIRCLE, [1.1, 0.1], [1.0], direction=1, stop=("below",)),
+    "a soft prism": lambda: equilibrium_path(Prism(1.0, 0.5, 0.4, 1.0, 2.0, 20.0)),
+    "into tension": lambda: equilibrium_path(Prism(1.0, 0.7, 0.1, 1.0, 2.0, 20.0), max_height=0.8),
+    "without prestrain": lambda: equilibrium_path(Prism(1.0, 0.7, 0.0, 1.0, 2.0, 20.0)),
+    "rigid bases": lambda: equilibrium_path(Prism(1.0, 0.3, 0.1, 1.0, k_bar=20.0)),
+    "a pitchfork": lambda: trace(
+        planar(
+            lambda v, c, p: v**3 - c * v + 0 * p, roots={"end": lambda v, c, p: c - 1 + 0 * v}
+        ),
+        [0.0, -1.0], [0.0], direction=1, stop=("end",),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.needs_compiler
+@pytest.mark.parametrize("scene", SCENES)
+def test_the_compiled_loop_follows_as_the_one_in_python_does(scene, monkeypatch):
+    """Rows may lie elsewhere by round-off that the step control saw; events may not."""
+    compiled = SCENES[scene]()
+    monkeypatch.setattr(continuation, "followed", lambda *_: None)
+    plain = SCENES[scene]()
+    assert len(compiled) == len(plain)
+    assert compiled.end == plain.end
+    assert [(e.kind, e.row) for e in compiled.events] == [(e.kind, e.row) for e in plain.events]
+    for one, other in zip(compiled.events, plain.events, strict=True):
+        for name, value in one.at.items():
+            assert value == pytest.approx(other.at[name], rel=1e-11, abs=1e-13), name
+    for name, column in compiled.columns.items():
+        np.testing.assert_allclose(column, plain.columns[name], rtol=1e-5, atol=1e-6)
+
+
+def test_failures_say_the_same_in_python(monkeypatch):
+    said = []
+    for follow in (continuation.followed, lambda *_: None):
+        monkeypatch.setattr(continuation, "followed", follow)
+        for settings in ({"points": 5}, {"first": 0.05, "smallest": 0.04, "tolerance": 1e-9}):
+            with pytest.raises(ContinuationError) as failure:
+                circle(**settings)
+            said.append((str(failure.value), len(failure.value.branch)))
+    assert said[:2] == said[2:]
+
+
+def test_a_start_beside_the_branch_meets_the_nearest_point_of_it():
+    """On a helix of three unknowns: two equations, least-norm steps."""
+    z, p = ca.SX.sym("z", 3), ca.SX.sym("p", 0)
+    x, y, turn = ca.vertsplit(z)
+    helix = Problem(
+        ("x", "y", "turn"), z, p, ca.vertcat(x - ca.cos(turn), y - ca.sin(turn)),
+        roots={"end": turn - 3},
+    )  # fmt: skip
+    branch = trace(helix, [0.98, 0.23, 0.2], stop=("end",))
+    scaled = [np.arcsinh(branch.z[0]), np.arcsinh([0.98, 0.23, 0.2])]
+    along = branch.tangent[0]
+    assert branch.residual[0] <= 1e-15
+    assert abs(np.dot(scaled[0] - scaled[1], along)) <= 1e-3 * np.linalg.norm(scaled[0] - scaled[1])
+    np.testing.assert_allclose(branch.x, np.cos(branch.turn), atol=1e-14)
+
+
+def test_a_branch_outgrows_the_room_for_its_rows():
+    branch = circle(largest=1e-3, first=1e-3)
+    assert len(branch) > 4 * ROOM
+    assert np.abs(branch.v**2 + branch.parameter**2 - 1).max() <= 1e-14
+    assert [e.kind for e in branch.events] == ["half", "fold", "half", "below"]
+
+
 def test_both_directions_meet_the_mirror_image():
     up, down = (trace(CIRCLE, [1.0, 0.0], [1.0], direction=d, stop=("below",)) for d in (1, -1))
+    assert up.parameter[1] > 0 > down.parameter[1]
     assert np.allclose(up.v[-1], down.v[-1], atol=1e-15)
     assert np.allclose(up.parameter[-1], -down.parameter[-1], atol=1e-15)
 

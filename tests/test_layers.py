@@ -8,7 +8,15 @@ from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("derivations", "tensegrity", "granular", "figures", "benchmarks")
-BASE = ["errors", "typing", "check", "once", "readonly"]  # modules that every room may use
+BASE = [
+    "errors",
+    "typing",
+    "check",
+    "once",
+    "readonly",
+    "root",
+    "progress",
+]  # modules that every room may use
 ROOMS = [  # inside tensegrity: each may import what stands before it
     "engine",
     "springs",

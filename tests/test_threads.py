@@ -17,10 +17,12 @@ from tensegrity import (
     Prism,
     TensegrityError,
     equilibrium_path,
+    equilibrium_paths,
     simulate,
     solitary_wave,
 )
 from tensegrity.once import once
+from tensegrity.prisms import path as path_module
 from tensegrity.prisms.fold_curve import limit_load
 
 THREADS = 4
@@ -152,3 +154,24 @@ def test_a_builder_that_fails_is_asked_again():
     with pytest.raises(ZeroDivisionError):
         build()
     assert build() == build() == 7
+
+
+def test_paths_of_many_prisms_are_those_of_each_in_their_order():
+    given = [*prisms(9), Prism(1.0, 0.7, 0.05, 1.0)] * 4
+    found = equilibrium_paths(given, max_height=0.75)
+    assert [path.prism for path in found] == given
+    for prism, path in zip(given, found, strict=True):
+        alone = equilibrium_path(prism, max_height=0.75)
+        assert str(path) == str(alone)
+        for name, column in alone.columns.items():
+            assert column.tobytes() == path.columns[name].tobytes()
+    assert equilibrium_paths([]) == []
+
+
+def test_one_wrong_prism_among_many_is_refused_before_any_work(monkeypatch):
+    monkeypatch.setattr(path_module, "_followed", lambda *_: pytest.fail("followed"))
+    with pytest.raises(TensegrityError, match=r"0\.65 m must be below the height 0\.6 m"):
+        equilibrium_paths([Prism(1.0, 0.7, 0.05, 1.0), Prism(1.0, 0.6, 0.05, 1.0)], min_height=0.65)
+    for wrong in (Prism(1.0, 0.7, 0.05, 1.0), [1.0], None, "prisms"):
+        with pytest.raises(TensegrityError, match=r"[pP]rism"):
+            equilibrium_paths(wrong)

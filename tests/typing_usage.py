@@ -68,6 +68,7 @@ from tensegrity import (
     control_path,
     equilibrium,
     equilibrium_path,
+    equilibrium_paths,
     fit,
     gradient,
     held,
@@ -94,6 +95,7 @@ def prisms_and_paths() -> Potential:
     assert_type(prism.axial_stiffness() + prism.locking_height(), float)
     path = equilibrium_path(prism, min_height=0.2, max_height=0.9, past_contact=True)
     assert_type(path, EquilibriumPath)
+    assert_type(equilibrium_paths([prism], min_height=0.2), list[EquilibriumPath])
     assert_type(path[3], dict[str, Any])
     assert_type(path[2:5], EquilibriumPath)
     assert_type(path.load - path.height, Array)
@@ -112,6 +114,7 @@ def prisms_and_paths() -> Potential:
     prism.height = 0.8  # type: ignore[misc]
     equilibrium_path(spring)  # type: ignore[call-overload]
     equilibrium_path(prism, 0.2)  # type: ignore[call-overload]
+    equilibrium_paths(prism)  # type: ignore[arg-type]
     spring.tension(None)  # type: ignore[arg-type]
     path["load"]  # type: ignore[call-overload]
     return spring

@@ -1,96 +1,116 @@
 """One step of a continuation as fast functions: predict, correct, tangent, event functions.
 
-The expressions of a problem become CasADi functions in scaled unknowns asinh(unknown/scale).  A
-step is one function, compiled where there is a compiler; the Newton step on the system of an
-event is made when it is first needed.  Each thread has its own arrays for them to work on: any
-number may trace the same problem at once.
+The expressions of a problem become CasADi functions in scaled unknowns asinh(unknown/scale),
+compiled where there is a compiler, with a loop that follows a branch to its end in one call.  The
+Newton step on the system of an event is made when it is first needed.  Any number of threads may
+trace the same problem at once.
 """
 
 from __future__ import annotations
 
 import ctypes
 import math
-import threading
 from dataclasses import dataclass
+from importlib.resources import files
 
 import numpy as np
 
-from tensegrity.engine.native import CompilerError, library
+from tensegrity.engine.functions import PREFIX, Functions
+from tensegrity.engine.native import CompilerError
 from tensegrity.once import once
 
+START_ITERATIONS = 50
+FULL_RANK = 1e-8  # least diagonal of a factor over the largest, at a start that needs no more care
 ITERATIONS = 3  # Newton iterations in a step
 POLISH = 20  # iterations that locate an event
+BISECTIONS = 45  # where they fail
+ROOT_AT_START, FOLD_AT_START = 1e-14, 1e-8  # event functions that vanish at the first point
+SETTLED = 1e-7  # largest move of a step's last iteration; the next one would square it
+TWINS = 1e-6  # branches nearer than this are taken to meet
 TINY = 1e-300  # keeps quotients of zeros finite
 
 
 class Machine:
-    """The CasADi functions of a problem, in scaled unknowns asinh(unknown/scale)."""
+    """The functions of a problem, in scaled unknowns asinh(unknown/scale).
 
-    def __init__(self, problem) -> None:
+    Parameters
+    ----------
+    problem : Problem
+    facts : dict
+        Names of its unknowns, roots, folds and values, their scales, and how many parameters.
+    parts : tuple, or None
+        What names the problem in `kept`.
+    """
+
+    def __init__(self, problem, facts, parts=None) -> None:
+        self.names, self.scale = tuple(facts["unknowns"]), np.array(facts["scale"])
+        self.roots, self.folds = tuple(facts["roots"]), tuple(facts["folds"])
+        self.tabulated, self.numbers = tuple(facts["values"]), facts["numbers"]
+        self.kinds, self.m = (*self.roots, *self.folds), len(self.names)
+        self.judged = 2 * self.m + len(self.tabulated)  # where the figures of a step begin
+        self.size = self.judged + 3 + len(self.kinds)  # of a row in follow.c
+        self._parts, self._scaled = parts, once(lambda: _Scaled(problem))
+        self.functions = Functions(self._named("machine"), self._made, self._follow())
+        self.library = self.functions.library
+        self.newton = once(self._made_newton)
+        self.addresses = [0] * len(self.kinds)  # of the compiled Newton steps made so far
+
+    def _named(self, *what):
+        return self._parts and (*what, self._parts)
+
+    def _made(self):
         import casadi as ca
 
-        m, p, scale = len(problem.unknowns), problem.p, ca.DM(problem.scale)
-        z = ca.SX.sym("z", m)
+        s = self._scaled()
+        linear = ca.Function("linear", [s.z, s.p], [s.g, s.jacobian])
+        judge = ca.Function("judge", [s.z, s.p], [s.values, s.g / s.size, s.roots, *s.slopes])
+        inputs, output = _advance(self.m, s.p, linear, judge)
+        return {
+            "advance": ca.Function("advance", inputs, [output]),
+            "linear": ca.Function(
+                "linear", [s.z, s.p], [ca.vertcat(s.g, ca.vec(ca.densify(s.jacobian)))]
+            ),
+            "values": ca.Function("values", [s.z, s.p], [ca.vertcat(s.z, s.values)]),
+        }
 
-        def scaled(expression):
-            return ca.substitute(ca.SX(expression), problem.z, scale * ca.sinh(z))
+    def _follow(self):
+        """C of the loop, with the numbers that it is made for."""
+        sizes = {"M": self.m, "VALUES": len(self.tabulated), "KINDS": len(self.kinds)}
+        sizes |= {"ROOTS": len(self.roots), "FOLDS": len(self.folds)}
+        sizes |= {"POLISH": POLISH, "BISECTIONS": BISECTIONS, "ROOT_AT_START": ROOT_AT_START}
+        sizes |= {"FOLD_AT_START": FOLD_AT_START, "SETTLED": SETTLED, "TWINS": TWINS, "TINY": TINY}
+        sizes |= {"START_ITERATIONS": START_ITERATIONS, "FULL_RANK": FULL_RANK}
+        defined = [f"#define {name} {number!r}" for name, number in sizes.items()]
+        text = files(__package__).joinpath("follow.c").read_text()
+        return "\n".join([*defined, '#line 1 "follow.c"', text])
 
-        g = scaled(problem.residual)
-        jacobian = ca.jacobian(g, z)
-        size = scaled(problem.size) if problem.size is not None else ca.SX.ones(m - 1)
-        roots = ca.vertcat(*(scaled(e) for e in problem.roots.values()))
-        folds = [scaled(e) for e in problem.folds.values()]
-        values = ca.vertcat(*(scaled(e) for e in problem.values.values()))
-        slopes = [ca.gradient(f, z) / (ca.norm_2(ca.gradient(f, z)) + TINY) for f in folds]
-        self.m, self.roots, self.folds = m, tuple(problem.roots), tuple(problem.folds)
-        self.judged = 2 * m + values.numel()  # where the figures of a step begin
-        linear = ca.Function("linear", [z, p], [g, jacobian])
-        judge = ca.Function("judge", [z, p], [values, g / size, roots, *slopes])
-        self._advance = _fast("advance", *_advance(m, p, linear, judge), compiled=True)
-        self._linear = _fast("linear", [z, p], ca.vertcat(g, ca.vec(ca.densify(jacobian))))
-        self._values = _fast("values", [z, p], ca.vertcat(z, values))
-        self.kinds = (*self.roots, *self.folds)
-        self._systems = (
-            {
-                name: ([z], ca.vertcat(g, root))
-                for name, root in zip(self.roots, ca.vertsplit(roots), strict=True)
-            }
-            if self.roots
-            else {}
-        )
-        tangent, normal = ca.SX.sym("tangent", m), ca.SX.sym("normal", m)
-        stretched = ca.dot(normal, tangent) - 1
-        for name, slope in zip(self.folds, slopes, strict=True):
-            system = ca.vertcat(g, jacobian @ tangent, ca.dot(slope, tangent), stretched)
-            self._systems[name] = ([ca.vertcat(z, tangent), normal], system)
-        self._p, self._newton_step = p, once(self._made_newton_step)
-
-    def _made_newton_step(self, kind):
+    def _made_newton(self, kind):
         """One Newton step on the system of an event."""
-        import casadi as ca
+        return Functions(
+            self._named("newton", kind), lambda: {"newton": self._scaled().newton(kind)}
+        )
 
-        (x, *normal), system = self._systems[kind]
-        new = x - ca.solve(ca.jacobian(system, x), system)
-        step = ca.vertcat(new, ca.norm_2((new - x) / (1 + ca.fabs(new))))
-        return _fast("newton", [x, *normal, self._p], step, compiled=True)
+    def address(self, kind):
+        """Where the compiled Newton step for an event is."""
+        found = self.newton(kind).library
+        if found is None:
+            raise CompilerError(f"the Newton step for {kind} was not compiled")
+        address = ctypes.cast(found[f"{PREFIX}newton"], ctypes.c_void_p).value
+        self.addresses[self.kinds.index(kind)] = address
+        return address
 
     def advance(self, before, here, step, p):
         """The point `step` beyond `here`, and the figures by which it is judged."""
         m = self.m
-        given = self._advance.arguments[0]
-        given[: 2 * m], given[2 * m : 4 * m] = before.data[: 2 * m], here.data[: 2 * m]
-        given[4 * m], given[4 * m + 1] = here.length, step
-        return self._point(p)
+        given = [*before.data[: 2 * m], *here.data[: 2 * m], here.length, step]
+        return self._point(given, p)
 
     def at(self, z, tangent, p):
         """The point of the branch next to z in the plane normal to `tangent`."""
-        self._advance.arguments[0][:] = np.concatenate([z - tangent, tangent, z, tangent, [1, 0]])
-        return self._point(p)[0]
+        return self._point(np.concatenate([z - tangent, tangent, z, tangent, [1, 0]]), p)[0]
 
-    def _point(self, p):
-        self._advance.arguments[1][: len(p)] = p
-        self._advance._call()
-        out, m = self._advance.result, self.judged
+    def _point(self, given, p):
+        out, m = self.functions("advance", given, p), self.judged
         error, moved, last, cosine, residual, length, side, *tests = out[m:].tolist()
         point = Point(self.m, out[:m].copy(), residual, length, side, tests)
         return point, (error, moved, last, cosine)
@@ -98,22 +118,23 @@ class Machine:
     def exactly_at(self, z, tangent, p):
         """The point of the branch at a z that is known to round-off already."""
         point = self.at(z, tangent, p)
-        point.data[: self.m], point.data[2 * self.m :] = z, self._values(z, p)[self.m :]
+        point.data[: self.m] = z
+        point.data[2 * self.m :] = self.functions("values", z, p)[self.m :]
         return point
 
     def linearised(self, z, p):
         """Residual and Jacobian."""
-        values = self._linear(z, p)
+        values = self.functions("linear", z, p)
         m = self.m
         return values[: m - 1], values[m - 1 :].reshape(m, m - 1).T
 
     def polish(self, kind, z, tangent, p):
         """Newton's method on the system extended by an event; the point, or None."""
-        step, normal = self._newton_step(kind), [tangent] if kind in self.folds else []
+        step, normal = self.newton(kind), [tangent] if kind in self.folds else []
         x = np.concatenate([z, *normal])
         previous = math.inf
         for _ in range(POLISH):
-            *new, moved = step(x, *normal, p).tolist()
+            *new, moved = step("newton", x, *normal, p).tolist()
             if not math.isfinite(moved):
                 return None
             x = np.array(new)
@@ -121,6 +142,47 @@ class Machine:
                 return x[: self.m]
             previous = moved
         return None
+
+
+class _Scaled:
+    """Expressions of a problem in scaled unknowns z."""
+
+    def __init__(self, problem):
+        import casadi as ca
+
+        m, scale = len(problem.unknowns), ca.DM(problem.scale)
+        self.p = problem.p
+        self.z = z = ca.SX.sym("z", m)
+
+        def scaled(expression):
+            return ca.substitute(ca.SX(expression), problem.z, scale * ca.sinh(z))
+
+        self.g = scaled(problem.residual)
+        self.jacobian = ca.jacobian(self.g, z)
+        self.size = scaled(problem.size) if problem.size is not None else ca.SX.ones(m - 1)
+        self.roots = ca.vertcat(*(scaled(e) for e in problem.roots.values()))
+        self.values = ca.vertcat(*(scaled(e) for e in problem.values.values()))
+        folds = [scaled(e) for e in problem.folds.values()]
+        self.slopes = [ca.gradient(f, z) / (ca.norm_2(ca.gradient(f, z)) + TINY) for f in folds]
+        self._of_root = dict(zip(problem.roots, range(len(problem.roots)), strict=True))
+        self._of_fold = dict(zip(problem.folds, self.slopes, strict=True))
+
+    def newton(self, kind):
+        """One Newton step on the system of an event, and how far it goes."""
+        import casadi as ca
+
+        m, x, normal = self.z.numel(), self.z, []
+        if kind in self._of_fold:
+            slope = self._of_fold[kind]
+            tangent, normal = ca.SX.sym("tangent", m), [ca.SX.sym("normal", m)]
+            stretched = ca.dot(*normal, tangent) - 1
+            x = ca.vertcat(self.z, tangent)
+            system = ca.vertcat(self.g, self.jacobian @ tangent, ca.dot(slope, tangent), stretched)
+        else:
+            system = ca.vertcat(self.g, self.roots[self._of_root[kind]])
+        new = x - ca.solve(ca.jacobian(system, x), system)
+        step = ca.vertcat(new, ca.norm_2((new - x) / (1 + ca.fabs(new))))
+        return ca.Function("newton", [x, *normal, self.p], [step])
 
 
 @dataclass(slots=True)
@@ -147,63 +209,10 @@ class Point:
     def tangent(self):
         return self.data[self.m : 2 * self.m]
 
-
-def _fast(name, inputs, output, compiled=False):
-    """Such a function of CasADi expressions, compiled where wanted and where that is possible."""
-    import casadi as ca
-
-    function, code = ca.Function(name, inputs, [ca.densify(output)]), None
-    if compiled:
-        generator = ca.CodeGenerator("step.c")
-        generator.add(function)
-        try:
-            code = library(generator.dump())[name]
-        except CompilerError:
-            return _Fast(function, None)
-        code.argtypes = [ctypes.c_void_p] * 4 + [ctypes.c_int]
-    return _Fast(function, code)
-
-
-class _Fast(threading.local):
-    """A function of vectors with one vector as its result, called in about a microsecond.
-
-    It reads and writes fixed arrays, compiled or, without a compiler, on CasADi's machine; an
-    ordinary call of a CasADi function takes 20 us.  Each thread has its own arrays: `__init__`
-    runs in each when it first comes here.
-    """
-
-    def __init__(self, function, code) -> None:
-        self.arguments = [np.zeros(max(function.numel_in(i), 1)) for i in range(function.n_in())]
-        self.result = np.zeros(function.numel_out(0))
-        self._call = self._compiled(function, code) if code else self._interpreted(function)
-
-    def _interpreted(self, function):
-        self._buffer, call = function.buffer()  # kept: the process dies without it
-        for i, argument in enumerate(self.arguments):
-            self._buffer.set_arg(i, memoryview(argument))
-        self._buffer.set_res(0, memoryview(self.result))
-        return call
-
-    def _compiled(self, function, code):
-        addresses = [x.ctypes.data for x in self.arguments]
-        self._arguments = (ctypes.c_void_p * len(addresses))(*addresses)
-        self._results = (ctypes.c_void_p * 1)(self.result.ctypes.data)
-        self._work = np.zeros(function.sz_w() + 1), np.zeros(function.sz_iw() + 1, dtype=np.int64)
-        given = (
-            ctypes.addressof(self._arguments),
-            ctypes.addressof(self._results),
-            self._work[1].ctypes.data,
-            self._work[0].ctypes.data,
-            0,
-        )
-        return lambda: code(*given)
-
-    def __call__(self, *values):
-        """The result, in an array that the next call overwrites."""
-        for argument, value in zip(self.arguments, values, strict=True):
-            argument[: len(value)] = value
-        self._call()
-        return self.result
+    @property
+    def numbers(self):
+        """All of it in a row, as in `follow.c`."""
+        return np.concatenate([self.data, [self.residual, self.length, self.side, *self.tests]])
 
 
 def _advance(m, p, at, judge):

@@ -9,36 +9,44 @@ is shortened; also where the bordered determinant changes its sign, as it does b
 and a neighbour that nearly meets it.  Folds are located on the extended system (Moore & Spence
 1980), roots of user functions on the system bordered by them; interpolation only starts both.
 
-A `Problem` is what is solved, `Settings` how, a `Branch` what came out.
+A `Problem` is what is solved, `Settings` how, a `Branch` what came out.  Where there is a
+compiler all of it runs in one call of `follow.c`; without one, `_walked` does the same.
 """
 
 from __future__ import annotations
 
+import contextlib
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tensegrity import check
-from tensegrity.branches.arclength import TINY, Machine, virtual_start
+from tensegrity.branches.arclength import (
+    SETTLED,
+    START_ITERATIONS,
+    TINY,
+    TWINS,
+    Machine,
+    virtual_start,
+)
 from tensegrity.branches.events import leave_start, located
+from tensegrity.branches.following import MANY, SHORT, followed
 from tensegrity.branches.table import Event, Table
+from tensegrity.engine.kept import kept, maker
+from tensegrity.engine.native import CompilerError
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Mapping
+    from collections.abc import Callable, Collection, Iterable, Mapping
     from typing import Any
 
     from numpy.typing import ArrayLike
 
     from tensegrity.branches.many import ManyProblem
     from tensegrity.typing import Array
-
-START_ITERATIONS = 50
-SETTLED = 1e-7  # largest move of a step's last iteration; the next one would square it
-TWINS = 1e-6  # branches nearer than this are taken to meet
 
 
 class ContinuationError(TensegrityError):
@@ -96,11 +104,51 @@ class Problem:
         if self.folds is None:
             object.__setattr__(self, "folds", {"fold": self.z[m - 1]})
 
-        object.__setattr__(self, "_made", once(lambda: Machine(self)))
+        object.__setattr__(self, "_made", once(lambda: Machine(self, _facts(self))))
 
     @property
     def _machine(self):
         return self._made()
+
+
+class DerivedProblem(Problem):
+    """A problem that a function derives, when its expressions are asked for.
+
+    To trace it needs none of them, where its machine is kept (`tensegrity.engine.kept`).
+
+    Parameters
+    ----------
+    make : callable
+        A function of a module, which gives a `Problem`.
+    *arguments
+        What it is called with; texts and numbers, which say all that the problem depends on.
+    """
+
+    def __init__(self, make: Callable[..., Problem], *arguments: Any) -> None:
+        name = maker(make, *arguments)
+        derive = once(lambda: make(*arguments))
+        machine = once(lambda: Machine(self, kept(("problem", name), lambda: _facts(self)), name))
+        self.__dict__.update(derived=derive, _made=machine)
+
+
+def _asked(name: str) -> Any:
+    return property(lambda self: getattr(self.derived(), name))
+
+
+for _field in fields(Problem):
+    setattr(DerivedProblem, _field.name, _asked(_field.name))
+
+
+def _facts(problem):
+    """What a `Machine` has to know of a problem besides its functions."""
+    return {
+        "unknowns": list(problem.unknowns),
+        "scale": list(problem.scale),
+        "numbers": problem.p.numel(),
+        "roots": list(problem.roots),
+        "folds": list(problem.folds),
+        "values": list(problem.values),
+    }
 
 
 @dataclass(frozen=True)
@@ -211,30 +259,53 @@ def trace(
         rows do not reach an end; its `branch` holds the rows so far.
     """
     settings, machine = settings or Settings(), problem._machine
-    start, p = _checked(problem, start, parameters, direction, stop)
-    here = _first_point(problem, start, p, settings, direction)
+    start, p = _checked(machine, start, parameters, direction, stop)
+    rows, found, listed, end = _follow(machine, start, p, settings, direction, stop)
+    branch = _branch(machine, rows, found, listed, end if end in machine.kinds else "failed")
+    if end not in machine.kinds:
+        failure = ContinuationError(f"{end}; last good point {_shown(machine, rows[-1])}")
+        failure.branch = branch
+        raise failure
+    return branch
+
+
+def _follow(machine, start, p, settings, direction, stop):
+    if machine.library:
+        with contextlib.suppress(CompilerError):
+            found = followed(machine, start, p, settings, direction, stop)
+            if found:
+                return found
+    return _walked(machine, start, p, settings, direction, stop)
+
+
+def _walked(machine, start, p, settings, direction, stop):
+    """What `followed` gives, in Python."""
+    here = _first_point(machine, start, p, settings, direction)
     step = min(settings.first, settings.largest)
-    rows, events = [here], []
+    rows, events, end = [here], [], ""
     before, here = virtual_start(here, step), replace(here, length=step)
     signs = here.tests
-    while True:
-        try:
-            if len(rows) >= settings.points:
-                raise ContinuationError(f"{settings.points} rows do not reach an end")
-            before, (here, step) = here, _step(machine, before, here, step, p, settings)
-        except ContinuationError as error:
-            where = _shown(problem, rows[-1].z)
-            failure = ContinuationError(f"{error}; last good point {where}")
-            failure.branch = _branch(problem, rows, events, p, "failed")
-            raise failure from None
+    while not end:
+        if len(rows) >= settings.points:
+            end = MANY.format(settings.points)
+            break
+        point, step = _step(machine, before, here, step, p, settings)
+        if point is None:
+            end = SHORT.format(settings.smallest)
+            break
+        before, here = here, point
         if len(rows) == 1:
             signs = leave_start(machine, rows[0], here, p, events)
         for kind, point in located(machine, before, here, signs, p):
             events.append((kind, len(rows) - (kind not in stop), point))
             if kind in stop:
-                return _branch(problem, [*rows, point], events, p, kind)
+                here, end = point, kind
+                break
         rows.append(here)
         signs = [new or old for new, old in zip(here.tests, signs, strict=True)]
+    found = np.array([point.numbers for _, _, point in events]).reshape(-1, machine.size)
+    listed = [(kind, row) for kind, row, _ in events]
+    return np.array([point.numbers for point in rows]), found, listed, end
 
 
 def fold_problem(problem: Problem, fold: str, free: int) -> Problem:
@@ -305,10 +376,10 @@ def _tangent(problem, z, p):
     return np.linalg.svd(problem._machine.linearised(z, p)[1])[2][-1]
 
 
-def _checked(problem, start, parameters, direction, stop):
+def _checked(machine, start, parameters, direction, stop):
     p = np.asarray(parameters, dtype=float).ravel()
     start = np.asarray(start, dtype=float).ravel()
-    m, k = len(problem.unknowns), problem.p.numel()
+    m, k = machine.m, machine.numbers
     if p.size != k or start.size != m:
         raise TensegrityError(
             f"{start.size} start values and {p.size} parameters do not suit the problem, must be "
@@ -319,19 +390,18 @@ def _checked(problem, start, parameters, direction, stop):
     if direction not in (1, -1):
         raise TensegrityError(f"direction {direction!r} must be 1 or -1")
     for kind in stop:
-        if kind not in problem._machine.kinds:
-            raise TensegrityError(f"stop {kind!r} is not among {problem._machine.kinds}")
-    return np.arcsinh(start / np.array(problem.scale)), p
+        if kind not in machine.kinds:
+            raise TensegrityError(f"stop {kind!r} is not among {machine.kinds}")
+    return np.arcsinh(start / machine.scale), p
 
 
-def _shown(problem, z):
-    values = zip(problem.unknowns, np.sinh(z) * np.array(problem.scale), strict=True)
+def _shown(machine, row):
+    values = zip(machine.names, np.sinh(row[: machine.m]) * machine.scale, strict=True)
     return ", ".join(f"{name} {value:.9g}" for name, value in values)
 
 
-def _first_point(problem, z, p, settings, direction):
+def _first_point(machine, z, p, settings, direction):
     """Nearest solution by least-norm Newton steps, which work at a fold as elsewhere."""
-    machine = problem._machine
     for _ in range(START_ITERATIONS):
         g, jacobian = machine.linearised(z, p)
         finite = np.isfinite(g).all() and np.isfinite(jacobian).all()
@@ -350,7 +420,7 @@ def _first_point(problem, z, p, settings, direction):
         residual = point.residual
     if not residual <= settings.residual:
         raise ContinuationError(
-            f"no solution near the start: residual {residual:.3g} at {_shown(problem, z)} is "
+            f"no solution near the start: residual {residual:.3g} at {_shown(machine, z)} is "
             f"above {settings.residual:g}"
         )
     return point
@@ -374,20 +444,19 @@ def _step(machine, before, here, step, p, settings):
         if good:
             return point, min(step * min(max(wanted, 0.3), 2.0), settings.largest)
         step *= min(max(wanted, 0.1), 0.5) if wanted == wanted else 0.5
-    raise ContinuationError(f"the step fell below {settings.smallest:g}")
+    return None, step
 
 
-def _branch(problem, rows, events, p, end):
-    m, count = len(problem.unknowns), len(rows)
-    names = (*problem.unknowns, *problem.values)
-    data = np.array([x.data for x in (*rows, *(point for _, _, point in events))])
-    data[:, :m] = np.sinh(data[:, :m]) * np.array(problem.scale)
-    table = np.hstack([data[:, :m], data[:, 2 * m :]])
+def _branch(machine, rows, found, events, end):
+    m, count = machine.m, len(rows)
+    names, values = (*machine.names, *machine.tabulated), machine.judged
+    data = np.concatenate([rows, found])
+    z = np.sinh(data[:, :m]) * machine.scale
+    table = np.hstack([z, data[:, 2 * m : values]])
     listed = [
         Event(kind, row, dict(zip(names, at, strict=True)))
-        for (kind, row, _), at in zip(events, table[count:].tolist(), strict=True)
+        for (kind, row), at in zip(events, table[count:].tolist(), strict=True)
     ]
     columns = dict(zip(names, table[:count].T.copy(), strict=True))
-    arc = np.cumsum([0.0, *(x.length for x in rows[1:])])
-    residual = np.array([x.residual for x in rows])
-    return Branch(columns, listed, end, data[:count, :m], data[:count, m : 2 * m], arc, residual)
+    arc = np.concatenate([[0.0], np.cumsum(rows[1:, values + 1])])
+    return Branch(columns, listed, end, z[:count], rows[:, m : 2 * m].copy(), arc, rows[:, values])

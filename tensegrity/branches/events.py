@@ -11,10 +11,12 @@ from operator import mul
 
 import numpy as np
 
-from tensegrity.branches.arclength import virtual_start
-
-BISECTIONS = 45
-ROOT_AT_START, FOLD_AT_START = 1e-14, 1e-8  # event functions that vanish at the first point
+from tensegrity.branches.arclength import (
+    BISECTIONS,
+    FOLD_AT_START,
+    ROOT_AT_START,
+    virtual_start,
+)
 
 
 def leave_start(machine, start, here, p, events):

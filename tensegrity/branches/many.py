@@ -90,6 +90,10 @@ class ManyMachine:
         self.scale = np.asarray(equations.scale, dtype=float)
         self.roots, self.folds = tuple(equations.roots), tuple(equations.folds)
         self.kinds = (*self.roots, *self.folds)
+        self.names, self.numbers = tuple(equations.names), 0
+        self.tabulated: tuple[str, ...] = ()
+        self.judged, self.library = 2 * self.m, None  # LAPACK is: no loop of its own
+        self.size = self.judged + 3 + len(self.kinds)
         self._stationary = list(equations.folds.values())
 
     def unknowns(self, z: Array) -> Array:

@@ -4,19 +4,20 @@ A `Law` is a scalar energy of one elongation with named parameters.  CasADi diff
 (unless the law brings its own form of the tension) and writes the C; the text is used as
 CasADi writes it, between `prelude.c` and the text of a loop.  A law may also be made of CasADi
 expressions from the start: what is asked of it is a hash, `parameters`, `forms()`, and `split`
-and `compiled` as in `Law`.
+and `compiled` as in `Law`.  What is generated from a law that has a `name`, for good and in every
+process, is kept: see `tensegrity.engine.kept`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cache
+from dataclasses import dataclass, fields
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tensegrity.engine import lanes
+from tensegrity.engine.kept import kept, maker
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
 
@@ -55,6 +56,7 @@ class Law:
     through: tuple[tuple[sp.Symbol, sp.Expr, sp.Expr], ...] = ()
     split = True  # the compiled loop may compute a square root of it ahead
     compiled = DERIVATIVES  # what is compiled besides the tension in the loop
+    name = ""  # what stands for it in other processes, if anything does
 
     def forms(self) -> tuple[Any, Any, Sequence[Any]]:
         """The law in CasADi.
@@ -90,6 +92,55 @@ class Law:
         stiffness = rate(tension)
         forms = (energy, tension, stiffness, rate(stiffness))
         return r, p, [ca.substitute(form, y, y_of_r) if passed else form for form in forms]
+
+
+class DerivedLaw(Law):
+    """A law that a function of this package derives, when its expressions are asked for.
+
+    Parameters
+    ----------
+    make : callable
+        A function of a module, which gives a `Law`.
+    *arguments
+        What it is called with; texts and numbers, which say all that the law depends on.
+    """
+
+    def __init__(self, make: Callable[..., Law], *arguments: Any) -> None:
+        self.__dict__.update(make=make, arguments=arguments)
+        self.__dict__["name"] = maker(make, *arguments)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, DerivedLaw) and self.name == other.name
+
+    def __hash__(self) -> int:
+        return hash(self.name)
+
+    def __repr__(self) -> str:
+        return f"DerivedLaw({self.name.rpartition(' ')[0]})"
+
+    def forms(self) -> tuple[Any, Any, Sequence[Any]]:
+        """The law in CasADi; see `Law.forms`."""
+        return _derived(self).forms()
+
+
+@once
+def _derived(law):
+    return law.make(*law.arguments)
+
+
+def _ask(name):
+    return property(lambda self: getattr(_derived(self), name))
+
+
+for _field in fields(Law):
+    setattr(DerivedLaw, _field.name, _ask(_field.name))
+DerivedLaw.parameters = property(lambda self: tuple(facts(self)["parameters"]))  # type: ignore
+
+
+def named(what: str, laws: Sequence[Any], *more: Any) -> tuple[Any, ...] | None:
+    """What `kept` takes for something made of laws; None where one of them has no name."""
+    names = tuple(getattr(law, "name", "") for law in laws)
+    return (what, names, *more) if all(names) else None
 
 
 def to_casadi(expression: Any, symbols: Sequence[Any]) -> Callable[..., Any]:
@@ -195,16 +246,34 @@ def evaluate(law, order, parameters, r):
     return np.array(function(r.reshape(1, -1), p.reshape(len(p), -1))).reshape(r.shape)
 
 
-@cache
-def cost(law: Any) -> float:
-    """Seconds that a tension takes in a compiled loop, roughly: counted, not measured."""
+@once
+def facts(law: Any) -> dict[str, Any]:
+    """What is asked of a law besides its functions: names of its parameters, seconds that a
+    tension takes in a compiled loop, roughly: counted, not measured, and its instructions."""
+    return kept(named("facts", (law,)), lambda: _facts(law))
+
+
+def _facts(law):
     import casadi as ca
 
     slow = {ca.OP_SQRT: 16, ca.OP_DIV: 8, ca.OP_INV: 8}
     slow |= dict.fromkeys((ca.OP_EXP, ca.OP_LOG, ca.OP_POW, ca.OP_SIN, ca.OP_COS), 150)
     tension = functions(law)["tension"]
     count = range(tension.n_instructions())
-    return 4e-11 * sum(slow.get(tension.instruction_id(k), 1) for k in count)
+    return {
+        "parameters": [str(parameter) for parameter in _given(law).parameters],
+        "cost": 4e-11 * sum(slow.get(tension.instruction_id(k), 1) for k in count),
+        "instructions": functions(law)["tail"].n_instructions(),
+    }
+
+
+def _given(law):
+    return _derived(law) if isinstance(law, DerivedLaw) else law
+
+
+def cost(law: Any) -> float:
+    """Seconds that a tension takes in a compiled loop, roughly: counted, not measured."""
+    return facts(law)["cost"]
 
 
 def interpret(function, inputs, kind, visit=lambda operation, value: value):
@@ -342,7 +411,7 @@ def _file(name):
 
 def is_long(law):
     """Whether a law is compiled apart from the loop, once."""
-    return functions(law)["tail"].n_instructions() > LONG
+    return facts(law)["instructions"] > LONG
 
 
 def kinds(law, own):

@@ -10,6 +10,7 @@ import numpy as np
 
 from tensegrity.engine import codegen, geometry
 from tensegrity.engine.bonds import GROUP, WALL, by_spring
+from tensegrity.engine.kept import kept
 from tensegrity.engine.methods import Corrected, Splitting
 from tensegrity.engine.native import library
 from tensegrity.engine.openings import DEGREE, Openings
@@ -73,8 +74,9 @@ class Compiled:
         self._most = max((len(law.parameters) for law in laws), default=0)
         flags = ["-DEXTENDED"] * extended + [f"-DLANES={lanes}"] * (lanes > 1)
         flags += [f"-DDIM={dim}"] * (dim > 0)
-        parts = (geometry.helpers(dim), geometry.side_by_side(dim)) if dim else ()
-        found = library(codegen.c_text(laws, "net" if dim else "line", self.own, *parts), flags)
+        loop = "net" if dim else "line"
+        parts = codegen.named("loop", laws, loop, self.own, dim)
+        found = library(kept(parts, lambda: self._text(loop)), flags)
         address, number = ctypes.c_void_p, ctypes.c_longlong
         for name, arguments in (
             ("advance", [address, number]),
@@ -87,6 +89,11 @@ class Compiled:
             function = found[name]
             function.argtypes, function.restype = arguments, None
             setattr(self, name if name.startswith("advance") else f"_{name}", function)
+
+    def _text(self, loop):
+        dim = self.dim
+        parts = (geometry.helpers(dim), geometry.side_by_side(dim)) if dim else ()
+        return codegen.c_text(self.laws, loop, self.own, *parts)
 
     @classmethod
     def of(cls, bonds, lanes=1, extended=False):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tensegrity.once import once
+from tensegrity.engine.programs import derived, run
 
 
 def elongations(bonds, u):
@@ -26,21 +26,18 @@ def elongations(bonds, u):
     along = np.broadcast_to(reference.T, w.shape).astype(w.dtype)
     if dim > 1:
         axes = (*reference[:, pair], *np.moveaxis(w[..., pair, :], -1, 0))
-        r[..., pair] = _elongation(dim)(*axes, gap[pair], length[pair])
+        (r[..., pair],) = run(derived(_elongation, dim), np, (*axes, gap[pair], length[pair]))
         apart = reference.T[pair] + w[..., pair, :]
         along[..., pair, :] = apart / np.sqrt(np.sum(apart**2, axis=-1, keepdims=True))
     return r, along
 
 
-@once
 def _elongation(dim):
-    """The elongation of `derivations.geometry` in NumPy: (D, w, g, L) -> r."""
-    import sympy as sp
-
+    """The elongation of `derivations.geometry`, in (D, w, g, L)."""
     from derivations import geometry
 
     symbols = (*(x for v in geometry.vectors(dim) for x in v), geometry.initial, geometry.length)
-    return sp.lambdify(symbols, geometry.elongation(dim), "numpy", cse=True)
+    return [geometry.elongation(dim)], symbols
 
 
 def ends(bonds):

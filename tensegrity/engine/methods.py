@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from tensegrity import check
+from tensegrity.engine.kept import kept
 from tensegrity.errors import TensegrityError
 
 if TYPE_CHECKING:
@@ -109,6 +110,9 @@ class Method:
     @cached_property
     def stability_limit(self) -> float:
         """Largest stable dt * omega on the harmonic oscillator, found from the coefficients."""
+        return kept(("stability limit", repr(self)), self._stability_limit)
+
+    def _stability_limit(self) -> float:
         z = np.linspace(0, 2.0 * self.stages + 1, 200_001)[1:]
         first = int(np.flatnonzero(self._excess(z) > self._slack)[0])
         low, high = (z[first - 1] if first else 0.0), z[first]

@@ -15,13 +15,13 @@ import platform
 import shlex
 import shutil
 import signal
-import stat
 import subprocess
 import sys
 import tempfile
-import warnings
 from functools import cache
 from pathlib import Path
+
+from tensegrity.engine.kept import cache_folder, kept
 
 # -fno-semantic-interposition: else CasADi's helpers, which have external linkage, stay calls.
 # -fno-math-errno -fno-trapping-math: else sqrt and comparisons keep the loops scalar.
@@ -73,7 +73,22 @@ def _has_zig():
 
 @cache
 def _identity(command):
-    """What `command --version` says, or None where it cannot be run."""
+    """What `command --version` says, or None where it cannot be run.
+
+    It is kept for a compiler that is one file, as long as that has the same size and time.
+    """
+    try:
+        path = os.path.realpath(shutil.which(command[0]) or "")
+        state = os.stat(path)
+    except OSError:
+        return None
+    if len(command) > 1:
+        return _asked(command)
+    parts = "compiler", command[0], path, state.st_size, state.st_mtime_ns
+    return kept(parts, lambda: _asked(command))
+
+
+def _asked(command):
     try:
         code, said = _call((*command, "--version"), subprocess.DEVNULL)
     except (OSError, subprocess.TimeoutExpired):
@@ -116,52 +131,6 @@ def _processor():
         return platform.processor() + platform.machine()
     kept = ("vendor_id", "cpu family", "model", "flags", "Features", "CPU part")
     return "\n".join(sorted({line for line in lines if line.startswith(kept)}))
-
-
-@cache
-def cache_folder():
-    """Folder for compiled kernels, owned by this user and writable by nobody else.
-
-    $XDG_CACHE_HOME/tensegrity or ~/.cache/tensegrity; a temporary folder, for this process
-    only and with a warning, where that cannot be made or is open to others.
-    """
-    root = os.environ.get("XDG_CACHE_HOME", "")
-    if not os.path.isabs(root):  # the XDG specification: a relative one is to be ignored
-        root = os.path.join(os.path.expanduser("~"), ".cache")
-    if not os.path.isabs(root):
-        return _temporary_folder("no home folder is known; set HOME or XDG_CACHE_HOME")
-    folder = Path(root) / "tensegrity"
-    try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        _refuse_open(folder)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-        return folder
-    except OSError as error:
-        return _temporary_folder(f"{folder}: {error.strerror or error}")
-
-
-def _refuse_open(folder):
-    if hasattr(os, "getuid"):
-        state = folder.stat()
-        if state.st_uid != os.getuid():
-            raise PermissionError(f"it belongs to user {state.st_uid}, not to {os.getuid()}")
-        if state.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
-            raise PermissionError(f"others can write here (mode {stat.S_IMODE(state.st_mode):o})")
-
-
-def _temporary_folder(reason):
-    import atexit
-
-    folder = Path(tempfile.mkdtemp(prefix="tensegrity-"))
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    warnings.warn(
-        f"compiled kernels are kept in {folder} until this process ends, because the cache "
-        f"folder cannot be used: {reason}",
-        RuntimeWarning,
-        stacklevel=2,
-    )
-    return folder
 
 
 def library(text, extra_flags=()):

@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity import check
-from tensegrity.branches.continuation import Problem, Settings, trace
+from tensegrity.branches.continuation import DerivedProblem, Problem, Settings, trace
 from tensegrity.engine.codegen import deflated, horner, to_casadi
+from tensegrity.engine.functions import Functions
 from tensegrity.engine.kernel import kernel
 from tensegrity.errors import EquilibriumError, RangeError, TensegrityError
 from tensegrity.once import once
@@ -39,6 +40,7 @@ GUESS = 23  # degree of the polynomials from which the compiled loop starts
 STEPS = (1, 2, 4)  # how often it iterates
 SETTLED = 1e-14  # what one more iteration may change the unknowns by, relative to their largest
 SAMPLES = 512  # elongations at which that is tried
+EXACT = ("-ffp-contract=off",)  # what cancels does so exactly: no load where a prism is flat
 HALVINGS = 8  # of the part of the domain on which it is tried
 
 
@@ -79,11 +81,10 @@ def problem(rigid_base: bool = False, any_sides: bool = False) -> Problem:
     contact (the cross strings unload at twist pi), unloaded (base strings and bars unload at
     twist 2 pi/n), flat, height, load; fold, turn.
     """
-    return _problem(bool(rigid_base), bool(any_sides))
+    return DerivedProblem(_problem, bool(rigid_base), bool(any_sides))
 
 
-@once
-def _problem(rigid_base, any_sides):
+def _problem(rigid_base: bool, any_sides: bool) -> Problem:
     import casadi as ca
 
     from derivations.prism import REFERENCE_TWIST
@@ -178,9 +179,7 @@ def stable(z: Array, p: Sequence[float], rigid_base: bool) -> tuple[Flags, Flags
     tuple of two ndarrays of bool, (rows,)
     """
     rows, m = z.shape
-    matrices = (
-        np.array(_tangent(rigid_base, len(p) > 6)(z.T, p)).reshape(m, rows, m).transpose(1, 0, 2)
-    )
+    matrices = functions(rigid_base, len(p) > 6)("tangent", z, p).reshape(rows, m, m)
 
     def only_multiplier(part):
         values = np.linalg.eigvalsh((part + part.transpose(0, 2, 1)) / 2)
@@ -228,6 +227,7 @@ class ElasticLaw:
     any_sides: bool = False
     split = False
     compiled = ("energy",)
+    name = property(repr)
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -243,8 +243,9 @@ class ElasticLaw:
         """Which equations: `rigid_base` and `any_sides`."""
         return self.rigid_base, self.any_sides
 
-    def unknowns(self) -> tuple[Any, ...]:
-        """Symbols r, p, and the unknowns and the parameters of `problem` in terms of them."""
+    def guess(self) -> tuple[Any, ...]:
+        """Symbols r, p, and in terms of them the start of the iterations and the parameters of
+        `problem`."""
         import casadi as ca
 
         r, p = ca.SX.sym("r"), ca.SX.sym("p", len(self.parameters))
@@ -260,13 +261,13 @@ class ElasticLaw:
         ]
         z = ca.vertcat(*guess, at_rest + r * per_base)
         prism = ca.vertcat(*prism, 0, 0, *sides)  # where a branch ends does not matter here
-        for _ in range(self.steps):
-            z = _inner(*self.kind)[0](z, prism)
         return r, p, z, prism
 
     def forms(self) -> tuple[Any, Any, Sequence[Any]]:
         """The law in CasADi; see `codegen.Law.forms`."""
-        r, p, z, prism = self.unknowns()
+        r, p, z, prism = self.guess()
+        for _ in range(self.steps):
+            z = _inner(*self.kind)[0](z, prism)
         per_base, force, preload, energy_at_rest = p[0], p[1], p[2], p[4]
         energy, tension, stiffness, slope = (v(z, prism) for v in _inner(*self.kind)[1])
         return r, p, (
@@ -278,11 +279,23 @@ class ElasticLaw:
 
 
 @once
-def _unknowns(law):
-    import casadi as ca
+def functions(rigid_base: bool, any_sides: bool = False) -> Functions:
+    """Functions of (unknowns, parameters of `problem`), compiled: "step", Newton's at given
+    height, "value_0" to "value_3", the energy and its derivatives in the height, "tangent"; and
+    "guess" of (elongation, parameters of an `ElasticLaw`)."""
 
-    r, p, z, _ = law.unknowns()
-    return ca.Function("unknowns", [r, p], [z])
+    def make() -> dict[str, Any]:
+        import casadi as ca
+
+        step, values = _inner(rigid_base, any_sides)
+        r, p, guess, _ = ElasticLaw(rigid_base, 0, any_sides).guess()
+        found = {"step": step, "guess": ca.Function("guess", [r, p], [guess])}
+        found |= {f"value_{order}": value for order, value in enumerate(values)}
+        symbols = (tangent := _tangent(rigid_base, any_sides)).sx_in()
+        by_rows = ca.vec(tangent(*symbols).T)
+        return found | {"tangent": ca.Function("tangent", symbols, [by_rows])}
+
+    return Functions(("condensed", bool(rigid_base), bool(any_sides)), make, flags=EXACT)
 
 
 class ElasticPotential(Potential):
@@ -398,12 +411,14 @@ class ElasticPotential(Potential):
         """Law, parameters and reach for elongations in an interval; None if it takes too many
         iterations."""
         values = self._numbers(low, high, self._fitted(low, high))
+        of, taken = functions(*self._kind), 0
+        z = of("guess", np.linspace(low, high, SAMPLES)[:, None], values)
         for steps in STEPS:
-            law = ElasticLaw(self._rigid_base, steps, self._kind[1])
-            z = np.array(_unknowns(law)(np.linspace(low, high, SAMPLES)[None, :], values))
-            moved = np.abs(np.array(_inner(*law.kind)[0](z, self._p)) - z)
-            if (moved.max(axis=1) <= SETTLED * np.abs(z).max(axis=1)).all():
-                return law, values, (low, high)
+            for _ in range(taken, steps):
+                z = of("step", z, self._p)
+            taken, moved = steps, np.abs(of("step", z, self._p) - z)
+            if (moved.max(axis=0) <= SETTLED * np.abs(z).max(axis=0)).all():
+                return ElasticLaw(self._rigid_base, steps, self._kind[1]), values, (low, high)
         return None
 
     def _fitted(self, low, high):
@@ -420,7 +435,7 @@ class ElasticPotential(Potential):
 
     def _numbers(self, low, high, coefficients):
         base, force = self._prism.base, self._prism.k_cross * self._prism.base
-        energy_at_rest = float(_inner(*self._kind)[1][0](self._at_rest, self._p))
+        (energy_at_rest,) = functions(*self._kind)("value_0", self._at_rest, self._p)
         scales = [1 / base, force, self._preload, self._at_rest[-1], energy_at_rest]
         interval = [(low + high) / 2, 2 / (high - low)]
         return np.array([*scales, *self._p[:4], *interval, *coefficients.ravel(), *self._p[6:]])
@@ -444,14 +459,14 @@ class ElasticPotential(Potential):
         """Unknowns of the equilibria at elongations r [m], (r.size, m)."""
         rise = self._at_rest[-1] + np.clip(r, *self._domain) / self._prism.base
         rise = np.clip(rise, self._rise[0], self._rise[-1])
-        z = self._guess(rise).T
-        step, previous = _inner(*self._kind)[0], math.inf
+        z = self._guess(rise)
+        step, previous = functions(*self._kind), math.inf
         for _ in range(ITERATIONS):
-            new = np.array(step(z, self._p)).reshape(z.shape)
+            new = step("step", z, self._p)
             moved = np.max(np.abs(new - z) / (1 + np.abs(z)), initial=0.0)
             z = new
             if moved <= 1e-15 or (moved <= 1e-11 and moved >= previous / 4):
-                return z.T
+                return z
             previous = moved
         raise EquilibriumError(
             f"no equilibrium found at heights {self._length + np.min(r):g} to "
@@ -488,11 +503,11 @@ class ElasticPotential(Potential):
 
     def _from_states(self, order, r):
         """The order-th derivative of the energy at elongations r, (r.size,)."""
-        value = _inner(*self._kind)[1][order]
-        result = np.array(value(self.states(r).T, self._p)).reshape(r.shape)
+        of, name = functions(*self._kind), f"value_{order}"
+        result = of(name, self.states(r), self._p)[:, 0]
         result = result * self._prism.k_cross * self._prism.base ** (2 - order)
         if order == 0:
-            rest = float(value(self._at_rest, self._p))
+            (rest,) = of(name, self._at_rest, self._p)
             result = result - rest * self._prism.k_cross * self._prism.base**2 + self._preload * r
         return result + self._preload if order == 1 else result
 

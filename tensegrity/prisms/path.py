@@ -11,6 +11,8 @@ from __future__ import annotations
 
 import inspect
 import math
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, overload
 
 import numpy as np
@@ -18,16 +20,18 @@ import numpy as np
 from tensegrity import check
 from tensegrity.branches.continuation import Settings, trace
 from tensegrity.branches.table import Event, Table
-from tensegrity.engine.codegen import to_casadi
+from tensegrity.engine.pieces import threads
+from tensegrity.engine.programs import derived, run
 from tensegrity.errors import NoLocking, TensegrityError
-from tensegrity.once import once
 from tensegrity.prisms.condensed import numbers, problem, stable
-from tensegrity.prisms.prism import Prism
+from tensegrity.prisms.prism import Prism, rigid_law
+from tensegrity.progress import progress
+from tensegrity.root import root
 from tensegrity.structures.path import structure_path
 from tensegrity.structures.structure import Structure
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
     from typing import Any
 
     from matplotlib.axes import Axes
@@ -41,6 +45,7 @@ if TYPE_CHECKING:
     Columns = dict[str, Any]
     Found = tuple[str, int, dict[str, float]]  # kind, row, numbers
 
+PART = 16  # paths in a task of a thread
 ROWS = 200  # of a rigid prism, and of the part where base strings are slack
 SETTINGS = Settings(tolerance=1e-8, largest=0.05)
 COLUMNS = ("height", "twist", "base", "load", "shortening")
@@ -231,6 +236,69 @@ def prism_path(
     TensegrityError
         If a bound is outside its range: 0 <= min_height < height < max_height, max_load > 0.
     """
+    return _followed(*_bounds(prism, min_height, max_load, max_height, past_contact))
+
+
+def equilibrium_paths(
+    prisms: Iterable[Prism],
+    *,
+    min_height: float = 0.0,
+    max_load: float = math.inf,
+    max_height: float | None = None,
+    past_contact: bool = False,
+) -> list[EquilibriumPath]:
+    """Equilibria of many prisms, from as many threads as there are processors.
+
+    Parameters
+    ----------
+    prisms : iterable of Prism
+    min_height, max_load, max_height, past_contact : optional
+        As in `equilibrium_path`, the same for all prisms.
+
+    Returns
+    -------
+    list of EquilibriumPath
+        In the order of the prisms, each as `equilibrium_path` gives it.
+
+    Raises
+    ------
+    TensegrityError
+        As `equilibrium_path`, before any path is followed: if one of `prisms` is no Prism, or a
+        bound is outside its range for one of them.
+
+    Examples
+    --------
+    >>> from tensegrity import Prism, equilibrium_paths
+    >>> soft = [Prism(1.0, 0.7, 0.1, 1.0, k_base, 20.0) for k_base in (2.0, 4.0, 8.0)]
+    >>> [len(path.events) for path in equilibrium_paths(soft)]
+    [2, 2, 2]
+    """
+    try:
+        given = list(prisms)
+    except TypeError:
+        raise TensegrityError(f"prisms {check.shown(prisms)} must be several Prism") from None
+    bounds = [_bounds(x, min_height, max_load, max_height, past_contact) for x in given]
+    found = [_followed(*one) for one in bounds[:1]]  # what all of them need is made here
+    parts = [bounds[k : k + PART] for k in range(1, len(bounds), PART)]
+    pool = ThreadPoolExecutor(threads())
+    try:
+        with progress(len(given), "path") as bar:
+            for part in pool.map(lambda part: [_followed(*one) for one in part], parts):
+                found += part
+                bar.update(len(part))
+    finally:
+        pool.shutdown(cancel_futures=True)
+    return found
+
+
+def _bounds(
+    prism: Prism,
+    min_height: float,
+    max_load: float,
+    max_height: float | None,
+    past_contact: bool,
+) -> tuple[Prism, float, float, float | None, bool]:
+    """What `equilibrium_path` was given, checked."""
     check.kind("prism", prism, Prism)
     past_contact = check.truth("past_contact", past_contact)
     min_height = check.number("min_height", min_height, least=0, unit="m")
@@ -241,11 +309,17 @@ def prism_path(
         )
     if max_height is not None:
         max_height = check.number("max_height", max_height, above=prism.height, unit="m")
+    if prism.is_rigid and past_contact:
+        raise TensegrityError(
+            "past_contact=True needs elastic bases or bars: rigid ones lock where the bars meet"
+        )
+    return prism, min_height, max_load, max_height, past_contact
+
+
+def _followed(
+    prism: Prism, min_height: float, max_load: float, max_height: float | None, past_contact: bool
+) -> EquilibriumPath:
     if prism.is_rigid:
-        if past_contact:
-            raise TensegrityError(
-                "past_contact=True needs elastic bases or bars: rigid ones lock where the bars meet"
-            )
         return _rigid_path(prism, min_height, max_load, max_height)
     return _elastic_path(prism, min_height, max_load, max_height, past_contact)
 
@@ -358,8 +432,8 @@ def _hanging(prism: Prism, max_height: float, below: Columns) -> Columns:
     """
     cross, _, bar = prism.natural_lengths()
     height = np.linspace(below["height"][0], min(max_height, bar), ROWS + 1)[:0:-1]
-    forms = _hanging_forms(prism.sides)
-    twist, base_squared, load = forms(height, prism.k_cross, cross, bar)
+    symbols = height, prism.k_cross, cross, bar
+    twist, base_squared, load = run(derived(_hanging_forms, prism.sides), np, symbols)
     true = np.ones(ROWS, dtype=bool)
     return {
         "height": height,
@@ -371,22 +445,21 @@ def _hanging(prism: Prism, max_height: float, below: Columns) -> Columns:
     }
 
 
-@once
-def _hanging_forms(sides: int) -> Callable[..., Any]:
+def _hanging_forms(sides: int) -> tuple[list[Any], tuple[Any, ...]]:
     """(twist, squared base, load) of height, k_cross, natural lengths of cross string and bar."""
-    import sympy as sp
-
     from derivations import hanging, prism
 
     symbols = (prism.height, prism.k_cross, prism.natural_cross, prism.natural_bar)
     of = prism.TRIANGLE if sides == 3 else prism.ANY
     forms = hanging.upright_twist(of), hanging.base_squared(of), hanging.load(of)
     if sides != 3:
+        import sympy as sp
+
         angle = sp.pi / sides
         known = {prism.half_angle: angle, prism.number_of_sides: sides}
         known |= {prism.half_sine: sp.sin(angle), prism.half_cosine: sp.cos(angle)}
         forms = tuple(form.subs(known).evalf(30) for form in forms)
-    return sp.lambdify(symbols, forms, "numpy")
+    return list(forms), symbols
 
 
 # --- rigid bases and bars --------------------------------------------------------------------
@@ -396,8 +469,6 @@ def _rigid_path(
     prism: Prism, min_height: float, max_load: float, max_height: float | None
 ) -> EquilibriumPath:
     """Rows of the closed form, closer towards where the prism locks."""
-    from scipy.optimize import brentq
-
     potential = prism.potential()
     low, _ = potential.domain
     try:
@@ -417,14 +488,13 @@ def _rigid_path(
 
     turning = potential.stiffness(r)
     for i in np.flatnonzero(turning[:-1] * turning[1:] < 0).tolist():
-        at = brentq(lambda x: float(potential.stiffness(x)), r[i + 1], r[i], xtol=1e-300)
+        at = root(lambda x: float(potential.stiffness(x)), r[i + 1], r[i])
         events.append(("fold", i, at))
     over = np.flatnonzero(load >= max_load)
     if over.size or (kind == "contact" and math.isfinite(max_load)):
         first = int(over[0]) if over.size else len(r)
         nearest = r[first] if over.size else np.nextafter(low, 0)
-        at = brentq(lambda x: -float(potential.tension(x)) - max_load, nearest, r[first - 1],
-                    xtol=1e-300)  # fmt: skip
+        at = root(lambda x: -float(potential.tension(x)) - max_load, nearest, r[first - 1])
         r, kind = np.append(r[:first], at), "load"
         events = [event for event in events if event[2] >= at]
     elif kind in ("contact", "flat"):
@@ -459,14 +529,13 @@ def _stretched(prism: Prism, potential: Potential, max_height: float) -> Array:
 
 def _rigid_columns(prism: Prism, potential: Potential, r: Array, locked: bool = False) -> Columns:
     """Numbers at elongations r; at a locked end no load (0 where flat) and no stiffness."""
-    values = list(potential.parameters.values())
-    tangent = _half_turn()(r.reshape(1, -1), values[: _half_turn().numel_in(1)])
-    turn = 2 * np.arctan(np.array(tangent).ravel())
+    shared = len(rigid_law().parameters)  # without the number of sides
+    (half,) = run(derived(_half_turn), np, (r, *potential.values[:shared]))
     load = np.zeros_like(r) if locked else -potential.tension(r)
     stiff = np.full(r.shape, np.inf) if locked else potential.stiffness(r)
     return {
         "height": prism.height + r,
-        "twist": prism.reference_twist + turn,
+        "twist": prism.reference_twist + 2 * np.arctan(half),
         "base": np.full(r.shape, prism.base),
         "load": load,
         "stable_load": stiff >= 0,  # zero without prestrain, at a minimum of the energy
@@ -474,14 +543,8 @@ def _rigid_columns(prism: Prism, potential: Potential, r: Array, locked: bool = 
     }
 
 
-@once
-def _half_turn() -> Any:
+def _half_turn() -> tuple[list[Any], tuple[Any, ...]]:
     """Tangent of half the turn from the reference, from constant length of bars and bases."""
-    import casadi as ca
+    from derivations import rigid_elastic as form
 
-    from derivations import rigid_elastic as derived
-
-    r, p = ca.SX.sym("r"), ca.SX.sym("p", len(derived.PARAMETERS))
-    symbols = (derived.elongation, *derived.PARAMETERS)
-    form = to_casadi(derived.half_turn(), symbols)(r, *ca.vertsplit(p))
-    return ca.Function("half_turn", [r, p], [form])
+    return [form.half_turn()], (form.elongation, *form.PARAMETERS)

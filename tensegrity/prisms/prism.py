@@ -14,9 +14,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from tensegrity import check
-from tensegrity.engine.codegen import Law
+from tensegrity.engine.codegen import DerivedLaw, Law
+from tensegrity.engine.kept import kept
+from tensegrity.engine.programs import derived as program_of
+from tensegrity.engine.programs import run
 from tensegrity.errors import EquilibriumError, NoLocking, TensegrityError
 from tensegrity.once import once
+from tensegrity.root import root
 from tensegrity.springs.potential import Potential, call
 
 if TYPE_CHECKING:
@@ -240,22 +244,19 @@ class Prism:
         return self._potential_at(self.height + _loaded_shift(unloaded, preload), preload)
 
     def _potential_at(self, height: float, preload: float) -> Potential:
-        from derivations import rigid_elastic as derived
-
+        law, role = rigid_law(self.sides != 3), _roles()
         numbers = _exact(_parameters, self, height, preload)
-        symbols = derived.parameters_of(_polygon(self.sides != 3))
-        values = dict(zip(symbols, numbers, strict=True))
+        values = dict(zip(law.parameters, numbers, strict=True))
         (locking_squared,) = _exact(_locking_height_squared, self)
         if locking_squared <= 0:
-            values |= {derived.lock: height, derived.far_lock: height}
-            values |= {derived.no_lock: -locking_squared}
+            values |= {role["lock"]: height, role["far_lock"]: height}
+            values |= {role["no_lock"]: -locking_squared}
         ends = (
             "the bars meet (twist pi)" if locking_squared > 0 else "the prism is flat (height 0)",
             "the bars stand upright (twist 0)",
         )
-        law = rigid_law(self.sides != 3)
-        numbers = [float(values[symbol]) for symbol in symbols]
-        domain = -float(values[derived.lock]), float(values[derived.stroke])
+        numbers = [float(value) for value in values.values()]
+        domain = -float(values[role["lock"]]), float(values[role["stroke"]])
         origin = call(f"{self}.potential", preload=preload)
         return Potential.from_law(law, numbers, height, domain, ends, origin)
 
@@ -270,20 +271,6 @@ def _decimals() -> Any:
     return context
 
 
-@once
-def _numeric(derive: Callable[[Any], Iterable[Any]], any_sides: bool) -> Callable[..., list[Any]]:
-    """The expressions that `derive(polygon)` gives, in a fixed order, as a function for mpmath."""
-    import sympy as sp
-
-    from derivations import prism as p
-    from derivations import rigid_elastic as r
-
-    fields = (p.base, p.reference_height, p.prestrain, p.k_cross, p.k_base, p.k_bar)
-    symbols = (*fields, r.loaded_height, r.preload, *r.SIDES)
-    own = {name: getattr(_decimals(), name) for name in dir(_decimals()) if name[0] != "_"}
-    return sp.lambdify(symbols, list(derive(_polygon(any_sides))), modules=[own, "mpmath"])
-
-
 def _exact(
     derive: Callable[[Any], Iterable[Any]],
     prism: Prism,
@@ -295,22 +282,44 @@ def _exact(
     own = _decimals()
     angle = own.pi / prism.sides
     sides = (own.mpf(prism.sides), own.sin(angle), own.cos(angle))
-    values = map(own.mpf, (*fields, height, preload))
-    return _numeric(derive, prism.sides != 3)(*values, *sides)
+    values = [own.mpf(x) for x in (*fields, height, preload)]
+    return run(program_of(_of_fields, derive, prism.sides != 3), own, (*values, *sides))
+
+
+def _of_fields(
+    derive: Callable[[Any], Iterable[Any]], any_sides: bool
+) -> tuple[list[Any], tuple[Any, ...]]:
+    from derivations import prism as p
+    from derivations import rigid_elastic as r
+
+    fields = (p.base, p.reference_height, p.prestrain, p.k_cross, p.k_base, p.k_bar)
+    symbols = (*fields, r.loaded_height, r.preload, *r.SIDES)
+    return list(derive(_polygon(any_sides))), symbols
 
 
 def rigid_law(any_sides: bool = False) -> Law:
     """Of triangular prisms, or of those with any number of sides, which is a parameter then."""
-    return _rigid_law(any_sides)
+    return DerivedLaw(_rigid_law, bool(any_sides))
 
 
-@once
 def _rigid_law(any_sides: bool) -> Law:
     from derivations import rigid_elastic as derived
 
     of = _polygon(any_sides)
     symbols, tension = derived.parameters_of(of), derived.tension(of)
     return Law(derived.energy(of), derived.elongation, symbols, tension, derived.THROUGH)
+
+
+@once
+def _roles() -> dict[str, str]:
+    """Names of parameters of the rigid law that `Prism.potential` needs to tell apart."""
+
+    def make() -> dict[str, str]:
+        from derivations import rigid_elastic as derived
+
+        return {x: str(getattr(derived, x)) for x in ("lock", "far_lock", "no_lock", "stroke")}
+
+    return kept(("roles of the rigid law",), make)
 
 
 def _polygon(any_sides: bool) -> Any:
@@ -351,8 +360,6 @@ def _parameters(of: Any) -> Iterable[Any]:
 
 def _loaded_shift(unloaded: Potential, preload: float) -> float:
     """Elongation of the unloaded potential at which it carries the preload, on its first branch."""
-    from scipy.optimize import brentq
-
     lowest = _first_limit(unloaded)
     largest = -float(unloaded.tension(lowest))
     if preload >= largest:
@@ -360,15 +367,11 @@ def _loaded_shift(unloaded: Potential, preload: float) -> float:
             f"preload {preload:g} N is beyond {largest:g} N, the largest axial load of this prism "
             f"(at height {unloaded.length + lowest:g} m)"  # type: ignore[operator]
         )
-    return brentq(
-        lambda r: float(unloaded.tension(r)) + preload, lowest, 0.0, xtol=1e-300, rtol=1e-15
-    )
+    return root(lambda r: float(unloaded.tension(r)) + preload, lowest, 0.0)
 
 
 def _first_limit(potential: Potential, samples: int = 4000) -> float:
     """Elongation of the first limit point in compression, or next to the end of the domain."""
-    from scipy.optimize import brentq
-
     low = potential.domain[0]
     r = low * np.sin(np.linspace(0, np.pi / 2, samples + 1)[1:-1])  # closer towards the end
     falling = np.flatnonzero(potential.stiffness(r) < 0)
@@ -376,4 +379,4 @@ def _first_limit(potential: Potential, samples: int = 4000) -> float:
         return np.nextafter(low, 0) * (1 - 1e-15)
     first = falling[0]
     before = r[first - 1] if first else 0.0
-    return brentq(lambda x: float(potential.stiffness(x)), r[first], before, xtol=1e-300)
+    return root(lambda x: float(potential.stiffness(x)), r[first], before)

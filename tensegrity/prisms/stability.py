@@ -22,6 +22,7 @@ from tensegrity.errors import TensegrityError
 from tensegrity.once import once
 from tensegrity.prisms.path import equilibrium_path
 from tensegrity.prisms.prism import Prism
+from tensegrity.root import root
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -172,8 +173,6 @@ def first_loss(prism: Prism, support: str = "plates") -> Loss:
     -------
     Loss
     """
-    from scipy.optimize import brentq
-
     _refuse_support(support)
     path = equilibrium_path(prism)
     values, symmetric = lowest(prism, path, support, 1)
@@ -187,7 +186,7 @@ def first_loss(prism: Prism, support: str = "plates") -> Loss:
 
     height = path.height[row]
     if values[row - 1, 0] > 0:
-        height = brentq(lowest_at, path.height[row], path.height[row - 1], xtol=1e-300, rtol=1e-13)
+        height = root(lowest_at, path.height[row], path.height[row - 1], relative=1e-13)
     load = -float(prism.potential().tension(height - prism.height))
     return Loss(float(height), load, bool(symmetric[row, 0]))
 

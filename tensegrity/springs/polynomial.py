@@ -52,6 +52,7 @@ class PolynomialLaw:
     degree: int
     split = False
     compiled = ("energy", "tension")
+    name = property(repr)
 
     @property
     def parameters(self) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity import check
-from tensegrity.engine.codegen import Law, check_law
+from tensegrity.engine.codegen import DerivedLaw, Law, check_law
 from tensegrity.engine.kernel import kernel
 from tensegrity.errors import LockingError, TensegrityError
 from tensegrity.once import once
@@ -343,7 +343,7 @@ class PowerLaw(Potential):
         overlap = check.number("overlap under the preload", overlap, unit="m")
         values = [stiffness, preload, overlap]
         domain = (-math.inf, math.inf)
-        self._set(_power_law(exponent), values, length, domain)
+        self._set(DerivedLaw(_power_law, exponent), values, length, domain)
         self._exponent = exponent
         self.opening = overlap, stiffness, exponent, -1.0
         given: dict[str, Any] = {"stiffness": stiffness, "exponent": exponent, "preload": preload}
@@ -359,7 +359,6 @@ class PowerLaw(Potential):
 SMALLEST = 1e-100  # overlap [m] from which a contact counts as closed
 
 
-@once
 def _power_law(exponent: float) -> Law:
     import sympy as sp
 

@@ -17,12 +17,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity import check
+from tensegrity.engine.programs import derived, run
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
 from tensegrity.springs.potential import Potential
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from typing import Any
 
     from numpy.typing import ArrayLike
 
@@ -36,7 +38,8 @@ def sound_speed(spring: Potential, mass: float = 1.0) -> float:
     stiffness = float(spring.stiffness(0.0))
     if stiffness < 0:
         raise TensegrityError(f"stiffness {stiffness:g} N/m at rest must be at least 0")
-    return math.sqrt(_sound_speed_squared()(stiffness, mass))
+    (squared,) = run(derived(_sound_speed_squared), np, (stiffness, mass))
+    return math.sqrt(squared)
 
 
 def sech2(spring: Potential, speed_ratio: float, x: ArrayLike) -> Array:
@@ -86,15 +89,12 @@ def _places(x: ArrayLike) -> Array:
     return x
 
 
-@once
-def _sound_speed_squared() -> Callable[..., float]:
-    """Square of the speed in sites as a function of stiffness and mass."""
-    import sympy as sp
+def _sound_speed_squared() -> tuple[list[Any], tuple[Any, ...]]:
+    """Square of the speed in sites in terms of stiffness and mass."""
+    from derivations import waves as form
 
-    from derivations import waves as derived
-
-    squared = derived.sound_speed().subs(derived.spacing, 1) ** 2
-    return sp.lambdify((derived.stiffness, derived.mass), squared, "math")
+    squared = form.sound_speed().subs(form.spacing, 1) ** 2
+    return [squared], (form.stiffness, form.mass)
 
 
 @once

@@ -159,16 +159,20 @@ class Family:
     @cached_property
     def rough_tension(self):
         """|V'| [N] as a function of the size, interpolated in logarithms; positive."""
-        from scipy.interpolate import CubicHermiteSpline
-
         a = self.sizes
+        x, y = np.log(a), np.log(self.secant) + np.log(a)
         slope = self.stiffness / self.secant
-        spline = CubicHermiteSpline(np.log(a), np.log(self.secant) + np.log(a), slope)
 
         def tension(size):
             place = np.log(np.maximum(size, SMALLEST))
-            inside = np.maximum(place, spline.x[0])
-            return np.exp(spline(inside) + slope[0] * (place - inside))
+            inside = np.maximum(place, x[0])
+            i = np.clip(np.searchsorted(x, inside, side="right"), 1, len(x) - 1)
+            width = x[i] - x[i - 1]
+            u = (inside - x[i - 1]) / width
+            w = 1 - u
+            cubic = w * w * (1 + 2 * u) * y[i - 1] + u * u * (1 + 2 * w) * y[i]
+            cubic = cubic + width * u * w * (w * slope[i - 1] - u * slope[i])
+            return np.exp(cubic + slope[0] * (place - inside))
 
         return tension
 
@@ -446,7 +450,13 @@ def refined(profile, condition):
 
 
 def _even(points):
-    """The next length that a cosine transform is fast for."""
-    from scipy.fft import next_fast_len
-
-    return next_fast_len(math.ceil(points), real=True)
+    """The next length that a cosine transform is fast for: a product of 2, 3 and 5."""
+    length = math.ceil(points)
+    while True:
+        left = length
+        for factor in (2, 3, 5):
+            while left % factor == 0:
+                left //= factor
+        if left == 1:
+            return length
+        length += 1

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from tensegrity.root import root
+
 if TYPE_CHECKING:
     from tensegrity.typing import Array
     from tensegrity.waves.excess import Excess
@@ -89,23 +91,20 @@ def rises_from_rest(beyond: Excess, sign: int) -> bool:
 
 def _summit(beyond: Excess, sign: int, sizes: Array) -> float:
     """Size between the first and the last at which Q' = 0, from above to below."""
-    from scipy.optimize import brentq
 
     def slope(size: float) -> float:  # r^3 Q'/2
         r = sign * size
         return float(r * beyond.tension(r) - 2 * beyond.energy(r))
 
     low, high = float(sizes[0]), float(sizes[-1])
-    return float(brentq(slope, low, high, xtol=1e-300, rtol=1e-14))
+    return root(slope, low, high, relative=1e-14)
 
 
 def _crossing(beyond: Excess, sign: int, sizes: Array, floor: float) -> float:
-    from scipy.optimize import brentq
-
     def surplus(size: float) -> float:
         return float(2 * beyond.energy(sign * size) / size / size) - floor
 
     low, high = float(sizes[0]), float(sizes[1])
     if surplus(low) >= 0:
         return low
-    return float(brentq(surplus, low, high, xtol=1e-300, rtol=1e-14))
+    return root(surplus, low, high, relative=1e-14)

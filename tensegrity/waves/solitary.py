@@ -16,6 +16,7 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+from tensegrity.root import root
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.scene import State
 from tensegrity.springs.potential import Potential
@@ -124,8 +125,6 @@ class SolitaryWave:
 
     def width(self, level: float = 0.05) -> float:
         """Distance in sites between the two places where the elongation is `level` of the crest."""
-        from scipy.optimize import brentq
-
         level = check.number("level", level, above=0)
         if level >= 1:
             raise TensegrityError(f"level {level:g} must be below 1")
@@ -134,8 +133,8 @@ class SolitaryWave:
         if below.size == 0 or level < LEAST_LEVEL:
             raise TensegrityError(f"level {level:g} must be at least {LEAST_LEVEL:g}")
         places = self._grid.x[below[0] - 1], self._grid.x[below[0]]
-        return 2 * brentq(
-            lambda x: float(self.elongation(x)) / self.amplitude - level, *places, xtol=1e-13
+        return 2 * root(
+            lambda x: float(self.elongation(x)) / self.amplitude - level, *places, 1e-13
         )
 
     def reach(self, tail: float = 1e-12) -> float:

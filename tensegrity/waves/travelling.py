@@ -28,6 +28,7 @@ from functools import cached_property
 import numpy as np
 
 from tensegrity.errors import TensegrityError
+from tensegrity.root import root
 from tensegrity.waves.excess import excess
 
 SWEEPS = 400  # of the map that starts Newton's method
@@ -75,6 +76,12 @@ class Scaled:
         return self.rest * rho * rho / 2 + beyond / self.secant
 
 
+def _cosines(values):
+    """Discrete cosine transform of the first kind: twice the sums of values and cosines, those
+    at the ends once."""
+    return np.fft.rfft(np.concatenate([values, values[-2:0:-1]])).real
+
+
 @dataclass(frozen=True)
 class Grid:
     """Points x_j = j L/N, j = 0 .. N, and the cosines that belong to them."""
@@ -104,19 +111,15 @@ class Grid:
 
     def coefficients(self, values):
         """Cosine coefficients of an even function from its values on the grid."""
-        from scipy.fft import dct
-
-        a = dct(values, type=1) / self.points
+        a = _cosines(values) / self.points
         a[[0, -1]] /= 2
         return a
 
     def values(self, coefficients):
         """Values on the grid; the inverse of `coefficients`."""
-        from scipy.fft import dct
-
         a = coefficients.copy()
         a[[0, -1]] *= 2
-        return dct(a, type=1) / 2
+        return _cosines(a) / 2
 
     @cached_property
     def unsmooth(self):
@@ -355,8 +358,6 @@ def decay_rate(gain):
 
     sinh(kappa/2)/(kappa/2) = c/cs.
     """
-    from scipy.optimize import brentq
-
     if math.isinf(gain):
         return math.inf
     wanted = math.log1p(gain) / 2
@@ -370,4 +371,4 @@ def decay_rate(gain):
 
     # sinh(y)/y > exp(y)/(4 y) and > 1 + y^2/6
     high = min(2 * wanted + 4, 1.001 * math.sqrt(6 * math.expm1(wanted)))
-    return 2 * brentq(surplus, high / 8, high, xtol=1e-300, rtol=1e-14)
+    return 2 * root(surplus, high / 8, high, relative=1e-14)

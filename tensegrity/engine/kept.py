@@ -1,0 +1,152 @@
+"""The private folder of compiled kernels, and texts and numbers that are kept in it beside them.
+
+What SymPy and CasADi take seconds to derive is text and numbers in the end.  Each such value is a
+file of JSON named by the hash of all that decides it: what it is, the sources that derive it and
+the packages that do the algebra.  It is written beside and renamed; a file that is cut off,
+changed or of something else does not fit the digest in its first line, and is made anew.  Nothing
+in it is evaluated, and C from it is compiled only if it is, to the digest, what was written.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import shutil
+import stat
+import sys
+import tempfile
+import warnings
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+
+SOURCES = ("derivations", "tensegrity.engine", "tensegrity.springs", "tensegrity.branches",
+           "tensegrity.prisms")  # fmt: skip
+ALGEBRA = ("sympy", "mpmath", "casadi")
+
+
+def kept(parts, make):
+    """A value of texts and numbers, as it was made once.
+
+    Parameters
+    ----------
+    parts : tuple, or None
+        What names it, by its `repr`, besides sources and packages; None where nothing does.
+    make : callable () -> dict, list, str, number or None
+        Only None is not kept.
+
+    Returns
+    -------
+    What `make` gives, after a passage through JSON: tuples are lists.
+    """
+    sources = made_by()
+    if parts is None or sources is None:
+        return json.loads(json.dumps(make()))
+    key = repr(parts) + sources
+    path = cache_folder() / f"{hashlib.sha256(key.encode()).hexdigest()}.json"
+    with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
+        digest, _, content = path.read_bytes().partition(b"\n")
+        if digest == hashlib.sha256(content).hexdigest().encode():
+            found = json.loads(content)
+            if found["of"] == key:
+                return found["value"]
+    value = make()
+    content = json.dumps({"of": key, "value": value})
+    if value is not None:
+        _write(path, content.encode())
+    return json.loads(content)["value"]
+
+
+def _write(path, content):
+    """Put a file in place whole; where that is not possible it is made anew next time."""
+    with contextlib.suppress(OSError):
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)  # it may have been deleted
+        handle, beside = tempfile.mkstemp(prefix="kept-", dir=path.parent)
+        try:
+            with open(handle, "wb") as file:
+                file.write(hashlib.sha256(content).hexdigest().encode() + b"\n" + content)
+            os.replace(beside, path)
+        except BaseException:
+            os.unlink(beside)
+            raise
+
+
+def maker(make, *arguments):
+    """What stands for the call of a module's function with texts and numbers, and functions of
+    that module: names, and a digest of the module's source."""
+    given = ", ".join(getattr(x, "__qualname__", repr(x)) for x in arguments)
+    return f"{make.__module__}.{make.__qualname__}({given}) {_source(make.__module__)}"
+
+
+@cache
+def _source(module):
+    return hashlib.sha256(Path(sys.modules[module].__file__).read_bytes()).hexdigest()
+
+
+@cache
+def made_by():
+    """What sources and packages derive, as a digest; None where there are no sources to read."""
+    digest = hashlib.sha256()
+    for package in SOURCES:
+        folder = Path(find_spec(package).origin or "").parent
+        files = sorted(p for p in folder.glob("*") if p.suffix in (".py", ".c", ".h"))
+        if not files:
+            return None
+        for path in files:
+            digest.update(f"\0{package} {path.name}\0".encode() + path.read_bytes())
+    for package in ALGEBRA:  # without importing it: which files are installed
+        of = None
+        with contextlib.suppress(ValueError, AttributeError, TypeError):
+            origin = find_spec(package).origin
+            state = os.stat(origin)
+            of = origin, state.st_size, state.st_mtime_ns
+        digest.update(f"\0{package} {of}".encode())
+    return digest.hexdigest()
+
+
+@cache
+def cache_folder():
+    """Folder for compiled kernels, owned by this user and writable by nobody else.
+
+    $XDG_CACHE_HOME/tensegrity or ~/.cache/tensegrity; a temporary folder, for this process
+    only and with a warning, where that cannot be made or is open to others.
+    """
+    root = os.environ.get("XDG_CACHE_HOME", "")
+    if not os.path.isabs(root):  # the XDG specification: a relative one is to be ignored
+        root = os.path.join(os.path.expanduser("~"), ".cache")
+    if not os.path.isabs(root):
+        return _temporary_folder("no home folder is known; set HOME or XDG_CACHE_HOME")
+    folder = Path(root) / "tensegrity"
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        _refuse_open(folder)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+        return folder
+    except OSError as error:
+        return _temporary_folder(f"{folder}: {error.strerror or error}")
+
+
+def _refuse_open(folder):
+    if hasattr(os, "getuid"):
+        state = folder.stat()
+        if state.st_uid != os.getuid():
+            raise PermissionError(f"it belongs to user {state.st_uid}, not to {os.getuid()}")
+        if state.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+            raise PermissionError(f"others can write here (mode {stat.S_IMODE(state.st_mode):o})")
+
+
+def _temporary_folder(reason):
+    import atexit
+
+    folder = Path(tempfile.mkdtemp(prefix="tensegrity-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    warnings.warn(
+        f"compiled kernels are kept in {folder} until this process ends, because the cache "
+        f"folder cannot be used: {reason}",
+        RuntimeWarning,
+        stacklevel=2,
+    )
+    return folder

@@ -1,0 +1,109 @@
+"""Numbers of SymPy expressions in NumPy or in an arithmetic of many decimals, without SymPy.
+
+An expression becomes a program: a list of operations in their order, each on results of earlier
+ones.  It is data, which can be kept in a file, and does no more than what is listed here.
+"""
+
+from __future__ import annotations
+
+import operator
+from functools import reduce
+from typing import TYPE_CHECKING
+
+from tensegrity.engine.kept import kept, maker
+from tensegrity.once import once
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from typing import Any
+
+SUMS = {"Add": operator.add, "Mul": operator.mul}
+FUNCTIONS = ("sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "exp", "log")
+CHOICES = {"Max": "maximum", "Min": "minimum"}  # NumPy's
+CONSTANTS = {"Pi": "pi"}
+
+
+def program(expressions: Sequence[Any], symbols: Sequence[Any]) -> dict[str, list[Any]]:
+    """Operations for SymPy expressions of some symbols; what they share is computed once.
+
+    Returns
+    -------
+    dict
+        "steps", each ["Given", place in symbols], ["Ratio", p, q] or [operation, steps...], and
+        "results", the steps that give the expressions.
+    """
+    import sympy as sp
+
+    steps: list[list[Any]] = []
+    known: dict[Any, int] = {}
+
+    def put(*step):
+        steps.append(list(step))
+        return len(steps) - 1
+
+    def written(e):
+        kind = type(e).__name__
+        if e in symbols:
+            return put("Given", list(symbols).index(e))
+        if e.is_Rational or e.is_Float:
+            ratio = sp.Rational(e)
+            return put("Ratio", int(ratio.p), int(ratio.q))
+        if kind in CONSTANTS:
+            return put(kind)
+        if e.is_Pow and abs(e.exp) == sp.Rational(1, 2):
+            root = put("sqrt", place(e.base))
+            return root if e.exp > 0 else put("Pow", root, place(sp.Integer(-1)))
+        if kind in (*SUMS, "Pow", *FUNCTIONS, *CHOICES):
+            return put(kind, *map(place, e.args))
+        raise TypeError(f"{kind} in {e} is no operation of a program")
+
+    def place(e):
+        if e not in known:
+            known[e] = written(e)
+        return known[e]
+
+    return {"results": [place(sp.sympify(e)) for e in expressions], "steps": steps}
+
+
+def run(program: dict[str, list[Any]], context: Any, values: Sequence[Any]) -> list[Any]:
+    """Values of the expressions.
+
+    Parameters
+    ----------
+    program : dict
+        What `program` gives.
+    context : mpmath.MPContext, or the module numpy
+        Whose functions and, in mpmath, numbers are used.
+    values : sequence of mpf, or of float or ndarray
+        For the symbols.
+    """
+    number = getattr(context, "mpf", float)
+    found: list[Any] = []
+    for name, *numbers in program["steps"]:
+        if name == "Given":
+            value = values[numbers[0]]
+        elif name == "Ratio":
+            value = number(numbers[0]) / numbers[1]
+        elif name in CONSTANTS:
+            value = +getattr(context, CONSTANTS[name])
+        elif name in SUMS:
+            value = reduce(SUMS[name], (found[i] for i in numbers))
+        elif name == "Pow":
+            base, power = (found[i] for i in numbers)
+            power = int(power) if power == int(power) else power
+            value = 1 / base if power == -1 else base**power  # a float's power may overflow
+        elif name in FUNCTIONS or name in CHOICES:
+            value = getattr(context, CHOICES.get(name, name))(*(found[i] for i in numbers))
+        else:
+            raise ValueError(f"{name} is no operation of a program")
+        found.append(value)
+    return [found[i] for i in program["results"]]
+
+
+@once
+def derived(make: Callable[..., tuple[Sequence[Any], Sequence[Any]]], *arguments: Any) -> Any:
+    """The program of (expressions, symbols) that a function of a module derives, kept.
+
+    Its arguments are texts, numbers, and functions of that module.
+    """
+    return kept(("program", maker(make, *arguments)), lambda: program(*make(*arguments)))

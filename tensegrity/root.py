@@ -1,0 +1,60 @@
+"""A root of a function between two places where its signs differ.
+
+Chandrupatla's method (Advances in Engineering Software 28, 145 (1997)): inverse quadratic
+interpolation where that is sound, else halving.  SciPy has as good ones, but to import it takes
+longer than most of what a first call of this package does.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+STEPS = 3000  # halvings from the largest number to the smallest, and some more
+ROUND_OFF = sys.float_info.epsilon
+
+
+def root(
+    f: Callable[[float], float],
+    low: float,
+    high: float,
+    absolute: float = 1e-300,
+    relative: float = 2 * ROUND_OFF,
+) -> float:
+    """Where f changes its sign between two places, to an absolute or a relative error.
+
+    Raises
+    ------
+    ValueError
+        If the signs at both ends are the same, or f is not a number there.
+    """
+    a, b = float(low), float(high)
+    at_a, at_b = f(a), f(b)
+    if at_a == 0:
+        return a
+    if not at_a * at_b <= 0 and not (at_a < 0 < at_b or at_b < 0 < at_a):
+        raise ValueError(f"no change of sign: {at_a:g} at {a:g} and {at_b:g} at {b:g}")
+    c, at_c, part = a, at_a, 0.5
+    for _ in range(STEPS):
+        best, value = (a, at_a) if abs(at_a) < abs(at_b) else (b, at_b)
+        least = (relative * abs(best) + absolute) / (abs(b - a) or math.inf)
+        if value == 0 or b == a or least > 0.5:
+            return best
+        x = a + min(max(part, least), 1 - least) * (b - a)
+        if x in (a, b):
+            return best
+        at_x = f(x)
+        if (at_x > 0) == (at_a > 0):
+            c, at_c = a, at_a
+        else:
+            c, at_c, b, at_b = b, at_b, a, at_a
+        a, at_a, part = x, at_x, 0.5
+        place, height = (a - b) / (c - b), (at_a - at_b) / (at_c - at_b)
+        if height**2 < place and (1 - height) ** 2 < 1 - place:
+            part = at_a / (at_b - at_a) * at_c / (at_b - at_c)
+            part += (c - a) / (b - a) * at_a / (at_c - at_a) * at_b / (at_c - at_b)
+    raise ValueError(f"no root found between {low:g} and {high:g}")
