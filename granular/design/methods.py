@@ -35,6 +35,7 @@ STARTS = 8  # from which one goes downhill before any is heard of
 HOPS = 4  # of these, from near the lowest places
 LOWEST = 6  # of which there are so many
 JUMP = 0.15  # of the range of a diameter
+APART = 0.1  # of the range: what two of them differ by, in some diameter
 SIGMA = 0.3  # of the range of a gene, at the start of an adaptation
 
 
@@ -143,7 +144,17 @@ def starting(space: Sizes, rng: np.random.Generator) -> Proposals:
             starts[:HOPS] = space.projected(np.where(other, shaken, moved(rng, near)))
         found, values = yield starts
         rows, forces = _ranked(np.concatenate([rows, found]), np.append(forces, values))
-        rows, forces = rows[:LOWEST], forces[:LOWEST]
+        kept = _apart(rows, APART * (space.diameters[1] - space.diameters[0]))[:LOWEST]
+        rows, forces = rows[kept], forces[kept]
+
+
+def _apart(rows: Array, least: float) -> list[int]:
+    """Numbers of rows that differ from all such before them by more than that in some gene."""
+    kept: list[int] = []
+    for k, row in enumerate(rows):
+        if all(np.abs(row - rows[j]).max() > least for j in kept):
+            kept.append(k)
+    return kept
 
 
 class Row(NamedTuple):
