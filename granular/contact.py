@@ -145,6 +145,24 @@ def hertz_constants(modulus: Array, poisson: Array, radius: Array, *other: Array
     return np.asarray(constants)
 
 
+def hertz_slopes(
+    modulus: Array, poisson: Array, radius: Array, *other: Array
+) -> tuple[Array, Array]:
+    """Derivatives of `hertz_constants` by the radius of the bead, and of its partner [N/m^2.5]."""
+    modulus_2, poisson_2, radius_2 = other
+    numbers = (modulus, modulus_2, poisson, poisson_2, radius, radius_2)
+    by_radius, by_other = run(derived(_slopes), np, numbers)
+    return np.asarray(by_radius), np.asarray(by_other)
+
+
+def _slopes() -> tuple[list[Any], tuple[Any, ...]]:
+    """Derivatives of alpha of two spheres by both radii, and the symbols of its numbers."""
+    import sympy as sp
+
+    (pair,), numbers = _constants("pair")
+    return [sp.diff(pair, radius) for radius in numbers[-2:]], numbers
+
+
 def _constants(kind: str) -> tuple[list[Any], tuple[Any, ...]]:
     """alpha of two spheres or of a sphere on a wall, and the symbols of its numbers."""
     import sympy as sp

@@ -1,18 +1,22 @@
-"""Diameters of a chain of beads moved downhill, so that a wall behind it feels least.
+"""The largest force of a struck chain on the wall behind it, and its slopes by the diameters.
 
-The largest force has edges where one maximum in time overtakes another; p-norms of the force have
-none, and come nearer to it as p grows.  Sequential quadratic programming (SciPy's SLSQP) goes down
-on these in turn, from one start to one basin: give it many starts.
+One design at a time, by the gradient of a run of the chain itself.  `granular.design.downhill` does
+the same for many designs one after the other; from one start to one low place that is `descend`:
+give it many starts, or take `granular.design.search` with ``method="gradient"``.
 """
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from granular.beads import Bead
 from granular.chain import chain
+from granular.design.downhill import Pass, downhill
+from granular.design.objective import check_blow
+from granular.design.spaces import Sizes
 from tensegrity import TensegrityError, check, gradient, objective
 
 if TYPE_CHECKING:
@@ -67,10 +71,6 @@ def wall_peak(
     return found.value * scale, found.by("diameter")[1:-1] * scale
 
 
-NORMS = (8.0, 32.0, 128.0)
-PASSES = 120  # of each norm
-
-
 class Descent(NamedTuple):
     """What a start led to.
 
@@ -117,38 +117,17 @@ def descend(
     -------
     Descent
     """
-    from scipy.optimize import minimize
-
     start = check.floats("start", start)
-    if not isinstance(between, (tuple, list)) or len(between) != 2:
-        raise TensegrityError(f"between {check.shown(between)} must be (least, largest) diameter")
-    low, high = (check.number("end of between", x, above=0, unit="m") for x in between)
+    if start.ndim != 1:
+        raise TensegrityError(f"start of shape {start.shape} must be (beads,)")
     length = check.number("length", start.sum() if length is None else length, above=0, unit="m")
-    if not low * start.size <= length <= high * start.size:
-        raise TensegrityError(
-            f"length {length:g} m of {start.size} beads must be from {low * start.size:g} m to "
-            f"{high * start.size:g} m"
-        )
-    passes, best = 0, (np.inf, start)
-
-    def force(x: Array, p: float | None) -> tuple[float, Array]:
-        nonlocal passes, best
-        passes += 1
-        value, slopes = wall_peak(
-            x, material=material, striker=striker, wall=wall, t_end=t_end, dt=dt, p=p
-        )
-        return float(np.log(value)), slopes * high / value
-
-    x = np.clip(start, low, high) / high
-    for p in NORMS:
-        found = minimize(
-            lambda x, p=p: force(x * high, p), x, jac=True, method="SLSQP",
-            bounds=[(low / high, 1.0)] * x.size, options={"maxiter": PASSES, "ftol": 1e-6},
-            constraints={"type": "eq", "fun": lambda x: x.sum() - length / high,
-                         "jac": lambda x: np.ones(x.size)},
-        )  # fmt: skip
-        x = np.clip(found.x, low / high, 1.0)
-        peak = float(np.exp(force(x * high, None)[0]))
-        if peak < best[0]:
-            best = peak, x * high
-    return Descent(best[1], best[0], passes)
+    space = Sizes(start.size, between, length, material)
+    check_blow(striker, wall)
+    t_end = check.number("t_end", t_end, above=0, unit="s")
+    dt = check.number("dt", dt, above=0, unit="s")
+    steps = math.ceil(t_end / dt * (1 - 1e-12))  # as of `simulate`
+    way = downhill(Pass(space, striker, wall, t_end, steps), space, start)
+    if not len(way.forces):
+        raise TensegrityError(f"t_end {t_end:g} s is before a wave through the start arrives")
+    best = int(np.argmin(way.forces))
+    return Descent(way.rows[best], float(way.forces[best]), len(way.forces))

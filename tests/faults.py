@@ -102,6 +102,24 @@ FAULTS = (
         "density / stiffness[0]",
         "tests/test_ngon.py::test_laboratory_prism_comes_from_its_members",
     ),
+    Fault(
+        "granular/design/downhill.py",
+        "by_constant[:, -1] += by_force @ force / self._table[-1, 0]",
+        "pass",
+        "tests/test_downhill.py::test_forces_and_slopes_are_those_of_the_gradient_of_a_run",
+    ),
+    Fault(
+        "tensegrity/engine/reverse.py",
+        "for array in (self.ub, self.vb, totals.w, totals.p, totals.g):",
+        "for array in (self.ub, self.vb, totals.w, totals.g):",
+        "tests/test_downhill.py::test_what_a_pass_computes_does_not_depend_on_those_before_it",
+    ),
+    Fault(
+        "granular/design/searching.py",
+        "self._fresh(rows[len(known) :], begun + len(known))",
+        "self._fresh(rows, begun)",
+        "tests/test_downhill.py::test_a_search_goes_on_from_its_checkpoint",
+    ),
     # gradients
     Fault(
         "tensegrity/engine/reverse_steps.c",

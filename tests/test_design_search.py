@@ -257,7 +257,7 @@ def test_ctrl_c_gives_the_best_until_then(monkeypatch):
     ("changed", "words"),
     [
         ({"space": "T1"}, "space 'T1' is not"),
-        ({"method": "annealing"}, "'annealing' is not one of ga, cma, catcma"),
+        ({"method": "annealing"}, "'annealing' is not one of ga, cma, catcma, gradient"),
         ({"method": "cma", "space": CHOICE}, "does not search Choice: take ga or catcma"),
         ({"budget": 63}, "budget 63 is below one population of 'ga', 64 designs"),
         ({"wall": "steel"}, "wall 'steel' is not a Material"),
@@ -295,7 +295,7 @@ def test_a_force_that_is_no_number_stops_the_search_and_loses_nothing(tmp_path, 
 
 
 def test_methods_are_a_table_that_the_page_of_names_follows():
-    assert list(METHODS) == ["ga", "cma", "catcma"]
+    assert list(METHODS) == ["ga", "cma", "catcma", "gradient"]
 
 
 @pytest.mark.slow

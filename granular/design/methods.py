@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from granular.design.spaces import Choice, Order, Sizes, Space
+from granular.design.spaces import Choice, Order, Sizes, Space, moved
 from tensegrity import TensegrityError, check
 
 if TYPE_CHECKING:
@@ -31,6 +31,11 @@ PAIRS = 2  # individuals that a parent is the best of
 MUTATIONS = 0.5  # chance that a child is changed no more
 TRIES = 20  # times that a full population is asked for individuals that were not there before
 STALE = 15  # populations without a better design, after which a method starts anew
+STARTS = 8  # from which one goes downhill before any is heard of
+HOPS = 4  # of these, from near the lowest places
+LOWEST = 6  # of which there are so many
+JUMP = 0.15  # of the range of a diameter
+APART = 0.1  # of the range: what two of them differ by, in some diameter
 SIGMA = 0.3  # of the range of a gene, at the start of an adaptation
 
 
@@ -123,18 +128,50 @@ def categorical(space: Order | Choice, rng: np.random.Generator) -> Proposals:
             best = min(best, values.min())
 
 
+def starting(space: Sizes, rng: np.random.Generator) -> Proposals:
+    """Starts from which to go downhill: drawn evenly, and near the lowest places found.
+
+    It is told the lowest place on the way from each start, and its force.
+    """
+    rows, forces = np.empty((0, space.count)), np.empty(0)
+    while True:
+        starts = space.random(rng, STARTS)
+        if len(rows):
+            near = rows[rng.integers(min(LOWEST, len(rows)), size=HOPS)]
+            scale = JUMP * (space.diameters[1] - space.diameters[0])
+            shaken = near + scale * rng.standard_normal(near.shape)
+            other = rng.random((HOPS, 1)) < 0.5
+            starts[:HOPS] = space.projected(np.where(other, shaken, moved(rng, near)))
+        found, values = yield starts
+        rows, forces = _ranked(np.concatenate([rows, found]), np.append(forces, values))
+        kept = _apart(rows, APART * (space.diameters[1] - space.diameters[0]))[:LOWEST]
+        rows, forces = rows[kept], forces[kept]
+
+
+def _apart(rows: Array, least: float) -> list[int]:
+    """Numbers of rows that differ from all such before them by more than that in some gene."""
+    kept: list[int] = []
+    for k, row in enumerate(rows):
+        if all(np.abs(row - rows[j]).max() > least for j in kept):
+            kept.append(k)
+    return kept
+
+
 class Row(NamedTuple):
-    """A method: what proposes, and for which spaces; the first one suits them best."""
+    """A method: what proposes, and for which spaces; the first one suits them best; why not for
+    others."""
 
     propose: Callable[[Any, np.random.Generator], Proposals]
     spaces: tuple[type, ...]
     population: int = POPULATION
+    reason: str = ""
 
 
 METHODS = {
     "ga": Row(genetic, (Order, Choice)),
     "cma": Row(adapting, (Sizes, Order)),
     "catcma": Row(categorical, (Choice, Order)),
+    "gradient": Row(starting, (Sizes,), reason=", whose genes are kinds and have no slopes"),
 }
 
 
@@ -146,7 +183,8 @@ def suits(method: str | None, space: Space) -> tuple[str, Any, int]:
         raise TensegrityError(f"method {check.shown(method)} is not one of {', '.join(METHODS)}")
     if name not in fitting:
         raise TensegrityError(
-            f"method {name!r} does not search {type(space).__name__}: take {' or '.join(fitting)}"
+            f"method {name!r} does not search {type(space).__name__}{METHODS[name].reason}: "
+            f"take {' or '.join(fitting)}"
         )
     return name, METHODS[name].propose, METHODS[name].population
 

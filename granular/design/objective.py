@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from granular.beads import Bead, Striker
-from granular.contact import hertz_constants
+from granular.contact import hertz_constants, hertz_slopes
 from granular.materials import Material
 from tensegrity import PowerLaw, TensegrityError, check
 from tensegrity.engine import kernel
@@ -95,11 +95,19 @@ class Designs:
 
     def contacts(self, wall: Material) -> Array:
         """Constants of the contacts, the wall's last [N/m^1.5]; (designs, beads)."""
+        return hertz_constants(*self._partners(wall))
+
+    def contact_slopes(self, wall: Material) -> tuple[Array, Array]:
+        """Derivatives of these by the radius before and behind each contact [N/m^2.5]."""
+        return hertz_slopes(*self._partners(wall))
+
+    def _partners(self, wall: Material) -> tuple[Array, ...]:
+        """What both sides of the contacts are made of, the wall's last."""
         solid = self.modulus, self.poisson, self.radius
         last = wall.modulus, wall.poisson, math.inf
         after = (np.append(x[:, 1:], np.full((len(self), 1), y), axis=1)
                  for x, y in zip(solid, last, strict=True))  # fmt: skip
-        return hertz_constants(*solid, *after)
+        return *solid, *after
 
     def unit(self, wall: Material, speed: float) -> Array:
         """Time unit [s] of the fastest contact that the beads could make; (designs,)."""

@@ -12,6 +12,7 @@ one taken is looked for in a window ten times longer, at the half step.
 from __future__ import annotations
 
 import hashlib
+import itertools
 import os
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -21,7 +22,8 @@ import numpy as np
 
 from granular.beads import Bead, Striker
 from granular.design import objective
-from granular.design.methods import suits
+from granular.design.downhill import Descents, Way
+from granular.design.methods import METHODS, starting, suits
 from granular.design.packs import Build, wall_peak
 from granular.design.spaces import Choice, Order, Sizes, Space
 from granular.materials import Material
@@ -71,7 +73,7 @@ class Best:
     peak_force : float
         Largest force on the wall, with the finest of the steps [N].
     evaluations : int
-        Different designs computed.
+        Different designs computed; with "gradient" all, each with its slopes.
     history : ndarray, (evaluations,)
         Force of each in the order in which they were proposed [N], with the steps of the search:
         `numpy.minimum.accumulate(history)` is how the search went.
@@ -187,12 +189,14 @@ def search(
     build : callable, optional
         Of the beads of a design, gives a scene with a striker and the name of a wall of it, such
         as ``(hexagonal_pack(bead=beads, ...), "floor")``; by default a chain before the wall.
-    method : {"ga", "cma", "catcma"}, optional
+    method : {"ga", "cma", "catcma", "gradient"}, optional
         "ga": a genetic method, for `Order` and `Choice`.  "cma": covariance matrix adaptation, for
         `Sizes`, and by random keys for `Order`.  "catcma": the same for categories, for `Choice`
-        and, repaired, for `Order`.  By default "cma" for `Sizes`, else "ga".
+        and, repaired, for `Order`.  "gradient": from many starts downhill, for `Sizes` of chains,
+        see `granular.design.downhill`.  By default "cma" for `Sizes`, else "ga".
     budget : int, optional
-        Different designs that are computed at most, at least one population.
+        Different designs that are computed at most, at least one population; with "gradient"
+        passes, each of which computes one design and its slopes.
     seed : int, optional
         >= 0.  One seed gives one result, whatever computes it.
     executor : concurrent.futures.Executor, optional
@@ -225,12 +229,16 @@ def search(
         raise TensegrityError(
             f"budget {budget} is below one population of {name!r}, {population} designs"
         )
+    apart = METHODS[name].propose is starting
+    if apart and build is not None:
+        raise TensegrityError(f"method {name!r} follows chains before a wall: no build is taken")
     seed = check.whole("seed", seed, least=0)
     unit = float(space.all_kinds.behind(striker.bead).unit(wall, striker.speed)[0])
     dt = t_end / objective.step_count(unit, t_end, COARSE * objective.SHARE * unit)
     problem = Problem(space, striker, wall, t_end, dt, build)
     with Crew(executor) as crew:
-        trail = _Trail(problem, crew, budget, checkpoint, name, seed)
+        kind = _Descending if apart else _Trail
+        trail = kind(problem, crew, budget, checkpoint, name, seed)
         try:
             with progress(budget, "design", trail.kept) as trail.bar:
                 trail.follow(propose(space, np.random.default_rng(seed)))
@@ -254,6 +262,7 @@ class _Trail:
         self._digest, self.failed = hashlib.sha256(), 0
         self._path: Path | None = None if path is None else check.path("checkpoint", path)
         self._old, self._old_digest = np.empty(0), ""
+        self._old_places: Any = (), ()  # of ways downhill
         build = problem.build
         named = "" if build is None else f"{build.__module__}.{getattr(build, '__qualname__', '')}"
         self._of = {
@@ -265,6 +274,7 @@ class _Trail:
             kept = archive.read(self._path, "search")
             require_same(self._path, "search", kept["of"], self._of)
             self._old, self._old_digest = kept["forces"], kept["digest"]
+            self._old_places = kept.get("counts", ()), kept.get("rows", ())
 
     @property
     def kept(self) -> int:
@@ -285,7 +295,7 @@ class _Trail:
             except StopIteration:
                 return
 
-    def _values(self, rows: Array) -> Array:
+    def _values(self, rows: Array) -> Any:
         """Forces of rows, those of new ones computed; inf beyond the budget."""
         keys = [row.tobytes() for row in rows]
         new = {key: k for k, key in reversed(list(enumerate(keys))) if key not in self._known}
@@ -299,12 +309,8 @@ class _Trail:
         forces = self._old[begun : begun + len(rows)]
         for key in keys[: len(forces)]:
             self._digest.update(key)
-        reached = begun < len(self._old) <= begun + len(rows)
-        if reached and self._digest.hexdigest() != self._old_digest:
-            raise TensegrityError(
-                f"checkpoint {self._path}: its designs are not those that this search proposes; "
-                "was it written with other versions of the libraries?"
-            )
+        if begun < len(self._old) <= begun + len(rows):
+            self._require_same_digest()
         fresh = rows[len(forces) :]
         if len(fresh):
             computed = self._computed(self._problem, fresh, begun + len(forces))
@@ -323,6 +329,13 @@ class _Trail:
             keep(self._path, "search", data | {"digest": self._digest.hexdigest()})
         if not begun and not np.isfinite(forces).any():
             self._refuse_early(rows)
+
+    def _require_same_digest(self) -> None:
+        if self._digest.hexdigest() != self._old_digest:
+            raise TensegrityError(
+                f"checkpoint {self._path}: its designs are not those that this search proposes; "
+                "was it written with other versions of the libraries?"
+            )
 
     def _refuse_early(self, rows: Array) -> None:
         problem = self._problem
@@ -387,3 +400,79 @@ class _Trail:
             again=tuple(again), rejected=rejected, failed=self.failed,
             method=self._method, seed=self._seed,
         )  # fmt: skip
+
+
+class _Descending(_Trail):
+    """Ways downhill from starts, one after the other however they are computed."""
+
+    def __init__(self, *given: Any) -> None:
+        super().__init__(*given)
+        problem = self._problem
+        space: Any = problem.space
+        self._descents = Descents(space, problem.striker, problem.wall, problem.t_end, problem.dt)
+        counts, rows = self._old_places
+        parts = np.split(self._old, np.cumsum(counts)[:-1]) if len(counts) else []
+        self._ways = list(zip(rows, parts, strict=True))  # lowest place and all forces of each
+        self._started = 0
+
+    def _values(self, rows: Array) -> tuple[Array, Array]:
+        """The lowest place on the way from each start, and its force; inf beyond the budget."""
+        begun = self._started
+        if not begun and not self._ways and not np.isfinite(self._problem(rows)).any():
+            self._refuse_early(rows)
+        found, values = rows.copy(), np.full(len(rows), np.inf)
+        known = self._ways[begun : begun + len(rows)]
+        ways = itertools.chain(known, self._fresh(rows[len(known) :], begun + len(known)))
+        for k, (place, forces) in enumerate(ways):
+            self._started += 1
+            self._digest.update(rows[k].tobytes())
+            if self._started == len(self._ways) and k < len(known):
+                self._require_same_digest()
+            left = self._budget - len(self.forces)
+            whole = len(forces) <= left
+            if k < len(known):
+                lowest = place
+            else:
+                lowest = place[int(np.argmin(forces[:left]))] if len(forces) else rows[k]
+            self.forces += forces[:left].tolist()
+            if len(forces):
+                found[k], values[k] = lowest, forces[:left].min()
+                self._top = np.concatenate([self._top, lowest[None]])
+                self._top_forces = np.append(self._top_forces, values[k])
+            if k >= len(known):
+                self._keep(lowest, forces, whole)
+            if len(self.forces) >= self._budget:
+                break
+        order = np.argsort(self._top_forces, kind="stable")[: FINALISTS * ROUNDS]
+        self._top, self._top_forces = self._top[order], self._top_forces[order]
+        return found, values
+
+    def _keep(self, lowest: Array, forces: Array, whole: bool) -> None:
+        if self.bar is not None:
+            self.bar.update(min(len(forces), self.bar.total - self.bar.n))
+        if not whole:
+            return  # a larger budget goes it again
+        self._ways.append((lowest, forces))
+        if self._path is not None:
+            data = {
+                "of": self._of, "forces": np.concatenate([f for _, f in self._ways]),
+                "counts": np.array([len(f) for _, f in self._ways]),
+                "rows": np.array([row for row, _ in self._ways]),
+                "digest": self._digest.hexdigest(),
+            }  # fmt: skip
+            keep(self._path, "search", data)
+
+    def _fresh(self, rows: Array, number: int) -> Any:
+        """Ways from starts in their order; `number` is that of the first."""
+        done: dict[int, Way] = {}
+        given = 0
+        for k, result in self._crew.outcomes(self._descents, list(rows)):
+            if isinstance(result, Failed):
+                if not result.lost:
+                    raise TensegrityError(f"start {number + k}: {result.error}")
+                self.failed += 1
+                result = Way(rows[:0], np.empty(0))
+            done[k] = result
+            while given in done:
+                yield done.pop(given)
+                given += 1

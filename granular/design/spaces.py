@@ -265,7 +265,7 @@ class Sizes:
 Space = Order | Sizes | Choice
 
 
-def moved(rng: Generator, rows: Indices) -> Indices:
+def moved(rng: Generator, rows: Any) -> Any:
     """Rows in each of which one gene was taken out and put in elsewhere."""
     count = rows.shape[1]
     start, stop = rng.integers(count, size=(2, len(rows), 1))

@@ -267,10 +267,11 @@ class BoundLine(_Bound):
     """
 
     def __init__(self, loop, u, v, bonds, method, dt, runs=None, seen=None):
-        self._group, self._lanes = bonds.group, loop.lanes
+        self._group, self._lanes, self._loop = bonds.group, loop.lanes, loop
+        self._runs = bonds.runs if runs is None else runs
         laid = None if runs is not None else bonds.laid.get(loop)
         if laid is None:
-            laid = self._lay(loop, bonds, runs, seen)
+            laid = self._lay(loop, bonds, seen)
             if runs is None:
                 bonds.laid[loop] = laid
         self._kept, self._low, self._high, self._apart, size, fixed_arrays, count = laid
@@ -284,11 +285,10 @@ class BoundLine(_Bound):
         self._set_steps(loop, structure, arrays, bonds, method, dt, u.size)
         self.forget_range()
 
-    def _lay(self, loop, bonds, runs, seen):
+    def _lay(self, loop, bonds, seen):
         """What does not depend on the motion and the method: kept for the next time."""
-        runs = bonds.runs if runs is None else runs
+        runs = self._runs
         seen = np.ones(len(runs.law), dtype=bool) if seen is None else seen
-        self._runs = runs
         shared, own, own_at = loop.parameters(bonds, runs)
         sizes = np.where(runs.own, 2 * loop.lanes * np.diff(runs.first), 2)
         range_at = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
@@ -317,6 +317,13 @@ class BoundLine(_Bound):
             low.append(np.arange(start, middle))
             high.append(np.arange(middle, stop))
         return np.concatenate(springs), np.concatenate(low), np.concatenate(high)
+
+    def retune(self, bonds):
+        """Go on with the masses and parameters of other bonds, of the same laws and in the same
+        runs.  What it was made of changes with it."""
+        shared, own, _ = self._loop.parameters(bonds, self._runs)
+        for array, values in zip(self._arrays[2:5], (bonds.inverse_mass, shared, own), strict=True):
+            array[:] = values
 
     def forget_range(self):
         """Start anew to record elongations."""

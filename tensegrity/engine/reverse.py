@@ -133,15 +133,15 @@ class Layout:
         b = self.bonds
         return reverse_text.compiled(b.laws, self.own, self.wanted, self.dim, self.exact)
 
-    def parameters(self):
+    def parameters(self, bonds):
         """Those that bonds of a run share, those of their own, and where these begin."""
         most = max((len(law.parameters) for law in self.bonds.laws), default=0)
         shared, own, at = np.zeros((len(self.run_law), most)), [np.zeros(0)], [0]
         for k, law in enumerate(self.run_law):
             groups = self.bonds.group[self.order[self.first[k] : self.first[k + 1]]]
-            shared[k] = self.bonds.parameters[groups[0], :most]
+            shared[k] = bonds.parameters[groups[0], :most]
             if self.run_own[k]:
-                own.append(self.bonds.parameters[groups][:, list(self.own[law])].T.ravel())
+                own.append(bonds.parameters[groups][:, list(self.own[law])].T.ravel())
             at.append(at[-1] + (own[-1].size if self.run_own[k] else 0))
         return shared, np.concatenate(own), np.array(at[:-1], dtype=np.int64)
 
@@ -214,7 +214,7 @@ class Back:
         if dim:
             load[: layout.sites] = b.contacts.load
             place = np.ascontiguousarray(b.contacts.geometry[:, layout.order])
-        shared, own, own_at = layout.parameters()
+        shared, own, own_at = layout.parameters(b)
         kicks = np.multiply(method.kicks, dt)
         at, to = (max(dim, 1) * x[layout.order] for x in layout.ends)
         entries = self.u.size
@@ -235,6 +235,18 @@ class Back:
         counts += layout.most, method.stages, int(kicks[-1] != 0)
         self._structure = _SCENE(*(x.ctypes.data for x in self._arrays), *counts)
         self._address = ctypes.addressof(self._structure)
+
+    def retune(self, bonds):
+        """Begin anew with the masses and parameters of other bonds, in the same runs of a line.
+
+        Derivatives and totals are 0 then.
+        """
+        shared, own, _ = self.layout.parameters(bonds)
+        for k, values in ((2, bonds.inverse_mass), (4, shared), (5, own)):
+            self._arrays[k][:] = values
+        totals = self._totals
+        for array in (self.ub, self.vb, totals.w, totals.p, totals.g):
+            array[:] = 0
 
     def set(self, u, v):
         """Take a state, (sites[, dim])."""
