@@ -148,7 +148,7 @@ def starting(space: Sizes, rng: np.random.Generator) -> Proposals:
         rows, forces = rows[kept], forces[kept]
 
 
-def _apart(rows: Array, least: float) -> list[int]:
+def _apart(rows: Any, least: float) -> list[int]:
     """Numbers of rows that differ from all such before them by more than that in some gene."""
     kept: list[int] = []
     for k, row in enumerate(rows):
