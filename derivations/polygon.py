@@ -1,7 +1,7 @@
 """Prisms with any number of sides: what holds for every n, derived with n as a symbol.
 
 R is the circumradius of the base, S = sin(pi/n), C = cos(pi/n), eta = h0/R, q = p0/(1 + p0).  The
-three-sided prism of the talk is the case S = sqrt(3)/2, C = 1/2.
+three-sided prism of the talk is the case S = sqrt 3/2, C = 1/2.
 Source: seeds/000, part III, whose statements are for n = 3.
 """
 

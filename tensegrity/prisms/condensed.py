@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array, Flags, Members
 
 UNKNOWNS = ("base tension", "bar tension", "half turn", "rise")
+STALLED = 1e-10  # a step of an iteration that no longer shrinks: round-off of stiff members
 ITERATIONS = 20
 ROUND_OFF = 1e-13
 GUESS = 23  # degree of the polynomials from which the compiled loop starts
@@ -470,7 +471,7 @@ class ElasticPotential(Potential):
             new = step("step", z, self._p)
             moved = np.max(np.abs(new - z) / (1 + np.abs(z)), initial=0.0)
             z = new
-            if moved <= 1e-15 or (moved <= 1e-11 and moved >= previous / 4):
+            if moved <= 1e-15 or (moved <= STALLED and moved >= previous / 4):
                 return z
             previous = moved
         raise EquilibriumError(

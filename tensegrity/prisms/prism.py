@@ -8,7 +8,7 @@ Source: seeds/000, part III; the forms for any n are those of `derivations.polyg
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
     from tensegrity.structures.structure import Structure
 
+NOTHING = 1e-30  # of a number with some prestrain: none without
 DIGITS = 40  # decimals in which stored parameters are computed before they are rounded
 
 
@@ -246,6 +247,10 @@ class Prism:
     def _potential_at(self, height: float, preload: float) -> Potential:
         law, role = rigid_law(self.sides != 3), _roles()
         numbers = _exact(_parameters, self, height, preload)
+        if self.prestrain == 0:  # what is proportional to it is round-off of many decimals
+            sizes = _exact(_parameters, replace(self, prestrain=0.1), height, preload)
+            pairs = zip(numbers, sizes, strict=True)
+            numbers = [x if abs(x) > NOTHING * abs(y) else x * 0 for x, y in pairs]
         values = dict(zip(law.parameters, numbers, strict=True))
         (locking_squared,) = _exact(_locking_height_squared, self)
         if locking_squared <= 0:
