@@ -299,8 +299,7 @@ class Scene(ReadOnly):
             [N], loads included; 0 at held sites.  Elongations count from the loaded equilibrium,
             so that the ends of a preloaded chain carry the preload.
         """
-        u = self._displaced(u)
-        r, along = forces.elongations(self.contact_bonds, u)
+        u, r, along = self._elongated(u)
         tension = self.spring_table.evaluate("tension", r)
         pull = forces.pulls(self.contact_bonds, tension, along)[: self.sites].reshape(u.shape)
         pull = pull + self.loads
@@ -322,8 +321,7 @@ class Scene(ReadOnly):
         """
         from scipy.sparse import csr_array
 
-        u = self._displaced(u)
-        r, along = forces.elongations(self.contact_bonds, u)
+        u, r, along = self._elongated(u)
         tension, stiffness = (self.spring_table.evaluate(x, r) for x in ("tension", "stiffness"))
         found = forces.tangent(self.contact_bonds, r, along, tension, stiffness)
         free = np.ones(u.shape, dtype=bool)
@@ -333,10 +331,11 @@ class Scene(ReadOnly):
         entries = found.data[kept], (found.row[kept], found.col[kept])
         return csr_array(entries, shape=(u.size, u.size))
 
-    def _displaced(self, u: ArrayLike) -> Array:
+    def _elongated(self, u: ArrayLike) -> tuple[Array, Array, Array]:
+        """Displacements that were checked, elongations there, and the directions of bonds."""
         u = check.vector("displacement", u, self.shape)
         self.check(State(u, np.zeros(self.shape)))
-        return u
+        return u, *forces.elongations(self.contact_bonds, u)
 
     def _refuse_other(self, state: object) -> None:
         """Refuse what is no state of this shape."""
