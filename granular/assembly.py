@@ -17,7 +17,7 @@ from tensegrity import Network, State, TensegrityError, check
 from tensegrity.scenes.scene import KINK_SHARE
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
     from typing import Any
 
     from numpy.typing import ArrayLike
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from granular.materials import Material
     from tensegrity.springs.potential import PowerLaw
     from tensegrity.typing import Array
-
-AT_ONCE = 2_000_000  # contacts times rows of one evaluation: some tens of megabytes
 
 
 class Assembly(Crystal, Network):
@@ -178,28 +176,6 @@ class Assembly(Crystal, Network):
             return list(range(self.sites))
         listed = np.isin(self.wall_contacts[:, 1], numbers)
         return sorted(set(self.wall_contacts[listed, 0].tolist()))
-
-    def listings(self, u: Array) -> Iterator[tuple[slice, Assembly]]:
-        """Rows of displacements (T, sites, dim) in turn, each with this scene as it lists all
-        contacts that can act there.
-
-        Where contacts are followed the list is made anew once a site moved half the distance
-        below which it has all pairs.
-        """
-        row = 0
-        while row < len(u):
-            scene, last = self.listed(u[row]), len(u)
-            if self.follows:
-                watch: Any = self.clearance
-                room = watch.skin / 2
-                for last in range(row + 1, len(u)):
-                    if np.max(np.sum((u[last] - u[row]) ** 2, axis=-1)) >= room**2:
-                        break
-                else:
-                    last = len(u)
-            last = min(last, row + max(1, AT_ONCE // (len(scene.springs) + 1)))
-            yield slice(row, last), scene
-            row = last
 
     def _each(self, u: ArrayLike, function: Callable[[Any, Array], Array]) -> Array:
         """`function(scene, rows)` of all rows, by the contacts that are listed there."""

@@ -81,7 +81,10 @@ class Book:
     @property
     def _later(self):
         """Whether energies are left to whoever takes the run: what they need is in its rows."""
-        return self._problem.trial and isinstance(self._columns, slice)
+        if not isinstance(self._columns, slice):
+            return False
+        follows = self._problem.scene.follows and isinstance(self._rows, Rows)
+        return self._problem.trial or follows
 
     def stop(self):
         """The step at which to stop next."""
@@ -192,8 +195,11 @@ class Book:
     def run(self, complete):
         """The run so far."""
         watch, problem, table = self._watch, self._problem, self._rows.finished()
+        scene, energy = problem.scene, table["energy"]
+        if self._later and not problem.trial:  # of rows side by side: one list of contacts for many
+            energy = scene.energies(table["u"], table["v"])
         return Run(
-            problem.scene, table["t"], table["u"], table["v"], table["energy"], watch.look()[0],
+            scene, table["t"], table["u"], table["v"], energy, watch.look()[0],
             problem.method.name, watch.dt, watch.sound.done, self._kept, complete,
             impulse=table["impulse"] if self._walls[0] else None, force=problem.force,
             met=watch.met, fastest=watch.fastest if problem.scene.follows else None,

@@ -8,7 +8,7 @@ formed (see `tensegrity.scenes.clearance`).  Source: seeds/001, eqs. (1)-(6).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -45,6 +45,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from tensegrity.typing import Array
+
+AT_ONCE = 2_000_000  # contacts times rows of one evaluation: some tens of megabytes
 
 
 class Network(Scene):
@@ -205,6 +207,28 @@ class Network(Scene):
         if not self.follows:
             return self
         return self._listing(*self.clearance.near(np.asarray(u, dtype=float)))
+
+    def listings(self, u: Array) -> Iterator[tuple[slice, Self]]:
+        """Rows of displacements (T, sites, dim) in turn, each with this scene as it lists all
+        contacts that can act there.
+
+        Where contacts are followed the list is made anew once a site moved half the distance
+        below which it has all pairs.
+        """
+        row = 0
+        while row < len(u):
+            scene, last = self.listed(u[row]), len(u)
+            if self.follows:
+                watch: Any = self.clearance
+                room = watch.skin / 2
+                for last in range(row + 1, len(u)):
+                    if np.max(np.sum((u[last] - u[row]) ** 2, axis=-1)) >= room**2:
+                        break
+                else:
+                    last = len(u)
+            last = min(last, row + max(1, AT_ONCE // (len(scene.springs) + 1)))
+            yield slice(row, last), scene
+            row = last
 
     def likely(self, u: Array) -> Self:
         """This network with contacts of sites nearest each other, and of all with walls."""
@@ -447,7 +471,8 @@ class Network(Scene):
     def energies(self, u: Array, v: Array) -> Array:
         """Total energy [J] of each of many states; u and v (states, sites, dim)."""
         if self.follows:
-            return super().energies(u, v)
+            parts = [scene.energies(u[rows], v[rows]) for rows, scene in self.listings(u)]
+            return np.concatenate(parts) if parts else np.zeros(0)
         rows = len(u), -1
         with np.errstate(over="ignore"):  # to inf, which `check` refuses
             kinetic = 0.5 * np.sum((self.mass[:, None] * v**2).reshape(rows), axis=-1)
