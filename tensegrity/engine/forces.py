@@ -17,19 +17,38 @@ def elongations(bonds, u):
     `u` has the shape (..., rows, dim), on a line (..., sites).
     """
     if bonds.contacts is None:
-        return np.diff(u, axis=-1), np.ones((*u.shape[:-1], u.shape[-1] - 1, 1))
-    c, dim = bonds.contacts, bonds.dim
-    pair = c.kind == 0
-    w = u[..., c.second, :] - np.where(pair[:, None], u[..., np.where(pair, c.first, 0), :], 0)
-    reference, gap, length = c.geometry[:dim], c.geometry[dim], c.geometry[dim + 1]
-    r = gap + np.sum(reference.T * w, axis=-1)  # walls, and on a line
+        return stretch(bonds, u), np.ones((*u.shape[:-1], u.shape[-1] - 1, 1))
+    w, pair = _moved(bonds.contacts, u)
+    reference = bonds.contacts.geometry[: bonds.dim]
     along = np.broadcast_to(reference.T, w.shape).astype(w.dtype)
+    if bonds.dim > 1:
+        apart = reference.T[pair] + w[..., pair, :]
+        along[..., pair, :] = apart / np.sqrt(np.sum(apart**2, axis=-1, keepdims=True))
+    return _stretch(bonds, w, pair), along
+
+
+def stretch(bonds, u):
+    """The elongations alone."""
+    if bonds.contacts is None:
+        return np.diff(u, axis=-1)
+    return _stretch(bonds, *_moved(bonds.contacts, u))
+
+
+def _moved(contacts, u):
+    """Displacement of the second site of each contact from the first, or from a wall; the pairs."""
+    pair = contacts.kind == 0
+    first = np.where(pair, contacts.first, 0)
+    return u[..., contacts.second, :] - np.where(pair[:, None], u[..., first, :], 0), pair
+
+
+def _stretch(bonds, w, pair):
+    geometry, dim = bonds.contacts.geometry, bonds.dim
+    reference, gap, length = geometry[:dim], geometry[dim], geometry[dim + 1]
+    r = gap + np.sum(reference.T * w, axis=-1)  # walls, and on a line
     if dim > 1:
         axes = (*reference[:, pair], *np.moveaxis(w[..., pair, :], -1, 0))
         (r[..., pair],) = run(derived(_elongation, dim), np, (*axes, gap[pair], length[pair]))
-        apart = reference.T[pair] + w[..., pair, :]
-        along[..., pair, :] = apart / np.sqrt(np.sum(apart**2, axis=-1, keepdims=True))
-    return r, along
+    return r
 
 
 def _elongation(dim):

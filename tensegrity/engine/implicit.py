@@ -141,7 +141,7 @@ class BoundGauss:
         return found
 
     def _see(self, u):
-        r, _ = forces.elongations(self._bonds, u.reshape(-1, *self._shape))
+        r = forces.stretch(self._bonds, u.reshape(-1, *self._shape))
         self._low = np.minimum(self._low, r.min(axis=0))
         self._high = np.maximum(self._high, r.max(axis=0))
 

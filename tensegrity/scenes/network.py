@@ -426,22 +426,20 @@ class Network(Scene):
 
     def elongation(self, u: ArrayLike) -> Array:
         """Elongation of each bond [m]; (..., bonds)."""
-        return self._pulled(u)[0][..., : len(self.bonds)]
+        return self.stretch(u)[..., : len(self.bonds)]
 
     def direction(self, u: Array) -> Array:
         """Unit vector of each bond, from its first site to its second; (..., bonds, dim)."""
-        return self._pulled(u)[1][..., : len(self.bonds), :]
+        u = check.rows("displacements", u, self.shape)
+        return forces.elongations(self.contact_bonds, u)[1][..., : len(self.bonds), :]
 
     def wall_gap(self, u: ArrayLike) -> Array:
         """Gap of each wall contact [m]: distance from the wall's plane less the radius."""
-        return self._pulled(u)[0][..., len(self.bonds) :]
+        return self.stretch(u)[..., len(self.bonds) :]
 
     def stretch(self, u: ArrayLike) -> Array:
         """Elongation of each bond [m], and gap of each wall contact; (..., springs)."""
-        return self._pulled(u)[0]
-
-    def _pulled(self, u: ArrayLike) -> Any:
-        return forces.elongations(self.contact_bonds, check.rows("displacements", u, self.shape))
+        return forces.stretch(self.contact_bonds, check.rows("displacements", u, self.shape))
 
     def bond_energy(self, u: ArrayLike) -> Array:
         """Energy of each bond [J]; (..., bonds)."""
