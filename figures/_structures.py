@@ -42,8 +42,8 @@ def show(axes, table, frame):
     wide = 1.05 * np.abs(everything[:, [0, 1, 3, 4]]).max()
     low, high = everything[:, [2, 5]].min(), everything[:, [2, 5]].max()
     axes.set(xlim=(-wide, wide), ylim=(-wide, wide), zlim=(low, high), xlabel="x [m]",
-             ylabel="y [m]")  # fmt: skip
-    axes.set_box_aspect((2 * wide, 2 * wide, high - low))
+             ylabel="y [m]", zlabel="z [m]")  # fmt: skip
+    axes.set_box_aspect((2 * wide, 2 * wide, high - low), zoom=0.72)  # with its labels
     axes.locator_params(nbins=4)
     unit = " m" if along == "shortening" else ""
     axes.set_title(
