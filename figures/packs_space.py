@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from figures import _motion, _packs
-from figures._packs import FAST, D, row
+from figures._packs import D, row
 from granular.observables import effective_number, energy_shares
 from tensegrity import Record
 
@@ -122,13 +122,12 @@ def animate(tables, path):
 
     figure, panels = plt.subplots(1, 2, figsize=(8, 8), dpi=70, layout="constrained")
     stage, show = _stages(tables, panels)
-    panels[0].set_title(f"displacements x {FACTOR}", fontsize=9)
     panels[1].set_title(f"contact forces, widest line {MOST:g} N", fontsize=9)
     figure.colorbar(stage.disks, ax=panels, label="speed [m/s]", location="bottom", shrink=0.5)
 
     def frame(k):
         show(k)
         t = 1e3 * tables["frames"]["t [s]"][k]
-        figure.suptitle(f"833 steel beads struck at {FAST} m/s, t = {t:.2f} ms", fontsize=10)
+        panels[0].set_title(f"t = {t:.2f} ms, displacements x {FACTOR}", fontsize=9)
 
     _motion.gif(path, figure, range(FRAMES + 1), frame)
