@@ -34,6 +34,7 @@ import numpy as np
 
 from granular.lammps_text import laid
 from tensegrity import Run, State, TensegrityError, check
+from tensegrity.progress import progress
 
 if TYPE_CHECKING:
     from typing import Any
@@ -134,14 +135,11 @@ def _run(
     command: list[str], scene: Any, state: State, t_end: float, dt: float, path: Path, every: int
 ) -> Run:
     """The run of an input that is written first."""
-    from tqdm import tqdm
-
     steps = _steps(t_end, dt, every)[0]
     to_lammps(scene, state, t_end, dt, path, every=every)
     started, said = time.perf_counter(), []
-    shown = {"unit": "step", "unit_scale": True, "delay": 1.0, "leave": False, "disable": None}
     with (
-        tqdm(total=steps, **shown) as bar,
+        progress(steps, "step") as bar,
         subprocess.Popen(
             [*command, "-in", path.name, "-log", "none"], cwd=path.parent or None, text=True,
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT,

@@ -28,8 +28,9 @@ from granular.design.packs import Build, wall_peak
 from granular.design.spaces import Choice, Order, Sizes, Space
 from granular.materials import Material
 from tensegrity import TensegrityError, check
+from tensegrity.progress import progress
 from tensegrity.runs import archive
-from tensegrity.runs.sweep import Crew, Failed, keep, progress, require_same
+from tensegrity.runs.sweep import Crew, Failed, keep, require_same
 
 if TYPE_CHECKING:
     from pathlib import Path

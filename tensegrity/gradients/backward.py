@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity.engine.reverse import Back, Layout, Seeds, Totals
+from tensegrity.progress import progress
 
 if TYPE_CHECKING:
     from typing import Any
@@ -78,11 +79,8 @@ class Backward:
             main.sow(self._seeds, last)
         else:
             main.sow(self._seeds_out, last)
-        from tqdm import tqdm
-
         self._most = max(1, WORK // (forward.scene.cost * forward.method.stages))
-        with tqdm(total=last, unit="step", unit_scale=True, delay=1.0, leave=False,
-                  disable=None) as self._bar:  # fmt: skip
+        with progress(last, "step") as self._bar:
             stops = sorted(forward.states, reverse=True)
             for b, a in pairwise(stops):
                 self._carry(a, b)

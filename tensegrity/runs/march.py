@@ -17,6 +17,7 @@ import numpy as np
 
 from tensegrity.engine.methods import Method, Nystrom
 from tensegrity.errors import ContactError, LockingError, RecordError, StabilityError
+from tensegrity.progress import progress
 from tensegrity.runs import stepping
 from tensegrity.runs.book import Book, Checks, Kept, Sound
 from tensegrity.runs.loops import Loop
@@ -117,10 +118,10 @@ def march(problem, steps, allowed, checkpoints=0, start=None):
     since, failure, careful = time.monotonic(), None, 0
     book.keep_state()
     try:
-        with _Progress(steps) as bar:
+        with progress(steps, "step") as bar:
             while True:
                 done = watch.sound.done
-                bar.show(done)
+                bar.update(done - bar.n)
                 book.catch_up()
                 checks.catch_up(watch)
                 if done == steps:
@@ -171,31 +172,6 @@ def _room(watch, rows, seen):
     state, impulse = watch.look()
     each = state.u.shape, state.v.shape, impulse.shape
     return Kept(at, *(np.empty((len(at), *shape)) for shape in each))
-
-
-class _Progress:
-    """A progress bar that a run of less than a second does without."""
-
-    def __init__(self, steps):
-        self._steps, self._bar, self._begun = steps, None, time.monotonic()
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        if self._bar is not None:
-            self._bar.close()
-
-    def show(self, done):
-        """Say how many steps are done."""
-        if self._bar is None and time.monotonic() - self._begun > 1.0:
-            from tqdm import tqdm
-
-            self._bar = tqdm(
-                total=self._steps, unit="step", unit_scale=True, leave=False, disable=None
-            )
-        if self._bar is not None:
-            self._bar.update(done - self._bar.n)
 
 
 class _Watch:

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+from tensegrity.progress import progress
 from tensegrity.runs import archive
 
 if TYPE_CHECKING:
@@ -103,13 +104,6 @@ def sweep(
         finally:
             ledger.write()
     return [ledger.results[k] for k in range(len(cases))]
-
-
-def progress(total: int, unit: str, done: int = 0) -> Any:
-    """A bar for what takes long, where there is a terminal."""
-    from tqdm import tqdm
-
-    return tqdm(total=total, initial=done, unit=unit, delay=1.0, leave=False, disable=None)
 
 
 class _Ledger:
