@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scenes import prism_chain, smooth_blow
 
-from tensegrity import Record, TensegrityError, simulate
+from tensegrity import Record, TensegrityError, resume, simulate
 from tensegrity.runs import rows
 
 HERE = os.path.dirname(__file__)
@@ -149,3 +149,32 @@ def test_an_interrupt_anywhere_loses_nothing(tmp_path, options):
             assert np.array_equal(kept["t"], part.t)
             assert np.array_equal(kept["v"], part.v)
     assert at > 50 * stride
+
+
+def test_a_file_is_there_once_its_header_is(tmp_path, monkeypatch):
+    """Nobody who looks, or is killed before, finds an empty one."""
+    path, looks, write = tmp_path / "run.npy", [], rows._write
+
+    def full(file, data, place):
+        looks.append(path.exists())
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(rows, "_write", full)
+    with pytest.raises(TensegrityError, match="No space left on device after 0 rows"):
+        run(path)
+    assert looks == [False]
+    assert not any(tmp_path.iterdir())
+    monkeypatch.setattr(rows, "_write", write)
+    assert run(path).u.tobytes() == run().u.tobytes()
+
+
+@pytest.mark.parametrize("left", [b"", b"\x93NUMPY"])
+def test_a_file_that_is_no_record_is_told_so(tmp_path, left):
+    path = tmp_path / "run.npy"
+    simulate(
+        prism_chain(20), smooth_blow(prism_chain(20)), 1.0, dt=0.1,
+        record=Record(path=path, checkpoint=1e9),
+    )  # fmt: skip
+    path.write_bytes(left)
+    with pytest.raises(TensegrityError, match=r"holds no rows|holds no state"):
+        resume(path)

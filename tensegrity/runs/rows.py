@@ -92,15 +92,28 @@ class FileRows:
         self._row, self._shown = np.zeros(1, dtype=kind), 0
         if count is not None:
             self._shown = len(_mapped(path, kind, count))
+        self._size = len(self._header(0))
         try:
-            flags = os.O_RDWR | getattr(os, "O_BINARY", 0)
-            flags |= os.O_CREAT | os.O_TRUNC if count is None else 0
-            self._file = os.open(path, flags, 0o666)
-            self._size = len(self._header(0))
             if count is None:
-                _write(self._file, self._header(0), 0)
+                self._file = self._begun()
+            else:
+                self._file = os.open(path, os.O_RDWR | getattr(os, "O_BINARY", 0))
         except OSError as error:
             raise self._refused(error) from error
+
+    def _begun(self):
+        """A file of no rows, in its place once it is whole: nobody sees an empty one."""
+        new = self._path.with_name(self._path.name + ".new")
+        flags = os.O_RDWR | os.O_CREAT | os.O_TRUNC | getattr(os, "O_BINARY", 0)
+        file = os.open(new, flags, 0o666)
+        try:
+            _write(file, self._header(0), 0)
+            os.replace(new, self._path)
+        except BaseException:
+            os.close(file)
+            new.unlink(missing_ok=True)
+            raise
+        return file
 
     def _header(self, count):
         """NumPy pads the header so that a growing count always fits its place."""
@@ -146,7 +159,7 @@ class FileRows:
     def finished(self) -> NDArray[Any]:
         """The rows written so far, mapped from the file."""
         if self._file is not None:
-            file, self._file = self._file, None  # type: ignore[assignment]
+            file, self._file = self._file, None
             os.close(file)
         return _mapped(self._path, self._kind, self.count)[: self.count]
 
@@ -155,7 +168,7 @@ def _mapped(path, kind, count):
     """Rows of a file that has at least `count` of that kind."""
     try:
         rows = np.lib.format.open_memmap(path, mode="r") if count else _read(path)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, EOFError) as error:
         raise TensegrityError(f"record path {path} holds no rows: {error}") from error
     if rows.dtype != kind or len(rows) < count:
         raise TensegrityError(
