@@ -350,7 +350,7 @@ def measure():
     return found
 
 
-def chart(found, folder=OUTPUT):
+def chart(found, folder=OUTPUT / "benchmarks"):
     """Time against interpolated error of every method, as PNG and CSV; the files written."""
     import matplotlib
 

@@ -193,7 +193,7 @@ def long_chains():
     return found
 
 
-def chart(rows, folder=OUTPUT):
+def chart(rows, folder=OUTPUT / "benchmarks"):
     """Time against both errors, as PNG and CSV; the files written.
 
     Errors below `FLOOR`, and none at all, stand there.

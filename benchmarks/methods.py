@@ -155,7 +155,7 @@ def verdict(name, costs):
     return f"not kept: {what}{reason}"
 
 
-def chart(found, folder=OUTPUT):
+def chart(found, folder=OUTPUT / "benchmarks"):
     """Evaluations against error, as PNG and CSV; the files written."""
     import matplotlib
 

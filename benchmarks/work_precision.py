@@ -306,7 +306,7 @@ def build_time(chain):
         return time.perf_counter() - began
 
 
-def chart(found, folder=OUTPUT):
+def chart(found, folder=OUTPUT / "benchmarks"):
     """Time against error, a panel for each scene, as PNG and CSV; the files written."""
     import matplotlib
 

@@ -1,4 +1,4 @@
-"""What the pictures of limits share: chains, bare loops, and words for numbers."""
+"""What the pictures of limits share: chains, bare loops, words and tables for numbers."""
 
 from __future__ import annotations
 
@@ -51,3 +51,9 @@ def listed(parts):
     """Words in a row: "a, b and c"."""
     *first, last = parts
     return f"{', '.join(first)} and {last}" if first else last
+
+
+def grid(head, rows):
+    """A table of a page, in Markdown: heads, and rows of words."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from figures._limits import COLOURS, gap, listed, moved, slope
+from figures._limits import COLOURS, gap, grid, moved, slope
 from tensegrity import Chain, PowerLaw
 from tensegrity.engine.methods import METHODS
 
@@ -91,27 +91,34 @@ def data(methods=tuple(METHODS), exponents=EXPONENTS):
 def text(tables):
     """What the page says."""
     t, powers = tables["orders"], tables["exponents"]
-
-    def each(names, values):
-        return listed([f"{name} {value:.1f}" for name, value in zip(names, values, strict=True)])
-
     one, other = tables[f"{PLAIN}_opening"], tables[f"{CORRECTED}_opening"]
     last = int(np.argmin(np.abs(other["steps"] - 480)))
-    exponents = [f"{n:g}:" for n in powers["exponent"]]
+    orders = grid(
+        ["method", "order, closed chain", "order, contacts that open"],
+        [
+            [name, f"{a:.1f}", f"{b:.1f}"]
+            for name, a, b in zip(t["method"], t["closed"], t["opening"], strict=True)
+        ],
+    )
+    exponents = grid(
+        ["exponent", f"order of {PLAIN}", f"order of {CORRECTED}"],
+        [
+            [f"{n:g}", f"{a:.1f}", f"{b:.1f}"]
+            for n, a, b in zip(powers["exponent"], powers[PLAIN], powers[CORRECTED], strict=True)
+        ],
+    )
     return (
         "The force of a contact grows like a power of the overlap, 3/2 for spheres: where contacts "
-        "open or close it has one derivative only. Measured orders on a chain of "
-        f"{BEADS} beads that stays closed: {each(t['method'], t['closed'])}; on one with "
-        f"{tables['events']['events'][0]} openings and closings: "
-        f"{each(t['method'], t['opening'])}. A method's kicks are a quadrature of the forces, and "
-        "its error beside an event is known in closed form (`derivations`, openings): "
-        f"{CORRECTED} does the steps of {PLAIN} and takes that error off. After "
-        f"{other['steps'][last]} steps it is {other['error'][last]:.0e} off, {PLAIN} after "
-        f"{one['steps'][-1]} still {one['error'][-1]:.0e}. Its orders for contacts of exponents "
-        f"{each(exponents, powers[CORRECTED])}, without corrections "
-        f"{each(exponents, powers[PLAIN])}; the terms that come next are of order exponent + 3. "
-        "Left as they were are contacts that touch for less than a step, across the end of one. "
-        "Corrections are not reversible in time."
+        f"open or close it has one derivative only. Measured orders on a chain of {BEADS} beads "
+        f"that stays closed, and on one with {tables['events']['events'][0]} openings and closings:"
+        f"\n\n{orders}\n\n"
+        "A method's kicks are a quadrature of the forces, and its error beside an event is known "
+        f"in closed form (`derivations`, openings): {CORRECTED} does the steps of {PLAIN} and "
+        f"takes that error off. After {other['steps'][last]} steps it is "
+        f"{other['error'][last]:.0e} off, {PLAIN} after {one['steps'][-1]} still "
+        f"{one['error'][-1]:.0e}. For contacts of other exponents:\n\n{exponents}\n\n"
+        "The terms that come next are of order exponent + 3. Left as they were are contacts that "
+        "touch for less than a step, across the end of one. Corrections are not reversible in time."
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from figures._limits import COLOURS, EXPLICIT, listed, moved, prism_chain, slope
+from figures._limits import COLOURS, EXPLICIT, grid, moved, prism_chain, slope
 from tensegrity import LockingError, Record, StabilityError, State, simulate
 from tensegrity.engine.methods import METHODS
 
@@ -106,18 +106,22 @@ def powers(tables, what="step", nearest=0.01):
 def text(tables):
     """What the page says."""
     t, fixed = tables["steps"], tables["fixed"]
-    each = listed([f"{name} {power:.2f}" for name, power in powers(tables).items()])
     kept = [g for g, how in zip(GAPS, fixed["outcome"], strict=True) if how == "kept"]
     refused = np.array(fixed["outcome"]) != "kept"
     worst = np.nanmax(fixed["energy error of the bare loop"][refused])
     near = int(np.argmin(np.abs(GAPS - 1e-3)))
+    rows = [
+        [name, f"{power:.2f}", f"{t[f'step of {name} [s]'][near]:.1e}"]
+        for name, power in powers(tables).items()
+    ]
+    head = ["method", "power of the stroke left", "step with a thousandth left [s]"]
     return (
         "The force of a rigid prism grows like the inverse root of the stroke left, the largest "
         "frequency like its power -3/4: the step must shrink with the power 3/4. Two masses "
         "that meet head-on and turn back with less than a hundredth of the stroke left need, "
-        f"for an energy error of {ENERGY_ERROR:.0e}, steps that fall with the powers {each} (the "
-        "energy at stake falls too, with the root, which in theory leaves 3/4 - 1/(2 order)); with "
-        f"a thousandth left {listed([_step(t, name, near) for name in EXPLICIT])}. "
+        f"for an energy error of {ENERGY_ERROR:.0e}, steps that fall with the powers of the table "
+        "(the energy at stake falls too, with the root, which in theory leaves "
+        f"3/4 - 1/(2 order)).\n\n{grid(head, rows)}\n\n"
         f"A fixed step of {FIXED:g} s with verlet is kept down to {min(kept):.1e} of the stroke; "
         "nearer, `simulate` ends the run with a `StabilityError` that names the time and the "
         "sites, where the bare loop would have gone on with an energy wrong by up to "
@@ -125,10 +129,6 @@ def text(tables):
         f"A blow with {OVER - 1:.1%} more energy than the spring holds ends with a "
         "`LockingError`, whatever the step. `tol=` and the default step are refined by themselves."
     )
-
-
-def _step(table, name, row):
-    return f"{name} {table[f'step of {name} [s]'][row]:.1e} s"
 
 
 def draw(figure, tables):

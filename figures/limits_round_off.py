@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from figures._limits import prism_chain, slope
+from figures._limits import grid, prism_chain, slope
 from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.kernel import bind
 from tensegrity.engine.methods import METHODS
@@ -78,19 +78,21 @@ def powers(tables, name):
 
 def text(tables):
     """What the page says."""
-    (energy, place), (energy_drifting, place_drifting) = (powers(tables, k) for k in tables)
+    rows = []
+    for name, (energy, place) in ((k, powers(tables, k)) for k in tables):
+        theory, last = EXPECTED[name], tables[name]
+        rows.append([name.replace("_", " "), f"{energy:.1f} ({theory[0]:g})",
+                     f"{place:.1f} ({theory[1]:g})", f"{last['energy'][-1]:.0e}"])  # fmt: skip
     steps = tables["at_rest"]["steps"][-1]
-    last = {k: t["energy"][-1] for k, t in tables.items()}
+    head = ["chain as a whole", "power of the energy (expected)",
+            "power of the elongations (expected)", f"energy error after {steps} steps"]  # fmt: skip
     return (
         f"The loop in double precision against the same text in extended precision, {METHOD}, "
         f"root of the mean square over {RUNS} starts. Rounding errors are independent: the energy "
-        f"wanders with the power {energy:.1f} of the number of steps (expected 1/2; "
-        f"{last['at_rest']:.0e} after {steps} steps), the phase and with it the elongations with "
-        f"{place:.1f} (3/2). Elongations are differences of displacements: a chain that drifts as "
-        f"a whole, here at {DRIFT:g} m/s, loses digits as it moves away from its origin, with the "
-        f"powers {energy_drifting:.1f} (3/2) and {place_drifting:.1f} (5/2), "
-        f"{last['drifting']:.0e} of the energy in the same time. Run in a frame in which the "
-        "chain stays."
+        "wanders with a power of the number of steps, and the phase, and with it the elongations, "
+        "with a higher one. Elongations are differences of displacements: a chain that drifts as "
+        f"a whole, here at {DRIFT:g} m/s, loses digits as it moves away from its origin. Run in a "
+        f"frame in which the chain stays.\n\n{grid(head, rows)}"
     )
 
 

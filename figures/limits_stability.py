@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import sympy as sp
 
-from figures._limits import COLOURS, EXPLICIT, listed
+from figures._limits import COLOURS, EXPLICIT, grid, listed
 from tensegrity import Chain, Potential, State
 from tensegrity.engine.methods import METHODS
 
@@ -104,21 +104,26 @@ def data():
 def text(tables):
     """What the page says."""
     t = tables["limits"]
-    rows = [dict(zip(t, row, strict=True)) for row in zip(*t.values(), strict=True)]
-    each = [
-        f"{row['method']} {row['limit']:.4f} (at {row['below']:.3f} nothing grew, at "
-        f"{row['above']:.3f} the amplitude grew by {np.expm1(row['growth above']):.2g} a step; "
-        f"{row['limit'] / row['stages']:.2f} for each evaluation of the forces)"
-        for row in rows
+    each = [dict(zip(t, row, strict=True)) for row in zip(*t.values(), strict=True)]
+    rows = [
+        [
+            row["method"],
+            f"{row['limit']:.4f}",
+            f"{row['below']:.3f}",
+            f"{row['above']:.3f}, by {np.expm1(row['growth above']):.2g} a step",
+            f"{row['limit'] / row['stages']:.2f}",
+        ]
+        for row in each
     ]
+    head = ["method", "largest dt omega", "nothing grew at", "grew at", "limit for each evaluation"]
     far, names = max(tables["implicit"]["dt omega"]), dict.fromkeys(tables["implicit"]["method"])
     return (
         "The step times the largest angular frequency must stay below a number of the method, "
         "found from its coefficients and found again by letting the bare loop run on a linear "
-        f"chain: {listed(each)}. A weak growth is a resonance: a few thousand steps do no harm "
-        "there, a million do. `simulate` refuses a larger step with a `StabilityError`, at "
-        f"the stiffness that the motion itself meets. {listed(list(names))} has no limit: "
-        f"nothing grew at {far:g}."
+        f"chain.\n\n{grid(head, rows)}\n\n"
+        "A weak growth is a resonance: a few thousand steps do no harm there, a million do. "
+        "`simulate` refuses a larger step with a `StabilityError`, at the stiffness that the "
+        f"motion itself meets. {listed(list(names))} has no limit: nothing grew at {far:g}."
     )
 
 

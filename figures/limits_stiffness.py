@@ -7,7 +7,7 @@ import time
 import numpy as np
 import sympy as sp
 
-from figures._limits import COLOURS, DIFFERENT, EXPLICIT, listed, moved, slope
+from figures._limits import COLOURS, DIFFERENT, EXPLICIT, grid, moved, slope
 from tensegrity import Chain, Potential
 from tensegrity.engine.methods import METHODS
 
@@ -101,16 +101,24 @@ def text(tables):
     """What the page says."""
     t = tables["steps"]
     stiff = t["ratio"] >= 1e5
-    powers = [f"{n} {slope(t['ratio'][stiff], t[n][stiff]):.2f}" for n in EXPLICIT]
-    (implicit,) = [n for n in DIFFERENT if n not in EXPLICIT]
-    last = [f"{t[n][-1]} of {n}" for n in EXPLICIT]
+    rows = [
+        [
+            name,
+            f"{slope(t['ratio'][stiff], t[name][stiff]):.2f}" if name in EXPLICIT else "-",
+            str(t[name][0]),
+            str(t[name][-1]),
+        ]
+        for name in DIFFERENT
+    ]
+    first, last = f"{t['ratio'][0]:g}", f"{t['ratio'][-1]:.0e}"
+    head = ["method", "power of the ratio", f"steps at {first}", f"steps at {last}"]
     return (
         f"One bond of {2 * EACH_SIDE + 1} is stiffer than the rest and hardly vibrates. For an "
         f"error of {ERROR:.0e} the steps of explicit methods, bound by stability, grow with a "
-        f"power of the ratio of stiffnesses: {listed(powers)}. Those of {implicit} do not: "
-        f"{t[implicit][0]} steps at a ratio of {t['ratio'][0]:g}, {t[implicit][-1]} at "
-        f"{t['ratio'][-1]:.0e}, against {listed(last)}. But a step of it is Newton's method in "
-        "NumPy: what it costs in time is on the right of the picture, and printed."
+        "power of the ratio of stiffnesses; those of an implicit one do not.\n\n"
+        f"{grid(head, rows)}\n\n"
+        "But a step of it is Newton's method in NumPy: what it costs in time is on the right of "
+        "the picture, and printed."
     )
 
 

@@ -1,6 +1,5 @@
 """The pictures: their numbers make the claims, their files are whole."""
 
-import csv
 import os
 import subprocess
 import sys
@@ -11,6 +10,8 @@ import pytest
 
 from figures import chosen, constitutive_rigid, pictures, wave_supersonic
 from figures.__main__ import main
+from figures._files import PRINTED, read_printed, read_tables, write_tables
+from figures._gallery import made, write_index
 
 ROOT = Path(__file__).parent.parent
 
@@ -48,12 +49,50 @@ def test_constitutive_curves_show_locking_and_collapse():
 
 def test_pictures_are_written_with_their_tables(tmp_path, capsys):
     assert main(["constitutive_rigid", "--output", str(tmp_path)]) == 0
-    assert (tmp_path / "constitutive_rigid.png").read_bytes().startswith(b"\x89PNG")
-    with open(tmp_path / "constitutive_rigid_h0.7_p0.1.csv") as file:
-        rows = list(csv.DictReader(file))
-    assert float(rows[0]["height"]) > 0
-    assert len(rows) > 400
-    assert not list(tmp_path.glob("tmp*"))
+    folder = tmp_path / "constitutive"
+    assert (folder / "constitutive_rigid.png").read_bytes().startswith(b"\x89PNG")
+    assert {path.suffix for path in folder.iterdir()} == {".png", ".csv"}
+    written = read_tables(folder / "constitutive_rigid.csv")
+    computed = constitutive_rigid.data()
+    assert set(written) == set(computed)
+    load = [float(x) for x in written["h0.7_p0.01"]["load"]]
+    np.testing.assert_array_equal(load, computed["h0.7_p0.01"]["load"])
+    page = (tmp_path / "index.html").read_text()
+    assert 'src="constitutive/constitutive_rigid.png"' in page
+    assert 'href="constitutive/constitutive_rigid.csv"' in page
+    assert "python -m figures constitutive_rigid" in page
+
+
+def test_any_tables_are_read_as_they_were_written(tmp_path):
+    path = tmp_path / "one.csv"
+    tables = {
+        "a, b": {"x [m]": [1, 2.5], "word": ["one", 'two "three"', "four"]},
+        "c": {"y": [0.1]},
+    }
+    lines = [{"what": "speed", "here": 2.0}, {"what": "width", "paper": "about 5"}]
+    write_tables(path, tables, lines)
+    told = {t: {c: list(map(str, v)) for c, v in columns.items()} for t, columns in tables.items()}
+    assert read_tables(path, {"a, b", "c"}) == told
+    assert read_printed(path) == [
+        {"what": "speed", "here": "2.0", "paper": ""},
+        {"what": "width", "here": "", "paper": "about 5"},
+    ]
+    with pytest.raises(ValueError, match="printed"):
+        write_tables(path, {PRINTED: {"x": [1]}})
+    path.write_text("x,y\n1,2\n")
+    with pytest.raises(ValueError, match="does not begin with table,column,row,value"):
+        read_tables(path)
+
+
+def test_the_gallery_shows_what_is_there_and_what_it_printed(tmp_path):
+    folder = tmp_path / "waves"
+    folder.mkdir()
+    (folder / "wave_speeds.png").touch()
+    write_tables(folder / "wave_speeds.csv", {}, [{"scene": "<one>", "error": 1 / 3, "sites": 12}])
+    assert {g: list(found) for g, found in made(tmp_path).items()} == {"waves": ["wave_speeds"]}
+    page = write_index(tmp_path).read_text()
+    assert "<td>&lt;one&gt;</td><td>0.333333</td><td>12</td>" in page
+    assert "wave_collision" not in page
 
 
 def test_names_groups_and_mistakes(capsys):

@@ -23,7 +23,7 @@ from tensegrity.engine.methods import METHODS
 
 pytestmark = pytest.mark.needs_compiler  # minutes without
 
-PAGE = Path(__file__).parent.parent / "figures" / "output" / "limits.md"
+PAGE = Path(__file__).parent.parent / "figures" / "output" / "limits" / "limits.md"
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 ROUND_OFF = 1e-10  # numbers below are sizes of round-off: other processors have others
 

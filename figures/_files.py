@@ -1,0 +1,105 @@
+"""Files of pictures: whole or not there, and the tables of a picture in one file.
+
+The tables of a picture stand in one CSV in long form, a number a line: `table,column,row,value`.
+Any table can be told so, whatever the lengths of its columns.  What the picture prints stands
+first, as a table called "printed".
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+import tempfile
+from itertools import zip_longest
+
+PRINTED = "printed"
+HEADER = ["table", "column", "row", "value"]
+
+
+def write(path, save):
+    """Have `save(temporary path)` write beside the path, then rename: never half a file."""
+    handle, beside = tempfile.mkstemp(dir=path.parent, suffix=path.suffix)
+    os.close(handle)
+    try:
+        save(beside)
+        os.chmod(beside, 0o644)
+        os.replace(beside, path)
+    except BaseException:
+        os.unlink(beside)
+        raise
+
+
+def write_rows(path, rows):
+    """Rows as CSV."""
+
+    def save(beside):
+        with open(beside, "w", newline="") as file:
+            csv.writer(file).writerows(rows)
+
+    write(path, save)
+
+
+def write_table(path, columns):
+    """Columns of one table as CSV, side by side; shorter ones end in empty cells."""
+    write_rows(path, [list(columns), *zip_longest(*columns.values(), fillvalue="")])
+
+
+def side_by_side(lines):
+    """Lines {column: value} as {column: list}, empty where a line has no such column."""
+    keys = dict.fromkeys(key for line in lines for key in line)
+    return {key: [line.get(key, "") for line in lines] for key in keys}
+
+
+def write_tables(path, tables, lines=()):
+    """All tables of a picture in long form, what it prints first.
+
+    Parameters
+    ----------
+    path : Path
+    tables : {table: {column: sequence}}
+    lines : sequence of {column: value}
+        What the picture prints.
+    """
+    if PRINTED in tables:
+        raise ValueError(
+            f"a table of {path.stem} is called {PRINTED!r}, the name of what it prints"
+        )
+    everything = ({PRINTED: side_by_side(lines)} if lines else {}) | dict(tables)
+    cells = (
+        (table, column, row, value)
+        for table, columns in everything.items()
+        for column, values in columns.items()
+        for row, value in enumerate(values)
+    )
+    write_rows(path, (HEADER, *cells))
+
+
+def read_tables(path, wanted=None):
+    """The tables of a picture, or the wanted ones, as they were written, in words.
+
+    Parameters
+    ----------
+    path : Path
+    wanted : collection of str, optional
+
+    Returns
+    -------
+    {table: {column: list of str}}
+    """
+    tables = {}
+    with open(path, newline="") as file:
+        lines = csv.reader(file)
+        if next(lines, None) != HEADER:
+            raise ValueError(f"{path} does not begin with {','.join(HEADER)}")
+        for table, column, _, value in lines:
+            if wanted is None or table in wanted:
+                tables.setdefault(table, {}).setdefault(column, []).append(value)
+            elif wanted == {PRINTED}:
+                break  # it stands first
+    return tables
+
+
+def read_printed(path):
+    """What a picture printed, as lines {column: str}; none where it prints nothing."""
+    columns = read_tables(path, {PRINTED}).get(PRINTED, {})
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
