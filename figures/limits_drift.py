@@ -76,8 +76,8 @@ def text(tables):
     head = ["method", "dt omega_max", "steps", "largest change of the energy, relative"]
     return (
         f"After {STEPS:.0e} steps rk4 has lost {-change['rk4'][-1]:.1%} of the energy of a small "
-        f"chain; the eigenvalues of a step predict {-tables['rk4']['predicted'][-1]:.1%}. The errors of "
-        f"symplectic methods swing, and do not add up.\n\n{grid(head, rows)}"
+        f"chain; the eigenvalues of a step predict {-tables['rk4']['predicted'][-1]:.1%}. The "
+        f"errors of symplectic methods swing, and do not add up.\n\n{grid(head, rows)}"
     )
 
 
