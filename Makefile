@@ -7,7 +7,7 @@ PYTHON := $(shell for p in python3.11 python3.12 python3.13 python3; do \
 BIN = .venv/bin
 READY = .venv/ready
 
-.PHONY: figures derivations test test-slow faults bench lint clean
+.PHONY: figures derivations test test-slow faults bench site site-test lint clean
 
 figures: $(READY)
 	$(BIN)/python -m figures
@@ -17,7 +17,7 @@ derivations: $(READY)
 
 # Two processes, each with one thread of linear algebra: the matrices are small.
 test: $(READY)
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m "not slow" -n 2 --dist loadfile
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -rs -m "not slow" -n 2 --dist loadfile
 
 test-slow: $(READY)
 	$(BIN)/python -m pytest -m slow
@@ -25,6 +25,18 @@ test-slow: $(READY)
 # Breaks a copy of the code, line by line, and sees a test fail each time; some minutes.
 faults: $(READY)
 	$(BIN)/python -m tests.faults
+
+# The site, in docs/_build/site: open index.html there.  It shows the pictures that were made.
+site: $(READY)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[site]'
+	$(BIN)/python -m sphinx --quiet --fail-on-warning --keep-going -b html docs docs/_build/site
+	@echo "docs/_build/site/index.html"
+
+# Every page of it in a browser, with a few pictures that take seconds.
+site-test: $(READY)
+	$(BIN)/python -m figures start constitutive_rigid granular_fig2 wave_power_law
+	$(MAKE) site
+	$(BIN)/python -m pytest -rs tests/test_site.py
 
 bench: $(READY)
 	$(BIN)/python -m pip install --quiet --editable '.[bench]'
@@ -45,4 +57,4 @@ $(READY): pyproject.toml
 		cp pyproject.toml $(READY); fi
 
 clean:
-	rm -rf .venv build *.egg-info
+	rm -rf .venv build *.egg-info docs/_build docs/_made

@@ -8,7 +8,7 @@ from __future__ import annotations
 # ruff: noqa: RUF001 (Greek letters are meant)
 import re
 from html import escape
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import sympy as sp
 from sympy.printing.mathml import MathMLPresentationPrinter
@@ -107,8 +107,7 @@ def mathml(expression: sp.Basic | str) -> str:
 
 def _argument(name):
     module = derivation(name)
-    parts = [f'<section id="{name}"><h2>{escape(module.TITLE)}</h2>']
-    parts += [f"<p>{prose(' '.join(p.split()))}</p>" for p in module.__doc__.split("\n\n")]
+    parts = [f"<p>{prose(' '.join(p.split()))}</p>" for p in module.__doc__.split("\n\n")]
     for step in module.argument():
         parts.append(f"<p>{prose(step.text)}</p>")
         parts += [mathml(formula) for formula in step.formulas]
@@ -152,7 +151,7 @@ def _signs():
         "<tr>" + "".join(f"<td>{prose(cell)}</td>" for cell in row) + "</tr>"
         for row in ledger.SIGNS
     )
-    return f'<section id="signs"><h2>Sign conventions</h2><table>{head}{rows}</table></section>'
+    return f"<table>{head}{rows}</table>"
 
 
 def _summary(checks):
@@ -166,15 +165,23 @@ def _summary(checks):
         f"{sum(c.entry.verdict is v for c in checks)} {v.value}" for v in ledger.Verdict
     )
     return (
-        f'<section id="summary"><h2>What the ledger found</h2><p>{len(checks)} entries: {counts}.'
-        f"</p><table><tr><th>entry</th><th>verdict</th><th>why</th></tr>{rows}</table></section>"
+        f"<p>{len(checks)} entries: {counts}.</p>"
+        f"<table><tr><th>entry</th><th>verdict</th><th>why</th></tr>{rows}</table>"
     )
 
 
-def page(
+class Section(NamedTuple):
+    """A part of the report: where links lead, its heading, and its HTML below that."""
+
+    key: str
+    title: str
+    body: str
+
+
+def sections(
     names: Sequence[str] = NAMES, progress: Callable[[Iterable[Any]], Iterable[Any]] = iter
-) -> str:
-    """The page of some derivations, as text.
+) -> list[Section]:
+    """Each derivation with the ledger entries that it decides; then signs, and a summary.
 
     Parameters
     ----------
@@ -191,13 +198,22 @@ def page(
             arguments[name] = _argument(name)
         else:
             checks.append(ledger.check(entry))
-    links = [(name, derivation(name).TITLE) for name in names]
-    links += [("signs", "Sign conventions"), ("summary", "What the ledger found")]
-    contents = "".join(f'<li><a href="#{key}">{escape(text)}</a></li>' for key, text in links)
-    sections = []
+    found = []
     for name in names:
         ledger_part = "\n".join(_entry(c) for c in checks if c.entry.derivation == name)
-        sections.append(f"{arguments[name]}\n<h3>Printed formulas</h3>\n{ledger_part}\n</section>")
+        body = f"{arguments[name]}\n<h3>Printed formulas</h3>\n{ledger_part}"
+        found.append(Section(name, derivation(name).TITLE, body))
+    found.append(Section("signs", "Sign conventions", _signs()))
+    found.append(Section("summary", "What the ledger found", _summary(checks)))
+    return found
+
+
+def page(
+    names: Sequence[str] = NAMES, progress: Callable[[Iterable[Any]], Iterable[Any]] = iter
+) -> str:
+    """The page of some derivations, as text; arguments as for `sections`."""
+    parts = sections(names, progress)
+    contents = "".join(f'<li><a href="#{s.key}">{escape(s.title)}</a></li>' for s in parts)
     return "\n".join(
         [
             '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8">',
@@ -208,9 +224,10 @@ def page(
             "every formula of the two sources, derived from energies and geometry by program, and "
             "the printed forms held against what was derived.</p>",
             f"<nav><h2>Contents</h2><ol>{contents}</ol></nav>",
-            *sections,
-            _signs(),
-            _summary(checks),
+            *(
+                f'<section id="{s.key}"><h2>{escape(s.title)}</h2>{s.body}</section>'
+                for s in parts
+            ),
             "</body></html>\n",
         ]
     )

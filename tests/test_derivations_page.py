@@ -11,7 +11,7 @@ import pytest
 from derivations import argument, ledger
 from derivations.__main__ import main
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+from browser import CHROMIUM
 VOID = {"meta", "link", "br", "img", "hr"}
 
 

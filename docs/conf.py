@@ -1,0 +1,58 @@
+"""The site: written pages, and pages made of pictures, ledger and docstrings (`pages`)."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).parent
+sys.path[:0] = [str(HERE.parent), str(HERE)]
+
+import pages  # noqa: E402
+
+project = "tensegrity"
+author = "The tensegrity developers"
+copyright = author
+try:
+    release = importlib.metadata.version("tensegrity")
+except importlib.metadata.PackageNotFoundError:
+    release = "unknown"
+extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc"]
+exclude_patterns = ["_build", "live"]
+myst_enable_extensions = ["colon_fence"]
+myst_heading_anchors = 3
+default_role = "code"
+autodoc_typehints = "none"
+autodoc_member_order = "bysource"
+numpydoc_show_class_members = False
+numpydoc_xref_param_type = False
+html_theme = "pydata_sphinx_theme"
+html_title = "tensegrity"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_copy_source = False
+html_show_sphinx = False
+html_sourcelink_suffix = ""
+html_theme_options = {
+    "navbar_align": "left",
+    "navbar_persistent": ["search-button"],
+    "header_links_before_dropdown": 6,
+    "secondary_sidebar_items": ["page-toc"],
+    "footer_start": ["copyright"],
+    "footer_end": [],
+    "show_prev_next": False,
+    "pygments_light_style": "a11y-high-contrast-light",
+    "pygments_dark_style": "a11y-high-contrast-dark",
+}
+html_context = {"default_mode": "auto"}
+html_sidebars = dict.fromkeys(
+    ("index", "claims", "derivations", "limits", "speed", "extend", "cite", "gallery/*"), []
+)
+
+
+def setup(app):
+    """Pages are made before the first is read; formulas are linked as docstrings are."""
+    app.connect("builder-inited", lambda app: pages.make(Path(app.srcdir)))
+    app.connect("autodoc-process-docstring", pages.link_formulas)
+    app.connect("build-finished", lambda app, _: pages.copy_live(Path(app.outdir)))

@@ -1,0 +1,395 @@
+"""Pages made of what is there: pictures, what they printed, the ledger, and public names.
+
+Written beside the written pages when the site is built, as Markdown, and ignored by version
+control.  What a picture says is read from its files; a picture that was not made is named.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import inspect
+import json
+import re
+import shutil
+import sys
+import tomllib
+from html import escape
+from pathlib import Path
+
+from claims import VERDICTS, claims, numbers
+from derivations import ledger, report
+from figures import pictures
+from figures._files import read_printed
+from figures._gallery import short
+from figures._gallery import title as _title
+from figures._gallery import words as _words
+
+ROOT = Path(__file__).parent.parent
+OUTPUT = ROOT / "figures" / "output"
+FORMULAS = tomllib.loads((Path(__file__).parent / "formulas.toml").read_text())["formulas"]
+ROOMS = {  # page: (title, modules whose public names it holds, modules documented whole)
+    "prisms": ("Prisms and their paths", ["tensegrity.prisms", "tensegrity.branches"],
+               ["tensegrity.prisms.fold_curve", "tensegrity.prisms.stability"]),
+    "springs": ("Springs", ["tensegrity.springs"], []),
+    "scenes": ("Chains and networks", ["tensegrity.scenes"], []),
+    "runs": ("Runs", ["tensegrity.runs"], ["tensegrity.runs.tuning"]),
+    "methods": ("Methods of integration", [], ["tensegrity.engine.methods"]),
+    "waves": ("Solitary waves", ["tensegrity.waves"],
+              ["tensegrity.waves.asymptotics", "tensegrity.waves.solitary"]),
+    "structures": ("Structures", ["tensegrity.structures"], []),
+    "gradients": ("Gradients", ["tensegrity.gradients"], ["tensegrity.gradients.objective"]),
+    "measure": ("Measures", [], ["tensegrity.measure.observables", "tensegrity.measure.budget"]),
+    "granular": ("Granular crystals", ["granular"],
+                 ["granular.observables", "granular.lammps", "granular.design"]),
+    "derivations": ("Derivations, as code", [],
+                    ["derivations.argument", "derivations.entry", "derivations.ledger",
+                     "derivations.report", "derivations.prism", "derivations.waves"]),
+    "errors": ("Errors and types", ["tensegrity.errors"], ["tensegrity.typing"]),
+}  # fmt: skip
+
+
+SOURCES = {"seeds/000": "the talk", "seeds/001": "the paper"}
+
+
+def named(text):
+    """The two sources by what they are."""
+    for short_name, name in SOURCES.items():
+        text = text.replace(short_name, name)
+    return text
+
+
+def title(module):
+    """The first line of a picture's docstring."""
+    return named(_title(module))
+
+
+def words(module):
+    """The paragraphs below it, as Markdown that says what they say."""
+    return [re.sub(r"([*_<\[\]`|])", r"\\\1", named(part)) for part in _words(module)]
+
+
+def write(path, *parts):
+    """A page, touched only where it changes, so that a second build is short."""
+    text = "\n\n".join(part for part in parts if part) + "\n"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if not path.is_file() or path.read_text(encoding="utf-8") != text:
+        path.write_text(text, encoding="utf-8")
+
+
+def raw(html):
+    """HTML in a Markdown page."""
+    return f"`````{{raw}} html\n{html}\n`````"
+
+
+def table(head, rows):
+    """Rows of HTML cells as a table that scrolls by itself where a page is narrow."""
+    top = "".join(f"<th>{cell}</th>" for cell in head)
+    body = "\n".join("<tr>" + "".join(f"<td>{c}</td>" for c in row) + "</tr>" for row in rows)
+    return raw(
+        f'<div class="wide" tabindex="0"><table><thead><tr>{top}</tr></thead>'
+        f"<tbody>{body}</tbody></table></div>"
+    )
+
+
+def copied(source, folder):
+    """A file in a folder of the site, copied where it is newer."""
+    target = folder / source.name
+    folder.mkdir(parents=True, exist_ok=True)
+    if not target.is_file() or target.stat().st_mtime < source.stat().st_mtime:
+        shutil.copy2(source, target)
+    return target.name
+
+
+def told(path):
+    """What a picture says in words below its own picture."""
+    if not path.is_file():
+        return ""
+    return path.read_text(encoding="utf-8").partition(".png)\n\n")[2].strip()
+
+
+def picture_page(name, module, folder):
+    """One page of the gallery; whether its picture was made."""
+    made = OUTPUT / module.GROUP
+    image, film, data = (made / f"{name}.{kind}" for kind in ("png", "gif", "csv"))
+    lines = read_printed(data) if data.is_file() else []
+    copied(Path(module.__file__), folder / "code")
+    head = title(module)
+    write(
+        folder / f"{name}.md",
+        f"# {head}",
+        *words(module),
+        f"![{head}]({copied(image, folder)})" if image.is_file() else
+        ":::{note}\nThis picture was not made before the site was built.\n:::",
+        f"![{head}, in motion]({copied(film, folder)})" if film.is_file() else "",
+        told(made / f"{name}.md"),
+        table(map(escape, lines[0]), [[escape(short(v)) for v in x.values()] for x in lines])
+        if lines else "",
+        f"```sh\npython -m figures {name}\n```",
+        f"{{download}}`All numbers <{copied(data, folder)}>`: one a line, as table, column, row, "
+        "value." if data.is_file() else "",
+        raw("<details><summary>Code</summary>"),
+        f"```{{literalinclude}} code/{name}.py\n:language: python\n```",
+        raw("</details>"),
+    )  # fmt: skip
+    return image.is_file()
+
+
+def gallery(source):
+    """A page a picture, and one that shows all; names of pictures that were not made."""
+    folder, missing, groups = source / "gallery", [], {}
+    for name, module in pictures().items():
+        if not picture_page(name, module, folder):
+            missing.append(name)
+        groups.setdefault(module.GROUP, []).append((name, module))
+    parts = ["# Gallery", "Every picture is a module of `figures`, made from public calls only; "
+             "each page has its words, the table that it prints, its numbers and its code."]  # fmt: skip
+    if missing:
+        parts.append(
+            f":::{{note}}\n{len(missing)} of {len(pictures())} pictures were not made before this "
+            "site was built: `make figures` makes them all.\n:::"
+        )
+    for group, found in groups.items():
+        cards = []
+        for name, module in found:
+            image = f'<img src="../_images/{name}.png" alt="" loading="lazy">'
+            shown = '<span class="none">not made</span>' if name in missing else image
+            cards.append(f'<a href="{name}.html">{shown}<span>{escape(title(module))}</span></a>')
+        heading = group.replace("_", " ").capitalize()
+        parts += [f"## {heading}", raw(f'<div class="cards">{"".join(cards)}</div>')]
+        names = "\n".join(name for name, _ in found)
+        parts.append(f"```{{toctree}}\n:hidden:\n\n{names}\n```")
+    write(folder / "index.md", *parts)
+    return missing
+
+
+def derived(source):
+    """The derivations with the ledger, kept while their sources are the same."""
+    digest = hashlib.sha256()
+    for path in sorted((ROOT / "derivations").glob("*.py")):
+        digest.update(path.read_bytes())
+    kept = source / "_made" / "derivations.json"
+    found = json.loads(kept.read_text(encoding="utf-8")) if kept.is_file() else {}
+    if found.get("of") != digest.hexdigest():
+        from tqdm import tqdm
+
+        sections = report.sections(progress=lambda x: tqdm(x, disable=None, file=sys.stderr))
+        found = {"of": digest.hexdigest(), "sections": sections}
+        write(kept, json.dumps(found))
+    parts = [
+        "# Derivations and ledger",
+        "Every formula of the two sources, derived from energies and geometry by program, and the "
+        "printed forms held against what was derived. The page itself is written by "
+        "`python -m derivations`; `--check` fails on a disagreement.",
+    ]
+    for key, head, body in found["sections"]:
+        parts += [f"({key})=\n## {head}", raw(body)]
+    write(source / "derivations.md", *parts)
+
+
+def _verdict(kind):
+    return f'<span class="verdict {kind}">{VERDICTS[kind]}</span>'
+
+
+def _claim(claim):
+    """One claim with its verdict, our numbers, the condition, and where both come from."""
+    pieces = [
+        f'<div class="claim {claim["verdict"]}" id="{claim["name"]}">',
+        f"<blockquote>“{escape(claim['says'])}”</blockquote>",
+        f'<p><span class="place">{claim["seed"].capitalize()}, {escape(claim["place"])}.</span> '
+        f"{_verdict(claim['verdict'])}. {escape(claim['when'])}</p>",
+    ]
+    for number, value, error in numbers(claim, OUTPUT):
+        what = escape(f"{number['row']}, {number['of']}" if "of" in number else number["row"])
+        shown = f"<strong>{escape(short(value))}</strong>" if value else "picture not made"
+        spread = f" (error {escape(short(error))})" if error else ""
+        pieces.append(
+            f"<p>{what}: {shown}{spread} · "
+            f'<a href="gallery/{number["picture"]}.html">{number["picture"]}</a></p>'
+        )
+    links = [f'<a href="derivations.html#{x}"><code>{x}</code></a>' for x in claim.get("ledger", ())]
+    if links:
+        pieces.append(f"<p>Formula: {', '.join(links)}</p>")
+    return "\n".join([*pieces, "</div>"])
+
+
+def claim_page(source):
+    """Every sentence of the sources that states a result."""
+    everything = claims()
+    counts = {kind: sum(c["verdict"] == kind for c in everything) for kind in VERDICTS}
+    parts = [
+        "# Claims",
+        "What the two sources say, sentence by sentence, and what is found here: the talk "
+        "*Wave Dynamics of Innovative Nonlinear Lattices* and the paper *Highly nonlinear pulse "
+        "splitting and recombination in a two-dimensional granular network*. Numbers are read "
+        "from the files that the pictures write when this site is built; verdicts on formulas "
+        "come from the ledger, below.",
+        raw("<p>" + " · ".join(f"{n} {_verdict(k)}" for k, n in counts.items() if n) + "</p>"),
+    ]
+    for head in dict.fromkeys(claim["about"] for claim in everything):
+        parts.append(f"## {head}")
+        parts += [raw(_claim(claim)) for claim in everything if claim["about"] == head]
+    kinds = {"HOLDS": "holds", "CONVENTION": "under", "SLIP": "no", "NO_DATA": "open"}
+    by_name = {x: c for c in everything for x in c.get("ledger", ())}
+    rows = []
+    for entry in ledger.entries():
+        verdict = f'<span class="verdict {kinds[entry.verdict.name]}">{entry.verdict.value}</span>'
+        if entry.verdict.name == "NO_DATA" and entry.name in by_name:
+            decided = by_name[entry.name]
+            verdict = f'<a href="#{decided["name"]}">decided by runs</a>: ' + _verdict(
+                decided["verdict"]
+            )
+        link = f'<a href="derivations.html#{entry.name}"><code>{entry.name}</code></a>'
+        rows.append([link, escape(entry.place), verdict, report.prose(entry.note)])
+    parts += ["## Formulas", table(["formula", "printed in", "verdict", "why"], rows)]
+    write(source / "claims.md", *parts)
+
+
+def limits(source):
+    """The page on limits as `python -m figures limits` wrote it, and its kin."""
+    parts = []
+    for group in ("limits", "gradients"):
+        page = OUTPUT / group / f"{group}.md"
+        if page.is_file():
+            text = page.read_text(encoding="utf-8")
+            for name in re.findall(r"\]\(([\w.]+\.png)\)", text):
+                copied(page.parent / name, source / "limits_pictures")
+            text = re.sub(r"\]\(([\w.]+\.png)\)", r"](limits_pictures/\1)", text)
+            parts.append(text.replace("# ", "## ", 1) if parts else text)
+        elif not parts:
+            parts.append("# Limits of the methods\n\nRun `python -m figures limits` first.")
+    write(source / "limits.md", *parts)
+
+
+def speed(source):
+    """The chart of speed against accuracy, for the written page."""
+    chart = OUTPUT / "benchmarks" / "benchmark_work_precision.png"
+    copied(chart, source / "speed_pictures")
+    copied(OUTPUT / "waves" / "wave_supersonic.png", source / "speed_pictures")
+
+
+def _holder(name):
+    """The public object of a dotted name."""
+    module, rest = name, []
+    while True:
+        try:
+            found = importlib.import_module(module)
+            break
+        except ModuleNotFoundError:
+            module, _, last = module.rpartition(".")
+            rest.insert(0, last)
+    for part in rest:
+        found = getattr(found, part)
+    return found
+
+
+def public(modules):
+    """Names offered by `tensegrity` and `granular` that are defined in these modules."""
+    for package in ("tensegrity", "granular"):
+        offered = importlib.import_module(package)
+        for name in offered.__all__:
+            defined = getattr(getattr(offered, name), "__module__", None) or package
+            if package == "granular" and not defined.startswith("granular"):
+                continue
+            if any(defined == m or defined.startswith(f"{m}.") for m in modules):
+                yield package, name, getattr(offered, name)
+
+
+def own(module):
+    """What a module defines for use outside: its `__all__`, or all names that are not private."""
+    names = getattr(module, "__all__", None) or [
+        name
+        for name, value in vars(module).items()
+        if not name.startswith("_")
+        and getattr(value, "__module__", None) == module.__name__
+        and (inspect.isclass(value) or inspect.isfunction(value))
+    ]
+    return [(name, getattr(module, name)) for name in names]
+
+
+def _documented(package, name, value):
+    """The directive that documents a public object."""
+    if inspect.isclass(value):
+        return f".. autoclass:: {package}.{name}\n   :members:\n"
+    if callable(value):
+        return f".. autofunction:: {package}.{name}\n"
+    return f".. autodata:: {package}.{name}\n   :no-value:\n"
+
+
+def reference(source):
+    """A page a room with every public name; objects that were already described are not again."""
+    folder = source / "reference"
+    for page, (head, rooms, whole) in ROOMS.items():
+        parts, seen = [f"# {head}"], set()
+        directives = []
+        for package, name, value in public(rooms):
+            if not inspect.ismodule(value):
+                directives.append(_documented(package, name, value))
+                seen.add(name)
+        if directives:
+            parts.append("```{eval-rst}\n" + "\n".join(directives) + "```")
+        for dotted in whole:
+            module = importlib.import_module(dotted)
+            names = [(n, v) for n, v in own(module) if n not in seen]
+            seen |= {n for n, _ in names}
+            body = "\n".join(_documented(dotted, n, v) for n, v in names)
+            opening = named(" ".join((module.__doc__ or "").split()))
+            opening = re.sub(r"([*|<])", r"\\\1", opening)
+            parts += [f"## {dotted}", opening, "```{eval-rst}\n" + body + "```" if body else ""]
+        write(folder / f"{page}.md", *parts)
+    write(
+        folder / "index.md",
+        "# Reference",
+        "Every public name, with units, shapes, signs and errors. Formulas are linked to their "
+        "derivations.",
+        "```{toctree}\n:maxdepth: 2\n\n" + "\n".join(ROOMS) + "\n```",
+    )
+
+
+def link_formulas(app, what, name, obj, options, lines):
+    """Names of ledger entries in a docstring lead to them; listed ones are added below it."""
+    known = {entry.name for entry in ledger.entries()}
+    text = named("\n".join(lines)).replace("|", r"\|")  # sizes, not substitutions
+    for entry in sorted(set(re.findall(r"\b(?:talk|paper|ours)\.\w+", text)) & known):
+        text = re.sub(rf"`*\b{re.escape(entry)}\b`*", _link(entry), text)
+    short_name = name.removeprefix("tensegrity.")
+    if short_name in FORMULAS:
+        links = ", ".join(_link(entry) for entry in FORMULAS[short_name])
+        text += f"\n\n.. rubric:: Derived\n\n{links}\n"
+    lines[:] = text.splitlines()
+
+
+def _link(entry):
+    return f"`{entry} <../derivations.html#{entry}>`__"
+
+
+def live_page():
+    """The page of the live chain, where it was built, or None."""
+    found = sorted((ROOT / "docs" / "live").glob("**/live.html"))
+    return found[0] if found else None
+
+
+def copy_live(out):
+    """The live chain beside the other pages."""
+    page = live_page()
+    if page:
+        shutil.copy2(page, out / "live.html")
+
+
+def live(source):
+    """The sentence on the start page that leads to the live chain, where there is one."""
+    told_of = '<p><a href="live.html">A live chain</a> runs in your browser, from the same C.</p>'
+    write(source / "_made" / "live.html", told_of if live_page() else "<!-- no live chain -->")
+
+
+def make(source):
+    """All pages that are made."""
+    missing = gallery(source)
+    derived(source)
+    claim_page(source)
+    limits(source)
+    speed(source)
+    reference(source)
+    live(source)
+    if missing:
+        print(f"pictures not made ({len(missing)}): {', '.join(missing)}")
