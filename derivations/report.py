@@ -224,10 +224,7 @@ def page(
             "every formula of the two sources, derived from energies and geometry by program, and "
             "the printed forms held against what was derived.</p>",
             f"<nav><h2>Contents</h2><ol>{contents}</ol></nav>",
-            *(
-                f'<section id="{s.key}"><h2>{escape(s.title)}</h2>{s.body}</section>'
-                for s in parts
-            ),
+            *(f'<section id="{s.key}"><h2>{escape(s.title)}</h2>{s.body}</section>' for s in parts),
             "</body></html>\n",
         ]
     )

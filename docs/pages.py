@@ -18,6 +18,7 @@ from html import escape
 from pathlib import Path
 
 from claims import VERDICTS, claims, numbers
+
 from derivations import ledger, report
 from figures import pictures
 from figures._files import read_printed
@@ -142,8 +143,11 @@ def gallery(source):
         if not picture_page(name, module, folder):
             missing.append(name)
         groups.setdefault(module.GROUP, []).append((name, module))
-    parts = ["# Gallery", "Every picture is a module of `figures`, made from public calls only; "
-             "each page has its words, the table that it prints, its numbers and its code."]  # fmt: skip
+    parts = [
+        "# Gallery",
+        "Every picture is a module of `figures`, made from public calls only; each page has its "
+        "words, the table that it prints, its numbers and its code.",
+    ]
     if missing:
         parts.append(
             f":::{{note}}\n{len(missing)} of {len(pictures())} pictures were not made before this "
@@ -207,7 +211,9 @@ def _claim(claim):
             f"<p>{what}: {shown}{spread} · "
             f'<a href="gallery/{number["picture"]}.html">{number["picture"]}</a></p>'
         )
-    links = [f'<a href="derivations.html#{x}"><code>{x}</code></a>' for x in claim.get("ledger", ())]
+    links = [
+        f'<a href="derivations.html#{x}"><code>{x}</code></a>' for x in claim.get("ledger", ())
+    ]
     if links:
         pieces.append(f"<p>Formula: {', '.join(links)}</p>")
     return "\n".join([*pieces, "</div>"])

@@ -1,17 +1,16 @@
 """The page: self-contained, complete, and rendered by a browser without complaint."""
 
 import re
-import shutil
 import subprocess
 import sys
 from html.parser import HTMLParser
 
 import pytest
+from browser import CHROMIUM
 
 from derivations import argument, ledger
 from derivations.__main__ import main
 
-from browser import CHROMIUM
 VOID = {"meta", "link", "br", "img", "hr"}
 
 

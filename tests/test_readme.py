@@ -10,11 +10,13 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 TEXT = (ROOT / "README.md").read_text()
-BLOCKS = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
+FOUND = re.findall(r"```python\n(.*?)```\n\n    ([^\n]*)\n", TEXT, re.DOTALL)
+BLOCKS = [block for block, _ in FOUND]
+MOST_WORDS, MOST_LINES = 1200, 10
 
 
 @pytest.mark.parametrize("number", range(len(BLOCKS)))
-def test_block_runs_as_it_stands(number, tmp_path):
+def test_block_runs_as_it_stands_and_prints_the_line_below_it(number, tmp_path):
     answer = subprocess.run(
         [sys.executable, "-c", BLOCKS[number]],
         cwd=tmp_path,
@@ -24,6 +26,7 @@ def test_block_runs_as_it_stands(number, tmp_path):
         timeout=120,
     )
     assert answer.returncode == 0, answer.stderr
+    assert answer.stdout.strip() == FOUND[number][1]
 
 
 @pytest.mark.parametrize("number", range(len(BLOCKS)))
@@ -37,10 +40,14 @@ def test_block_asserts_a_number_that_it_computed(number):
     )
 
 
-def test_the_first_three_blocks_are_short():
-    assert len(BLOCKS) >= 3
-    for block in BLOCKS[:3]:
-        assert len([line for line in block.splitlines() if line.strip()]) <= 10
+def test_there_are_six_jobs_each_of_few_lines():
+    assert len(BLOCKS) == TEXT.count("```python") == 6
+    for block in BLOCKS:
+        assert len([line for line in block.splitlines() if line.strip()]) <= MOST_LINES
+
+
+def test_readme_is_short():
+    assert len(TEXT.split()) <= MOST_WORDS
 
 
 def test_readme_opens_with_a_picture_and_two_commands():
@@ -49,3 +56,9 @@ def test_readme_opens_with_a_picture_and_two_commands():
     opening = TEXT[: TEXT.index("## ")]
     assert "make figures" in opening
     assert "make test" in opening
+
+
+def test_links_of_the_readme_lead_to_files():
+    links = re.findall(r"\]\(([^)]+)\)", TEXT)
+    assert len(links) >= 7
+    assert [link for link in links if not (ROOT / link).is_file()] == []
