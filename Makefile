@@ -29,6 +29,7 @@ faults: $(READY)
 # The site, in docs/_build/site: open index.html there.  It shows the pictures that were made.
 site: $(READY)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[site]'
+	@test ! -f docs/live/__main__.py || $(BIN)/python -m docs.live || echo "without a live chain"
 	$(BIN)/python -m sphinx --quiet --fail-on-warning --keep-going -b html docs docs/_build/site
 	@echo "docs/_build/site/index.html"
 

@@ -58,11 +58,18 @@ WORDS = {
 """Plain words and signs of the sources, as they are set on the page."""
 
 
+SOURCES = {"seeds/000": "the talk", "seeds/001": "the paper"}
+"""The two sources by what they are."""
+
+
 def prose(text: str) -> str:
     """Plain text as HTML, with Greek letters, exponents and indices."""
     for plain, better in WORDS.items():
         text = re.sub(plain, better, text)
-    return re.sub(r"&lt;(/?su[bp])&gt;", r"<\1>", escape(text, quote=False))
+    for source, name in SOURCES.items():
+        text = text.replace(source, name)
+    html = re.sub(r"&lt;(/?su[bp])&gt;", r"<\1>", escape(text, quote=False))
+    return re.sub(r"`([^`]+)`", r"<code>\1</code>", html)
 
 
 class _Printer(MathMLPresentationPrinter):

@@ -15,6 +15,7 @@ import shutil
 import sys
 import tomllib
 from html import escape
+from importlib.util import find_spec
 from pathlib import Path
 
 from claims import VERDICTS, claims, numbers
@@ -32,7 +33,7 @@ FORMULAS = tomllib.loads((Path(__file__).parent / "formulas.toml").read_text())[
 ROOMS = {  # page: (title, modules whose public names it holds, modules documented whole)
     "prisms": ("Prisms and their paths", ["tensegrity.prisms", "tensegrity.branches"],
                ["tensegrity.prisms.fold_curve", "tensegrity.prisms.stability"]),
-    "springs": ("Springs", ["tensegrity.springs"], []),
+    "springs": ("Springs", ["tensegrity.springs"], ["tensegrity.export"]),
     "scenes": ("Chains and networks", ["tensegrity.scenes"], []),
     "runs": ("Runs", ["tensegrity.runs"], ["tensegrity.runs.tuning"]),
     "methods": ("Methods of integration", [], ["tensegrity.engine.methods"]),
@@ -42,7 +43,7 @@ ROOMS = {  # page: (title, modules whose public names it holds, modules document
     "gradients": ("Gradients", ["tensegrity.gradients"], ["tensegrity.gradients.objective"]),
     "measure": ("Measures", [], ["tensegrity.measure.observables", "tensegrity.measure.budget"]),
     "granular": ("Granular crystals", ["granular"],
-                 ["granular.observables", "granular.lammps", "granular.design"]),
+                 ["granular.materials", "granular.observables", "granular.lammps", "granular.design"]),
     "derivations": ("Derivations, as code", [],
                     ["derivations.argument", "derivations.entry", "derivations.ledger",
                      "derivations.report", "derivations.prism", "derivations.waves"]),
@@ -50,12 +51,9 @@ ROOMS = {  # page: (title, modules whose public names it holds, modules document
 }  # fmt: skip
 
 
-SOURCES = {"seeds/000": "the talk", "seeds/001": "the paper"}
-
-
 def named(text):
     """The two sources by what they are."""
-    for short_name, name in SOURCES.items():
+    for short_name, name in report.SOURCES.items():
         text = text.replace(short_name, name)
     return text
 
@@ -201,7 +199,7 @@ def _claim(claim):
         f'<div class="claim {claim["verdict"]}" id="{claim["name"]}">',
         f"<blockquote>“{escape(claim['says'])}”</blockquote>",
         f'<p><span class="place">{claim["seed"].capitalize()}, {escape(claim["place"])}.</span> '
-        f"{_verdict(claim['verdict'])}. {escape(claim['when'])}</p>",
+        f"{_verdict(claim['verdict'])}: {escape(claim['when'])}</p>",
     ]
     for number, value, error in numbers(claim, OUTPUT):
         what = escape(f"{number['row']}, {number['of']}" if "of" in number else number["row"])
@@ -274,21 +272,6 @@ def speed(source):
     copied(OUTPUT / "waves" / "wave_supersonic.png", source / "speed_pictures")
 
 
-def _holder(name):
-    """The public object of a dotted name."""
-    module, rest = name, []
-    while True:
-        try:
-            found = importlib.import_module(module)
-            break
-        except ModuleNotFoundError:
-            module, _, last = module.rpartition(".")
-            rest.insert(0, last)
-    for part in rest:
-        found = getattr(found, part)
-    return found
-
-
 def public(modules):
     """Names offered by `tensegrity` and `granular` that are defined in these modules."""
     for package in ("tensegrity", "granular"):
@@ -322,19 +305,29 @@ def _documented(package, name, value):
     return f".. autodata:: {package}.{name}\n   :no-value:\n"
 
 
+def rooms():
+    """ROOMS, and one more for what is in none of them."""
+    packages = ["tensegrity", "granular"]
+    known = [module for _, modules, _ in ROOMS.values() for module in modules]
+    placed = {(package, name) for package, name, _ in public(known)}
+    rest = [x for x in public(packages) if x[:2] not in placed and not inspect.ismodule(x[2])]
+    others = sorted({value.__module__ for _, _, value in rest})
+    return ROOMS | ({"others": ("Others", others, [])} if others else {})
+
+
 def reference(source):
     """A page a room with every public name; objects that were already described are not again."""
-    folder = source / "reference"
-    for page, (head, rooms, whole) in ROOMS.items():
+    folder, everything = source / "reference", rooms()
+    for page, (head, modules, whole) in everything.items():
         parts, seen = [f"# {head}"], set()
         directives = []
-        for package, name, value in public(rooms):
+        for package, name, value in public(modules):
             if not inspect.ismodule(value):
                 directives.append(_documented(package, name, value))
                 seen.add(name)
         if directives:
             parts.append("```{eval-rst}\n" + "\n".join(directives) + "```")
-        for dotted in whole:
+        for dotted in filter(find_spec, whole):
             module = importlib.import_module(dotted)
             names = [(n, v) for n, v in own(module) if n not in seen]
             seen |= {n for n, _ in names}
@@ -348,7 +341,7 @@ def reference(source):
         "# Reference",
         "Every public name, with units, shapes, signs and errors. Formulas are linked to their "
         "derivations.",
-        "```{toctree}\n:maxdepth: 2\n\n" + "\n".join(ROOMS) + "\n```",
+        "```{toctree}\n:maxdepth: 2\n\n" + "\n".join(everything) + "\n```",
     )
 
 
@@ -369,23 +362,19 @@ def _link(entry):
     return f"`{entry} <../derivations.html#{entry}>`__"
 
 
-def live_page():
-    """The page of the live chain, where it was built, or None."""
-    found = sorted((ROOT / "docs" / "live").glob("**/live.html"))
-    return found[0] if found else None
+LIVE = ROOT / "docs" / "live" / "output" / "index.html"  # made by `python -m docs.live`
 
 
 def copy_live(out):
     """The live chain beside the other pages."""
-    page = live_page()
-    if page:
-        shutil.copy2(page, out / "live.html")
+    if LIVE.is_file():
+        shutil.copy2(LIVE, out / "live.html")
 
 
 def live(source):
     """The sentence on the start page that leads to the live chain, where there is one."""
     told_of = '<p><a href="live.html">A live chain</a> runs in your browser, from the same C.</p>'
-    write(source / "_made" / "live.html", told_of if live_page() else "<!-- no live chain -->")
+    write(source / "_made" / "live.html", told_of if LIVE.is_file() else "<!-- no live chain -->")
 
 
 def make(source):
