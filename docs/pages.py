@@ -23,7 +23,7 @@ from claims import VERDICTS, claims, numbers
 from derivations import ledger, report
 from figures import pictures
 from figures._files import read_printed
-from figures._gallery import short
+from figures._gallery import in_order, short
 from figures._gallery import title as _title
 from figures._gallery import words as _words
 
@@ -43,7 +43,8 @@ ROOMS = {  # page: (title, modules whose public names it holds, modules document
     "gradients": ("Gradients", ["tensegrity.gradients"], ["tensegrity.gradients.objective"]),
     "measure": ("Measures", [], ["tensegrity.measure.observables", "tensegrity.measure.budget"]),
     "granular": ("Granular crystals", ["granular"],
-                 ["granular.materials", "granular.observables", "granular.lammps", "granular.design"]),
+                 ["granular.materials", "granular.observables", "granular.lammps",
+                  "granular.design"]),
     "derivations": ("Derivations, as code", [],
                     ["derivations.argument", "derivations.entry", "derivations.ledger",
                      "derivations.report", "derivations.prism", "derivations.waves"]),
@@ -79,6 +80,13 @@ def write(path, *parts):
 def raw(html):
     """HTML in a Markdown page."""
     return f"`````{{raw}} html\n{html}\n`````"
+
+
+def cell(text):
+    """A cell of a file; a number stays on one line."""
+    text = short(text)
+    alone = re.fullmatch(r"[-+0-9.e% ]+", text)
+    return f'<span class="number">{text}</span>' if alone else escape(text)
 
 
 def table(head, rows):
@@ -122,7 +130,7 @@ def picture_page(name, module, folder):
         ":::{note}\nThis picture was not made before the site was built.\n:::",
         f"![{head}, in motion]({copied(film, folder)})" if film.is_file() else "",
         told(made / f"{name}.md"),
-        table(map(escape, lines[0]), [[escape(short(v)) for v in x.values()] for x in lines])
+        table(map(escape, lines[0]), [list(map(cell, line.values())) for line in lines])
         if lines else "",
         f"```sh\npython -m figures {name}\n```",
         f"{{download}}`All numbers <{copied(data, folder)}>`: one a line, as table, column, row, "
@@ -151,7 +159,7 @@ def gallery(source):
             f":::{{note}}\n{len(missing)} of {len(pictures())} pictures were not made before this "
             "site was built: `make figures` makes them all.\n:::"
         )
-    for group, found in groups.items():
+    for group, found in in_order(groups).items():
         cards = []
         for name, module in found:
             image = f'<img src="../_images/{name}.png" alt="" loading="lazy">'

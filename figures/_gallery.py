@@ -15,6 +15,7 @@ PAGES = {
     "protectors": "Protectors",
     "gradients": "Limits of gradients",
 }  # titles of the pages that groups have
+FIRST = "start"  # group
 STYLE = """
 :root { color-scheme: light dark; }
 body { font: 1rem/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem; }
@@ -68,7 +69,12 @@ def made(folder):
     for name, module in pictures().items():
         if (folder / module.GROUP / f"{name}.png").is_file():
             found.setdefault(module.GROUP, {})[name] = module
-    return found
+    return in_order(found)
+
+
+def in_order(groups):
+    """Groups of pictures, what to look at first in front."""
+    return dict(sorted(groups.items(), key=lambda group: group[0] != FIRST))
 
 
 def _table(lines):

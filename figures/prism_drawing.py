@@ -141,7 +141,11 @@ def from_above(axes, nodes, tables):
         axes.plot(*np.array([(0, 0), places[node]]).T, color="0.45", lw=0.9, ls="--", zorder=4)
     angles = [np.degrees(np.arctan2(*places[node][::-1])) for node in (start, end)]
     axes.add_patch(Arc((0, 0), 0.42, 0.42, theta1=angles[0], theta2=angles[1], color="0.2", lw=1.4))
-    axes.text(-0.01, -0.1, "twist\n5π/6", ha="center", va="center", fontsize=8)
+    along = np.radians(angles[0] + 65)
+    axes.annotate(
+        "twist 5π/6", 0.21 * np.array([np.cos(along), np.sin(along)]), (0.42, 0.62),
+        ha="center", arrowprops={"arrowstyle": "-", "color": "0.35", "lw": 0.8},
+    )  # fmt: skip
     below = [i for i in low if i != start]
     a, b = places[below]
     out = (a + b) / 2

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
-OUTSIDE = shutil.ignore_patterns(".*", "*.egg-info", "build", "output", "__pycache__")
+OUTSIDE = shutil.ignore_patterns(".*", "*.egg-info", "build", "_build", "output", "__pycache__")
 PATIENCE = 600  # seconds for one test
 FAILED = 1  # what pytest returns where tests ran and some failed
 
@@ -648,6 +648,31 @@ FAULTS = (
         'facts["peak_heights"] / 4',
         'facts["peak_heights"] / 2',
         "tests/test_granular_chain.py::test_neighbours_are_two_pulses_if_the_force_between_falls_below_three_quarters",
+    ),
+    # files of pictures, and the pages made of them
+    Fault(
+        "figures/_files.py",
+        "wanted is None or table in wanted",
+        "wanted is None or table not in wanted",
+        "tests/test_figures.py::test_any_tables_are_read_as_they_were_written",
+    ),
+    Fault(
+        "docs/claims.py",
+        "cells[k] == row",
+        "cells[k]",
+        "tests/test_claims.py::test_a_number_is_read_with_its_error",
+    ),
+    Fault(
+        "docs/pages.py",
+        '.replace("|", r"\\|")',
+        "",
+        "tests/test_site_pages.py::test_names_of_the_ledger_lead_to_it_and_listed_formulas_are_added",
+    ),
+    Fault(
+        "figures/prism_drawing.py",
+        "return b if a == node else a",
+        "return a if a == node else b",
+        "tests/test_figures.py::test_the_drawn_prism_is_turned_by_150_degrees_and_its_bars_push",
     ),
 )
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from figures import chosen, constitutive_rigid, pictures, wave_supersonic
+from figures import chosen, constitutive_rigid, pictures, prism_drawing, wave_supersonic
 from figures.__main__ import main
 from figures._files import PRINTED, read_printed, read_tables, write_tables
 from figures._gallery import made, write_index
@@ -45,6 +45,18 @@ def test_constitutive_curves_show_locking_and_collapse():
     assert 0 < flat["height"][top] < 0.25  # a limit point on the way to lying flat
     for table in tables.values():
         assert np.isfinite(table["load"]).all()
+
+
+def test_the_drawn_prism_is_turned_by_150_degrees_and_its_bars_push():
+    tables = prism_drawing.data()
+    assert numbers(tables)["twist [deg]"] == pytest.approx(150, abs=1e-9)
+    assert numbers(tables)["height"] == pytest.approx(prism_drawing.PRISM.height, rel=1e-12)
+    kinds, tension = (np.array(tables["members"][name]) for name in ("kind", "tension [N]"))
+    assert {name: int((kinds == name).sum()) for name in set(kinds)} == {
+        "bars": 3, "cross": 3, "base": 6
+    }  # fmt: skip
+    assert (tension[kinds == "bars"] < 0).all()
+    assert (tension[kinds != "bars"] > 0).all()
 
 
 def test_pictures_are_written_with_their_tables(tmp_path, capsys):

@@ -12,7 +12,7 @@ ROOT = Path(__file__).parent.parent
 def test_wheel_holds_the_three_packages_only(tmp_path):
     pip = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", tmp_path]
     source = tmp_path / "source"
-    left_out = (".*", "build", "dist", "*.egg-info", "__pycache__", "output")
+    left_out = (".*", "build", "_build", "dist", "*.egg-info", "__pycache__", "output")
     shutil.copytree(ROOT, source, ignore=shutil.ignore_patterns(*left_out))
     subprocess.run([*map(str, pip), str(source)], check=True, timeout=300)
     (wheel,) = tmp_path.glob("*.whl")

@@ -66,7 +66,7 @@ def test_a_picture_has_a_page_whether_it_was_made_or_not(tmp_path, monkeypatch, 
     assert "python -m figures some_picture" in page
     assert "literalinclude} code/some_picture.py" in page
     assert ("was not made" in page) is not made
-    assert ("<td>0.666667</td><td>&lt;</td>" in page) is made
+    assert ('<td><span class="number">0.666667</span></td><td>&lt;</td>' in page) is made
     assert ("It is *so*." in page) is made
     assert (folder / "some_picture.csv").is_file() is made
 
