@@ -357,6 +357,7 @@ def link_formulas(app, what, name, obj, options, lines):
     """Names of ledger entries in a docstring lead to them; listed ones are added below it."""
     known = {entry.name for entry in ledger.entries()}
     text = named("\n".join(lines)).replace("|", r"\|")  # sizes, not substitutions
+    text = re.sub(r"(?<=[(, ])\*(?=\w+[),])", r"\\*", text)  # *shape, not emphasis
     for entry in sorted(set(re.findall(r"\b(?:talk|paper|ours)\.\w+", text)) & known):
         text = re.sub(rf"`*\b{re.escape(entry)}\b`*", _link(entry), text)
     short_name = name.removeprefix("tensegrity.")
