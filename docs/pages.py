@@ -248,9 +248,8 @@ def claim_page(source):
         verdict = f'<span class="verdict {kinds[entry.verdict.name]}">{entry.verdict.value}</span>'
         if entry.verdict.name == "NO_DATA" and entry.name in by_name:
             decided = by_name[entry.name]
-            verdict = f'<a href="#{decided["name"]}">decided by runs</a>: ' + _verdict(
-                decided["verdict"]
-            )
+            said = "see" if decided["verdict"] == "open" else "decided by runs"
+            verdict = f'<a href="#{decided["name"]}">{said}</a>: {_verdict(decided["verdict"])}'
         link = f'<a href="derivations.html#{entry.name}"><code>{entry.name}</code></a>'
         rows.append([link, escape(entry.place), verdict, report.prose(entry.note)])
     parts += ["## Formulas", table(["formula", "printed in", "verdict", "why"], rows)]
