@@ -39,9 +39,18 @@ def around(one, before=3.0, after=3.0, step=STEP):
 
 def peaks(one, points, t, prestrains=None):
     """Largest pressure over some instants at each point, (points,)."""
-    share = max(1, MANY // len(t))
-    parts = [points[k : k + share] for k in range(0, len(points), share)]
+    parts = _parts(points, MANY // len(t))
     return np.concatenate([one.pressure(p, t, prestrains).max(axis=0) for p in parts])
+
+
+def point_peaks(one, points, t):
+    """The same of ends taken as points, which takes a tenth of the time."""
+    parts = _parts(points, MANY // (len(t) * one.chains))
+    return np.concatenate([one.point_pressures(p, t).sum(axis=0).max(axis=0) for p in parts])
+
+
+def _parts(points, share):
+    return [points[k : k + max(1, share)] for k in range(0, len(points), max(1, share))]
 
 
 def line(x, y):

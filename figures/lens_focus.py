@@ -53,9 +53,6 @@ def data():
     }
     near = _lens.around(lens, 13.0, 13.0, 0.05)
     axis = _lens.line(0.0, ALONG)
-    point = np.concatenate(
-        [lens.point_pressures(p, near).sum(axis=0).max(axis=0) for p in np.array_split(axis, 4)]
-    )
     plane = grid(COARSE)
     times = np.linspace(-BEFORE, AFTER, INSTANTS)
     frames = np.concatenate([lens.pressure(plane, lens.focus_time + s)[None] for s in times])
@@ -74,7 +71,7 @@ def data():
         "along": {
             "y [m]": ALONG,
             "peak [Pa]": _lens.peaks(lens, axis, near),
-            "points [Pa]": point,
+            "points [Pa]": _lens.point_peaks(lens, axis, near),
         },
         "field": {"pressure [Pa]": lens.pressure(grid(GRID), lens.focus_time)},
         "numbers": {
