@@ -11,7 +11,7 @@ NAME = "lens_moved"
 GROUP = "lens"
 
 FOCI = ((0.0, 20.0), (-6.0, 20.0), (12.0, 20.0), (0.0, 10.0), (0.0, 40.0))  # m
-SPAN, POINTS = 16.0, 65  # m to both sides of each focus, and points there
+SPAN, POINTS = 16.0, 129  # m to both sides of each focus, and points there
 LARGEST = 61, 41  # points of the maps of the largest pressure
 BOX = 24.0, 2.0, 50.0  # m: half width of these, nearest and farthest y
 DEPTH = np.linspace(2.0, 60.0, 117)  # m: of the profiles along
@@ -36,7 +36,8 @@ def data():
     for focus in FOCI:
         lens, key = _lens.lens(focus), name(focus)
         x = focus[0] + np.linspace(-SPAN, SPAN, POINTS)
-        t, wide = _lens.around(lens, 8.0, 8.0, 0.1), _lens.around(lens, 30.0, 20.0, 0.2)
+        passed = (DEPTH[-1] - focus[1]) / lens.host_speed + 5.0
+        t, wide = _lens.around(lens, 8.0, 8.0, 0.1), _lens.around(lens, 35.0, passed, 0.2)
         fine = _lens.around(lens)
         each = lens.pressures(focus, fine)
         peak = _lens.top(fine, each.sum(axis=0))[1]
@@ -89,7 +90,7 @@ def draw(figure, tables):
         b.plot(across[f"{key} x [m]"], 1e6 * across[f"{key} [Pa]"], color=colour)
         b.plot(focus[0], 1e6 * across[f"{key} [Pa]"].max(), "x", color=colour)
         if focus[0] == 0:
-            c.semilogy(tables["along"]["y [m]"], 1e6 * tables["along"][key], color=colour)
+            c.plot(tables["along"]["y [m]"], 1e6 * tables["along"][key], color=colour)
             c.axvline(focus[1], color=colour, lw=0.8, ls=":")
         plane = np.reshape(tables["plane"][key], LARGEST[::-1])
         image = maps[k].imshow(
@@ -105,4 +106,4 @@ def draw(figure, tables):
     a.legend(fontsize=8)
     b.set(xlabel="x [m]", ylabel="largest pressure [uPa]", ylim=0,
           title="across, through each focus")  # fmt: skip
-    c.set(xlabel="y [m]", ylabel="largest pressure [uPa]", title="along; foci dotted")
+    c.set(xlabel="y [m]", ylabel="largest pressure [uPa]", ylim=0, title="along; foci dotted")
