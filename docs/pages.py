@@ -39,6 +39,7 @@ ROOMS = {  # page: (title, modules whose public names it holds, modules document
     "methods": ("Methods of integration", [], ["tensegrity.engine.methods"]),
     "waves": ("Solitary waves", ["tensegrity.waves"],
               ["tensegrity.waves.asymptotics", "tensegrity.waves.solitary"]),
+    "lens": ("Lenses of chains", ["tensegrity.lens"], []),
     "structures": ("Structures", ["tensegrity.structures"], []),
     "gradients": ("Gradients", ["tensegrity.gradients"], ["tensegrity.gradients.objective"]),
     "measure": ("Measures", [], ["tensegrity.measure.observables", "tensegrity.measure.budget"]),
@@ -356,7 +357,7 @@ def link_formulas(app, what, name, obj, options, lines):
     """Names of ledger entries in a docstring lead to them; listed ones are added below it."""
     known = {entry.name for entry in ledger.entries()}
     text = named("\n".join(lines)).replace("|", r"\|")  # sizes, not substitutions
-    text = re.sub(r"(?<=[(, ])\*(?=\w+[),])", r"\\*", text)  # *shape, not emphasis
+    text = re.sub(r"(?:(?<=\()|(?<=, ))\*(?=[a-z])(?![\w ]*\*)", r"\\*", text)  # a shape's
     for entry in sorted(set(re.findall(r"\b(?:talk|paper|ours)\.\w+", text)) & known):
         text = re.sub(rf"`*\b{re.escape(entry)}\b`*", _link(entry), text)
     short_name = name.removeprefix("tensegrity.")

@@ -25,12 +25,15 @@ def test_every_public_name_is_in_the_reference_once():
 
 
 def test_names_of_the_ledger_lead_to_it_and_listed_formulas_are_added():
-    lines = ["As eq. (5), paper.eq5, of seeds/001.", "The largest |u|, (rows, *shape)."]
+    lines = [
+        "As eq. (5), paper.eq5, of seeds/001.",
+        "The largest |u|, (*t.shape, *shape of it), *so*.",
+    ]
     pages.link_formulas(None, "function", "granular.sensor_force", None, None, lines)
     text = "\n".join(lines)
     assert "`paper.eq5 <../derivations.html#paper.eq5>`__" in text
     assert "of the paper" in text
-    assert r"\|u\|, (rows, \*shape)" in text
+    assert r"\|u\|, (\*t.shape, \*shape of it), *so*." in text
     assert "Derived" in text
 
 
