@@ -50,6 +50,19 @@ class Fault:
 
 
 FAULTS = (
+    # springs for other programs
+    Fault(
+        "tensegrity/export.py",
+        "law, (low, high) = potential.law, potential.reach",
+        "law, (low, high) = potential.law, (-math.inf, math.inf)",
+        "tests/test_export.py::test_driver_refuses_what_is_outside_of_the_domain",
+    ),
+    Fault(
+        "tensegrity/export.py",
+        '.replace("*/", "* /")',
+        "",
+        "tests/test_export.py::test_names_and_comments_hold_only_what_c_takes",
+    ),
     # design of protectors
     Fault(
         "granular/design/objective.py",
