@@ -313,6 +313,7 @@ CALLS = [
     (beads_observables.effective_number, {"run": PACKED}),
     (beads_observables.participation_ratio, {"run": PACKED}),
     (beads_observables.virial_ratio, {"run": PACKED}),
+    (asymptotics.forms, {}),
     (export.to_c, {"potential": SPRING, "path": f"{FOLDER.name}/spring.c"}),
     (tensegrity.sweep, {"function": abs, "cases": [1, -2], "executor": None,
                         "checkpoint": "sweep.npz"}),

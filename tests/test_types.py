@@ -70,6 +70,7 @@ UNUSED = {  # rows of coefficients, and what others return
     "Processed",
     "Pulse",
     "default",
+    "forms",
     "gauss_rows",
     "nystrom_of",
     "palindrome",
