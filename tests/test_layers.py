@@ -16,6 +16,7 @@ BASE = [
     "readonly",
     "root",
     "progress",
+    "notebook",
 ]  # modules that every room may use
 ROOMS = [  # inside tensegrity: each may import what stands before it
     "engine",
@@ -29,7 +30,7 @@ ROOMS = [  # inside tensegrity: each may import what stands before it
     "measure",
     "gradients",
 ]
-ABOVE = ["export"]  # modules for users that no room uses
+ABOVE = ["export", "__main__"]  # modules for users that no room uses
 
 
 def imports():
