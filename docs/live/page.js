@@ -6,11 +6,13 @@ const OWN = ["height", "prestrain", "preload", "blow"];
 const POWERS = { prestrain: true, blow: true };  // sliders of the decimal logarithm
 const UNITS = { height: " m", prestrain: "", preload: " N", blow: " m/s" };
 const SPOKEN = 4000;      // ms between summaries, so that they can be listened to
+const USED = 0.5;         // of a range: less, and it shrinks
 const TRAIL = 24;         // frames that stay visible around a pulse
+const WRITTEN = 120;      // ms between changes of the numbers
 const BUDGET = 12;        // ms of a frame that the chain may take
 const COLOURS = ["ground", "panel", "ink", "soft", "line", "chain", "exact", "sech", "tent"];
 
-const view = { running: false, tops: {}, spoken: -Infinity, own: null, shown: "" };
+const view = { running: false, tops: {}, sizes: {}, written: -Infinity, spoken: -Infinity, own: null, shown: "" };
 let chain = null;
 
 /* ---- numbers in words ---- */
@@ -101,20 +103,25 @@ function advance() {
 const sounds = (speed) => (chain.sound > QUIET ? `${digits(speed / chain.sound, 4)} × sound`
   : `${digits(speed, 4)} units/s`);
 
+/* Text of an element, which is laid out anew only where that changes. */
+function put_text(id, words) {
+  if ($(id).textContent !== words) $(id).textContent = words;
+}
+
 function facts(overlays) {
   const lead = chain.leader();
   const single = overlays.length === 1 ? overlays[0] : null;
-  $("fact-time").textContent = `${chain.time.toFixed(1)} s`;
-  $("fact-energy").textContent = digits(chain.energy_error, 2);
-  $("fact-sound").textContent = chain.sound > QUIET
-    ? `${digits(chain.sound, 4)} units/s` : chain.dt ? "0: a sonic vacuum" : "–";
-  $("fact-speed").textContent = lead ? sounds(lead.speed) : "–";
-  $("fact-exact").textContent = single && single.wave ? sounds(single.wave.speed) : "–";
+  put_text("fact-time", `${chain.time.toFixed(1)} s`);
+  put_text("fact-energy", digits(chain.energy_error, 2));
+  put_text("fact-sound", chain.sound > QUIET
+    ? `${digits(chain.sound, 4)} units/s` : chain.dt ? "0: a sonic vacuum" : "–");
+  put_text("fact-speed", lead ? sounds(lead.speed) : "–");
+  put_text("fact-exact", single && single.wave ? sounds(single.wave.speed) : "–");
   const size = lead ? lead.crest : single ? single.crest : 0;
   const end = chain.c.end(0, size > 0 ? 1 : 0);
-  $("fact-crest").textContent = size
-    ? `${(100 * size / end).toFixed(1)} % of the ${size > 0 ? "domain" : "stroke"}` : "–";
-  $("fact-step").textContent = chain.dt ? `${digits(chain.dt / 2 ** chain.halved, 3)} s` : "–";
+  put_text("fact-crest", size
+    ? `${(100 * size / end).toFixed(1)} % of ${size > 0 ? "domain" : "stroke"}` : "–");
+  put_text("fact-step", chain.dt ? `${digits(chain.dt / 2 ** chain.halved, 3)} s` : "–");
 }
 
 function about(overlays) {
@@ -177,7 +184,7 @@ function ticks(low, high, count) {
 /* A canvas with axes; gives the functions from numbers to places. */
 function axes(id, { x: [left, right], y: [bottom, top], across, up }) {
   const canvas = $(id), ratio = window.devicePixelRatio || 1;
-  const width = canvas.clientWidth, height = canvas.clientHeight;
+  const [width, height] = view.sizes[id] ||= [canvas.clientWidth, canvas.clientHeight];
   if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
     canvas.width = Math.round(width * ratio);
     canvas.height = Math.round(height * ratio);
@@ -200,7 +207,7 @@ function axes(id, { x: [left, right], y: [bottom, top], across, up }) {
     pen.globalAlpha = 1;
     pen.fillText(minus(y.toFixed(rows.places)), box.l - 7, py(y));
   }
-  const columns = ticks(left, right, (box.r - box.l) / 90);
+  const columns = ticks(left, right, (box.r - box.l) / 70);
   pen.textAlign = "center";
   pen.textBaseline = "top";
   for (const x of columns.found) {
@@ -237,10 +244,11 @@ function curve({ pen, px, py, box }, points, colour, dash = [], width = 1.8) {
   pen.restore();
 }
 
-/* A range that holds what was seen so far: it grows in steps and never shrinks. */
+/* A range that holds what is there: it grows in steps, and slowly gives back what is not used. */
 function range(name, low, high) {
-  const seen = view.tops[name] || [0, 0];
-  const grown = [low < seen[0] ? 1.25 * low : seen[0], high > seen[1] ? 1.25 * high : seen[1]];
+  const [least, most] = view.tops[name] || [0, 0], ease = view.running ? 0.985 : 1;
+  const grown = [low < least ? 1.25 * low : low > USED * least ? ease * least : least,
+                 high > most ? 1.25 * high : high < USED * most ? ease * most : most];
   view.tops[name] = grown;
   const size = grown[1] - grown[0];
   return size > 0 ? [Math.min(grown[0], -0.12 * size), Math.max(grown[1], 0.12 * size)] : [-1, 1];
@@ -297,8 +305,10 @@ function draw() {
   dots(paper, speeds);
   closer(overlays);
   law();
+  if (view.running && performance.now() - view.written < WRITTEN) return;
+  view.written = performance.now();
   facts(overlays);
-  $("overlay").textContent = about(overlays);
+  put_text("overlay", about(overlays));
   describe(overlays);
 }
 
@@ -474,7 +484,7 @@ function listen() {
     event.preventDefault();
     $(key).click();
   });
-  new ResizeObserver(draw).observe($("strain"));
+  new ResizeObserver(() => { view.sizes = {}; draw(); }).observe($("strain"));
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { colours(); draw(); });
 }
 
@@ -492,6 +502,7 @@ function asked() {
   const steps = Math.min(1e6, Math.max(0, Math.floor(Number(given.get("steps")) || 0)));
   if (steps) {
     chain.run(steps);
+    view.tops = {};
     $("state").open = true;
     numbers();
     running(false);

@@ -74,8 +74,8 @@ SCENES: dict[str, dict[str, Any]] = {  # the first is shown at the start
         "label": "1.05 \u00d7 sound",
         "near": SLOW, "units": 400, "waves": [{"wave": "slow 1.05", "at": 40, "way": 1}],
         "blow": 0.011, "family": "slow",
-        "note": "An exact wave just above sound, about seven prisms wide: close to sech², and "
-        "unchanged for as long as it runs.",
+        "note": "An exact wave just above sound, about seven prisms wide and unchanged for as long "
+        "as it runs. With so little prestrain sech\u00b2 is too tall already at this speed.",
     },
     "collision": {
         "label": "Collision",
