@@ -34,8 +34,6 @@ def run(**record):
 
 SHOWN = {
     "prism": (lambda: RIGID, ("0.302509 N/m", "locking height", "bar 1.31682 m")),
-    "elastic prism": (lambda: ELASTIC, ("1, 10, 100 N/m",)),
-    "five sides": (lambda: Prism(1.0, 1.2, 0.1, 1.0, sides=5), ("Prism of 5 sides",)),
     "run": (lambda: run(every=1), ("verlet", "0.1 s, 200 steps", "201 instants of 30 sites")),
     "path": (lambda: equilibrium_path(ELASTIC), ("contact", "shortening", "the bars meet")),
     "wave": (lambda: solitary_wave(SPRING, speed_ratio=2.0), ("2 sound speeds", "width")),
