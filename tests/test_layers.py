@@ -28,6 +28,7 @@ ROOMS = [  # inside tensegrity: each may import what stands before it
     "runs",
     "waves",
     "measure",
+    "lens",
     "gradients",
 ]
 ABOVE = ["export", "__main__"]  # modules for users that no room uses
