@@ -4,7 +4,7 @@ Sixty rigid prisms (side 1 m, height 0.7 m, 1 N/m, masses 1 kg), site 0 moving a
 last site held by a wall.  The prestrains, each from 0.001 to 0.1, are moved downhill: the highest
 maxima of the wall's load over 1,000 s are pressed down together, by linear programs within a
 distance that is shortened where they did not keep what their slopes promised.  Starts are random
-chains whose gradients keep their digits: in most others the run is chaotic, and slopes are exact
+chains whose gradients keep their digits: in the others the run is chaotic, and slopes are exact
 and useless.  What is found counts if it keeps its digits too, and its peak with two finer steps.
 
 `python -m figures.gradients_protector` finds the chain that the picture begins with, in some
