@@ -7,13 +7,18 @@ PYTHON := $(shell for p in python3.11 python3.12 python3.13 python3; do \
 BIN = .venv/bin
 READY = .venv/ready
 
-.PHONY: figures derivations test test-slow faults bench site site-test lint clean
+.PHONY: figures derivations live test test-slow faults bench site site-test lint clean
 
 figures: $(READY)
 	$(BIN)/python -m figures
 
 derivations: $(READY)
 	$(BIN)/python -m derivations
+
+# One page with a chain that runs in it: docs/live/output/index.html.
+live: $(READY)
+	$(BIN)/python -m pip install --quiet --editable '.[cc]'
+	$(BIN)/python -m docs.live
 
 # Two processes, each with one thread of linear algebra: the matrices are small.
 test: $(READY)
@@ -29,7 +34,7 @@ faults: $(READY)
 # The site, in docs/_build/site: open index.html there.  It shows the pictures that were made.
 site: $(READY)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[site]'
-	@test ! -f docs/live/__main__.py || $(BIN)/python -m docs.live || echo "without a live chain"
+	@$(BIN)/python -m docs.live || echo "without a live chain"
 	$(BIN)/python -m sphinx --quiet --fail-on-warning --keep-going -b html docs docs/_build/site
 	@echo "docs/_build/site/index.html"
 
