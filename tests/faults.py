@@ -80,8 +80,8 @@ FAULTS = (
     # design of protectors
     Fault(
         "granular/design/objective.py",
-        "kept[:, 1, 1] + self._kick * push",
-        "kept[:, 1, 1]",
+        "self._kick * self._weights[1] * push - v[:, 1]",
+        "-v[:, 1]",
         "tests/test_design_objective.py::test_maxima_between_the_steps_count",
     ),
     Fault(
