@@ -1,0 +1,445 @@
+"""A solitary rarefaction wave at an interface of prisms: is there a reflected one, and a train."""
+
+from __future__ import annotations
+
+import csv
+import math
+from pathlib import Path
+
+import numpy as np
+
+from figures import _composite, _measure, _scenes
+from figures._composite import Interface
+from figures._composite_search import (
+    ADAPTED,
+    BEGUN,
+    BEST,
+    COLUMNS,
+    COUNTS,
+    DRAWN,
+    FAINT,
+    KINDS,
+    LIMITS,
+    SCATTER,
+    SEEDS,
+    interface,
+)
+from figures.wave_composite_map import (
+    HEIGHT,
+    PRELOAD,
+    PRESTRAIN,
+    RATIOS,
+    STIFFNESSES,
+)
+from tensegrity import LockingError, Potential, solitary_wave
+
+NAME = "composite"
+GROUP = "composite"
+
+CLAIM = (
+    "a reflected solitary rarefaction wave with oscillatory tail in the acoustically hard branch; "
+    "and a delayed train of transmitted compression solitary pulses in the acoustically soft branch"
+)
+VERIFIED = 3  # of the best, each of another seed, that are computed again
+TRAVEL = 150  # bonds that sound goes in the far chain
+LEAST_TRAVEL = 250  # ... and in the near one
+LONGEST = 3000  # ... at most
+CUBIC = (1.0, 1.0, 0.36), (0.010237, -1.149207, 1.542135), 1.388055, 1.6  # laws, mass, c/cs
+CUBIC_TIME = 1500.0  # s
+MAP_TIME, MAP_AFTER = 420.0, 400  # s; bonds
+
+
+def rows_of(path):
+    """Rows of a CSV, {column: text}."""
+    with open(path, newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def best():
+    """[(kind, seed, named numbers)] of the best interface of each seed, the best first."""
+    return [
+        (row["kind"], int(row["seed"]), {name: float(row[name]) for name in LIMITS})
+        for row in rows_of(BEST)
+    ]
+
+
+def duration(real):
+    """How long an interface is followed [s]."""
+    near, far = real.sounds
+    return min(max(TRAVEL / far, LEAST_TRAVEL / near), LONGEST / near)
+
+
+def verified(named):
+    """`_composite.Outcome` of named numbers, from scratch."""
+    real = _composite.fitted(interface(named))
+    return real, _composite.outcome(real, duration(real), 2 * TRAVEL)
+
+
+def cubic():
+    """Interface of two springs with cubic forces that does one and nearly the other."""
+    import sympy as sp
+
+    r, k, a, b = sp.symbols("r k a b")
+    law = k * (r**2 / 2 + a * r**3 / 3 + b * r**4 / 4)
+    near, far = (
+        Potential(law, r, dict(zip((k, a, b), numbers, strict=True))) for numbers in CUBIC[:2]
+    )
+    return Interface(near, far, (1.0, CUBIC[2]), solitary_wave(near, speed_ratio=CUBIC[3]).amplitude)
+
+
+def before_map():
+    """What the detector says of the interfaces of `wave_composite_map`, at two steps."""
+    columns = {}
+    for ratio in RATIOS:
+        for k_cross in STIFFNESSES:
+            near = _scenes.softening(PRELOAD)
+            far = _scenes.rigid(HEIGHT, PRESTRAIN, PRELOAD, k_cross)
+            crest = solitary_wave(near, speed_ratio=ratio).amplitude
+            found = {"ratio": ratio, "k_cross": k_cross}
+            try:
+                one = _composite.outcome(
+                    Interface(near, far, (1.0, 1.0), crest), MAP_TIME, MAP_AFTER, rows=1
+                )
+            except LockingError:
+                found |= dict.fromkeys(("back", "train", "moved"), math.nan)
+                found |= {"coarse": "the bars meet", "fine": "the bars meet"}
+            else:
+                back, train = one.verdict
+                found |= {"back": back, "train": train, "moved": one.moved}
+                for name in ("coarse", "fine"):
+                    each = getattr(one, name).verdict(one.incident.energy)
+                    found[name] = " + ".join(map(str, each))
+            for key, value in found.items():
+                columns.setdefault(key, []).append(value)
+    return columns
+
+
+def numbers(real, one):
+    """What is said of one incidence."""
+    back, train = one.verdict
+    near, far, pushed = one.momenta()
+    sounds, z = real.sounds, real.impedances
+    return {
+        "reflected solitary rarefactions": back,
+        "transmitted solitary compressions": train,
+        "incident speed over sound": one.incident.speed_ratio,
+        "incident crest [m]": one.incident.amplitude,
+        "impedance far over near": z[1] / z[0],
+        "sound far over near": sounds[1] / sounds[0],
+        "momentum of the near chain": near,
+        "momentum of the far chain": far,
+        "momentum of the compressions": pushed,
+        "momentum error": abs(near + far - 1),
+        "time [s]": one.run.t[-1] - one.begun.met,
+        "step [s]": one.run.dt,
+        "energy error": one.run.energy_error,
+        "largest change of a crest at half the step": one.moved,
+        "at an end, over the crest": one.fine.ends,
+    }
+
+
+def pulse_table(one):
+    """Pulses ahead of sound, one in a row."""
+    columns = {}
+    energy = one.incident.energy
+    for name, several in zip(("back", "on", "train"), one.fine[:3], strict=True):
+        for found in several:
+            row = {"where": name, **found._asdict()}
+            row["energy"] /= energy
+            row["momentum"] /= abs(one.incident.momentum)
+            row["solitary"] = found.is_solitary(energy)
+            for key, value in row.items():
+                columns.setdefault(key, []).append(value)
+    return columns
+
+
+def profile(real, one, name, number):
+    """A pulse of the last instant, and the exact wave of its crest, where that is."""
+    side = int(name == "train")
+    found = (one.fine.back, one.fine.train)[side][number]
+    r = np.diff(one.run.final.u)
+    part = _composite.parts(r, one.run.final.v, one.begun.before)[side][0]
+    spring, mass = (real.near, real.far)[side], real.masses[side]
+    wave = solitary_wave(spring, mass, amplitude=found.crest)
+    bonds = np.arange(
+        max(math.floor(found.place - found.width), 0), math.ceil(found.place + found.width) + 1
+    )
+    x = np.linspace(bonds[0], bonds[-1], 200)
+    return {
+        "bond": bonds, "elongation": part[bonds], "x": x,
+        "exact": wave.elongation(x - found.place),
+    }  # fmt: skip
+
+
+def data():
+    """Verdicts, pulses, profiles and the density of the best; search, control and map."""
+    tables = {}
+    control = cubic()
+    cases = [("cubic laws", control, _composite.outcome(control, CUBIC_TIME, 2 * TRAVEL))]
+    for number, (kind, seed, named) in enumerate(best()[:VERIFIED], 1):
+        cases.append((f"prisms {number}, {kind}, seed {seed}", *verified(named)))
+    for name, real, one in cases:
+        tables[name] = {"quantity": list(n := numbers(real, one)), "value": list(n.values())}
+        tables[f"{name} pulses"] = pulse_table(one)
+        if name.startswith("prisms 1"):
+            tables["density"] = _measure.density(one.run)
+            tables["interface"] = {"site": [one.begun.before]}
+            for where, several in (("back", one.fine.back), ("train", one.fine.train)):
+                for k, _ in zip(range(3), several, strict=False):
+                    if several[k].width > 0:
+                        tables[f"profile {where} {k}"] = profile(real, one, where, k)
+    tables["best"] = columns_of(rows_of(BEST))
+    tables["search"] = columns_of(rows_of(SCATTER))
+    tables["counts"] = columns_of(rows_of(COUNTS))
+    tables["map"] = before_map()
+    return tables
+
+
+def columns_of(rows):
+    """Rows as columns, numbers where they are."""
+    columns = {}
+    for row in rows:
+        for key, value in row.items():
+            try:
+                value = float(value)
+            except ValueError:
+                pass
+            columns.setdefault(key, []).append(value)
+    return columns
+
+
+def draw(figure, tables):
+    """The best in space and time, its pulses on exact waves, the search, the map of before."""
+    figure.set_size_inches(17, 14)
+    axes = figure.subplot_mosaic(
+        [["density", "density", "search", "search"], ["p0", "p1", "p2", "p3"],
+         ["map", "map", "momentum", "momentum"]],
+        height_ratios=[1.2, 0.8, 1.1],
+    )  # fmt: skip
+    before = tables["interface"]["site"][0]
+    _measure.draw_density(axes["density"], tables["density"], "the best interface of prisms")
+    axes["density"].axvline(before, color="w", lw=0.8, ls=":")
+    profiles = [name for name in tables if name.startswith("profile")]
+    for k in range(4):
+        ax = axes[f"p{k}"]
+        if k >= len(profiles):
+            ax.axis("off")
+            continue
+        one = tables[profiles[k]]
+        ax.plot(one["x"], one["exact"], "C1", lw=1.2, label="exact wave of its crest")
+        ax.plot(one["bond"], one["elongation"], "C0o", ms=4, label="run")
+        ax.set(xlabel="bonds from the interface", ylabel="elongation [m]")
+        ax.set_title(WHERE[profiles[k].split()[1]], fontsize=10)
+        ax.legend(fontsize=7)
+    _draw_search(axes["search"], tables["search"])
+    _draw_map(axes["map"], tables["map"])
+    _draw_momenta(axes["momentum"], tables)
+
+
+WHERE = {
+    "back": "reflected rarefaction",
+    "on": "transmitted rarefaction",
+    "train": "transmitted compression",
+}
+
+
+def _draw_search(ax, found):
+    kinds = np.array(found["kind"])
+    reflected, second = (np.array(found[key], dtype=float) for key in ("reflected", COLUMNS[3]))
+    least = FAINT
+    for k, kind in enumerate(KINDS):
+        mine = kinds == kind
+        ax.scatter(
+            np.maximum(reflected[mine], least), np.maximum(second[mine], least), 9, f"C{k}",
+            alpha=0.5, label=f"{kind}, {mine.sum()} followed", edgecolors="none",
+        )  # fmt: skip
+    for line in (ax.axhline, ax.axvline):
+        line(_composite.LEAST, color="0.4", lw=0.8, ls=":")
+    ax.set(
+        xscale="log", yscale="log", xlim=(least / 2, 1.5), ylim=(least / 2, 1.5),
+        xlabel="energy of the reflected solitary rarefaction / incident",
+        ylabel="energy of the second solitary compression / incident",
+    )  # fmt: skip
+    ax.set_title("search (both above the dotted lines: the claim); at the edge: none", fontsize=10)
+    ax.legend(fontsize=8, loc="upper left", frameon=True)
+
+
+def _draw_map(ax, found):
+    width = len(STIFFNESSES)
+    for k, (coarse, fine) in enumerate(zip(found["coarse"], found["fine"], strict=True)):
+        ax.annotate(
+            coarse if coarse == fine else f"{coarse} | {fine}", (k % width, k // width),
+            ha="center", va="center", fontsize=10,
+        )  # fmt: skip
+    ax.set_xticks(range(width), [f"{k:g}" for k in STIFFNESSES])
+    ax.set_yticks(range(len(RATIOS)), [f"{ratio:g}" for ratio in RATIOS])
+    ax.set(xlim=(-0.6, width - 0.4), ylim=(-0.6, len(RATIOS) - 0.4))
+    ax.set(xlabel="k_cross of the soft prism [N/m]", ylabel="speed of the incident wave / sound")
+    title = "the map of before: reflected solitary rarefactions + transmitted solitary compressions"
+    ax.set_title(f"{title}\n(the same at a step and at half of it, or both)", fontsize=10)
+
+
+def _draw_momenta(ax, tables):
+    names = [name for name in tables if f"{name} pulses" in tables]
+    for k, name in enumerate(names):
+        value = quantities(tables[name])
+        parts = (
+            ("near chain", value["momentum of the near chain"], "C0"),
+            ("far chain", value["momentum of the far chain"], "C1"),
+            ("its solitary compressions", value["momentum of the compressions"], "C3"),
+        )
+        for j, (label, share, colour) in enumerate(parts):
+            ax.barh(k + 0.25 * (1 - j), share, 0.22, color=colour, label=None if k else label)
+    ax.axvline(1, color="0.4", lw=0.8, ls=":")
+    ax.axvline(0, color="0.4", lw=0.8)
+    ax.set_yticks(range(len(names)), [name.replace(", seed", ",\nseed") for name in names])
+    ax.set(xlabel="momentum at last / incident (tension: the sign of the incident one)")
+    ax.set_title("who holds the momentum", fontsize=10)
+    ax.legend(fontsize=8, loc="upper right", frameon=True)
+
+
+def quantities(table):
+    """{quantity: number} of a table."""
+    return dict(zip(table["quantity"], table["value"], strict=True))
+
+
+def cases_of(tables):
+    """Names of what was computed again."""
+    return [name for name in tables if f"{name} pulses" in tables]
+
+
+def pulses_in_words(table, where):
+    """The solitary pulses of one kind."""
+    rows = [dict(zip(table, row, strict=True)) for row in zip(*table.values(), strict=True)]
+    mine = [row for row in rows if row["where"] == where and row["solitary"]]
+    return (
+        "; ".join(
+            f"crest {row['crest']:.4g} m, {row['ratio']:.4f} times sound, misfit "
+            f"{100 * row['misfit']:.2g} %, energy {row['energy']:.2g}, {row['ahead']:.0f} sites "
+            "ahead of sound"
+            for row in mine
+        )
+        or "none"
+    )
+
+
+def table(tables):
+    """A row for each incidence, the search and the map."""
+    rows = []
+    for name in cases_of(tables):
+        value, pulses = quantities(tables[name]), tables[f"{name} pulses"]
+        rows.append(
+            {
+                "what": name,
+                "reflected solitary rarefactions": pulses_in_words(pulses, "back"),
+                "transmitted solitary compressions": pulses_in_words(pulses, "train"),
+                "momentum near, far, compressions": ", ".join(
+                    f"{value[f'momentum of the {part}']:+.5f}"
+                    for part in ("near chain", "far chain", "compressions")
+                ),
+                "at half the step": f"crests move by {value[CHANGE]:.1g}",
+            }
+        )
+    return rows
+
+
+CHANGE = "largest change of a crest at half the step"
+
+
+def searched(tables):
+    """Interfaces computed, and how many showed one wave, the other, or both."""
+    found, least = tables["search"], _composite.LEAST
+    back = np.array(found["reflected"], dtype=float) >= least
+    one, two = (np.array(found[key], dtype=float) >= least for key in COLUMNS[2:4])
+    return {
+        "interfaces": int(np.sum(tables["counts"]["count"])),
+        "followed": len(back),
+        "a reflected solitary rarefaction": int(back.sum()),
+        "a transmitted solitary compression": int(one.sum()),
+        "two of them": int(two.sum()),
+        "a reflected one and one transmitted": int((back & one).sum()),
+        "a reflected one and two transmitted": int((back & two).sum()),
+    }
+
+
+def text(tables):
+    """Definition, space, verdict, numbers and reason."""
+    names = cases_of(tables)
+    both = [
+        name for name in names[1:]
+        if quantities(tables[name])["reflected solitary rarefactions"] >= 1
+        and quantities(tables[name])["transmitted solitary compressions"] >= _composite.TRAIN
+    ]  # fmt: skip
+    verdict = (
+        f"**Verdict: reproduced with prisms, in {len(both)} of {len(names) - 1} interfaces computed "
+        "again from scratch.**" if both else
+        "**Verdict: not reproduced in one interface of prisms; below are the nearest ones.**"
+    )  # fmt: skip
+    lines = [
+        f"The talk: \"{CLAIM}\".", "", verdict, "",
+        f"A pulse counts as solitary where the exact wave of its crest differs by at most "
+        f"{_composite.MISFIT:.0%} of the largest in elongation and in velocity, over the width "
+        f"of the wave at {_composite.LEVEL:.0%}; its crest is ahead of the acoustic front that left "
+        f"the interface as the incident crest met it; and it carries at least "
+        f"{_composite.LEAST:g} of the incident energy.  No end was reached (elongations there "
+        f"below {_composite.QUIET:g} of the incident crest), and half the step says the same.  "
+        f"{_composite.TRAIN} compressions make a train.", "",
+        f"Search: seeds 0 to {SEEDS - 1} draw {DRAWN} interfaces each, evenly; seeds {SEEDS} to "
+        f"{SEEDS + BEGUN - 1} go on by covariance matrix adaptation, {ADAPTED} each, from the best "
+        f"of {BEGUN} of them; from acoustically hard to soft.", "",
+        "| gene | from | to | even in |", "|---|---|---|---|",
+        *(f"| {name} | {low:g} | {high:g} | {'its logarithm' if log else 'itself'} |"
+          for name, (low, high, log) in LIMITS.items()), "",
+        "| of the interfaces | |", "|---|---|",
+        *(f"| {name} | {count:,} |" for name, count in searched(tables).items()), "",
+        "| why others were not followed | |", "|---|---|",
+        *(f"| {kind}: {reason} | {int(count):,} |" for kind, reason, count in zip(
+            *(tables["counts"][key] for key in ("kind", "reason", "count")), strict=True)
+          if reason != "followed"), "",
+        "| | reflected solitary rarefactions | transmitted solitary compressions | momentum of "
+        "the near chain, the far one, its solitary compressions | at half the step |",
+        "|---|---|---|---|---|",
+        *("| " + " | ".join(row.values()) + " |" for row in table(tables)), "",
+        *_genes_in_words(tables, names[1:]),
+        *_reason(tables, names[1:]), "",
+        "The map of before (16 interfaces, rarefaction from a softening prism to a rigid one): "
+        + _map_in_words(tables["map"]),
+    ]  # fmt: skip
+    return "\n".join(lines)
+
+
+def _genes_in_words(tables, names):
+    """Parameters of what was computed again."""
+    found = tables["best"]
+    rows = [f"| {gene} | " + " | ".join(f"{found[gene][k]:.6g}" for k in range(len(names))) + " |"
+            for gene in LIMITS]  # fmt: skip
+    return ["| | " + " | ".join(names) + " |", "|---" * (len(names) + 1) + "|", *rows, ""]
+
+
+def _reason(tables, names):
+    lines = ["Momentum is conserved: near + far = incident (to "
+             f"{max(quantities(tables[n])['momentum error'] for n in names):.0e}).  A rarefaction "
+             "that goes back carries momentum against the incident one's, so unless what follows "
+             "it pulls less than acoustics says, the far chain must take up more than the "
+             "incident momentum, all of it tension; compression pulses push, so each is paid by "
+             "still more tension."]  # fmt: skip
+    for name in names:
+        value = quantities(tables[name])
+        lines.append(
+            f"{name}: the far chain holds {value['momentum of the far chain']:.4f} of the incident "
+            f"momentum; its solitary compressions {value['momentum of the compressions']:+.2g}."
+        )
+    return lines
+
+
+def _map_in_words(found):
+    pairs = list(zip(found["coarse"], found["fine"], strict=True))
+    same = sum(a == b for a, b in pairs)
+    back, train = (np.array(found[key], dtype=float) for key in ("back", "train"))
+    return (
+        f"a reflected solitary rarefaction in {int(np.sum(back >= 1))}, a transmitted solitary "
+        f"compression in {int(np.sum(train >= 1))}, both in "
+        f"{int(np.sum((back >= 1) & (train >= 1)))}; the bars meet in {int(np.isnan(back).sum())}; "
+        f"the same at half the step in {same} of {len(pairs)} (largest change of a crest "
+        f"{np.nanmax(np.array(found['moved'], dtype=float)):.1g})."
+    )
