@@ -330,7 +330,9 @@ class Outcome(NamedTuple):
     @property
     def verdict(self):
         """Solitary waves that both steps show: reflected rarefactions, transmitted compressions."""
-        pairs = zip(*(x.verdict(self.incident.energy) for x in (self.coarse, self.fine)), strict=True)
+        pairs = zip(
+            *(x.verdict(self.incident.energy) for x in (self.coarse, self.fine)), strict=True
+        )
         return tuple(min(pair) for pair in pairs)
 
     @property
@@ -341,12 +343,13 @@ class Outcome(NamedTuple):
 
     @property
     def moved(self):
-        """Largest relative change of a crest from one step to the other."""
-        each = zip(
-            [*self.coarse.back, *self.coarse.train], [*self.fine.back, *self.fine.train],
-            strict=False,
-        )  # fmt: skip
-        return max((abs(a.crest / b.crest - 1) for a, b in each), default=0.0)
+        """Largest relative change of a solitary wave's crest from one step to the other."""
+        least = self.incident.energy
+        several = [
+            [x.crest for x in (*one.back, *one.train) if x.is_solitary(least)]
+            for one in (self.coarse, self.fine)
+        ]
+        return max((abs(a / b - 1) for a, b in zip(*several, strict=False)), default=0.0)
 
     def momenta(self):
         """Shares of the incident momentum at last: what the near chain holds, what the far one

@@ -64,8 +64,9 @@ KINDS = {  # which prisms have elastic bases and bars
     "rigid to rigid": (False, False),
 }
 
-SEEDS, DRAWN = 12, 704  # seeds, and interfaces that each draws
-BEGUN, ADAPTED = 4, 448  # descents, from the best of different seeds, and interfaces of each
+ROUNDS = 2  # in each of which seeds draw first
+SEEDS, DRAWN = 7, 704  # seeds of a round, and interfaces that each draws
+BEGUN, ADAPTED = 4, 160  # descents, from the best of different seeds, and interfaces of each
 POPULATION, PART = 16, 64  # interfaces that a descent, or a draw, computes at a time
 ORDER = (0, 1, 0, 1, 2, 1)  # kinds of the seeds, in turn
 SIGMA = 0.1  # of a gene, at the start of a descent
@@ -255,12 +256,10 @@ def judged(lane, t, u, v):
         spring, mass = (real.near, real.far)[side], real.masses[side]
         size = float((sign * r[math.floor(front) :]).max(initial=0.0))
         exact = _rough(spring, mass, sign)
-        several = _composite.pulses(
-            r, speeds, sign, exact, front, 0.1 * size, limit=1 + side
-        )
+        several = _composite.pulses(r, speeds, sign, exact, front, 0.1 * size, limit=1 + side)
         found.append([quality(x.misfit) * x.energy / wave.energy for x in several])
     first = max(found[0], default=0.0)
-    train = sorted(found[1], reverse=True) + [0.0, 0.0]
+    train = [*sorted(found[1], reverse=True), 0.0, 0.0]
     worth = rank(max(first, shares[0]), max(train[0], shares[1]), train[1])
     return Worth(worth, first, *train[:2])
 
@@ -335,25 +334,31 @@ def descent(case):
     ]
 
 
-def first_cases():
-    """(kind, seed, no genes) of all draws."""
-    return [(list(KINDS)[ORDER[k % len(ORDER)]], k, ()) for k in range(SEEDS)]
+def first_cases(number):
+    """(kind, seed, no genes) of the draws of a round."""
+    seeds = [number * (SEEDS + BEGUN) + k for k in range(SEEDS)]
+    return [(list(KINDS)[ORDER[seed % len(ORDER)]], seed, ()) for seed in seeds]
 
 
 def last_cases(cases, found):
-    """(kind, seed, genes) of the descents, each from the best of another seed."""
+    """(kind, seed, genes) of the descents of a round, each from the best of another seed."""
     best = [max(rows, key=lambda row: row[-5]) for rows in found]
     order = sorted(range(len(best)), key=lambda k: -best[k][-5])[:BEGUN]
-    return [(cases[k][0], SEEDS + j, best[k][:-5]) for j, k in enumerate(order)]
+    seed = cases[-1][1] + 1
+    return [(cases[k][0], seed + j, best[k][:-5]) for j, k in enumerate(order)]
 
 
 def searched(executor=None, checkpoint=None):
     """Cases and what each computed; files beside the checkpoint keep what was done."""
-    files = [None if checkpoint is None else f"{checkpoint}.{k}" for k in (1, 2)]
-    cases = first_cases()
-    found = sweep(descent, cases, executor, files[0])
-    last = last_cases(cases, found)
-    return cases + last, found + sweep(descent, last, executor, files[1])
+    cases, found = [], []
+    for number in range(ROUNDS):
+        files = [None if checkpoint is None else f"{checkpoint}.{number}.{k}" for k in (1, 2)]
+        first = first_cases(number)
+        drawn_ones = sweep(descent, first, executor, files[0])
+        last = last_cases(first, drawn_ones)
+        cases += first + last
+        found += drawn_ones + sweep(descent, last, executor, files[1])
+    return cases, found
 
 
 def write(folder, cases, found):
@@ -363,17 +368,21 @@ def write(folder, cases, found):
     for (kind, seed, _), rows in zip(cases, found, strict=True):
         top = max(rows, key=lambda row: row[-5])
         named = values(kind, top[:-5])
-        best.append({"kind": kind, "seed": seed} | dict(zip(COLUMNS, top[-5:-1], strict=True)) | named)
+        best.append(
+            {"kind": kind, "seed": seed} | dict(zip(COLUMNS, top[-5:-1], strict=True)) | named
+        )
         for row in rows:
             reason = row[-1] or FOLLOWED
-            counts[kind, reason] = counts.get((kind, reason), 0) + 1
+            counts[kind, seed, reason] = counts.get((kind, seed, reason), 0) + 1
             if reason == FOLLOWED:
                 shares = (f"{x:.3g}" for x in row[-4:-1])
-                followed.append({"kind": kind, "seed": seed} | dict(zip(COLUMNS[1:], shares, strict=True)))
+                followed.append(
+                    {"kind": kind, "seed": seed} | dict(zip(COLUMNS[1:], shares, strict=True))
+                )
     best.sort(key=lambda row: -row["worth"])
     tally = [
-        {"kind": kind, "reason": reason, "count": count}
-        for (kind, reason), count in sorted(counts.items())
+        {"kind": kind, "seed": seed, "reason": reason, "count": count}
+        for (kind, seed, reason), count in sorted(counts.items())
     ]
     for path, rows in zip((BEST, SCATTER, COUNTS), (best, followed, tally), strict=True):
         columns = {key: [row[key] for row in rows] for key in rows[0]}
