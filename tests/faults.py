@@ -50,6 +50,19 @@ class Fault:
 
 
 FAULTS = (
+    # the composite claim
+    Fault(
+        "figures/_composite.py",
+        "exact = -wave.speed * wave.rate(",
+        "exact = wave.speed * wave.rate(",
+        "tests/test_composite.py::test_two_solitary_waves_put_into_a_run_are_found",
+    ),
+    Fault(
+        "figures/_composite.py",
+        "np.abs(v[sites] - exact).max() / fastest,",
+        "0.0,",
+        "tests/test_composite.py::test_a_wave_that_comes_back_is_refused",
+    ),
     # design of protectors
     Fault(
         "granular/design/objective.py",

@@ -153,10 +153,8 @@ def test_a_reflected_rarefaction_that_holds_all_that_goes_back_asks_for_more_ten
     assert pushed < 0
 
 
-def test_a_stored_interface_of_prisms_does_both(monkeypatch):
+def test_a_stored_interface_of_prisms_does_both():
     """The winner of the search from its parameters, at a step and at half of it."""
-    monkeypatch.setattr(composite, "TRAVEL", 80)
-    monkeypatch.setattr(composite, "LEAST_TRAVEL", 200)
     named = next(named for kind, seed, named in composite.best() if seed == WINNER)
     real, one = composite.verified(named)
     assert real.impedances[1] < real.impedances[0]  # from hard to soft
@@ -178,7 +176,6 @@ def test_words_and_pictures_are_made_of_what_was_computed(control, monkeypatch):
     monkeypatch.setattr(composite, "verified", lambda named: control)
     monkeypatch.setattr(composite, "cubic", lambda: control[0])
     monkeypatch.setattr(_composite, "outcome", lambda *_, **__: control[1])
-    monkeypatch.setattr(composite, "RATIOS", (1.06,))
     tables = composite.data()
     assert "not reproduced" in composite.text(tables)
     figure = plt.figure(layout="constrained")
