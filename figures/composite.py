@@ -30,7 +30,7 @@ CLAIM = (
     "a reflected solitary rarefaction wave with oscillatory tail in the acoustically hard branch; "
     "and a delayed train of transmitted compression solitary pulses in the acoustically soft branch"
 )
-VERIFIED = 2  # of the best, each of another seed, that are computed again
+VERIFIED = 1  # of the best, each of another seed, that are computed again
 TRAVEL = 100  # bonds that sound goes in the far chain
 LEAST_TRAVEL = 200  # ... and in the near one
 LONGEST = 3000  # ... at most
@@ -45,10 +45,11 @@ def rows_of(path):
 
 
 def best():
-    """[(kind, seed, named numbers)] of the best interface of each seed, the best first."""
+    """[(kind, seed, named numbers)] of the best interface of each seed, in the order of the lesser
+    energy of its two waves."""
+    rows = sorted(rows_of(BEST), key=lambda row: -min(float(row[key]) for key in COLUMNS[1:3]))
     return [
-        (row["kind"], int(row["seed"]), {name: float(row[name]) for name in LIMITS})
-        for row in rows_of(BEST)
+        (row["kind"], int(row["seed"]), {name: float(row[name]) for name in LIMITS}) for row in rows
     ]
 
 
@@ -346,7 +347,7 @@ def text(tables):
         "the near chain, the far one, its solitary compressions | at half the step |",
         "|---|---|---|---|---|",
         *("| " + " | ".join(row.values()) + " |" for row in table(tables)), "",
-        *_genes_in_words(tables, names[1:]),
+        *_genes_in_words(names[1:]),
         *_reason(tables, names[1:]),
     ]  # fmt: skip
     return "\n".join(lines)
@@ -366,10 +367,10 @@ def _seeds_in_words(counts):
     return "; ".join(f"seed {int(k)}: {each[k]:,} ({kinds[k]})" for k in sorted(each)) + "."
 
 
-def _genes_in_words(tables, names):
+def _genes_in_words(names):
     """Parameters of what was computed again."""
-    found = tables["best"]
-    rows = [f"| {gene} | " + " | ".join(f"{found[gene][k]:.6g}" for k in range(len(names))) + " |"
+    found = [named for _, _, named in best()]
+    rows = [f"| {gene} | " + " | ".join(f"{found[k][gene]:.6g}" for k in range(len(names))) + " |"
             for gene in LIMITS]  # fmt: skip
     return ["| | " + " | ".join(names) + " |", "|---" * (len(names) + 1) + "|", *rows, ""]
 

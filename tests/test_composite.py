@@ -172,7 +172,9 @@ def test_a_stored_interface_of_prisms_does_both():
 
 
 def test_words_and_pictures_are_made_of_what_was_computed(control, monkeypatch):
-    monkeypatch.setattr(composite, "best", lambda: [("kind", 7, {})])
+    monkeypatch.setattr(
+        composite, "best", lambda: [("kind", 7, dict.fromkeys(_composite_search.LIMITS, 1.0))]
+    )
     monkeypatch.setattr(composite, "verified", lambda named: control)
     monkeypatch.setattr(composite, "cubic", lambda: control[0])
     monkeypatch.setattr(_composite, "outcome", lambda *_, **__: control[1])
