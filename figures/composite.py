@@ -189,11 +189,11 @@ def draw(figure, tables):
             ax.axis("off")
             continue
         one = tables[profiles[k]]
-        ax.plot(one["x"], one["exact"], "C1", lw=1.2, label="exact wave of its crest")
-        ax.plot(one["bond"], one["elongation"], "C0o", ms=4, label="run")
+        ax.plot(one["x"], one["exact"], "C1", lw=1.2)
+        ax.plot(one["bond"], one["elongation"], "C0o", ms=4)
         ax.set(xlabel="bonds from the interface", ylabel="elongation [m]")
-        ax.set_title(WHERE[profiles[k].split()[1]], fontsize=10)
-        ax.legend(fontsize=7)
+        where = WHERE[profiles[k].split()[1]]
+        ax.set_title(f"{where}\ndots: run, line: exact wave of its crest", fontsize=9)
     _draw_search(axes["search"], tables["search"])
     _draw_momenta(axes["momentum"], tables)
 
@@ -242,7 +242,7 @@ def _draw_momenta(ax, tables):
     ax.set_yticks(range(len(names)), [name.replace(", seed", ",\nseed") for name in names])
     ax.set(xlabel="momentum at last / incident (tension: the sign of the incident one)")
     ax.set_title("who holds the momentum", fontsize=10)
-    ax.legend(fontsize=8, loc="upper right", frameon=True)
+    ax.legend(fontsize=8, loc="lower right", frameon=True)
 
 
 def quantities(table):
@@ -337,6 +337,8 @@ def text(tables):
         "| gene | from | to | even in |", "|---|---|---|---|",
         *(f"| {name} | {low:g} | {high:g} | {'its logarithm' if log else 'itself'} |"
           for name, (low, high, log) in LIMITS.items()), "",
+        "Energies of the search are of short coarse runs, in which slower pulses have not parted "
+        "yet: what is computed again may show more.", "",
         "| of the interfaces | |", "|---|---|",
         *(f"| {name} | {count:,} |" for name, count in searched(tables).items()), "",
         "| why others were not followed | |", "|---|---|",
