@@ -109,7 +109,7 @@ def pulse_table(one):
     energy = one.incident.energy
     for name, several in zip(("back", "on", "train"), one.fine[:3], strict=True):
         for found in several:
-            row = {"where": name, **found._asdict()}
+            row = {"where": name, **dict(zip(type(found).__annotations__, found, strict=True))}
             row["energy"] /= energy
             row["momentum"] /= abs(one.incident.momentum)
             row["solitary"] = found.is_solitary(energy)
