@@ -54,6 +54,7 @@ ENDS = {
     "load": "the load asked for",
     "height": "the shortening asked for",
     "control": "the natural lengths asked for",
+    "back": "back at the natural lengths of the start",
     "nothing": "no equilibrium leaves this corner",
     "snap": "no stable branch leaves this bifurcation: the structure snaps",
     "pieces": f"{PIECES} pieces do not reach an end",
@@ -172,7 +173,7 @@ def structure_path(
     limits = (max_load, max_shortening)
     loading = Loading(
         structure.members, structure.positions, motions, pattern, 0 * structure.lengths, plate,
-        limits,
+        limits, 0 * pattern,
     )  # fmt: skip
     return _Walk(structure, supports, loading, branch).path()
 
@@ -182,24 +183,32 @@ def control_path(
     natural_lengths: Mapping[int, float],
     supports: Supports | None = None,
     branch: str = "stable",
+    loads: Mapping[int, Sequence[float]] | None = None,
 ) -> StructurePath:
     """Equilibria as natural lengths of some members go from theirs to given values.
 
     Parameters
     ----------
     structure : Structure
-        In equilibrium.
+        In equilibrium under the loads: see `equilibrium` and `Structure.relaxed`.
     natural_lengths : dict
         {member: natural length at the end [m]}; all change in proportion.
     supports : Supports, optional
     branch : {"stable", "symmetric"}, optional
         As of `equilibrium_path`.
+    loads : dict, optional
+        {node: force (dim,) [N]}, held while lengths change.
 
     Returns
     -------
     StructurePath
-        With a column `control` from 0 to 1, and "work" [J], what the change has stored; a fold is
-        where the structure snaps.
+        With a column `control` from 0 to 1, and "work" [J] that the change has done: the gain of
+        stored energy, less the work of the loads.  A fold is where the structure snaps.
+
+    Raises
+    ------
+    EquilibriumError
+        If the structure is not in equilibrium, or a motion has no stiffness there.
     """
     check.kind("structure", structure, Structure)
     if supports is not None:
@@ -217,21 +226,23 @@ def control_path(
         change[number] = length - structure.natural_lengths[number]
     if not change.any():
         raise TensegrityError("natural_lengths are those that the structure has: no path")
-    motions = _motions(structure, supports, 0 * structure.positions)
+    dead = nodal(structure, loads)
+    motions = _motions(structure, supports, dead)
     plate = None
     if supports is not None and (supports.lower or supports.upper):
         plate = (supports.direction(structure.dim), supports.lower, supports.upper)
     loading = Loading(
-        structure.members, structure.positions, motions, None, change, plate, (math.inf, 1.0)
+        structure.members, structure.positions, motions, None, change, plate, (math.inf, 1.0), dead
     )
-    left = np.abs(motions.T @ structure.members.gradient(structure.positions).ravel()).max()
+    gradient = structure.members.gradient(structure.positions) - dead
+    left = np.abs(motions.T @ gradient.ravel()).max()
     size = np.abs(structure.tensions).max() + 1e-9 * np.max(
         structure.stiffnesses * structure.lengths
     )
     if left > 1e-6 * size:
         raise EquilibriumError(
             f"the structure is not in equilibrium: {left:.3g} N are left, beside {size:.3g} N; "
-            "see Structure.relaxed"
+            "see equilibrium and Structure.relaxed"
         )
     return _Walk(structure, supports, loading, branch).path()
 
@@ -343,7 +354,7 @@ class _Walk:
             beyond = row > last or (row == last and reason in ("leaves", "contact"))
             name = kind.split()[0]
             first = name == "contact" and point is not (met[1] if met else None)
-            if name in ("string", "load", "height") or first:
+            if name in ("string", "load", "height", "back") or first:
                 continue
             if beyond and not (name == "bifurcation" and leaves and point is leaves[1]) and not (
                 name == "contact" and reason == "contact"
@@ -357,14 +368,14 @@ class _Walk:
         if reason == "leaves":
             return self._switched(piece, u, leaves)
         if strings and reason.startswith("string"):
-            return self._turned(piece, u)
+            return self._turned(piece, u, -1 if traced.tangent[-1, -1] < 0 else 1)
         word = "height" if reason == "height" else reason.split()[0]
         if self.of.pattern is None and word == "height":
             word = "control"
         self.end = ENDS.get(word, reason)
         return None
 
-    def _turned(self, piece: Piece, u: Array) -> Any:
+    def _turned(self, piece: Piece, u: Array, arrived: int) -> Any:
         """The piece that begins where strings are at natural length."""
         stretch = piece.stretch(u)
         corner = self._at_corner(stretch)
@@ -380,11 +391,13 @@ class _Walk:
             self.events.append(("contact", row, u, piece, "bars meet"))
             self.end = ENDS["contact"]
             return None
-        found = rays(self.of, u, piece.taut, corner)
+        found = rays(self.of, u, piece.taut, corner, arrived)
         ray = chosen(found, self.branch, corner)
         if ray is not None and len(corner) > 1:
             kept = int(ray.taut[corner].sum())
             words.append(f"{kept} of {len(corner)} at the corner taut beyond it")
+        if ray is not None and ray.sense != arrived:
+            words.append("the path turns back")
         self.events.append(("slack", row, u, piece, ", ".join(words)))
         if ray is None:
             self.end = ENDS["nothing"]
@@ -507,7 +520,8 @@ class _Walk:
         else:
             stored = np.sum(tensions**2 / (2 * self.of.members.stiffness), axis=1)
             start = self.structure.members.energy(self.structure.positions)
-            columns = {"control": np.array([u[-1] for u in us]), "work": stored - start}
+            carried = np.array([self.of.weight @ self.of.coordinates(u) for u in us])
+            columns = {"control": np.array([u[-1] for u in us]), "work": stored - start - carried}
         return columns | {f"tension {m}": t for m, t in enumerate(tensions.T)}
 
 

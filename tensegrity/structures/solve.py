@@ -76,7 +76,10 @@ def refuse_driven(freedom: Freedom, positions: Array, loads: Array) -> None:
         return
     net = loads.sum(axis=0)
     arms = positions - positions.mean(axis=0)
-    moment = np.cross(arms, loads).sum(axis=0)
+    turns = arms.T @ loads
+    moment = (turns - turns.T)[(0,), (1,)] if arms.shape[1] == 2 else (
+        (turns - turns.T)[(1, 2, 0), (2, 0, 1)]
+    )  # fmt: skip
     motion = (freedom.motions @ (freedom.rigid @ driven)).reshape(positions.shape)
     shift = motion.mean(axis=0)
     turning = np.linalg.norm(motion - shift) > np.linalg.norm(shift) * np.sqrt(len(motion))

@@ -68,8 +68,9 @@ def _settled(piece: Piece, u: Array, count: int) -> tuple[Array, float] | None:
         natural = piece.natural(u)
         taut = ~members.pulls_only | (lengths >= natural)
         pulls = np.where(taut, members.stiffness * (lengths - natural), 0.0)
-        gradient = piece.of.gain.T @ ((pulls / lengths)[:, None] * d).ravel()
-        return gradient, float(np.sum(pulls * pulls / members.stiffness) / 2)
+        gradient = piece.of.gain.T @ ((pulls / lengths)[:, None] * d).ravel() - piece.of.weight
+        stored = float(np.sum(pulls * pulls / members.stiffness) / 2)
+        return gradient, stored - float(piece.of.weight @ piece.of.coordinates(u))
 
     gradient, energy = parts(u)
     size = float(np.max(members.stiffness)) * piece.of.span
