@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
-from figures import structures_deployment, structures_tower
+from figures import structures_deployment, structures_planes, structures_tower
 from tensegrity import EquilibriumError, equilibrium
 
 
@@ -53,3 +54,28 @@ def test_unloaded_prism_of_long_cross_strings_has_no_shape_to_start_from():
     lengths[3:6] *= structures_deployment.LONG
     with pytest.raises(EquilibriumError, match="all members without stress"):
         s.at(s.positions, natural_lengths=lengths).relaxed()
+
+
+def test_steep_pair_of_bars_leaves_its_symmetric_path_and_joins_it_again_below():
+    """Sideways stiffness vanishes where the bars' natural length is l^3/y^2, above and below."""
+    path = structures_planes.path_of("pair", 3.0, "stable")
+    above, below = (e.shortening for e in path.events if e.kind == "bifurcation")
+    height = brentq(lambda y: np.sqrt(10) * y**2 - (1 + y**2) ** 1.5, 2, 3)
+    assert above == pytest.approx(3 - height, rel=1e-9)
+    assert below == pytest.approx(3 + height, rel=1e-6)
+    leans = np.abs(path.positions[:, 2, 0]) > 1e-3
+    apart = (path.shortening > above + 1e-3) & (path.shortening < below - 1e-3)
+    assert leans[apart].all()
+    assert not leans[(path.shortening < above) | (path.shortening > below + 1e-2)].any()
+    assert path.stable_height.all()
+
+
+def test_tall_cross_leans_on_its_stable_branch_and_a_square_one_does_not():
+    for height, leans in ((1.0, False), (2.0, True)):
+        paths = [structures_planes.path_of("X", height, b) for b in structures_planes.BRANCHES]
+        stable, symmetric = (p[p.events[0].row + 1 : p.events[0].row + 9] for p in paths)
+        tilt = np.abs(np.diff(stable.positions[:, 2:, 1], axis=1))
+        assert (tilt > 1e-3).all() == leans
+        assert symmetric.stable_height.all() != leans
+        if not leans:
+            assert paths[0].load == pytest.approx(paths[1].load, rel=1e-12)

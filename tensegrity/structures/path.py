@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array, Flags, Indices
 
 SETTINGS = Settings(tolerance=1e-8, largest=0.05, points=4000)
+FIRST = 300  # rows of a piece that are followed before it is looked whether the path leaves it
 CORNER = 1e-10  # stretch below which a string is at its natural length where a piece ends
 PIECES = 100
 AROUND = 12  # points around a bifurcation from which it is interpolated
@@ -312,12 +313,12 @@ class _Walk:
     def _at_corner(self, stretch: Array) -> Indices:
         return np.flatnonzero(self.of.members.pulls_only & (np.abs(stretch) <= CORNER))
 
-    def _piece(self, piece: Piece, u: Array, sense: int) -> Any:
+    def _piece(self, piece: Piece, u: Array, sense: int, points: int = FIRST) -> Any:
         """Follow one piece; where and how the next begins, or None at the end of the path."""
         problem = ManyProblem(piece)
         stop = [name for name in piece.roots if not name.startswith("contact")]
         try:
-            traced = trace(problem, u, (), SETTINGS, sense, stop)
+            traced = trace(problem, u, (), replace(SETTINGS, points=points), sense, stop)
             reason = traced.end
         except ContinuationError as error:
             if error.branch is None or len(error.branch) < 2:
@@ -335,11 +336,15 @@ class _Walk:
         ]
         found = self._bifurcation(problem.machine, traced, negative, events)
         leaves = None
+        joins = self._joins(piece, traced, negative, events)
+        found = sorted([*found, joins] if joins else found, key=lambda e: e[0])
         for row, point, count in found:
             events.append((f"bifurcation {count}", row, point))
             if self.branch == "stable" and leaves is None and negative[row, 1] == 0:
                 leaves = row, point
         met = self._contact(piece, events)
+        if len(traced) >= points < SETTINGS.points and leaves is None and met is None:
+            return self._piece(piece, u, sense, SETTINGS.points)
         last = len(rows) - 1
         if leaves and (met is None or leaves[0] <= met[0]):
             rows, last = np.vstack([rows[: leaves[0] + 1], leaves[1]]), leaves[0]
@@ -458,6 +463,19 @@ class _Walk:
             ]  # fmt: skip
             found.append((row, self._located(machine, ends, int(negative[row, 1])), count))
         return found
+
+    def _joins(
+        self, piece: Piece, traced: Branch, negative: Array, events: Any
+    ) -> tuple[int, Array, int] | None:
+        """The first turn at which a stable branch does not end but joins another one."""
+        if self.branch != "stable":
+            return None
+        name = "turn" if self.of.pattern is not None else "fold"
+        for kind, row, u in sorted(events, key=lambda e: e[1]):
+            stable = kind == name and traced.tangent[row, -1] > 0 and negative[row, 1] == 0
+            if stable and branches_off(piece, u, self._inner(piece, u)) is not None:
+                return row, u, 1
+        return None
 
     def _located(self, machine: Any, ends: list[Point], below: int) -> Array:
         """The point between two where the number of negative eigenvalues changes.

@@ -35,7 +35,8 @@ def branches_off(piece: Piece, u: Array, tangent: Array) -> Array | None:
         return None
     count = tangent.shape[0]
     away = [np.linalg.norm((x - u)[:count]) for x in (far, close)]
-    return far if away[1] < SHRUNK * away[0] else None
+    near_by = away[1] < SHRUNK * away[0] or away[0] <= BEYOND * piece.of.span
+    return far if near_by else None
 
 
 def _lowest(piece: Piece, u: Array, modes: Array, step: float) -> Array | None:
