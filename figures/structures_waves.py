@@ -2,7 +2,10 @@
 
 A column of elastic prisms is struck at one end, its triangles set in motion as half a bell of some
 units: as masses and members in space, slack strings and all, and as the chain of springs that
-carries the mass of a triangle on each site.  Both are free.
+carries the mass of a triangle on each site.  Both are free.  For pulses of ten units or more the
+chain is enough: crests within 6 %, speeds within 14 %.  For a sudden blow it is not: neighbours
+that share a triangle resist, the crest is 0.43 to 0.77 of the chain's, and turning motions run
+ahead of it.
 """
 
 from __future__ import annotations
