@@ -13,12 +13,9 @@ from functools import cache
 
 import sympy as sp
 
-from derivations import prism
+from derivations import prism, regular
 from derivations.argument import Step
 from derivations.prism import (
-    ANY,
-    TRIANGLE,
-    Polygon,
     base,
     height,
     k_bar,
@@ -27,6 +24,7 @@ from derivations.prism import (
     prestrain,
     twist,
 )
+from derivations.regular import ANY, TRIANGLE, Polygon
 
 TITLE = "The elastic prism: equilibrium equations and axial stiffness"
 
@@ -73,7 +71,7 @@ def _at_reference(expression, of):
 
 
 def _is_root(power):
-    squared = 1 - prism.half_sine**2
+    squared = 1 - regular.half_sine**2
     return (
         power.is_Pow
         and power.exp.is_Rational
@@ -83,7 +81,7 @@ def _is_root(power):
 
 
 def _in_cosine(power):
-    return prism.half_cosine ** (2 * power.exp)
+    return regular.half_cosine ** (2 * power.exp)
 
 
 @cache

@@ -9,8 +9,9 @@ from functools import cache
 
 import sympy as sp
 
-from derivations import prism
-from derivations.prism import ANY, TRIANGLE, Polygon, base, height, natural_bar, twist
+from derivations import prism, regular
+from derivations.prism import base, height, natural_bar, twist
+from derivations.regular import ANY, TRIANGLE, Polygon
 
 
 def upright_twist(of: Polygon = TRIANGLE) -> sp.Expr:
@@ -40,7 +41,7 @@ def load(of: Polygon = TRIANGLE) -> sp.Expr:
     energy = sum(member.energy(member.length(of), of) for member in (prism.CROSS, prism.BAR))
     state = {twist: upright_twist(of), base: sp.sqrt(base_squared(of))}
     if of is ANY:
-        sines = {prism.half_sine: sp.sin(of.angle), prism.half_cosine: sp.cos(of.angle)}
+        sines = {regular.half_sine: sp.sin(of.angle), regular.half_cosine: sp.cos(of.angle)}
         energy, state = energy.subs(sines), {x: v.subs(sines) for x, v in state.items()}
     slopes = [sp.simplify(sp.diff(energy, x).subs(state)) for x in (base, twist, height)]
     if slopes[:2] != [0, 0]:

@@ -14,7 +14,8 @@ import sympy as sp
 
 from derivations import prism
 from derivations.argument import Step
-from derivations.prism import TRIANGLE, Polygon, twist
+from derivations.prism import twist
+from derivations.regular import TRIANGLE, Polygon
 from derivations.rigid_response import lock_order
 
 TITLE = "Hardening: H1, H2, H3, and the limit of no prestrain"

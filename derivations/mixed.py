@@ -18,8 +18,9 @@ from functools import cache
 
 import sympy as sp
 
-from derivations import prism
-from derivations.prism import TRIANGLE, Polygon, base, height, twist
+from derivations import prism, regular
+from derivations.prism import base, height, twist
+from derivations.regular import TRIANGLE, Polygon
 
 base_tension, bar_tension = sp.symbols("y_2 y_3", real=True)  # changes of tension
 half_turn = sp.Symbol("tau", real=True)  # tan of half the turn from the self-stressed state
@@ -29,7 +30,7 @@ UNKNOWNS = (base_tension, bar_tension, half_turn, rise)
 reference_height, prestrain = prism.reference_height, prism.prestrain
 base_compliance, bar_compliance = sp.symbols("c_2 c_3", nonnegative=True)  # k1/k2, k1/k3
 PARAMETERS = (reference_height, prestrain, base_compliance, bar_compliance)
-SIDES = (prism.number_of_sides, prism.half_sine, prism.half_cosine)  # more where they are any
+SIDES = (regular.number_of_sides, regular.half_sine, regular.half_cosine)  # more where they are any
 
 _PULLS = sp.symbols("t_1 t_2 t_3", real=True)  # tensions of one member
 _cross, _bar = sp.symbols("s b", positive=True)

@@ -11,9 +11,10 @@ from functools import cache
 
 import sympy as sp
 
-from derivations import elastic, hardening, prism
+from derivations import elastic, hardening, prism, regular
 from derivations.argument import Step
-from derivations.prism import ANY, circumradius, half_angle, half_sine, twist
+from derivations.prism import circumradius, twist
+from derivations.regular import ANY, half_angle, half_sine
 from derivations.rigid_response import locking_height_squared, turn_rate
 
 TITLE = "Prisms with any number of sides"
@@ -26,11 +27,11 @@ natural_lengths = prism.natural_cross, prism.natural_base, prism.natural_bar
 @cache
 def balance() -> list[sp.Expr]:
     """Radial, tangential and axial force on a lower node of the unloaded prism, less R."""
-    at = prism.node(0, ANY, radius=circumradius)
+    at = regular.node(0, ANY, radius=circumradius)
     others = {
-        base_density: [prism.node(i, ANY, radius=circumradius) for i in (1, -1)],
-        cross_density: [prism.node(-1, ANY, prism.height, twist, circumradius)],
-        bar_density: [prism.node(0, ANY, prism.height, twist, circumradius)],
+        base_density: [regular.node(i, ANY, radius=circumradius) for i in (1, -1)],
+        cross_density: [regular.node(-1, ANY, prism.height, twist, circumradius)],
+        bar_density: [regular.node(0, ANY, prism.height, twist, circumradius)],
     }
     force = sum(
         (density * (end - at) for density, ends in others.items() for end in ends),
@@ -111,7 +112,7 @@ def members_condition() -> tuple[sp.Expr, tuple[sp.Expr, sp.Expr, sp.Expr]]:
         lengths.append(value)
     gap = prism.bar_length_squared(None, ANY) - prism.cross_length_squared(None, ANY)
     gap = prism.at_reference(gap, ANY)
-    if not prism.vanishes(gap - prism.base**2 / half_sine):
+    if not regular.vanishes(gap - prism.base**2 / half_sine):
         raise ArithmeticError("b^2 - s^2 is not l^2/S in the self-stressed state")
     cross, base, bar = lengths
     return bar**2 - cross**2 - base**2 / half_sine, (cross, base, bar)

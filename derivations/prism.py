@@ -1,9 +1,8 @@
 """Geometry, energy and natural lengths of the regular tensegrity prism.
 
 Two regular polygons of base strings, the upper one raised by the height and turned by the twist,
-joined by as many bars and cross strings without thickness: three by default (`TRIANGLE`), or any
-number n as a symbol (`ANY`).  The geometry is typed once, as the positions of the nodes and the
-table of `MEMBERS` between them; lengths, energy and natural lengths follow.
+joined by as many bars and cross strings without thickness: three, or n (`derivations.regular`).
+The geometry is typed once, as the positions of the nodes and the table of `MEMBERS` between them.
 Source: seeds/000, part III, "Compatibility equations" and "Elastic problem".
 """
 
@@ -13,74 +12,23 @@ from dataclasses import dataclass
 from functools import cache
 
 import sympy as sp
-from sympy.simplify.fu import TR8
 
+from derivations import regular
 from derivations.argument import Step
+from derivations.regular import ANY, TRIANGLE, Polygon, node, squared_distance, vanishes
 
 TITLE = "The prism: geometry, energy, natural lengths"
 
-base, height, circumradius = sp.symbols("l h a", positive=True)
+base = regular.base
+height, circumradius = sp.symbols("h a", positive=True)
 twist = sp.Symbol("phi", real=True)
 k_cross, k_base, k_bar = sp.symbols("k_1 k_2 k_3", positive=True)
 natural_cross, natural_base, natural_bar = sp.symbols("s_N l_N b_N", positive=True)
 reference_height = sp.Symbol("h_0", positive=True)
 prestrain = sp.Symbol("p_0", nonnegative=True)
 
-number_of_sides = sp.Symbol("n", positive=True, integer=True)
-half_sine, half_cosine = sp.symbols("S C", positive=True)  # of pi/n
-half_angle = sp.Symbol("alpha", positive=True)  # pi/n, while it is inside of a sine
-
-
-@dataclass(frozen=True)
-class Polygon:
-    """What the base of a prism is: a number of sides, with sine and cosine of pi over it.
-
-    Attributes
-    ----------
-    sides, angle, sine, cosine : sympy.Expr
-    """
-
-    sides: sp.Expr
-    angle: sp.Expr
-    sine: sp.Expr
-    cosine: sp.Expr
-
-    @property
-    def reference_twist(self) -> sp.Expr:
-        """Twist of the self-stressed state in which strings pull and bars push."""
-        return sp.pi / 2 + self.angle
-
-    @property
-    def circumradius(self) -> sp.Expr:
-        """Of a polygon of side l [m]."""
-        return base / (2 * self.sine)
-
-    def expanded(self, expression: sp.Expr) -> sp.Expr:
-        """An expression with sines of sums expanded, in `sine` and `cosine`."""
-        expression = sp.expand_trig(expression)
-        known = {sp.sin(half_angle): half_sine, sp.cos(half_angle): half_cosine}
-        return expression.subs(known)
-
-
-TRIANGLE = Polygon(sp.Integer(3), sp.pi / 3, sp.sqrt(3) / 2, sp.Rational(1, 2))
-ANY = Polygon(number_of_sides, half_angle, half_sine, half_cosine)
-
-REFERENCE_TWIST = TRIANGLE.reference_twist
-"""5 pi/6."""
-
+REFERENCE_TWIST = TRIANGLE.reference_twist  # 5 pi/6
 CIRCUMRADIUS = base / sp.sqrt(3)
-
-
-def node(
-    number: int,
-    of: Polygon,
-    height: sp.Expr = sp.S.Zero,
-    twist: sp.Expr = sp.S.Zero,
-    radius: sp.Expr = CIRCUMRADIUS,
-) -> sp.Matrix:
-    """Position of a node of a polygon that is raised and turned."""
-    angle = twist + 2 * of.angle * number
-    return sp.Matrix([radius * sp.cos(angle), radius * sp.sin(angle), height])
 
 
 def nodes(
@@ -89,11 +37,6 @@ def nodes(
     """Positions of the three lower and of the three upper nodes, as two lists of vectors."""
     lower = [node(i, TRIANGLE, radius=radius) for i in range(3)]
     return lower, [node(i, TRIANGLE, height, twist, radius) for i in range(3)]
-
-
-def _squared_distance(start, end):
-    difference = end - start
-    return sp.expand(TR8(sp.expand(difference.dot(difference))))  # products of sines to sums
 
 
 @dataclass(frozen=True)
@@ -146,9 +89,9 @@ class Member:
             radius = CIRCUMRADIUS if of is TRIANGLE else of.circumradius
         start = node(0, of, radius=radius)
         if not self.rises:
-            squared = _squared_distance(start, node(self.step, of, radius=radius))
+            squared = squared_distance(start, node(self.step, of, radius=radius))
             return of.expanded(squared) if of is ANY else squared
-        return _squared_distance(start, node(self.step, of, height, twist, radius))
+        return squared_distance(start, node(self.step, of, height, twist, radius))
 
     def length(self, of: Polygon = TRIANGLE) -> sp.Expr:
         """Length(l, phi, h) [m]."""
@@ -229,17 +172,6 @@ def natural_lengths(of: Polygon = TRIANGLE) -> tuple[sp.Expr, sp.Expr, sp.Expr]:
         raise ArithmeticError("the reference state has no unique self-stress")
     base_length, bar = next(iter(solutions))
     return cross, sp.apart(sp.factor(base_length), k_base), sp.apart(sp.factor(bar), k_bar)
-
-
-def vanishes(expression: sp.Expr) -> bool:
-    """Whether an expression in sine and cosine of pi/n is zero for every n."""
-    numerator = sp.fraction(sp.together(expression))[0]
-    return sp.expand(sp.expand(numerator).subs(half_sine**2, 1 - half_cosine**2)) == 0 or (
-        sp.simplify(
-            numerator.subs({half_sine: sp.sin(half_angle), half_cosine: sp.cos(half_angle)})
-        )
-        == 0
-    )
 
 
 @cache

@@ -13,17 +13,15 @@ from functools import cache
 
 import sympy as sp
 
-from derivations import prism
+from derivations import prism, regular
 from derivations.prism import (
-    ANY,
-    TRIANGLE,
-    Polygon,
     circumradius,
     k_cross,
     natural_cross,
     prestrain,
     twist,
 )
+from derivations.regular import ANY, TRIANGLE, Polygon
 from derivations.rigid_response import (
     bar,
     cos_twist,
@@ -90,7 +88,7 @@ PARAMETERS = (
     far_stroke, area, natural, squared_0, surplus, root_1, length_1, extension_1, versine_gain,
     sine_gain,
 )  # fmt: skip
-SIDES = (prism.number_of_sides, prism.half_sine, prism.half_cosine)
+SIDES = (regular.number_of_sides, regular.half_sine, regular.half_cosine)
 
 
 def parameters_of(of: Polygon = TRIANGLE) -> tuple[sp.Symbol, ...]:

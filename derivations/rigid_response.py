@@ -13,7 +13,8 @@ import sympy as sp
 
 from derivations import prism
 from derivations.argument import Step
-from derivations.prism import TRIANGLE, Polygon, circumradius, natural_cross, prestrain, twist
+from derivations.prism import circumradius, natural_cross, prestrain, twist
+from derivations.regular import TRIANGLE, Polygon
 
 TITLE = "The rigid-elastic prism: twist, force, locking"
 

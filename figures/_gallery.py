@@ -11,6 +11,7 @@ from figures import chosen, pictures
 from figures._files import read_printed, write
 
 PAGES = {
+    "composite": "The composite claim",
     "limits": "Limits of the methods",
     "protectors": "Protectors",
     "gradients": "Limits of gradients",

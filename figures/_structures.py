@@ -45,6 +45,7 @@ def show(axes, table, frame):
              ylabel="y [m]", zlabel="z [m]")  # fmt: skip
     axes.set_box_aspect((2 * wide, 2 * wide, high - low), zoom=0.72)  # with its labels
     axes.locator_params(nbins=4)
+    axes.zaxis.labelpad = 8
     unit = " m" if along == "shortening" else ""
     axes.set_title(
         f"{along} {abs(table[along][rows[0]]):.2f}{unit}; slack strings dashed\n"

@@ -1,9 +1,11 @@
-"""Deployed from nearly flat: cross strings paid out while base strings are drawn in.
+"""Deployed from nearly flat by drawing in the cross strings, under weight.
 
-A prism under no load is prestressed at one twist only, with s^2 = h^2 + 2 R^2 (1 - S): the lower
-it is, the shorter its cross strings beside its base.  So shorter cross strings lower it.  The
-condition of prestress, bN^2 > sN^2 + lN^2/S, holds on all of a straight line of (sN, lN) if it
-does at both ends, for its right side is convex.
+Where such a path cannot start.  Without load a prism is prestressed at one twist only, with
+s^2 = h^2 + 2 R^2 (1 - S): shorter cross strings then lower it, longer ones are slack, and the
+prism is a mechanism that has no shape.  So weight must press on the strings.  In the plane itself
+no member has a part along the axis: a flat prism under weight stays flat, however hard its cross
+strings pull.  Nearly flat, the strings carry a weight only where shorter ones raise it: down to a
+fold, which a heavier prism meets earlier.
 """
 
 from __future__ import annotations
@@ -11,71 +13,119 @@ from __future__ import annotations
 import numpy as np
 
 from figures._structures import film, frames, show
-from tensegrity import Prism, column, control_path
+from tensegrity import Prism, column, control_path, equilibrium, plates
 
 NAME = "structures_deployment"
 GROUP = "structures"
 
-STIFFNESS = {"k_cross": 1.0, "k_base": 5.0, "k_bar": 50.0}
-REFERENCE = Prism(1.0, 0.7, 0.1, **STIFFNESS)
-FLAT = {"cross": 0.35, "base": 1.16}  # natural lengths when folded [m]
+REFERENCE = Prism(1.0, 0.29, 0.1, k_cross=1.0, k_base=20.0, k_bar=400.0)
+LONG = 1.5  # natural length of the cross strings when folded, over that at the reference
+LIGHT, HEAVY = 1e-4, 1e-3  # weight of each node above the ground [N]
 COUNTS = (1, 3)
+GROUND = plates([0, 1, 2])
 FRAMES = 30
 
 
-def paths():
-    """For each number of units the path from folded to the reference."""
-    rest = REFERENCE.natural_lengths()
-    folded = Prism.from_members(bar=rest.bar, **FLAT, **STIFFNESS)
-    for count in COUNTS:
-        s = column(folded, count)
-        cross, bases = 3 * count, 6 * count  # numbers of the first of each
-        wanted = dict.fromkeys(range(cross, bases), rest.cross)
-        wanted |= dict.fromkeys(range(bases, len(s.ends)), rest.base)
-        yield count, control_path(s, wanted)
+def cross_strings(count):
+    """Member numbers of the cross strings of a column."""
+    return range(3 * count, 6 * count)
+
+
+def weights(s, weight):
+    """Loads on all nodes above the ground."""
+    return {node: (0.0, 0.0, -weight) for node in range(3, s.nodes)}
+
+
+def deployed(count, weight=LIGHT):
+    """The path from the folded column, found from its long cross strings, to the reference."""
+    s = column(REFERENCE, count)
+    cross, loads = cross_strings(count), weights(s, weight)
+    lengths = s.natural_lengths.copy()
+    lengths[cross] *= LONG
+    folded = equilibrium(s.at(s.positions, natural_lengths=lengths), loads, GROUND).structure
+    wanted = {member: s.natural_lengths[member] for member in cross}
+    return control_path(folded, wanted, GROUND, loads=loads)
+
+
+def paid_out(weight=HEAVY):
+    """The path of one heavier prism the other way, from the reference: round the fold."""
+    s = REFERENCE.structure()
+    loads = weights(s, weight)
+    standing = equilibrium(s, loads, GROUND).structure
+    wanted = {member: LONG * s.natural_lengths[member] for member in cross_strings(1)}
+    return control_path(standing, wanted, GROUND, loads=loads)
+
+
+def columns(count, path):
+    """Natural length of the cross strings, height, work, tensions, slack and stability."""
+    cross = cross_strings(count)
+    first, rest = cross[0], path.structure.natural_lengths[cross[0]]
+    reference = REFERENCE.natural_lengths().cross
+    end = reference if rest > reference else LONG * reference
+    return {
+        "control": path.control, "natural_length": rest + path.control * (end - rest),
+        "height": path.positions[:, -3:, 2].mean(axis=1), "work": path.work,
+        "bar": path.tensions[:, :first].mean(axis=1),
+        "cross": path.tensions[:, cross].mean(axis=1),
+        "base": path.tensions[:, cross[-1] + 1 :].mean(axis=1),
+        "slack": path.slack.sum(axis=1), "stable": path.stable_load,
+    }  # fmt: skip
 
 
 def data(progress=iter):
     """Heights, tensions, slack, stability and work along the way."""
     tables, marks = {}, []
-    for count, path in progress(list(paths())):
-        cross, bases = 3 * count, 6 * count
-        heights = path.positions[:, -3:, 2].mean(axis=1) - path.positions[:, :3, 2].mean(axis=1)
-        tables[f"units_{count}"] = {
-            "control": path.control, "height": heights, "work": path.work,
-            "bar": path.tensions[:, :cross].mean(axis=1),
-            "cross": path.tensions[:, cross:bases].mean(axis=1),
-            "base": path.tensions[:, bases : bases + 3].mean(axis=1),
-            "slack": path.slack.sum(axis=1), "stable": path.stable_load,
-        }  # fmt: skip
-        marks += [(count, e.kind, e.control, e.note) for e in path.events]
-        marks.append((count, "end", float(path.control[-1]), path.end))
-        tables["frames"] = frames(path, np.linspace(0, len(path) - 1, FRAMES).astype(int))
-    names = ("units", "event", "control", "note")
+    for count, weight in progress([*((count, LIGHT) for count in COUNTS), (1, HEAVY)]):
+        path = deployed(count) if weight == LIGHT else paid_out()
+        table = columns(count, path)
+        tables[f"units_{count}" if weight == LIGHT else "heavy"] = table
+        rows = [
+            ("start", 0, ""),
+            *((e.kind, e.row, f"control {e.control:.9g}") for e in path.events),
+        ]
+        for kind, row, note in [*rows, ("end", len(path) - 1, path.end)]:
+            at = [float(table[name][row]) for name in ("natural_length", "height", "work")]
+            stable = bool(table["stable"][row])
+            marks.append((count, weight, kind, *at, int(table["slack"][row]), stable, note))
+        if (count, weight) == (COUNTS[-1], LIGHT):
+            shown = np.linspace(0, len(path) - 1, FRAMES).astype(int)
+            tables["frames"] = frames(path, shown)
+    names = ("units", "weight", "event", "natural_length", "height", "work", "slack", "stable",
+             "note")  # fmt: skip
     return tables | {"events": dict(zip(names, map(list, zip(*marks, strict=True)), strict=True))}
 
 
 def draw(figure, tables):
     """Height and work; tensions; the column folded and deployed."""
-    first = tables[f"units_{COUNTS[0]}"]
-    figure.set_size_inches(11, 5.5)
-    cells = figure.add_gridspec(2, 4)
+    figure.set_size_inches(11, 7)
+    cells = figure.add_gridspec(2, 3, width_ratios=(1, 1, 1.3))
     heights, work = figure.add_subplot(cells[0, 0]), figure.add_subplot(cells[1, 0])
-    for count, style in zip(COUNTS, ("-", "--"), strict=True):
+    tension = figure.add_subplot(cells[0, 1]), figure.add_subplot(cells[1, 1])
+    for count, colour in zip(COUNTS, ("C0", "C2"), strict=True):
         units = tables[f"units_{count}"]
         word = "1 unit" if count == 1 else f"{count} units"
-        heights.plot(units["control"], units["height"], "C0" + style, label=word)
-        work.plot(units["control"], units["work"], "C2" + style, label=word)
-    heights.set_ylabel("height [m]")
-    heights.legend(fontsize=8)
-    work.set(xlabel="control", ylabel="energy stored since [J]")
-    tension = figure.add_subplot(cells[:, 1])
-    for name, colour in (("cross", "C0"), ("base", "C1"), ("bar", "0.2")):
-        tension.plot(first["control"], first[name], color=colour, label=name)
-    tension.set(xlabel="control", ylabel="tension of one unit's members [N]")
-    tension.legend(fontsize=8)
-    for place, frame in ((2, 0), (3, FRAMES - 1)):
-        show(figure.add_subplot(cells[:, place], projection="3d"), tables["frames"], frame)
+        heights.plot(units["natural_length"], units["height"] / count, colour, label=word)
+        work.plot(units["natural_length"], units["work"] / count, colour, label=word)
+    heavy = tables["heavy"]
+    number = int(np.argmax(heavy["natural_length"]))
+    for part, style in ((slice(number + 1), "C3"), (slice(number, None), "C3:")):
+        word = "1 unit, ten times the weight" if style == "C3" else "its unstable branch"
+        heights.plot(heavy["natural_length"][part], heavy["height"][part], style, label=word)
+    heights.plot(heavy["natural_length"][number], heavy["height"][number], "ks", ms=4, label="fold")
+    heights.set(ylabel="height of a unit [m]", ylim=(0, 0.45))
+    heights.legend(fontsize=7, loc="upper right")
+    work.set_ylabel("work done on a unit [J]")
+    for axes, name in zip(tension, ("1 unit", "3 units, mean"), strict=True):
+        units = tables["units_" + name[0]]
+        for member, colour in (("cross", "C0"), ("base", "C1"), ("bar", "0.2")):
+            axes.plot(units["natural_length"], units[member], color=colour, label=member)
+        axes.set_ylabel(f"tension [N], {name}")
+        axes.legend(fontsize=7, loc="upper left")
+    for axes in (heights, work, *tension):
+        axes.invert_xaxis()
+        axes.set_xlabel("natural length of cross strings [m], drawn in", fontsize=8)
+    for place, frame in ((0, 0), (1, FRAMES - 1)):
+        show(figure.add_subplot(cells[place, 2], projection="3d"), tables["frames"], frame)
 
 
 def animate(tables, path):

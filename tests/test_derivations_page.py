@@ -96,7 +96,7 @@ def test_derivations_stay_short():
     for name in argument.NAMES:
         path = argument.derivation(name).__file__
         with open(path, encoding="utf-8") as source:
-            assert sum(1 for _ in source) <= 270, name
+            assert sum(1 for _ in source) <= 240, name
 
 
 PROBE = """<script>

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from derivations import elastic, hardening, polygon, prism, rigid_response
+from derivations import elastic, hardening, polygon, prism, regular, rigid_response
 from tensegrity import (
     Chain,
     EquilibriumError,
@@ -22,9 +22,9 @@ from tensegrity import (
 )
 
 THREE = {
-    prism.number_of_sides: 3,
-    prism.half_sine: sp.sqrt(3) / 2,
-    prism.half_cosine: sp.Rational(1, 2),
+    regular.number_of_sides: 3,
+    regular.half_sine: sp.sqrt(3) / 2,
+    regular.half_cosine: sp.Rational(1, 2),
 }
 SHAPES = [(0.8, 0.01, 10.0, 100.0), (1.3, 0.1, 5.0, 50.0), (2.0, 0.3, 20.0, 1000.0)]
 STIFFNESS = {
@@ -54,17 +54,20 @@ def test_statements_for_three_sides_are_the_case_three():
         (polygon.curvature_ratio(), hardening.curvature_ratio()),
         (polygon.derivatives()[0], hardening.derivatives()[0]),
         (polygon.derivatives()[1], hardening.derivatives()[1]),
-        (prism.natural_lengths(prism.ANY)[1], prism.natural_lengths()[1]),
-        (prism.least_k_base(prism.ANY), prism.least_k_base()),
-        (rigid_response.locking_height_squared(prism.ANY), rigid_response.locking_height_squared()),
+        (prism.natural_lengths(regular.ANY)[1], prism.natural_lengths()[1]),
+        (prism.least_k_base(regular.ANY), prism.least_k_base()),
+        (
+            rigid_response.locking_height_squared(regular.ANY),
+            rigid_response.locking_height_squared(),
+        ),
     ):
         assert sp.simplify(general.subs(THREE) - special) == 0
-    same = elastic.string_hessian(prism.ANY).subs(THREE) - elastic.string_hessian()
+    same = elastic.string_hessian(regular.ANY).subs(THREE) - elastic.string_hessian()
     assert same.applyfunc(sp.simplify) == sp.zeros(3, 3)
 
 
 def test_what_holds_for_every_n_is_that_of_the_reference():
-    s, c, n = prism.half_sine, prism.half_cosine, prism.number_of_sides
+    s, c, n = regular.half_sine, regular.half_cosine, regular.number_of_sides
     q, eta, k = hardening.extension, hardening.eta, prism.k_cross
     second, third = polygon.derivatives()
     assert sp.simplify(second - 2 * n * k * q * s * eta**2 / c**2) == 0

@@ -3,11 +3,24 @@
 Numbers with many digits are references from independent codes.
 """
 
+import time
+
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from structures import cross, icosahedron, upright
 
-from tensegrity import EquilibriumError, Structure, TensegrityError, equilibrium, held, plates
+from tensegrity import (
+    EquilibriumError,
+    Prism,
+    Structure,
+    TensegrityError,
+    column,
+    equilibrium,
+    held,
+    plates,
+)
+from tensegrity.structures.supports import rigid_motions
 
 
 @pytest.fixture(scope="module")
@@ -89,8 +102,25 @@ def test_large_structures_take_the_sparse_way_to_the_same_modes(ball, monkeypatc
     assert ball.modes(4).eigenvalues == pytest.approx(dense, rel=1e-9)
     pushed = ball.at(ball.positions, natural_lengths=ball.lengths * 0.9)  # bars pull: unstable
     sparse = pushed.modes(2).eigenvalues
+    held_three = ball.modes(3, held([0, 1, 2])).eigenvalues
     monkeypatch.undo()
+    assert held_three == pytest.approx(ball.modes(3, held([0, 1, 2])).eigenvalues, rel=1e-9)
     assert sparse == pytest.approx(pushed.modes(2).eigenvalues, rel=1e-9)
+
+
+def test_tower_of_3003_nodes_bends_as_a_beam_and_its_modes_take_seconds():
+    """Free beams: eigenvalues as the fourth powers of the roots of cosh x cos x = 1, in pairs."""
+    start = time.process_time()
+    s = column(Prism(1.0, 1.0, 0.1, 1.0, 5.0, 50.0), 1000)
+    modes = s.modes(6)
+    assert time.process_time() - start < 10
+    roots = [brentq(lambda x: np.cosh(x) * np.cos(x) - 1, a, a + 2) for a in (4, 7, 10)]
+    wanted = np.repeat((np.array(roots) / roots[0]) ** 4, 2)
+    assert modes.eigenvalues / modes.eigenvalues[0] == pytest.approx(wanted, rel=1e-3)
+    stiffness, shapes = s.stiffness(), modes.shapes.reshape(6, -1)
+    for value, shape in zip(modes.eigenvalues, shapes, strict=True):
+        assert np.abs(stiffness @ shape - value * shape).max() < 1e-13 * abs(stiffness).max()
+    assert np.abs(shapes @ rigid_motions(s.positions)).max() < 1e-6
 
 
 def test_relaxed_shape_is_that_of_its_natural_lengths(ball, rng):

@@ -201,20 +201,6 @@ def test_unstressed_truss_with_strings_starts_at_a_corner_with_those_taut_that_l
     assert path.tensions[-1, 2] > 0
 
 
-def test_control_path_draws_in_cross_strings_and_meets_the_prism_of_those_members():
-    s = PRISM.structure()
-    rest = PRISM.natural_lengths()
-    path = control_path(s, {m: 0.9 * rest.cross for m in (3, 4, 5)})
-    other = Prism.from_members(0.9 * rest.cross, rest.base, rest.bar, 1.0, 5.0, 50.0)
-    heights = path.positions[-1][:, 2]
-    assert np.ptp(heights) == pytest.approx(other.height, rel=1e-11)
-    assert path.control[-1] == 1
-    assert path.stable_load.all()
-    stored = other.structure()
-    gained = stored.members.energy(stored.positions) - s.members.energy(s.positions)
-    assert path.work[-1] == pytest.approx(gained, rel=1e-10)
-
-
 def test_table_slices_prints_and_writes(ball, tmp_path):
     path = equilibrium_path(ball, supports=PLATES, max_shortening=0.3)
     part = path[2:5]

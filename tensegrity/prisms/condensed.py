@@ -51,9 +51,9 @@ def _forms(rigid_base, any_sides):
     import casadi as ca
 
     from derivations import mixed as derived
-    from derivations import prism
+    from derivations import regular
 
-    of = prism.ANY if any_sides else prism.TRIANGLE
+    of = regular.ANY if any_sides else regular.TRIANGLE
     z, p = ca.SX.sym("z", 4 - rigid_base), ca.SX.sym("p", 9 if any_sides else 6)
     unknowns = (ca.SX(0), *ca.vertsplit(z)) if rigid_base else ca.vertsplit(z)
     symbols = (*derived.UNKNOWNS, *derived.PARAMETERS, *(derived.SIDES if any_sides else ()))

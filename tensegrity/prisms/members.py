@@ -87,21 +87,21 @@ def _forms() -> tuple[Callable[..., Any], ...]:
     """Condition, lengths and squared height as functions; stiffnesses enter as compliances."""
     import sympy as sp
 
-    from derivations import polygon, prism
+    from derivations import polygon, prism, regular
 
     softness = sp.symbols("c_1:4", nonnegative=True)
     constants = (prism.k_cross, prism.k_base, prism.k_bar)
     condition, lengths = polygon.members_condition()
     soft = dict(zip(constants, (1 / c for c in softness), strict=True))
-    symbols = (polygon.cross_density, *polygon.natural_lengths, *softness, prism.half_sine)
+    symbols = (polygon.cross_density, *polygon.natural_lengths, *softness, regular.half_sine)
     forms = [sp.cancel(length.subs(soft)) for length in lengths]
     squares = [form**2 for form in forms]
-    gap = squares[2] - squares[0] - squares[1] / prism.half_sine
+    gap = squares[2] - squares[0] - squares[1] / regular.half_sine
     if sp.simplify(gap - condition.subs(soft)) != 0:
         raise ArithmeticError("the condition on members is not that of their lengths")
     cross = sp.Symbol("s", positive=True)
     return (
         sp.lambdify(symbols, gap, "math"),
         sp.lambdify(symbols, forms, "math"),
-        sp.lambdify((cross, prism.base, prism.half_sine), polygon.height_squared(), "math"),
+        sp.lambdify((cross, prism.base, regular.half_sine), polygon.height_squared(), "math"),
     )

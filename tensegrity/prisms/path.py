@@ -450,17 +450,17 @@ def _hanging(prism: Prism, max_height: float, below: Columns) -> Columns:
 
 def _hanging_forms(sides: int) -> tuple[list[Any], tuple[Any, ...]]:
     """(twist, squared base, load) of height, k_cross, natural lengths of cross string and bar."""
-    from derivations import hanging, prism
+    from derivations import hanging, prism, regular
 
     symbols = (prism.height, prism.k_cross, prism.natural_cross, prism.natural_bar)
-    of = prism.TRIANGLE if sides == 3 else prism.ANY
+    of = regular.TRIANGLE if sides == 3 else regular.ANY
     forms = hanging.upright_twist(of), hanging.base_squared(of), hanging.load(of)
     if sides != 3:
         import sympy as sp
 
         angle = sp.pi / sides
-        known = {prism.half_angle: angle, prism.number_of_sides: sides}
-        known |= {prism.half_sine: sp.sin(angle), prism.half_cosine: sp.cos(angle)}
+        known = {regular.half_angle: angle, regular.number_of_sides: sides}
+        known |= {regular.half_sine: sp.sin(angle), regular.half_cosine: sp.cos(angle)}
         forms = tuple(form.subs(known).evalf(30) for form in forms)
     return list(forms), symbols
 

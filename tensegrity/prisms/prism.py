@@ -379,9 +379,9 @@ def _roles() -> dict[str, str]:
 
 
 def _polygon(any_sides: bool) -> Any:
-    from derivations import prism as derived
+    from derivations import regular
 
-    return derived.ANY if any_sides else derived.TRIANGLE
+    return regular.ANY if any_sides else regular.TRIANGLE
 
 
 def _natural_lengths(of: Any) -> Iterable[Any]:

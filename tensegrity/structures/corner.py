@@ -47,11 +47,31 @@ class Ray:
     stable: bool
 
 
-def rays(loading: Loading, u: Array, taut: Flags, corner: Indices) -> list[Ray]:
-    """Branches that leave a point at which the strings of `corner` are at natural length."""
+def rays(loading: Loading, u: Array, taut: Flags, corner: Indices, arrived: int = 0) -> list[Ray]:
+    """Branches that leave a point at which the strings of `corner` are at natural length.
+
+    Parameters
+    ----------
+    loading : Loading
+    u : ndarray
+        Unknowns there.
+    taut : ndarray of bool, (members,)
+        Before it.
+    corner : ndarray of int
+    arrived : int, optional
+        Sense in which the last unknown changed before it; 0 at the start of a path.
+
+    Returns
+    -------
+    list of Ray
+        Those on which it goes on in that sense; if there are none, those on which it turns back,
+        other than the one that led here.
+    """
     found: list[Ray] = []
-    for sense in (1, -1):
+    for sense in (-1, 1) if arrived < 0 else (1, -1):
         for choice in _choices(loading, u, taut, corner, sense):
+            if sense == -arrived and (choice == taut).all():
+                continue
             ray = _ray(loading, u, choice, corner, sense)
             if ray is not None:
                 found.append(ray[0])

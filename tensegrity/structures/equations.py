@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array, Flags, Indices
 
 ROUND_OFF = 1e-3  # of stiffness times length beside tension: what residuals are measured by
+BACK = -0.01  # control at which a path that has turned back ends
 INSIDE = 1e-9  # part of a bar at its ends within which a crossing is none
 PLANE = 1e-9  # volume over lengths below which two bars lie in a plane
 
@@ -43,6 +44,8 @@ class Loading:
         Unit normal, nodes of the lower and the upper plate.
     limits : tuple of two float
         Load [N] and shortening [m] (or control) at which to end.
+    dead : ndarray, (nodes, dim)
+        Loads that stay [N].
     """
 
     members: Members
@@ -52,6 +55,7 @@ class Loading:
     change: Array
     plate: tuple[Array, tuple[int, ...], tuple[int, ...]] | None
     limits: tuple[float, float]
+    dead: Array
 
     @property
     def free(self) -> int:
@@ -74,6 +78,11 @@ class Loading:
         size = float(self.along @ self.along)
         across = np.linalg.svd(self.along[None, :])[2][1:].T
         return np.column_stack([across, self.along / size])
+
+    @cached_property
+    def weight(self) -> Array:
+        """Work of the loads that stay in each motion of the basis, (free,)."""
+        return np.asarray(self.basis.T @ (self.motions.T @ self.dead.ravel()))
 
     @cached_property
     def by_node(self) -> Array:
@@ -184,6 +193,7 @@ class Piece:
             roots += ["flat"] if up else []
         self.limits = [k for k in (0, 1) if np.isfinite(loading.limits[k])]
         roots += [("load", "height")[k] for k in self.limits]
+        roots += [] if loaded else ["back"]
         self.roots = tuple(roots)
 
     def natural(self, u: Array) -> Array:
@@ -217,7 +227,7 @@ class Piece:
         pulls = np.where(self.taut, members.stiffness * (lengths - natural), 0.0)
         density = pulls / lengths
         along = of.basis.T @ of.along
-        left = of.gain.T @ (density[:, None] * d).ravel()
+        left = of.gain.T @ (density[:, None] * d).ravel() - of.weight
         size = np.abs(pulls).max() + ROUND_OFF * float(np.max(members.stiffness * lengths))
         stiff = self.tangent_of(d, lengths, density)
         if of.pattern is None:
@@ -259,6 +269,7 @@ class Piece:
         values = (u[-2] / of.force, u[-1] / self.scale[-1])
         sizes = (of.force, self.scale[-1])
         parts.append(np.array([values[k] - of.limits[k] / sizes[k] for k in self.limits]))
+        parts.append(np.array([u[-1] - BACK] if of.pattern is None else []))
         return np.concatenate(parts)
 
     def test_gradient(self, u: Array, number: int) -> Array:
@@ -278,6 +289,8 @@ class Piece:
         if name in ("load", "height"):
             last = -2 if name == "load" else -1
             row[last] = 1 / (of.force if name == "load" else self.scale[-1])
+        elif name == "back":
+            row[-1] = 1.0
         elif name == "contact":
             self._place(row, self._volume_gradient(of.at(u), *map(int, rest)))
         else:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array, Flags, Indices
 
 SETTINGS = Settings(tolerance=1e-8, largest=0.05, points=4000)
+FIRST = 300  # rows of a piece that are followed before it is looked whether the path leaves it
 CORNER = 1e-10  # stretch below which a string is at its natural length where a piece ends
 PIECES = 100
 AROUND = 12  # points around a bifurcation from which it is interpolated
@@ -54,6 +55,7 @@ ENDS = {
     "load": "the load asked for",
     "height": "the shortening asked for",
     "control": "the natural lengths asked for",
+    "back": "back at the natural lengths of the start",
     "nothing": "no equilibrium leaves this corner",
     "snap": "no stable branch leaves this bifurcation: the structure snaps",
     "pieces": f"{PIECES} pieces do not reach an end",
@@ -175,7 +177,7 @@ def structure_path(
     limits = (max_load, max_shortening)
     loading = Loading(
         structure.members, structure.positions, motions, pattern, 0 * structure.lengths, plate,
-        limits,
+        limits, 0 * pattern,
     )  # fmt: skip
     return _Walk(structure, supports, loading, branch).path()
 
@@ -185,24 +187,32 @@ def control_path(
     natural_lengths: Mapping[int, float],
     supports: Supports | None = None,
     branch: str = "stable",
+    loads: Mapping[int, Sequence[float]] | None = None,
 ) -> StructurePath:
     """Equilibria as natural lengths of some members go from theirs to given values.
 
     Parameters
     ----------
     structure : Structure
-        In equilibrium.
+        In equilibrium under the loads: see `equilibrium` and `Structure.relaxed`.
     natural_lengths : dict
         {member: natural length at the end [m]}; all change in proportion.
     supports : Supports, optional
     branch : {"stable", "symmetric"}, optional
         As of `equilibrium_path`.
+    loads : dict, optional
+        {node: force (dim,) [N]}, held while lengths change.
 
     Returns
     -------
     StructurePath
-        With a column `control` from 0 to 1, and "work" [J], what the change has stored; a fold is
-        where the structure snaps.
+        With a column `control` from 0 to 1, and "work" [J] that the change has done: the gain of
+        stored energy, less the work of the loads.  A fold is where the structure snaps.
+
+    Raises
+    ------
+    EquilibriumError
+        If the structure is not in equilibrium, or a motion has no stiffness there.
     """
     check.kind("structure", structure, Structure)
     if supports is not None:
@@ -220,21 +230,23 @@ def control_path(
         change[number] = length - structure.natural_lengths[number]
     if not change.any():
         raise TensegrityError("natural_lengths are those that the structure has: no path")
-    motions = _motions(structure, supports, 0 * structure.positions)
+    dead = nodal(structure, loads)
+    motions = _motions(structure, supports, dead)
     plate = None
     if supports is not None and (supports.lower or supports.upper):
         plate = (supports.direction(structure.dim), supports.lower, supports.upper)
     loading = Loading(
-        structure.members, structure.positions, motions, None, change, plate, (math.inf, 1.0)
+        structure.members, structure.positions, motions, None, change, plate, (math.inf, 1.0), dead
     )
-    left = np.abs(motions.T @ structure.members.gradient(structure.positions).ravel()).max()
+    gradient = structure.members.gradient(structure.positions) - dead
+    left = np.abs(motions.T @ gradient.ravel()).max()
     size = np.abs(structure.tensions).max() + 1e-9 * np.max(
         structure.stiffnesses * structure.lengths
     )
     if left > 1e-6 * size:
         raise EquilibriumError(
             f"the structure is not in equilibrium: {left:.3g} N are left, beside {size:.3g} N; "
-            "see Structure.relaxed"
+            "see equilibrium and Structure.relaxed"
         )
     return _Walk(structure, supports, loading, branch).path()
 
@@ -304,12 +316,12 @@ class _Walk:
     def _at_corner(self, stretch: Array) -> Indices:
         return np.flatnonzero(self.of.members.pulls_only & (np.abs(stretch) <= CORNER))
 
-    def _piece(self, piece: Piece, u: Array, sense: int) -> Any:
+    def _piece(self, piece: Piece, u: Array, sense: int, points: int = FIRST) -> Any:
         """Follow one piece; where and how the next begins, or None at the end of the path."""
         problem = ManyProblem(piece)
         stop = [name for name in piece.roots if not name.startswith("contact")]
         try:
-            traced = trace(problem, u, (), SETTINGS, sense, stop)
+            traced = trace(problem, u, (), replace(SETTINGS, points=points), sense, stop)
             reason = traced.end
         except ContinuationError as error:
             if error.branch is None or len(error.branch) < 2:
@@ -327,11 +339,15 @@ class _Walk:
         ]
         found = self._bifurcation(problem.machine, traced, negative, events)
         leaves = None
+        joins = self._joins(piece, traced, negative, events)
+        found = sorted([*found, joins] if joins else found, key=lambda e: e[0])
         for row, point, count in found:
             events.append((f"bifurcation {count}", row, point))
             if self.branch == "stable" and leaves is None and negative[row, 1] == 0:
                 leaves = row, point
         met = self._contact(piece, events)
+        if len(traced) >= points < SETTINGS.points and leaves is None and met is None:
+            return self._piece(piece, u, sense, SETTINGS.points)
         last = len(rows) - 1
         if leaves and (met is None or leaves[0] <= met[0]):
             rows, last = np.vstack([rows[: leaves[0] + 1], leaves[1]]), leaves[0]
@@ -346,7 +362,7 @@ class _Walk:
             beyond = row > last or (row == last and reason in ("leaves", "contact"))
             name = kind.split()[0]
             first = name == "contact" and point is not (met[1] if met else None)
-            if name in ("string", "load", "height") or first:
+            if name in ("string", "load", "height", "back") or first:
                 continue
             if beyond and not (name == "bifurcation" and leaves and point is leaves[1]) and not (
                 name == "contact" and reason == "contact"
@@ -360,14 +376,14 @@ class _Walk:
         if reason == "leaves":
             return self._switched(piece, u, leaves)
         if strings and reason.startswith("string"):
-            return self._turned(piece, u)
+            return self._turned(piece, u, -1 if traced.tangent[-1, -1] < 0 else 1)
         word = "height" if reason == "height" else reason.split()[0]
         if self.of.pattern is None and word == "height":
             word = "control"
         self.end = ENDS.get(word, reason)
         return None
 
-    def _turned(self, piece: Piece, u: Array) -> Any:
+    def _turned(self, piece: Piece, u: Array, arrived: int) -> Any:
         """The piece that begins where strings are at natural length."""
         stretch = piece.stretch(u)
         corner = self._at_corner(stretch)
@@ -383,11 +399,13 @@ class _Walk:
             self.events.append(("contact", row, u, piece, "bars meet"))
             self.end = ENDS["contact"]
             return None
-        found = rays(self.of, u, piece.taut, corner)
+        found = rays(self.of, u, piece.taut, corner, arrived)
         ray = chosen(found, self.branch, corner)
         if ray is not None and len(corner) > 1:
             kept = int(ray.taut[corner].sum())
             words.append(f"{kept} of {len(corner)} at the corner taut beyond it")
+        if ray is not None and ray.sense != arrived:
+            words.append("the path turns back")
         self.events.append(("slack", row, u, piece, ", ".join(words)))
         if ray is None:
             self.end = ENDS["nothing"]
@@ -448,6 +466,19 @@ class _Walk:
             ]  # fmt: skip
             found.append((row, self._located(machine, ends, int(negative[row, 1])), count))
         return found
+
+    def _joins(
+        self, piece: Piece, traced: Branch, negative: Array, events: Any
+    ) -> tuple[int, Array, int] | None:
+        """The first turn at which a stable branch does not end but joins another one."""
+        if self.branch != "stable":
+            return None
+        name = "turn" if self.of.pattern is not None else "fold"
+        for kind, row, u in sorted(events, key=lambda e: e[1]):
+            stable = kind == name and traced.tangent[row, -1] > 0 and negative[row, 1] == 0
+            if stable and branches_off(piece, u, self._inner(piece, u)) is not None:
+                return row, u, 1
+        return None
 
     def _located(self, machine: Any, ends: list[Point], below: int) -> Array:
         """The point between two where the number of negative eigenvalues changes.
@@ -510,7 +541,8 @@ class _Walk:
         else:
             stored = np.sum(tensions**2 / (2 * self.of.members.stiffness), axis=1)
             start = self.structure.members.energy(self.structure.positions)
-            columns = {"control": np.array([u[-1] for u in us]), "work": stored - start}
+            carried = np.array([self.of.weight @ self.of.coordinates(u) for u in us])
+            columns = {"control": np.array([u[-1] for u in us]), "work": stored - start - carried}
         return columns | {f"tension {m}": t for m, t in enumerate(tensions.T)}
 
 

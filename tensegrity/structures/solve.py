@@ -21,10 +21,12 @@ if TYPE_CHECKING:
     from tensegrity.structures.members import Members
     from tensegrity.typing import Array
 
-DENSE = 450  # unknowns up to which matrices are dense; of eigenvalues up to three times as many
+DENSE = 450  # unknowns up to which matrices are dense
 ITERATIONS = 300
 SETTLED = 1e-13  # forces left, over the forces there are
 NEUTRAL = 1e-10  # eigenvalues below this part of the stiffness are zero
+NOTHING = 1e-13  # of the largest stiffness: where bounds of eigenvalues below 0 start
+LOWER = 30.0  # factor of such bounds
 WORK = 1e-9  # of loads in rigid motions, over their size
 
 
@@ -76,7 +78,10 @@ def refuse_driven(freedom: Freedom, positions: Array, loads: Array) -> None:
         return
     net = loads.sum(axis=0)
     arms = positions - positions.mean(axis=0)
-    moment = np.cross(arms, loads).sum(axis=0)
+    turns = arms.T @ loads
+    moment = (turns - turns.T)[(0,), (1,)] if arms.shape[1] == 2 else (
+        (turns - turns.T)[(1, 2, 0), (2, 0, 1)]
+    )  # fmt: skip
     motion = (freedom.motions @ (freedom.rigid @ driven)).reshape(positions.shape)
     shift = motion.mean(axis=0)
     turning = np.linalg.norm(motion - shift) > np.linalg.norm(shift) * np.sqrt(len(motion))
@@ -211,21 +216,55 @@ def lowest_eigenvalues(
     weight = sparse.diags(np.ones(motions.shape[0]) if mass is None else mass)
     weights = motions.T @ weight @ motions
     free = matrix.shape[0]
-    rigid = weights @ freedom.rigid
+    rigid = np.linalg.qr(weights @ freedom.rigid)[0]
     count = min(count, free - rigid.shape[1])
-    if free <= 3 * DENSE or count >= free // 4:
+    if free <= DENSE or count >= free // 4:
         inner = np.linalg.svd(rigid.T)[2][rigid.shape[1] :].T if rigid.size else np.eye(free)
         small, masses = inner.T @ matrix.toarray() @ inner, inner.T @ weights.toarray() @ inner
         values, vectors = eigh((small + small.T) / 2, masses, subset_by_index=[0, count - 1])
         return values, motions @ (inner @ vectors)
-    size = float(np.abs(matrix.diagonal()).max())
-    bound = (1.01 * floor - 1e-6 * size) / float(weights.diagonal().min())
-    solve = bordered(matrix - bound * weights, _orthonormal(rigid))
-    inverse = LinearOperator((free, free), matvec=solve, dtype=float)
+    least = (1.01 * floor - 1e-6 * float(matrix.diagonal().max())) / float(weights.diagonal().min())
+    bound = -NOTHING * float(matrix.diagonal().max()) / float(weights.diagonal().max())
     start = np.cos(np.arange(free) ** 1.5)
-    found = eigsh(matrix, count, weights, sigma=bound, OPinv=inverse, v0=start, tol=1e-14)
-    return found[0], motions @ found[1]
+
+    def above(bound: float, count: int, tolerance: float) -> tuple[float, Any]:
+        solve, bound = _inverse_above(matrix, weights, rigid, bound, least)
+        inverse = LinearOperator((free, free), matvec=solve, dtype=float)
+        return bound, eigsh(
+            matrix, count, weights, sigma=bound, OPinv=inverse, v0=start, tol=tolerance
+        )
+
+    bound, (rough, _) = above(bound, 1, 1e-3)
+    _, (values, vectors) = above(min(bound, -float(rough[0])), count, 1e-13)
+    return values, motions @ vectors
 
 
-def _orthonormal(columns: Array) -> Array:
-    return np.linalg.qr(columns)[0] if columns.size else columns
+def _inverse_above(
+    matrix: Any, weights: Any, rigid: Array, bound: float, least: float
+) -> tuple[Any, float]:
+    """The inverse of matrix - bound weights among x orthogonal to `rigid`, and that bound.
+
+    The bound goes down until all pivots are positive, so that no eigenvalue lies below it; at the
+    latest to `least`.  The nearer it then is to the lowest eigenvalue, the fewer iterations follow;
+    one that is much smaller costs digits where there are rigid motions.
+    """
+    from scipy.sparse.linalg import splu
+
+    while True:
+        bound = max(bound, least)
+        factors = splu(
+            (matrix - bound * weights).tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True},
+        )  # fmt: skip
+        definite = (factors.perm_r == factors.perm_c).all() and (factors.U.diagonal() > 0).all()
+        if definite or bound == least:
+            break
+        bound *= LOWER
+    held = factors.solve(rigid) if rigid.size else rigid
+    gap = np.linalg.inv(rigid.T @ held) if rigid.size else np.zeros((0, 0))
+
+    def solve(b: Array) -> Array:
+        x = factors.solve(b)
+        return np.asarray(x - held @ (gap @ (rigid.T @ x)))
+
+    return solve, bound

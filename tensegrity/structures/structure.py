@@ -20,7 +20,7 @@ from tensegrity.notebook import page, wires
 from tensegrity.readonly import ReadOnly, fixed
 from tensegrity.structures import statics
 from tensegrity.structures.members import Members
-from tensegrity.structures.solve import NEUTRAL, Freedom, lowest_eigenvalues, settle
+from tensegrity.structures.solve import Freedom, lowest_eigenvalues, settle
 from tensegrity.structures.supports import Supports
 
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array, Flags, Indices
 
 SAME = 1e-9  # force that is left on a node, over those of its members: no self-stress
+SOFT = 1e-12  # of the largest stiffness: eigenvalues below it are round-off
 
 
 @dataclass(frozen=True)
@@ -382,7 +383,7 @@ class Structure(ReadOnly):
         values, _ = lowest_eigenvalues(
             self.stiffness(), freedom, None, 1, self.least_eigenvalue_bound
         )
-        return bool(values[0] > NEUTRAL * self.stiffnesses.max())
+        return bool(values[0] > SOFT * self.stiffnesses.max())
 
     def freedom(self, supports: Supports | None) -> Freedom:
         """Motions that supports and platforms leave."""

@@ -35,7 +35,8 @@ def branches_off(piece: Piece, u: Array, tangent: Array) -> Array | None:
         return None
     count = tangent.shape[0]
     away = [np.linalg.norm((x - u)[:count]) for x in (far, close)]
-    return far if away[1] < SHRUNK * away[0] else None
+    near_by = away[1] < SHRUNK * away[0] or away[0] <= BEYOND * piece.of.span
+    return far if near_by else None
 
 
 def _lowest(piece: Piece, u: Array, modes: Array, step: float) -> Array | None:
@@ -68,8 +69,9 @@ def _settled(piece: Piece, u: Array, count: int) -> tuple[Array, float] | None:
         natural = piece.natural(u)
         taut = ~members.pulls_only | (lengths >= natural)
         pulls = np.where(taut, members.stiffness * (lengths - natural), 0.0)
-        gradient = piece.of.gain.T @ ((pulls / lengths)[:, None] * d).ravel()
-        return gradient, float(np.sum(pulls * pulls / members.stiffness) / 2)
+        gradient = piece.of.gain.T @ ((pulls / lengths)[:, None] * d).ravel() - piece.of.weight
+        stored = float(np.sum(pulls * pulls / members.stiffness) / 2)
+        return gradient, stored - float(piece.of.weight @ piece.of.coordinates(u))
 
     gradient, energy = parts(u)
     size = float(np.max(members.stiffness)) * piece.of.span

@@ -325,6 +325,34 @@ def solitary_wave(
     return _wave(side.name, mass, sound, exact, residual)
 
 
+def rough_wave(side: Family, mass: float, size: float) -> SolitaryWave:
+    """A wave of a family as it is first found, several times faster than `solitary_wave`.
+
+    Parameters
+    ----------
+    side : Family
+        Of one potential and sign; it serves many waves.
+    mass : float
+        Of each site [kg], > 0.
+    size : float
+        |elongation| of the crest [m], > 0.
+
+    Returns
+    -------
+    SolitaryWave
+        Good to about 1e-4 of its crest, with the residual that it has.
+
+    Raises
+    ------
+    TensegrityError
+        If no such wave exists, or no grid resolves it.
+    """
+    mass = check.number("mass", mass, above=0, unit="kg")
+    profile = side.wave(check.number("size", size, above=0, unit="m"))
+    sound = sound_speed(side.potential, mass)
+    return _wave(side.name, mass, sound, profile, profile.residual())
+
+
 def _distances(x):
     x = check.floats("x", x)
     if np.isnan(x).any():

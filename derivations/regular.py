@@ -1,0 +1,78 @@
+"""Regular polygons, the bases of prisms: three sides (`TRIANGLE`), or n as a symbol (`ANY`)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import sympy as sp
+from sympy.simplify.fu import TR8
+
+base = sp.Symbol("l", positive=True)
+number_of_sides = sp.Symbol("n", positive=True, integer=True)
+half_sine, half_cosine = sp.symbols("S C", positive=True)  # of pi/n
+half_angle = sp.Symbol("alpha", positive=True)  # pi/n, while it is inside of a sine
+
+
+@dataclass(frozen=True)
+class Polygon:
+    """What the base of a prism is: a number of sides, with sine and cosine of pi over it.
+
+    Attributes
+    ----------
+    sides, angle, sine, cosine : sympy.Expr
+    """
+
+    sides: sp.Expr
+    angle: sp.Expr
+    sine: sp.Expr
+    cosine: sp.Expr
+
+    @property
+    def reference_twist(self) -> sp.Expr:
+        """Twist of the self-stressed state in which strings pull and bars push."""
+        return sp.pi / 2 + self.angle
+
+    @property
+    def circumradius(self) -> sp.Expr:
+        """Of a polygon of side l [m]."""
+        return base / (2 * self.sine)
+
+    def expanded(self, expression: sp.Expr) -> sp.Expr:
+        """An expression with sines of sums expanded, in `sine` and `cosine`."""
+        expression = sp.expand_trig(expression)
+        known = {sp.sin(half_angle): half_sine, sp.cos(half_angle): half_cosine}
+        return expression.subs(known)
+
+
+TRIANGLE = Polygon(sp.Integer(3), sp.pi / 3, sp.sqrt(3) / 2, sp.Rational(1, 2))
+ANY = Polygon(number_of_sides, half_angle, half_sine, half_cosine)
+
+
+def node(
+    number: int,
+    of: Polygon,
+    height: sp.Expr = sp.S.Zero,
+    twist: sp.Expr = sp.S.Zero,
+    radius: sp.Expr | None = None,
+) -> sp.Matrix:
+    """Position of a node of a polygon that is raised and turned."""
+    radius = of.circumradius if radius is None else radius
+    angle = twist + 2 * of.angle * number
+    return sp.Matrix([radius * sp.cos(angle), radius * sp.sin(angle), height])
+
+
+def squared_distance(start: sp.Matrix, end: sp.Matrix) -> sp.Expr:
+    """Between two positions, as a sum of sines."""
+    difference = end - start
+    return sp.expand(TR8(sp.expand(difference.dot(difference))))  # products of sines to sums
+
+
+def vanishes(expression: sp.Expr) -> bool:
+    """Whether an expression in sine and cosine of pi/n is zero for every n."""
+    numerator = sp.fraction(sp.together(expression))[0]
+    return sp.expand(sp.expand(numerator).subs(half_sine**2, 1 - half_cosine**2)) == 0 or (
+        sp.simplify(
+            numerator.subs({half_sine: sp.sin(half_angle), half_cosine: sp.cos(half_angle)})
+        )
+        == 0
+    )
