@@ -1,7 +1,7 @@
 """Draw pictures: `python -m figures [NAME...] [--list] [--output FOLDER]`.
 
 A group has a folder; a picture has `name.png`, `name.csv` with all its numbers (`figures._files`)
-and, where it moves, `name.gif`.  The lines that a group prints are in `group.csv`, and
+and, where it moves, `name.gif`.  The lines that a group prints are in `printed.csv`, and
 `index.html` shows all pictures that are there.
 """
 
@@ -108,7 +108,7 @@ def main(arguments=None):
         if rows:
             print(f"\n{group}")
             print_table(rows)
-            write_table(options.output / group / f"{group}.csv", side_by_side(rows))
+            write_table(options.output / group / "printed.csv", side_by_side(rows))
     print(write_index(options.output))
     return 0
 

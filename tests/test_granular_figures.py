@@ -115,7 +115,7 @@ def test_the_group_s_table_is_printed_and_written(single, tmp_path, capsys, monk
     assert main(["granular_fig2", "--output", str(tmp_path)]) == 0
     printed = capsys.readouterr().out
     assert "V_t/V_i" in printed
-    with open(tmp_path / "granular" / "granular.csv") as file:
+    with open(tmp_path / "granular" / "printed.csv") as file:
         rows = list(csv.DictReader(file))
     assert set(rows[0]) == {"figure", "quantity", "paper", "experiment", "here"}
     by_name = {row["quantity"]: row for row in rows}
