@@ -36,6 +36,7 @@ from tensegrity.structures.structure import Structure, equilibrium
 from tensegrity.structures.supports import held, plates
 from tensegrity.waves.prediction import Prediction, predict
 from tensegrity.waves.solitary import SolitaryWave, solitary_wave
+from tensegrity.waves.spectrum import Modes, dispersion, modes
 
 __all__ = [
     "Chain",
@@ -44,6 +45,7 @@ __all__ = [
     "EquilibriumError",
     "EquilibriumPath",
     "LockingError",
+    "Modes",
     "Network",
     "NoLocking",
     "Polynomial",
@@ -66,6 +68,7 @@ __all__ = [
     "bar_contact",
     "column",
     "control_path",
+    "dispersion",
     "equilibrium",
     "equilibrium_path",
     "equilibrium_paths",
@@ -73,6 +76,7 @@ __all__ = [
     "gradient",
     "held",
     "member_stiffness",
+    "modes",
     "objective",
     "plates",
     "predict",

@@ -44,6 +44,7 @@ from tensegrity import (
     EquilibriumError,
     EquilibriumPath,
     LockingError,
+    Modes,
     Network,
     NoLocking,
     Polynomial,
@@ -66,6 +67,7 @@ from tensegrity import (
     bar_contact,
     column,
     control_path,
+    dispersion,
     equilibrium,
     equilibrium_path,
     equilibrium_paths,
@@ -73,6 +75,7 @@ from tensegrity import (
     gradient,
     held,
     member_stiffness,
+    modes,
     objective,
     plates,
     predict,
@@ -252,6 +255,10 @@ def waves(spring: Potential, chain: Chain) -> State:
     assert_type(wave, SolitaryWave)
     assert_type(wave.width(0.1) + wave.speed + wave.shift, float)
     assert_type(predict(spring), Prediction)
+    assert_type(modes(Chain(spring, 5), count=3), Modes)
+    assert_type(modes(Chain(spring, 5)).frequencies, Array)
+    assert_type(dispersion([spring, spring], 1.0, [0.1]), Array)
+    dispersion("x", 1.0, [0.1])  # type: ignore[arg-type]
     assert_type(predict(spring)["compression"].speeds, tuple[float, float])
     assert_type(wave.excess, float)
     assert_type(wave.strain - wave.elongation(wave.x), Array)
