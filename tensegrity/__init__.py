@@ -26,6 +26,7 @@ from tensegrity.runs.run import Run
 from tensegrity.runs.sweep import sweep
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.ensemble import Ensemble
+from tensegrity.scenes.forcing import Damping, Drive
 from tensegrity.scenes.network import Network
 from tensegrity.scenes.scene import State
 from tensegrity.scenes.walls import Wall
@@ -41,6 +42,8 @@ from tensegrity.waves.spectrum import Modes, dispersion, modes
 __all__ = [
     "Chain",
     "ContactError",
+    "Damping",
+    "Drive",
     "Ensemble",
     "EquilibriumError",
     "EquilibriumPath",

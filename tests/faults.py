@@ -649,6 +649,25 @@ FAULTS = (
         'facts["peak_heights"] / 2',
         "tests/test_granular_chain.py::test_neighbours_are_two_pulses_if_the_force_between_falls_below_three_quarters",
     ),
+    # drive, damping, springs in time
+    Fault(
+        "tensegrity/engine/driven.c",
+        "d->sums[0] -= a * d->force_rate[at] * u[q];",
+        "d->sums[0] += a * d->force_rate[at] * u[q];",
+        "tests/test_driven.py::test_work_is_the_integral_of_the_force_of_the_driver_times_its_velocity",
+    ),
+    Fault(
+        "tensegrity/engine/driven.c",
+        "            u[i] += part * y[i];",
+        "            u[i] += b * y[i];",
+        "tests/test_driven.py::test_dashpots_in_bonds_slow_a_mode_at_the_reference_rate",
+    ),
+    Fault(
+        "tensegrity/engine/driven.py",
+        "starts = origin + self._dt * np.arange(first, first + steps + 1)",
+        "starts = origin + self._dt * np.arange(first, first + steps + 1) + self._dt",
+        "tests/test_driven.py::test_a_mass_on_a_shaken_base_follows_the_closed_form",
+    ),
     # modes and bands
     Fault(
         "tensegrity/waves/spectrum.py",

@@ -22,6 +22,8 @@ from granular.lammps import to_lammps
 from granular.layout import crossed_layout, diamond_layout, y_layout
 from tensegrity import (
     Chain,
+    Damping,
+    Drive,
     Ensemble,
     Network,
     Polynomial,
@@ -184,6 +186,13 @@ CALLS = [
     (Chain, {"spring": SPRING, "sites": 3, "mass": 1.0, "ends": ("free", "fixed")}),
     (lambda mass: Chain(SPRING, 2, mass), {"mass": [1.0, 2.0]}),
     (lambda first: Chain(SPRING, 2, ends=(first, "free")), {"first": "fixed"}),
+    (Chain, {"spring": SPRING, "sites": 3, "drive": {0: Drive(force=0.1)},
+             "damping": Damping(0.1), "tune": {"prestrain": 0.01 + 0.001 * sp.Symbol("t")}}),
+    (Drive, {"displacement": sp.sin(sp.Symbol("t"))}),
+    (Drive, {"force": ([0.0, 1.0, 2.0], [0.0, 0.1, 0.2])}),
+    (Drive(force=0.1).at, {"t": [0.0, 1.0], "order": 0}),
+    (Damping, {"bond": 0.1, "ground": [0.1, 0.2]}),
+    (SPRING.varied, {"values": {"prestrain": 0.02}}),
     (LINE.at_rest, {"velocity": {0: 0.1}}),
     (lambda site: LINE.at_rest({site if site.__hash__ else "list": 0.1}), {"site": 3}),
     (lambda value: LINE.at_rest({0: value}), {"value": 0.1}),

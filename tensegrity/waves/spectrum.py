@@ -19,6 +19,7 @@ import numpy as np
 from tensegrity import check
 from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.scenes.ensemble import Ensemble
+from tensegrity.scenes.forcing import entries
 from tensegrity.scenes.scene import SMALLEST_MASS, Scene, State
 from tensegrity.springs.potential import Potential
 
@@ -89,6 +90,7 @@ def modes(scene: Scene, about: State | None = None, count: int = 10) -> Modes:
     _refuse_moving(listed, u, stiffness)
     moves = np.ones(scene.shape, dtype=bool)
     moves[list(scene.held)] = False
+    moves.reshape(-1)[entries(scene, True)[0]] = False
     free = np.flatnonzero(moves.ravel())
     count = min(count, free.size)
     roots = np.sqrt(np.repeat(scene.mass, moves.size // scene.sites))[free]
