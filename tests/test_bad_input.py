@@ -191,7 +191,7 @@ CALLS = [
     (Drive, {"displacement": sp.sin(sp.Symbol("t"))}),
     (Drive, {"force": ([0.0, 1.0, 2.0], [0.0, 0.1, 0.2])}),
     (Drive(force=0.1).at, {"t": [0.0, 1.0], "order": 0}),
-    (Damping, {"bond": 0.1, "ground": [0.1, 0.2]}),
+    (Damping, {"bond": [0.1], "ground": [0.1, 0.2]}),
     (SPRING.varied, {"values": {"prestrain": 0.02}}),
     (LINE.at_rest, {"velocity": {0: 0.1}}),
     (lambda site: LINE.at_rest({site if site.__hash__ else "list": 0.1}), {"site": 3}),

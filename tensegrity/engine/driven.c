@@ -40,7 +40,7 @@ enum { FREE, APART, JOINED }; /* drifts: without dashpots, without those in bond
 #ifdef CHANGE
 /* Rate of the energy of all bonds of a chain at given elongations, change(r, p) of each; the
    smallest and the largest elongation. */
-static real power_of(const scene *c, real *least, real *most)
+__attribute__((flatten)) static real power_of(const scene *c, real *least, real *most)
 {
     const integer bonds = c->first[1];
     const real *restrict u = c->u, *restrict shared = c->shared;

@@ -52,9 +52,12 @@ class Change:
     ----------
     law : Law
         Its parameters, and then their rates, are those of the change.
+    moving : tuple of int, optional
+        Numbers of the parameters whose rates are not 0; by default all.
     """
 
     law: Law
+    moving: tuple[int, ...] | None = None
     split = False
     compiled = ("energy",)
 
@@ -67,7 +70,7 @@ class Change:
     def name(self) -> str:
         """What stands for it in other processes, if anything does."""
         name = getattr(self.law, "name", "")
-        return f"change of {name}" if name else ""
+        return f"change with {self.moving} of {name}" if name else ""
 
     def forms(self) -> tuple[Any, Any, Sequence[Any]]:
         """The change in CasADi, by automatic differentiation; see `codegen.Law.forms`."""
@@ -75,7 +78,9 @@ class Change:
 
         r, p, forms = self.law.forms()
         rates = ca.SX.sym("rates", p.numel())
-        changes = [ca.jtimes(form, p, rates) for form in forms]
+        moving = range(p.numel()) if self.moving is None else self.moving
+        along = ca.vertcat(*(rates[k] if k in moving else 0 for k in range(p.numel())))
+        changes = [ca.jtimes(form, p, along) for form in forms]
         return r, ca.vertcat(p, rates), changes
 
 
@@ -102,7 +107,8 @@ class Forcing:
     bond : ndarray, (bonds,)
         Dashpots in the bonds of a chain [N s/m]; all 0 elsewhere.
     tuning : object or None
-        Springs that change: `law`, and `at(t)`, `rates(t)`, `domain(t)`, rows for each of t.
+        Springs that change: `law`, the numbers of parameters that are `moving`, and `at(t)`,
+        `rates(t)`, `domain(t)`, rows for each of t.
     """
 
     bonds: Bonds
@@ -515,7 +521,7 @@ def bind(forcing: Forcing, u: Array, v: Array, method: Splitting, dt: float) -> 
     bonds = forcing.bonds
     laws, own = bonds.laws, bonds.own
     if forcing.tuning is not None:
-        laws, own = (laws[0], Change(laws[0])), (None, None)
+        laws, own = (laws[0], Change(laws[0], forcing.tuning.moving)), (None, None)
     loop = _loop(laws, own, bonds.dim)
     kind = BoundDriven if isinstance(loop, DrivenLoop) else BoundPlain
     return kind(loop, forcing, u, v, method, dt)

@@ -93,7 +93,10 @@ class March:
         scene, t_end = problem.scene, problem.t_end
         self._scene, self.dt = scene, t_end / steps if steps else 0.0
         if tuning is None and scene.tune:
-            tuning = Tuned(scene.spring_table.different[0], scene.tune, t_end)
+            known = scene.remembered.tuned
+            if t_end not in known:
+                known[t_end] = Tuned(scene.spring_table.different[0], scene.tune, t_end)
+            tuning = known[t_end]
         self.tuning = tuning
         self.forcing = forcing_of(scene, t_end, tuning)
         self._limit_damping()

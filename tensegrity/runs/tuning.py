@@ -30,7 +30,7 @@ from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.scene import State
 from tensegrity.springs.polynomial import Polynomial
 from tensegrity.springs.potential import Potential
-from tensegrity.springs.tuned import NO_END, InTime, finite_ends
+from tensegrity.springs.tuned import NO_END, STAYS, InTime, finite_ends
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -178,9 +178,9 @@ class _Springs(InTime):
         if any(s is not first and s != first for s in chain.spring_table.different):
             raise TensegrityError("the springs of the chain differ from spring_at(0)")
         self.law, self._length = first.law, first.length
-        self._series = self._fit()
-        self._rates: Any = np.polynomial.chebyshev.chebder(self._series)
-        self._scale = np.abs(self._series[:, :-2]).sum(axis=0).max(initial=0.0)
+        self.series = self._fit()
+        self._rates: Any = np.polynomial.chebyshev.chebder(self.series)
+        self._scale = np.abs(self.series[:, :-2]).sum(axis=0).max(initial=0.0)
 
     def spring(self, t: float) -> Potential:
         """The spring of an instant."""
@@ -204,6 +204,8 @@ class _Springs(InTime):
             values = self._sampled(between)
             gap = np.abs(chebyshev.chebval(between, series).T - values).max(axis=0)
             if np.all(gap <= MISFIT * scale):
+                stays = np.abs(series[1:]).max(axis=0) <= STAYS * np.abs(series[0])
+                series[1:, stays] = 0.0
                 return series
         raise ResolutionError(
             f"the springs change too abruptly for a series of degree {DEGREES[-1]} over "
@@ -234,7 +236,7 @@ class _Springs(InTime):
 
     def at(self, t: Array) -> Array:
         """Parameters of the law at instants t [s]; (t.size, parameters)."""
-        return self._values(self._series, t)[:, :-2]
+        return self._values(self.series, t)[:, :-2]
 
     def rates(self, t: Array) -> Array:
         """Their rates [1/s]; none of what does not change to round-off."""
@@ -244,4 +246,4 @@ class _Springs(InTime):
 
     def domain(self, t: Array) -> Array:
         """Lowest and highest elongation at instants t [m]; (t.size, 2)."""
-        return finite_ends(self._values(self._series, t)[:, -2:])
+        return finite_ends(self._values(self.series, t)[:, -2:])

@@ -91,11 +91,14 @@ class Remembered:
         most there [N/m], and the angular frequency that this bounds [rad/s].
     starts : dict of float to float
         Angular frequencies [rad/s] expected with energies [J] in one bond.
+    tuned : dict of float to Tuned
+        Springs that change, prepared for runs of some duration [s].
     """
 
     def __init__(self) -> None:
         self.ranges: list[tuple[Array, Array, float]] = []
         self.starts: dict[float, float] = {}
+        self.tuned: dict[float, Any] = {}
 
 
 def known_state(u: Array, v: Array) -> State:

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 SIZES = (5, 9, 17, 33, 65)  # nodes of the series in each argument
 MOST_NODES = 1100  # in all
 WIDER = 1e-3  # of the range of an argument, on either side
+STAYS = 1e-14  # of a parameter: a change that is round-off
 GOOD, MISFIT = 1e-13, 1e-11  # of the tension: where series end, and what is refused
 LOOKS = 2001  # instants at which the range of an argument is looked for
 HALVINGS = 50
@@ -97,6 +98,7 @@ class InTime:
     """
 
     law: Any
+    series: Array  # of parameters and ends of the domain in the last axis
     until: float = np.inf
     reason: TensegrityError | None = None
     if TYPE_CHECKING:
@@ -107,14 +109,19 @@ class InTime:
         def spring(self, t: float) -> Potential: ...
 
     @property
+    def moving(self) -> tuple[int, ...]:
+        """Numbers of the parameters that change."""
+        rows = np.abs(self.series.reshape(-1, self.series.shape[-1]))[:, :-2]
+        return tuple(np.flatnonzero(rows[1:].max(axis=0, initial=0.0) > 0).tolist())
+
+    @property
     def _alone(self) -> Any:
         return kernel((self.law,))
 
     def energies(self, t: Array, r: Array) -> Array:
         """Energies at elongations r (t.size, bonds) [m], each row at an instant; of its shape."""
-        p = np.repeat(self.at(t), r.shape[1], axis=0).T
-        flat = np.ascontiguousarray(r).reshape(-1)
-        return self._alone.evaluate(0, 0, np.ascontiguousarray(p), flat).reshape(r.shape)
+        rows = zip(self.at(t), np.ascontiguousarray(r), strict=True)
+        return np.array([self._alone.evaluate(0, 0, p, x) for p, x in rows]).reshape(r.shape)
 
     def stiffness(self, p: Array, r: Array) -> Array:
         """Stiffness at elongations r (n,) with parameters p (parameters, n) each [N/m]."""
@@ -142,8 +149,8 @@ class Tuned(InTime):
         self._given, self._signals, self._t_end = spring, dict(signals), t_end
         self._first = self._spring(self._arguments(np.array([0.0]), 0)[0])
         box = self._box()
-        self.law, self._series, self._low, self._half = self._fit(*box)
-        self._rates = [chebyshev.chebder(self._series, axis=k) for k in range(len(box[0]))]
+        self.law, self.series, self._low, self._half = self._fit(*box)
+        self._rates = [chebyshev.chebder(self.series, axis=k) for k in range(len(box[0]))]
 
     def _arguments(self, t: Array, order: int) -> Array:
         """Arguments or their rates at instants, (t.size, arguments)."""
@@ -216,8 +223,9 @@ class Tuned(InTime):
                     np.tensordot(np.linalg.inv(chebyshev.chebvander(x, n - 1)), series, (1, axis)),
                     0, axis,
                 )  # fmt: skip
-            size_of = np.abs(series).max(axis=tuple(range(len(sizes))))
-            series[np.abs(series) < 1e-16 * size_of] = 0.0
+            series = np.ascontiguousarray(series)
+            flat = series.reshape(-1, series.shape[-1])  # a view
+            flat[1:, np.abs(flat[1:]).max(axis=0, initial=0.0) <= STAYS * np.abs(flat[0])] = 0.0
             found = self._misfit(law, series, middle, half, moves)
             if found <= GOOD:
                 return law, series
@@ -268,11 +276,11 @@ class Tuned(InTime):
         x = (self._arguments(t, 0) - self._low) / self._half
         x = np.clip(x, -1.0, 1.0)
         if order == 0:
-            return _value(self._series, x)
+            return _value(self.series, x)
         rates = self._arguments(t, 1) / self._half
         return sum(
             (_value(one, x) * rates[:, [k]] for k, one in enumerate(self._rates)),
-            np.zeros((1, self._series.shape[-1])),
+            np.zeros((1, self.series.shape[-1])),
         )
 
     def at(self, t: Array) -> Array:
