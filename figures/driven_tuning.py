@@ -86,13 +86,19 @@ def draw(figure, tables):
     """Bands above, a tuned run below."""
     figure.set_size_inches(11, 9)
     above, below = figure.subfigures(2, 1)
+    highest = max(np.nanmax(tables[f"preload {x:g} N"]["cut-off"]) for x in PRELOADS)
     for ax, preload in zip(above.subplots(1, 3, sharey=True), PRELOADS, strict=True):
         x, low, high, top = tables[f"preload {preload:g} N"].values()
         ax.fill_between(x, 0, low, color="C0", alpha=0.25, label="acoustic band")
         ax.fill_between(x, low, high, color="0.85", label="gap")
         ax.fill_between(x, high, top, color="C3", alpha=0.25, label="optic band")
         ax.plot(x, top, "k-", lw=1, label="cut-off")
-        ax.set(xscale="log", xlabel="prestrain", title=f"preload {preload:g} N", ylim=(0, None))
+        ax.set(
+            xscale="log",
+            xlabel="prestrain",
+            title=f"preload {preload:g} N",
+            ylim=(0, 1.05 * highest),
+        )
         if not preload:
             ax.set_ylabel("frequency [rad/s]")
             ax.legend(fontsize=8, loc="upper left")

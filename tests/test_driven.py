@@ -99,7 +99,9 @@ def test_a_mass_on_a_shaken_base_follows_the_closed_form():
 
 
 @pytest.mark.parametrize("name", SCENES)
-@pytest.mark.parametrize("method", ["verlet", "rkn6", "processed6"])
+@pytest.mark.parametrize(
+    "method", ["rkn6", *(pytest.param(x, marks=pytest.mark.slow) for x in ("verlet", "processed6"))]
+)
 def test_methods_keep_their_order_in_motion_work_and_loss(name, method):
     scene, order = scene_of(name), METHODS[method].order
     state = scene.at_rest({5: 0.3})
