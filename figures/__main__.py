@@ -16,6 +16,7 @@ from figures import chosen
 
 OUTPUT = Path(__file__).parent / "output"
 PAGES = {
+    "composite": "The composite claim",
     "limits": "Limits of the methods",
     "protectors": "Protectors",
     "gradients": "Limits of gradients",

@@ -73,10 +73,11 @@ def test_engines_evaluate_the_same(order):
 
 
 @pytest.mark.needs_compiler
+@pytest.mark.parametrize("exponent", [3.0, 1.5])  # without roots and with
 @pytest.mark.parametrize("sites", [2, 3, 64, 65, 66, 129, 1000])
-def test_blocks_of_any_length(sites):
+def test_blocks_of_any_length(sites, exponent):
     """The compiled loop against the same steps in plain NumPy, around its block length."""
-    chain = Chain(PowerLaw(1.0, 3.0, preload=0.2), sites)
+    chain = Chain(PowerLaw(1.0, exponent, preload=0.2), sites)
     state = chain.at_rest({0: 0.1, sites - 1: -0.05})
     u, v, met = advanced(Compiled, chain, state, "verlet", 0.1, 5)
     x, y, low = state.u.copy(), state.v.copy(), np.inf

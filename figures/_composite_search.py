@@ -1,0 +1,407 @@
+"""Interfaces of prisms searched for both waves: `python -m figures._composite_search`.
+
+Genes are numbers from 0 to 1, for what `LIMITS` names.  Each seed draws interfaces evenly first,
+then moves a normal distribution (covariance matrix adaptation, `cmaes`) from the best of them.
+A coarse run, velocity Verlet with polynomials for the springs, several interfaces in the lanes of
+an `Ensemble`, tells what an interface is worth; `figures.composite` computes the best ones again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import math
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from figures import _composite
+from figures.__main__ import write_table
+from figures._composite import Interface
+from tensegrity import (
+    Ensemble,
+    Prism,
+    State,
+    TensegrityError,
+    sweep,
+)
+from tensegrity.engine.methods import METHODS
+from tensegrity.prisms.condensed import ElasticPotential
+from tensegrity.runs.loops import Loop
+from tensegrity.springs.polynomial import Polynomial, PolynomialLaw
+from tensegrity.springs.potential import Potential
+from tensegrity.waves.family import Family
+from tensegrity.waves.solitary import rough_wave
+
+FOLDER = Path(__file__).parent / "data"
+BEST, SCATTER, COUNTS = (FOLDER / f"composite_{x}.csv" for x in ("best", "search", "counts"))
+LIMITS = {  # lowest, highest, and whether even in the logarithm
+    "height near": (0.3, 1.5, False),
+    "prestrain near": (1e-3, 1.0, True),
+    "height far": (0.3, 1.5, False),
+    "prestrain far": (1e-4, 1.0, True),
+    "base far": (0.3, 3.0, True),
+    "k_cross far": (1e-3, 10.0, True),
+    "mass far": (0.1, 10.0, True),
+    "preload": (0.0, 0.2, False),
+    "crest": (0.05, 0.95, False),
+    "k_base near": (0.7, 100.0, True),
+    "k_bar near": (3.0, 300.0, True),
+    "k_base far": (0.7, 100.0, True),
+    "k_bar far": (3.0, 300.0, True),
+}
+"""Base 1 m and k_cross 1 N/m of the near prism, mass 1 kg of its sites; k_base and k_bar over the
+k_cross of their prism, inf where a kind has rigid ones; the preload over the smaller k_cross times
+base; the crest over the largest elongation of the near prism."""
+COMMON = list(LIMITS)[:9]
+KINDS = {  # which prisms have elastic bases and bars
+    "elastic to rigid": (True, False),
+    "elastic to elastic": (True, True),
+    "rigid to rigid": (False, False),
+}
+
+ROUNDS = 2  # in each of which seeds draw first
+SEEDS, DRAWN = 7, 704  # seeds of a round, and interfaces that each draws
+BEGUN, ADAPTED = 4, 160  # descents, from the best of different seeds, and interfaces of each
+POPULATION, PART = 16, 64  # interfaces that a descent, or a draw, computes at a time
+ORDER = (0, 1, 0, 1, 2, 1)  # kinds of the seeds, in turn
+SIGMA = 0.1  # of a gene, at the start of a descent
+LANES = 8
+BONDS = 300, 200  # of the near and the far chain
+TRAVEL = 70  # bonds that sound goes in the far chain
+LONGEST = 500.0  # ... or in the near one
+SHORTEST = 180.0
+ROWS = 12
+TIMED = 0.75  # of the near chain: as far as the reflected wave is followed
+STEP = 0.5  # of a step of Verlet, times the largest frequency
+DEGREE, FIT = 27, 1e-5  # of the polynomials; error
+STIFFEST = 0.8  # part of a domain, whose stiffness sets the step
+KEPT = (0.95, 0.8)  # of a domain that they cover, in turn
+FAINT = 1e-7  # share of energy that counts as nothing
+AHEAD, BEHIND = 0.1, 1e-5  # what energy before and behind a front counts that is no exact wave
+WORTHY = 1e-5  # share of energy ahead of sound for which exact waves are computed
+BARRED = -10.0  # worth of what is no interface, and less the farther from one
+COLUMNS = ("worth", "reflected", "compression 1", "compression 2")
+FOLLOWED = "followed"
+
+
+def names(kind):
+    """Names of the genes of a kind of interface."""
+    sides = [side for side, elastic in zip(("near", "far"), KINDS[kind], strict=True) if elastic]
+    return [*COMMON, *(f"{member} {side}" for side in sides for member in ("k_base", "k_bar"))]
+
+
+def values(kind, genes):
+    """Named numbers of a row of genes."""
+    named = dict.fromkeys(LIMITS, math.inf)
+    for gene, name in zip(genes, names(kind), strict=True):
+        low, high, logarithmic = LIMITS[name]
+        gene = min(max(float(gene), 0.0), 1.0)
+        named[name] = low * (high / low) ** gene if logarithmic else low + (high - low) * gene
+    return named
+
+
+def interface(named):
+    """The interface of named numbers."""
+    one = {key: named[key] for key in LIMITS}
+    k = one["k_cross far"]
+    load = one["preload"] * min(1.0, k * one["base far"])
+    springs = []
+    for side, base, stiff in (("near", 1.0, 1.0), ("far", one["base far"], k)):
+        prism = Prism(
+            base, one[f"height {side}"] * base, one[f"prestrain {side}"], stiff,
+            k_base=one[f"k_base {side}"] * stiff, k_bar=one[f"k_bar {side}"] * stiff,
+        )  # fmt: skip
+        springs.append(prism.potential(load))
+    crest = one["crest"] * springs[0].domain[1]
+    return Interface(*springs, (1.0, one["mass far"]), crest)
+
+
+def polynomial(spring):
+    """A polynomial of one degree for all elastic prisms, so that they run in lanes."""
+    if not isinstance(spring, ElasticPotential):
+        return spring
+    for part in KEPT:
+        low, high = (part * x for x in spring.domain)
+        with contextlib.suppress(TensegrityError):
+            fitted = Polynomial(spring, low, high, FIT)
+            if fitted.degree <= DEGREE:
+                padded = np.append(fitted.values, np.zeros(DEGREE - fitted.degree))
+                law = PolynomialLaw(DEGREE)
+                return Potential.from_law(
+                    law, padded, spring.length, (low, high), fitted.ends, repr(fitted)
+                )
+    raise TensegrityError(f"no polynomial of degree {DEGREE}")
+
+
+class Lane(NamedTuple):
+    """One interface on its way into an ensemble, its time scaled so that the run takes 1 s."""
+
+    number: int
+    interface: Interface
+    wave: object
+    met: float
+    stiffest: float  # largest frequency [rad] of a run
+
+
+class Worth(NamedTuple):
+    """What an interface is worth, and the shares of energy that say so."""
+
+    worth: float
+    reflected: float = 0.0
+    first: float = 0.0
+    second: float = 0.0
+    reason: str = ""
+
+
+def prepared(kind, number, genes):
+    """A `Lane`, or the `Worth` of what cannot be run."""
+    try:
+        real = interface(values(kind, genes))
+    except TensegrityError as error:
+        return Worth(2 * BARRED, reason=type(error).__name__)
+    (near, far), (z, z_far) = real.sounds, real.impedances
+    excess = max(math.log(far / near), 0) + max(math.log(z_far / z), 0)
+    excess += max(math.log(0.06 * near / far), 0)
+    if excess > 0:
+        return Worth(BARRED - min(excess, 9), reason="not from hard to soft")
+    try:
+        real = replace(real, near=polynomial(real.near), far=polynomial(real.far))
+    except TensegrityError as error:
+        return Worth(1.95 * BARRED, reason=type(error).__name__)
+    try:
+        wave = rough_wave(Family(real.near, 1), real.masses[0], real.crest)
+    except TensegrityError:
+        slope = float(real.near.stiffness_slope(0.0)) * real.crest / real.near.stiffness(0.0)
+        return Worth(BARRED - min(max(-slope, 0), 9), reason="no rarefaction wave")
+    duration = max(min(TRAVEL / far, LONGEST / near), SHORTEST / near)
+    met = (wave.reach(_composite.CUT) + 2) / wave.speed
+    whole = duration + met
+    scaled = Interface(
+        real.near, real.far, tuple(m / whole**2 for m in real.masses), real.crest
+    )  # fmt: skip
+    wave = replace(
+        wave, mass=scaled.masses[0], speed=wave.speed * whole, momentum=wave.momentum / whole,
+        sound_speed=wave.sound_speed * whole,
+    )  # fmt: skip
+    r = np.linspace(-STIFFEST, STIFFEST, 41)
+    top = 0.0
+    for spring, mass, reach in zip(
+        (real.near, real.far), scaled.masses, (2 * real.crest, math.inf), strict=True
+    ):
+        low, high = max(spring.domain[0], -reach), min(spring.domain[1], reach)
+        met_stiffness = spring.stiffness(np.where(r < 0, -low * r, high * r))
+        top = max(top, 4 * float(met_stiffness.max()) / mass)
+    return Lane(number, scaled, wave, met / whole, math.sqrt(top))
+
+
+def followed(lanes):
+    """{number: Worth} of up to `LANES` lanes, which run at once, also beyond where some lock."""
+    filled = [*lanes, *[lanes[0]] * (LANES - len(lanes))]
+    begun = [_composite.start(x.interface, x.wave, *BONDS) for x in filled]
+    scene = Ensemble([x.chain for x in begun])
+    state = State(*(np.stack([getattr(x.state, n) for x in begun], axis=1) for n in ("u", "v")))
+    steps = math.ceil(max(x.stiffest for x in filled) / STEP / ROWS)
+    loop = Loop(scene, *scene.arrays(state), METHODS["verlet"], 1 / (ROWS * steps), False)
+    alive, found, rows = np.ones(LANES, dtype=bool), {}, []
+    for row in range(ROWS):
+        loop.forget_range()
+        loop.advance(steps, row > 0)
+        rows.append(loop.look())
+        inside = _inside(scene, loop.range)
+        for k in np.flatnonzero(alive & ~inside):
+            worth = BARRED * (1 - row / ROWS) / 2
+            found[filled[k].number] = Worth(worth, reason="beyond the domain of a spring")
+        alive &= inside
+        if not alive.any():
+            return found
+    u, v = (np.array(x) for x in zip(*rows, strict=True))
+    t = np.arange(1, ROWS + 1) / ROWS
+    return found | {
+        x.number: judged(x, t, u[..., k], v[..., k]) for k, x in enumerate(lanes) if alive[k]
+    }
+
+
+def _inside(scene, ranges):
+    """Whether all bonds of each lane stayed where their springs are defined; (LANES,)."""
+    low, high = scene.spring_table.domains.T
+    good = (ranges[:, 0] > low) & (ranges[:, 1] < high)
+    return good[scene.spring_table.group].all(axis=0)
+
+
+def judged(lane, t, u, v):
+    """The worth of an interface, from the rows of its run."""
+    real, wave, before = lane.interface, lane.wave, BONDS[0]
+    t = t - lane.met
+    sounds = real.sounds
+    early = np.flatnonzero(t <= TIMED * before / wave.speed)[-1]
+    shares = []
+    for side, row, sign in ((0, early, 1), (1, -1, -1)):
+        r, _ = _composite.parts(np.diff(u[row]), v[row], before)[side]
+        spring, front = (real.near, real.far)[side], max(math.floor(sounds[side] * t[row]), 0)
+        energy = 2 * spring.energy(np.where(sign * r > 0, r, 0.0)) / wave.energy
+        shares.append(
+            AHEAD * energy[front + 1 :].sum() + BEHIND * energy[front // 2 : front + 1].sum()
+        )
+    if min(shares) < AHEAD * WORTHY:
+        return Worth(rank(*shares, 0.0))
+    found = []
+    for side, row, sign in ((0, early, 1), (1, -1, -1)):
+        r, speeds = _composite.parts(np.diff(u[row]), v[row], before)[side]
+        front = sounds[side] * t[row]
+        spring, mass = (real.near, real.far)[side], real.masses[side]
+        size = float((sign * r[math.floor(front) :]).max(initial=0.0))
+        exact = _rough(spring, mass, sign)
+        several = _composite.pulses(r, speeds, sign, exact, front, 0.1 * size, limit=1 + side)
+        found.append([quality(x.misfit) * x.energy / wave.energy for x in several])
+    first = max(found[0], default=0.0)
+    train = [*sorted(found[1], reverse=True), 0.0, 0.0]
+    worth = rank(max(first, shares[0]), max(train[0], shares[1]), train[1])
+    return Worth(worth, first, *train[:2])
+
+
+def _rough(spring, mass, sign):
+    try:
+        side = Family(spring, sign)
+    except TensegrityError as error:
+        reason = error
+
+        def none(crest):
+            raise reason
+
+        return none
+    return lambda crest: rough_wave(side, mass, abs(crest))
+
+
+def quality(misfit):
+    """1 for an exact wave within the definition, less beyond, nothing from five times that on."""
+    return min(1.0, max(0.0, (5 - misfit / _composite.MISFIT) / 4))
+
+
+def rank(reflected, first, second):
+    """Worth of three shares of energy: the least counts most."""
+    a, b, c = (math.log10(max(x, FAINT) / FAINT) for x in (reflected, first, second))
+    return min(a, b) + min(a, b, c) + 0.2 * (a + b + c)
+
+
+def worths(kind, rows):
+    """`Worth` of each row of genes."""
+    found = {k: prepared(kind, k, row) for k, row in enumerate(rows)}
+    lanes = sorted((x for x in found.values() if isinstance(x, Lane)), key=lambda x: x.stiffest)
+    for k in range(0, len(lanes), LANES):
+        found |= followed(lanes[k : k + LANES])
+    return [found[k] for k in range(len(rows))]
+
+
+def drawn(kind, rng):
+    """Genes drawn evenly, and their worths."""
+    genes = rng.random((DRAWN, len(names(kind))))
+    parts = (genes[k : k + PART] for k in range(0, DRAWN, PART))
+    return list(genes), [x for part in parts for x in worths(kind, part)]
+
+
+def adapted(kind, rng, start):
+    """Genes moved from a start by covariance matrix adaptation, and their worths."""
+    from cmaes import CMA
+
+    optimizer = CMA(
+        np.clip(start, 0.02, 0.98), SIGMA, np.tile([0.0, 1.0], (len(start), 1)),
+        seed=int(rng.integers(2**31)), population_size=POPULATION,
+    )  # fmt: skip
+    genes, found = [], []
+    for _ in range(ADAPTED // POPULATION):
+        rows = [optimizer.ask() for _ in range(POPULATION)]
+        several = worths(kind, rows)
+        optimizer.tell([(row, -x.worth) for row, x in zip(rows, several, strict=True)])
+        genes += rows
+        found += several
+    return genes, found
+
+
+def descent(case):
+    """All interfaces that one seed draws, of one kind, or computes on its way from given genes:
+    rows (*genes, *worth)."""
+    kind, seed, given = case
+    rng = np.random.default_rng(seed)
+    genes, found = adapted(kind, rng, np.array(given)) if given else drawn(kind, rng)
+    return [
+        (*map(float, row), *map(float, one[:4]), one.reason)
+        for row, one in zip(genes, found, strict=True)
+    ]
+
+
+def first_cases(number):
+    """(kind, seed, no genes) of the draws of a round."""
+    seeds = [number * (SEEDS + BEGUN) + k for k in range(SEEDS)]
+    return [(list(KINDS)[ORDER[seed % len(ORDER)]], seed, ()) for seed in seeds]
+
+
+def last_cases(cases, found):
+    """(kind, seed, genes) of the descents of a round, each from the best of another seed."""
+    best = [max(rows, key=lambda row: row[-5]) for rows in found]
+    order = sorted(range(len(best)), key=lambda k: -best[k][-5])[:BEGUN]
+    seed = cases[-1][1] + 1
+    return [(cases[k][0], seed + j, best[k][:-5]) for j, k in enumerate(order)]
+
+
+def searched(executor=None, checkpoint=None):
+    """Cases and what each computed; files beside the checkpoint keep what was done."""
+    cases, found = [], []
+    for number in range(ROUNDS):
+        files = [None if checkpoint is None else f"{checkpoint}.{number}.{k}" for k in (1, 2)]
+        first = first_cases(number)
+        drawn_ones = sweep(descent, first, executor, files[0])
+        last = last_cases(first, drawn_ones)
+        cases += first + last
+        found += drawn_ones + sweep(descent, last, executor, files[1])
+    return cases, found
+
+
+def write(folder, cases, found):
+    """Three tables: the best of each descent with all numbers, shares of energy of all that were
+    followed, and how many were not, and why."""
+    followed, best, counts = [], [], {}
+    for (kind, seed, _), rows in zip(cases, found, strict=True):
+        top = max(rows, key=lambda row: row[-5])
+        named = values(kind, top[:-5])
+        best.append(
+            {"kind": kind, "seed": seed} | dict(zip(COLUMNS, top[-5:-1], strict=True)) | named
+        )
+        for row in rows:
+            reason = row[-1] or FOLLOWED
+            counts[kind, seed, reason] = counts.get((kind, seed, reason), 0) + 1
+            if reason == FOLLOWED:
+                shares = (f"{x:.3g}" for x in row[-4:-1])
+                followed.append(
+                    {"kind": kind, "seed": seed} | dict(zip(COLUMNS[1:], shares, strict=True))
+                )
+    best.sort(key=lambda row: -row["worth"])
+    tally = [
+        {"kind": kind, "seed": seed, "reason": reason, "count": count}
+        for (kind, seed, reason), count in sorted(counts.items())
+    ]
+    for path, rows in zip((BEST, SCATTER, COUNTS), (best, followed, tally), strict=True):
+        columns = {key: [row[key] for row in rows] for key in rows[0]}
+        write_table(folder / path.name, columns)
+
+
+def main(arguments=None):
+    """Entry point; returns the exit code."""
+    parser = argparse.ArgumentParser(
+        prog="python -m figures._composite_search", description=__doc__.splitlines()[0]
+    )
+    parser.add_argument("--output", type=Path, default=FOLDER, help="CSV of what was found")
+    parser.add_argument("--checkpoint", type=Path, help="file to go on from")
+    parser.add_argument("--processes", type=int, default=2)
+    options = parser.parse_args(arguments)
+    with ProcessPoolExecutor(options.processes) as pool:
+        write(options.output, *searched(pool, options.checkpoint))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,393 @@
+"""A solitary rarefaction wave at an interface of prisms: is there a reflected one, and a train."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import math
+
+import numpy as np
+
+from figures import _composite, _measure
+from figures._composite import Interface
+from figures._composite_search import (
+    BEST,
+    COLUMNS,
+    COUNTS,
+    FAINT,
+    FOLLOWED,
+    KINDS,
+    LIMITS,
+    SCATTER,
+    interface,
+)
+from tensegrity import Potential, solitary_wave
+
+NAME = "composite"
+GROUP = "composite"
+
+CLAIM = (
+    "a reflected solitary rarefaction wave with oscillatory tail in the acoustically hard branch; "
+    "and a delayed train of transmitted compression solitary pulses in the acoustically soft branch"
+)
+VERIFIED = 1  # of the best, each of another seed, that are computed again
+TRAVEL = 100  # bonds that sound goes in the far chain
+LEAST_TRAVEL = 200  # ... and in the near one
+LONGEST = 3000  # ... at most
+CUBIC = (1.0, 1.0, 0.36), (0.010237, -1.149207, 1.542135), 1.388055, 1.6  # laws, mass, c/cs
+CUBIC_TIME = 700.0  # s
+
+
+def rows_of(path):
+    """Rows of a CSV, {column: text}."""
+    with open(path, newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def best():
+    """[(kind, seed, named numbers)] of the best interface of each seed, in the order of the lesser
+    energy of its two waves."""
+    rows = sorted(rows_of(BEST), key=lambda row: -min(float(row[key]) for key in COLUMNS[1:3]))
+    return [
+        (row["kind"], int(row["seed"]), {name: float(row[name]) for name in LIMITS}) for row in rows
+    ]
+
+
+def duration(real):
+    """How long an interface is followed [s]."""
+    near, far = real.sounds
+    return min(max(TRAVEL / far, LEAST_TRAVEL / near), LONGEST / near)
+
+
+def verified(named):
+    """`_composite.Outcome` of named numbers, from scratch."""
+    real = _composite.fitted(interface(named))
+    return real, _composite.outcome(real, duration(real), 2 * TRAVEL)
+
+
+def cubic():
+    """Interface of two springs with cubic forces that does one and nearly the other."""
+    import sympy as sp
+
+    r, k, a, b = sp.symbols("r k a b")
+    law = k * (r**2 / 2 + a * r**3 / 3 + b * r**4 / 4)
+    near, far = (
+        Potential(law, r, dict(zip((k, a, b), numbers, strict=True))) for numbers in CUBIC[:2]
+    )
+    return Interface(
+        near, far, (1.0, CUBIC[2]), solitary_wave(near, speed_ratio=CUBIC[3]).amplitude
+    )
+
+
+def numbers(real, one):
+    """What is said of one incidence."""
+    back, train = one.verdict
+    near, far, pushed = one.momenta()
+    sounds, z = real.sounds, real.impedances
+    return {
+        "reflected solitary rarefactions": back,
+        "transmitted solitary compressions": train,
+        "incident speed over sound": one.incident.speed_ratio,
+        "incident crest [m]": one.incident.amplitude,
+        "impedance far over near": z[1] / z[0],
+        "sound far over near": sounds[1] / sounds[0],
+        "momentum of the near chain": near,
+        "momentum of the far chain": far,
+        "momentum of the compressions": pushed,
+        "momentum error": abs(near + far - 1),
+        "time [s]": one.run.t[-1] - one.begun.met,
+        "step [s]": one.run.dt,
+        "energy error": one.run.energy_error,
+        "largest change of a crest at half the step": one.moved,
+        "at an end, over the crest": one.fine.ends,
+    }
+
+
+def pulse_table(one):
+    """Pulses ahead of sound, one in a row."""
+    columns = {}
+    energy = one.incident.energy
+    for name, several in zip(("back", "on", "train"), one.fine[:3], strict=True):
+        for found in several:
+            row = {"where": name, **dict(zip(type(found).__annotations__, found, strict=True))}
+            row["energy"] /= energy
+            row["momentum"] /= abs(one.incident.momentum)
+            row["solitary"] = found.is_solitary(energy)
+            for key, value in row.items():
+                columns.setdefault(key, []).append(value)
+    return columns
+
+
+def profile(real, one, name, number):
+    """A pulse of the last instant, and the exact wave of its crest, where that is."""
+    side = int(name == "train")
+    found = (one.fine.back, one.fine.train)[side][number]
+    r = np.diff(one.run.final.u)
+    part = _composite.parts(r, one.run.final.v, one.begun.before)[side][0]
+    spring, mass = (real.near, real.far)[side], real.masses[side]
+    wave = solitary_wave(spring, mass, amplitude=found.crest)
+    bonds = np.arange(
+        max(math.floor(found.place - found.width), 0), math.ceil(found.place + found.width) + 1
+    )
+    x = np.linspace(bonds[0], bonds[-1], 200)
+    return {
+        "bond": bonds, "elongation": part[bonds], "x": x,
+        "exact": wave.elongation(x - found.place),
+    }  # fmt: skip
+
+
+def data():
+    """Verdicts, pulses, profiles and the density of the best; control and search."""
+    tables = {}
+    control = cubic()
+    cases = [("cubic laws", control, _composite.outcome(control, CUBIC_TIME, 2 * TRAVEL))]
+    for kind, seed, named in best()[:VERIFIED]:
+        cases.append((f"prisms, {kind}, seed {seed}", *verified(named)))
+    chief = max(cases[1:], key=lambda case: (case[2].does_both, min(case[2].verdict)))[0]
+    for name, real, one in cases:
+        tables[name] = {"quantity": list(n := numbers(real, one)), "value": list(n.values())}
+        tables[f"{name} pulses"] = pulse_table(one)
+        if name == chief:
+            tables["density"] = _measure.density(one.run)
+            tables["interface"] = {"site": [one.begun.before]}
+            for where, several in (("back", one.fine.back), ("train", one.fine.train)):
+                for k, _ in zip(range(2), several, strict=False):
+                    if several[k].width > 0:
+                        tables[f"profile {where} {k}"] = profile(real, one, where, k)
+    tables["best"] = columns_of(rows_of(BEST))
+    tables["search"] = columns_of(rows_of(SCATTER))
+    tables["counts"] = columns_of(rows_of(COUNTS))
+    return tables
+
+
+def columns_of(rows):
+    """Rows as columns, numbers where they are."""
+    columns = {}
+    for row in rows:
+        for key, value in row.items():
+            with contextlib.suppress(ValueError):
+                value = float(value)
+            columns.setdefault(key, []).append(value)
+    return columns
+
+
+def draw(figure, tables):
+    """The best in space and time, its pulses on exact waves, the search, momenta."""
+    figure.set_size_inches(17, 14)
+    axes = figure.subplot_mosaic(
+        [["density", "density", "search", "search"], ["p0", "p1", "p2", "p3"],
+         ["momentum"] * 4],
+        height_ratios=[1.2, 0.8, 1.1],
+    )  # fmt: skip
+    before = tables["interface"]["site"][0]
+    _measure.draw_density(axes["density"], tables["density"], "the best interface of prisms")
+    axes["density"].axvline(before, color="w", lw=0.8, ls=":")
+    profiles = [name for name in tables if name.startswith("profile")]
+    for k in range(4):
+        ax = axes[f"p{k}"]
+        if k >= len(profiles):
+            ax.axis("off")
+            continue
+        one = tables[profiles[k]]
+        ax.plot(one["x"], one["exact"], "C1", lw=1.2)
+        ax.plot(one["bond"], one["elongation"], "C0o", ms=4)
+        ax.set(xlabel="bonds from the interface", ylabel="elongation [m]")
+        where = WHERE[profiles[k].split()[1]]
+        ax.set_title(f"{where}\ndots: run, line: exact wave of its crest", fontsize=9)
+    _draw_search(axes["search"], tables["search"])
+    _draw_momenta(axes["momentum"], tables)
+
+
+WHERE = {
+    "back": "reflected rarefaction",
+    "on": "transmitted rarefaction",
+    "train": "transmitted compression",
+}
+
+
+def _draw_search(ax, found):
+    kinds = np.array(found["kind"])
+    reflected, second = (np.array(found[key], dtype=float) for key in ("reflected", COLUMNS[3]))
+    least = FAINT
+    for k, kind in enumerate(KINDS):
+        mine = kinds == kind
+        ax.scatter(
+            np.maximum(reflected[mine], least), np.maximum(second[mine], least), 9, f"C{k}",
+            alpha=0.5, label=f"{kind}, {mine.sum()} followed", edgecolors="none",
+        )  # fmt: skip
+    for line in (ax.axhline, ax.axvline):
+        line(_composite.LEAST, color="0.4", lw=0.8, ls=":")
+    ax.set(
+        xscale="log", yscale="log", xlim=(least / 2, 1.5), ylim=(least / 2, 1.5),
+        xlabel="energy of the reflected solitary rarefaction / incident",
+        ylabel="energy of the second solitary compression / incident",
+    )  # fmt: skip
+    ax.set_title("search (both above the dotted lines: the claim); at the edge: none", fontsize=10)
+    ax.legend(fontsize=8, loc="upper left", frameon=True)
+
+
+def _draw_momenta(ax, tables):
+    names = [name for name in tables if f"{name} pulses" in tables]
+    for k, name in enumerate(names):
+        value = quantities(tables[name])
+        parts = (
+            ("near chain", value["momentum of the near chain"], "C0"),
+            ("far chain", value["momentum of the far chain"], "C1"),
+            ("its solitary compressions", value["momentum of the compressions"], "C3"),
+        )
+        for j, (label, share, colour) in enumerate(parts):
+            ax.barh(k + 0.25 * (1 - j), share, 0.22, color=colour, label=None if k else label)
+    ax.axvline(1, color="0.4", lw=0.8, ls=":")
+    ax.axvline(0, color="0.4", lw=0.8)
+    ax.set_yticks(range(len(names)), [name.replace(", seed", ",\nseed") for name in names])
+    ax.set(xlabel="momentum at last / incident (tension: the sign of the incident one)")
+    ax.set_title("who holds the momentum", fontsize=10)
+    ax.legend(fontsize=8, loc="lower right", frameon=True)
+
+
+def quantities(table):
+    """{quantity: number} of a table."""
+    return dict(zip(table["quantity"], table["value"], strict=True))
+
+
+def cases_of(tables):
+    """Names of what was computed again."""
+    return [name for name in tables if f"{name} pulses" in tables]
+
+
+def pulses_in_words(table, where):
+    """The solitary pulses of one kind."""
+    rows = [dict(zip(table, row, strict=True)) for row in zip(*table.values(), strict=True)]
+    mine = [row for row in rows if row["where"] == where and row["solitary"]]
+    return (
+        "; ".join(
+            f"crest {row['crest']:.4g} m, {row['ratio']:.4f} times sound, misfit "
+            f"{100 * row['misfit']:.2g} %, energy {row['energy']:.2g}, {row['ahead']:.0f} sites "
+            "ahead of sound"
+            for row in mine
+        )
+        or "none"
+    )
+
+
+def table(tables):
+    """A row for each incidence."""
+    rows = []
+    for name in cases_of(tables):
+        value, pulses = quantities(tables[name]), tables[f"{name} pulses"]
+        rows.append(
+            {
+                "what": name,
+                "reflected solitary rarefactions": pulses_in_words(pulses, "back"),
+                "transmitted solitary compressions": pulses_in_words(pulses, "train"),
+                "momentum near, far, compressions": ", ".join(
+                    f"{value[f'momentum of the {part}']:+.5f}"
+                    for part in ("near chain", "far chain", "compressions")
+                ),
+                "at half the step": f"crests move by {value[CHANGE]:.1g}",
+            }
+        )
+    return rows
+
+
+CHANGE = "largest change of a crest at half the step"
+
+
+def searched(tables):
+    """Interfaces computed, and how many showed one wave, the other, or both."""
+    found, least = tables["search"], _composite.LEAST
+    back = np.array(found["reflected"], dtype=float) >= least
+    one, two = (np.array(found[key], dtype=float) >= least for key in COLUMNS[2:4])
+    return {
+        "interfaces": int(np.sum(tables["counts"]["count"])),
+        "followed": len(back),
+        "a reflected solitary rarefaction": int(back.sum()),
+        "a transmitted solitary compression": int(one.sum()),
+        "two of them": int(two.sum()),
+        "a reflected one and one transmitted": int((back & one).sum()),
+        "a reflected one and two transmitted": int((back & two).sum()),
+    }
+
+
+def text(tables):
+    """Definition, space, verdict, numbers and reason."""
+    names = cases_of(tables)
+    both = [
+        name for name in names[1:]
+        if quantities(tables[name])["reflected solitary rarefactions"] >= 1
+        and quantities(tables[name])["transmitted solitary compressions"] >= _composite.TRAIN
+    ]  # fmt: skip
+    verdict = (
+        f"**Verdict: reproduced with prisms, in {len(both)} of {len(names) - 1} interfaces "
+        "computed again from scratch.**" if both else
+        "**Verdict: not reproduced in one interface of prisms; below are the nearest ones.**"
+    )  # fmt: skip
+    lines = [
+        f"The talk: \"{CLAIM}\".", "", verdict, "",
+        f"A pulse counts as solitary where the exact wave of its crest differs by at most "
+        f"{_composite.MISFIT:.0%} of the largest in elongation and in velocity, over the width "
+        f"of the wave at {_composite.LEVEL:.0%}; its crest is ahead of the acoustic front that "
+        f"left the interface as the incident crest met it; and it carries at least "
+        f"{_composite.LEAST:g} of the incident energy.  No end was reached (elongations there "
+        f"below {_composite.QUIET:g} of the incident crest), and half the step says the same.  "
+        f"{_composite.TRAIN} compressions make a train.", "",
+        "Search: seeds draw interfaces evenly; the last ones go on by covariance matrix "
+        "adaptation, from the best of different seeds; from acoustically hard to soft.  "
+        + _seeds_in_words(tables["counts"]), "",
+        "| gene | from | to | even in |", "|---|---|---|---|",
+        *(f"| {name} | {low:g} | {high:g} | {'its logarithm' if log else 'itself'} |"
+          for name, (low, high, log) in LIMITS.items()), "",
+        "Energies of the search are of short coarse runs, in which slower pulses have not parted "
+        "yet: what is computed again may show more.", "",
+        "| of the interfaces | |", "|---|---|",
+        *(f"| {name} | {count:,} |" for name, count in searched(tables).items()), "",
+        "| why others were not followed | |", "|---|---|",
+        *(f"| {reason} | {count:,} |"
+          for reason, count in totals(tables["counts"], "reason").items()
+          if reason != FOLLOWED), "",
+        "| | reflected solitary rarefactions | transmitted solitary compressions | momentum of "
+        "the near chain, the far one, its solitary compressions | at half the step |",
+        "|---|---|---|---|---|",
+        *("| " + " | ".join(row.values()) + " |" for row in table(tables)), "",
+        *_genes_in_words(names[1:]),
+        *_reason(tables, names[1:]),
+    ]  # fmt: skip
+    return "\n".join(lines)
+
+
+def totals(counts, key):
+    """Interfaces computed, by what a column says."""
+    found = {}
+    for name, count in zip(counts[key], counts["count"], strict=True):
+        found[name] = found.get(name, 0) + int(count)
+    return found
+
+
+def _seeds_in_words(counts):
+    kinds = dict(zip(counts["seed"], counts["kind"], strict=True))
+    each = totals(counts, "seed")
+    return "; ".join(f"seed {int(k)}: {each[k]:,} ({kinds[k]})" for k in sorted(each)) + "."
+
+
+def _genes_in_words(names):
+    """Parameters of what was computed again."""
+    found = [named for _, _, named in best()]
+    rows = [f"| {gene} | " + " | ".join(f"{found[k][gene]:.6g}" for k in range(len(names))) + " |"
+            for gene in LIMITS]  # fmt: skip
+    return ["| | " + " | ".join(names) + " |", "|---" * (len(names) + 1) + "|", *rows, ""]
+
+
+def _reason(tables, names):
+    lines = ["Momentum is conserved: near + far = incident (to "
+             f"{max(quantities(tables[n])['momentum error'] for n in names):.0e}).  A rarefaction "
+             "that goes back alone would ask for a far chain that holds more than the incident "
+             "momentum, all of it tension; compression pulses push, so each is paid, in the far "
+             "chain by more tension or in the near one by the compression that follows the "
+             "reflected rarefaction."]  # fmt: skip
+    for name in names:
+        value = quantities(tables[name])
+        lines.append(
+            f"{name}: the far chain holds {value['momentum of the far chain']:.4f} of the incident "
+            f"momentum; its solitary compressions {value['momentum of the compressions']:+.2g}."
+        )
+    return lines
