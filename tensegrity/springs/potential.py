@@ -154,6 +154,8 @@ class Potential:
         TensegrityError
             It has no such argument, or not with that value.
         """
+        if not isinstance(values, Mapping):
+            raise TensegrityError(f"values {check.shown(values)} must be a dict of numbers")
         known = VARIED if self.made_of else tuple(self.parameters)
         unknown = [name for name in values if name not in known]
         if unknown:
