@@ -8,7 +8,7 @@ Source: seeds/000, part II, "Discrete element modeling" (the potentials W_i).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence, Sized
+from collections.abc import Iterable, Mapping, Sequence, Sized
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from granular.contact import Contact, ContactLaw
+    from tensegrity import Damping, Drive
     from tensegrity.typing import Array
 
 PER_BEAD = 2000  # bytes: each contact is a spring of its own
@@ -57,6 +58,8 @@ class BeadChain(Crystal, Chain):
         end: Material | None,
         law: ContactLaw,
         start_wall: Material | None = None,
+        drive: Mapping[int, Drive] | None = None,
+        damping: Damping | None = None,
     ) -> None:
         self._made_of: dict[str, Any] = {
             "beads": beads, "striker": striker, "loads": loads, "end": end,
@@ -87,7 +90,7 @@ class BeadChain(Crystal, Chain):
         ]
         masses = [x.mass if isinstance(x, Bead) else WALL_MASS for x in bodies]
         ends = tuple("fixed" if wall else "free" for wall in walls)
-        super().__init__(springs, sites, masses, ends)  # type: ignore[arg-type]
+        super().__init__(springs, sites, masses, ends, drive=drive, damping=damping)  # type: ignore[arg-type]
 
     def beads_by_site(self) -> dict[int, Bead]:
         """The bead of each site that is one."""
@@ -236,6 +239,8 @@ def chain(
     start_wall: Material | None = None,
     end: Material | None = None,
     law: ContactLaw = hertz,
+    drive: Mapping[int, Drive] | None = None,
+    damping: Damping | None = None,
 ) -> BeadChain:
     """A straight chain of touching beads.
 
@@ -257,6 +262,10 @@ def chain(
         loads, held back by a constant force.
     law : callable (Bead, Bead or Material) -> Contact, optional
         `hertz`, or `power(constant, exponent)`.
+    drive : dict of int to Drive, optional
+        {site: Drive}: motions that are prescribed, and forces that depend on time.
+    damping : Damping, optional
+        Dashpots in the contacts, which resist while they are open too, and to the ground.
 
     Returns
     -------
@@ -288,7 +297,8 @@ def chain(
         )
     weights = [gravity * bead.mass for bead in ((striker.bead,) if striker else ()) + beads]
     weights[1 if striker else 0] += preload
-    return BeadChain(beads, striker, weights, end, checked_law(law), start_wall)
+    law = checked_law(law)
+    return BeadChain(beads, striker, weights, end, law, start_wall, drive, damping)
 
 
 def _beads(beads: Sequence[Bead]) -> tuple[Bead, ...]:

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from granular.contact import ContactLaw
     from granular.layout import Piece
     from granular.statics import Equilibrium
+    from tensegrity import Damping, Drive
     from tensegrity.typing import Array, Indices
 
 
@@ -76,6 +77,8 @@ class Guide(Assembly):
         law: ContactLaw = hertz,
         gravity: float = 0.0,
         preload: float = 0.0,
+        drive: Mapping[int, Drive] | None = None,
+        damping: Damping | None = None,
     ) -> None:
         check.kind("layout", layout, Layout)
         sides = len(layout.walls)
@@ -134,6 +137,8 @@ class Guide(Assembly):
             wall_gaps=layout.wall_gaps(),
             radius=None if layout.blind else [bead.radius for bead in self.beads],
             loads=_loads(self.beads, first, gravity, preload),
+            drive=drive,
+            damping=damping,
         )
         self._contacts = springs.contacts
         if striker is None and loaded:
@@ -229,6 +234,8 @@ def y_guide(
     law: ContactLaw = hertz,
     gravity: float = 0.0,
     preload: float = 0.0,
+    drive: Mapping[int, Drive] | None = None,
+    damping: Damping | None = None,
 ) -> Guide:
     """The first half of the guide of seeds/001: a stem that splits into two branches.
 
@@ -259,6 +266,10 @@ def y_guide(
         equilibrium then; it needs an `end`.
     preload : float, optional
         Constant force on the first bead of stem 1 along it [N], >= 0; likewise.
+    drive : dict of int to Drive, optional
+        {site: Drive}: motions that are prescribed, and forces that depend on time.
+    damping : Damping, optional
+        Dashpots to the ground.
 
     Returns
     -------
@@ -274,7 +285,7 @@ def y_guide(
     """
     layout = y_layout(stem, branch, half_angle, _diameter(bead), gap, through)
     filling = _filling(bead, branches)
-    return Guide(layout, filling, wall, striker, end, law, gravity, preload)
+    return Guide(layout, filling, wall, striker, end, law, gravity, preload, drive, damping)
 
 
 def diamond_guide(
@@ -292,6 +303,8 @@ def diamond_guide(
     law: ContactLaw = hertz,
     gravity: float = 0.0,
     preload: float = 0.0,
+    drive: Mapping[int, Drive] | None = None,
+    damping: Damping | None = None,
 ) -> Guide:
     """The full guide of seeds/001: the branches meet again in a second stem.
 
@@ -301,7 +314,7 @@ def diamond_guide(
     """
     layout = diamond_layout(stem, branch, half_angle, _diameter(bead), gap, through)
     beads = {**_filling(bead, branches), "stem 2": bead}
-    return Guide(layout, beads, wall, striker, end, law, gravity, preload)
+    return Guide(layout, beads, wall, striker, end, law, gravity, preload, drive, damping)
 
 
 def _diameter(bead: Bead) -> float:

@@ -29,14 +29,16 @@ def keep_scenes() -> None:
         register(kind, _fields)
     for kind in (BeadChain, Guide):
         register(kind, _scene, _again(kind))
-    register(Pack, lambda scene: dict(scene._made_of))
+    register(Pack, lambda scene: None if scene.is_driven else dict(scene._made_of))
 
 
 def _fields(x: Any) -> dict[str, Any]:
     return {field.name: getattr(x, field.name) for field in fields(x)}
 
 
-def _scene(x: Any) -> dict[str, Any]:
+def _scene(x: Any) -> dict[str, Any] | None:
+    if x.is_driven:
+        return None  # by functions of time, which no file holds
     return {**x._made_of, "contacts": x._contacts}
 
 

@@ -14,6 +14,7 @@ from granular.beads import volume
 from granular.chain import BeadChain
 from granular.contact import hertz
 from tensegrity import PowerLaw, State, TensegrityError, check
+from tensegrity.scenes.forcing import refuse
 
 if TYPE_CHECKING:
     from typing import Any
@@ -189,6 +190,7 @@ def laid(scene: Any, state: State) -> Laid:
         raise TensegrityError(
             f"scene {check.shown(scene)} is not a chain, a guide or a pack of beads"
         )
+    refuse(scene, "a hand-off to LAMMPS")
     scene.check(state)
     by_site = scene.beads_by_site()
     sites = list(by_site)

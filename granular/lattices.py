@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from tensegrity import Damping, Drive
     from tensegrity.typing import Array
 
     Plane = tuple[tuple[float, ...], tuple[float, ...]]  # a point and a normal
@@ -40,6 +41,8 @@ def fcc_pack(
     contacts: str | None = None,
     gravity: float = 0.0,
     preload: float = 0.0,
+    drive: Mapping[int, Drive] | None = None,
+    damping: Damping | None = None,
 ) -> Pack:
     """Layers of side x side touching beads, the (001) planes of a face-centred cubic lattice.
 
@@ -70,6 +73,10 @@ def fcc_pack(
         [m/s^2], >= 0, downward.  The state at the start is the static equilibrium then.
     preload : float, optional
         Constant force on each bead of the top layer, downward [N], >= 0; likewise.
+    drive : dict of int to Drive, optional
+        {site: Drive}, with fixed contacts.
+    damping : Damping, optional
+        Dashpots to the ground, likewise.
 
     Returns
     -------
@@ -105,7 +112,9 @@ def fcc_pack(
     approach = _approach(striker, places[hit], beads[hit], (0, 0, 1), (0, 0, -1), 0.0)
     pressed = _pressed(preload, parts[f"layer {layers}"], 3)
     kind = _kind(contacts, 0.0)
-    return Pack(places, beads, walls, kind, parts, striker, approach, gravity, pressed)
+    return Pack(
+        places, beads, walls, kind, parts, striker, approach, gravity, pressed, drive, damping
+    )
 
 
 def hexagonal_pack(
@@ -123,6 +132,8 @@ def hexagonal_pack(
     contacts: str | None = None,
     gravity: float = 0.0,
     preload: float = 0.0,
+    drive: Mapping[int, Drive] | None = None,
+    damping: Damping | None = None,
 ) -> Pack:
     """Rows of touching beads in the plane, each bead between two of the next row.
 
@@ -196,7 +207,9 @@ def hexagonal_pack(
     approach = _approach(striker, places[hit], beads[hit], offset, direction, gap)
     pressed = _pressed(preload, parts["row 1"], 2)
     kind = _kind(contacts, gap)
-    return Pack(places, beads, walls, kind, parts, striker, approach, gravity, pressed)
+    return Pack(
+        places, beads, walls, kind, parts, striker, approach, gravity, pressed, drive, damping
+    )
 
 
 def _kind(contacts: str | None, gap: float) -> str:

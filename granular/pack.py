@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from granular.statics import Equilibrium
+    from tensegrity import Damping, Drive
     from tensegrity.typing import Array, Indices
 
     Walls = Mapping[str, tuple[Wall, Material]]
@@ -83,6 +84,8 @@ class Pack(Assembly):
         approach: tuple[ArrayLike, ArrayLike] | None = None,
         gravity: float = 0.0,
         preload: Mapping[int, ArrayLike] | None = None,
+        drive: Mapping[int, Drive] | None = None,
+        damping: Damping | None = None,
     ) -> None:
         places = check.floats("places", places)
         if places.ndim != 2 or places.shape[1] not in (1, 2, 3) or not len(places):
@@ -135,6 +138,8 @@ class Pack(Assembly):
             loads=loads,
             contacts=contacts,
             law=followed,
+            drive=drive,
+            damping=damping,
         )
         if striker is None and loads.any():
             found = settle(self)
@@ -284,6 +289,8 @@ def pack(
     *,
     gravity: float = 0.0,
     preload: Mapping[int, ArrayLike] | None = None,
+    drive: Mapping[int, Drive] | None = None,
+    damping: Damping | None = None,
 ) -> Pack:
     """Beads at any places, on a line, in the plane or in space.
 
@@ -306,6 +313,11 @@ def pack(
         equilibrium, `equilibrium`; beads that find none near their places are an error.
     preload : dict of int to array_like (dim,), optional
         Constant force [N] on these beads, {site: force}; as gravity.
+    drive : dict of int to Drive, optional
+        {site: Drive}: motions that are prescribed, and forces that depend on time; with "fixed"
+        contacts.
+    damping : Damping, optional
+        Dashpots to the ground; likewise.
 
     Returns
     -------
@@ -320,7 +332,10 @@ def pack(
     EquilibriumError
         A bead that finds no rest under the loads within a tenth of its radius.
     """
-    return Pack(places, beads, walls, contacts, gravity=gravity, preload=preload)
+    return Pack(
+        places, beads, walls, contacts, gravity=gravity, preload=preload, drive=drive,
+        damping=damping,
+    )  # fmt: skip
 
 
 def per_place(beads: Bead | Sequence[Bead], count: int) -> tuple[Bead, ...]:

@@ -27,6 +27,7 @@ from tensegrity.runs.run import Run
 from tensegrity.runs.sweep import sweep
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.ensemble import Ensemble
+from tensegrity.scenes.forcing import Damping, Drive
 from tensegrity.scenes.network import Network
 from tensegrity.scenes.scene import State
 from tensegrity.scenes.walls import Wall
@@ -37,15 +38,19 @@ from tensegrity.structures.structure import Structure, equilibrium
 from tensegrity.structures.supports import held, plates
 from tensegrity.waves.prediction import Prediction, predict
 from tensegrity.waves.solitary import SolitaryWave, solitary_wave
+from tensegrity.waves.spectrum import Modes, dispersion, modes
 
 __all__ = [
     "Chain",
     "ContactError",
+    "Damping",
+    "Drive",
     "Ensemble",
     "EquilibriumError",
     "EquilibriumPath",
     "Lens",
     "LockingError",
+    "Modes",
     "Network",
     "NoLocking",
     "Polynomial",
@@ -68,6 +73,7 @@ __all__ = [
     "bar_contact",
     "column",
     "control_path",
+    "dispersion",
     "equilibrium",
     "equilibrium_path",
     "equilibrium_paths",
@@ -75,6 +81,7 @@ __all__ = [
     "gradient",
     "held",
     "member_stiffness",
+    "modes",
     "objective",
     "plates",
     "predict",

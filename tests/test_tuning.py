@@ -233,3 +233,91 @@ def test_energy_error_is_no_less_than_zero_for_a_negative_energy():
     gap = np.abs(run.energy - run.work - run.energy[0]).max()
     assert run.energy_error == pytest.approx(gap / -run.energy[0])
     assert gap > 0
+
+
+T = sp.Symbol("t")
+RAMP = 0.02 + 0.015 * (1 + sp.tanh((T - 5) / sp.Float(1.5)))  # as `drawn_in`
+
+
+def test_a_prism_whose_prestrain_follows_an_expression_moves_as_springs_given_in_time():
+    spring = Prism(1.0, 0.8, float(RAMP.subs(T, 0)), 1.0).potential()
+    chain = Chain(spring, 12, tune={"prestrain": RAMP})
+    state = smooth_blow(chain)
+    run = simulate(chain, state, 8.0, tol=1e-10)
+    assert run.error_estimate < 1e-10
+    given = Chain(drawn_in(0.0), 12)
+    tuned = simulate_tuned(given, state, 8.0, drawn_in, dt=0.02)
+    np.testing.assert_allclose(run.final.u, tuned.final.u, atol=1e-10 * np.abs(tuned.u).max())
+    assert run.work[-1] == pytest.approx(tuned.work[-1], rel=1e-9)
+    assert run.energy_error < 1e-10
+
+
+def at_height(prism, preload, height):
+    """Axial load of a prism at a height, on the potential's own terms."""
+    spring = prism.potential(preload)
+    return preload - float(spring.tension(height - spring.length))
+
+
+@pytest.mark.parametrize("rigid", [True, pytest.param(False, marks=pytest.mark.slow)])
+def test_preload_and_prestrain_move_the_equilibrium_that_elongations_count_from(rigid):
+    """Slow change: the spring follows the height that carries the load of each instant."""
+    stiff = () if rigid else (10.0, 100.0)
+    first = Prism(1.0, 0.7, 0.02, 1.0, *stiff)
+    tune = {"prestrain": 0.02 + 0.01 * sp.sin(T / 3) ** 2, "preload": 0.002 + 0.001 * T / 6}
+    if not rigid:
+        tune = {"prestrain": tune["prestrain"]}
+    preload = 0.002 if rigid else 0.001
+    chain = Chain(first.potential(preload), 2, 1.0, tune=tune)
+    run = simulate(chain, chain.at_rest(), 6.0, dt=0.05, method="rkn6", record=Record(every=1))
+    assert run.energy_error < 1e-9
+    height = chain.springs[0].length + np.diff(run.u)[:, 0]
+    acceleration = np.gradient(np.gradient(np.diff(run.u)[:, 0], 0.05), 0.05)
+    for k in (20, 60, 100):
+        values = {n: float(x.subs(T, run.t[k])) for n, x in tune.items()}
+        now = Prism(1.0, 0.7, values["prestrain"], 1.0, *stiff)
+        load = values.get("preload", preload)
+        pulled = load - at_height(now, load, height[k])
+        assert acceleration[k] == pytest.approx(-2 * pulled, abs=3e-5)
+    assert np.abs(acceleration).max() > 1e-4
+
+
+@pytest.mark.parametrize(("method", "order"), [("verlet", 2), ("rkn6", 6), ("processed6", 6)])
+def test_methods_keep_their_order_with_a_tuned_stiffness(method, order):
+    r, k = sp.symbols("r k")
+    spring = Potential(k * r**2 / 2 + r**4 / 4, r, {k: 1.0}, length=1.0)
+    chain = Chain(spring, 8, tune={"k": 1 + sp.sin(T) ** 2 / 2})
+    state = chain.at_rest({0: 0.5, 5: -0.3})
+    u, v, work = reference(chain, state, 3.0)
+    steps = np.array([12, 16, 24])
+    runs = [simulate(chain, state, 3.0, dt=3 / n, method=method) for n in steps]
+    for errors in (
+        [max(np.abs(run.final.u - u).max(), np.abs(run.final.v - v).max()) for run in runs],
+        [abs(run.work[-1] - work) for run in runs],
+    ):
+        assert -np.polyfit(np.log(steps), np.log(errors), 1)[0] > order - 0.6
+
+
+def test_a_prestrain_driven_out_of_its_domain_ends_the_run_there():
+    spring = Prism(1.0, 0.7, 0.02, 1.0).potential()
+    chain = Chain(spring, 4, tune={"prestrain": 0.02 - 0.01 * T})
+    with pytest.raises(LockingError, match=r"prestrain .*driven there at t = 2") as one:
+        simulate(chain, chain.at_rest({0: 0.001}), 5.0, dt=0.1, method="rkn6")
+    run = one.value.run
+    assert not run.complete
+    assert run.t[-1] == pytest.approx(1.9, abs=0.11)
+    assert run.energy_error < 1e-8
+
+
+def test_what_cannot_be_tuned_is_refused():
+    spring = Prism(1.0, 0.7, 0.02, 1.0).potential()
+
+    def refused(text, tune, springs=spring):
+        with pytest.raises(TensegrityError, match=text):
+            Chain(springs, 4, tune=tune)
+
+    refused("'colour' is no argument", {"colour": T})
+    refused("tune begins at prestrain 0.03, the spring has 0.02", {"prestrain": 0.03 + T})
+    refused("depends on x", {"prestrain": sp.Symbol("x")})
+    refused("tune .* must be a dict", [("prestrain", T)])
+    refused("one spring for all bonds, there are 2", {"prestrain": 0.02 + T},
+            [spring, spring, drawn_in(0.0)])  # fmt: skip

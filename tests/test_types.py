@@ -63,7 +63,6 @@ UNUSED = {  # rows of coefficients, and what others return
     "Trace",
     "objective_of",
     "Budget",
-    "Change",
     "Corrected",
     "Gauss",
     "Nystrom",

@@ -40,11 +40,14 @@ from granular.lammps import run_lammps, to_lammps
 from tensegrity import (
     Chain,
     ContactError,
+    Damping,
+    Drive,
     Ensemble,
     EquilibriumError,
     EquilibriumPath,
     Lens,
     LockingError,
+    Modes,
     Network,
     NoLocking,
     Polynomial,
@@ -67,6 +70,7 @@ from tensegrity import (
     bar_contact,
     column,
     control_path,
+    dispersion,
     equilibrium,
     equilibrium_path,
     equilibrium_paths,
@@ -74,6 +78,7 @@ from tensegrity import (
     gradient,
     held,
     member_stiffness,
+    modes,
     objective,
     plates,
     predict,
@@ -254,6 +259,16 @@ def waves(spring: Potential, chain: Chain) -> State:
     assert_type(wave, SolitaryWave)
     assert_type(wave.width(0.1) + wave.speed + wave.shift, float)
     assert_type(predict(spring), Prediction)
+    assert_type(modes(Chain(spring, 5), count=3), Modes)
+    shaker = Drive(displacement=sp.sin(sp.Symbol("t")))
+    assert_type(shaker.at([0.0, 1.0]), Array)
+    damped = Chain(spring, 5, drive={0: shaker}, damping=Damping(ground=[0.1] * 5))
+    assert_type(simulate(damped, damped.at_rest(), 1.0).work, Array | None)
+    Drive(force=([0.0, 1.0], np.zeros(2)))
+    Chain(spring, 5, drive={"0": shaker})  # type: ignore[dict-item]
+    assert_type(modes(Chain(spring, 5)).frequencies, Array)
+    assert_type(dispersion([spring, spring], 1.0, [0.1]), Array)
+    dispersion("x", 1.0, [0.1])  # type: ignore[arg-type]
     lens = Lens(Prism(1.0, 0.8, 0.01, 1.0), chains=3)
     assert_type(lens.chain_prestrains, Array)
     assert_type(lens.run(), Run)

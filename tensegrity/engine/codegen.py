@@ -243,7 +243,9 @@ def evaluate(law, order, parameters, r):
     p = np.asarray(parameters, dtype=float)[: len(law.parameters)]
     if p.ndim == 2 and r.size:
         p = np.tile(p, r.size // r.shape[-1])
-    return np.array(function(r.reshape(1, -1), p.reshape(len(p), -1))).reshape(r.shape)
+    return np.array(function(r.reshape(1, -1), p.reshape(len(p), -1 if p.size else 1))).reshape(
+        r.shape
+    )
 
 
 @once
@@ -330,7 +332,7 @@ def _split_at_root(tension, r, h, p):
     return (roots[0] if roots else ca.SX(0)), tail
 
 
-def c_text(laws, loop="line", own=None, helpers=(), packed=()):
+def c_text(laws, loop="line", own=None, helpers=(), packed=(), extra=()):
     """C source of a loop over bonds of the given laws, numbered in their order.
 
     Parameters
@@ -346,6 +348,8 @@ def c_text(laws, loop="line", own=None, helpers=(), packed=()):
         What the loop needs besides, and the C by which it is called.
     packed : sequence of str
         C of what the loop needs besides for several contacts side by side.
+    extra : sequence of str
+        Files, or C, behind the loop.
     """
     import casadi as ca
 
@@ -403,6 +407,7 @@ def c_text(laws, loop="line", own=None, helpers=(), packed=()):
         f"{loop}_openings.c",
         "openings.c",
         "evaluate.c",
+        *extra,
     ]
     return "\n".join(_file(part) if part.endswith((".c", ".h")) else part for part in parts)
 

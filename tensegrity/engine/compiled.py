@@ -19,30 +19,31 @@ from tensegrity.engine.walk import Part
 from tensegrity.once import once
 
 
-def _structure(name, arrays, counts):
+def structure_of(name, arrays, counts):
+    """A C structure of pointers and of whole numbers, by their names."""
     fields = [(field, ctypes.c_void_p) for field in arrays.split()]
     fields += [(field, ctypes.c_longlong) for field in counts.split()]
     return type(name, (ctypes.Structure,), {"_fields_": fields})
 
 
-_LINE = _structure(  # as in line.h
+_LINE = structure_of(  # as in line.h
     "_Line",
     "u v w shared own kicks drifts range first law own_at range_at",
     "runs stages closing",
 )
-_NET = _structure(  # as in net.h
+_NET = structure_of(  # as in net.h
     "_Net",
     "u v w inverse_mass load geometry shared own kicks drifts travel from to first law places near "
     "slice site depth begin other entry own_at gap length gap_at length_at gap_each length_each "
     "held taker taken taken_at store press low high met_at farthest gate",
     "runs contacts sites rows stages closing tiles room loaded before tile last_tile piece pieces",
 )
-_NYSTROM = _structure(  # as in steps.c
+_NYSTROM = structure_of(  # as in steps.c
     "_Nystrom",
     "nodes velocities matrix positions dt place slopes travel",
     "stages count moving",
 )
-_OPENINGS = _structure(  # as in openings.h
+_OPENINGS = structure_of(  # as in openings.h
     "_Openings",
     "place side strength exponents betas tables nodes weights offsets dt "
     "before rate_before after rate_after u v end_u end_v end_a row",
@@ -67,6 +68,8 @@ class Compiled:
     """
 
     name = "compiled"
+    kind = "loop"  # what its text is kept under
+    extra = ()  # behind the loop
 
     def __init__(self, laws, own=None, dim=0, lanes=1, extended=False):
         self.laws, self.own, self.dim, self.lanes = laws, own or (None,) * len(laws), dim, lanes
@@ -75,8 +78,8 @@ class Compiled:
         flags = ["-DEXTENDED"] * extended + [f"-DLANES={lanes}"] * (lanes > 1)
         flags += [f"-DDIM={dim}"] * (dim > 0)
         loop = "net" if dim else "line"
-        parts = codegen.named("loop", laws, loop, self.own, dim)
-        found = library(kept(parts, lambda: self._text(loop)), flags)
+        parts = codegen.named(self.kind, laws, loop, self.own, dim)
+        self.library = found = library(kept(parts, lambda: self._text(loop)), flags)
         address, number = ctypes.c_void_p, ctypes.c_longlong
         for name, arguments in (
             ("advance", [address, number]),
@@ -93,7 +96,7 @@ class Compiled:
     def _text(self, loop):
         dim = self.dim
         parts = (geometry.helpers(dim), geometry.side_by_side(dim)) if dim else ()
-        return codegen.c_text(self.laws, loop, self.own, *parts)
+        return codegen.c_text(self.laws, loop, self.own, *parts, extra=self.extra)
 
     @classmethod
     def of(cls, bonds, lanes=1, extended=False):
@@ -224,6 +227,11 @@ class _Bound:
         """Advance u and v by whole steps."""
         function, addresses = self._call
         function(*addresses, steps)
+
+    @property
+    def address(self):
+        """Where the structure is that the loop takes."""
+        return ctypes.addressof(self._structure)
 
     def parts(self):
         """What `walk` needs to advance them with others."""

@@ -12,7 +12,9 @@ What runs where:
 | "corrected6" | yes, lanes too, on one thread | yes |
 | implicit steps | yes, banded | yes, sparse |
 | fitted forces | yes | yes |
-| springs that change in time | `tensegrity.runs.tuning` | no |
+| prescribed motions, forces in time | yes, one lane, one thread | yes, one thread |
+| dashpots | in bonds and to the ground | to the ground |
+| springs that change in time | yes, all alike, one lane, one thread | no |
 
 Bonds that join neighbours in order, without walls and loads, are a chain whatever the scene
 calls them: one pass over them does a stage.  A processor works on several short chains in the

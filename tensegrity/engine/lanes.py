@@ -183,7 +183,8 @@ class _Body:
         if sum(value.slow for value in self._values.values()) < 2:
             self._lines = [(0, *line[1:]) for line in self._lines]
             self._values = {name: _Value(0) for name in self._values}
-        levels, kept = [[] for _ in range(1 + max(line[0] for line in self._lines))], []
+        last = max((line[0] for line in self._lines), default=0)
+        levels, kept = [[] for _ in range(1 + last)], []
         later = [set() for _ in levels]
         for level, sets, line in self._lines:
             declared = ", ".join(sets)

@@ -2,7 +2,8 @@
 
 A step of a `Splitting` is a sequence of kicks (velocities by kicks[i] dt) and drifts (positions
 by drifts[i] dt), closed by a last kick.  Such methods are explicit, symplectic and, being
-palindromes, time-reversible.  A step of a `Nystrom` method evaluates accelerations at points
+palindromes, time-reversible.  They keep their order where sites are driven or damped, or springs
+change with time: see `keeps`.  A step of a `Nystrom` method evaluates accelerations at points
 inside the step and sums them; it is none of the latter two.  `Gauss` methods are implicit,
 symplectic and time-reversible, and stable with any step.
 """
@@ -54,6 +55,8 @@ class Method:
     reference : str, optional
     when_not : str, optional
         Where another method serves better.
+    keeps : str
+        What it keeps in scenes that are driven, damped or tuned.
     """
 
     name: str
@@ -65,6 +68,7 @@ class Method:
     explicit = True
     reversible = True
     processor: ClassVar[tuple[Splitting, Splitting] | None] = None
+    keeps: ClassVar[str] = "not for scenes that are driven, damped or tuned"
     opening_share: ClassVar[float] = 0.0  # of `step` that serves where contacts open, whatever else
     if TYPE_CHECKING:  # what each kind of method brings
         symplectic: ClassVar[bool]
@@ -151,6 +155,12 @@ class Splitting(Method):
     kicks: tuple[float, ...]
     drifts: tuple[float, ...]
     symplectic = True
+    keeps = (
+        "its order under drives, springs that change, and dashpots, which drifts solve exactly; it "
+        "is symplectic, with time as one more coordinate, as long as there are no dashpots; with "
+        "them volumes shrink at the exact rate.  Drifts backwards in time let velocities grow: dt "
+        "times the largest drift and the fastest decay must be at most 2"
+    )
     _slack, _bisected = ROUND_OFF, 0.0
 
     def __post_init__(self) -> None:

@@ -31,6 +31,7 @@ from tensegrity.gradients.samples import View
 from tensegrity.readonly import fixed
 from tensegrity.runs.march import MOST_STEPS
 from tensegrity.scenes.ensemble import Ensemble
+from tensegrity.scenes.forcing import refuse
 from tensegrity.scenes.scene import Scene, State
 
 if TYPE_CHECKING:
@@ -102,6 +103,7 @@ def gradient(
         raise TensegrityError("objective is an empty sequence: nothing to differentiate")
     if not isinstance(scene, Scene):
         raise TensegrityError(f"scene {check.shown(scene)} is not a scene, such as a Chain")
+    refuse(scene, "a gradient")
     scene.check(state)
     t_end = check.number("t_end", t_end, least=0, unit="s")
     if tol is not None or dt is None:

@@ -296,7 +296,7 @@ class Prism:
         numbers = [float(value) for value in values.values()]
         domain = -float(values[role["lock"]]), float(values[role["stroke"]])
         origin = call(f"{self}.potential", preload=preload)
-        return Potential.from_law(law, numbers, height, domain, ends, origin)
+        return Potential.from_law(law, numbers, height, domain, ends, origin, (self, preload))
 
 
 @once

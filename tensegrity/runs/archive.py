@@ -285,6 +285,8 @@ def _elastic(x):
 
 
 def _chain(x):
+    if x.is_driven:
+        return None  # by functions of time, which no file holds
     return {"springs": _shared(x.springs), "sites": x.sites, "mass": x.mass, "ends": x.ends}
 
 
@@ -312,6 +314,8 @@ def _network(x):
     opening, gaps = np.split(x.geometry[x.dim], [bonds])
     if x.law is not None and not isinstance(x.law.given, Potential):
         return None  # a function, which no file holds
+    if x.is_driven:
+        return None
     followed = {} if x.law is None else {"contacts": "follow", "law": x.law.given}
     return {
         "positions": x.positions, "bonds": x.bonds, "springs": _shared(x.springs),

@@ -103,4 +103,6 @@ def simulate(
 
 
 def _default(scene, dt, tol):
+    if scene.is_driven:
+        return methods.default(dt, tol, smooth=False)
     return methods.default(dt, tol, scene.smooth and scene.clearance is None, scene.opens)

@@ -58,6 +58,11 @@ class Run:
         [s], all trial runs included.
     impulse : ndarray, (T, walls, dim), or None
         What each wall received since the start [N s], where the scene has walls.
+    work : ndarray, (T,), or None
+        Done on the scene since the start by what drives its sites or changes its springs [J],
+        where the scene is driven, damped or tuned.
+    loss : ndarray, (T,), or None
+        Taken by dashpots since the start [J], likewise.  Energy - work + loss is constant.
     """
 
     scene: Any = field(repr=False)
@@ -77,14 +82,24 @@ class Run:
     fastest: float | None = field(default=None, repr=False)
     wall_time: float = 0.0
     impulse: Array | None = None
+    work: Array | None = None
+    loss: Array | None = None
 
     @property
     def energy_error(self) -> float:
-        """Largest relative deviation of the total energy from its first value."""
+        """Largest relative deviation of the total energy from its first value.
+
+        Where there is work and loss, that of the energy less work and plus loss, over the largest
+        of these and the energy; unless all are 0.
+        """
         if not len(self.energy):
             return 0.0
-        deviation = np.max(np.abs(self.energy - self.energy[0]))
-        return float(deviation / abs(self.energy[0])) if self.energy[0] else float(deviation)
+        kept, size = self.energy, abs(self.energy[0])
+        if self.work is not None and self.loss is not None:
+            kept = self.energy - self.work + self.loss
+            size = max(np.max(np.abs(x)) for x in (self.energy, self.work, self.loss))
+        deviation = np.max(np.abs(kept - kept[0]))
+        return float(deviation / size) if size else float(deviation)
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write all of the run to one .npz file, whole or not at all, without pickle.

@@ -17,7 +17,8 @@ from tensegrity.engine.methods import Corrected
 from tensegrity.engine.openings import is_treated
 from tensegrity.errors import LockingError, RangeError, StabilityError, TensegrityError
 from tensegrity.runs import stepping
-from tensegrity.runs.march import count, march
+from tensegrity.runs.driven import march
+from tensegrity.runs.march import count
 from tensegrity.runs.record import Record
 from tensegrity.springs.polynomial import DEGREES, Polynomial, PolynomialLaw
 from tensegrity.springs.potential import Potential, PowerLaw
@@ -26,6 +27,7 @@ MARGIN = 2.0  # a default step may be this much larger, at the stiffness met, th
 TRIAL = 0.85  # first step over the stability limit where a tolerance decides
 SHARE = 0.5  # of the energy, in one bond, for that first step
 REFINEMENTS, MOST_REFINEMENTS = 8, 14  # how often a step chosen here is refined
+DRIVEN, MOST_DRIVEN = 3, 6  # as often, of scenes whose energy is no bound on what springs reach
 CHECKPOINTS = 17  # least number of steps that are chosen here
 DENSE = 2  # first steps between two instants at which runs are compared, where nothing opens
 FEWEST, MOST_KEPT = 16, 2_000_000  # instants; numbers in each of u and v of a run at them
@@ -113,13 +115,16 @@ def refined(problem, steps, allowed, checkpoints=0, start=None):
     Returns what `march` returns; a spring that still reaches the end of its domain after
     `REFINEMENTS` refinements does so whatever the step; a step that is too coarse is refined on.
     """
-    for number in range(MOST_REFINEMENTS):
+    least, most = (REFINEMENTS, MOST_REFINEMENTS)
+    if problem.scene.is_driven:
+        least, most = DRIVEN, MOST_DRIVEN
+    for number in range(most):
         try:
             return march(problem, steps, allowed, checkpoints, start)
         except (StabilityError, LockingError) as error:
             if problem.surrogate is not None and isinstance(error, RangeError):
                 raise  # another range helps, another step does not
-            if number >= REFINEMENTS and isinstance(error, LockingError):
+            if number >= least and isinstance(error, LockingError):
                 raise
             steps, start = 2 * steps, None
     return march(problem, steps, 1.0, checkpoints)
@@ -362,7 +367,7 @@ def with_polynomials(problem, coarse, tol, margin):
     scene, run = problem.scene, coarse.run
     if problem.record.checkpoint is not None:
         return None  # a state that is kept has to say what the forces are
-    if scene.follows or saved(problem, run, tol) < WORTH:
+    if scene.follows or scene.is_driven or saved(problem, run, tol) < WORTH:
         return None
     springs = scene.spring_table.different
     ranges = [_widened(spring, *met, margin) for spring, met in zip(springs, run.met, strict=True)]

@@ -14,12 +14,15 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+from tensegrity.scenes.forcing import begun
 from tensegrity.scenes.scene import PER_SITE, SMALLEST_MASS, Scene, State, velocities
 from tensegrity.springs.potential import Potential
 
 if TYPE_CHECKING:
+    import sympy as sp
     from numpy.typing import ArrayLike
 
+    from tensegrity.scenes.forcing import Damping, Drive
     from tensegrity.typing import Array
 
 ENDS = ("free", "fixed")
@@ -38,6 +41,13 @@ class Chain(Scene):
         [kg], > 0.
     ends : (str, str), optional
         "free" or "fixed" for the first and the last site; a fixed site is held at u = 0.
+    drive : dict of int to Drive, optional
+        {site: Drive}: motions that are prescribed, and forces that depend on time.
+    damping : Damping, optional
+        Dashpots in the bonds and to the ground.
+    tune : dict of str to sympy.Expr, optional
+        {name: expression of t}: arguments of the spring that depend on time, such as the
+        prestrain of a prism; one spring for all bonds then, with the values at t = 0.
     """
 
     dim = 1
@@ -49,6 +59,10 @@ class Chain(Scene):
         sites: int,
         mass: ArrayLike = 1.0,
         ends: tuple[str, str] = ("free", "free"),
+        *,
+        drive: Mapping[int, Drive] | None = None,
+        damping: Damping | None = None,
+        tune: Mapping[str, sp.Expr | float] | None = None,
     ) -> None:
         self.sites = check.whole("sites", sites, least=2)
         check.room(f"a run of {self.sites} sites", PER_SITE * self.sites)
@@ -62,6 +76,7 @@ class Chain(Scene):
             raise TensegrityError(f"ends {check.shown(ends)} must be two of {ENDS}")
         self.ends = ends[0], ends[1]
         _ = self.loop_bonds  # refuses springs that the compiled loop cannot take
+        self._set_forcing(drive, damping, tune)
 
     def _springs(self, spring: Potential | Sequence[Potential]) -> tuple[Potential, ...]:
         if isinstance(spring, Potential):
@@ -103,17 +118,23 @@ class Chain(Scene):
     def with_springs(self, springs: Sequence[Potential]) -> Chain:
         """The same chain with other springs, one for each different spring of `spring_table`."""
         each = [springs[k] for k in self.spring_table.group]
-        return Chain(each, self.sites, self.mass, self.ends)
+        other = Chain(each, self.sites, self.mass, self.ends)
+        other.__dict__.update(drive=self.drive, damping=self.damping, tune=self.tune)
+        return other
 
     def at_rest(self, velocity: Mapping[int, float] | None = None) -> State:
-        """The undeformed state, some sites given a velocity [m/s]: {site: velocity}."""
-        v = np.zeros(self.sites)
+        """The undeformed state, some sites given a velocity [m/s]: {site: velocity}.
+
+        Sites whose motion is prescribed are where their drive begins.
+        """
+        u, v = np.zeros((2, self.sites))
         for site, value in velocities(velocity):
             site = check.whole("site", site, least=0)
             if site >= self.sites:
                 raise TensegrityError(f"site {site} must be below {self.sites}")
             v[site] = check.number(f"velocity of site {site}", value, unit="m/s")
-        state = State(np.zeros(self.sites), v)
+        begun(self, u, v)
+        state = State(u, v)
         self.check(state)
         return state
 

@@ -21,6 +21,7 @@ from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.walk import Part
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import fixed
+from tensegrity.scenes.forcing import refuse
 from tensegrity.scenes.scene import PER_SITE, Scene, State, velocities
 from tensegrity.springs.collection import Springs
 
@@ -79,6 +80,7 @@ class Ensemble(Scene):
                     f"scene {number} is {check.shown(scene)}, not a Chain or a Network of fixed "
                     "contacts"
                 )
+            refuse(scene, f"scene {number} of an Ensemble")
         if not self.scenes:
             raise TensegrityError("scenes is empty")
         one = self.scenes[0]

@@ -24,6 +24,7 @@ from tensegrity.notebook import page, wires
 from tensegrity.readonly import fixed
 from tensegrity.scenes.clearance import Clearance
 from tensegrity.scenes.following import Following
+from tensegrity.scenes.forcing import begun
 from tensegrity.scenes.network_input import (
     held_sites,
     joined_pairs,
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from tensegrity.scenes.forcing import Damping, Drive
     from tensegrity.typing import Array
 
 AT_ONCE = 2_000_000  # contacts times rows of one evaluation: some tens of megabytes
@@ -87,6 +89,10 @@ class Network(Scene):
     law : Potential or callable (site, other) -> Potential, optional
         Of the contacts that are followed, in the gap between the surfaces; `other` is a site or a
         Wall.  Give the same object for like contacts.
+    drive : dict of int to Drive, optional
+        {site: Drive}: motions that are prescribed, and forces that depend on time.
+    damping : Damping, optional
+        Dashpots from the sites to the ground.
     """
 
     def __init__(
@@ -106,6 +112,8 @@ class Network(Scene):
         held: Sequence[int] = (),
         contacts: str = "fixed",
         law: Potential | Callable[[int, int | Wall], Potential] | None = None,
+        drive: Mapping[int, Drive] | None = None,
+        damping: Damping | None = None,
     ) -> None:
         self.positions = numbers("positions", positions)
         if self.positions.ndim != 2 or self.positions.shape[1] not in (1, 2, 3):
@@ -132,6 +140,9 @@ class Network(Scene):
         self.law = _followed_law(contacts, law, self.radius)
         _ = self.loop_bonds  # refuses springs that the compiled loop cannot take
         self._refuse_unlisted(np.zeros(self.shape))
+        self._set_forcing(drive, damping)
+        if self.is_driven and self.follows:
+            raise TensegrityError("a driven or damped network has 'fixed' contacts only")
 
     def _refuse_unlisted(self, u: Array) -> None:
         if self.clearance is not None:
@@ -400,12 +411,16 @@ class Network(Scene):
     # states
 
     def at_rest(self, velocity: Mapping[int, Sequence[float]] | None = None) -> State:
-        """The undisplaced state, some sites given a velocity [m/s]: {site: (dim,)}."""
-        v = np.zeros(self.shape)
+        """The undisplaced state, some sites given a velocity [m/s]: {site: (dim,)}.
+
+        Sites whose motion is prescribed are where their drive begins.
+        """
+        u, v = np.zeros((2, *self.shape))
         for site, value in velocities(velocity):
             site = site_number("site", site, self.sites)
             v[site] = numbers(f"velocity of site {site}", value, (self.dim,))
-        state = State(np.zeros(self.shape), v)
+        begun(self, u, v)
+        state = State(u, v)
         self.check(state)
         return state
 

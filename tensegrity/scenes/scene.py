@@ -14,7 +14,8 @@ from tensegrity.engine import forces, kernel
 from tensegrity.engine.bonds import Bonds, by_spring
 from tensegrity.engine.openings import is_treated
 from tensegrity.errors import TensegrityError
-from tensegrity.readonly import ReadOnly, fixed
+from tensegrity.readonly import FixedDict, ReadOnly, fixed
+from tensegrity.scenes.forcing import checked
 from tensegrity.springs.collection import Springs
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from tensegrity.engine.methods import Method
+    from tensegrity.scenes.forcing import Damping, Drive
     from tensegrity.springs.potential import Potential
     from tensegrity.typing import Array, Indices
 
@@ -89,11 +91,14 @@ class Remembered:
         most there [N/m], and the angular frequency that this bounds [rad/s].
     starts : dict of float to float
         Angular frequencies [rad/s] expected with energies [J] in one bond.
+    tuned : dict of float to Tuned
+        Springs that change, prepared for runs of some duration [s].
     """
 
     def __init__(self) -> None:
         self.ranges: list[tuple[Array, Array, float]] = []
         self.starts: dict[float, float] = {}
+        self.tuned: dict[float, Any] = {}
 
 
 def known_state(u: Array, v: Array) -> State:
@@ -131,6 +136,12 @@ class Scene(ReadOnly):
         What watches over contacts that are not listed.
     wall_count : int
         Number of walls.
+    drive : dict of int to Drive
+        Motions that are prescribed, and forces that depend on time, of some sites.
+    damping : Damping or None
+        Dashpots.
+    tune : dict of str to expression
+        Arguments of the springs that depend on time.
     """
 
     step_share: float = 1.0
@@ -140,6 +151,9 @@ class Scene(ReadOnly):
     spring_lengths: Array | None = None
     clearance: Any = None
     wall_count: int = 0
+    drive: Mapping[int, Drive] = FixedDict()
+    damping: Damping | None = None
+    tune: Mapping[str, Any] = FixedDict()
     sites: int
     dim: int
     mass: Array
@@ -163,6 +177,15 @@ class Scene(ReadOnly):
         def stiffest(self, u: Array, ranges: Array) -> str: ...
         def at_rest(self, velocity: Any = None) -> State: ...
         def with_springs(self, springs: Sequence[Potential]) -> Scene: ...
+
+    def _set_forcing(self, drive: Any, damping: Any, tune: Any = None) -> None:
+        """Keep what drives, damps and tunes the scene, if it fits."""
+        self.__dict__.update(checked(self, drive, damping, tune))
+
+    @property
+    def is_driven(self) -> bool:
+        """Whether forces depend on time or velocity, or motion is prescribed."""
+        return bool(self.drive or self.damping or self.tune)
 
     @cached_property
     def inverse_mass(self) -> Array:

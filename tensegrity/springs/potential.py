@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from copy import copy
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,6 +29,9 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from tensegrity.typing import Array
+
+
+VARIED = ("prestrain", "k_cross", "k_base", "k_bar", "preload")  # arguments of a prism that may
 
 
 class Potential:
@@ -59,6 +64,7 @@ class Potential:
     smooth = True  # its derivatives do not jump anywhere
     opening: tuple[float, float, float, float] | None = None  # place, strength, exponent, side
     origin = ""  # the call that made it, where that is another than its class
+    made_of: Any = None  # the prism and the preload, of one made by a prism
 
     def __init__(
         self,
@@ -127,12 +133,63 @@ class Potential:
         domain: tuple[float, float],
         ends: tuple[str, str],
         origin: str = "",
+        made_of: Any = None,
     ) -> Potential:
         """A potential from a law that brings more than its energy, and the call it came from."""
         potential = cls.__new__(cls)
         potential._set(law, values, length, domain, ends)
         potential.origin = origin
+        potential.made_of = made_of
         return potential
+
+    def varied(self, values: Mapping[str, float]) -> Potential:
+        """The same spring with other arguments: of its prism or the preload, or parameters.
+
+        Parameters
+        ----------
+        values : dict of str to float
+
+        Raises
+        ------
+        TensegrityError
+            It has no such argument, or not with that value.
+        """
+        if not isinstance(values, Mapping):
+            raise TensegrityError(f"values {check.shown(values)} must be a dict of numbers")
+        known = VARIED if self.made_of else tuple(self.parameters)
+        unknown = [name for name in values if name not in known]
+        if unknown:
+            raise TensegrityError(
+                f"{unknown[0]!r} is no argument of {check.shown(self)} that may change: "
+                f"{', '.join(known) or 'there are none'}"
+            )
+        if self.made_of:
+            prism, preload = self.made_of
+            given = dict(values)
+            preload = given.pop("preload", preload)
+            return replace(prism, **given).potential(preload)
+        return self._with(self.parameters | dict(values))
+
+    def argument(self, name: str) -> float:
+        """What `varied` would change: an argument of its prism, the preload, or a parameter."""
+        if self.made_of:
+            prism, preload = self.made_of
+            return float(preload if name == "preload" else getattr(prism, name))
+        return self.parameters[name]
+
+    def _with(self, parameters: dict[str, float]) -> Potential:
+        other = copy(self)
+        other.__dict__.pop("_hash", None)
+        values = [check.number(f"parameter {name}", x) for name, x in parameters.items()]
+        other.values = fixed(np.array(values))
+        return other
+
+    def shift_from(self, other: Potential) -> float:
+        """Its elongation [m] where `other`, which it was varied from, has none: prisms and
+        contacts are measured from an equilibrium that depends on their arguments."""
+        if self.made_of:
+            return float(other.length or 0.0) - float(self.length or 0.0)
+        return 0.0
 
     @property
     def length(self) -> float | None:
@@ -356,6 +413,14 @@ class PowerLaw(Potential):
     def exponent(self) -> float:
         """n."""
         return self._exponent
+
+    def _with(self, parameters: dict[str, float]) -> PowerLaw:
+        stiffness, preload = parameters["stiffness"], parameters["preload"]
+        return PowerLaw(stiffness, self._exponent, preload, self._length)
+
+    def shift_from(self, other: Potential) -> float:
+        """As that of `Potential`: by how much more it is pressed together at rest."""
+        return float(self.values[2] - other.values[2])
 
 
 SMALLEST = 1e-100  # overlap [m] from which a contact counts as closed

@@ -1,0 +1,157 @@
+"""Transmission of driven diatomic chains falls inside the computed band gap.
+
+The first site is shaken with one frequency after another; dashpots that grow slowly towards the far
+end swallow what arrives there.  What is compared is the ratio of amplitudes from cell to cell, far
+from both ends: 1 in a band, exp(-kappa) in the gap, where cosh kappa = |cos q| of the band's form.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from granular import Bead, chain, materials
+from tensegrity import Chain, Damping, Drive, Potential, Record, dispersion, modes, simulate
+
+NAME = "driven_gap"
+GROUP = "driven"
+
+CELLS, NEAR, FAR, SOFT = 45, 1, 6, 15  # cells; between which is measured; where dashpots begin
+PERIODS, RISE, SEEN = 60, 15, 4  # of a run, in which the drive comes up, at the end that are used
+STRENGTH = 0.35  # of the last dashpot, over the root of stiffness times mass
+COUNT = 24  # frequencies
+HEAVY = 2.5  # kg, beside 1 kg and springs of 1 N/m
+PRELOAD = 20.0  # N, on beads of steel and PTFE in turn
+TITLES = {"masses": "masses 1 and 2.5", "beads": "steel and PTFE beads, precompressed"}
+SCENES = tuple(TITLES)
+SIZES = dict(zip(SCENES, (1e-3, 1e-9), strict=True))  # of the drive [m]: waves stay linear
+
+
+def scene(name, drive=None):
+    """A chain of alternating masses, its dashpots included; drive: {site: Drive}."""
+    sites = 2 * CELLS
+    share = np.clip((np.arange(sites) / 2 - SOFT) / (CELLS - SOFT), 0, None) ** 2
+    if name == SCENES[0]:
+        import sympy as sp
+
+        r = sp.Symbol("r")
+        spring, mass = Potential(r**2 / 2, r, length=1.0), np.tile([1.0, HEAVY], CELLS)
+        return Chain(spring, sites, mass, drive=drive, damping=Damping(ground=STRENGTH * share))
+    pair = [Bead(4.76e-3, materials[x]) for x in ("ptfe", "steel")]
+    row = chain(pair * CELLS, preload=PRELOAD)
+    k = float(row.springs[4].stiffness(0.0))
+    damping = Damping(ground=STRENGTH * math.sqrt(k * row.mass[1]) * share)
+    return chain(pair * CELLS, preload=PRELOAD, drive=drive, damping=damping)
+
+
+def numbers(name):
+    """Stiffness, masses of a cell, and the four edges of its bands [rad/s]."""
+    given = scene(name)
+    spring, masses = given.springs[4], given.mass[:2]
+    edges = [dispersion(spring, masses, [q])[0] for q in (0.0, math.pi)]
+    return spring, masses, (0.0, *edges[1], edges[0][1])
+
+
+def ratio(name, frequency):
+    """Amplitude of a cell over that of the cell before, in a run driven at a frequency, and the
+    error of its energy: of precompressed beads the round-off of what they store at rest."""
+    import sympy as sp
+
+    t, period = sp.Symbol("t"), 2 * math.pi / frequency
+    grown = 1 - sp.exp(-((t / (RISE * period)) ** 4))
+    shaken = scene(name, {0: Drive(displacement=SIZES[name] * grown * sp.sin(frequency * t))})
+    end = PERIODS * period
+    record = Record(times=np.linspace(end - SEEN * period, end, 40 * SEEN + 1)[1:].tolist(),
+                    sites=(2 * NEAR, 2 * FAR))  # fmt: skip
+    run = simulate(shaken, shaken.at_rest(), end, method="rkn6", record=record)
+    phase = frequency * run.t
+    waves = np.stack([np.cos(phase), np.sin(phase)], axis=1)
+    found = np.linalg.lstsq(waves, run.u, rcond=None)[0]
+    near, far = np.hypot(*found)
+    return float((far / near) ** (1 / (FAR - NEAR))), run.energy_error
+
+
+def decay(spring, masses, frequency):
+    """exp(-kappa) of a cell from the closed form; 1 in a band."""
+    k, (one, other) = float(spring.stiffness(0.0)), masses
+    square = np.asarray(frequency) ** 2
+    cosine = 1 - (one + other) * square / k + one * other * square**2 / (2 * k**2)
+    return np.exp(-np.arccosh(np.maximum(np.abs(cosine), 1.0)))
+
+
+def swept(name, count=COUNT):
+    """Driven ratios over frequency, and those of the closed form."""
+    spring, masses, (_, low, _, top) = numbers(name)
+    shares = np.linspace(0.12, 0.98, count)
+    w = shares[np.abs(shares * top - low) > 0.01 * top] * top  # waves at an edge do not leave
+    found = [ratio(name, float(x)) for x in w]
+    return {
+        "frequency": w,
+        "ratio": np.array([x for x, _ in found]),
+        "closed form": decay(spring, masses, w),
+        "balance": np.array([x for _, x in found]),
+    }
+
+
+def data():
+    """Bands, frequencies of the finite chain, and driven ratios of both chains."""
+    tables = {}
+    q = np.linspace(0, math.pi, 181)
+    for name in SCENES:
+        spring, masses, edges = numbers(name)
+        bands = dispersion(spring, masses, q)
+        tables[f"{name} bands"] = {"wavenumber": q, "acoustic": bands[:, 0], "optic": bands[:, 1]}
+        tables[f"{name} edges"] = {"edge": np.array(edges)}
+        found = modes(scene(name), count=2 * CELLS).frequencies
+        tables[f"{name} modes"] = {"frequency": found}
+        tables[f"{name} driven"] = swept(name)
+    return tables
+
+
+def draw(figure, tables):
+    """Bands on the left, driven ratios against the same frequencies on the right."""
+    figure.set_size_inches(11, 9)
+    axes = figure.subplots(2, 2)
+    for row, name in zip(axes, SCENES, strict=True):
+        unit = 1.0 if name == SCENES[0] else 1e3
+        label = "frequency [rad/s]" if unit == 1 else "frequency [krad/s]"
+        _, low, high, top = tables[f"{name} edges"]["edge"] / unit
+        bands, driven = tables[f"{name} bands"], tables[f"{name} driven"]
+        left, right = row
+        for key, color in (("acoustic", "C0"), ("optic", "C3")):
+            left.plot(bands["wavenumber"], bands[key] / unit, color, label=f"{key} band")
+        still = tables[f"{name} modes"]["frequency"] / unit
+        left.plot(np.full(len(still), math.pi * 1.04), still, "k_", ms=7,
+                  label="modes of the finite chain")  # fmt: skip
+        left.set(xlabel="wavenumber [rad per cell]", ylabel=label)
+        fine = np.linspace(driven["frequency"][0], driven["frequency"][-1], 400)
+        spring, masses, _ = numbers(name)
+        right.plot(decay(spring, masses, fine), fine / unit, "k-", lw=1, label="closed form")
+        right.plot(driven["ratio"], driven["frequency"] / unit, "o", color="C2", ms=5,
+                   label="driven runs")  # fmt: skip
+        right.set(xlabel="amplitude from cell to cell", xlim=(0, 1.12), ylabel=label)
+        for ax in row:
+            ax.axhspan(low, high, color="0.88", label="gap")
+            ax.axhline(top, color="0.6", lw=0.8, ls="--")
+            ax.set_ylim(0, 1.15 * top)
+            ax.set_title(TITLES[name], fontsize=10)
+            ax.legend(fontsize=8, loc="center left" if ax is left else "lower left")
+
+
+def table(tables):
+    """Edges and the largest difference in and out of the gap."""
+    rows = []
+    for name in SCENES:
+        _, low, high, top = tables[f"{name} edges"]["edge"].tolist()
+        driven = tables[f"{name} driven"]
+        inside = (driven["frequency"] > low) & (driven["frequency"] < high)
+        gap = np.abs(driven["ratio"] - driven["closed form"])
+        rows.append({
+            "chain": TITLES[name], "gap from [rad/s]": low, "to": high, "cut-off": top,
+            "largest ratio in the gap": float(driven["ratio"][inside].max()),
+            "least in bands": float(driven["ratio"][~inside].min()),
+            "off the closed form": float(gap[inside].max()),
+            "balance of energy": float(driven["balance"].max()),
+        })  # fmt: skip
+    return rows

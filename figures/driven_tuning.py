@@ -1,0 +1,138 @@
+"""Prestrain and preload tune the bands of a chain of prisms, also while a wave goes through it.
+
+Two masses in turn on equal prisms: the edges of the gap and the cut-off go with the root of the
+axial stiffness.  Then a chain is shaken at one frequency while its cross strings are drawn in, and
+let out again: the gap passes over that frequency, and nothing arrives as long as it is there.
+Source: seeds/000, "tunable" and "adjusted on the fly, through suitable control of prestress".
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tensegrity import Chain, Damping, Drive, EquilibriumError, Prism, Record, dispersion, simulate
+
+NAME = "driven_tuning"
+GROUP = "driven"
+
+HEIGHT, MASSES = 0.8, (1.0, 2.5)  # m, kg; base 1 m, k_cross 1 N/m
+PRESTRAINS = np.geomspace(2e-3, 0.2, 41)
+PRELOADS = (0.0, 0.02, 0.05)  # N
+CELLS, FAR, SOFT, STRENGTH = 40, 12, 18, 0.1  # cells; one that is watched; dashpots; N s/m
+BEFORE, AFTER, T_END = 0.05, 0.08, 1200.0  # prestrains; s
+SIZE = 1e-4  # m
+
+
+def edges(prestrain, preload=0.0):
+    """Lower and upper edge of the gap, and the cut-off [rad/s]; NaN where no prism stands."""
+    try:
+        spring = Prism(1.0, HEIGHT, prestrain, 1.0).potential(preload)
+    except EquilibriumError:
+        return (math.nan,) * 3
+    low, high = dispersion(spring, MASSES, [math.pi])[0]
+    return low, high, dispersion(spring, MASSES, [0.0])[0, 1]
+
+
+def frequency():
+    """In the optic band at first, in the middle of the gap after [rad/s]."""
+    low, high, _ = edges(AFTER)
+    return 0.5 * (low + high)
+
+
+def shaken():
+    """A chain that is shaken and tuned at once."""
+    import sympy as sp
+
+    t, w = sp.Symbol("t"), frequency()
+    turns = [sp.tanh((t - share * T_END) / (0.03 * T_END)) for share in (0.35, 0.7)]
+    prestrain = BEFORE + (AFTER - BEFORE) * (turns[0] - turns[1]) / 2
+    spring = Prism(1.0, HEIGHT, float(prestrain.subs(t, 0)), 1.0).potential()
+    grown = 1 - sp.exp(-((t / (0.05 * T_END)) ** 2))
+    cells = np.arange(2 * CELLS) / 2
+    ground = STRENGTH * np.clip((cells - SOFT) / (CELLS - SOFT), 0, None) ** 2
+    chain = Chain(
+        spring, 2 * CELLS, np.tile(MASSES, CELLS), damping=Damping(ground=ground),
+        drive={0: Drive(displacement=SIZE * grown * sp.sin(w * t))}, tune={"prestrain": prestrain},
+    )  # fmt: skip
+    record = Record(interval=1.0, sites=(2 * FAR,))
+    run = simulate(chain, chain.at_rest(), T_END, method="rkn6", record=record)
+    strain = np.array([float(prestrain.subs(t, x)) for x in run.t[::20]])
+    return run, strain
+
+
+def data():
+    """Edges over prestrain for each preload; what arrives while the prestrain changes."""
+    tables = {}
+    for preload in PRELOADS:
+        found = np.array([edges(p, preload) for p in PRESTRAINS])
+        tables[f"preload {preload:g} N"] = {
+            "prestrain": PRESTRAINS, "gap from": found[:, 0], "gap to": found[:, 1],
+            "cut-off": found[:, 2],
+        }  # fmt: skip
+    run, strain = shaken()
+    tables["arrived"] = {"t": run.t, "u": run.u[:, 0] / SIZE}
+    tables["prestrain"] = {
+        "t": run.t[::20], "prestrain": strain,
+        "gap from": np.array([edges(p)[0] for p in strain]),
+        "gap to": np.array([edges(p)[1] for p in strain]),
+    }  # fmt: skip
+    tables["run"] = {"frequency": np.array([frequency()]), "balance": np.array([run.energy_error])}
+    return tables
+
+
+def draw(figure, tables):
+    """Bands above, a tuned run below."""
+    figure.set_size_inches(11, 9)
+    above, below = figure.subfigures(2, 1)
+    highest = max(np.nanmax(tables[f"preload {x:g} N"]["cut-off"]) for x in PRELOADS)
+    for ax, preload in zip(above.subplots(1, 3, sharey=True), PRELOADS, strict=True):
+        x, low, high, top = tables[f"preload {preload:g} N"].values()
+        ax.fill_between(x, 0, low, color="C0", alpha=0.25, label="acoustic band")
+        ax.fill_between(x, low, high, color="0.85", label="gap")
+        ax.fill_between(x, high, top, color="C3", alpha=0.25, label="optic band")
+        ax.plot(x, top, "k-", lw=1, label="cut-off")
+        ax.set(
+            xscale="log",
+            xlabel="prestrain",
+            title=f"preload {preload:g} N",
+            ylim=(0, 1.05 * highest),
+        )
+        if not preload:
+            ax.set_ylabel("frequency [rad/s]")
+            ax.legend(fontsize=8, loc="upper left")
+    gap, arrived = below.subplots(1, 2)
+    t, _, low, high = tables["prestrain"].values()
+    w = tables["run"]["frequency"][0]
+    gap.fill_between(t, low, high, color="0.85", label="gap")
+    gap.axhline(w, color="C2", label="frequency of the drive")
+    gap.set(xlabel="time [s]", ylabel="frequency [rad/s]", ylim=(0, 1.5 * w))
+    gap.set_title(f"prestrain from {BEFORE:g} to {AFTER:g} and back", fontsize=10)
+    gap.legend(fontsize=8, loc="lower right")
+    arrived.plot(tables["arrived"]["t"], tables["arrived"]["u"], "C2", lw=0.6)
+    arrived.set(xlabel="time [s]", ylabel=f"displacement in cell {FAR}, over the drive's")
+    arrived.set_title("what arrives", fontsize=10)
+
+
+def table(tables):
+    """Ranges of the edges; what arrives before, within and after."""
+    rows = []
+    for preload in PRELOADS:
+        x, low, high, top = tables[f"preload {preload:g} N"].values()
+        rows.append({
+            "chain": f"prisms, preload {preload:g} N, prestrain {x[0]:g} to {x[-1]:g}",
+            "gap from [rad/s]": f"{np.nanmin(low):.4f} to {np.nanmax(low):.4f}",
+            "to": f"{np.nanmin(high):.4f} to {np.nanmax(high):.4f}",
+            "cut-off": f"{np.nanmin(top):.4f} to {np.nanmax(top):.4f}",
+        })  # fmt: skip
+    t, u = tables["arrived"].values()
+    sizes = [np.abs(u[(t > a * T_END) & (t < b * T_END)]).max()
+             for a, b in ((0.2, 0.3), (0.55, 0.65), (0.9, 1.0))]  # fmt: skip
+    rows.append({
+        "chain": f"shaken at {tables['run']['frequency'][0]:.4f} rad/s and tuned",
+        "largest ratio in the gap": float(sizes[1]),
+        "least in bands": float(min(sizes[0], sizes[2])),
+        "balance of energy": float(tables["run"]["balance"][0]),
+    })  # fmt: skip
+    return rows

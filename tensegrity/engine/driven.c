@@ -1,0 +1,215 @@
+/* Steps of a splitting in which time counts, behind `steps.c`: prescribed motions and forces of
+   some sites, dashpots, springs that change.
+
+   What depends on time only was computed before, for the kicks and drifts of all steps of a call.
+   A kick leaves in `v` of a prescribed site the impulse of its springs over its mass: the driver
+   pays for it with the velocity that it gives.  Drifts with dashpots solve
+   u' = v, m v' = -G v: without dashpots in bonds site by site, with them by the series of the
+   exponential function, in which prescribed velocities stand as polynomials. */
+
+#define PARTS 8 /* sums at a time, so that additions do not wait for each other */
+#define ADD(n, term)                                                                        \
+    ({                                                                                      \
+        real part[PARTS] = {0}, sum = 0;                                                    \
+        integer q = 0;                                                                      \
+        for (; q + PARTS <= (n); q += PARTS)                                                \
+            for (int l = 0; l < PARTS; l++) { const integer i = q + l; part[l] += (term); } \
+        for (integer i = q; i < (n); i++) sum += (term);                                    \
+        for (int l = 0; l < PARTS; l++) sum += part[l];                                     \
+        sum;                                                                                \
+    })
+
+typedef struct {
+    const real *moved_u, *moved_v;   /* (drifts, moved) after each; (kicks, moved) */
+    const real *force, *force_rate;  /* (kicks, forced) */
+    const real *shared;              /* (kicks, PARAMETERS): of the law, and their rates */
+    const real *domain;              /* (kicks, 2) elongations that springs may have */
+    const real *heavy;               /* (moved) their masses */
+    const real *series;              /* (drifts, moved, degree) of prescribed velocities */
+    const real *rubbed;              /* (drifts) loss in dashpots from the ground to those */
+    const real *decay, *glide;       /* (stages, entries) of v, and of u for v, in a drift */
+    const real *mass, *ground, *bond; /* (entries), 0 where prescribed; (entries); (bonds) */
+    const integer *moved, *forced;   /* entries of u */
+    real *term, *next, *pull, *given; /* scratch: (entries) twice, (entries + 1), (moved, degree) */
+    real *sums;                      /* work, loss, elongations met, (2) each */
+    integer entries, moving, forcing, tuned, damped, degree;
+} drive;
+
+enum { FREE, APART, JOINED }; /* drifts: without dashpots, without those in bonds, with them */
+
+#ifdef CHANGE
+/* Rate of the energy of all bonds of a chain at given elongations, change(r, p) of each; the
+   smallest and the largest elongation. */
+__attribute__((flatten)) static real power_of(const scene *c, real *least, real *most)
+{
+    const integer bonds = c->first[1];
+    const real *restrict u = c->u, *restrict shared = c->shared;
+    real p[PARAMETERS + 1], part[BLOCK] = {0}, low[BLOCK], high[BLOCK], sum = 0;
+    for (int i = 0; i < PARAMETERS; i++) p[i] = shared[i];
+    for (int i = 0; i < BLOCK; i++) low[i] = INFINITY, high[i] = -INFINITY;
+#define POWER(n)                                                                            \
+    EACH(n) {                                                                               \
+        const real r = u[j + i + 1] - u[j + i];                                             \
+        part[i] += change(r, p);                                                            \
+        low[i] = r < low[i] ? r : low[i];                                                   \
+        high[i] = r > high[i] ? r : high[i];                                                \
+    }
+    integer j = 0;
+    for (; j + BLOCK <= bonds; j += BLOCK) POWER(BLOCK)
+    POWER(bonds - j)
+    *least = INFINITY, *most = -INFINITY;
+    for (int i = 0; i < BLOCK; i++) {
+        sum += part[i];
+        *least = smaller(low[i], *least), *most = larger(high[i], *most);
+    }
+    return sum;
+}
+#endif
+
+static real energy_of(const drive *d, const real *restrict v)
+{
+    const real *restrict m = d->mass;
+    return ADD(d->entries, m[i] * v[i] * v[i]) / 2;
+}
+
+/* A drift with dashpots from the sites to the ground. */
+static void drift_apart(const scene *c, const drive *d, integer s, integer i0)
+{
+    const integer n = d->entries;
+    const real *restrict decay = d->decay + i0 * n, *restrict glide = d->glide + i0 * n;
+    real *restrict u = c->u, *restrict v = c->v;
+    const real before = energy_of(d, v);
+    EACH(n) u[i] += glide[i] * v[i], v[i] *= decay[i];
+    d->sums[1] += before - energy_of(d, v);
+    if (d->moving) d->sums[0] += d->rubbed[s], d->sums[1] += d->rubbed[s];
+#ifdef DIM
+    real farthest = 0;
+    for (integer i = 0; i < n; i++)
+        if (v[i] != 0) farthest = larger(farthest, fabs(glide[i] / decay[i] * v[i]));
+    *c->travel += farthest;
+#endif
+}
+
+#ifndef DIM
+/* A drift with dashpots in the bonds of a chain too. */
+static void drift_joined(const scene *c, const drive *d, integer s, real b)
+{
+    const integer n = d->entries, count = d->degree;
+    real *restrict u = c->u, *restrict v = c->v, *restrict y = d->term, *restrict next = d->next;
+    real *restrict pull = d->pull;
+    const real *restrict w = c->w, *restrict ground = d->ground, *restrict bond = d->bond;
+    const real *series = d->series + s * d->moving * count, before = energy_of(d, v);
+    EACH(n) y[i] = v[i], v[i] = 0;
+    for (integer k = 0; k < count; k++) {
+        const real part = b / (k + 1);
+        for (integer e = 0; e < d->moving; e++) y[d->moved[e]] = series[e * count + k];
+        pull[0] = pull[n] = 0;
+        EACH(n - 1) pull[i + 1] = bond[i] * (y[i + 1] - y[i]);
+        for (integer e = 0; e < d->moving; e++) {
+            const integer q = d->moved[e];
+            d->given[e * count + k] = pull[q] - pull[q + 1] + ground[q] * y[q];
+        }
+        EACH(n) {
+            v[i] += y[i];
+            u[i] += part * y[i];
+            next[i] = part * w[i] * (pull[i + 1] - pull[i] - ground[i] * y[i]);
+        }
+        real *swap = y;
+        y = next, next = swap;
+    }
+    real paid = 0; /* by who moves sites against dashpots */
+    for (integer e = 0; e < d->moving; e++)
+        for (integer k = 0; k < count; k++)
+            for (integer l = 0; l < count; l++)
+                paid += b * series[e * count + k] * d->given[e * count + l] / (k + l + 1);
+    d->sums[0] += paid;
+    d->sums[1] += before - energy_of(d, v) + paid;
+}
+#endif
+
+/* The s-th kick by a, and the drift by b after it, the i-th of a step; 1 if a spring locked. */
+static int driven_stage(scene *c, const drive *d, integer s, integer i, real a, real b)
+{
+    real *u = c->u, *v = c->v;
+#ifdef CHANGE
+    if (d->tuned) {
+        c->shared = d->shared + s * PARAMETERS;
+        real low, high;
+        d->sums[0] += a * power_of(c, &low, &high);
+        d->sums[2] = smaller(low, d->sums[2]), d->sums[3] = larger(high, d->sums[3]);
+        if (!(low > d->domain[2 * s] && high < d->domain[2 * s + 1])) return 1;
+    }
+#endif
+    for (integer e = 0; e < d->forcing; e++) {
+        const integer q = d->forced[e], at = s * d->forcing + e;
+        v[q] += a * c->w[q] * d->force[at];
+        d->sums[0] -= a * d->force_rate[at] * u[q];
+    }
+    for (integer e = 0; e < d->moving; e++) v[d->moved[e]] = 0, d->given[e] = u[d->moved[e]];
+    stage(c, a, d->damped ? 0 : b);
+    for (integer e = 0; e < d->moving; e++)
+        {
+        d->sums[0] -= d->heavy[e] * v[d->moved[e]] * d->moved_v[s * d->moving + e];
+        v[d->moved[e]] = 0;
+    }
+    if (b == 0) return 0;
+    if (d->damped == APART) drift_apart(c, d, s, i);
+#ifndef DIM
+    if (d->damped == JOINED) drift_joined(c, d, s, b);
+#endif
+    for (integer e = 0; e < d->moving; e++) u[d->moved[e]] = d->moved_u[s * d->moving + e];
+#ifdef DIM
+    real farthest = 0;
+    for (integer e = 0; e < d->moving; e++)
+        farthest = larger(farthest, fabs(u[d->moved[e]] - d->given[e]));
+    *c->travel += farthest;
+#endif
+    return 0;
+}
+
+/* `steps` steps from kick number s on, which is counted on; 0, or 1 if a spring locked. */
+static int driven_steps(scene *c, const drive *d, integer *s, integer steps, integer opened)
+{
+    const real closing = c->closing ? c->kicks[c->stages] : 0;
+    for (integer k = 0; k < steps; k++)
+        for (integer i = 0; i < c->stages; i++, ++*s) {
+            const real before = (k > 0 || opened) && i == 0 ? closing : 0;
+            if (driven_stage(c, d, *s, i, c->kicks[i] + before, c->drifts[i])) return 1;
+        }
+    return 0;
+}
+
+/* As advance_part; returns the number of the kick at which a spring locked, or -1. */
+integer advance_driven(const scene *given, const drive *d, integer steps, integer opened,
+                       integer close)
+{
+    scene here = *given;
+    integer s = 0;
+    if (driven_steps(&here, d, &s, steps, opened)) return s;
+    if (here.closing && close && driven_stage(&here, d, s, 0, here.kicks[here.stages], 0)) return s;
+    return -1;
+}
+
+/* Go on to each of `count` steps `at`, and keep there the first `sites` numbers of u and of v, the
+   `more` of v behind them, work and loss, from a copy in `out` that gets the closing kick. */
+integer rows_driven(const scene *given, const drive *d, const scene *out, const integer *at,
+                    integer count, integer opened, integer size, integer sites, integer more,
+                    real *rows_u, real *rows_v, real *rows_more, real *rows_sums)
+{
+    scene here = *given, copy = *out;
+    integer s = 0, done = 0;
+    for (integer k = 0; k < count; k++) {
+        if (driven_steps(&here, d, &s, at[k] - done, opened || done)) return s;
+        done = at[k];
+        EACH(size) copy.u[i] = here.u[i], copy.v[i] = here.v[i];
+        real sums[4] = {d->sums[0], d->sums[1], d->sums[2], d->sums[3]};
+        drive alone = *d;
+        alone.sums = sums;
+        if (copy.closing && driven_stage(&copy, &alone, s, 0, copy.kicks[copy.stages], 0)) return s;
+        d->sums[2] = sums[2], d->sums[3] = sums[3];
+        EACH(sites) rows_u[k * sites + i] = copy.u[i], rows_v[k * sites + i] = copy.v[i];
+        EACH(more) rows_more[k * more + i] = copy.v[sites + i];
+        rows_sums[2 * k] = sums[0], rows_sums[2 * k + 1] = sums[1];
+    }
+    return -1;
+}

@@ -1,0 +1,404 @@
+"""What time does to a scene: prescribed motions and forces of sites, and dashpots.
+
+A `Drive` is a function of time for one site; it moves the site exactly, or pulls at it.  A
+dashpot resists the rate of elongation of its bond, or the velocity of its site, in proportion.
+Scenes take them as `drive={site: Drive}` and `damping=Damping(...)`; `forcing_of` is what the
+loop makes of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tensegrity import check
+from tensegrity.engine.driven import Forcing
+from tensegrity.errors import TensegrityError
+from tensegrity.once import once
+from tensegrity.readonly import FixedDict, fixed
+
+if TYPE_CHECKING:
+    from typing import Any, TypeAlias
+
+    import sympy as sp
+    from numpy.typing import ArrayLike
+
+    from tensegrity.typing import Array
+
+    Signal: TypeAlias = sp.Expr | float | tuple[ArrayLike, ArrayLike]
+
+LOOKS = 4096  # intervals in which a jump is looked for
+SUSPECTS = 8  # of them that are halved
+HALVINGS = 40
+JUMP = 1e-4  # of the largest change from one look to the next, left in the smallest interval
+ATOL, RTOL = 1e-12, 1e-9  # [m], relative: a site that is where its drive begins
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """A prescribed motion of a site, or a force on it, as a function of time.
+
+    Exactly one of the two is given: as a SymPy expression of `t` [s], or as samples
+    (t, values), joined by a cubic spline.  In the plane and in space it has a component for each
+    coordinate: a sequence of expressions, None where the site is left free, or values of
+    shape (samples, dim).
+
+    Parameters
+    ----------
+    displacement : sympy.Expr, float, (t, values), or sequence of expressions, optional
+        u(t) [m] from the reference place.  The site moves so exactly, whatever pulls at it.
+    force : the same, optional
+        [N], > 0 along the axis; besides the forces of bonds and loads.
+
+    Raises
+    ------
+    TensegrityError
+        None or both given; an expression of other symbols; samples that are not finite, or whose
+        times do not increase.  A value that is not finite, and a jump, is refused by the run.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> t = sp.Symbol("t")
+    >>> shaker = Drive(displacement=0.01 * sp.sin(2 * t))
+    >>> float(shaker.at(0.0, order=1)[0])
+    0.02
+    """
+
+    displacement: Any = None
+    force: Any = None
+    signals: tuple[Any, ...] = field(init=False, repr=False)  # of each coordinate, or None
+    prescribes: bool = field(init=False, repr=False)
+
+    if TYPE_CHECKING:  # what converts is taken
+
+        def __init__(
+            self,
+            displacement: Signal | Sequence[sp.Expr | float | None] | None = None,
+            force: Signal | Sequence[sp.Expr | float | None] | None = None,
+        ) -> None: ...
+
+    def __post_init__(self) -> None:
+        given = [name for name in ("displacement", "force") if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise TensegrityError(f"a drive has {len(given)} of displacement and force, must be 1")
+        signals = _signals(given[0], getattr(self, given[0]))
+        object.__setattr__(self, "signals", signals)
+        object.__setattr__(self, "prescribes", given[0] == "displacement")
+
+    def at(self, t: ArrayLike, order: int = 0) -> Array:
+        """Values at instants t [s], or their rates for order 1; (coordinates, *shape of t)."""
+        t = check.floats("t", t)
+        if check.whole("order", order, least=0) > 1:
+            raise TensegrityError(f"order {order} must be 0 or 1")
+        return np.array([np.zeros(t.shape) if s is None else s(t, order) for s in self.signals])
+
+
+class Expression:
+    """A SymPy expression of t as a function of instants."""
+
+    def __init__(self, name: str, expression: Any) -> None:
+        self.name, self.expression = name, expression
+        _functions(expression)  # refuses what cannot be translated
+        self.span = -np.inf, np.inf
+
+    def __call__(self, t: Array, order: int = 0) -> Array:
+        """Values, or rates for order 1; of the shape of t."""
+        with np.errstate(all="ignore"):
+            found = np.broadcast_to(_functions(self.expression)[order](t), np.shape(t))
+        bad = ~np.isfinite(found)
+        if np.iscomplexobj(found) or bad.any():
+            where = np.atleast_1d(t)[np.atleast_1d(bad)]
+            value = found[bad].flat[0] if where.size else "complex"
+            at = f" at t = {where[0]:.6g} s" if where.size else ""
+            words = ("", "rate of the ")[order]
+            raise TensegrityError(f"{words}{self.name} {self.expression} is {value}{at}")
+        return found
+
+    def __repr__(self) -> str:
+        return str(self.expression)
+
+
+class Samples:
+    """Samples joined by a cubic spline."""
+
+    def __init__(self, name: str, t: Array, values: Array) -> None:
+        self.name, self._t, self._values = name, t, values
+        self.span = float(t[0]), float(t[-1])
+
+    @cached_property
+    def _spline(self) -> Any:
+        from scipy.interpolate import CubicSpline
+
+        return CubicSpline(self._t, self._values)
+
+    def __call__(self, t: Array, order: int = 0) -> Array:
+        """Values, or rates for order 1; of the shape of t."""
+        return self._spline(t, order)
+
+    def __repr__(self) -> str:
+        return f"{len(self._t)} samples from {self.span[0]:g} s to {self.span[1]:g} s"
+
+
+def _signals(name: str, given: Any) -> tuple[Any, ...]:
+    """Functions of t for each coordinate, None where there is none."""
+    if isinstance(given, (tuple, list)) and len(given) == 2 and _many(given[0]):
+        t, values = (check.floats(f"samples of the {name}", x) for x in given)
+        if t.ndim != 1 or len(t) < 2 or values.ndim not in (1, 2) or len(values) != len(t):
+            raise TensegrityError(
+                f"samples of the {name} have shapes {t.shape} and {values.shape}, must be "
+                "(samples,) of two or more, and the same or (samples, dim)"
+            )
+        for x in (t, values):
+            check.vector(f"samples of the {name}", x, x.shape)
+        stays = np.flatnonzero(np.diff(t) <= 0)
+        if stays.size:
+            raise TensegrityError(
+                f"time {t[stays[0] + 1]:g} s of the samples of the {name} follows "
+                f"{t[stays[0]]:g} s, must increase: a jump has no drive"
+            )
+        columns = values.reshape(len(t), -1).T
+        return tuple(Samples(name, fixed(t), fixed(column)) for column in columns)
+    if not isinstance(given, (tuple, list)):
+        return (expression_of(name, given),)
+    if not 1 <= len(given) <= 3 or all(one is None for one in given):
+        raise TensegrityError(f"{name} {check.shown(given)} must have 1 to 3 components")
+    return tuple(None if one is None else expression_of(name, one) for one in given)
+
+
+def _many(x: Any) -> bool:
+    return isinstance(x, (list, tuple)) or (isinstance(x, np.ndarray) and x.ndim > 0)
+
+
+def expression_of(name: str, given: Any) -> Expression:
+    """An expression of t alone, or a number."""
+    import sympy as sp
+
+    if not isinstance(given, sp.Expr):
+        given = sp.Float(check.number(name, given))
+    other = sorted(str(s) for s in given.free_symbols if str(s) != "t")
+    if other:
+        raise TensegrityError(
+            f"{name} {check.shown(given)} depends on {', '.join(other)}, must on t alone"
+        )
+    return Expression(name, given)
+
+
+@once
+def _functions(expression: Any) -> Any:
+    """The expression and its derivative as functions of arrays."""
+    import sympy as sp
+
+    t = sp.Symbol("t", real=True)
+    try:
+        expression = expression.xreplace(dict.fromkeys(expression.free_symbols, t))
+        rate = sp.diff(expression, t).replace(sp.DiracDelta, lambda *_: sp.Integer(0))
+        found = [sp.lambdify(t, x, "numpy", cse=True) for x in (expression, rate)]
+        with np.errstate(all="ignore"):
+            for one in found:
+                np.broadcast_to(one(np.array([0.3, 0.7])), (2,)).astype(float)
+    except Exception as error:  # whatever SymPy's printer or NumPy raises at what it cannot do
+        raise TensegrityError(f"expression {expression} cannot be translated: {error}") from error
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class Damping:
+    """Dashpots: forces in proportion to velocities.
+
+    Parameters
+    ----------
+    bond : float or array_like, (bonds,), optional
+        Of the rate of elongation of each bond [N s/m], >= 0.
+    ground : float or array_like, (sites,), optional
+        Of the velocity of each site [N s/m], >= 0.
+    """
+
+    bond: Array = 0.0  # type: ignore[assignment]
+    ground: Array = 0.0  # type: ignore[assignment]
+
+    if TYPE_CHECKING:  # what converts is taken, arrays are kept
+
+        def __init__(self, bond: ArrayLike = 0.0, ground: ArrayLike = 0.0) -> None: ...
+
+    def __post_init__(self) -> None:
+        for name in ("bond", "ground"):
+            values = check.floats(f"{name} damping", getattr(self, name))
+            if values.ndim > 1:
+                raise TensegrityError(f"{name} damping has shape {values.shape}, must be (n,)")
+            bad = values[~(np.isfinite(values) & (values >= 0))]
+            if bad.size:
+                raise TensegrityError(
+                    f"{name} damping {bad.flat[0]:g} N s/m must be at least 0 and finite"
+                )
+            object.__setattr__(self, name, fixed(values))
+
+    def each(self, name: str, count: int) -> Array:
+        """Those of all bonds or sites; (count,)."""
+        values = getattr(self, name)
+        if values.ndim and values.shape != (count,):
+            raise TensegrityError(f"{name} damping has shape {values.shape}, must be ({count},)")
+        return np.broadcast_to(values, (count,)).copy()
+
+
+def checked(scene: Any, drive: Any, damping: Any, tune: Any = None) -> dict[str, Any]:
+    """What a scene is driven and damped by, if it fits: attributes of it."""
+    drive = {} if drive is None else drive
+    if not isinstance(drive, Mapping):
+        raise TensegrityError(f"drive {check.shown(drive)} must be a dict {{site: Drive}}")
+    for site, one in drive.items():
+        number = check.whole("driven site", site, least=0)
+        if number >= scene.sites:
+            raise TensegrityError(f"driven site {number} must be below {scene.sites}")
+        check.kind(f"drive of site {number}", one, Drive)
+        if len(one.signals) != scene.dim:
+            raise TensegrityError(
+                f"drive of site {number} has {len(one.signals)} components, must have {scene.dim}"
+            )
+        if number in scene.held:
+            raise TensegrityError(f"site {number} is held: nothing drives it")
+    if damping is not None:
+        check.kind("damping", damping, Damping)
+        damping.each("bond", len(scene.springs))
+        damping.each("ground", scene.sites)
+        if damping.bond.any() and scene.loop_bonds.contacts is not None:
+            raise TensegrityError(
+                f"bond damping up to {damping.bond.max():g} N s/m of a network: dashpots in bonds "
+                "that may turn are not solved for; those of a Chain are, and ground damping"
+            )
+        if not (damping.bond.any() or damping.ground.any()):
+            damping = None
+    tune = {} if tune is None else tune
+    if not isinstance(tune, Mapping):
+        raise TensegrityError(f"tune {check.shown(tune)} must be a dict {{name: expression of t}}")
+    names = [name for name in tune if not isinstance(name, str)]
+    if names:
+        raise TensegrityError(f"tune {check.shown(names[0])} is not the name of an argument")
+    signals = {name: expression_of(name, one) for name, one in tune.items()}
+    if signals and len(scene.spring_table) != 1:
+        raise TensegrityError(
+            f"tune needs one spring for all bonds, there are {len(scene.spring_table)}"
+        )
+    for name, signal in signals.items():
+        spring, begin = scene.spring_table.different[0], float(signal(np.array(0.0)))
+        spring.varied({name: begin})  # refuses what it has not
+        if abs(spring.argument(name) - begin) > RTOL * abs(begin):
+            raise TensegrityError(
+                f"tune begins at {name} {begin:.9g}, the spring has {spring.argument(name):.9g}"
+            )
+    return {"drive": FixedDict(drive), "damping": damping, "tune": FixedDict(signals)}
+
+
+def refuse(scene: Any, what: str) -> None:
+    """Refuse a driven or damped scene, for what knows conservative ones only."""
+    if scene.is_driven:
+        raise TensegrityError(f"{what}: not for scenes that are driven, damped or tuned")
+
+
+def begun(scene: Any, u: Array, v: Array) -> None:
+    """Put driven sites where they begin, with the velocity that they have there; in place."""
+    for site, drive in scene.drive.items():
+        if drive.prescribes:
+            _, prescribed, here = components(scene, site, drive)
+            u.reshape(-1)[here] = drive.at(0.0)[prescribed]
+            v.reshape(-1)[here] = drive.at(0.0, 1)[prescribed]
+
+
+def components(scene: Any, site: int, drive: Drive) -> tuple[list[Any], list[int], list[int]]:
+    """Functions of a drive, the coordinates that they are for, and the entries of u."""
+    axes = [k for k, signal in enumerate(drive.signals) if signal is not None]
+    return [drive.signals[k] for k in axes], axes, [site * scene.dim + k for k in axes]
+
+
+def entries(scene: Any, prescribed: bool) -> tuple[Any, Any]:
+    """Entries of u that are moved, or that get a force, and the functions of t for them."""
+    numbers: list[int] = []
+    signals: list[Any] = []
+    for site, drive in scene.drive.items():
+        if drive.prescribes == prescribed:
+            found, _, here = components(scene, site, drive)
+            numbers += here
+            signals += found
+    return np.array(numbers, dtype=int), tuple(signals)
+
+
+def check_signals(signals: Sequence[Any], t_end: float) -> None:
+    """Refuse what is not a finite function without a jump from 0 to `t_end`."""
+    for signal in signals:
+        low, high = signal.span
+        if low > 0 or high < t_end * (1 - RTOL):
+            raise TensegrityError(f"{signal.name}: {signal} do not reach from 0 to {t_end:g} s")
+        if t_end:
+            _refuse_jump(signal, t_end)
+
+
+def _refuse_jump(signal: Any, t_end: float) -> None:
+    """Halve the intervals of largest change: a jump stays as large."""
+    t = np.linspace(0, t_end, LOOKS + 1)
+    change = np.abs(np.diff(signal(t)))
+    largest = float(change.max())
+    suspects = np.argsort(change)[-SUSPECTS:]
+    low, high = t[suspects], t[suspects + 1]
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        values = [signal(x) for x in (low, middle, high)]
+        first = np.abs(values[1] - values[0]) > np.abs(values[2] - values[1])
+        low, high = np.where(first, low, middle), np.where(first, middle, high)
+    left = np.abs(signal(high) - signal(low))
+    scale = float(np.max(np.abs(signal(t))))
+    if largest > 0 and left.max() > max(JUMP * largest, 1e-9 * scale):
+        at = low[int(left.argmax())]
+        raise TensegrityError(
+            f"{signal.name} {signal} jumps by {left.max():.6g} at t = {at:.6g} s: a drive has none"
+        )
+
+
+def check_start(scene: Any, u: Array) -> None:
+    """Refuse displacements from which driven sites would have to jump."""
+    for site, drive in scene.drive.items():
+        if not drive.prescribes:
+            continue
+        signals, axes, here = components(scene, site, drive)
+        for signal, axis, entry in zip(signals, axes, here, strict=True):
+            wanted, found = float(signal(np.array(0.0))), float(u.reshape(-1)[entry])
+            if abs(found - wanted) > ATOL + RTOL * abs(wanted):
+                raise TensegrityError(
+                    f"site {site} is at {found:.9g} m, its drive {signal} begins at {wanted:.9g} m "
+                    f"(axis {axis}): start from `at_rest`, or have it begin there"
+                )
+
+
+def forcing_of(scene: Any, t_end: float, tuning: Any = None) -> Forcing:
+    """What time does to a scene, for the loop; see `tensegrity.engine.driven`.
+
+    Raises
+    ------
+    TensegrityError
+        A drive that is not finite, jumps, or does not reach to `t_end`.
+    """
+    (moved, motions), (forced, pulls) = entries(scene, True), entries(scene, False)
+    check_signals((*motions, *pulls), t_end)
+
+    def together(signals: tuple[Any, ...]) -> Any:
+        def values(t: Array, order: int) -> Array:
+            return np.stack([signal(t, order) for signal in signals], axis=-1)
+
+        return values
+
+    bonds, mass = scene.loop_bonds, np.repeat(scene.mass, scene.dim)
+    heavy = mass[moved]
+    mass[moved] = 0.0
+    damping = scene.damping or Damping()
+    ground = np.repeat(damping.each("ground", scene.sites), scene.dim)
+    bond = damping.each("bond", len(scene.springs))
+    held = np.repeat(scene.inverse_mass == 0, scene.dim)
+    ground[held] = 0.0
+    if tuning is not None:
+        bonds = replace(bonds, laws=(tuning.law,), parameters=tuning.at(np.zeros(1)))
+    return Forcing(
+        bonds, moved, forced, together(motions), together(pulls), mass, heavy, ground, bond, tuning
+    )

@@ -1,0 +1,315 @@
+"""A spring whose arguments follow functions of time, as the loop takes it.
+
+The parameters of its law are Chebyshev series in the arguments, over the values that these take in
+a run: however quick the change, the series stay short.  Their rates follow by the chain rule.  A
+prism, and a contact under a preload, is measured from an equilibrium that the arguments move:
+elongations count from that at t = 0, and the law is shifted.  Series are compared with the springs
+between their nodes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from tensegrity.engine.kernel import kernel
+from tensegrity.errors import LockingError, ResolutionError, TensegrityError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from typing import Any
+
+    from tensegrity.engine.codegen import Law
+    from tensegrity.springs.potential import Potential
+    from tensegrity.typing import Array
+
+SIZES = (5, 9, 17, 33, 65)  # nodes of the series in each argument
+MOST_NODES = 1100  # in all
+WIDER = 1e-3  # of the range of an argument, on either side
+STAYS = 1e-14  # of a parameter: a change that is round-off
+GOOD, MISFIT = 1e-13, 1e-11  # of the tension: where series end, and what is refused
+LOOKS = 2001  # instants at which the range of an argument is looked for
+HALVINGS = 50
+SHARES = np.array([0.02, 0.2, 0.5, 0.8, 0.95])  # of either side of the domain: compared there
+
+
+@dataclass(frozen=True)
+class Shifted:
+    """A law of the elongation and one parameter more, which is added to it.
+
+    Attributes
+    ----------
+    law : Law
+    """
+
+    law: Law
+
+    @property
+    def split(self) -> bool:
+        """As that of the law."""
+        return self.law.split
+
+    @property
+    def compiled(self) -> Any:
+        """As that of the law."""
+        return self.law.compiled
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Those of the law, and the shift."""
+        return (*map(str, self.law.parameters), "shift")
+
+    @property
+    def name(self) -> str:
+        """What stands for it in other processes, if anything does."""
+        return f"shifted {name}" if (name := getattr(self.law, "name", "")) else ""
+
+    def forms(self) -> tuple[Any, Any, Sequence[Any]]:
+        """The law in CasADi; see `codegen.Law.forms`."""
+        import casadi as ca
+
+        r, p, forms = self.law.forms()
+        shift = ca.SX.sym("shift")
+        return r, ca.vertcat(p, shift), ca.substitute(list(forms), [r], [r + shift])
+
+
+NO_END = 1e300  # m: a domain that has none there, in a series
+
+
+def finite_ends(ends: Array) -> Array:
+    """Ends of domains from their series."""
+    return np.where(np.abs(ends) < 0.9 * NO_END, ends, np.copysign(np.inf, ends))
+
+
+class InTime:
+    """What loops and runs ask of a spring that changes in time.
+
+    Attributes
+    ----------
+    law : Law
+    until : float
+        Instant from which on there is no spring [s]; inf where there always is one.
+    reason : TensegrityError or None
+        Why.
+    """
+
+    law: Any
+    series: Array  # of parameters and ends of the domain in the last axis
+    until: float = np.inf
+    reason: TensegrityError | None = None
+    if TYPE_CHECKING:
+
+        def at(self, t: Array) -> Array: ...
+        def rates(self, t: Array) -> Array: ...
+        def domain(self, t: Array) -> Array: ...
+        def spring(self, t: float) -> Potential: ...
+
+    @property
+    def moving(self) -> tuple[int, ...]:
+        """Numbers of the parameters that change."""
+        rows = np.abs(self.series.reshape(-1, self.series.shape[-1]))[:, :-2]
+        return tuple(np.flatnonzero(rows[1:].max(axis=0, initial=0.0) > 0).tolist())
+
+    @property
+    def _alone(self) -> Any:
+        return kernel((self.law,))
+
+    def energies(self, t: Array, r: Array) -> Array:
+        """Energies at elongations r (t.size, bonds) [m], each row at an instant; of its shape."""
+        rows = zip(self.at(t), np.ascontiguousarray(r), strict=True)
+        return np.array([self._alone.evaluate(0, 0, p, x) for p, x in rows]).reshape(r.shape)
+
+    def stiffness(self, p: Array, r: Array) -> Array:
+        """Stiffness at elongations r (n,) with parameters p (parameters, n) each [N/m]."""
+        return self._alone.evaluate(0, 2, p, r)
+
+    def beyond(self, t: float, r: float) -> LockingError:
+        """The error for an elongation at or beyond an end of the domain at an instant."""
+        return self.spring(t).beyond(r)
+
+
+class Tuned(InTime):
+    """A spring whose arguments follow functions of time.
+
+    Parameters
+    ----------
+    spring : Potential
+    signals : dict of str to callable (t, order) -> ndarray
+        Of each argument that changes.
+    t_end : float
+        [s]
+
+    """
+
+    def __init__(self, spring: Potential, signals: Mapping[str, Any], t_end: float) -> None:
+        self._given, self._signals, self._t_end = spring, dict(signals), t_end
+        self._first = self._spring(self._arguments(np.array([0.0]), 0)[0])
+        box = self._box()
+        self.law, self.series, self._low, self._half = self._fit(*box)
+        self._rates = [chebyshev.chebder(self.series, axis=k) for k in range(len(box[0]))]
+
+    def _arguments(self, t: Array, order: int) -> Array:
+        """Arguments or their rates at instants, (t.size, arguments)."""
+        return np.stack([np.asarray(f(t, order)) for f in self._signals.values()], axis=-1)
+
+    def _spring(self, arguments: Array) -> Potential:
+        return self._given.varied(dict(zip(self._signals, arguments.tolist(), strict=True)))
+
+    def _box(self) -> tuple[Array, Array]:
+        """Lowest and highest arguments, up to the first instant at which one has no spring."""
+        while True:
+            end = min(self._t_end, self.until)
+            t = np.linspace(0, end, LOOKS)
+            values = self._arguments(t, 0)
+            far = np.unique([values.argmin(axis=0), values.argmax(axis=0)])
+            bad = [k for k in far if self._refused(values[k])]
+            if not bad or end == 0:
+                return values.min(axis=0), values.max(axis=0)
+            good, wrong = 0.0, float(t[bad[0]])
+            for _ in range(HALVINGS):
+                middle = (good + wrong) / 2
+                if self._refused(self._arguments(np.array([middle]), 0)[0]):
+                    wrong = middle
+                else:
+                    good = middle
+            self.reason = self._refused(self._arguments(np.array([wrong]), 0)[0])
+            self.until = good
+
+    def _refused(self, arguments: Array) -> TensegrityError | None:
+        """Why there is no spring with such arguments, or None."""
+        try:
+            _ = self._spring(arguments).reach
+        except TensegrityError as error:
+            return error
+        return None
+
+    def _fit(self, low: Array, high: Array) -> tuple[Any, Array, Array, Array]:
+        """Law, series of its parameters and of its domain, middle and half of each argument."""
+        width = high - low
+        wider = WIDER * width + 1e-12 * np.abs(high)
+        for room in (wider, 0 * wider):  # where an argument ends there is no spring beyond
+            middle, half = (low + high) / 2, width / 2 + room
+            half = np.where(half > 0, half, 1.0)
+            moves = width > 1e-12 * np.maximum(np.abs(low), np.abs(high))
+            try:
+                return *self._fitted(middle, half, moves), middle, half
+            except ResolutionError:
+                raise
+            except TensegrityError:
+                if not room.any():
+                    raise
+        raise AssertionError
+
+    def _fitted(self, middle: Array, half: Array, moves: Any) -> tuple[Any, Array]:
+        worst = np.inf
+        for size in SIZES:
+            sizes = [size if one else 1 for one in moves]
+            if np.prod(sizes) > MOST_NODES:
+                break
+            springs = {
+                at: self._spring(middle + half * np.array([chebyshev.chebpts1(n)[k] for n, k in
+                                                            zip(sizes, at, strict=True)]))
+                for at in product(*map(range, sizes))
+            }  # fmt: skip
+            law, values = self._numbers(list(springs.values()))
+            series = values.reshape(*sizes, -1)
+            for axis, n in enumerate(sizes):
+                x = chebyshev.chebpts1(n)
+                series = np.moveaxis(
+                    np.tensordot(np.linalg.inv(chebyshev.chebvander(x, n - 1)), series, (1, axis)),
+                    0, axis,
+                )  # fmt: skip
+            series = np.ascontiguousarray(series)
+            flat = series.reshape(-1, series.shape[-1])  # a view
+            flat[1:, np.abs(flat[1:]).max(axis=0, initial=0.0) <= STAYS * np.abs(flat[0])] = 0.0
+            found = self._misfit(law, series, middle, half, moves)
+            if found <= GOOD:
+                return law, series
+            if found < worst:
+                worst, best = found, (law, series)
+        if worst <= MISFIT:
+            return best
+        raise ResolutionError(
+            f"the spring changes too abruptly with {', '.join(self._signals)}: a series misses its "
+            f"tension by {worst:.2g} of it, must by {MISFIT:g} at most"
+        )
+
+    def _numbers(self, springs: list[Potential]) -> tuple[Any, Array]:
+        """A law that springs have in common; parameters, and ends of the domain, of each."""
+        laws = list(dict.fromkeys(spring.law for spring in springs))
+        law: Any = laws[0]
+        if len(laws) > 1:  # elastic prisms: some need more iterations than others
+            law = max(laws, key=lambda one: getattr(one, "steps", 0))
+        if len({len(one.parameters) for one in laws}) > 1:
+            raise TensegrityError("springs of one law become such of another as they change")
+        shifts = np.array([one.shift_from(self._first) for one in springs])
+        rows = np.array([spring.values for spring in springs])
+        ends = np.array([spring.reach for spring in springs]) - shifts[:, None]
+        if shifts.any():
+            law, rows = Shifted(law), np.column_stack([rows, shifts])
+        return law, np.column_stack([rows, np.clip(ends, -NO_END, NO_END)])
+
+    def _misfit(self, law: Any, series: Array, middle: Array, half: Array, moves: Any) -> float:
+        """Largest error of the tension at arguments between the nodes, over the largest."""
+        worst, loop = 0.0, kernel((law,))
+        for share in (-0.99, -0.437, 0.211, 0.683, 0.97):
+            x = np.where(moves, share, 0.0)
+            spring = self._spring(middle + half * x)
+            p = np.ascontiguousarray(_value(series, x[None])[0, :-2])
+            shift = spring.shift_from(self._first)
+            size = abs(spring.opening[0] if spring.opening else 0.0) or 1.0
+            reach = [end if np.isfinite(end) else np.copysign(size, end) for end in spring.reach]
+            r = np.concatenate([reach[0] * SHARES, reach[1] * SHARES])
+            right = spring.tension(r)
+            wrong = np.abs(
+                loop.evaluate(0, 1, np.array(p), np.ascontiguousarray(r - shift)) - right
+            )
+            worst = max(worst, float(np.max(wrong) / np.max(np.abs(right))))
+        return worst if np.isfinite(worst) else np.inf
+
+    def _values(self, t: Array, order: int) -> Array:
+        """Parameters and ends of the domain, or their rates, (t.size, parameters + 2)."""
+        x = (self._arguments(t, 0) - self._low) / self._half
+        x = np.clip(x, -1.0, 1.0)
+        if order == 0:
+            return _value(self.series, x)
+        rates = self._arguments(t, 1) / self._half
+        return sum(
+            (_value(one, x) * rates[:, [k]] for k, one in enumerate(self._rates)),
+            np.zeros((1, self.series.shape[-1])),
+        )
+
+    def at(self, t: Array) -> Array:
+        """Parameters of the law at instants t, (t.size, parameters)."""
+        return self._values(t, 0)[:, :-2]
+
+    def rates(self, t: Array) -> Array:
+        """Their rates [1/s]."""
+        return self._values(t, 1)[:, :-2]
+
+    def domain(self, t: Array) -> Array:
+        """Lowest and highest elongation at instants t [m]; (t.size, 2)."""
+        return finite_ends(self._values(t, 0)[:, -2:])
+
+    def spring(self, t: float) -> Potential:
+        """The spring of an instant, measured from its own equilibrium."""
+        return self._spring(self._arguments(np.array([t]), 0)[0])
+
+    def beyond(self, t: float, r: float) -> LockingError:
+        """The error for an elongation at or beyond an end of the domain at an instant."""
+        spring = self.spring(t)
+        return spring.beyond(r + spring.shift_from(self._first))
+
+
+def _value(series: Any, x: Any) -> Any:
+    """Tensor Chebyshev series (*sizes, columns) at points (points, arguments)."""
+    value = chebyshev.chebvander(x[:, 0], len(series) - 1) @ series.reshape(len(series), -1)
+    value = value.reshape(len(x), *series.shape[1:])
+    for k in range(1, x.shape[1]):
+        basis = chebyshev.chebvander(x[:, k], value.shape[1] - 1)
+        value = np.einsum("pn,pn...->p...", basis, value)
+    return value

@@ -1,0 +1,351 @@
+"""Driven and damped scenes: closed forms, orders of the methods, balances of energy, errors."""
+
+import cmath
+import math
+
+import numpy as np
+import pytest
+import sympy as sp
+
+import granular
+from tensegrity import (
+    Chain,
+    Damping,
+    Drive,
+    Ensemble,
+    LockingError,
+    Network,
+    Potential,
+    Prism,
+    Record,
+    Run,
+    StabilityError,
+    State,
+    TensegrityError,
+    gradient,
+    modes,
+    objective,
+    simulate,
+)
+from tensegrity.engine import driven
+from tensegrity.engine.interpreted import Interpreted
+from tensegrity.engine.methods import METHODS
+
+T, R, K = sp.symbols("t r k")
+CUBIC = Potential(R**2 / 2 + R**4 / 4, R, length=1.0)
+SHAKER = Drive(displacement=0.3 * sp.sin(1.3 * T))
+PULL = Drive(force=0.1 * sp.cos(T))
+SCENES = {
+    "moved": {"drive": {0: SHAKER}},
+    "pulled": {"drive": {3: PULL}},
+    "to the ground": {"damping": Damping(ground=0.2)},
+    "in bonds": {"damping": Damping(bond=np.linspace(0.3, 0, 7))},
+    "moved, to the ground": {"drive": {0: SHAKER}, "damping": Damping(ground=0.1)},
+    "all": {"drive": {0: SHAKER, 4: PULL}, "damping": Damping(bond=0.2, ground=0.1)},
+}
+
+
+def linear(stiffness):
+    return Potential(K * R**2 / 2, R, {K: stiffness}, length=1.0)
+
+
+def scene_of(name):
+    return Chain(CUBIC, 8, np.linspace(1, 2, 8), ("free", "fixed"), **SCENES[name])
+
+
+class Oscillator:
+    """m x'' + g x' + k x = Re(f exp(i w t)), from x and x' at 0: the closed form."""
+
+    def __init__(self, m, g, k, f, w, x, v):
+        self._steady, self._w = f / (k - m * w**2 + 1j * g * w), w
+        self._rate = (-g + cmath.sqrt(g**2 - 4 * m * k)) / (2 * m)
+        x, v = x - self._steady.real, v - (1j * w * self._steady).real
+        self._free = complex(x, (self._rate.real * x - v) / self._rate.imag)
+
+    def __call__(self, t, order=0):
+        parts = (self._free, self._rate), (self._steady, 1j * self._w)
+        return sum((a * b**order * cmath.exp(b * t)).real for a, b in parts)
+
+
+def order_of(steps, errors):
+    return -np.polyfit(np.log(steps), np.log(errors), 1)[0]
+
+
+@pytest.mark.parametrize("damping", [Damping(ground=0.3), Damping(bond=0.3)])
+@pytest.mark.parametrize("method", ["verlet", "rkn6", "processed6"])
+def test_methods_keep_their_order_on_a_driven_and_damped_oscillator(method, damping):
+    exact = Oscillator(0.7, 0.3, 2.0, 0.5, 1.1, 0.0, 0.4)
+    drive = {1: Drive(force=0.5 * sp.cos(1.1 * T))}
+    chain = Chain(linear(2.0), 2, 0.7, ("fixed", "free"), drive=drive, damping=damping)
+    steps, errors = np.array([10, 14, 20, 28]), []
+    for count in steps:
+        end = simulate(chain, chain.at_rest({1: 0.4}), 5.0, method=method, dt=5 / count).final
+        errors.append(max(abs(end.u[1] - exact(5.0)), abs(end.v[1] - exact(5.0, 1))))
+    assert order_of(steps, errors) == pytest.approx(METHODS[method].order, abs=0.45)
+    fine = simulate(chain, chain.at_rest({1: 0.4}), 5.0, method=method, dt=0.01).final
+    assert abs(fine.u[1] - exact(5.0)) < {"verlet": 1e-4}.get(method, 1e-13)
+
+
+def test_a_mass_on_a_shaken_base_follows_the_closed_form():
+    """Moved site 0 pulls through a spring and a dashpot: f = a (k + i g w)."""
+    a, w, g, k = 0.2, 1.7, 0.25, 1.5
+    drive = {0: Drive(displacement=a * sp.sin(w * T))}
+    chain = Chain(linear(k), 2, 1.0, drive=drive, damping=Damping(bond=g))
+    exact = Oscillator(1.0, g, k, -1j * a * (k + 1j * g * w), w, 0.0, 0.0)
+    run = simulate(chain, chain.at_rest(), 8.0, tol=1e-11)
+    assert run.final.u[1] == pytest.approx(exact(8.0), abs=1e-11)
+    np.testing.assert_allclose(run.u[:, 0], a * np.sin(w * run.t), atol=1e-16)
+    np.testing.assert_allclose(run.v[:, 0], a * w * np.cos(w * run.t), atol=1e-15)
+
+
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize(
+    "method", ["rkn6", *(pytest.param(x, marks=pytest.mark.slow) for x in ("verlet", "processed6"))]
+)
+def test_methods_keep_their_order_in_motion_work_and_loss(name, method):
+    scene, order = scene_of(name), METHODS[method].order
+    state = scene.at_rest({5: 0.3})
+    fine = simulate(scene, state, 4.0, method="rkn6", dt=0.02)
+    steps = np.array([16, 22, 32])
+    runs = [simulate(scene, state, 4.0, method=method, dt=4 / n) for n in steps]
+    errors = [max(np.abs(run.final.u - fine.final.u).max(),
+                  np.abs(run.final.v - fine.final.v).max(), abs(run.work[-1] - fine.work[-1]),
+                  abs(run.loss[-1] - fine.loss[-1])) for run in runs]  # fmt: skip
+    assert order_of(steps, errors) > order - 0.5
+    assert errors[-1] > 1e-13  # above round-off, where there is an order to see
+    balance = [run.energy_error for run in runs]
+    assert order_of(steps, balance) > order - 0.7
+    assert fine.energy_error < 1e-10
+    assert abs(fine.work[-1]) > 1e-3 or not scene.drive
+    assert fine.loss[-1] > 1e-3 or scene.damping is None
+
+
+def test_work_is_the_integral_of_the_force_of_the_driver_times_its_velocity():
+    scene = scene_of("all")
+    record = Record(every=1)
+    run = simulate(scene, scene.at_rest({5: 0.3}), 4.0, method="rkn6", dt=0.02, record=record)
+    r, rate = np.diff(run.u), np.diff(run.v)
+    u, v = run.u[:, 0], run.v[:, 0]
+    acceleration = -(1.3**2) * u
+    pulled = r[:, 0] + r[:, 0] ** 3 + 0.2 * rate[:, 0] - 0.1 * v
+    power = (scene.mass[0] * acceleration - pulled) * v + 0.1 * np.cos(run.t) * run.v[:, 4]
+    loss = 0.2 * np.sum(rate**2, axis=1) + 0.1 * np.sum(run.v**2, axis=1)
+    weights = np.full(201, 2.0) + 2 * (np.arange(201) % 2)
+    weights[[0, -1]] = 1
+    assert run.work[-1] == pytest.approx(np.dot(weights, power) * 0.02 / 3, abs=1e-8)
+    assert run.loss[-1] == pytest.approx(np.dot(weights, loss) * 0.02 / 3, abs=1e-8)
+    assert run.loss[0] == run.work[0] == 0
+
+
+def test_dashpots_in_bonds_slow_a_mode_at_the_reference_rate():
+    """g (1 - cos q)/m: the amplitude of wavenumber q decays so, half the energy's rate."""
+    q, g = math.pi / 9 * 4, 0.05
+    chain = Chain(linear(1.0), 10, 1.0, ("fixed", "fixed"), damping=Damping(bond=g))
+    shape = np.sin(q * np.arange(10))
+    shape[[0, -1]] = 0
+    rate, square = g * (1 - math.cos(q)), 2 - 2 * math.cos(q)
+    t = 6 * math.pi / math.sqrt(square - rate**2)
+    run = simulate(chain, State(shape, -rate * shape), t, tol=1e-11)
+    np.testing.assert_allclose(run.final.u, math.exp(-rate * t) * shape, atol=1e-11)
+
+
+def test_energy_less_work_plus_loss_stays_in_every_kind_of_run():
+    scene = scene_of("all")
+    for how in (
+        {"tol": 1e-10},
+        {"method": "processed6", "dt": 0.05},
+        {"dt": 0.04, "method": "rkn6"},
+    ):
+        run = simulate(scene, scene.at_rest(), 20.0, **how)
+        assert run.energy_error < 1e-10
+        assert run.loss[-1] > 0.1 * np.max(np.abs(run.energy))
+        assert (np.diff(run.loss) > 0).all()
+
+
+def test_what_is_recorded_changes_no_bit():
+    scene = scene_of("all")
+    for method in ("verlet", "rkn6", "processed6"):
+        ends = [
+            simulate(scene, scene.at_rest(), 3.0, method=method, dt=0.1, record=record).final
+            for record in (None, Record(every=7), Record(times=[0.37, 2.5]), Record(every=30))
+        ]
+        assert len({(end.u.tobytes(), end.v.tobytes()) for end in ends}) == 1
+    run = simulate(scene, scene.at_rest(), 3.0, dt=0.02, method="rkn6", record=Record(times=[0.37]))
+    fine = simulate(scene, scene.at_rest(), 0.37, dt=0.01, method="rkn6")
+    np.testing.assert_allclose(run.u[0], fine.final.u, atol=1e-11)
+    assert run.work[0] == pytest.approx(fine.work[-1], abs=1e-10)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_the_loop_without_a_compiler_does_the_same(name, monkeypatch):
+    scene = scene_of(name)
+    state = scene.at_rest({5: 0.3})
+    how = {"method": "processed6", "dt": 0.1, "record": Record(every=3)}
+    fast = simulate(scene, state, 1.0, **how)
+    monkeypatch.setattr(driven, "_loop", lambda laws, own, dim: Interpreted(laws))
+    slow = simulate(scene, state, 1.0, **how)
+    for one, other in ((fast.u, slow.u), (fast.work, slow.work), (fast.loss, slow.loss)):
+        np.testing.assert_allclose(one, other, atol=1e-14)
+    np.testing.assert_allclose(fast.met, slow.met, atol=1e-14)
+
+
+def plate(**forcing):
+    """A square lattice of 3 x 3, its middle free to be driven."""
+    places = np.array([(x, y) for y in range(3) for x in range(3)], dtype=float)
+    bonds = [(i, j) for i in range(9) for j in range(i) if np.sum((places[i] - places[j]) ** 2) < 3]
+    return Network(places, bonds, CUBIC, mass=0.5, held=[0, 2], **forcing)
+
+
+@pytest.mark.parametrize("forcing", [
+    {"drive": {4: Drive(displacement=(0.1 * sp.sin(T), 0.05 * (1 - sp.cos(T))))}},
+    {"drive": {4: Drive(force=(None, 0.2 * sp.sin(T)))}, "damping": Damping(ground=0.2)},
+    {"drive": {4: Drive(displacement=(0.1 * sp.sin(T), None))},
+     "damping": Damping(ground=np.linspace(0, 0.3, 9))},
+])  # fmt: skip
+def test_networks_keep_order_and_balance(forcing):
+    net = plate(**forcing)
+    state = net.at_rest({8: (0.1, -0.2)})
+    fine = simulate(net, state, 3.0, method="rkn6", dt=0.02)
+    assert fine.energy_error < 1e-11
+    steps = np.array([14, 20, 28])
+    runs = [simulate(net, state, 3.0, method="rkn6", dt=3 / n) for n in steps]
+    errors = [np.abs(run.final.u - fine.final.u).max() for run in runs]
+    assert order_of(steps, errors) > 5.5
+    assert order_of(steps, [abs(run.work[-1] - fine.work[-1]) for run in runs]) > 5.3
+
+
+def test_a_network_on_a_line_is_driven_as_the_chain():
+    chain = Chain(CUBIC, 4, drive={0: SHAKER}, damping=Damping(bond=0.1, ground=0.2))
+    net = Network(
+        np.arange(4.0)[:, None], [(0, 1), (1, 2), (2, 3)], CUBIC, drive={0: SHAKER},
+        damping=Damping(bond=0.1, ground=0.2),
+    )  # fmt: skip
+    runs = [simulate(x, x.at_rest(), 3.0, dt=0.05, method="rkn6") for x in (chain, net)]
+    np.testing.assert_array_equal(runs[0].u, runs[1].u[..., 0])
+    np.testing.assert_array_equal(runs[0].work, runs[1].work)
+
+
+def test_samples_are_joined_by_a_smooth_curve():
+    t = np.linspace(0, 4, 161)
+    sampled = Drive(displacement=(t, 0.3 * np.sin(1.3 * t)))
+    ends = []
+    for drive in (sampled, SHAKER):
+        chain = Chain(CUBIC, 8, drive={0: drive})
+        ends.append(simulate(chain, chain.at_rest(), 4.0, tol=1e-9).final.u)
+    np.testing.assert_allclose(*ends, atol=1e-7)
+
+
+def test_a_drive_of_nothing_leaves_the_conservative_motion():
+    free = Chain(CUBIC, 8)
+    idle = Chain(CUBIC, 8, drive={3: Drive(force=0.0)}, damping=Damping())
+    state = free.at_rest({0: 0.4})
+    runs = [simulate(x, state, 5.0, dt=0.05, method="rkn6") for x in (free, idle)]
+    np.testing.assert_allclose(runs[0].u, runs[1].u, atol=1e-15)
+    assert runs[0].work is None
+    assert not runs[1].work.any()
+    assert Chain(CUBIC, 8, damping=Damping()).is_driven is False
+
+
+def test_default_steps_follow_what_a_drive_brings_in():
+    """At rest nothing tells how stiff the springs will be."""
+    lock = Potential(-sp.log(1 - R**2) / 2, R, length=1.0, domain=(-1.0, 1.0))
+    drive = {0: Drive(displacement=0.4 * sp.sin(2 * T))}
+    chain = Chain(lock, 3, drive=drive, damping=Damping(bond=0.5))
+    run = simulate(chain, chain.at_rest(), 6.0)
+    exact = simulate(chain, chain.at_rest(), 6.0, tol=1e-9)
+    assert exact.error_estimate < 1e-9
+    np.testing.assert_allclose(run.final.u, exact.final.u, atol=1e-5)
+    assert run.energy_error < 1e-6
+
+
+def test_a_spring_that_is_driven_into_its_end_says_where_and_when():
+    spring = Prism(1.0, 0.7, 0.01, 1.0).potential()
+    drive = {4: Drive(displacement=-0.1 * T)}
+    chain = Chain(spring, 5, 1.0, ("fixed", "free"), drive=drive, damping=Damping(1e-3))
+    with pytest.raises(LockingError, match=r"the spring between sites \d and \d got there") as one:
+        simulate(chain, chain.at_rest(), 20.0, dt=0.02)
+    run = one.value.run
+    assert not run.complete
+    assert 1 < run.t[-1] < 20
+    assert run.work[-1] > 0
+
+
+def test_beads_are_driven_through_the_builders():
+    steel = granular.materials["steel"]
+    bead = granular.Bead(0.005, steel)
+    shake = {0: Drive(displacement=1e-8 * sp.sin(1e5 * T))}
+    row = granular.chain([bead] * 6, preload=10.0, drive=shake, damping=Damping(bond=0.5))
+    run = simulate(row, row.start(), 2e-4, tol=1e-8)
+    assert run.energy_error < 1e-9
+    assert run.u[-1, 1].any()
+    guide = granular.y_guide(4, 4, bead=bead, drive={0: Drive(force=(1e5 * T, None))},
+                             damping=Damping(ground=0.01))  # fmt: skip
+    run = simulate(guide, guide.at_rest(), 5e-5, dt=5e-8)
+    assert run.energy_error < 1e-3
+    assert run.work[-1] > run.loss[-1] > 0
+    pack = granular.hexagonal_pack(3, 3, bead=bead, floor=steel, contacts="fixed",
+                                   drive={4: Drive(force=(0.0, -1e5 * T))})  # fmt: skip
+    run = simulate(pack, pack.at_rest(), 5e-5, dt=5e-8)
+    assert run.impulse[-1].any()
+    assert run.energy_error < 1e-3
+
+
+def test_modes_leave_prescribed_sites_where_they_are():
+    moved = modes(Chain(CUBIC, 6, drive={0: SHAKER}), State(np.zeros(6), np.zeros(6)))
+    held = modes(Chain(CUBIC, 6, ends=("fixed", "free")))
+    np.testing.assert_allclose(moved.frequencies, held.frequencies, atol=1e-14)
+
+
+def test_a_run_of_functions_of_time_is_kept_as_what_it_prints(tmp_path):
+    scene = scene_of("all")
+    run = simulate(scene, scene.at_rest(), 1.0, dt=0.1)
+    run.save(tmp_path / "run.npz")
+    again = Run.load(tmp_path / "run.npz")
+    np.testing.assert_array_equal(again.work, run.work)
+    with pytest.raises(TensegrityError, match="build it again"):
+        _ = again.scene.mass
+
+
+def run(forcing, t_end, **how):
+    chain = Chain(CUBIC, 8, **(forcing() if callable(forcing) else forcing))
+    return simulate(chain, chain.at_rest(), t_end, **how)
+
+
+def test_bad_input_says_what_and_why(tmp_path):
+    def refused(text, forcing, t_end=2.0, error=TensegrityError, **how):
+        with pytest.raises(error, match=text):
+            run(forcing, t_end, **({"dt": 0.05} | how))
+
+    def moved(x):
+        return lambda: {"drive": {0: Drive(displacement=x)}}
+
+    refused("has 0 of displacement and force", moved(None))
+    refused(r"ground damping -0\.1 N s/m must be at least 0",
+            lambda: {"damping": Damping(ground=-0.1)})  # fmt: skip
+    refused("depends on w, must on t alone", moved(sp.Symbol("w") * T))
+    refused(r"jumps by 0\.05 at t = 1 s", moved(0.1 * sp.Heaviside(T - 1)))
+    refused(r"jumps by 0\.2", {"drive": {2: Drive(force=0.1 * sp.sign(sp.sin(3 * T)))}})
+    refused("displacement sqrt.* is nan at t = 1", moved(sp.sqrt(1 - T) - 1))
+    refused("is zoo|is inf|not a number|cannot be translated", moved(1 / T))
+    refused("time 1 s of the samples .* follows 1 s", moved(([0.0, 1.0, 1.0], [0.0, 0.0, 1.0])))
+    refused("is nan at index 1, must be finite", moved(([0.0, 1.0], [0.0, math.nan])))
+    refused("do not reach from 0 to 2 s", moved(([0.0, 1.0], [0.0, 1.0])))
+    refused(r"bond damping has shape \(3,\), must be \(7,\)", {"damping": Damping(bond=[1, 2, 3])})
+    refused("driven site 8 must be below 8", {"drive": {8: SHAKER}})
+    refused("site 0 is held", {"drive": {0: SHAKER}, "ends": ("fixed", "free")})
+    refused("has 2 components, must have 1", moved((T, T)))
+    refused("'rk4' is no splitting", {"drive": {0: SHAKER}}, method="rk4")
+    refused("'gauss4' is no splitting", {"drive": {0: SHAKER}}, method="gauss4")
+    refused("'corrected6' is no splitting", {"drive": {0: SHAKER}}, method="corrected6")
+    refused("recorded in memory", {"drive": {0: SHAKER}}, record=Record(path=tmp_path / "x.npy"))
+    refused(r"dt 0.5 s is beyond 0.\d+ s for dashpots", {"damping": Damping(ground=20.0)}, dt=0.5,
+            error=StabilityError)  # fmt: skip
+    chain = Chain(CUBIC, 8, drive={0: Drive(displacement=0.1 * sp.cos(T))})
+    with pytest.raises(TensegrityError, match=r"site 0 is at 0 m, its drive .* begins at 0.1 m"):
+        simulate(chain, State(np.zeros(8), np.zeros(8)), 1.0, dt=0.1)
+    with pytest.raises(TensegrityError, match="scene 0 of an Ensemble: not for scenes that are"):
+        Ensemble(chain, 2)
+    with pytest.raises(TensegrityError, match="a gradient: not for scenes that are driven"):
+        gradient(objective.load(1), chain, chain.at_rest(), 1.0, dt=0.1)
+    with pytest.raises(TensegrityError, match=r"bond damping up to 0\.1 N s/m of a network"):
+        plate(damping=Damping(bond=0.1))
