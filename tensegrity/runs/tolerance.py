@@ -8,10 +8,11 @@ does to the motion.  They stay if that is a small part of the tolerance and they
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
+from tensegrity.engine import walk
 from tensegrity.engine.codegen import cost
 from tensegrity.engine.methods import Corrected
 from tensegrity.engine.openings import is_treated
@@ -19,12 +20,13 @@ from tensegrity.errors import LockingError, RangeError, StabilityError, Tensegri
 from tensegrity.runs import stepping
 from tensegrity.runs.march import count, march
 from tensegrity.runs.record import Record
+from tensegrity.runs.run import changed
+from tensegrity.runs.whole import Whole
 from tensegrity.springs.polynomial import DEGREES, Polynomial, PolynomialLaw
 from tensegrity.springs.potential import Potential, PowerLaw
 
 MARGIN = 2.0  # a default step may be this much larger, at the stiffness met, than meant
 TRIAL = 0.85  # first step over the stability limit where a tolerance decides
-SHARE = 0.5  # of the energy, in one bond, for that first step
 REFINEMENTS, MOST_REFINEMENTS = 8, 14  # how often a step chosen here is refined
 CHECKPOINTS = 17  # least number of steps that are chosen here
 DENSE = 2  # first steps between two instants at which runs are compared, where nothing opens
@@ -37,6 +39,7 @@ CORRECTED = 4.5  # order trusted of methods that correct openings
 LEAST_FACTOR, FASTEST = 1.25, 6.0  # of the steps from one run to the next
 COARSE, SHORT = 1e-4, 800  # usual error of the first run; steps of what counts as a short one
 FAR = 0.4  # share of the steps from which on an error is told so uncertainly that it is looked at
+EPSILON = float(np.finfo(float).eps)
 ROUND_OFF = 1e-14  # differences below this say nothing
 FORCE_SHARE = 0.1  # of a tolerance that fitted forces may take up
 FIRST_ERROR, LEAST_ERROR = 1e-3, 1e-13  # of a fit over the tolerance, and of any fit
@@ -85,18 +88,21 @@ def settled(problem, run):
     return run if steps <= run.steps else refined(problem, steps, MARGIN * fraction)[0]
 
 
-def expected_steps(problem, fraction, share=1.0):
-    """Steps that keep dt below a fraction of the stability limit, were `share` of the energy
-    of the scene to meet in one bond."""
+def expected_steps(problem, fraction):
+    """Steps that keep dt below a fraction of the stability limit, were all the energy of the scene
+    to meet in one bond."""
     if not problem.t_end:
         return 0
     scene = problem.scene.likely(problem.state.u)
-    if scene is problem.scene and share == 1.0:
+    if scene is problem.scene:
         omega = scene.fastest(problem.expected[1])
     else:
-        omega = stepping.expected_frequency(scene, problem.state, share)
-    step = problem.natural_step(omega)
-    return max(count(problem, fraction * step), CHECKPOINTS)
+        omega = stepping.expected_frequency(scene, problem.state, 1.0)
+    return _steps(problem, fraction, omega)
+
+
+def _steps(problem, fraction, omega):
+    return max(count(problem, fraction * problem.natural_step(omega)), CHECKPOINTS)
 
 
 def resumed(problem, steps, allowed, start):
@@ -144,10 +150,10 @@ def _to_tolerance(problem, tol, short):
     """
     if not problem.t_end:
         return march(problem, 0, 1.0)[0]
-    least = expected_steps(problem, TRIAL, SHARE)
+    least = _steps(problem, TRIAL, problem.first_frequency)
     if short is not None and least * (COARSE / tol) ** (1 / short.order) < SHORT:
-        problem = replace(problem, method=short)
-        least = expected_steps(problem, TRIAL, SHARE)
+        problem = changed(problem, method=short)
+        least = _steps(problem, TRIAL, problem.first_frequency)
     apart = DENSE if problem.scene.smooth else 1
     instants = min(math.ceil(least / apart), max(FEWEST, MOST_KEPT // problem.state.u.size))
     first = Rung.of(_trial(problem), math.ceil(least / instants), instants)
@@ -163,16 +169,12 @@ def _to_tolerance(problem, tol, short):
     return converged(problem, first, 0.0, tol)
 
 
-def _trial(problem):
+def _trial(problem, rows=False):
     """The same with rows that cost nothing; their energies come when it turns out to be it."""
     record = problem.record
-    if not _is_plain(record):
+    if not record.is_plain:
         record = Record(sites=record.sites)
-    return replace(problem, record=record, trial=True)
-
-
-def _is_plain(record):
-    return record.path is None and record.times is None and record.interval is None
+    return changed(problem, record=record, trial=True, rows=rows and problem.record.is_plain)
 
 
 @dataclass(frozen=True)
@@ -181,7 +183,7 @@ class Rung:
 
     Attributes
     ----------
-    run : Run
+    run : Run or Whole
     instants : int
     seen : tuple of ndarray, (instants + 1, *shape)
         u and v at evenly spaced instants, which all rungs have in common.
@@ -204,7 +206,9 @@ class Rung:
 
     def gap(self, finer):
         """Largest difference from a finer one in u and in v, over the largest value there."""
-        return largest_gap(self.seen, finer.seen)
+        at_once = isinstance(self.run, Whole) and isinstance(finer.run, Whole)
+        of = walk.largest_gap if at_once else largest_gap
+        return of(self.seen, finer.seen)
 
 
 def converged(problem, rung, error, tol):
@@ -213,7 +217,8 @@ def converged(problem, rung, error, tol):
     The error of a run is its largest difference from a finer one.  That of the finest follows
     by the order that errors of coarser runs fall with, as far as it is to be trusted: `Judge`.
     """
-    trial, judge = _trial(problem), Judge(problem, rung.run.met)
+    trial = _trial(problem, rows=True)
+    judge = Judge(problem, rung.run.met)
     rungs, stuck = [rung], 0
     factor, smallest = judge.first, math.inf
     while rungs[-1].run.complete:
@@ -241,15 +246,15 @@ def converged(problem, rung, error, tol):
 
 def rounded(problem, run):
     """What a walk at random of the last digits comes to in all stages of a run."""
-    return np.finfo(float).eps * math.sqrt(run.steps * problem.method.stages)
+    return EPSILON * math.sqrt(run.steps * problem.method.stages)
 
 
 def answer(problem, run, estimate):
     """The run that meets a tolerance, with the rows that were asked for."""
-    if _is_plain(problem.record):
-        return replace(with_energies(run), error_estimate=estimate)
+    if problem.record.is_plain:
+        return changed(with_energies(run), error_estimate=estimate)
     run = march(problem, run.steps, 1.0)[0]
-    return replace(run, error_estimate=estimate if run.complete else None)
+    return changed(run, error_estimate=estimate if run.complete else None)
 
 
 class Judge:
@@ -334,9 +339,11 @@ def order_left(problem, met):
 
 def with_energies(run):
     """A trial with the energies of its rows."""
+    if isinstance(run, Whole):
+        return run.run()
     if not np.isnan(run.energy).any():  # some may be known, others not
         return run
-    return replace(run, energy=run.scene.energies(run.u, run.v))
+    return changed(run, energy=run.scene.energies(run.u, run.v))
 
 
 def with_polynomials(problem, coarse, tol, margin):
@@ -370,7 +377,7 @@ def with_polynomials(problem, coarse, tol, margin):
     for _ in range(FITS):
         try:
             fits = [Polynomial(s, *r, error) for s, r in zip(springs, ranges, strict=True)]
-            fitted = replace(problem, surrogate=scene.with_springs(fits))
+            fitted = changed(problem, surrogate=scene.with_springs(fits))
             there, seen = march(_trial(fitted), run.steps, 1.0, coarse.instants)
         except RangeError:
             raise

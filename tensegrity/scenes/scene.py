@@ -89,9 +89,12 @@ class Remembered:
         most there [N/m], and the angular frequency that this bounds [rad/s].
     starts : dict of float to float
         Angular frequencies [rad/s] expected with energies [J] in one bond.
+    plans : dict of Method to list
+        Loops that are prepared for runs, and not in use.
     """
 
     def __init__(self) -> None:
+        self.plans: dict[Method, list[Any]] = {}
         self.ranges: list[tuple[Array, Array, float]] = []
         self.starts: dict[float, float] = {}
 

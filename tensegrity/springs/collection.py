@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tensegrity.engine.compiled import Compiled
+from tensegrity.engine.energies import ChainEnergies
 from tensegrity.engine.kernel import kernel
 from tensegrity.errors import StabilityError, TensegrityError
 from tensegrity.readonly import fixed
@@ -145,6 +147,19 @@ class Springs:
         each = zip(self._alike, self._columns, strict=True)
         return tuple(_Alike(self, numbers[0], group[columns]) for numbers, columns in each)
 
+    def energies(self, mass: Array) -> ChainEnergies | None:
+        """The energies of a chain with these bonds; None where no compiled loop has them."""
+        found = []
+        for one, numbers, columns in zip(self._sets, self._alike, self._columns, strict=True):
+            first = self.different[numbers[0]]
+            loop = kernel((first.law,))
+            if not (isinstance(loop, Compiled) and "energy" in first.law.compiled):
+                return None
+            rows = numbers[:1] if one.is_one else self.group[columns]
+            values = first.values if one.is_one else one.values
+            found.append((loop, values, self.reach[rows].T, columns))
+        return ChainEnergies(mass, found)
+
     def _each(self, name, r, numbers):
         """The same of different springs at points r (points, numbers)."""
         out = np.empty_like(r)
@@ -256,6 +271,11 @@ class _Alike:
             laws, law, parameters = springs.table
             self.law, self.values = laws[law[first]], np.ascontiguousarray(parameters[group].T)
             self._low, self._high = springs.domains[group].T
+
+    @property
+    def is_one(self):
+        """Whether all are one spring."""
+        return self._one is not None
 
     def evaluate(self, name, r):
         """Energy [J], tension [N] or stiffness [N/m] at elongations r (..., bonds)."""
