@@ -103,10 +103,11 @@ static int is_finite(const double *x, integer n)
 }
 
 /* A whole run from u and v: the state at 0 and after every `every` steps, and at the end, to rows;
-   after every `apart` to what is compared; 0 for none.  Returns whether the end is finite. */
+   after every `apart` to what is compared, and how far sites went by then; 0 for none.  Returns
+   whether the end is finite. */
 integer run(const plan *p, double dt, integer steps, const double *u, const double *v,
             integer every, double *rows_u, double *rows_v, double *extra,
-            integer apart, double *seen_u, double *seen_v)
+            integer apart, double *seen_u, double *seen_v, double *ways)
 {
     const walk *w = &p->walk;
     const integer size = w->size, state = p->state, more = p->more;
@@ -144,7 +145,11 @@ integer run(const plan *p, double dt, integer steps, const double *u, const doub
         }
         if (at == other) {
             other += apart ? apart : steps;
-            if (apart) seen_u += state, seen_v += state, look(p, seen->u, seen->v, seen_u, seen_v, 0);
+            if (apart) {
+                seen_u += state, seen_v += state;
+                look(p, seen->u, seen->v, seen_u, seen_v, 0);
+                *ways++ = *p->travel;
+            }
         }
     }
     return is_finite(seen->u, state) && is_finite(seen->v, state);

@@ -37,7 +37,7 @@ class _Plan(ctypes.Structure):
 _GO = (_ADDRESS, _NUMBER, _ADDRESS, *[_NUMBER] * 3, _ADDRESS, _ADDRESS, *[_NUMBER] * 2, _ADDRESS)
 _RUN = (
     _ADDRESS, ctypes.c_double, _NUMBER, _ADDRESS, _ADDRESS, _NUMBER, *[_ADDRESS] * 3, _NUMBER,
-    _ADDRESS, _ADDRESS,
+    _ADDRESS, _ADDRESS, _ADDRESS,
 )  # fmt: skip
 _COMPARE = (_ADDRESS, _ADDRESS, _NUMBER, _ADDRESS)
 
@@ -216,19 +216,17 @@ class Plan:
         rows : (ndarray, ndarray), or None
             Where u and v of the rows go, those at 0, every so many steps, the end, and impulses;
             (2, rows, *shape) and (rows, walls[, dim]).
-        seen : ndarray, (2, instants + 1, *shape), or None
-            Likewise u and v; `apart` divides the steps.
+        seen : (ndarray, ndarray), or None
+            Likewise u and v, (2, instants + 1, *shape), `apart` a divisor of the steps, and a
+            bound on how far any coordinate of a site moved by each but the first, (instants,) [m];
+            networks only.
         """
-        at, more, there = None, None, None
-        rows_v, seen_v = None, None
+        kept, looked = [None] * 3, [None] * 3
         if rows is not None:
-            at = rows[0].ctypes.data
-            rows_v = at + rows[0].nbytes // 2
-            more = rows[1].ctypes.data if rows[1].size else None
+            kept = [*_halves(rows[0]), rows[1].ctypes.data if rows[1].size else None]
         if seen is not None:
-            there = seen.ctypes.data
-            seen_v = there + seen.nbytes // 2
-        given = u.ctypes.data, v.ctypes.data, every, at, rows_v, more, apart, there, seen_v
+            looked = [*_halves(seen[0]), seen[1].ctypes.data]
+        given = u.ctypes.data, v.ctypes.data, every, *kept, apart, *looked
         return bool(self._run(self._address, dt, steps, *given))
 
     @property
@@ -240,6 +238,12 @@ class Plan:
     def travel(self) -> float:
         """Bound on how far any coordinate of a site moved in it [m]; networks only."""
         return self._step.travel
+
+
+def _halves(array: Array) -> tuple[int, int]:
+    """Addresses of the halves of an array."""
+    first = array.ctypes.data
+    return first, first + array.nbytes // 2
 
 
 def largest_gap(one: Array, other: Array) -> float:

@@ -62,8 +62,7 @@ class Problem:
     @property
     def force(self):
         """What the tensions of the springs are computed by."""
-        different = dict.fromkeys(spring.force for spring in self.moved.spring_table.different)
-        return ", ".join(different)
+        return self.moved.spring_table.force
 
     @cached_property
     def expected(self):
@@ -78,10 +77,11 @@ class Problem:
         return stepping.expected_frequency(scene, self.state, SHARE)
 
     @cached_property
-    def share(self):
-        """A function of a bound on how far any coordinate moved from the start [m]: that, over the
-        way to the next contact that is not listed."""
-        return self.scene.clearance.tracker(self.state.u).share
+    def near(self):
+        """Pairs of sites, and of sites and walls, that are near at the start and not listed."""
+        clearance = self.scene.clearance
+        x = clearance.positions + self.state.u
+        return clearance.pairs(x), clearance.wall_pairs(x)
 
     def largest_step(self, omega):
         """Stability limit [s] at an angular frequency [rad/s]; inf where it is 0."""

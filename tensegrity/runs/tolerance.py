@@ -18,6 +18,7 @@ from tensegrity.engine.methods import Corrected
 from tensegrity.engine.openings import is_treated
 from tensegrity.errors import LockingError, RangeError, StabilityError, TensegrityError
 from tensegrity.runs import stepping
+from tensegrity.runs.guard import Guard
 from tensegrity.runs.march import count, march
 from tensegrity.runs.record import Record
 from tensegrity.runs.run import changed
@@ -53,9 +54,11 @@ STUCK = 4  # refinements in a row that bring nothing: round-off is reached
 def fixed_step(problem, dt):
     """Run with a given step."""
     scene = problem.scene.listed(problem.state.u)
-    limit = problem.largest_step(scene.frequency(scene.present_ranges(problem.state.u)))
-    steps = count(problem, dt)
+    steps, present = count(problem, dt), scene.present_ranges(problem.state.u)
     used = problem.t_end / steps if steps else 0.0
+    if Guard(problem, scene, used, 1.0).is_known(present):
+        return march(problem, steps, allowed=1.0)[0]
+    limit = problem.largest_step(scene.frequency(present))
     if used > limit:
         raise StabilityError(
             f"dt {used:.6g} s is beyond {limit:.6g} s, the stability limit of "
@@ -216,18 +219,23 @@ def converged(problem, rung, error, tol):
 
     The error of a run is its largest difference from a finer one.  That of the finest follows
     by the order that errors of coarser runs fall with, as far as it is to be trusted: `Judge`.
+    Where that of far coarser ones tells too little, another one between them and it tells more.
     """
-    trial = _trial(problem, rows=True)
+    coarse, trial = _trial(problem), _trial(problem, rows=True)
     judge = Judge(problem, rung.run.met)
     rungs, stuck = [rung], 0
     factor, smallest = judge.first, math.inf
     while rungs[-1].run.complete:
-        fineness = max(math.ceil(rungs[-1].fineness * factor), int(rungs[-1].fineness) + 1)
-        rungs.append(Rung.of(trial, fineness, rung.instants))
-        if not rungs[-1].run.complete:
-            break
-        judge.see(rungs[-1].run.met)
-        rungs = rungs[-KEPT:]
+        finest = rungs[-1].fineness
+        fineness = max(math.ceil(finest * factor), int(finest) + 1 if factor > 1 else 1)
+        found = Rung.of(trial if factor > 1 else coarse, fineness, rung.instants)
+        if not found.run.complete:
+            return with_energies(found.run)
+        judge.see(found.run.met)
+        if found.fineness in [r.fineness for r in rungs]:  # what is between had to be finer
+            factor = judge.first
+            continue
+        rungs = sorted([*rungs, found], key=lambda r: r.fineness)[-KEPT:]
         gaps = [(r.fineness / rungs[-1].fineness, r.gap(rungs[-1])) for r in rungs[:-1]]
         estimate = judge.estimate(gaps) + rounded(problem, rungs[-1].run)
         if estimate <= judge.accept * tol or gaps[-1][1] < ROUND_OFF:
@@ -306,15 +314,17 @@ class Judge:
         return min(max(fell - SLOWER, least), self.order)
 
     def factor(self, gaps, tol):
-        """By how much finer the next run should be."""
+        """By how much finer the next run should be, or, where that is below 1, how much coarser
+        than the finest."""
         order = max(self.order, FIRST_ORDER)
         share, gap = gaps[-1]
         estimate = gap / (share**-order - 1)
         if len(gaps) > 1:
             order, estimate = self._seen(gaps), self.estimate(gaps)
         needed = (estimate / (self._aim * tol)) ** (1 / order)
-        far = len(gaps) > 1 and share < FAR and not self.opens  # errors may have fallen faster
-        return min(max(needed, LEAST_FACTOR), self.first if far else FASTEST)
+        if len(gaps) > 1 and share < FAR and not self.opens:  # errors may have fallen faster
+            return 1 / self.first
+        return min(max(needed, LEAST_FACTOR), FASTEST)
 
 
 def order_left(problem, met):
@@ -324,16 +334,15 @@ def order_left(problem, met):
     """
     order, scene = math.inf, problem.scene
     corrected = CORRECTED if isinstance(problem.method, Corrected) else 0.0
-    springs = scene.spring_table.different
     if scene.follows:
         given = scene.law.given
-        springs = (given if isinstance(given, Potential) else PowerLaw(1.0, 1.0),)
-        met = [(-math.inf, math.inf)]
-    for spring, (low, high) in zip(springs, met, strict=True):
-        exponent = spring.opens_within(low, high)
-        if exponent is not None:
-            treated = corrected and is_treated(exponent)
-            order = min(order, corrected if treated else exponent + 1)
+        spring = given if isinstance(given, Potential) else PowerLaw(1.0, 1.0)
+        exponents = {spring.opens_within(-math.inf, math.inf)}
+    else:
+        exponents = scene.spring_table.opened_within(met)
+    for exponent in exponents - {None}:
+        treated = corrected and is_treated(exponent)
+        order = min(order, corrected if treated else exponent + 1)
     return order
 
 
@@ -402,12 +411,14 @@ def with_polynomials(problem, coarse, tol, margin):
 def saved(problem, run, tol):
     """Seconds that fitted forces save, roughly, in all runs that a tolerance takes."""
     scene, order = problem.scene, problem.method.order
-    springs, count = scene.spring_table.different, np.bincount(scene.spring_table.group.ravel())
-    fitted = cost(PolynomialLaw(DEGREES[len(DEGREES) // 2]))
-    gains = [max(cost(spring.law) - fitted, 0.0) for spring in springs]
+    if scene.remembered.gain is None:
+        springs, count = scene.spring_table.different, np.bincount(scene.spring_table.group.ravel())
+        fitted = cost(PolynomialLaw(DEGREES[len(DEGREES) // 2]))
+        gains = [max(cost(spring.law) - fitted, 0.0) for spring in springs]
+        scene.remembered.gain = float(np.dot(gains, count))
     steps = run.steps * max(tol ** (-1 / order), 1.0)
-    calls = steps * problem.method.stages * count
-    return float(np.dot(gains, calls)) - PER_FIT * len(springs)
+    calls = steps * problem.method.stages
+    return calls * scene.remembered.gain - PER_FIT * len(scene.spring_table)
 
 
 def _widened(spring, low, high, margin):

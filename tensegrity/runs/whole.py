@@ -123,23 +123,32 @@ def prepared(scene, method):
 
 def _run(plan, problem, steps, allowed, instants):
     scene, state, shape = problem.moved, problem.state, problem.scene.shape
-    dt, every, rows, seen = problem.t_end / steps, 0, None, None
+    dt, every, rows, seen, ways = problem.t_end / steps, 0, None, None, None
     if problem.rows:
         every = problem.record.every or max(1, -(-steps // INSTANTS))
         count = -(-steps // every) + 1
         need_memory(count * 2 * state.u.nbytes)
         rows = np.empty((2, count, *shape)), np.zeros((count, scene.wall_count, *shape[1:]))
     if instants:
-        seen = np.empty((2, instants + 1, *shape))
-    apart = steps // instants if instants else 0
-    if not plan.run(dt, steps, state.u, state.v, every, rows, apart, seen):
+        seen, ways = np.empty((2, instants + 1, *shape)), np.empty(instants)
+    apart, looks = (steps // instants, (seen, ways)) if instants else (0, None)
+    if not plan.run(dt, steps, state.u, state.v, every, rows, apart, looks):
         return None
     met = plan.met
     guard = Guard(problem, scene, dt, allowed)
     if not (guard.is_known(met) or (guard.is_inside(met) and guard.allows(met))):
         return None
-    if scene.clearance is not None and problem.share(plan.travel) >= 1:
+    if scene.clearance is not None and not _is_clear(problem, plan, seen, ways):
         return None
     np.minimum(met[:, 0], 0, out=met[:, 0])
     np.maximum(met[:, 1], 0, out=met[:, 1])
     return Whole(problem, dt, steps, met, seen, every, rows)
+
+
+def _is_clear(problem, plan, seen, ways):
+    """Whether no contact that is not listed can have formed."""
+    if seen is None:
+        u, travel = np.stack([problem.state.u] * 2), np.array([plan.travel])
+    else:
+        u, travel = seen[0], np.diff(ways, prepend=0.0)
+    return problem.scene.clearance.is_kept(problem.near, u, travel)

@@ -94,9 +94,34 @@ class Springs:
         return fixed(np.array(rows, dtype=float).reshape(-1, 4))
 
     @cached_property
+    def _corners(self):
+        """Places of openings, (springs,), exponents there, and the numbers of other springs
+        whose forces have corners; whether there is any of these."""
+        place, _, exponent, _ = self.openings.T
+        numbers = np.flatnonzero(np.isnan(place)).tolist()
+        far = -np.inf, np.inf
+        others = [k for k in numbers if self.different[k].opens_within(*far) is not None]
+        return place, exponent, others, len(numbers) < len(self) or bool(others)
+
+    def opened_within(self, met: Array) -> set[float]:
+        """Exponents of the forces at corners between elongations met (springs, 2) [m], as of
+        `Potential.opens_within`."""
+        place, exponent, others, any_has = self._corners
+        if not any_has:
+            return set()
+        found = set(exponent[(met[:, 0] <= place) & (place <= met[:, 1])].tolist())
+        each = (self.different[k].opens_within(*met[k].tolist()) for k in others)
+        return found | {exponent for exponent in each if exponent is not None}
+
+    @cached_property
     def reach(self) -> Any:
         """Lowest and highest elongation that a run can follow [m]; (springs, 2)."""
         return fixed(np.array([spring.reach for spring in self.different]).reshape(-1, 2))
+
+    @cached_property
+    def force(self) -> str:
+        """What the tensions are computed by."""
+        return ", ".join(dict.fromkeys(spring.force for spring in self.different))
 
     @cached_property
     def domains(self) -> Array:
