@@ -28,6 +28,7 @@ from tensegrity.scenes.scene import known_state
 
 BLOCK = 2_000_000  # bonds x stages x steps in one call of the loop: about 5 ms
 STRIDE = 4  # blocks in one call with its rows: an interrupt waits no longer
+WHOLE = 4  # such calls in one, where all of a run is done at once
 FEWEST = 100  # steps in one call: the pieces of a long chain work apart for some tens
 MOST_STEPS = 10**12
 SHARE = 0.5  # of the energy, in one bond, for the first step where a tolerance decides
@@ -135,7 +136,7 @@ def march(problem, steps, allowed, checkpoints=0, start=None):
     stopped = False
     if start is None:
         try:
-            found = whole(problem, steps, STRIDE * together(problem), allowed, checkpoints)
+            found = whole(problem, steps, WHOLE * STRIDE * together(problem), allowed, checkpoints)
             if found is not None:
                 return found if problem.trial else found.run(), found.seen
         except KeyboardInterrupt:

@@ -21,7 +21,7 @@ from tensegrity.runs import stepping
 from tensegrity.runs.guard import Guard
 from tensegrity.runs.march import count, march
 from tensegrity.runs.record import Record
-from tensegrity.runs.run import changed
+from tensegrity.runs.run import Run, changed
 from tensegrity.runs.whole import Whole
 from tensegrity.springs.polynomial import DEGREES, Polynomial, PolynomialLaw
 from tensegrity.springs.potential import Potential, PowerLaw
@@ -39,6 +39,7 @@ FIRST_ORDER = 4.0  # by which errors of the two coarsest runs are taken to fall 
 CORRECTED = 4.5  # order trusted of methods that correct openings
 LEAST_FACTOR, FASTEST = 1.25, 6.0  # of the steps from one run to the next
 COARSE, SHORT = 1e-4, 800  # usual error of the first run; steps of what counts as a short one
+SECOND = 1e-6  # tolerances that the second run does not meet, as a rule
 FAR = 0.4  # share of the steps from which on an error is told so uncertainly that it is looked at
 EPSILON = float(np.finfo(float).eps)
 ROUND_OFF = 1e-14  # differences below this say nothing
@@ -228,7 +229,8 @@ def converged(problem, rung, error, tol):
     while rungs[-1].run.complete:
         finest = rungs[-1].fineness
         fineness = max(math.ceil(finest * factor), int(finest) + 1 if factor > 1 else 1)
-        found = Rung.of(trial if factor > 1 else coarse, fineness, rung.instants)
+        likely = factor > 1 and (len(rungs) > 1 or tol > SECOND)
+        found = Rung.of(trial if likely else coarse, fineness, rung.instants)
         if not found.run.complete:
             return with_energies(found.run)
         judge.see(found.run.met)
@@ -259,7 +261,7 @@ def rounded(problem, run):
 
 def answer(problem, run, estimate):
     """The run that meets a tolerance, with the rows that were asked for."""
-    if problem.record.is_plain:
+    if problem.record.is_plain and (isinstance(run, Run) or run.has_rows):
         return changed(with_energies(run), error_estimate=estimate)
     run = march(problem, run.steps, 1.0)[0]
     return changed(run, error_estimate=estimate if run.complete else None)

@@ -45,6 +45,11 @@ class Whole:
         self._problem, self._dt, self.steps, self.met = problem, dt, steps, met
         self.seen, self._every, self._rows = seen, every, rows
 
+    @property
+    def has_rows(self):
+        """Whether rows were kept."""
+        return self._rows is not None
+
     def run(self):
         """The run, with the energies of its rows."""
         problem, ((u, v), impulse) = self._problem, self._rows
