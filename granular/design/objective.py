@@ -34,6 +34,8 @@ from tensegrity.engine import kernel
 from tensegrity.engine.bonds import Bonds
 from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.methods import METHODS
+from tensegrity.engine.walk import Walk
+from tensegrity.runs import loops
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -258,33 +260,30 @@ def _alike(
 
 def largest(designs: Designs, striker: Striker, wall: Material, t_end: float, steps: int) -> Peaks:
     """What the wall feels in so many steps."""
-    found, done = [], 0
+    found, done, bound = [], 0, {}
     while done < len(designs):
         left = len(designs) - done
         width = next((w for w in WIDTHS if w >= left), WIDTHS[-1])
         lanes = designs[np.minimum(np.arange(done, done + width), len(designs) - 1)]
-        peaks = _side_by_side(lanes, striker, wall, t_end, steps)
-        found.append(Peaks(*(x[:left] for x in peaks)))
+        all_ = lanes.behind(striker.bead)
+        contacts = np.ascontiguousarray(all_.contacts(wall).T)
+        if width not in bound:
+            bound[width] = _moving(len(contacts), width, t_end / steps)
+        bound[width].start(contacts, 1 / all_.mass.T, striker.speed)
+        found.append(Peaks(*(x[:left] for x in _peaks(bound[width], contacts[-1], steps))))
         done += width
     return Peaks(*(np.concatenate(x) for x in zip(*found, strict=True)))
 
 
-def _side_by_side(
-    designs: Designs, striker: Striker, wall: Material, t_end: float, steps: int
-) -> Peaks:
-    """The same for as many as run in one loop."""
-    all_ = designs.behind(striker.bead)
-    contacts = np.ascontiguousarray(all_.contacts(wall).T)
-    weights = np.zeros((len(contacts) + 1, len(designs)))  # the wall is held
-    weights[:-1] = 1 / all_.mass.T
-    dt = t_end / steps
-    moving = _Moving(contacts, weights, striker.speed, dt)
-    overlap, time, first = np.zeros((3, len(designs)))
+def _peaks(moving: _Moving, wall_contact: Array, steps: int) -> Peaks:
+    """The same for as many as run in one loop, from their start."""
+    dt, count = moving.dt, wall_contact.size
+    overlap, time, first = np.zeros((3, count))
     first[:] = math.inf
 
     def keep(values: Array, lanes: Indices, times: Array) -> None:
         order = np.argsort(values, kind="stable")  # of what a lane is given the last one stays
-        best, when = np.zeros((2, len(designs)))
+        best, when = np.zeros((2, count))
         best[lanes[order]], when[lanes[order]] = values[order], times[order]
         higher = best > overlap
         overlap[higher], time[higher] = best[higher], when[higher]
@@ -296,55 +295,102 @@ def _side_by_side(
         share, top = _top(*ends)
         times = (done + step + share) * dt
         keep(top, lane, times)
-        early = np.full(len(designs), math.inf)
+        early = np.full(count, math.inf)
         early[lane[::-1]] = times[::-1]
         first = np.minimum(first, early)
-    keep(u[-1], np.arange(len(designs)), np.full(len(designs), t_end))
-    return Peaks(contacts[-1] * overlap**EXPONENT, time, first)
+    keep(u[-1], np.arange(count), np.full(count, dt * steps))
+    return Peaks(wall_contact * overlap**EXPONENT, time, first)
 
 
 class _Moving:
     """Chains in motion, of which the last bead is followed.
 
-    Each step leaves its closing kick to the next one.  That of the last bead, which its velocity
-    at the step has besides, is added from its two contacts.
+    They stand in the order of their rows from the wall: what is kept of all steps comes first.
+    A compiled loop leaves the closing kick of a step to the next one; what the last bead's
+    velocity at the step has besides is added from its two contacts.
     """
 
-    def __init__(self, contacts: Array, weights: Array, speed: float, dt: float) -> None:
-        law = PowerLaw(1.0, EXPONENT).law
-        table = np.zeros((contacts.size, len(law.parameters)))
-        table[:, 0] = contacts.ravel()  # the others are 0: no preload
-        springs = np.arange(contacts.size).reshape(contacts.shape)
-        kinds = np.zeros(contacts.size, dtype=int)
-        together = isinstance(kernel.kernel((law,)), Compiled)
-        lanes = [slice(None)] if together else list(range(weights.shape[1]))
-        # a compiled loop leaves the closing kick; nothing was left at the start, without forces
-        self._step = ("advance_part", (1, 1, 0)) if together else ("advance", (1,))
-        self._contacts = contacts[-2:]
-        self._kick = (METHOD.kicks[-1] if together else 0.0) * dt * weights[-2]
-        self._loops = []
-        for part in lanes:
-            uv = np.zeros((2, *weights[:, part].shape))
-            uv[1, 0] = speed
-            own = np.ascontiguousarray(weights[:, part])
-            bonds = Bonds((law,), kinds, table, springs[:, part], own)
-            self._loops.append((part, uv, kernel.bind(uv[0], uv[1], bonds, METHOD, dt)))
+    def __init__(self, count: int, lanes: int, dt: float) -> None:
+        self.dt, self._law = dt, PowerLaw(1.0, EXPONENT).law
+        self._table = np.zeros((count * lanes, len(self._law.parameters)))  # 0: no preload
+        self._springs = np.arange(count * lanes).reshape(count, lanes)
+        self._weights = np.zeros((count + 1, lanes))  # the wall is held
+        self._u, self._v = np.zeros((2, count + 1, lanes))
+
+    def start(self, contacts: Array, weights: Array, speed: float) -> None:
+        """Others, at their start.
+
+        Parameters
+        ----------
+        contacts : ndarray, (count, lanes)
+            Constants of the contacts, the wall's last [N/m^1.5].
+        weights : ndarray, (count, lanes)
+            Inverse masses, the striker's first [1/kg].
+        speed : float
+            Of the striker [m/s].
+        """
+        self._table[:, 0] = contacts[::-1].ravel()
+        self._weights[1:] = weights[::-1]
+        self._u[:], self._v[:] = 0, 0
+        self._v[-1] = -speed
+        self._ready()
+
+    def _bonds(self) -> Bonds:
+        kinds = np.zeros(self._springs.size, dtype=int)
+        return Bonds((self._law,), kinds, self._table.copy(), self._springs, self._weights)
+
+    def _ready(self) -> None:
+        """Bind the loops, or give them the new numbers."""
+        bonds, self._done = self._bonds(), 0
+        if not hasattr(self, "_walk"):
+            begin, step, _ = loops.parts(METHOD)
+            self._loops = [kernel.bind(self._u, self._v, bonds, m, self.dt) for m in (begin, step)]
+            self._walk = Walk(self._u, self._v, self._loops[0], self._loops[1], None, None)
+            self._kick = METHOD.kicks[-1] * self.dt  # nothing was left at the start
+        for loop in self._loops:
+            loop.retune(bonds)
 
     def follow(self, steps: int) -> tuple[Array, Array]:
         """Displacement and velocity of the last bead before and after each of the next steps."""
-        kept = np.empty((steps + 1, 2, 2, self._kick.size))  # u and v of the last two beads
-        name, how = self._step
-        for part, uv, loop in self._loops:
-            advance = getattr(loop, name)
-            mine, last = kept[..., part], uv[:, -3:-1]
-            mine[0] = last
-            for k in range(1, steps + 1):
-                advance(*how)
-                mine[k] = last
-        before, u = kept[:, 0, 0], kept[:, 0, 1]
-        squeeze, pull = np.maximum(before - u, 0.0), np.maximum(u, 0.0)
-        push = self._contacts[0] * squeeze**EXPONENT - self._contacts[1] * pull**EXPONENT
-        return u, kept[:, 1, 1] + self._kick * push
+        u, v = np.empty((2, steps + 1, 3, self._weights.shape[1]))  # of wall and last two beads
+        u[0], v[0] = self._u[:3], self._v[:3]
+        self._advance(steps, u[1:], v[1:])
+        last, before = -u[:, 1], -u[:, 2]
+        squeeze, pull = np.maximum(before - last, 0.0), np.maximum(last, 0.0)
+        near, far = self._table[:, 0].reshape(self._springs.shape)[:2]
+        push = far * squeeze**EXPONENT - near * pull**EXPONENT
+        return last, self._kick * self._weights[1] * push - v[:, 1]
+
+    def _advance(self, steps: int, u: Array, v: Array) -> None:
+        """Keep the first rows after each of so many steps."""
+        self._walk.go(self._done, self._done + np.arange(1, steps + 1), True, 3, u, v)
+        self._done += steps
+
+
+class _MovingInTurn(_Moving):
+    """The same without a compiler."""
+
+    def _ready(self) -> None:
+        self._kick, table = 0.0, self._table.reshape(*self._springs.shape, -1)
+        self._turns = []
+        for lane in range(self._springs.shape[1]):
+            uv = np.stack([self._u[:, lane], self._v[:, lane]])
+            kinds, springs = np.zeros(len(table), dtype=int), np.arange(len(table))
+            weights = np.ascontiguousarray(self._weights[:, lane])
+            bonds = Bonds((self._law,), kinds, table[:, lane].copy(), springs, weights)
+            self._turns.append((uv, kernel.bind(uv[0], uv[1], bonds, METHOD, self.dt)))
+
+    def _advance(self, steps: int, u: Array, v: Array) -> None:
+        for lane, (uv, loop) in enumerate(self._turns):
+            for k in range(steps):
+                loop.advance(1)
+                u[k, :, lane], v[k, :, lane] = uv[:, :3]
+            self._u[:, lane], self._v[:, lane] = uv
+
+
+def _moving(count: int, lanes: int, dt: float) -> _Moving:
+    compiled = isinstance(kernel.kernel((PowerLaw(1.0, EXPONENT).law,)), Compiled)
+    return (_Moving if compiled else _MovingInTurn)(count, lanes, dt)
 
 
 def _top(start: Array, stop: Array, rise: Array, fall: Array) -> tuple[Array, Array]:

@@ -264,6 +264,7 @@ def _facts(law):
         "parameters": [str(parameter) for parameter in _given(law).parameters],
         "cost": 4e-11 * sum(slow.get(tension.instruction_id(k), 1) for k in count),
         "instructions": functions(law)["tail"].n_instructions(),
+        "packed": lanes.gains(tension),
     }
 
 
@@ -368,8 +369,8 @@ def c_text(laws, loop="line", own=None, helpers=(), packed=()):
     for function, hook in helpers:
         generator.add(function)
         hooks.append(hook)
-    if packed:
-        hooks += ["lanes.c", *packed, *_lanes(laws, own)]
+    beside = [bool(packed) or is_packed(law) for law in laws]
+    hooks += ["lanes.c", *packed, *_lanes(laws, own, beside, line=not packed)]
     runs = [(number, kind) for number, law in enumerate(laws) for kind in kinds(law, own[number])]
     evaluations = " ".join(
         f"X({number}, {DERIVATIVES.index(name)}, {name})"
@@ -388,10 +389,12 @@ def c_text(laws, loop="line", own=None, helpers=(), packed=()):
             f"#define K {number}",
             f"#define OWNED {kind}",
             f"#define IS_LONG {int(is_long(laws[number]))}",
+            f"#define BESIDE ({int(beside[number])} && WIDE == 8)",
             f"{loop}_law.c",
             "#undef K",
             "#undef OWNED",
             "#undef IS_LONG",
+            "#undef BESIDE",
         ]
     parts += [
         f"{loop}.c",
@@ -421,14 +424,22 @@ def kinds(law, own):
     return (1,) if is_long(law) else (0, 1)
 
 
-def _lanes(laws, own):
+def is_packed(law):
+    """Whether a tension takes roots or quotients, and nothing that packs of numbers lack."""
+    return facts(law)["packed"]
+
+
+def _lanes(laws, own, beside, line):
     """C of the tensions of several contacts, `tension_lanes_<law>_<kind of run>`."""
-    arguments = "const pack *r, const pack *p, const real *own, integer all, pack *f"
+    shared, one = ("real", "wide(p[{}])") if line else ("pack", "p[{}]")
+    arguments = f"const pack *r, const {shared} *p, const real *own, integer all, pack *f"
     for number, law in enumerate(laws):
+        if not beside[number]:
+            continue
         for kind in kinds(law, own[number]):
             mine = own[number] if kind else ()
             p = [
-                f"load(own + {mine.index(k)} * all + g * GROUP)" if k in mine else f"p[{k}]"
+                f"load(own + {mine.index(k)} * all + g * GROUP)" if k in mine else one.format(k)
                 for k in range(len(law.parameters))
             ]
             name = f"tension_lanes_{number}_{kind}"

@@ -154,6 +154,7 @@ class Compiled:
                 rows = bonds.parameters[:, list(self.own[law])][springs]  # (places[, lanes], own)
                 own.append(np.moveaxis(rows, -1, 0).ravel())
                 at += own[-1].size
+        own.append(np.zeros(GROUP))  # packs may read beyond the last
         return self.numbers(shared), self.numbers(np.concatenate(own)), places
 
 

@@ -40,9 +40,13 @@ typedef integer mask __attribute__((vector_size(8 * WIDE)));
 #define TRUTH(c) ((pack)((mask)(c) & (mask)wide(1)))
 PACKED pack wide(real x)
 {
-    pack y;
-    LANES_OF(l) y[l] = x;
-    return y;
+#if WIDE == 8
+    return _mm512_set1_pd(x);
+#elif WIDE == 4
+    return _mm256_set1_pd(x);
+#else
+    return (pack){x, x};
+#endif
 }
 PACKED mask wide_integer(integer n)
 {
@@ -76,7 +80,8 @@ PACKED pack only(mask c, pack x) { return _mm512_maskz_mov_pd(_mm512_movepi64_ma
 #define SERIES(e) (wide(0.5) + (e) * (wide(0.375) + (e) * 0.3125))
 PACKED pack root(pack x)
 {
-    const pack y = _mm512_min_pd(wide(1e300), ESTIMATE(x)); /* finite at 0, nan below */
+    /* Finite at 0, whatever its sign, nan below. */
+    const pack y = _mm512_min_pd(wide(1e300), ESTIMATE(x + wide(0)));
     const pack h = x * y, e = 1 - h * y;
     return h + h * e * SERIES(e);
 }
@@ -129,6 +134,7 @@ PACKED pack quotient(pack x, pack y) { return x / y; }
 
 #define ROOM 24 /* packs that wait between two passes, all in the nearest cache */
 
+#ifdef DIM
 /* The numbers that begin at base + at[lane], as many as a site has coordinates.  Up to four are
    read: behind the last row is another. */
 PACKED void columns(const real *base, const int *at, pack *out)
@@ -159,3 +165,4 @@ PACKED void columns(const real *base, const int *at, pack *out)
 #endif
 #undef TWO
 }
+#endif

@@ -55,6 +55,15 @@ def text(function, name, arguments, inputs, outputs):
     return f"__attribute__((noinline)) static void {name}(integer n, {arguments})\n{{\n{found}}}\n"
 
 
+def gains(function):
+    """Whether a function takes roots or quotients, and nothing that is done one by one."""
+    import casadi as ca
+
+    names = [[f"x[{k}]" for k in range(function.numel_in(j))] for j in range(function.n_in())]
+    found = _Body(ca, names, [["y"]]).of(function)
+    return ("root(" in found or "quotient(" in found) and "ONE_BY_ONE" not in found
+
+
 @dataclass
 class _Value:
     """A constant of the text: its pass, whether the next pass has to wait for it, and uses."""
@@ -167,7 +176,13 @@ class _Body:
         return self._known.get(call) or self._name(call, call, a, b, slow=True)
 
     def _passes(self):
-        """The lines of each pass in a loop; what a later one needs is kept in arrays."""
+        """The lines of each pass in a loop; what a later one needs is kept in arrays.
+
+        One slow operation alone is no chain.
+        """
+        if sum(value.slow for value in self._values.values()) < 2:
+            self._lines = [(0, *line[1:]) for line in self._lines]
+            self._values = {name: _Value(0) for name in self._values}
         levels, kept = [[] for _ in range(1 + max(line[0] for line in self._lines))], []
         later = [set() for _ in levels]
         for level, sets, line in self._lines:

@@ -10,6 +10,9 @@
 #ifndef LANES
 #define LANES 1
 #endif
+/* Tensions of a block begin where a pack of several can. */
+#define SIDE __attribute__((aligned(64)))
+#define BEFORE ((WIDE - LANES % WIDE) % WIDE)
 #define CARRY(n) for (int l = 0; l < LANES; l++) f[l] = f[(n) + l];
 
 typedef struct {

@@ -4,28 +4,57 @@
    in one pass over the run in blocks that stay in the nearest cache.  The innermost square root
    of a law (head) is computed in the loop that updates the block before, apart from the rest
    (tail): what limits a processor here is the longest chain of slow operations that fits its
-   window, not their number alone. */
+   window, not their number alone.  A law with roots or quotients whose processor has estimates
+   to start them from is computed for several bonds side by side instead: `lanes.c`. */
 
 #if OWNED
 #define P(q) real p[PARAMETERS + 1]; LAW(take)(p, shared, own, all, q);
 #define SEEN(q) low[q] = r[i] < low[q] ? r[i] : low[q]; high[q] = r[i] > high[q] ? r[i] : high[q];
+#define MET(range, all) real *restrict low = range, *restrict high = range + all;
+#define TOLD(range)
 #else
+/* Each place of a block has a range, of which the widest is told. */
+#define MET(range, all)                                                                     \
+    real low[BLOCK], high[BLOCK];                                                           \
+    EACH(BLOCK) low[i] = range[0], high[i] = range[1];
+#define TOLD(range)                                                                         \
+    for (int n = BLOCK / 2; n; n /= 2)                                                      \
+        EACH(n) {                                                                           \
+            low[i] = low[i + n] < low[i] ? low[i + n] : low[i];                             \
+            high[i] = high[i + n] > high[i] ? high[i + n] : high[i];                        \
+        }                                                                                   \
+    range[0] = low[0], range[1] = high[0];
 #define P(q)
 #define SEEN(q) low[i] = r[i] < low[i] ? r[i] : low[i]; high[i] = r[i] > high[i] ? r[i] : high[i];
 #endif
 
+#if BESIDE
+#define HEAD(j)                                                                             \
+    r[i] = u[(j) + i + LANES] - u[(j) + i];                                                 \
+    SEEN((j) - start + i)
+#else
 #define HEAD(j)                                                                             \
     P((j) - start + i)                                                                      \
     r[i] = u[(j) + i + LANES] - u[(j) + i];                                                 \
     SEEN((j) - start + i)                                                                   \
     h[i] = LAW(head)(r[i], p);
+#endif
 
 #define UPDATE(j)                                                                           \
     v[(j) + i] += a * w[(j) + i] * (f[i + LANES] - f[i]);                                   \
     u[(j) + i] += b * v[(j) + i];
 
+#if BESIDE
+/* Tensions of n bonds from bond q of the run on; a last pack that is not full repeats a bond. */
+static inline void OF(beside)(integer n, integer q, real *r, const real *shared, const real *own,
+                              integer all, real *f)
+{
+    for (integer i = n; i % WIDE; i++) r[i] = r[n - 1];
+    OF(tension_lanes)((n + WIDE - 1) / WIDE, (const pack *)r, shared, own + q, all, (pack *)f);
+}
+#define TAILS(j, n) OF(beside)(n, (j) - start, r, shared, own, all, f + LANES);
+#elif IS_LONG
 /* A long law is kept in a function of its own, so that it is compiled once only. */
-#if IS_LONG
 __attribute__((noinline, flatten)) static void OF(row)(
     integer n, const real *restrict r, const real *restrict h, real *restrict f,
     const real *shared, const real *own, integer all)
@@ -48,7 +77,7 @@ __attribute__((noinline, flatten)) static void OF(row)(
 __attribute__((flatten)) static void OF(stage)(
     const scene *c, integer s, real a, real b, real *left)
 {
-    real r[BLOCK], h[BLOCK], f[BLOCK + LANES];
+    SIDE real r[BLOCK], h[BLOCK], room[BLOCK + LANES + WIDE], *const f = room + BEFORE;
     real *restrict u = c->u, *restrict v = c->v;
     const real *restrict w = c->w;
     const integer start = LANES * c->first[s], last = LANES * c->first[s + 1];
@@ -56,13 +85,10 @@ __attribute__((flatten)) static void OF(stage)(
     const real *restrict shared = c->shared + s * PARAMETERS, *restrict own = c->own + c->own_at[s];
     real *range = c->range + c->range_at[s];
     integer j = start;
-#if OWNED
-    real *restrict low = range, *restrict high = range + all;
-#else
-    const integer used = all < BLOCK ? all : BLOCK;
-    real p[PARAMETERS + 1], low[BLOCK], high[BLOCK];
+    MET(range, all)
+#if !OWNED
+    real p[PARAMETERS + 1];
     for (int i = 0; i < PARAMETERS; i++) p[i] = shared[i];
-    for (int i = 0; i < used; i++) low[i] = range[0], high[i] = range[1];
 #endif
     for (int l = 0; l < LANES; l++) f[l] = left[l];
     integer odd = all % BLOCK;
@@ -85,25 +111,19 @@ __attribute__((flatten)) static void OF(stage)(
         CARRY(BLOCK)
     }
     for (int l = 0; l < LANES; l++) left[l] = f[l];
-#if !OWNED
-    for (int i = 0; i < used; i++) {
-        range[0] = low[i] < range[0] ? low[i] : range[0];
-        range[1] = high[i] > range[1] ? high[i] : range[1];
-    }
-#endif
+    TOLD(range)
 }
 
 __attribute__((flatten)) static void OF(pull)(
     const scene *c, integer s, const real *restrict u, real *restrict a, real *left)
 {
-    real r[BLOCK], f[BLOCK + LANES];
+    SIDE real r[BLOCK], room[BLOCK + LANES + WIDE], *const f = room + BEFORE;
     const integer start = LANES * c->first[s], last = LANES * c->first[s + 1];
     const integer all = last - start;
     const real *restrict shared = c->shared + s * PARAMETERS, *restrict own = c->own + c->own_at[s];
     real *range = c->range + c->range_at[s];
-#if OWNED
-    real *restrict low = range, *restrict high = range + all;
-#else
+    MET(range, all)
+#if !OWNED
     real p[PARAMETERS + 1];
     for (int i = 0; i < PARAMETERS; i++) p[i] = shared[i];
 #endif
@@ -112,22 +132,22 @@ __attribute__((flatten)) static void OF(pull)(
         n = n < BLOCK ? n : BLOCK;
         for (int l = 0; l < LANES; l++) f[l] = left[l];
         EACH(n) r[i] = u[j + i + LANES] - u[j + i];
-        EACH(n) { P(j - start + i) f[i + LANES] = LAW(tail)(r[i], LAW(head)(r[i], p), p); }
-        EACH(n) a[j + i] = c->w[j + i] * (f[i + LANES] - f[i]);
-#if OWNED
-        EACH(n) { SEEN(j - start + i) }
+#if BESIDE
+        TAILS(j, n)
 #else
-        for (integer i = 0; i < n; i++) {
-            range[0] = r[i] < range[0] ? r[i] : range[0];
-            range[1] = r[i] > range[1] ? r[i] : range[1];
-        }
+        EACH(n) { P(j - start + i) f[i + LANES] = LAW(tail)(r[i], LAW(head)(r[i], p), p); }
 #endif
+        EACH(n) a[j + i] = c->w[j + i] * (f[i + LANES] - f[i]);
+        EACH(n) { SEEN(j - start + i) }
         for (int l = 0; l < LANES; l++) left[l] = f[n + l];
     }
+    TOLD(range)
 }
 
 #undef P
 #undef SEEN
+#undef MET
+#undef TOLD
 #undef HEAD
 #undef UPDATE
 #undef TAILS
