@@ -443,8 +443,8 @@ FAULTS = (
     # scenes
     Fault(
         "tensegrity/scenes/clearance.py",
-        "self._pairs), initial=math.inf) / 2,",
-        "self._pairs), initial=math.inf),",
+        "(self.pair_gaps(x, pairs) / 2, self.wall_gaps",
+        "(self.pair_gaps(x, pairs), self.wall_gaps",
         "tests/test_clearance.py::test_beads_that_move_towards_each_other_are_noticed_in_that_step",
     ),
     Fault(
