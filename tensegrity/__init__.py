@@ -13,6 +13,7 @@ from tensegrity.errors import (
 )
 from tensegrity.gradients import objective
 from tensegrity.gradients.compute import gradient
+from tensegrity.lens.lens import Lens
 from tensegrity.prisms.column import column
 from tensegrity.prisms.contact import bar_contact
 from tensegrity.prisms.fit import fit
@@ -43,6 +44,7 @@ __all__ = [
     "Ensemble",
     "EquilibriumError",
     "EquilibriumPath",
+    "Lens",
     "LockingError",
     "Network",
     "NoLocking",

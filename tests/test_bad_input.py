@@ -23,6 +23,7 @@ from granular.layout import crossed_layout, diamond_layout, y_layout
 from tensegrity import (
     Chain,
     Ensemble,
+    Lens,
     Network,
     Polynomial,
     Potential,
@@ -77,6 +78,7 @@ SEARCHES = (  # take long with these: see their tests
     solitary_wave,
     largest_speed,
     limit_load,
+    Lens,
     design.peak_force,
     design.search,
 )
@@ -105,6 +107,7 @@ NET = Network([[0, 0], [1, 0], [0, 1]], [(0, 1), (1, 2)], SPRING)
 WALL = Wall((0, 0), (0, 1))
 WAVE = solitary_wave(SPRING, speed_ratio=2.0)
 LENNARD_JONES = Potential(((1 + R) ** -12 - 2 * (1 + R) ** -6) / 72, R, domain=(-1.0, math.inf))
+LENS = Lens(Prism(1.0, 0.8, 0.01, 1.0), 3, 2, velocity=0.01)
 RUN = simulate(LINE, LINE.at_rest({0: 0.03}), 20.0, record=Record(every=1))
 BEADS_RUN = simulate(BEADS, BEADS.start(), 6e-5, record=Record(every=1))
 CUBE = granular.fcc_pack(2, 2, bead=BEAD, floor=STEEL, sides=STEEL, striker=STRIKER)
@@ -243,6 +246,14 @@ CALLS = [
     (solitary_wave, {"potential": SPRING, "amplitude": WAVE.amplitude}),
     (solitary_wave, {"potential": SPRING, "energy": WAVE.energy}),
     (solitary_wave, {"potential": SPRING, "excess": 0.5}),
+    (Lens, {"prism": Prism(1.0, 0.8, 0.01, 1.0), "sites": 3, "chains": 2, "spacing": 2.0,
+            "focus": (0.0, 20.0), "host_speed": 1.5, "host_density": 1e-3, "area": 1.0,
+            "velocity": 0.01, "prestrains": (0.005, 0.1), "mass": 1.0}),
+    (LENS.run, {"t_end": 1.0, "record": Record(every=1), "prestrains": [0.01, 0.02]}),
+    (LENS.arrivals_of, {"prestrains": [0.01, 0.02]}),
+    (LENS.pressure, {"points": (0.0, 20.0), "t": [20.0, 21.0], "prestrains": [0.01, 0.02]}),
+    (LENS.pressures, {"points": [(0.0, 20.0)], "t": [20.0]}),
+    (LENS.point_pressures, {"points": [(0.0, 20.0)], "t": [20.0]}),
     (predict, {"potential": SPRING, "mass": 1.0}),
     (predict(SPRING)["compression"].small_crest, {"excess": 1e-3}),
     (predict(LENNARD_JONES)["compression"].wall_crest, {"speed": 100.0}),

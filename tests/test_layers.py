@@ -27,6 +27,7 @@ ROOMS = [  # inside tensegrity: each may import what stands before it
     "runs",
     "waves",
     "measure",
+    "lens",
     "gradients",
 ]
 

@@ -43,6 +43,7 @@ from tensegrity import (
     Ensemble,
     EquilibriumError,
     EquilibriumPath,
+    Lens,
     LockingError,
     Network,
     NoLocking,
@@ -252,6 +253,11 @@ def waves(spring: Potential, chain: Chain) -> State:
     assert_type(wave, SolitaryWave)
     assert_type(wave.width(0.1) + wave.speed + wave.shift, float)
     assert_type(predict(spring), Prediction)
+    lens = Lens(Prism(1.0, 0.8, 0.01, 1.0), chains=3)
+    assert_type(lens.chain_prestrains, Array)
+    assert_type(lens.run(), Run)
+    assert_type(lens.pressure(lens.focus, lens.focus_time), Array)
+    lens.run(record="x")  # type: ignore[arg-type]
     assert_type(predict(spring)["compression"].speeds, tuple[float, float])
     assert_type(wave.excess, float)
     assert_type(wave.strain - wave.elongation(wave.x), Array)

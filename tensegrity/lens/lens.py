@@ -1,0 +1,390 @@
+"""A lens of parallel chains of prisms: each one's prestrain makes its pulse meet the others.
+
+The chains stand side by side and end on a fluid; all are struck alike at t = 0.  A larger
+prestrain makes a faster chain, so the prestrains alone choose when each end sends its pulse, and
+with that where all of them meet.  Assumed: a linear fluid behind a baffle (see `radiation`) that
+does not act back on the chains; what that leaves out is of the size of `coupling`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tensegrity import check
+from tensegrity.errors import TensegrityError
+from tensegrity.lens.radiation import Ends
+from tensegrity.lens.struck import Arrivals, Struck, reach
+from tensegrity.prisms.prism import Prism
+from tensegrity.progress import progress
+from tensegrity.readonly import fixed
+from tensegrity.runs.record import Record
+from tensegrity.scenes.scene import PER_SITE, SMALLEST_MASS
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from tensegrity.lens.struck import Reach
+    from tensegrity.runs.run import Run
+    from tensegrity.typing import Array
+
+MARGIN = 0.5  # of sqrt(m/k): the first pulse comes so much later than the soonest of the range
+LOWEST = 1e-9  # prestrain: there is no sound in chains without
+THIN = 1e-4  # radius of an end over the way of sound in sqrt(m/k), least
+SPARE = 1e-3  # of the span of arrivals: delays must leave it free
+MISS = 1e-4  # of the narrowest pulse: a design that misses its instants by more is refused
+WIDER = 64.0  # to how many times smaller or larger prestrains a range that suffices is looked for
+AFTERWARDS = 1.25  # runs go on until the last arrival times this
+
+
+@dataclass(frozen=True)
+class Lens:
+    """Chains whose prestrains are chosen so that their pulses meet at a focus.
+
+    Made, it has run chains over the range of prestrains, chosen one for each chain, and run these:
+    about a second.  The first pulse leaves sqrt(m/k_cross)/2 later than the soonest of the range.
+
+    Parameters
+    ----------
+    prism : Prism
+        Of all chains, but for the prestrain, which is not used.
+    sites : int, optional
+        Masses of a chain, at least 3; one prism fewer.
+    chains : int, optional
+        At least 1.
+    spacing : float, optional
+        Between neighbouring chains, along x [m].  Their ends lie on y = 0, about x = 0.
+    focus : (float, float), optional
+        x and y [m], before the ends: y at least the radius of an end, sqrt(area/pi).
+    host_speed, host_density : float, optional
+        Speed of sound [m/s] and density [kg/m^3] of the fluid.
+    area : float, optional
+        Of each end, a circular piston [m^2]; at most spacing^2.
+    velocity : float, optional
+        Of the first mass of each chain at t = 0 [m/s], > 0.
+    prestrains : (float, float), optional
+        Smallest and largest that may be chosen, >= 1e-9.
+    mass : float, optional
+        Of each site [kg].
+
+    Attributes
+    ----------
+    chain_prestrains : ndarray, (chains,)
+        Chosen, in the order of `places`.
+    arrivals : ndarray, (chains,)
+        When the pulse of each chain comes to its end, measured in their run: the first peak of
+        the last mass's acceleration [s].
+    pulse_widths : ndarray, (chains,)
+        How long that acceleration stays above half its peak [s].
+    focus_time : float
+        When the pulses meet [s]: wanted of arrivals + distances/host_speed.
+
+    Raises
+    ------
+    TensegrityError
+        Bad input; a focus inside the array; arrival not monotone in the prestrain; a range of
+        prestrains that cannot give the delays, and which can.
+    LockingError
+        The blow makes the bars of a chain meet.
+
+    Examples
+    --------
+    >>> lens = Lens(Prism(base=1.0, height=0.8, prestrain=0.01, k_cross=1.0), chains=5)
+    >>> p = lens.pressure(lens.focus, lens.focus_time)
+    """
+
+    prism: Prism
+    sites: int = 41
+    chains: int = 21
+    spacing: float = 2.0
+    focus: tuple[float, float] = (0.0, 20.0)
+    host_speed: float = 1.5
+    host_density: float = 1e-3
+    area: float = 1.0
+    velocity: float = 0.05
+    prestrains: tuple[float, float] = (0.005, 0.1)
+    mass: float = 1.0
+    chain_prestrains: Array = field(init=False, repr=False, compare=False)
+    arrivals: Array = field(init=False, repr=False, compare=False)
+    pulse_widths: Array = field(init=False, repr=False, compare=False)
+    focus_time: float = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        check.kind("prism", self.prism, Prism)
+        for name, least in (("sites", 3), ("chains", 1)):
+            self._set(name, check.whole(name, getattr(self, name), least=least))
+        check.room(
+            f"a run of {self.sites} sites in {self.chains} chains",
+            PER_SITE * self.sites * self.chains,
+        )
+        units = {"spacing": "m", "host_speed": "m/s", "host_density": "kg/m3", "area": "m2"}
+        for name, unit in (units | {"velocity": "m/s"}).items():
+            self._set(name, check.number(name, getattr(self, name), above=0, unit=unit))
+        self._set("mass", check.number("mass", self.mass, least=SMALLEST_MASS, unit="kg"))
+        for name in ("focus", "prestrains"):
+            given = check.vector(name, getattr(self, name), (2,))
+            self._set(name, (float(given[0]), float(given[1])))
+        self._check_places()
+        low, high = self.prestrains
+        if not LOWEST <= low < high:
+            raise TensegrityError(
+                f"prestrains {low:g} and {high:g} must be at least {LOWEST:g} and increase"
+            )
+        self._choose()
+
+    def _set(self, name: str, value: object) -> None:
+        object.__setattr__(self, name, value)
+
+    def _check_places(self) -> None:
+        with np.errstate(over="ignore", invalid="ignore"):
+            finite = np.isfinite(self.delays).all() and np.isfinite(self.distances).all()
+        if not finite:
+            raise TensegrityError(
+                f"spacing {self.spacing:g} m, focus {self.focus} m, host_speed "
+                f"{self.host_speed:g} m/s: distances or delays are not finite"
+            )
+        if np.sqrt(self.area) > self.spacing:
+            raise TensegrityError(
+                f"area {self.area:g} m2 must be at most that of a square of the spacing, "
+                f"{self.spacing:g} m: the ends overlap"
+            )
+        radius, way = np.sqrt(self.area / np.pi), self.host_speed * self._unit
+        if radius < THIN * way:
+            raise TensegrityError(
+                f"area {self.area:g} m2: its radius {radius:.3g} m must be at least "
+                f"{THIN * way:.3g} m, {THIN:g} of the way of sound in sqrt(m/k_cross); below, "
+                "round-off is seen in pressures"
+            )
+        if self.focus[1] < radius:
+            raise TensegrityError(
+                f"focus y {self.focus[1]:g} m is inside the array: it must be at least "
+                f"{radius:.4g} m, the radius of an end"
+            )
+
+    def _choose(self) -> None:
+        """Prestrains by interpolated arrivals, corrected once by those of their own run."""
+        low, high = self.prestrains
+        found, longest = reach(self._struck, low, high), float(self.delays.max())
+        if longest > (1 - SPARE) * found.span:
+            with np.errstate(over="ignore"):
+                suffices = self._sufficient(longest)
+            raise TensegrityError(
+                f"focus {self.focus} m asks for delays of up to {longest:.4g} s, prestrains "
+                f"{low:g} to {high:g} give {found.span:.4g} s at most; {suffices}"
+            )
+        margin = min(MARGIN * self._unit, (found.span - longest) / 2)
+        wanted = found.t[-1] + margin + self.delays
+        first = found.prestrain(wanted)
+        missed = self._struck.arrivals(first).t - wanted
+        chosen = np.clip(first * np.exp(-found.slope(wanted) * missed), low, high)
+        reached = self._struck.arrivals(chosen)
+        miss, pulse = np.abs(reached.t - wanted).max(), reached.width.min()
+        if not miss <= MISS * pulse:
+            raise TensegrityError(
+                f"prestrains {low:g} to {high:g}: arrivals miss their instants by {miss:.2g} s, "
+                f"must be within {MISS * pulse:.2g} s, {MISS:g} of the pulse: they change too "
+                "quickly with the prestrain; narrow the range"
+            )
+        self._set("chain_prestrains", fixed(chosen))
+        self._set("arrivals", fixed(reached.t))
+        self._set("pulse_widths", fixed(reached.width))
+        self._set("focus_time", float(wanted[0] + self.distances[0] / self.host_speed))
+
+    def _sufficient(self, longest: float) -> str:
+        """Which prestrains can give these delays, in words; smaller ones first, then larger."""
+        low, high = self.prestrains
+        wanted = longest + 2 * MARGIN * self._unit
+        for least, largest in ((low / WIDER, high), (low, high * WIDER)):
+            found = self._monotone(least, largest)
+            if found is None or found.span < wanted:
+                continue
+            if least < low:
+                least = float(found.prestrain(found.t[-1] + wanted))
+            else:
+                largest = float(found.prestrain(found.t[0] - wanted))
+            return f"{least:.3g} to {largest:.3g} can"
+        return (
+            f"neither smaller ones, to {low / WIDER:.3g}, nor larger ones, to {high * WIDER:.3g}, "
+            "can: longer chains can, or a focus farther away"
+        )
+
+    def _monotone(self, low: float, high: float) -> Reach | None:
+        """Arrivals over as much of a range, from one of its ends, as they fall over."""
+        while low < self.prestrains[0] or high > self.prestrains[1]:
+            try:
+                return reach(self._struck, low, high)
+            except TensegrityError:  # not monotone, or the bars meet
+                low, high = min(low * 2, self.prestrains[0]), max(high / 2, self.prestrains[1])
+        return None
+
+    @property
+    def _struck(self) -> Struck:
+        return Struck(self.prism, self.sites, self.mass, self.velocity)
+
+    @property
+    def _unit(self) -> float:
+        """Unit of time of the chains, sqrt(m/k_cross) [s]."""
+        return float(np.sqrt(self.mass / self.prism.k_cross))
+
+    @property
+    def places(self) -> Array:
+        """x of the ends [m], (chains,)."""
+        return np.asarray(self.spacing * (np.arange(self.chains) - (self.chains - 1) / 2))
+
+    @property
+    def distances(self) -> Array:
+        """From the centre of each end to the focus [m], (chains,)."""
+        return np.hypot(self.places - self.focus[0], self.focus[1])
+
+    @property
+    def delays(self) -> Array:
+        """How much later than the first each pulse has to leave its end [s], (chains,)."""
+        travel = self.distances / self.host_speed
+        return np.asarray(travel.max() - travel, dtype=np.float64)
+
+    @property
+    def coupling(self) -> float:
+        """rho c A/(m cs) of the softest chain: how much of a pulse the fluid's reaction changes.
+
+        The fluid resists an end as rho c A v at most, the chain as m cs v; it is left out.
+        """
+        speed = float(self._struck.sound_speed(self.chain_prestrains).min())
+        return self.host_density * self.host_speed * self.area / (self.mass * speed)
+
+    def run(
+        self,
+        t_end: float | None = None,
+        record: Record | None = None,
+        prestrains: ArrayLike | None = None,
+    ) -> Run:
+        """Run all chains, one in each lane.
+
+        Parameters
+        ----------
+        t_end : float, optional
+            [s]; by default somewhat later than the last pulse leaves its chain.
+        record : Record, optional
+        prestrains : float or array_like, (chains,), optional
+            Other ones than those chosen.
+
+        Returns
+        -------
+        Run
+            u, v (T, sites, chains).
+        """
+        given = self._given(prestrains)
+        if t_end is None:
+            t_end = AFTERWARDS * float(self._struck.arrivals(given).t.max())
+        t_end = check.number("t_end", t_end, least=0, unit="s")
+        return self._struck.run(given, t_end, Record() if record is None else record)
+
+    def arrivals_of(self, prestrains: ArrayLike) -> Arrivals:
+        """Instants (.t) and widths (.width) [s], (chains,), of other prestrains than those chosen.
+
+        Parameters
+        ----------
+        prestrains : float or array_like, (chains,)
+        """
+        return self._struck.arrivals(self._given(prestrains))
+
+    def pressure(
+        self, points: ArrayLike, t: ArrayLike, prestrains: ArrayLike | None = None
+    ) -> Array:
+        """Pressure in the fluid: what all ends radiate, superposed.
+
+        Parameters
+        ----------
+        points : array_like, (..., 2)
+            x, y [m], y >= 0, in the plane of the chains.
+        t : array_like, (...)
+            [s]; 0 before the blow.
+        prestrains : float or array_like, (chains,), optional
+            Other ones than those chosen.
+
+        Returns
+        -------
+        ndarray, (*t.shape, *points.shape[:-1])
+            [Pa], of circular pistons by Rayleigh's integral.
+
+        Notes
+        -----
+        Chains are run until the last instant asked for, once for several calls.
+        """
+        places, instants, ends = self._asked(points, t, prestrains)
+        total = np.zeros((*instants.shape, *places.shape[:-1]))
+        with progress(self.chains, "chain") as bar:
+            for one in ends.as_pistons(places, instants):
+                total += one
+                bar.update()
+        return total
+
+    def pressures(
+        self, points: ArrayLike, t: ArrayLike, prestrains: ArrayLike | None = None
+    ) -> Array:
+        """What each end alone contributes to `pressure` [Pa]; (chains, *shape of that)."""
+        places, instants, ends = self._asked(points, t, prestrains)
+        return np.stack(list(ends.as_pistons(places, instants)))
+
+    def point_pressures(
+        self, points: ArrayLike, t: ArrayLike, prestrains: ArrayLike | None = None
+    ) -> Array:
+        """`pressures` of ends taken as points: rho A a(t - R/c)/(2 pi R), from afar [Pa]."""
+        places, instants, ends = self._asked(points, t, prestrains)
+        return np.stack(list(ends.as_points(places, instants)))
+
+    def _asked(
+        self, points: ArrayLike, t: ArrayLike, prestrains: ArrayLike | None
+    ) -> tuple[Array, Array, Ends]:
+        """Points and instants, checked, and the ends whose motion reaches to the last."""
+        places = check.rows("points", check.floats("points", points), (2,))
+        instants = check.floats("t", t)
+        for name, values in (("points", places), ("t", instants)):
+            if not np.isfinite(values).all():
+                bad = values[~np.isfinite(values)][0]
+                raise TensegrityError(f"{name} has {bad}, must be finite")
+        if (places[..., 1] < 0).any():
+            raise TensegrityError(
+                f"points: y {places[..., 1].min():g} m lies behind the ends, must be at least 0"
+            )
+        check.room("pressures", 8.0 * max(instants.size, 1) * (places.size // 2) * 4)
+        until, enough = float(instants.max(initial=0.0)), AFTERWARDS * float(self.arrivals.max())
+        while enough < until:
+            enough *= 2
+        given = tuple(self._given(prestrains).tolist())
+        return places, instants, _ends(self, given, min(enough, np.finfo(float).max))
+
+    def _given(self, prestrains: ArrayLike | None) -> Array:
+        if prestrains is None:
+            return self.chain_prestrains
+        given = check.floats("prestrains", prestrains)
+        given = np.full(self.chains, given) if given.ndim == 0 else given
+        given = check.vector("prestrains", given, (self.chains,))
+        if not (given >= LOWEST).all():
+            raise TensegrityError(f"prestrains: {given.min():g} must be at least {LOWEST:g}")
+        return given
+
+    def __str__(self) -> str:
+        x, y = self.focus
+        low, high = self.chain_prestrains.min(), self.chain_prestrains.max()
+        miss = np.ptp(self.arrivals + self.distances / self.host_speed)
+        return (
+            f"lens of {self.chains} chains of {self.sites} masses, {self.spacing:g} m apart, "
+            f"struck at {self.velocity:g} m/s\n"
+            f"prestrains {low:.5f} to {high:.5f}, delays up to {self.delays.max():.4f} s\n"
+            f"pulses meet at ({x:g}, {y:g}) m after {self.focus_time:.6g} s, within {miss:.0e} s, "
+            f"pulses {self.pulse_widths.min():.3g} s wide\n"
+            f"fluid: {self.host_speed:g} m/s, {self.host_density:g} kg/m3, does not act back; "
+            f"rho c A/(m cs) = {self.coupling:.2g}"
+        )
+
+
+@lru_cache(maxsize=8)
+def _ends(lens: Lens, prestrains: tuple[float, ...], t_end: float) -> Ends:
+    """Motion of the ends of chains of these prestrains."""
+    run = lens.run(t_end, Record(every=1, sites=(lens.sites - 1,)), prestrains)
+    return Ends(
+        lens.places, lens.area, lens.host_density, lens.host_speed, run.t, fixed(run.v[:, 0])
+    )
