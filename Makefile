@@ -7,13 +7,18 @@ PYTHON := $(shell for p in python3.11 python3.12 python3.13 python3; do \
 BIN = .venv/bin
 READY = .venv/ready
 
-.PHONY: figures derivations test test-slow faults bench lint clean
+.PHONY: figures derivations live test test-slow faults bench lint clean
 
 figures: $(READY)
 	$(BIN)/python -m figures
 
 derivations: $(READY)
 	$(BIN)/python -m derivations
+
+# One page with a chain that runs in it: docs/live/output/index.html.
+live: $(READY)
+	$(BIN)/python -m pip install --quiet --editable '.[cc]'
+	$(BIN)/python -m docs.live
 
 # Two processes, each with one thread of linear algebra: the matrices are small.
 test: $(READY)

@@ -1,8 +1,8 @@
 """One gradient of 60 prisms by one peer: `python -m benchmarks._adjoint PEER STEPS`.
 
 Prints the CPU seconds of a gradient, the most memory of the process in MB, the value, and the
-norm of the derivatives by the prestrains.  Peers keep every state of the run: JAX through
-lax.scan, diffrax with its default adjoint.
+norm of the derivatives by the prestrains.  Peers store states of the run: JAX every one,
+through lax.scan, diffrax with its default adjoint some, from which it computes the others again.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ from tensegrity.engine.methods import METHODS
 
 STEPS, DT = 40_000, 0.02
 ROUNDS = 5
-STORED = (1_000, 4_000)  # steps: what is stored grows with them
+STORED = (1_000, 16_000)  # steps: what is stored grows with them
 PEERS = ("ours", "jax", "diffrax")
 
 

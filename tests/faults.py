@@ -50,6 +50,33 @@ class Fault:
 
 
 FAULTS = (
+    # what notebooks show
+    Fault(
+        "tensegrity/notebook.py",
+        "{html.escape(str(value))}</td></tr>",
+        "{value}</td></tr>",
+        "tests/test_notebook.py::test_text_is_escaped_and_a_run_without_all_sites_has_no_picture",
+    ),
+    # the self-test
+    Fault(
+        "tensegrity/__main__.py",
+        "right = error <= bound  #",
+        "right = not error > bound  #",
+        "tests/test_self_test.py::test_a_number_that_is_wrong_or_none_fails_it",
+    ),
+    # springs for other programs
+    Fault(
+        "tensegrity/export.py",
+        "law, (low, high) = potential.law, potential.reach",
+        "law, (low, high) = potential.law, (-math.inf, math.inf)",
+        "tests/test_export.py::test_driver_refuses_what_is_outside_of_the_domain",
+    ),
+    Fault(
+        "tensegrity/export.py",
+        '.replace("*/", "* /")',
+        "",
+        "tests/test_export.py::test_names_and_comments_hold_only_what_c_takes",
+    ),
     # design of protectors
     Fault(
         "granular/design/objective.py",

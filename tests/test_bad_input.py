@@ -41,6 +41,7 @@ from tensegrity import (
     equilibrium,
     equilibrium_path,
     equilibrium_paths,
+    export,
     fit,
     gradient,
     held,
@@ -323,6 +324,8 @@ CALLS = [
     (beads_observables.effective_number, {"run": PACKED}),
     (beads_observables.participation_ratio, {"run": PACKED}),
     (beads_observables.virial_ratio, {"run": PACKED}),
+    (asymptotics.forms, {}),
+    (export.to_c, {"potential": SPRING, "path": f"{FOLDER.name}/spring.c"}),
     (tensegrity.sweep, {"function": abs, "cases": [1, -2], "executor": None,
                         "checkpoint": "sweep.npz"}),
     (design.Order, {"given": [BEAD, SMALL]}),
@@ -404,7 +407,7 @@ def takes_arrays(function, name, kind):
 
 def test_every_public_callable_has_a_good_call():
     called = {getattr(function, "__name__", "") for function, _ in CALLS}
-    modules = (asymptotics, budget, observables, beads_observables, objective)
+    modules = (asymptotics, budget, export, observables, beads_observables, objective)
     public = {name for module in modules for name, thing in vars(module).items()
               if inspect.isfunction(thing) and thing.__module__ == module.__name__}  # fmt: skip
     for module in (tensegrity, granular):

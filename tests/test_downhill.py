@@ -202,13 +202,17 @@ def test_bad_input_is_refused(changed, words):
 
 
 @pytest.mark.slow
-def test_twenty_diameters_are_brought_below_26_8_newtons():
-    """In 1e4 passes by two of three seeds; evolution comes to 27.4 N in 1e5 designs."""
-    found = [
-        search(S, method="gradient", budget=10000, seed=seed, t_end=6e-4, **BLOW)
-        for seed in range(3)
-    ]
-    assert all(one.converged_in_time for one in found)
-    forces = sorted(one.peak_force for one in found)
-    assert forces[1] <= 26.8
-    assert forces[2] <= 27.4
+def test_twenty_diameters_are_brought_below_what_evolution_comes_to(tmp_path):
+    """In every seed; evolution comes to 27.4 N in 1e5 designs."""
+    forces = []
+    for seed in range(3):
+        given = {"method": "gradient", "seed": seed, "t_end": 6e-4, **BLOW}
+        given["checkpoint"] = tmp_path / f"{seed}.npz"
+        found = search(S, budget=30_000, **given)
+        assert found.peak_force <= 27.2
+        if found.peak_force > 26.8:
+            found = search(S, budget=100_000, **given)
+        assert found.peak_force <= 26.8
+        assert found.converged_in_time
+        forces.append(found.peak_force)
+    assert min(forces) <= 26.2  # hops from low places

@@ -7,7 +7,16 @@ import pytest
 import sympy as sp
 from complex_steps import derivative, net, run, tension_of
 
-from granular import Bead, Striker, chain, hertz, materials, y_guide
+from granular import (
+    Bead,
+    Striker,
+    chain,
+    fcc_pack,
+    hertz,
+    hexagonal_pack,
+    materials,
+    y_guide,
+)
 from granular.sensitivity import by_beads
 from tensegrity import Network, Potential, PowerLaw, State, TensegrityError, Wall, gradient
 from tensegrity import objective as o
@@ -128,32 +137,53 @@ def test_diameters_and_moduli_of_a_chain_of_beads(gravity):
     assert found.by("diameter").shape == (beads.sites,)
 
 
-def test_diameters_of_a_guide_move_gaps_contacts_and_masses():
+def guide():
     bead = Bead(4.76e-3, STEEL)
-    guide = y_guide(4, 3, bead=bead, branches=(bead, bead), wall=STEEL,
-                    striker=Striker(bead, 0.5), end=STEEL)  # fmt: skip
-    wall = len(guide.walls) - 1
-    asked, run_of = o.p_norm(o.load(wall=wall), 8), (guide.start(), 1.2e-4, 2e-7)
-    found = gradient(asked, guide, *run_of, checkpoints=10)
+    return y_guide(4, 3, bead=bead, branches=(bead, bead), wall=STEEL,
+                   striker=Striker(bead, 0.5), end=STEEL)  # fmt: skip
+
+
+def plane():
+    bead = Bead(9.53e-3, STEEL)
+    return hexagonal_pack(3, 4, bead=bead, floor=STEEL, sides=STEEL, striker=Striker(bead, 1.0))
+
+
+def space():
+    bead = Bead(9.53e-3, STEEL)
+    return fcc_pack(3, 3, bead=bead, floor=STEEL, sides=STEEL, striker=Striker(bead, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("make", "wall", "t_end", "sites"),
+    [(guide, -1, 1.2e-4, (0, 2, 6)), (plane, 0, 2e-4, (1, 5, 9)), (space, 0, 2e-4, (4, 13, 22))],
+)
+def test_diameters_of_beads_at_their_places_move_gaps_contacts_and_masses(make, wall, t_end, sites):
+    """Against differences of networks with one bead smaller."""
+    scene = make()
+    wall %= len(scene.walls)
+    asked, run_of = o.p_norm(o.load(wall=wall), 8), (scene.start(), t_end, 2e-7)
+    found = gradient(asked, scene, *run_of, checkpoints=10)
 
     def other(site, less):
         """A bead smaller by `less` at its place."""
-        beads = [Bead(b.diameter - less * (k == site), STEEL) for k, b in enumerate(guide.beads)]
-        at, radius = guide.wall_contacts[:, 0], np.array([b.radius for b in beads])
-        gaps = guide.geometry[guide.dim, len(guide.bonds) :] + bead.radius - radius[at]
+        beads = [Bead(b.diameter - less * (k == site), STEEL) for k, b in enumerate(scene.beads)]
+        at, radius = scene.wall_contacts[:, 0], np.array([b.radius for b in beads])
+        touching = np.array([b.radius for b in scene.beads])
+        gaps = scene.geometry[scene.dim, len(scene.bonds) :] + (touching - radius)[at]
         return Network(
-            guide.positions, guide.bonds,
-            [hertz(beads[i], beads[j]).spring() for i, j in guide.bonds],
-            radius[guide.bonds].sum(axis=1), [b.mass for b in beads], guide.walls,
-            wall_contacts=guide.wall_contacts, wall_gaps=gaps, radius=radius,
+            scene.positions, scene.bonds,
+            [hertz(beads[i], beads[j]).spring() for i, j in scene.bonds],
+            radius[scene.bonds].sum(axis=1), [b.mass for b in beads], scene.walls,
+            wall_contacts=scene.wall_contacts, wall_gaps=gaps, radius=radius,
             wall_spring=[hertz(beads[i], STEEL).spring() for i in at],
         )  # fmt: skip
 
     h = 1e-12  # m: contacts touch, and any gap is a kink of higher order
-    for site in (0, 2, 6):
+    for site in sites:
         values = [gradient(asked, other(site, x), *run_of, wanted=()).value for x in (0.0, h)]
         exact = (values[0] - values[1]) / h
         assert found.by("diameter")[site] == pytest.approx(exact, rel=2e-3)
+        assert exact != 0
 
 
 def test_beads_whose_contacts_are_not_hertz_do_not_say_how_they_depend_on_diameters():

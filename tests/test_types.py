@@ -49,6 +49,7 @@ MODULES = sorted(
 )
 PUBLIC = [  # modules whose names a user takes from the module
     "tensegrity.waves.asymptotics",
+    "tensegrity.export",
     "tensegrity.measure.budget",
     "tensegrity.engine.methods",
     "tensegrity.gradients.objective",
@@ -69,6 +70,7 @@ UNUSED = {  # rows of coefficients, and what others return
     "Processed",
     "Pulse",
     "default",
+    "forms",
     "gauss_rows",
     "nystrom_of",
     "palindrome",

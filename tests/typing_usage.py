@@ -83,6 +83,7 @@ from tensegrity import (
     sweep,
 )
 from tensegrity.engine import methods
+from tensegrity.export import to_c
 from tensegrity.measure import budget, observables
 from tensegrity.runs import tuning
 from tensegrity.typing import Array, Flags
@@ -268,6 +269,11 @@ def waves(spring: Potential, chain: Chain) -> State:
     wave.launch(spring, at=40)  # type: ignore[arg-type]
     asymptotics.sech2(chain, 1.1, 0.0)  # type: ignore[arg-type]
     return wave.launch(chain, at=40, direction=-1)
+
+
+def springs_elsewhere(spring: Potential) -> None:
+    assert_type(to_c(spring, "spring.c"), Path)
+    to_c("spring.c", spring)  # type: ignore[arg-type]
 
 
 def measured(chain: Chain, run: Run) -> float:

@@ -7,12 +7,16 @@ from typing import TYPE_CHECKING, overload
 
 import numpy as np
 
+from tensegrity.notebook import page
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
     from os import PathLike
     from typing import Any, Self
 
     from matplotlib.axes import Axes
+
+FIRST = 6  # columns and events that a notebook shows
 
 
 @dataclass(frozen=True)
@@ -101,6 +105,25 @@ class Table:
     def __repr__(self) -> str:
         kinds = ", ".join(e.kind for e in self.events) or "no events"
         return f"{type(self).__name__}({len(self)} rows; {kinds})"
+
+    def _repr_html_(self) -> str:
+        rows = {
+            name: f"{column[0]:.6g} to {column[-1]:.6g}"
+            for name, column in self.columns.items()
+            if np.ndim(column) == 1 and np.asarray(column).dtype.kind == "f"
+        }
+        rows = dict(list(rows.items())[:FIRST])
+        for number, event in enumerate(self.events[:FIRST]):
+            at = ", ".join(f"{k} {v:.6g}" for k, v in list(event.at.items())[:FIRST])
+            rows[f"{number + 1}: {event.kind}"] = at
+        rows["ends"] = self.end
+        title = f"{type(self).__name__}, {len(self)} rows"
+        return page(title, rows, lambda figure: self._draw(figure.subplots()))
+
+    def _draw(self, axes: Axes) -> Axes:
+        """The first two columns."""
+        x, y = list(self.columns)[:2]
+        return Table.plot(self, x, y, axes)
 
     def to_csv(self, path: str | PathLike[str]) -> None:
         """Write the columns with 17 digits, one header line."""

@@ -65,6 +65,15 @@ def compilers():
     return found
 
 
+def described():
+    """The compiler that kernels are made with: its command, and its first line on itself."""
+    for command in compilers():
+        identity = _identity(command)
+        if identity is not None and command not in hung:
+            return f"{shlex.join(command)}: {identity.splitlines()[0] if identity else ''}"
+    raise CompilerError("no C compiler found, or none that can be run")
+
+
 def _has_zig():
     from importlib.util import find_spec
 

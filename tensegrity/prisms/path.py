@@ -138,6 +138,9 @@ class EquilibriumPath(Table):
         """Draw one column against another, events marked; returns the Matplotlib axes."""
         return super().plot(x, y, axes, LABELS)
 
+    def _draw(self, axes: Axes) -> Axes:
+        return self.plot(axes=axes)
+
 
 @overload
 def equilibrium_path(

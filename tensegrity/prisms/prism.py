@@ -7,6 +7,7 @@ Source: seeds/000, part III; the forms for any n are those of `derivations.polyg
 
 from __future__ import annotations
 
+import contextlib
 import math
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
@@ -19,6 +20,7 @@ from tensegrity.engine.kept import kept
 from tensegrity.engine.programs import derived as program_of
 from tensegrity.engine.programs import run
 from tensegrity.errors import EquilibriumError, NoLocking, TensegrityError
+from tensegrity.notebook import page, wires
 from tensegrity.once import once
 from tensegrity.root import root
 from tensegrity.springs.potential import Potential, call
@@ -32,6 +34,8 @@ if TYPE_CHECKING:
     from tensegrity.structures.structure import Structure
 
 NOTHING = 1e-30  # of a number with some prestrain: none without
+SHOWN = 0.95  # of the way to the end of the domain in a notebook's picture
+STIFF = 100.0  # constants over k_cross for the drawing of rigid members
 DIGITS = 40  # decimals in which stored parameters are computed before they are rounded
 
 
@@ -167,6 +171,35 @@ class Prism:
         if self.sides == 3:
             del given["sides"]
         return call("Prism", **given)
+
+    def _repr_html_(self) -> str:
+        lengths = self.natural_lengths()
+        rows = {
+            "base, height": f"{self.base:g} m, {self.height:g} m",
+            "prestrain": f"{self.prestrain:g} of the cross strings",
+            "k_cross, k_base, k_bar": f"{self.k_cross:g}, {self.k_base:g}, {self.k_bar:g} N/m",
+            "natural lengths": f"cross {lengths.cross:.6g}, base {lengths.base:.6g}, "
+            f"bar {lengths.bar:.6g} m",
+            "axial stiffness": f"{self.axial_stiffness():.6g} N/m",
+        }
+        with contextlib.suppress(NoLocking):
+            rows["locking height"] = f"{self.locking_height():.6g} m"
+        title = f"Prism of {self.sides} sides"
+        return page(title, rows, self._draw, size=(6.4, 2.8))
+
+    def _draw(self, figure: Any) -> None:
+        """The prism at rest, and its load against shortening."""
+        shape, curve = figure.subplots(1, 2, width_ratios=(1, 1.4))
+        rigid = [name for name in ("k_base", "k_bar") if math.isinf(getattr(self, name))]
+        finite: dict[str, Any] = dict.fromkeys(rigid, STIFF * self.k_cross)
+        # the shape at rest is that of any constants
+        structure = replace(self, **finite).structure()
+        wires(shape, structure.positions, structure.ends, structure.bars)
+        potential = self.potential()
+        low, high = potential.reach
+        r = np.linspace(SHOWN * low, min(high, -low) / 2, 200)
+        curve.plot(-r, -potential.tension(r))
+        curve.set(xlabel="shortening [m]", ylabel="axial load [N]")
 
     @property
     def is_rigid(self) -> bool:
@@ -313,6 +346,24 @@ def _rigid_law(any_sides: bool) -> Law:
     of = _polygon(any_sides)
     symbols, tension = derived.parameters_of(of), derived.tension(of)
     return Law(derived.energy(of), derived.elongation, symbols, tension, derived.THROUGH)
+
+
+def rigid_programs() -> dict[str, Any]:
+    """What `Prism.potential` computes for a rigid triangular prism, for other arithmetics.
+
+    Returns
+    -------
+    dict
+        "parameters" of `rigid_law` and "locking", the square of the locking height, as programs
+        (`tensegrity.engine.programs`) of base, height, prestrain, k_cross, k_base, k_bar, loaded
+        height and preload; "places" of the parameters {role: place} that it tells apart.
+    """
+    names = [str(name) for name in rigid_law().parameters]
+    return {
+        "parameters": program_of(_of_fields, _parameters, False),
+        "locking": program_of(_of_fields, _locking_height_squared, False),
+        "places": {role: names.index(name) for role, name in _roles().items()},
+    }
 
 
 @once

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tensegrity.errors import TensegrityError
+from tensegrity.notebook import page
 from tensegrity.runs import archive
 from tensegrity.scenes.scene import State
 
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array
 
     Frozen = TypeVar("Frozen")
+
+SHOWN = 300  # instants in a notebook's picture
 
 
 def changed(one: Frozen, **values: Any) -> Frozen:
@@ -152,3 +155,21 @@ class Run:
         )
 
     __repr__ = __str__
+
+    def _repr_html_(self) -> str:
+        rows = {
+            "method": self.method,
+            "step": f"{self.dt:.4g} s, {self.steps} steps",
+            "end": f"{self.t[-1] if len(self.t) else 0:.6g} s"
+            + ("" if self.complete else " (incomplete)"),
+            "recorded": f"{len(self.t)} instants of {len(self.sites)} sites",
+            "force": self.force,
+            "energy error": f"{self.energy_error:.1e}",
+            "wall time": f"{self.wall_time:.3g} s",
+        }
+        if self.error_estimate is not None:
+            rows["estimated error"] = f"{self.error_estimate:.1e}"
+        every = max(1, -(-len(self.t) // SHOWN))
+        names = ("t", "u", "v", "energy")
+        few = replace(self, **{name: getattr(self, name)[::every] for name in names})
+        return page("Run", rows, lambda figure: few.plot(figure.subplots()))

@@ -20,6 +20,7 @@ from tensegrity import check
 from tensegrity.engine import forces
 from tensegrity.engine.bonds import PAIR, WALL, Bonds, Contacts
 from tensegrity.errors import TensegrityError
+from tensegrity.notebook import page, wires
 from tensegrity.readonly import fixed
 from tensegrity.scenes.clearance import Clearance
 from tensegrity.scenes.following import Following
@@ -505,6 +506,20 @@ class Network(Scene):
         if self.dim == 2:
             return float(np.sum(x[:, 0] * p[:, 1] - x[:, 1] * p[:, 0]))
         return np.cross(x, p).sum(axis=0)
+
+    def _repr_html_(self) -> str:
+        rows = {
+            "sites": f"{self.sites} in {self.dim} dimensions",
+            "bonds": len(self.bonds),
+            "walls": f"{len(self.walls)} with {len(self.wall_contacts)} contacts",
+            "mass": f"{self.mass.sum():.6g} kg",
+        }
+        return page(
+            "Network",
+            rows,
+            lambda figure: wires(figure.subplots(), self.positions, self.bonds),
+            size=(3.4, 3.4),
+        )
 
     def __repr__(self) -> str:
         return (

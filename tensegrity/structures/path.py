@@ -135,6 +135,9 @@ class StructurePath(Table):
         first, second = list(self.columns)[:2]
         return super().plot(x or first, y or second, axes, LABELS)
 
+    def _draw(self, axes: Axes) -> Axes:
+        return self.plot(axes=axes)
+
 
 def structure_path(
     structure: Structure,

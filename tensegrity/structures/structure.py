@@ -16,6 +16,7 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import EquilibriumError, TensegrityError
+from tensegrity.notebook import page, wires
 from tensegrity.readonly import ReadOnly, fixed
 from tensegrity.structures import statics
 from tensegrity.structures.members import Members
@@ -417,6 +418,21 @@ class Structure(ReadOnly):
         from tensegrity.structures.dynamics import network
 
         return network(self.positions, self.members, self.mass)
+
+    def _repr_html_(self) -> str:
+        rows = {
+            "nodes": f"{self.nodes} in {self.dim} dimensions",
+            "members": f"{self.bars} bars, {self.strings} strings",
+            "lengths": f"{self.lengths.min():.6g} to {self.lengths.max():.6g} m",
+            "tensions": f"{self.tensions.min():.6g} to {self.tensions.max():.6g} N",
+            "mass": f"{self.mass.sum():.6g} kg",
+        }
+        return page(
+            "Structure",
+            rows,
+            lambda figure: wires(figure.subplots(), self.positions, self.ends, self.bars),
+            size=(3.4, 3.4),
+        )
 
     def __repr__(self) -> str:
         return (

@@ -70,7 +70,7 @@ def sech2(spring: Potential, speed_ratio: float, x: ArrayLike) -> Array:
             f"V''' = {slope:g} N/m^2 not 0"
         )
     with np.errstate(over="ignore"):  # far away cosh is infinite and the wave 0
-        return _sech2()(stiffness, slope, ratio, x)
+        return _function("sech2")(stiffness, slope, ratio, x)
 
 
 def tent(spring: Potential, x: ArrayLike) -> Array:
@@ -79,7 +79,7 @@ def tent(spring: Potential, x: ArrayLike) -> Array:
     x, stroke = _places(x), -spring.domain[0]
     if math.isinf(stroke):
         raise TensegrityError("no tent: the spring has no locking stroke (its domain is open)")
-    return _tent()(stroke, x)
+    return _function("tent")(stroke, x)
 
 
 def _places(x: ArrayLike) -> Array:
@@ -98,26 +98,27 @@ def _sound_speed_squared() -> tuple[list[Any], tuple[Any, ...]]:
 
 
 @once
-def _sech2() -> Callable[..., Array]:
-    """Elongation as a function of stiffness, its slope, c/cs and x."""
+def forms() -> dict[str, tuple[Any, tuple[Any, ...]]]:
+    """Elongations "sech2", in terms of stiffness, its slope, c/cs and x, and "tent", in terms of
+    the locking stroke and x: {name: (expression, symbols)}."""
     import sympy as sp
 
     from derivations import waves as derived
 
     ratio = sp.Symbol("ratio")
     gamma_squared = derived.gamma_squared().subs(derived.speed, ratio * derived.sound)
-    elongation = (derived.sech_strain() * derived.spacing).subs(derived.spacing, 1)
-    elongation = elongation.subs(derived.gamma, sp.sqrt(sp.simplify(gamma_squared)))
-    symbols = (derived.stiffness, derived.slope, ratio, derived.position)
-    return sp.lambdify(symbols, elongation, modules="numpy")
+    sech2 = (derived.sech_strain() * derived.spacing).subs(derived.spacing, 1)
+    sech2 = sech2.subs(derived.gamma, sp.sqrt(sp.simplify(gamma_squared)))
+    tent = (derived.tent() * derived.spacing).subs(derived.spacing, 1)
+    return {
+        "sech2": (sech2, (derived.stiffness, derived.slope, ratio, derived.position)),
+        "tent": (tent, (derived.stroke, derived.position)),
+    }
 
 
 @once
-def _tent() -> Callable[..., Array]:
-    """Elongation as a function of the locking stroke and x."""
+def _function(name: str) -> Callable[..., Array]:
     import sympy as sp
 
-    from derivations import waves as derived
-
-    elongation = (derived.tent() * derived.spacing).subs(derived.spacing, 1)
-    return sp.lambdify((derived.stroke, derived.position), elongation, modules="numpy")
+    form, symbols = forms()[name]
+    return sp.lambdify(symbols, form, modules="numpy")

@@ -16,6 +16,7 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+from tensegrity.notebook import page
 from tensegrity.root import root
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.scene import State
@@ -25,12 +26,15 @@ from tensegrity.waves.family import SIGNS, STROKE, Family, refined
 from tensegrity.waves.travelling import Grid, NoWave, cosine_sum
 
 if TYPE_CHECKING:
+    from typing import Any
+
     from numpy.typing import ArrayLike
 
     from tensegrity.typing import Array
 
 LEAST_LEVEL = 1e-8  # of the crest, at which a width is asked for
 MOST = 1000  # families of one sign that can be asked for
+SHOWN = 1e-3  # of the crest, where a notebook's picture ends
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,6 +219,25 @@ class SolitaryWave:
             f"energy {self.energy:.6g} J, momentum {self.momentum:.6g} kg m/s\n"
             f"residual {self.residual:.1e}"
         )
+
+    def _repr_html_(self) -> str:
+        ratio = f" = {self.speed_ratio:.6g} sound speeds" if self.sound_speed else ""
+        rows = {
+            "speed": f"{self.speed:.6g} sites/s{ratio}",
+            "crest": f"{self.amplitude:.6g} m",
+            "width": f"{self.width():.4g} sites at 5 % of the crest",
+            "energy": f"{self.energy:.6g} J",
+            "momentum": f"{self.momentum:.6g} kg m/s",
+            "residual": f"{self.residual:.1e}",
+        }
+
+        def draw(figure: Any) -> None:
+            near = np.abs(self.x) <= self.reach(SHOWN)
+            axes = figure.subplots()
+            axes.plot(self.x[near], self._on_x[near])
+            axes.set(xlabel="distance from the crest [sites]", ylabel="elongation [m]")
+
+        return page(f"Solitary wave of {self.family}", rows, draw)
 
 
 def solitary_wave(

@@ -1,0 +1,58 @@
+"""`python -m docs.live [FILE]` writes the page, by default to docs/live/output/index.html."""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+import sys
+from pathlib import Path
+
+from docs.live import kernel
+from docs.live.tables import tables
+
+FOLDER = Path(__file__).parent
+OUTPUT = FOLDER / "output" / "index.html"
+LARGEST = 300_000  # bytes
+
+
+def page() -> str:
+    """The page: one file with its style, programs, tables and compiled code in it."""
+    data = json.dumps(tables() | {"method": kernel.METHOD.name}, separators=(",", ":"))
+    parts = {
+        "/*STYLE*/": (FOLDER / "page.css").read_text(),
+        "/*MODEL*/": (FOLDER / "chain.js").read_text(),
+        "/*TABLES*/null": data.replace("</", "<\\/"),
+        "/*CODE*/": base64.b64encode(kernel.wasm()).decode(),
+        "/*PAGE*/": (FOLDER / "page.js").read_text(),
+    }
+    text = (FOLDER / "page.html").read_text()
+    for mark, part in parts.items():
+        text = text.replace(mark, part, 1)
+    if len(text.encode()) > LARGEST:
+        raise ValueError(f"the page has {len(text.encode())} bytes, at most {LARGEST} are meant")
+    return text
+
+
+def main(arguments: list[str]) -> int:
+    """Write the page; 1 where there is nothing to compile it with."""
+    if len(arguments) > 1 or any(word.startswith("-") for word in arguments):
+        print(__doc__, file=sys.stderr)
+        return 2
+    if kernel.missing():
+        print(f"no page: {kernel.missing()}", file=sys.stderr)
+        return 1
+    path = Path(arguments[0]) if arguments else OUTPUT
+    path.parent.mkdir(parents=True, exist_ok=True)
+    beside = path.with_name(path.name + ".new")
+    try:
+        beside.write_text(page(), encoding="utf-8")
+        os.replace(beside, path)
+    finally:
+        beside.unlink(missing_ok=True)
+    print(f"{path}: {path.stat().st_size} bytes")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,138 @@
+"""The C of the page and its WebAssembly: generated laws, the project's loop, and `live.c`."""
+
+from __future__ import annotations
+
+import importlib.util
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import casadi as ca
+
+from tensegrity import Prism
+from tensegrity.engine.codegen import c_text, functions, to_casadi
+from tensegrity.engine.methods import METHODS
+from tensegrity.prisms.prism import rigid_law, rigid_programs
+
+FOLDER = Path(__file__).parent
+METHOD = METHODS["rkn6"]
+ELASTIC = Prism(1.0, 0.5, 0.4, 1.0, k_base=2.0, k_bar=20.0).potential(preload=0.05)  # it softens
+FLAGS = ("-O3", "-target", "wasm32-wasi", "-msimd128", "-mexec-model=reactor", "-Wl,--no-entry",
+         "-Wl,--strip-all", "-Wl,--gc-sections", "-ffunction-sections", "-fno-math-errno",
+         "-Wl,-z,stack-size=65536")  # fmt: skip
+
+
+def missing() -> str:
+    """What is not there to compile with, or nothing."""
+    found = importlib.util.find_spec("ziglang")
+    return "" if found else "the Python package ziglang is not installed (extra cc)"
+
+
+def text() -> str:
+    """All of the C."""
+    elastic = ELASTIC.law
+    helpers = [_helper(elastic, 1, "stiffness"), *_approximate()]
+    loop = c_text((rigid_law(), elastic), "line", None, helpers)
+    programs = rigid_programs()
+    own = ", ".join(map(repr, ELASTIC.values.tolist()))
+    numbers = {
+        "STAGES": METHOD.stages,
+        "CLOSING": int(METHOD.kicks[-1] != 0),
+        "KICKS": ", ".join(map(repr, METHOD.kicks)),
+        "DRIFTS": ", ".join(map(repr, METHOD.drifts)),
+        "STEP": repr(METHOD.step),
+        "LIMIT": repr(METHOD.stability_limit),
+        "RIGID_PARAMETERS": len(rigid_law().parameters),
+        "ELASTIC_PARAMETERS": len(ELASTIC.values),
+        "ELASTIC_LENGTH": repr(ELASTIC.length),
+        "ELASTIC_LOWEST": repr(ELASTIC.reach[0]),
+        "ELASTIC_HIGHEST": repr(ELASTIC.reach[1]),
+        **{role.upper(): place for role, place in programs["places"].items()},
+    }
+    return "\n".join([
+        loop,
+        *(f"#define {name} {value}" for name, value in numbers.items()),
+        f"static const real elastic_numbers[] = {{{own}}};",
+        program_text("rigid_parameters", programs["parameters"]),
+        program_text("locking_height_squared", programs["locking"]),
+        '#line 1 "live.c"',
+        (FOLDER / "live.c").read_text(),
+    ])  # fmt: skip
+
+
+def _helper(law, number, name):
+    """A derivative of a law that the loop itself does not need, and how it is called."""
+    function = functions(law)[name]
+    inner = f"law{number}_{name}"
+    symbols = function.sx_in()
+    hook = (
+        f"static real {name}_{number}(real r, const real *p) {{ real y; const real *arg[] = "
+        f"{{&r, p}}; real *res[] = {{&y}}; {inner}(arg, res, 0, 0, 0); return y; }}"
+    )
+    return ca.Function(inner, symbols, [function(*symbols)]), hook
+
+
+def _approximate():
+    """The sech^2 and the tent profile of `derivations.waves`, as functions exported by name."""
+    from tensegrity.waves.asymptotics import forms
+
+    for name, (form, symbols) in forms().items():
+        given = [ca.SX.sym(str(symbol)) for symbol in symbols]
+        value = to_casadi(form, symbols)(*given)
+        takes = ", ".join(f"real x{k}" for k in range(len(given)))
+        gives = ", ".join(f"&x{k}" for k in range(len(given)))
+        hook = (
+            f'__attribute__((export_name("{name}"))) real {name}({takes}) {{ real y; '
+            f"const real *arg[] = {{{gives}}}; real *res[] = {{&y}}; "
+            f"{name}_of(arg, res, 0, 0, 0); return y; }}"
+        )
+        yield ca.Function(f"{name}_of", given, [value]), hook
+
+
+def program_text(name: str, program: dict) -> str:
+    """A program as a C function of long doubles."""
+    import mpmath
+
+    lines = []
+    steps = program["steps"]
+
+    def whole(k):
+        kind, *numbers = steps[k]
+        return numbers[0] if kind == "Ratio" and numbers[1] == 1 else None
+
+    for k, (kind, *of) in enumerate(steps):
+        names = [f"x{i}" for i in of]
+        if kind == "Given":
+            value = f"given[{of[0]}]"
+        elif kind == "Ratio":
+            value = f"(long double){of[0]} / {of[1]}"
+        elif kind == "Pi":
+            with mpmath.workdps(40):
+                value = f"{mpmath.nstr(+mpmath.pi, 40)}L"
+        elif kind in ("Add", "Mul"):
+            value = (" + " if kind == "Add" else " * ").join(names)
+        elif kind == "Pow" and whole(of[1]) is not None:
+            power = whole(of[1])
+            product = " * ".join([names[0]] * abs(power))
+            value = product if power > 0 else f"1 / ({product})"
+        elif kind == "Pow":
+            value = f"powl({names[0]}, {names[1]})"
+        else:
+            value = f"{kind}l({', '.join(names)})"
+        lines.append(f"    const long double x{k} = {value};")
+    lines += [f"    found[{i}] = x{k};" for i, k in enumerate(program["results"])]
+    body = "\n".join(lines)
+    return f"static void {name}(const long double *given, long double *found)\n{{\n{body}\n}}"
+
+
+def wasm() -> bytes:
+    """The C of the page, compiled."""
+    with tempfile.TemporaryDirectory() as folder:
+        source, made = Path(folder) / "live.c", Path(folder) / "live.wasm"
+        source.write_text(text())
+        command = [sys.executable, "-m", "ziglang", "cc", *FLAGS, str(source), "-o", str(made)]
+        answer = subprocess.run(command, capture_output=True, text=True, timeout=600)
+        if answer.returncode:
+            raise RuntimeError(f"{' '.join(command[:4])} failed: {answer.stderr[-2000:]}")
+        return made.read_bytes()

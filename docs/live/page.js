@@ -1,0 +1,521 @@
+"use strict";
+/* The page: sliders, pictures and words around a chain of `Chain`. */
+
+const $ = (id) => document.getElementById(id);
+const OWN = ["height", "prestrain", "preload", "blow"];
+const POWERS = { prestrain: true, blow: true };  // sliders of the decimal logarithm
+const UNITS = { height: " m", prestrain: "", preload: " N", blow: " m/s" };
+const SPOKEN = 4000;      // ms between summaries, so that they can be listened to
+const USED = 0.5;         // of a range: less, and it shrinks
+const TRAIL = 24;         // frames that stay visible around a pulse
+const WRITTEN = 120;      // ms between changes of the numbers
+const BUDGET = 12;        // ms of a frame that the chain may take
+const COLOURS = ["ground", "panel", "ink", "soft", "line", "chain", "exact", "sech", "tent"];
+
+const view = { running: false, tops: {}, sizes: {}, written: -Infinity, spoken: -Infinity, own: null, shown: "" };
+let chain = null;
+
+/* ---- numbers in words ---- */
+
+const digits = (x, n = 3) => (x === 0 ? "0" : Math.abs(x) < 1e-3 || Math.abs(x) >= 1e4
+  ? x.toExponential(n - 1).replace(/e([+-])(\d)$/, "e$10$2") : String(Number(x.toPrecision(n))));
+const minus = (text) => text.replace(/-/g, "−");
+
+function value(name) {
+  const x = Number($(name).value);
+  return POWERS[name] ? Number((10 ** x).toPrecision(3)) : x;
+}
+
+function put(name, x) {
+  $(name).value = POWERS[name] ? Math.log10(x) : x;
+  label(name, x);
+}
+
+function label(name, x) {
+  const text = digits(x) + (UNITS[name] || "");
+  $(`${name}-value`).textContent = text;
+  $(name).setAttribute("aria-valuetext", text);
+}
+
+/* ---- scenes ---- */
+
+function load(scene, units, own) {
+  view.own = own || null;
+  chain.set({ scene, units, own: view.own });
+  view.tops = {};
+  view.trail = [];
+  const given = chain.scene, spring = chain.springs[0];
+  for (const button of $("scenes").children)
+    button.setAttribute("aria-pressed", String(!own && button.dataset.scene === scene));
+  $("note").textContent = own
+    ? "Your own chain: the first mass of equal rigid prisms is struck." : given.note;
+  for (const name of OWN.slice(0, 3)) {
+    put(name, spring[name]);
+    $(name).disabled = !own && (spring.elastic || Boolean(given.far));
+  }
+  put("blow", chain.blow);
+  $("blow").disabled = $("height").disabled;
+  $("units").value = chain.units;
+  label("units", chain.units);
+  $("fixed").textContent = $("height").disabled ? (spring.elastic
+    ? "This prism has elastic members; its numbers came with the page, so its sliders rest."
+    : "Two kinds of prism are joined here, so the sliders of one rest.")
+    : !own && chain.waves.length ? "A slider moved replaces the exact wave by a blow." : "";
+  say();
+  draw();
+}
+
+function moved(name) {
+  const own = { height: value("height"), prestrain: value("prestrain"),
+                preload: value("preload"), blow: value("blow") };
+  const units = Number($("units").value);
+  load(chain.name, units, name === "units" ? view.own : own);
+}
+
+/* ---- running ---- */
+
+function running(on) {
+  view.running = on && !chain.ended;
+  $("run").textContent = view.running ? "Pause" : "Run";
+  if (view.running) requestAnimationFrame(frame);
+  say();
+}
+
+function frame() {
+  if (!view.running) return;
+  advance();
+  if (chain.ended) running(false);
+  else requestAnimationFrame(frame);
+}
+
+function advance() {
+  const pace = 2 ** Number($("pace").value);
+  view.left = (view.left || 0) + chain.steps * pace;
+  const whole = Math.floor(view.left);
+  view.left -= whole;
+  chain.run(whole, performance.now() + BUDGET, () => performance.now());
+  draw();
+  if (performance.now() - view.spoken > SPOKEN) say();
+}
+
+/* ---- words ---- */
+
+const sounds = (speed) => (chain.sound > QUIET ? `${digits(speed / chain.sound, 4)} × sound`
+  : `${digits(speed, 4)} units/s`);
+
+/* Text of an element, which is laid out anew only where that changes. */
+function put_text(id, words) {
+  if ($(id).textContent !== words) $(id).textContent = words;
+}
+
+function facts(overlays) {
+  const lead = chain.leader();
+  const single = overlays.length === 1 ? overlays[0] : null;
+  put_text("fact-time", `${chain.time.toFixed(1)} s`);
+  put_text("fact-energy", digits(chain.energy_error, 2));
+  put_text("fact-sound", chain.sound > QUIET
+    ? `${digits(chain.sound, 4)} units/s` : chain.dt ? "0: a sonic vacuum" : "–");
+  put_text("fact-speed", lead ? sounds(lead.speed) : "–");
+  put_text("fact-exact", single && single.wave ? sounds(single.wave.speed) : "–");
+  const size = lead ? lead.crest : single ? single.crest : 0;
+  const end = chain.c.end(0, size > 0 ? 1 : 0);
+  put_text("fact-crest", size
+    ? `${(100 * size / end).toFixed(1)} % of ${size > 0 ? "domain" : "stroke"}` : "–");
+  put_text("fact-step", chain.dt ? `${digits(chain.dt / 2 ** chain.halved, 3)} s` : "–");
+}
+
+function about(overlays) {
+  if (chain.ended) return "";
+  if (!overlays.length)
+    return chain.leader() ? "The leading pulse has come to the end of the chain; nothing is laid "
+      + "over it." : chain.springs.length > 1 ? "Beyond the interface nothing is laid over the chain."
+      : chain.waves.length ? "" : "Waiting for a leading pulse to separate from the blow.";
+  const parts = [];
+  if (overlays.some(({ wave }) => wave)) parts.push(chain.waves.length
+    ? "The exact wave is drawn where it would be undisturbed."
+    : "The exact wave is that of the crest of the leading pulse.");
+  else parts.push(chain.own ? "No exact wave is drawn: the page holds those of its scenes only, "
+    + "not of these slider values." : "No exact wave is drawn: the pulse is outside of the table.");
+  if (!chain.sech2(overlays[0].speed))
+    parts.push("No sech²: the pulse is not faster than sound, or there is no sound.");
+  if (!chain.tent()) parts.push("No tent: this prism softens and has no stroke to use up.");
+  return parts.join(" ");
+}
+
+function say() {
+  view.spoken = performance.now();
+  const lead = chain.leader();
+  const title = view.own ? "Your own chain" : chain.scene.label;
+  const words = [`${title}, ${chain.units} units, ${view.running ? "running" : "paused"} at `
+    + `${chain.time.toFixed(0)} s.`];
+  if (lead && !lead.over)
+    words.push(`Leading ${lead.crest < 0 ? "compression" : "extension"} pulse at unit `
+      + `${lead.bond + 1}, ${sounds(lead.speed)}.`);
+  words.push(`Energy error ${digits(chain.energy_error, 2)}.`);
+  $("summary").textContent = words.join(" ");
+  $("message").hidden = !chain.message;
+  $("message").textContent = chain.message;
+  if ($("state").open) numbers();
+}
+
+function numbers() {
+  const u = chain.u, v = chain.v, rows = [`# time ${chain.time} s, step ${chain.dt / 2 ** chain.halved} s,`
+    + ` energy error ${chain.energy_error}`, "site,displacement [m],velocity [m/s]"];
+  for (let j = 0; j < chain.sites; j++) rows.push(`${j},${u[j]},${v[j]}`);
+  $("numbers").textContent = rows.join("\n");
+}
+
+/* ---- pictures ---- */
+
+function colours() {
+  const style = getComputedStyle(document.documentElement);
+  view.colour = Object.fromEntries(COLOURS.map((name) =>
+    [name, style.getPropertyValue(`--${name}`).trim()]));
+}
+
+/* Round numbers that divide a range into about `count` parts. */
+function ticks(low, high, count) {
+  const rough = (high - low) / count, power = 10 ** Math.floor(Math.log10(rough));
+  const step = [1, 2, 5, 10].find((x) => x * power >= rough) * power, found = [];
+  for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k++) found.push(k * step);
+  return { found, places: Math.max(0, -Math.floor(Math.log10(step) + 1e-9)) };
+}
+
+/* A canvas with axes; gives the functions from numbers to places. */
+function axes(id, { x: [left, right], y: [bottom, top], across, up }) {
+  const canvas = $(id), ratio = window.devicePixelRatio || 1;
+  const [width, height] = view.sizes[id] ||= [canvas.clientWidth, canvas.clientHeight];
+  if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
+    canvas.width = Math.round(width * ratio);
+    canvas.height = Math.round(height * ratio);
+  }
+  const pen = canvas.getContext("2d"), box = { l: 62, r: width - 14, t: 12, b: height - 40 };
+  pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+  pen.clearRect(0, 0, width, height);
+  pen.font = "12px system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif";
+  const px = (x) => box.l + (box.r - box.l) * (x - left) / (right - left);
+  const py = (y) => box.b - (box.b - box.t) * (y - bottom) / (top - bottom);
+  pen.lineWidth = 1;
+  pen.fillStyle = view.colour.soft;
+  const rows = ticks(bottom, top, (box.b - box.t) / 34);
+  pen.textAlign = "right";
+  pen.textBaseline = "middle";
+  for (const y of rows.found) {
+    pen.strokeStyle = view.colour.line;
+    pen.globalAlpha = Math.abs(y) < 1e-12 ? 1 : 0.5;
+    line(pen, [[box.l, py(y)], [box.r, py(y)]]);
+    pen.globalAlpha = 1;
+    pen.fillText(minus(y.toFixed(rows.places)), box.l - 7, py(y));
+  }
+  const columns = ticks(left, right, (box.r - box.l) / 70);
+  pen.textAlign = "center";
+  pen.textBaseline = "top";
+  for (const x of columns.found) {
+    pen.strokeStyle = view.colour.line;
+    line(pen, [[px(x), box.b], [px(x), box.b + 4]]);
+    pen.fillText(minus(x.toFixed(columns.places)), px(x), box.b + 7);
+  }
+  pen.fillText(across, (box.l + box.r) / 2, height - 15);
+  pen.save();
+  pen.translate(6, (box.t + box.b) / 2);
+  pen.rotate(-Math.PI / 2);
+  pen.fillText(up, 0, 0);
+  pen.restore();
+  return { pen, px, py, box };
+}
+
+function line(pen, places) {
+  pen.beginPath();
+  places.forEach(([x, y], k) => (k ? pen.lineTo(x, y) : pen.moveTo(x, y)));
+  pen.stroke();
+}
+
+/* A curve in a frame, in a colour, dashed or not. */
+function curve({ pen, px, py, box }, points, colour, dash = [], width = 1.8) {
+  pen.save();
+  pen.beginPath();
+  pen.rect(box.l, box.t - 2, box.r - box.l, box.b - box.t + 4);
+  pen.clip();
+  pen.strokeStyle = view.colour[colour];
+  pen.lineWidth = width;
+  pen.lineJoin = "round";
+  pen.setLineDash(dash);
+  line(pen, points.map(([x, y]) => [px(x), Math.max(-1e4, Math.min(1e4, py(y)))]));
+  pen.restore();
+}
+
+/* A range that holds what is there: it grows in steps, and slowly gives back what is not used. */
+function range(name, low, high) {
+  const [least, most] = view.tops[name] || [0, 0], ease = view.running ? 0.985 : 1;
+  const grown = [low < least ? 1.25 * low : low > USED * least ? ease * least : least,
+                 high > most ? 1.25 * high : high < USED * most ? ease * most : most];
+  view.tops[name] = grown;
+  const size = grown[1] - grown[0];
+  return size > 0 ? [Math.min(grown[0], -0.12 * size), Math.max(grown[1], 0.12 * size)] : [-1, 1];
+}
+
+function bounds(points) {
+  let low = 0, high = 0;
+  for (const [, y] of points) [low, high] = [Math.min(low, y), Math.max(high, y)];
+  return [low, high];
+}
+
+/* A symmetric profile given for x >= 0, around a place. */
+function around(values, step, place, scale) {
+  const right = values.map((y, k) => [place + k * step, scale * y]);
+  return right.slice(1).map(([x, y]) => [2 * place - x, y]).reverse().concat(right);
+}
+
+function sampled(form, place, reach, scale) {
+  const points = [];
+  for (let k = -240; k <= 240; k++) {
+    const x = reach * k / 240;
+    points.push([place + x, scale * form(x)]);
+  }
+  return points;
+}
+
+function draw() {
+  if (!view.colour) colours();
+  const units = chain.units, u = chain.u, v = chain.v, strains = [], speeds = [];
+  for (let b = 0; b < units; b++)
+    strains.push([b + 0.5, -chain.elongation(b) / chain.lengths[chain.segment(b)]]);
+  for (let j = 0; j <= units; j++) speeds.push([j, v[j]]);
+  const overlays = chain.overlays(), length = chain.lengths[0];
+
+  let shape = { x: [0, units], y: range("strain", ...bounds(strains)), across: "unit",
+                up: "compressive strain" };
+  let paper = axes("strain", shape);
+  interface_(paper);
+  const tent = chain.tent();
+  for (const { place, wave, speed, crest } of overlays) {
+    const sech = chain.sech2(speed), reach = Math.max(6, Math.min(60, units / 8));
+    if (tent) curve(paper, sampled(tent, place, 1.5, -1 / length), "tent", [2, 3]);
+    if (sech) curve(paper, sampled(sech, place, reach, -1 / length), "sech", [7, 4]);
+    if (wave)
+      curve(paper, around(wave.elongation, wave.step, place, -crest / length), "exact", [5, 3], 2.2);
+  }
+  dots(paper, strains);
+  shape = { ...shape, y: range("velocity", ...bounds(speeds)), up: "velocity [m/s]" };
+  paper = axes("velocity", shape);
+  interface_(paper);
+  for (const { place, way, wave, crest } of overlays)
+    if (wave)
+      curve(paper, around(wave.velocity, wave.step, place, way * crest), "exact", [5, 3], 2.2);
+  dots(paper, speeds);
+  closer(overlays);
+  law();
+  if (view.running && performance.now() - view.written < WRITTEN) return;
+  view.written = performance.now();
+  facts(overlays);
+  put_text("overlay", about(overlays));
+  describe(overlays);
+}
+
+/* The first pulse by itself, in a frame that goes with it: masses come and go within it. */
+function closer(overlays) {
+  const one = overlays[0], length = chain.lengths[0];
+  if (!one) {
+    const { pen, box } = axes("near", { x: [-5, 5], y: [0, 1], across: "distance from the crest [units]",
+      up: "compressive strain over its crest" });
+    pen.textBaseline = "middle";
+    pen.fillText("no pulse to look at closely", (box.l + box.r) / 2, (box.t + box.b) / 2);
+    view.trail = [];
+    return;
+  }
+  const { place, wave, speed, crest } = one, sech = chain.sech2(speed), tent = chain.tent();
+  const wide = wave ? wave.elongation.findIndex((y) => y < 0.02) * wave.step : 4;
+  const reach = Math.max(3, Math.ceil(1.2 * (wide > 0 ? wide : 4)));
+  if (view.reach !== reach) [view.reach, view.trail] = [reach, []];
+  const size = crest / -length, here = [];
+  for (let b = 0; b < chain.units; b++) {
+    const x = b + 0.5 - place;
+    if (Math.abs(x) <= reach) here.push([x, -chain.elongation(b) / length]);
+  }
+  if (view.running) view.trail = view.trail.concat([here]).slice(-TRAIL);
+  const top = 1.3 * size, bottom = -0.12 * size;
+  const paper = axes("near", { x: [-reach, reach], y: [Math.min(top, bottom), Math.max(top, bottom)],
+    across: "distance from the crest [units]", up: "compressive strain" });
+  if (tent) curve(paper, sampled(tent, 0, 1.6, -1 / length), "tent", [2, 3]);
+  if (sech) curve(paper, sampled(sech, 0, reach, -1 / length), "sech", [7, 4]);
+  if (wave) curve(paper, around(wave.elongation, wave.step, 0, size), "exact", [5, 3], 2.2);
+  const { pen, px, py, box } = paper;
+  pen.fillStyle = view.colour.chain;
+  const mark = (points, radius) => {
+    for (const [x, y] of points) {
+      if (py(y) < box.t || py(y) > box.b) continue;
+      pen.beginPath();
+      pen.arc(px(x), py(y), radius, 0, 7);
+      pen.fill();
+    }
+  };
+  pen.globalAlpha = 0.35;
+  (view.trail || []).forEach((points) => mark(points, 1.7));
+  pen.globalAlpha = 1;
+  mark(here, 3.4);
+}
+
+function dots(paper, points) {
+  curve(paper, points, "chain", [], 1.5);
+  const apart = paper.px(1) - paper.px(0);
+  if (apart < 3.5) return;
+  paper.pen.fillStyle = view.colour.chain;
+  for (const [x, y] of points) {
+    paper.pen.beginPath();
+    paper.pen.arc(paper.px(x), paper.py(y), Math.min(2.6, apart / 2.4), 0, 7);
+    paper.pen.fill();
+  }
+}
+
+function interface_({ pen, px, box }) {
+  if (chain.springs.length < 2) return;
+  pen.strokeStyle = view.colour.soft;
+  pen.setLineDash([3, 4]);
+  line(pen, [[px(chain.near), box.t], [px(chain.near), box.b]]);
+  pen.setLineDash([]);
+  pen.fillStyle = view.colour.soft;
+  pen.textBaseline = "top";
+  pen.textAlign = "right";
+  pen.fillText("hard", px(chain.near) - 8, box.t);
+  pen.textAlign = "left";
+  pen.fillText("soft", px(chain.near) + 8, box.t);
+}
+
+/* Load against shortening of the prisms, and the part of it where the chain now is. */
+function law() {
+  const c = chain.c, low = [], high = [];
+  for (let s = 0; s < chain.springs.length; s++) {
+    const start = s ? chain.near : 0, stop = s || chain.springs.length < 2 ? chain.units : chain.near;
+    let least = 0, most = 0;
+    for (let b = start; b < stop; b++) {
+      const r = chain.elongation(b);
+      [least, most] = [Math.min(least, r), Math.max(most, r)];
+    }
+    low.push(least);
+    high.push(most);
+  }
+  const load = (s, r) => chain.preloads[s] - c.value(s, 1, r);
+  const stroke = Math.min(...chain.springs.map((_, s) => -c.end(s, 0)));
+  const left = -0.6 * stroke, right = 1.04 * stroke, curves = chain.springs.map((_, s) => {
+    const points = [];
+    for (let k = 0; k <= 300; k++) {
+      const r = Math.min(0.6 * stroke, 0.999 * c.end(s, 1));
+      const place = r + (0.9995 * -stroke - r) * k / 300;
+      points.push([-place, load(s, place)]);
+    }
+    return points;
+  });
+  const seen = curves.map((_, s) => load(s, Math.max(low[s], 0.97 * c.end(s, 0))));
+  const usual = curves.map((points) => Math.max(...points.map(([x, y]) => (x < 0.85 * stroke ? y : 0))));
+  const least = Math.min(0, ...curves.flat().map(([, y]) => y));
+  const most = Math.max(...usual, 1.15 * Math.max(...seen));
+  if (!(view.tops.law >= most)) view.tops.law = 1.1 * most;
+  const top = view.tops.law || 1;
+  const paper = axes("curve", { x: [left, right], y: [Math.max(least, -1.2 * top), top],
+    across: "shortening of a prism [m]", up: "load [N]" });
+  curves.forEach((points, s) => curve(paper, points, "soft", s ? [6, 3] : [], 1.5));
+  curves.forEach((points, s) => {
+    const here = points.filter(([x]) => -x >= low[s] && -x <= high[s]);
+    const ends = [[-high[s], load(s, high[s])], ...here, [-low[s], load(s, low[s])]];
+    curve(paper, ends, "chain", [], 4);
+  });
+  const { pen, px, py, box } = paper;
+  if (chain.springs.length === 1 && !chain.springs[0].elastic) {
+    pen.strokeStyle = view.colour.soft;
+    pen.setLineDash([2, 4]);
+    line(pen, [[px(stroke), box.t], [px(stroke), box.b]]);
+    pen.setLineDash([]);
+  }
+  if (chain.springs.length > 1) {
+    pen.textAlign = "right";
+    pen.textBaseline = "middle";
+    curves.forEach((points, s) => {
+      const height = (s ? 0.5 : 0.75) * top, at = points.find(([, y]) => y > height);
+      if (at) pen.fillText(s ? "soft" : "hard", px(at[0]) - 8, py(height));
+    });
+  }
+  pen.fillStyle = view.colour.ink;
+  pen.beginPath();
+  pen.arc(px(0), py(load(0, 0)), 3.5, 0, 7);
+  pen.fill();
+}
+
+function describe(overlays) {
+  if (performance.now() - (view.described || -Infinity) < SPOKEN) return;
+  view.described = performance.now();
+  const lead = overlays.map(({ place }) => `a wave near unit ${Math.round(place)}`).join(", ");
+  $("strain").setAttribute("aria-label", `Compressive strain along the chain; ${lead || "no wave named"}.`);
+  $("near").setAttribute("aria-label",
+    "Compressive strain around the first pulse, with the exact wave, sech squared and the tent.");
+  $("velocity").setAttribute("aria-label", "Velocity of the masses along the chain.");
+  $("curve").setAttribute("aria-label",
+    "Load against shortening of a prism, with the part of it where the units now are.");
+}
+
+/* ---- start ---- */
+
+function listen() {
+  for (const [name, given] of Object.entries(TABLES.scenes)) {
+    const button = document.createElement("button");
+    button.type = "button";
+    button.dataset.scene = name;
+    button.textContent = given.label;
+    button.addEventListener("click", () => { load(name); running(true); });
+    $("scenes").append(button);
+  }
+  for (const name of [...OWN, "units"])
+    $(name).addEventListener("input", () => { moved(name); running(true); });
+  const paced = () => {
+    const text = `${2 ** Number($("pace").value)} ×`;
+    $("pace-value").textContent = text;
+    $("pace").setAttribute("aria-valuetext", text);
+  };
+  $("pace").addEventListener("input", paced);
+  paced();
+  $("run").addEventListener("click", () => running(!view.running));
+  $("step").addEventListener("click", () => { running(false); advance(); say(); });
+  $("restart").addEventListener("click", () => { load(chain.name, chain.units, view.own); running(true); });
+  $("state").addEventListener("toggle", say);
+  document.addEventListener("keydown", (event) => {
+    if (event.target.matches("input, button, summary, pre") && event.key === " ") return;
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const key = { " ": "run", s: "step", r: "restart" }[event.key];
+    if (!key) return;
+    event.preventDefault();
+    $(key).click();
+  });
+  new ResizeObserver(() => { view.sizes = {}; draw(); }).observe($("strain"));
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { colours(); draw(); });
+}
+
+/* What the address asks for: #scene=collision&units=200&steps=2000, or numbers of one's own,
+   #height=0.7&prestrain=0.01&preload=0&blow=0.1.  With `steps` the chain is left there, paused. */
+function asked() {
+  const given = new URLSearchParams(location.hash.slice(1));
+  const known = given.has("scene") && Object.hasOwn(TABLES.scenes, given.get("scene"));
+  const scene = known ? given.get("scene") : Object.keys(TABLES.scenes)[0];
+  const wanted = OWN.map((name) => Number(given.get(name) || NaN));
+  const own = given.has("height") && given.has("blow") ? {
+    height: Math.min(2, Math.max(0.2, wanted[0] || 0.7)), prestrain: Math.max(1e-4, wanted[1] || 1e-2),
+    preload: Math.max(0, wanted[2] || 0), blow: Math.min(1, Math.max(1e-3, wanted[3] || 0.1)) } : null;
+  load(scene, Number(given.get("units")) || undefined, own);
+  const steps = Math.min(1e6, Math.max(0, Math.floor(Number(given.get("steps")) || 0)));
+  if (steps) {
+    chain.run(steps);
+    view.tops = {};
+    $("state").open = true;
+    numbers();
+    running(false);
+    draw();
+  } else running(!matchMedia("(prefers-reduced-motion: reduce)").matches);
+}
+
+started(CODE, TABLES).then((found) => {
+  chain = found;
+  $("method").textContent = TABLES.method;
+  listen();
+  asked();
+}).catch((error) => {
+  $("message").hidden = false;
+  $("message").textContent = `This browser cannot run the chain: ${error.message}`;
+});

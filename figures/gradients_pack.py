@@ -1,0 +1,105 @@
+"""How the force on the floor of a pack depends on every bead's diameter, in the plane and in space.
+
+Packs of steel beads of seeds/000, part II, struck from above.  Each bead stays at its place and is
+made larger: contacts become stiffer, masses larger, and gaps smaller, the last above all.  The
+derivatives of the floor's peak by all diameters come from one pass backwards; only beads that the
+wave has passed by then, and whose answer has reached the floor, have any.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from figures import _packs
+from tensegrity import gradient
+from tensegrity import objective as o
+
+NAME = "gradients_pack"
+GROUP = "gradients"
+
+ENDS = {"plane": 7e-4, "space": 6e-4}  # s; the floor's peak is before
+DT, CHECKPOINTS = 2e-7, 100
+MICRON = 1e-6  # m
+
+
+def scenes():
+    """{name: pack}."""
+    return {"plane": _packs.plane(), "space": _packs.cube()}
+
+
+def floor(pack):
+    """The trace of the load on its floor."""
+    return o.load(wall=list(pack.named_walls).index("floor"))
+
+
+def data():
+    """Places of the beads, and derivatives of the floor's peak by their diameters."""
+    tables, numbers = {}, {"quantity": [], "value": []}
+    for name, pack in scenes().items():
+        peak, norm = gradient(
+            [o.peak(floor(pack)), o.p_norm(floor(pack), 32)], pack, pack.start(), ENDS[name], DT,
+            wanted=("diameter",), checkpoints=CHECKPOINTS,
+        )  # fmt: skip
+        share = 100 * MICRON * peak.by("diameter") / peak.value
+        axes = "xz" if pack.dim == 2 else "xyz"
+        columns = dict(zip(axes, pack.positions.T, strict=True))
+        tables[name] = columns | {"percent per um": share}
+        for quantity, value in (
+            ("beads", pack.sites), ("largest force on the floor [N]", peak.value),
+            ("largest derivative by a diameter [% per um]", np.abs(share).max()),
+            ("beads with more than a hundredth of the largest",
+             int(np.sum(np.abs(share) > 0.01 * np.abs(share).max()))),
+            ("32-norm's derivatives along the peak's (cosine)",
+             np.dot(share, norm.by("diameter"))
+             / np.linalg.norm(share) / np.linalg.norm(norm.by("diameter"))),
+            ("digits that round-off leaves", peak.digits),
+            ("returned to the start within [m, m/s]", peak.reversal),
+        ):  # fmt: skip
+            numbers["quantity"].append(f"{name}: {quantity}")
+            numbers["value"].append(float(value))
+    return tables | {"numbers": numbers}
+
+
+def table(tables):
+    """The numbers."""
+    numbers = tables["numbers"]
+    pairs = zip(numbers["quantity"], numbers["value"], strict=True)
+    return [{"picture": NAME, "quantity": k, "value": float(x)} for k, x in pairs]
+
+
+def section(beads):
+    """Of beads in space the row of each layer that is next to the struck bead's, behind it."""
+    y = np.asarray(beads["y"])
+    behind = (y - y[-1]) / _packs.D  # the striker is the last
+    return (behind > -0.1) & (behind < 0.6)
+
+
+def draw(figure, tables):
+    """The beads at their places, in colours; of those in space a section."""
+    from matplotlib.collections import EllipseCollection
+
+    figure.set_size_inches(11, 5.2)
+    left, right = figure.subplots(1, 2, width_ratios=(1.6, 1))
+    plane, space = tables["plane"], tables["space"]
+    chosen = section(space)
+    for axes, beads, rows, title, share in (
+        (left, plane, slice(None), "in the plane, struck in the middle", 1.0),
+        (right, space, chosen, "in space: a section by the striker", 0.85),
+    ):
+        x, z, value = (np.asarray(beads[k])[rows] for k in ("x", "z", "percent per um"))
+        size = np.full(len(x), share * 1e3 * _packs.D)
+        dots = EllipseCollection(
+            size, size, np.zeros(len(size)), units="x", offsets=1e3 * np.stack([x, z], axis=1),
+            transOffset=axes.transData, cmap="RdBu_r", ec="0.5", lw=0.4,
+        )  # fmt: skip
+        dots.set_array(value)
+        most = np.abs(np.asarray(beads["percent per um"])).max()
+        dots.set_clim(-most, most)
+        axes.add_collection(dots)
+        edge = 1e3 * _packs.D * np.array([-0.7, 0.7])
+        axes.set(aspect="equal", xlabel="x [mm]", ylabel="z [mm]", title=title)
+        axes.set_xlim(1e3 * np.array([x.min(), x.max()]) + edge)
+        axes.set_ylim(1e3 * np.array([z.min(), z.max()]) + edge)
+        axes.grid(False)
+        label = "% of the floor's peak per um of diameter"
+        figure.colorbar(dots, ax=axes, shrink=0.8, location="bottom", label=label)

@@ -1,0 +1,146 @@
+"""`python -m tensegrity`: what is installed, and a self-test of some seconds, for bug reports.
+
+It prints versions, the compiler, the cache folder and the number of threads, then a few numbers
+that are known otherwise: a derived stiffness, an exact wave that travels, two beads that meet, a
+path of equilibria.  The exit code is 0 where all are right, else 1.
+"""
+
+from __future__ import annotations
+
+import math
+import platform
+import sys
+import time
+import warnings
+from importlib.metadata import PackageNotFoundError, version
+from typing import NamedTuple
+
+import numpy as np
+
+from tensegrity.engine.kept import cache_folder
+from tensegrity.engine.native import CompilerError, described, library
+from tensegrity.engine.pieces import threads
+from tensegrity.errors import TensegrityError
+from tensegrity.measure.observables import speed
+from tensegrity.prisms.path import equilibrium_path
+from tensegrity.prisms.prism import Prism
+from tensegrity.runs.integrate import simulate
+from tensegrity.runs.record import Record
+from tensegrity.scenes.chain import Chain
+from tensegrity.springs.potential import PowerLaw
+from tensegrity.waves.solitary import solitary_wave
+
+PACKAGES = ("tensegrity", "numpy", "scipy", "sympy", "casadi", "matplotlib", "tqdm", "cmaes",
+            "ziglang", "dask", "mpi4py")  # fmt: skip
+
+
+class Check(NamedTuple):
+    """A number of the self-test: in words, how far off it is, and how far it may be."""
+
+    words: str
+    error: float
+    bound: float
+
+
+def stiffness() -> list[Check]:
+    """Of a prism at rest: derived potential, compiled, against the closed form."""
+    prism = Prism(base=1.0, height=0.7, prestrain=0.01, k_cross=1.0)
+    found, known = float(prism.potential().stiffness(0.0)), prism.axial_stiffness()
+    words = f"axial stiffness {found:.12g} N/m against the closed form"
+    return [Check(words, abs(found / known - 1), 1e-13)]
+
+
+def wave() -> list[Check]:
+    """An exact wave on a chain: its speed, and the energy that the run keeps."""
+    spring = Prism(base=1.0, height=0.7, prestrain=0.01, k_cross=1.0).potential()
+    exact = solitary_wave(spring, speed_ratio=2.0)
+    chain = Chain(spring, sites=80)
+    record = Record(every=1, sites=[30, 31, 60, 61])
+    run = simulate(chain, exact.launch(chain, at=15), 50 / exact.speed, tol=1e-9, record=record)
+    found = speed(run, (30, 60))
+    return [
+        Check(f"wave of residual {exact.residual:.1e}", exact.residual, 1e-12),
+        Check(f"its speed on a chain {found:.9g} sites/s", abs(found / exact.speed - 1), 1e-7),
+        Check(f"energy over {run.steps} steps of {run.method}", run.energy_error, 1e-8),
+    ]
+
+
+def impact() -> list[Check]:
+    """Two equal beads of Hertz's law that meet: they exchange their velocities."""
+    chain = Chain(PowerLaw(1.0, 1.5), sites=2)
+    run = simulate(chain, chain.at_rest({0: 1.0}), 6.0, tol=1e-9)
+    words = f"beads exchange velocities {run.final.v[0]:+.1e}, {run.final.v[1]:.12g} m/s"
+    error = float(np.abs(run.final.v - [0.0, 1.0]).max())
+    return [Check(words, error, 1e-7)]
+
+
+def path() -> list[Check]:
+    """Equilibria of an elastic prism by continuation, against its potential."""
+    prism = Prism(base=1.0, height=0.5, prestrain=0.4, k_cross=1.0, k_base=2.0, k_bar=20.0)
+    branch, spring = equilibrium_path(prism), prism.potential()
+    load = -spring.tension(np.clip(branch.height - prism.height, *spring.domain))
+    error = float(np.abs(load - branch.load).max() / np.abs(branch.load).max())
+    words = f"path of {len(branch)} equilibria, largest load {branch.load.max():.9g} N"
+    return [Check(words, error, 1e-10)]
+
+
+CHECKS = (stiffness, wave, impact, path)
+
+
+def installed() -> str:
+    """Versions, compiler, cache folder and threads, a line each."""
+    found = []
+    for name in PACKAGES:
+        try:
+            found.append(f"{name} {version(name)}")
+        except PackageNotFoundError:
+            continue
+    try:
+        compiler = described()
+        library("int tensegrity_probe;")
+    except CompilerError as error:
+        compiler = f"none, runs are 10 to 30 times slower: {error}"
+    kernels = sum(1 for entry in cache_folder().glob("*/kernel.so"))
+    rows = {
+        "versions": ", ".join(found) or "not installed: run from its source",
+        "python": f"{platform.python_version()} on {platform.platform()}",
+        "compiler": compiler,
+        "cache": f"{cache_folder()}, {kernels} kernels",
+        "threads": str(threads()),
+    }
+    return "\n".join(f"{name:10s}{words}" for name, words in rows.items())
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Print what is installed and the self-test.
+
+    Returns
+    -------
+    int
+        0 where every number is right, 1 where one is not, 2 for arguments, which there are none.
+    """
+    if sys.argv[1:] if arguments is None else arguments:
+        print(__doc__, file=sys.stderr)
+        return 2
+    print(installed())
+    started, failed = time.perf_counter(), 0
+    for check in CHECKS:
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # no compiler: said above
+                results = check()
+        except (TensegrityError, ArithmeticError, OSError, RuntimeError) as error:
+            results = [Check(f"{check.__name__}: {type(error).__name__}: {error}", math.inf, 0.0)]
+        for words, error, bound in results:
+            right = error <= bound  # also not a number is wrong
+            failed += not right
+            print(
+                f"{'ok' if right else 'WRONG':10s}{words}, off by {error:.1e} (at most {bound:g})"
+            )
+    seconds = time.perf_counter() - started
+    print(f"{'self-test':10s}{'passed' if not failed else f'{failed} WRONG'} in {seconds:.1f} s")
+    return int(failed > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

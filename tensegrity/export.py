@@ -1,0 +1,160 @@
+"""Springs for other programs: `to_c` writes a potential as C that stands alone.
+
+The text is what CasADi generates from the law, the same that runs here are compiled from, with the
+numbers of one spring beside it.  It is plain C99 that needs the C library's mathematics only.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from typing import TYPE_CHECKING
+
+from tensegrity import check
+from tensegrity.engine.codegen import functions
+from tensegrity.errors import TensegrityError
+from tensegrity.springs.potential import Potential
+
+if TYPE_CHECKING:
+    from os import PathLike
+    from pathlib import Path
+
+QUANTITIES = {"energy": "V(r) [J]", "tension": "dV/dr [N], > 0 in extension",
+              "stiffness": "d2V/dr2 [N/m]"}  # fmt: skip
+
+DRIVER = """
+#ifdef DRIVER
+/* Prints a table: at the elongations given as arguments, or at nine within the domain. */
+#include <stdio.h>
+#include <stdlib.h>
+
+int main(int count, char **given)
+{{
+    double low = {name}_lowest > -1 ? {name}_lowest : -1;
+    double high = {name}_highest < 1 ? {name}_highest : 1;
+    int rows = count > 1 ? count - 1 : 9;
+    printf("elongation,energy,tension,stiffness\\n");
+    for (int i = 0; i < rows; i++) {{
+        double r = count > 1 ? atof(given[i + 1]) : low + (high - low) * (i + 1) / (rows + 1);
+        if (!(r > {name}_lowest && r < {name}_highest)) {{
+            fprintf(stderr, "%g is outside of the domain\\n", r);
+            return 1;
+        }}
+        printf("%.17g,%.17g,%.17g,%.17g\\n", r, {name}_energy(r), {name}_tension(r),
+               {name}_stiffness(r));
+    }}
+    return 0;
+}}
+#endif
+"""
+
+
+def to_c(potential: Potential, path: str | PathLike[str]) -> Path:
+    """Write a potential as a C file that needs nothing of this package.
+
+    Parameters
+    ----------
+    potential : Potential
+        Of a prism, a power law, an energy of one's own, or a polynomial.
+    path : str or path
+        Of the file, which is written beside and renamed.  The name without its ending begins the
+        names in it: `spring.c` defines
+
+        - ``double spring_energy(double r)``, V [J], ``spring_tension``, dV/dr [N], tension > 0, and
+          ``spring_stiffness``, d2V/dr2 [N/m], of an elongation r [m], extension > 0;
+        - ``spring_lowest`` and ``spring_highest``: only between these are they defined.
+
+        Compiled with ``-DDRIVER`` it is a program that prints a table, at the elongations that are
+        its arguments.
+
+    Returns
+    -------
+    Path
+        Of the file.
+
+    Raises
+    ------
+    TensegrityError
+        If `potential` is none, `path` names no file, or the file cannot be written.
+    EquilibriumError
+        A prism with elastic members whose inner unknowns few iterations do not find: they are
+        far too stiff.  With others the file holds for all elongations that runs can follow,
+        `potential.reach`.
+
+    Notes
+    -----
+    Values agree with those in Python to round-off; those of an elastic prism as well as its few
+    iterations of Newton's method settle, to 1e-14 of the unknowns.
+
+    Examples
+    --------
+    >>> from tensegrity import PowerLaw
+    >>> path = to_c(PowerLaw(1.0, 1.5), "contact.c")  # doctest: +SKIP
+    """
+    check.kind("potential", potential, Potential)
+    path = check.path("path", path)
+    text = _text(potential, _identifier(path.stem))
+    beside = path.with_name(path.name + ".new")
+    try:
+        beside.write_text(text, encoding="utf-8")
+        os.replace(beside, path)
+    except OSError as error:
+        beside.unlink(missing_ok=True)
+        raise TensegrityError(f"C not written to {path}: {error.strerror}") from error
+    except BaseException:
+        beside.unlink(missing_ok=True)
+        raise
+    return path
+
+
+def _text(potential: Potential, name: str) -> str:
+    """What `to_c` writes, with names that begin with `name`."""
+    import casadi as ca
+
+    law, (low, high) = potential.law, potential.reach
+    generator = ca.CodeGenerator(f"{name}.c")
+    for quantity in QUANTITIES:
+        symbols = functions(law)[quantity].sx_in()
+        form = functions(law)[quantity](*symbols)
+        generator.add(ca.Function(f"{name}_{quantity}_of", symbols, [form]))
+    rows = zip(potential.values.tolist(), map(str, law.parameters), strict=True)
+    listed = "".join(f"    {_number(value)}, /* {_comment(key)} */\n" for value, key in rows)
+    parts = [
+        f"/* {_comment(repr(potential))}\n\n"
+        "   r is the elongation from the equilibrium [m], extension > 0; see the functions at the\n"
+        f"   end.  With -DDRIVER a program that prints a table: cc -DDRIVER {name}.c -lm */\n",
+        "#define CASADI_SYMBOL_EXPORT static",
+        generator.dump(),
+        f"static const double {name}_parameters[] = {{\n{listed or '    0.0'}}};\n",
+        f"const double {name}_lowest = {_number(low)};   /* [m]: between these it is defined */",
+        f"const double {name}_highest = {_number(high)}; /* [m] */\n",
+    ]
+    for quantity, meaning in QUANTITIES.items():
+        parts.append(
+            f"/* {meaning} */\n"
+            f"double {name}_{quantity}(double r)\n{{\n"
+            "    double result;\n"
+            f"    const double *given[2] = {{&r, {name}_parameters}};\n"
+            "    double *found[1] = {&result};\n"
+            f"    {name}_{quantity}_of(given, found, 0, 0, 0);\n"
+            "    return result;\n}\n"
+        )
+    return "\n".join(parts) + DRIVER.format(name=name)
+
+
+def _identifier(stem: str) -> str:
+    """A file's name as the beginning of names in C."""
+    words = re.sub(r"[^0-9A-Za-z_]", "_", stem).strip("_")
+    return words if words[:1].isalpha() else f"spring_{words}".rstrip("_")
+
+
+def _number(value: float) -> str:
+    if math.isinf(value):
+        return "HUGE_VAL" if value > 0 else "-HUGE_VAL"
+    return repr(float(value))
+
+
+def _comment(text: str) -> str:
+    """Text that neither ends a comment of C nor begins another."""
+    return " ".join(text.split()).replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?")

@@ -1,0 +1,236 @@
+"""The live chain: its numbers, computed by WebAssembly, are those of `simulate`."""
+
+import ctypes
+import html
+import json
+import re
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+
+from docs.live import kernel, tables
+from docs.live.__main__ import LARGEST, main
+from tensegrity import Chain, Prism, Record, simulate
+from tensegrity.engine import native
+from tensegrity.prisms.prism import rigid_programs
+
+NODE = shutil.which("node")
+BROWSER = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+)
+STEPS = 2000
+CLOSE = 1e-10  # of the largest displacement and velocity
+
+needs_zig = pytest.mark.skipif(bool(kernel.missing()), reason=kernel.missing() or "there")
+needs_node = pytest.mark.skipif(NODE is None, reason="node is not installed")
+needs_browser = pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed")
+
+DRIVER = """
+const fs = require("fs"), text = fs.readFileSync(process.argv[2], "utf8");
+const model = text.split('<script id="model">')[1].split("</script>")[0];
+const data = text.match(/const TABLES = (.*);/)[1], code = text.match(/const CODE = "(.*)";/)[1];
+const made = { exports: {} };
+new Function("module", model)(made);
+made.exports.started(code, JSON.parse(data)).then((chain) => {
+  const found = JSON.parse(process.argv[3]).map(([asked, steps]) => {
+    const refused = chain.set(asked), parameters = Array.from(
+      new Float64Array(chain.c.memory.buffer, chain.c.parameters(0), 19));
+    const ended = chain.run(steps), finite = (x) => Array.from(x, (y) => (isFinite(y) ? y : "no"));
+    const lead = chain.leader();
+    return { refused, ended, parameters, dt: chain.dt, halved: chain.halved, time: chain.time,
+             u: finite(chain.u), v: finite(chain.v), error: chain.energy_error, lead,
+             exact: lead && chain.exact(lead.crest) };
+  });
+  console.log(JSON.stringify(found));
+});
+"""
+
+
+def largest_gap(found, run):
+    """Largest difference over the largest number, of displacements and velocities."""
+    pairs = ((found["u"], run.final.u), (found["v"], run.final.v))
+    return max(float(np.abs(np.array(x) - y).max() / np.abs(y).max()) for x, y in pairs)
+
+
+def in_python(chain, state, dt):
+    """The same steps by `simulate`."""
+    record = Record(every=STEPS)
+    return simulate(chain, state, STEPS * dt, method=kernel.METHOD, dt=dt, record=record)
+
+
+@pytest.mark.needs_compiler
+def test_programs_are_c_that_rounds_to_the_numbers_taken_elsewhere():
+    """In the platform's long double, at least 64 bits here: at most one place off of a double."""
+    if np.finfo(np.longdouble).nmant < 63:
+        pytest.skip("long double is no wider than double")
+    made = rigid_programs()
+    source = "#include <math.h>\n" + kernel.program_text("numbers", made["parameters"])
+    source += """
+    void rounded(const double *x, double *y) {
+        long double given[8], found[19];
+        for (int i = 0; i < 8; i++) given[i] = x[i];
+        numbers(given, found);
+        for (int i = 0; i < 19; i++) y[i] = found[i];
+    }"""
+    call = native.library(source).rounded
+    for height, prestrain in ((0.7, 0.01), (0.6, 1e-3), (1.3, 0.1)):
+        given = np.array([1.0, height, prestrain, 2.0, np.inf, np.inf, height, 0.0])
+        found = np.empty(19)
+        call(*(ctypes.c_void_p(x.ctypes.data) for x in (given, found)))
+        wanted = Prism(1.0, height, prestrain, 2.0).potential().values
+        assert np.abs(found - wanted).max() <= 1e-15  # what is zero at the reference comes so close
+        large = np.abs(wanted) > 1e-10
+        assert np.all(np.abs(found - wanted)[large] <= np.spacing(np.abs(wanted[large])))
+
+
+def test_page_says_what_is_missing(monkeypatch, capsys, tmp_path):
+    monkeypatch.setattr(kernel, "missing", lambda: "there is no compiler")
+    assert main([str(tmp_path / "page.html")]) == 1
+    assert "no page: there is no compiler" in capsys.readouterr().err
+    assert main(["--help"]) == 2
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    path = tmp_path_factory.mktemp("live") / "index.html"
+    assert main([str(path)]) == 0
+    return path
+
+
+@pytest.fixture(scope="module")
+def ask(page):
+    """What the page's own model, run by node, says of scenes after so many steps."""
+    driver = page.with_name("driver.js")
+    driver.write_text(DRIVER)
+
+    def asked(*questions):
+        command = [NODE, str(driver), str(page), json.dumps(questions)]
+        answer = subprocess.run(command, capture_output=True, text=True, check=True, timeout=300)
+        return json.loads(answer.stdout)
+
+    return asked
+
+
+@pytest.mark.slow
+@needs_zig
+def test_page_is_one_file_without_a_network(page):
+    text = page.read_text()
+    assert len(text.encode()) < LARGEST
+    assert not re.search(r'(src|href)="(?!data:)|https?://|@import|/\*[A-Z]+\*/', text)
+
+
+@pytest.mark.slow
+@needs_zig
+@needs_node
+def test_state_after_2000_steps_is_that_of_simulate(ask):
+    found = ask(*([{"scene": name}, STEPS] for name in tables.SCENES))
+    for name, one in zip(tables.SCENES, found, strict=True):
+        assert (one["refused"], one["ended"], one["halved"]) == ("", "", 0)
+        run = in_python(*tables.scene(name), one["dt"])
+        assert one["time"] == pytest.approx(run.t[-1], rel=1e-12)
+        assert largest_gap(one, run) <= CLOSE, name
+        assert one["error"] == pytest.approx(run.energy_error, abs=1e-5)
+
+
+OWN = (
+    {"height": 0.25, "prestrain": 0.1, "preload": 0.001, "blow": 0.01},
+    {"height": 0.9, "prestrain": 0.003, "preload": 0.0, "blow": 0.08},
+    {"height": 0.7, "prestrain": 0.02, "preload": 0.01, "blow": 0.05},
+    {"height": 0.35, "prestrain": 0.1, "preload": 0.0, "blow": 0.01},
+    {"height": 1.6, "prestrain": 0.3, "preload": 0.1, "blow": 0.2},
+)
+
+
+@pytest.mark.slow
+@needs_zig
+@needs_node
+def test_slider_values_make_the_same_chain_as_python(ask):
+    found = ask(*([{"scene": "2-3", "units": 120, "own": own}, STEPS] for own in OWN))
+    for own, one in zip(OWN, found, strict=True):
+        assert (one["refused"], one["ended"]) == ("", "")
+        spring = Prism(1.0, own["height"], own["prestrain"], 1.0).potential(own["preload"])
+        assert one["parameters"] == pytest.approx(spring.values.tolist(), rel=2e-15, abs=1e-15)
+        chain = Chain(spring, 121)
+        run = in_python(chain, chain.at_rest({0: own["blow"]}), one["dt"] / 2 ** one["halved"])
+        if one["halved"] == 0:
+            assert largest_gap(one, run) <= CLOSE, own
+
+
+@pytest.mark.slow
+@needs_zig
+@needs_node
+def test_blows_too_hard_and_preloads_too_large_are_said_not_nan(ask):
+    hard = {"height": 0.7, "prestrain": 0.01, "preload": 0.0, "blow": 1.0}
+    flat = {"height": 0.25, "prestrain": 0.01, "preload": 0.0, "blow": 1.0}
+    heavy = {"height": 0.25, "prestrain": 0.01, "preload": 0.09, "blow": 0.1}
+    locked, gone, refused = ask(
+        *([{"scene": "2-3", "own": own}, 3000] for own in (hard, flat, heavy))
+    )
+    assert re.match(r"Unit 1 is at the end of its domain: the bars meet", locked["ended"])
+    assert "the prism is flat" in gone["ended"]
+    assert "No state of this prism carries a preload of 0.09 N" in refused["refused"]
+    for one in (locked, gone, refused):
+        assert "no" not in one["u"] + one["v"]
+
+
+@pytest.mark.slow
+@needs_zig
+@needs_node
+def test_leading_pulse_is_as_fast_as_the_exact_wave_of_its_crest(ask):
+    (one,) = ask([{"scene": "12.16"}, 900])
+    spring, _ = tables.FAMILIES["fast"]
+    sound = float(spring.potential().stiffness(0.0)) ** 0.5
+    assert one["lead"]["speed"] == pytest.approx(one["exact"]["speed"], rel=3e-3)
+    assert one["lead"]["speed"] / sound == pytest.approx(12.16, abs=0.1)
+
+
+def opened(path, *flags):
+    """The document that Chromium makes of a page, and what it complains of."""
+    command = [BROWSER, "--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr",
+               "--virtual-time-budget=8000", *flags, "--dump-dom", path]  # fmt: skip
+    answer = subprocess.run(command, capture_output=True, text=True, timeout=180)
+    return answer.stdout, [x for x in answer.stderr.splitlines() if "CONSOLE" in x]
+
+
+@pytest.mark.slow
+@needs_zig
+@needs_browser
+def test_browser_shows_the_state_of_simulate_and_complains_of_nothing(page):
+    text, complaints = opened(f"file://{page}#scene=collision&steps={STEPS}")
+    assert complaints == []
+    shown = html.unescape(re.search(r'<pre id="numbers"[^>]*>(.*?)</pre>', text, re.S)[1])
+    head, _, *rows = shown.splitlines()
+    table = np.array([row.split(",") for row in rows], dtype=float)
+    dt = float(re.search(r"step (\S+) s", head)[1])
+    run = in_python(*tables.scene("collision"), dt)
+    assert largest_gap({"u": table[:, 1], "v": table[:, 2]}, run) <= CLOSE
+    assert 'aria-pressed="true">Collision' in text
+    assert "Energy error" in text
+
+
+@pytest.mark.slow
+@needs_zig
+@needs_browser
+@pytest.mark.parametrize("width", [400, 1400])
+def test_page_needs_no_horizontal_scrolling_and_its_sliders_work(page, width):
+    """A copy that moves a slider and says how wide it is."""
+    check = """<script>addEventListener("load", () => setTimeout(() => {
+      document.querySelector('[data-scene="softening"]').click();
+      document.querySelector('[data-scene="2-3"]').click();
+      const slider = document.getElementById("height");
+      slider.value = 0.9;
+      slider.dispatchEvent(new Event("input"));
+      const root = document.documentElement;
+      document.title = [root.scrollWidth <= innerWidth, innerWidth, chain.own.height].join(" ");
+    }, 500))</script>"""
+    copy = page.with_name(f"copy{width}.html")
+    copy.write_text(page.read_text().replace("</body>", check + "</body>"))
+    text, complaints = opened(f"file://{copy}", f"--window-size={width},1000")
+    assert complaints == []
+    fits, wide, height = re.search("<title>(.*?)</title>", text)[1].split()
+    assert (fits, float(height)) == ("true", 0.9)
+    assert int(wide) <= max(width, 500)  # some browsers have a least width
+    assert "Your own chain" in text
