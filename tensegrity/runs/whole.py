@@ -92,7 +92,7 @@ def whole(problem, steps, most, allowed=1.0, instants=0):
     Whole or None
     """
     record, scene = problem.record, problem.moved
-    if not 0 < steps <= most or scene.follows or not record.is_plain:
+    if not 0 < steps <= most or scene.follows or not (record.is_plain and scene.at_once):
         return None
     plans = scene.remembered.plans.setdefault(problem.method, [])
     try:

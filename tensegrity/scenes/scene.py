@@ -137,6 +137,8 @@ class Scene(ReadOnly):
         What watches over contacts that are not listed.
     wall_count : int
         Number of walls.
+    at_once : bool
+        Whether a whole run may be one call of its loops: not where somebody follows these.
     """
 
     step_share: float = 1.0
@@ -146,6 +148,7 @@ class Scene(ReadOnly):
     spring_lengths: Array | None = None
     clearance: Any = None
     wall_count: int = 0
+    at_once: bool = True
     sites: int
     dim: int
     mass: Array
