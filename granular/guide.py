@@ -182,7 +182,8 @@ class _Clearance(Clearance):
         gaps = super().wall_gaps(x, pairs)
         for row, (site, number) in enumerate(pairs.tolist()):
             if (site, number) in self._behind:
-                gaps[row] = max(gaps[row], float(self.walls[number].overhang(x[site])))
+                beside = self.walls[number].overhang(x[..., site, :])
+                gaps[..., row] = np.maximum(gaps[..., row], beside)
         return gaps
 
 

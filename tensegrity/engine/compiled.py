@@ -88,6 +88,8 @@ class Compiled:
             ("advance_openings", [address] * 2 + [number]),
             ("evaluate", [number] * 3 + [address] * 3),
             ("evaluate_own", [number] * 4 + [address] * 3),
+            ("energies", [number] * 2 + [address] * 3),
+            ("energies_own", [number] * 2 + [address] * 3),
         ):
             function = found[name]
             function.argtypes, function.restype = arguments, None
@@ -115,12 +117,7 @@ class Compiled:
         """
         if codegen.DERIVATIVES[order] not in self.laws[law].compiled:
             return codegen.evaluate(self.laws[law], order, parameters, r)
-        rows = self._most
-        if len(parameters) == rows:
-            p = self.numbers(parameters)
-        else:
-            p = np.zeros((rows, *np.shape(parameters)[1:]), dtype=self.dtype)
-            p[: len(parameters)] = parameters[:rows]
+        p = self.padded(parameters)
         out = np.empty_like(r)
         given = p.ctypes.data, r.ctypes.data, out.ctypes.data
         if p.ndim == 1:
@@ -128,6 +125,19 @@ class Compiled:
         elif r.size:
             self._evaluate_own(law, order, r.size // r.shape[-1], r.shape[-1], *given)
         return out
+
+    def padded(self, parameters):
+        """Parameters of one law as `evaluate` takes them."""
+        if len(parameters) == self._most:
+            return self.numbers(parameters)
+        p = np.zeros((self._most, *np.shape(parameters)[1:]), dtype=self.dtype)
+        p[: len(parameters)] = parameters[: self._most]
+        return p
+
+    @property
+    def energies(self):
+        """Functions of energies, of bonds with parameters in common, and each with its own."""
+        return self._energies, self._energies_own
 
     def numbers(self, array):
         """An array as the loop takes it."""
@@ -165,12 +175,18 @@ class _Bound:
         Smallest and largest elongation of each different spring since `forget_range`.
     travel : float
         Bound on how far any coordinate of a site moved since then [m]; networks only.
+    taken : list of (Structure, str, ndarray)
+        What depends on the step, and is proportional to it: field of a structure, and its array.
+    kept : list of (Structure, str, ndarray)
+        Likewise where elongations are kept, all in a row, and behind them the way travelled.
     """
 
     def _set_steps(self, loop, structure, arrays, bonds, method, dt, moving, places=None):
         """Keep what the structure points to, and prepare the call of a method's steps."""
         self._structure, self._arrays = structure, arrays
         address = ctypes.addressof(structure)
+        steps = ("kicks", self._kicks), ("drifts", self._drifts)
+        self.taken = [(structure, name, array) for name, array in steps]
         if isinstance(method, Splitting):
             self._call = loop.advance, (address,)
             self._part = loop.advance_part, address
@@ -218,6 +234,10 @@ class _Bound:
         address = [x.ctypes.data for x in rows]
         steps = _OPENINGS(*address, count, u.size, len(found.nodes), DEGREE)
         self._arrays += [rows, steps]
+        (step,) = (
+            x for x, (name, _) in zip(rows, _OPENINGS._fields_, strict=False) if name == "dt"
+        )
+        self.taken.append((steps, "dt", step))
         self._call = (
             loop.advance_openings,
             (ctypes.addressof(self._structure), ctypes.addressof(steps)),
@@ -246,6 +266,11 @@ class _Bound:
     @property
     def travel(self):
         return float(self._travel[0])
+
+    @property
+    def travel_at(self):
+        """Address of that number."""
+        return self._travel.ctypes.data
 
 
 def _rows(method, dt, dtype):
@@ -288,9 +313,12 @@ class BoundLine(_Bound):
         self._range = np.empty(size, dtype=loop.dtype)
         self._travel = np.zeros(1, dtype=loop.dtype)
         self._springs = len(bonds.law)
-        kicks, drifts, *counts = _rows(method, dt, loop.dtype)
-        arrays = [u, v, weights, shared, own, kicks, drifts, self._range, *where]
+        self._kicks, self._drifts, *counts = _rows(method, dt, loop.dtype)
+        arrays = [
+            u, v, weights, shared, own, self._kicks, self._drifts, self._range, *where,
+        ]  # fmt: skip
         structure = _LINE(*(x.ctypes.data for x in arrays), count, *counts)
+        self.kept = [(structure, "range", self._range)]
         self._set_steps(loop, structure, arrays, bonds, method, dt, u.size)
         self.forget_range()
 
@@ -340,6 +368,8 @@ class BoundLine(_Bound):
 
     @property
     def range(self):
+        if self._range.size == 2:
+            return self._range.reshape(1, 2).copy()
         found = self._range[self._low], self._range[self._high]
         if self._apart:
             return np.stack(found, axis=1)
@@ -376,12 +406,12 @@ class BoundNet(_Bound):
             other[part] = found.contact[part]
         self._set_ranges(bonds, entries, pieces, loop.dtype)
         self._travel = np.zeros(1, dtype=loop.dtype)
-        kicks, drifts, *counts = _rows(method, dt, loop.dtype)
+        self._kicks, self._drifts, *counts = _rows(method, dt, loop.dtype)
         count = len(source)
         arrays = [
             u, v, loop.numbers(weights), loop.numbers(weights[:, 0]),
-            loop.numbers(contacts.loads()), loop.numbers(place), shared, own, kicks, drifts,
-            self._travel,
+            loop.numbers(contacts.loads()), loop.numbers(place), shared, own, self._kicks,
+            self._drifts, self._travel,
             _integers(dim * np.where(real, contacts.first[filled], spare)),
             _integers(dim * np.where(real, contacts.second[filled], spare)),
             _integers(runs.first), _integers(4 * runs.law + 2 * runs.kind + runs.own),
@@ -408,6 +438,8 @@ class BoundNet(_Bound):
             structure(found.needed[a], a, b, k, pieces) for k, (a, b) in enumerate(pairwise(cuts))
         ]
         whole = structure(0, 0, found.tiles, 0, 1)
+        kept = ("low", self._low), ("high", self._high), ("travel", self._travel)
+        self.kept = [(whole, *one) for one in kept]
         self._set_steps(loop, whole, arrays, bonds, method, dt, dim * sites, source)
         self.forget_range()
 

@@ -32,3 +32,30 @@ void evaluate_own(integer law, integer order, integer rows, integer n,
 {
     EVALUATIONS(EVALUATE_OWN)
 }
+
+/* Energies of n bonds: in vectors, as the laws are inlined.  Not so above: the last bit of what is
+   found there is in the numbers of other laws. */
+#define ENERGY(K, ORDER, NAME)                                                              \
+    if (law == K && ORDER == 0) {                                                           \
+        ALL_PARAMETERS(parameters[k])                                                       \
+        EACH(n) out[i] = NAME##_##K(r[i], p);                                               \
+    }
+
+__attribute__((flatten)) void energies(integer law, integer n, const real *restrict parameters,
+                                       const real *restrict r, real *restrict out)
+{
+    EVALUATIONS(ENERGY)
+}
+
+#define ENERGY_OWN(K, ORDER, NAME)                                                          \
+    if (law == K && ORDER == 0)                                                             \
+        EACH(n) {                                                                           \
+            ALL_PARAMETERS(parameters[k * n + i])                                           \
+            out[i] = NAME##_##K(r[i], p);                                                   \
+        }
+
+__attribute__((flatten)) void energies_own(integer law, integer n, const real *restrict parameters,
+                                           const real *restrict r, real *restrict out)
+{
+    EVALUATIONS(ENERGY_OWN)
+}

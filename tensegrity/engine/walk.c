@@ -41,6 +41,13 @@ static const task *copied(const task *t, const task *from, integer size)
     return t;
 }
 
+/* What is looked at: in the scene's own variables, with closing kicks. */
+static const task *shown(const walk *w)
+{
+    const integer size = w->size;
+    return copied(&w->leave, copied(&w->close, &w->step, size), size);
+}
+
 /* Go from step `done` to each of `count` others, `at`, and keep the first `sites` numbers of u
    and v there, and the `more` of v from `place` on; of the last one only if `last` is kept too. */
 void go(const walk *w, integer done, const integer *at, integer count, integer last,
@@ -58,10 +65,117 @@ void go(const walk *w, integer done, const integer *at, integer count, integer l
         }
         if (at[k] > done) carry_out(&w->step, at[k] - done);
         done = at[k];
-        const task *seen = copied(&w->leave, copied(&w->close, &w->step, size), size);
+        const task *seen = shown(w);
         if (k == count - 1 && !last) return;
         memcpy(rows_u + k * sites, seen->u, sites * sizeof *rows_u);
         memcpy(rows_v + k * sites, seen->v, sites * sizeof *rows_v);
         if (more) memcpy(extra + k * more, seen->v + place, more * sizeof *extra);
     }
+}
+
+/* All that a run of a scene takes besides its start, its step and its rows. */
+typedef struct {
+    walk walk;
+    task enter;                    /* into the variables of the method's steps */
+    const double *coefficients;    /* of all parts, for a step of 1 */
+    double *steps;                 /* where these parts take them from */
+    const double *blank;           /* no elongation met */
+    double *met;                   /* what the parts met */
+    double *travel;
+    integer taken, kept;           /* numbers of coefficients and of elongations */
+    integer state, more;           /* numbers in u of a state, and of walls behind it */
+} plan;
+
+/* What is looked at after so many steps: u, v and impulses to where they are kept. */
+static void look(const plan *p, const double *u, const double *v, double *to_u, double *to_v,
+                 double *extra)
+{
+    bring(to_u, u, p->state);
+    bring(to_v, v, p->state);
+    if (extra) bring(extra, v + p->state, p->more);
+}
+
+static int is_finite(const double *x, integer n)
+{
+    double none = 0;
+    for (integer i = 0; i < n; i++) none += 0 * x[i];
+    return none == 0;
+}
+
+/* A whole run from u and v: the state at 0 and after every `every` steps, and at the end, to rows;
+   after every `apart` to what is compared, and how far sites went by then; 0 for none.  Returns
+   whether the end is finite. */
+integer run(const plan *p, double dt, integer steps, const double *u, const double *v,
+            integer every, double *rows_u, double *rows_v, double *extra,
+            integer apart, double *seen_u, double *seen_v, double *ways)
+{
+    const walk *w = &p->walk;
+    const integer size = w->size, state = p->state, more = p->more;
+    for (integer i = 0; i < p->taken; i++) p->steps[i] = p->coefficients[i] * dt;
+    memcpy(p->met, p->blank, p->kept * sizeof *p->met);
+    *p->travel = 0;
+    memset(w->step.u, 0, size * sizeof *u);
+    memset(w->step.v, 0, size * sizeof *v);
+    memcpy(w->step.u, u, state * sizeof *u);
+    memcpy(w->step.v, v, state * sizeof *v);
+    if (every) look(p, w->step.u, w->step.v, rows_u, rows_v, more ? extra : 0);
+    if (apart) look(p, w->step.u, w->step.v, seen_u, seen_v, 0);
+    if (p->enter.function) carry_out(&p->enter, 1);
+    const task *seen = &w->step;
+    for (integer done = 0, row = every ? every : steps, other = apart ? apart : steps; done < steps;) {
+        if (row > steps) row = steps;
+        const integer at = row < other ? row : other;
+        if (done == 0 && w->begin.function) {
+            bring(w->begin.u, w->step.u, size);
+            bring(w->begin.v, w->step.v, size);
+            carry_out(&w->begin, 1);
+            bring(w->step.u, w->begin.u, size);
+            bring(w->step.v, w->begin.v, size);
+            done = 1;
+        }
+        if (at > done) carry_out(&w->step, at - done);
+        done = at;
+        seen = shown(w);
+        if (at == row) {
+            row += every ? every : steps;
+            if (every) {
+                rows_u += state, rows_v += state, extra += more;
+                look(p, seen->u, seen->v, rows_u, rows_v, more ? extra : 0);
+            }
+        }
+        if (at == other) {
+            other += apart ? apart : steps;
+            if (apart) {
+                seen_u += state, seen_v += state;
+                look(p, seen->u, seen->v, seen_u, seen_v, 0);
+                *ways++ = *p->travel;
+            }
+        }
+    }
+    return is_finite(seen->u, state) && is_finite(seen->v, state);
+}
+
+/* Largest size of one array, and largest difference of two. */
+void compare(const double *restrict one, const double *restrict other, integer n, double *found)
+{
+    double size[16] = {0}, gap[16] = {0};
+    integer i = 0;
+    for (; i < n - n % 16; i += 16)
+        for (int k = 0; k < 16; k++) {
+            const double a = other[i + k] < 0 ? -other[i + k] : other[i + k];
+            const double d = one[i + k] - other[i + k], b = d < 0 ? -d : d;
+            size[k] = a > size[k] ? a : size[k];
+            gap[k] = b > gap[k] ? b : gap[k];
+        }
+    for (; i < n; i++) {
+        const double a = other[i] < 0 ? -other[i] : other[i];
+        const double d = one[i] - other[i], b = d < 0 ? -d : d;
+        size[0] = a > size[0] ? a : size[0];
+        gap[0] = b > gap[0] ? b : gap[0];
+    }
+    for (int k = 1; k < 16; k++) {
+        size[0] = size[k] > size[0] ? size[k] : size[0];
+        gap[0] = gap[k] > gap[0] ? gap[k] : gap[0];
+    }
+    found[0] = size[0], found[1] = gap[0];
 }

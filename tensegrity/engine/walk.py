@@ -28,14 +28,31 @@ class _Walk(ctypes.Structure):
     _fields_ += [("size", _NUMBER)]
 
 
+class _Plan(ctypes.Structure):
+    _fields_ = [("walk", _Walk), ("enter", _Task)]
+    _fields_ += [(x, _ADDRESS) for x in ("coefficients", "steps", "blank", "met", "travel")]
+    _fields_ += [(x, _NUMBER) for x in ("taken", "kept", "state", "more")]
+
+
+_GO = (_ADDRESS, _NUMBER, _ADDRESS, *[_NUMBER] * 3, _ADDRESS, _ADDRESS, *[_NUMBER] * 2, _ADDRESS)
+_RUN = (
+    _ADDRESS, ctypes.c_double, _NUMBER, _ADDRESS, _ADDRESS, _NUMBER, *[_ADDRESS] * 3, _NUMBER,
+    _ADDRESS, _ADDRESS, _ADDRESS,
+)  # fmt: skip
+_COMPARE = (_ADDRESS, _ADDRESS, _NUMBER, _ADDRESS)
+
+
 @once
-def _go() -> Any:
-    text = files(__package__).joinpath("walk.c").read_text()
-    function = library(text).go
-    function.argtypes = [_ADDRESS, _NUMBER, _ADDRESS, _NUMBER, _NUMBER, _NUMBER]
-    function.argtypes += [_ADDRESS, _ADDRESS, _NUMBER, _NUMBER, _ADDRESS]
-    function.restype = None
-    return function
+def _compiled() -> Any:
+    """The functions go, run and compare."""
+    found = library(files(__package__).joinpath("walk.c").read_text())
+    for function, arguments, result in (
+        (found.go, _GO, None),
+        (found.run, _RUN, _NUMBER),
+        (found.compare, _COMPARE, None),
+    ):
+        function.argtypes, function.restype = arguments, result
+    return found.go, found.run, found.compare
 
 
 class Part:
@@ -72,7 +89,7 @@ class Walk:
     """
 
     def __init__(self, u: Array, v: Array, begin: Any, step: Any, close: Any, leave: Any) -> None:
-        self._u, self._v, self._go = u, v, _go()
+        self._u, self._v, (self._go, _, _) = u, v, _compiled()
         loops = [loop and loop.parts() for loop in (begin, step, close, leave)]
         empty = [None] * len(loops[1])
         self._parts = list(zip(*(parts or empty for parts in loops), strict=True))
@@ -136,3 +153,110 @@ class Walk:
             part = next(one for one in four[::-1] if one is not None and one is not four[0])
             u[part.place], v[part.place] = part.u, part.v
         return u, v
+
+
+class Plan:
+    """Whole runs of one scene and method, each in one call: what is prepared serves all steps.
+
+    Parameters
+    ----------
+    state, walls : int
+        Numbers in u of a state, and behind it in that of walls.
+    enter, begin, step, close, leave : BoundLine or BoundNet, or None
+        As of `Walk`; bound with a step of 1, on arrays that nobody else takes.
+    """
+
+    def __init__(
+        self, state: int, walls: int, enter: Any, begin: Any, step: Any, close: Any, leave: Any
+    ) -> None:
+        loops = [loop for loop in (step, enter, begin, close, leave) if loop is not None]
+        taken = [one for loop in loops for one in loop.taken]
+        self._coefficients = np.concatenate([array for _, _, array in taken])
+        steps, place = np.empty_like(self._coefficients), 0
+        for structure, name, array in taken:
+            setattr(structure, name, steps.ctypes.data + place * steps.itemsize)
+            place += array.size
+        for loop in loops[1:]:
+            for (structure, name, _), (_, _, array) in zip(loop.kept, step.kept, strict=True):
+                setattr(structure, name, array.ctypes.data)
+        step.forget_range()
+        blank = np.concatenate([array for _, name, array in step.kept if name != "travel"])
+        tasks = [loop and loop.parts()[0].task for loop in (begin, step, close, leave, enter)]
+        *walk, first = (task or _Task() for task in tasks)
+        size = step.parts()[0].u.size
+        self._plan = _Plan(
+            _Walk(*walk, size), first, self._coefficients.ctypes.data, steps.ctypes.data,
+            blank.ctypes.data, step.kept[0][2].ctypes.data, step.travel_at,
+            steps.size, blank.size, state, walls,
+        )  # fmt: skip
+        self._loops, self._arrays, self._step = loops, (steps, blank), step
+        self._address, (_, self._run, _) = ctypes.addressof(self._plan), _compiled()
+
+    def run(
+        self,
+        dt: float,
+        steps: int,
+        u: Array,
+        v: Array,
+        every: int,
+        rows: Any,
+        apart: int,
+        seen: Any,
+    ) -> bool:
+        """Go from a state to the end, which is finite or not.
+
+        Parameters
+        ----------
+        dt : float
+            [s]
+        steps : int
+        u, v : ndarray, C-contiguous
+        every, apart : int
+            After so many steps the state is kept, in rows and in what is seen; 0 for never.
+        rows : (ndarray, ndarray), or None
+            Where u and v of the rows go, those at 0, every so many steps, the end, and impulses;
+            (2, rows, *shape) and (rows, walls[, dim]).
+        seen : (ndarray, ndarray), or None
+            Likewise u and v, (2, instants + 1, *shape), `apart` a divisor of the steps, and a
+            bound on how far any coordinate of a site moved by each but the first, (instants,) [m];
+            networks only.
+        """
+        kept, looked = [None] * 3, [None] * 3
+        if rows is not None:
+            kept = [*_halves(rows[0]), rows[1].ctypes.data if rows[1].size else None]
+        if seen is not None:
+            looked = [*_halves(seen[0]), seen[1].ctypes.data]
+        given = u.ctypes.data, v.ctypes.data, every, *kept, apart, *looked
+        return bool(self._run(self._address, dt, steps, *given))
+
+    @property
+    def met(self) -> Array:
+        """Smallest and largest elongation of each spring in the last run; (springs, 2)."""
+        return self._step.range
+
+    @property
+    def travel(self) -> float:
+        """Bound on how far any coordinate of a site moved in it [m]; networks only."""
+        return self._step.travel
+
+
+def _halves(array: Array) -> tuple[int, int]:
+    """Addresses of the halves of an array."""
+    first = array.ctypes.data
+    return first, first + array.nbytes // 2
+
+
+def largest_gap(one: Array, other: Array) -> float:
+    """Largest difference of u and v of two runs, each over its largest size in the other one.
+
+    Parameters
+    ----------
+    one, other : ndarray, C-contiguous, (2, ...)
+        u and v; a size of 0 counts as 1.
+    """
+    found = np.empty((2, 2))
+    half, given = one.nbytes // 2, (one.ctypes.data, other.ctypes.data, found.ctypes.data)
+    compare = _compiled()[2]
+    for k in range(2):
+        compare(given[0] + k * half, given[1] + k * half, one.size // 2, given[2] + 16 * k)
+    return max(gap / size if size else gap for size, gap in found.tolist())

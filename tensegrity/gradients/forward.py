@@ -88,7 +88,8 @@ class Forward:
         """Do it."""
         scene, state = self.scene, self.start
         lent = copy(scene)
-        lent.__dict__.update({**scene.__dict__, "arrays": self._arrays, "bind": self._bind})
+        own = {"arrays": self._arrays, "bind": self._bind, "at_once": False}
+        lent.__dict__.update({**scene.__dict__, **own})
         record = Record(every=self._apart)
         dt = t_end / max(self.steps, 1) or self.dt
         run = simulate(lent, state, t_end, method=self.method, dt=dt, record=record)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from tensegrity import check
@@ -11,7 +10,7 @@ from tensegrity.engine import methods
 from tensegrity.errors import TensegrityError
 from tensegrity.runs.march import Problem
 from tensegrity.runs.record import Record
-from tensegrity.runs.run import Run
+from tensegrity.runs.run import Run, changed
 from tensegrity.runs.tolerance import ROUND_OFF, default_step, fixed_step, to_tolerance
 from tensegrity.scenes.scene import Scene
 
@@ -99,7 +98,7 @@ def simulate(
         run = to_tolerance(problem, tol, short)
     else:
         run = default_step(problem)
-    return replace(run, wall_time=time.perf_counter() - started)
+    return changed(run, wall_time=time.perf_counter() - started)
 
 
 def _default(scene, dt, tol):

@@ -20,15 +20,18 @@ from tensegrity.errors import ContactError, LockingError, RecordError, Stability
 from tensegrity.progress import progress
 from tensegrity.runs import stepping
 from tensegrity.runs.book import Book, Checks, Kept, Sound
+from tensegrity.runs.guard import Guard
 from tensegrity.runs.loops import Loop
+from tensegrity.runs.whole import whole
 from tensegrity.scenes.clearance import CAUTION
 from tensegrity.scenes.scene import known_state
 
 BLOCK = 2_000_000  # bonds x stages x steps in one call of the loop: about 5 ms
 STRIDE = 4  # blocks in one call with its rows: an interrupt waits no longer
+WHOLE = 4  # such calls in one, where all of a run is done at once
 FEWEST = 100  # steps in one call: the pieces of a long chain work apart for some tens
 MOST_STEPS = 10**12
-KNOWN = 4  # ranges whose stiffness a scene remembers
+SHARE = 0.5  # of the energy, in one bond, for the first step where a tolerance decides
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +41,8 @@ class Problem:
     `surrogate` is the scene with springs that are fitted to those of `scene`: it is moved, while
     checks and recorded energies are those of `scene`.  `choice` says what chose the step: "dt",
     "tol" or "default".  Of a `trial` that
-    ends well the energies of rows that hold all sites are left out, NaN.
+    ends well the energies of rows that hold all sites are left out, NaN, and where nothing has to
+    be done with care its `rows` may be too.
     """
 
     scene: object
@@ -49,6 +53,7 @@ class Problem:
     surrogate: object = None
     choice: str = "dt"
     trial: bool = False
+    rows: bool = True
 
     @property
     def moved(self):
@@ -58,14 +63,26 @@ class Problem:
     @property
     def force(self):
         """What the tensions of the springs are computed by."""
-        different = dict.fromkeys(spring.force for spring in self.moved.spring_table.different)
-        return ", ".join(different)
+        return self.moved.spring_table.force
 
     @cached_property
     def expected(self):
         """Elongations that each spring can reach with all the energy, and how stiff it is there."""
         ranges = stepping.expected_ranges(self.scene, self.state)
         return ranges, self.scene.stiffness_within(ranges)
+
+    @cached_property
+    def first_frequency(self):
+        """Angular frequency [rad/s] were half of the energy to meet in one bond."""
+        scene = self.scene.likely(self.state.u)
+        return stepping.expected_frequency(scene, self.state, SHARE)
+
+    @cached_property
+    def near(self):
+        """Pairs of sites, and of sites and walls, that are near at the start and not listed."""
+        clearance = self.scene.clearance
+        x = clearance.positions + self.state.u
+        return clearance.pairs(x), clearance.wall_pairs(x)
 
     def largest_step(self, omega):
         """Stability limit [s] at an angular frequency [rad/s]; inf where it is 0."""
@@ -91,6 +108,11 @@ def count(problem, dt):
     return math.ceil(steps)
 
 
+def together(problem):
+    """Steps that go in one block."""
+    return max(FEWEST, BLOCK // (problem.scene.cost * problem.method.stages))
+
+
 def march(problem, steps, allowed, checkpoints=0, start=None):
     """Run with one step, watching that it stays below `allowed` of the stability limit.
 
@@ -106,20 +128,36 @@ def march(problem, steps, allowed, checkpoints=0, start=None):
     Returns
     -------
     run : Run
+        Or `Whole`, of a trial.
     checks : tuple of ndarray
         u and v of all sites at `checkpoints` + 1 evenly spaced instants, which `steps` is a
         multiple of.
     """
+    stopped = False
+    if start is None:
+        try:
+            found = whole(problem, steps, WHOLE * STRIDE * together(problem), allowed, checkpoints)
+            if found is not None:
+                return found if problem.trial else found.run(), found.seen
+        except KeyboardInterrupt:
+            stopped = True
+    return _march(problem, steps, allowed, checkpoints, start, stopped)
+
+
+def _march(problem, steps, allowed, checkpoints, start, stopped):
+    """The same with care, or not at all where it was stopped before."""
     scene, seconds = problem.scene, problem.record.checkpoint
     watch = _Watch(problem, problem.t_end / steps if steps else 0.0, allowed, start)
     book = Book(problem, watch, steps, start and start.count)
     checks = Checks(scene.shape, steps, checkpoints)
-    largest = max(FEWEST, BLOCK // (scene.cost * problem.method.stages))
+    largest = together(problem)
     since, failure, careful = time.monotonic(), None, 0
     book.keep_state()
     try:
         with progress(steps, "step") as bar:
             while True:
+                if stopped:
+                    raise KeyboardInterrupt
                 done = watch.sound.done
                 bar.update(done - bar.n)
                 book.catch_up()
@@ -198,11 +236,9 @@ class _Watch:
     def _list(self, scene):
         """Take the contacts that a scene lists, with no range of theirs known to be allowed."""
         springs = scene.spring_table
-        self._scene, self._springs, self._domains = scene, springs.different, springs.reach
-        self._safe = np.zeros_like(self._domains)  # ranges of elongation known to be allowed
-        self._stiffness = None  # bound of each spring's within them [N/m]
-        self._limit = math.inf  # stability limit there [s]
-        self.met = np.zeros_like(self._domains)  # smallest and largest elongation, 0 included
+        self._scene, self._springs = scene, springs.different
+        self._guard = Guard(self._problem, scene, self.dt, self.allowed)
+        self.met = np.zeros_like(self._guard.domains)  # smallest, largest elongation, 0 included
 
     def _list_anew(self):
         """Go on with the contacts that may form from here on."""
@@ -398,62 +434,12 @@ class _Watch:
         return np.stack([low, high], axis=1)
 
     def _is_inside(self, met, u, v):
-        low, high = self._domains.T
-        if np.any(met[:, 0] <= low) or np.any(met[:, 1] >= high):
-            return False
-        return bool(np.isfinite(u).all() and np.isfinite(v).all())
+        finite = np.isfinite(u).all() and np.isfinite(v).all()
+        return bool(finite and self._guard.is_inside(met))
 
     def _is_sound(self, loop, u, v):
         met = self._met(loop, u)
-        if not self._is_inside(met, u, v):
-            return False
-        below, above = met[:, 0] < self._safe[:, 0], met[:, 1] > self._safe[:, 1]
-        grown = np.flatnonzero(below | above)
-        if not grown.size:
-            return True
-        if self._is_known(met):
-            return True
-        low, high = self._domains.T
-        if self._stiffness is None:
-            self._stiffness = self._scene.stiffness_within(self._safe)
-            if self._expects():
-                return self._is_sound(loop, u, v)
-        for margin in (0.1, 0.01, 0.0):  # wider than met, so as not to ask again soon
-            wider = self._safe.copy()
-            wider[below, 0] = _towards(low[below], met[below, 0], margin)
-            wider[above, 1] = _towards(high[above], met[above, 1], margin)
-            stiffness = self._stiffness.copy()
-            stiffness[grown] = self._scene.stiffness_within(wider, grown)
-            omega = self._scene.fastest(stiffness)
-            self._limit = self._problem.largest_step(omega)
-            if self.dt <= self.allowed * self._limit:
-                self._safe, self._stiffness = wider, stiffness
-                self._scene.remembered.ranges.append((wider, stiffness, omega))
-                del self._scene.remembered.ranges[:-KNOWN]
-                return True
-        return False
-
-    def _is_known(self, met):
-        """Whether another run of the scene met as much, which a step like this one can take."""
-        for ranges, stiffness, omega in self._scene.remembered.ranges:
-            within = np.all(ranges[:, 0] <= met[:, 0]) and np.all(met[:, 1] <= ranges[:, 1])
-            limit = self._problem.largest_step(omega)
-            if within and self.dt <= self.allowed * limit:
-                self._safe, self._stiffness, self._limit = ranges, stiffness, limit
-                return True
-        return False
-
-    def _expects(self):
-        """Whether the ranges that chose the step are allowed: then nothing is asked within."""
-        known = vars(self._problem).get("expected")
-        if known is None or self._scene is not self._problem.scene:
-            return False
-        ranges, stiffness = known
-        limit = self._problem.largest_step(self._scene.fastest(stiffness))
-        if self.dt > self.allowed * limit:
-            return False
-        self._safe, self._stiffness, self._limit = ranges, stiffness, limit
-        return True
+        return self._is_inside(met, u, v) and self._guard.allows(met)
 
     def _error(self, t, loop, after):
         """What went wrong in the step that ended at t with displacements `after`."""
@@ -461,7 +447,7 @@ class _Watch:
         if not np.isfinite(u).all():
             before = self.state()
             u = before.u + self.dt * before.v
-        met, (low, high) = self._met(loop, after), self._domains.T
+        met, (low, high) = self._met(loop, after), self._guard.domains.T
         for row, side in np.argwhere(np.stack([met[:, 0] <= low, met[:, 1] >= high], axis=1)):
             spring, where = self._springs[row], scene.extreme(int(row), u, side)
             barrier = float(spring.energy(spring.reach[side]))
@@ -475,13 +461,7 @@ class _Watch:
             error = spring.beyond(met[row, side])
             return type(error)(f"{error}: the spring {where} got there at t = {t:.6g} s")
         return StabilityError(
-            f"dt {self.dt:.6g} s is beyond {self.allowed * self._limit:.6g} s, "
+            f"dt {self.dt:.6g} s is beyond {self.allowed * self._guard.limit:.6g} s, "
             f"{self.allowed:g} of the stability limit of {self._problem.method.name} at the "
             f"stiffness met at t = {t:.6g} s {scene.stiffest(u, met)}"
         )
-
-
-def _towards(end, met, margin):
-    """An elongation beyond the one met by a margin, short of the end of the domain."""
-    room = np.where(np.isfinite(end), end - met, 10 * met)
-    return met + margin * room

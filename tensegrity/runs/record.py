@@ -99,6 +99,11 @@ class Record:
                 raise TensegrityError(f"checkpoint {seconds:g} s needs a path for the rows")
 
     @property
+    def is_plain(self) -> bool:
+        """Whether rows are at steps, and in memory."""
+        return self.path is None and self.times is None and self.interval is None
+
+    @property
     def state_path(self) -> Path | None:
         """The file of the whole state, or None."""
         return None if self.checkpoint is None else beside(self.path)  # type: ignore[arg-type]

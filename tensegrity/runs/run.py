@@ -14,13 +14,22 @@ from tensegrity.scenes.scene import State
 
 if TYPE_CHECKING:
     from os import PathLike
-    from typing import Any, Self
+    from typing import Any, Self, TypeVar
 
     from matplotlib.axes import Axes
 
     from tensegrity.typing import Array
 
+    Frozen = TypeVar("Frozen")
+
 SHOWN = 300  # instants in a notebook's picture
+
+
+def changed(one: Frozen, **values: Any) -> Frozen:
+    """The same frozen dataclass with other values, which are known to be right."""
+    other = object.__new__(type(one))
+    other.__dict__.update(one.__dict__, **values)
+    return other
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,24 +8,27 @@ does to the motion.  They stay if that is a small part of the tolerance and they
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
+from tensegrity.engine import walk
 from tensegrity.engine.codegen import cost
 from tensegrity.engine.methods import Corrected
 from tensegrity.engine.openings import is_treated
 from tensegrity.errors import LockingError, RangeError, StabilityError, TensegrityError
 from tensegrity.runs import stepping
 from tensegrity.runs.driven import march
+from tensegrity.runs.guard import Guard
 from tensegrity.runs.march import count
 from tensegrity.runs.record import Record
+from tensegrity.runs.run import Run, changed
+from tensegrity.runs.whole import Whole
 from tensegrity.springs.polynomial import DEGREES, Polynomial, PolynomialLaw
 from tensegrity.springs.potential import Potential, PowerLaw
 
 MARGIN = 2.0  # a default step may be this much larger, at the stiffness met, than meant
 TRIAL = 0.85  # first step over the stability limit where a tolerance decides
-SHARE = 0.5  # of the energy, in one bond, for that first step
 REFINEMENTS, MOST_REFINEMENTS = 8, 14  # how often a step chosen here is refined
 DRIVEN, MOST_DRIVEN = 3, 6  # as often, of scenes whose energy is no bound on what springs reach
 CHECKPOINTS = 17  # least number of steps that are chosen here
@@ -38,7 +41,9 @@ FIRST_ORDER = 4.0  # by which errors of the two coarsest runs are taken to fall 
 CORRECTED = 4.5  # order trusted of methods that correct openings
 LEAST_FACTOR, FASTEST = 1.25, 6.0  # of the steps from one run to the next
 COARSE, SHORT = 1e-4, 800  # usual error of the first run; steps of what counts as a short one
+SECOND = 1e-6  # tolerances that the second run does not meet, as a rule
 FAR = 0.4  # share of the steps from which on an error is told so uncertainly that it is looked at
+EPSILON = float(np.finfo(float).eps)
 ROUND_OFF = 1e-14  # differences below this say nothing
 FORCE_SHARE = 0.1  # of a tolerance that fitted forces may take up
 FIRST_ERROR, LEAST_ERROR = 1e-3, 1e-13  # of a fit over the tolerance, and of any fit
@@ -52,9 +57,11 @@ STUCK = 4  # refinements in a row that bring nothing: round-off is reached
 def fixed_step(problem, dt):
     """Run with a given step."""
     scene = problem.scene.listed(problem.state.u)
-    limit = problem.largest_step(scene.frequency(scene.present_ranges(problem.state.u)))
-    steps = count(problem, dt)
+    steps, present = count(problem, dt), scene.present_ranges(problem.state.u)
     used = problem.t_end / steps if steps else 0.0
+    if Guard(problem, scene, used, 1.0).is_known(present):
+        return march(problem, steps, allowed=1.0)[0]
+    limit = problem.largest_step(scene.frequency(present))
     if used > limit:
         raise StabilityError(
             f"dt {used:.6g} s is beyond {limit:.6g} s, the stability limit of "
@@ -87,18 +94,21 @@ def settled(problem, run):
     return run if steps <= run.steps else refined(problem, steps, MARGIN * fraction)[0]
 
 
-def expected_steps(problem, fraction, share=1.0):
-    """Steps that keep dt below a fraction of the stability limit, were `share` of the energy
-    of the scene to meet in one bond."""
+def expected_steps(problem, fraction):
+    """Steps that keep dt below a fraction of the stability limit, were all the energy of the scene
+    to meet in one bond."""
     if not problem.t_end:
         return 0
     scene = problem.scene.likely(problem.state.u)
-    if scene is problem.scene and share == 1.0:
+    if scene is problem.scene:
         omega = scene.fastest(problem.expected[1])
     else:
-        omega = stepping.expected_frequency(scene, problem.state, share)
-    step = problem.natural_step(omega)
-    return max(count(problem, fraction * step), CHECKPOINTS)
+        omega = stepping.expected_frequency(scene, problem.state, 1.0)
+    return _steps(problem, fraction, omega)
+
+
+def _steps(problem, fraction, omega):
+    return max(count(problem, fraction * problem.natural_step(omega)), CHECKPOINTS)
 
 
 def resumed(problem, steps, allowed, start):
@@ -149,10 +159,10 @@ def _to_tolerance(problem, tol, short):
     """
     if not problem.t_end:
         return march(problem, 0, 1.0)[0]
-    least = expected_steps(problem, TRIAL, SHARE)
+    least = _steps(problem, TRIAL, problem.first_frequency)
     if short is not None and least * (COARSE / tol) ** (1 / short.order) < SHORT:
-        problem = replace(problem, method=short)
-        least = expected_steps(problem, TRIAL, SHARE)
+        problem = changed(problem, method=short)
+        least = _steps(problem, TRIAL, problem.first_frequency)
     apart = DENSE if problem.scene.smooth else 1
     instants = min(math.ceil(least / apart), max(FEWEST, MOST_KEPT // problem.state.u.size))
     first = Rung.of(_trial(problem), math.ceil(least / instants), instants)
@@ -168,16 +178,12 @@ def _to_tolerance(problem, tol, short):
     return converged(problem, first, 0.0, tol)
 
 
-def _trial(problem):
+def _trial(problem, rows=False):
     """The same with rows that cost nothing; their energies come when it turns out to be it."""
     record = problem.record
-    if not _is_plain(record):
+    if not record.is_plain:
         record = Record(sites=record.sites)
-    return replace(problem, record=record, trial=True)
-
-
-def _is_plain(record):
-    return record.path is None and record.times is None and record.interval is None
+    return changed(problem, record=record, trial=True, rows=rows and problem.record.is_plain)
 
 
 @dataclass(frozen=True)
@@ -186,7 +192,7 @@ class Rung:
 
     Attributes
     ----------
-    run : Run
+    run : Run or Whole
     instants : int
     seen : tuple of ndarray, (instants + 1, *shape)
         u and v at evenly spaced instants, which all rungs have in common.
@@ -209,7 +215,9 @@ class Rung:
 
     def gap(self, finer):
         """Largest difference from a finer one in u and in v, over the largest value there."""
-        return largest_gap(self.seen, finer.seen)
+        at_once = isinstance(self.run, Whole) and isinstance(finer.run, Whole)
+        of = walk.largest_gap if at_once else largest_gap
+        return of(self.seen, finer.seen)
 
 
 def converged(problem, rung, error, tol):
@@ -217,17 +225,24 @@ def converged(problem, rung, error, tol):
 
     The error of a run is its largest difference from a finer one.  That of the finest follows
     by the order that errors of coarser runs fall with, as far as it is to be trusted: `Judge`.
+    Where that of far coarser ones tells too little, another one between them and it tells more.
     """
-    trial, judge = _trial(problem), Judge(problem, rung.run.met)
+    coarse, trial = _trial(problem), _trial(problem, rows=True)
+    judge = Judge(problem, rung.run.met)
     rungs, stuck = [rung], 0
     factor, smallest = judge.first, math.inf
     while rungs[-1].run.complete:
-        fineness = max(math.ceil(rungs[-1].fineness * factor), int(rungs[-1].fineness) + 1)
-        rungs.append(Rung.of(trial, fineness, rung.instants))
-        if not rungs[-1].run.complete:
-            break
-        judge.see(rungs[-1].run.met)
-        rungs = rungs[-KEPT:]
+        finest = rungs[-1].fineness
+        fineness = max(math.ceil(finest * factor), int(finest) + 1 if factor > 1 else 1)
+        likely = factor > 1 and (len(rungs) > 1 or tol > SECOND)
+        found = Rung.of(trial if likely else coarse, fineness, rung.instants)
+        if not found.run.complete:
+            return with_energies(found.run)
+        judge.see(found.run.met)
+        if found.fineness in [r.fineness for r in rungs]:  # what is between had to be finer
+            factor = judge.first
+            continue
+        rungs = sorted([*rungs, found], key=lambda r: r.fineness)[-KEPT:]
         gaps = [(r.fineness / rungs[-1].fineness, r.gap(rungs[-1])) for r in rungs[:-1]]
         estimate = judge.estimate(gaps) + rounded(problem, rungs[-1].run)
         if estimate <= judge.accept * tol or gaps[-1][1] < ROUND_OFF:
@@ -246,15 +261,15 @@ def converged(problem, rung, error, tol):
 
 def rounded(problem, run):
     """What a walk at random of the last digits comes to in all stages of a run."""
-    return np.finfo(float).eps * math.sqrt(run.steps * problem.method.stages)
+    return EPSILON * math.sqrt(run.steps * problem.method.stages)
 
 
 def answer(problem, run, estimate):
     """The run that meets a tolerance, with the rows that were asked for."""
-    if _is_plain(problem.record):
-        return replace(with_energies(run), error_estimate=estimate)
+    if problem.record.is_plain and (isinstance(run, Run) or run.has_rows):
+        return changed(with_energies(run), error_estimate=estimate)
     run = march(problem, run.steps, 1.0)[0]
-    return replace(run, error_estimate=estimate if run.complete else None)
+    return changed(run, error_estimate=estimate if run.complete else None)
 
 
 class Judge:
@@ -306,15 +321,17 @@ class Judge:
         return min(max(fell - SLOWER, least), self.order)
 
     def factor(self, gaps, tol):
-        """By how much finer the next run should be."""
+        """By how much finer the next run should be, or, where that is below 1, how much coarser
+        than the finest."""
         order = max(self.order, FIRST_ORDER)
         share, gap = gaps[-1]
         estimate = gap / (share**-order - 1)
         if len(gaps) > 1:
             order, estimate = self._seen(gaps), self.estimate(gaps)
         needed = (estimate / (self._aim * tol)) ** (1 / order)
-        far = len(gaps) > 1 and share < FAR and not self.opens  # errors may have fallen faster
-        return min(max(needed, LEAST_FACTOR), self.first if far else FASTEST)
+        if len(gaps) > 1 and share < FAR and not self.opens:  # errors may have fallen faster
+            return 1 / self.first
+        return min(max(needed, LEAST_FACTOR), FASTEST)
 
 
 def order_left(problem, met):
@@ -324,24 +341,25 @@ def order_left(problem, met):
     """
     order, scene = math.inf, problem.scene
     corrected = CORRECTED if isinstance(problem.method, Corrected) else 0.0
-    springs = scene.spring_table.different
     if scene.follows:
         given = scene.law.given
-        springs = (given if isinstance(given, Potential) else PowerLaw(1.0, 1.0),)
-        met = [(-math.inf, math.inf)]
-    for spring, (low, high) in zip(springs, met, strict=True):
-        exponent = spring.opens_within(low, high)
-        if exponent is not None:
-            treated = corrected and is_treated(exponent)
-            order = min(order, corrected if treated else exponent + 1)
+        spring = given if isinstance(given, Potential) else PowerLaw(1.0, 1.0)
+        exponents = {spring.opens_within(-math.inf, math.inf)}
+    else:
+        exponents = scene.spring_table.opened_within(met)
+    for exponent in exponents - {None}:
+        treated = corrected and is_treated(exponent)
+        order = min(order, corrected if treated else exponent + 1)
     return order
 
 
 def with_energies(run):
     """A trial with the energies of its rows."""
+    if isinstance(run, Whole):
+        return run.run()
     if not np.isnan(run.energy).any():  # some may be known, others not
         return run
-    return replace(run, energy=run.scene.energies(run.u, run.v))
+    return changed(run, energy=run.scene.energies(run.u, run.v))
 
 
 def with_polynomials(problem, coarse, tol, margin):
@@ -375,7 +393,7 @@ def with_polynomials(problem, coarse, tol, margin):
     for _ in range(FITS):
         try:
             fits = [Polynomial(s, *r, error) for s, r in zip(springs, ranges, strict=True)]
-            fitted = replace(problem, surrogate=scene.with_springs(fits))
+            fitted = changed(problem, surrogate=scene.with_springs(fits))
             there, seen = march(_trial(fitted), run.steps, 1.0, coarse.instants)
         except RangeError:
             raise
@@ -400,12 +418,14 @@ def with_polynomials(problem, coarse, tol, margin):
 def saved(problem, run, tol):
     """Seconds that fitted forces save, roughly, in all runs that a tolerance takes."""
     scene, order = problem.scene, problem.method.order
-    springs, count = scene.spring_table.different, np.bincount(scene.spring_table.group.ravel())
-    fitted = cost(PolynomialLaw(DEGREES[len(DEGREES) // 2]))
-    gains = [max(cost(spring.law) - fitted, 0.0) for spring in springs]
+    if scene.remembered.gain is None:
+        springs, count = scene.spring_table.different, np.bincount(scene.spring_table.group.ravel())
+        fitted = cost(PolynomialLaw(DEGREES[len(DEGREES) // 2]))
+        gains = [max(cost(spring.law) - fitted, 0.0) for spring in springs]
+        scene.remembered.gain = float(np.dot(gains, count))
     steps = run.steps * max(tol ** (-1 / order), 1.0)
-    calls = steps * problem.method.stages * count
-    return float(np.dot(gains, calls)) - PER_FIT * len(springs)
+    calls = steps * problem.method.stages
+    return calls * scene.remembered.gain - PER_FIT * len(scene.spring_table)
 
 
 def _widened(spring, low, high, margin):

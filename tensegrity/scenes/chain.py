@@ -8,6 +8,7 @@ carries the constant preload, because potentials are measured from the loaded eq
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     import sympy as sp
     from numpy.typing import ArrayLike
 
+    from tensegrity.engine.energies import ChainEnergies
     from tensegrity.scenes.forcing import Damping, Drive
     from tensegrity.typing import Array
 
@@ -177,9 +179,17 @@ class Chain(Scene):
 
     def energies(self, u: Array, v: Array) -> Array:
         """Total energy [J] of each of many states; u and v (..., sites)."""
+        compiled = self._compiled_energies
+        found = None if compiled is None else compiled(u, v)
+        if found is not None:
+            return found
         with np.errstate(over="ignore"):  # to inf, which `check` refuses
             kinetic = 0.5 * np.sum(self.mass * v**2, axis=-1)
         return kinetic + np.sum(self.bond_energy(u), axis=-1)
+
+    @cached_property
+    def _compiled_energies(self) -> ChainEnergies | None:
+        return self.spring_table.energies(self.mass)
 
     def site_energy(self, u: Array, v: Array) -> Array:
         """Kinetic energy of each site and half that of its bonds [J]; (..., sites)."""

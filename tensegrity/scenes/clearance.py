@@ -74,9 +74,10 @@ class Clearance:
         return np.concatenate(near)
 
     def pair_gaps(self, x: Array, pairs: Indices) -> Array:
-        """Gap of each pair [m], overlap < 0."""
+        """Gap of each pair [m], overlap < 0, at places x (..., sites, dim)."""
         i, j = pairs.T
-        return np.linalg.norm(x[j] - x[i], axis=1) - self.radius[i] - self.radius[j]
+        apart = np.linalg.norm(x[..., j, :] - x[..., i, :], axis=-1)
+        return apart - self.radius[i] - self.radius[j]
 
     def wall_gaps(self, x: Array, pairs: Indices) -> Array:
         """Gap of each (site, wall) [m], to the nearest point of the wall."""
@@ -101,11 +102,41 @@ class Clearance:
         return inside, self._by_wall(x, listed, lambda wall, at: wall.height(at))
 
     def _by_wall(self, x: Array, pairs: Indices, function: Callable[[Wall, Array], Array]) -> Array:
-        result = np.empty(len(pairs))
+        result = np.empty((*x.shape[:-2], len(pairs)))
         for number, wall in enumerate(self.walls):
             members = pairs[:, 1] == number
-            result[members] = function(wall, x[pairs[members, 0]])
+            result[..., members] = function(wall, x[..., pairs[members, 0], :])
         return result
+
+    def room(self, x: Array, moved: Array | float, pairs: Indices, walls: Indices) -> Array:
+        """How far every site may move until something could be wrong [m].
+
+        Parameters
+        ----------
+        x : ndarray, (..., sites, dim)
+        moved : ndarray, (...)
+            How far any site went since `pairs` and `walls` were listed [m].
+        """
+        found = np.asarray(self.skin / 2 - moved)  # what is not in the lists
+        for ways in (self.pair_gaps(x, pairs) / 2, self.wall_gaps(x, walls), self.hold(x)):
+            found = np.asarray(np.minimum(found, np.min(ways, axis=-1, initial=math.inf)))
+        return found
+
+    def is_kept(self, near: tuple[Indices, Indices], u: Array, travel: Array) -> bool:
+        """Whether nothing unlisted can have touched between instants of a run.
+
+        Parameters
+        ----------
+        near : tuple of ndarray of int
+            Unlisted `pairs` and `wall_pairs` at the first.
+        u : ndarray, (instants + 1, sites, dim)
+        travel : ndarray, (instants,)
+            Bound on how far any coordinate of a site moved from each to the next [m].
+        """
+        x = self.positions + u
+        moved = np.sqrt(np.max(np.sum((u - u[0]) ** 2, axis=-1), axis=-1))
+        room = self.room(x, moved, *near)
+        return bool(np.all(math.sqrt(self.dim) * travel < room[:-1]))
 
     def check(self, u: Array) -> None:
         """Refuse displacements at which something unlisted touches."""
@@ -165,12 +196,7 @@ class Tracker:
         if moved > of.skin / 4:
             self._list(u)
             moved = 0.0
-        self._left = self._room = min(
-            of.skin / 2 - moved,  # what is not in the lists
-            np.min(of.pair_gaps(x, self._pairs), initial=math.inf) / 2,
-            np.min(of.wall_gaps(x, self._walls), initial=math.inf),
-            np.min(of.hold(x), initial=math.inf),
-        )
+        self._left = self._room = float(of.room(x, moved, self._pairs, self._walls))
 
     def share(self, travel: float) -> float:
         """The way that sites went, over the way they may go; `travel` bounds each coordinate."""

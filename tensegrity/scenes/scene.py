@@ -93,9 +93,15 @@ class Remembered:
         Angular frequencies [rad/s] expected with energies [J] in one bond.
     tuned : dict of float to Tuned
         Springs that change, prepared for runs of some duration [s].
+    gain : float or None
+        Seconds that fitted forces save in one evaluation of all, roughly.
+    plans : dict of Method to list
+        Loops that are prepared for runs, and not in use.
     """
 
     def __init__(self) -> None:
+        self.gain: float | None = None
+        self.plans: dict[Method, list[Any]] = {}
         self.ranges: list[tuple[Array, Array, float]] = []
         self.starts: dict[float, float] = {}
         self.tuned: dict[float, Any] = {}
@@ -142,6 +148,8 @@ class Scene(ReadOnly):
         Dashpots.
     tune : dict of str to expression
         Arguments of the springs that depend on time.
+    at_once : bool
+        Whether a whole run may be one call of its loops: not where somebody follows these.
     """
 
     step_share: float = 1.0
@@ -154,6 +162,7 @@ class Scene(ReadOnly):
     drive: Mapping[int, Drive] = FixedDict()
     damping: Damping | None = None
     tune: Mapping[str, Any] = FixedDict()
+    at_once: bool = True
     sites: int
     dim: int
     mass: Array
@@ -204,12 +213,12 @@ class Scene(ReadOnly):
         """The different springs, and which bond has which."""
         return Springs(self.springs, lengths=self.spring_lengths)
 
-    @property
+    @cached_property
     def smooth(self) -> bool:
         """Whether the derivatives of no spring jump."""
         return all(spring.smooth for spring in self.spring_table.different)
 
-    @property
+    @cached_property
     def opens(self) -> bool:
         """Whether some contact can open, of an exponent for which steps are corrected."""
         return self.follows or bool(is_treated(self.spring_table.openings[:, 2]).any())
@@ -276,6 +285,8 @@ class Scene(ReadOnly):
     def present_ranges(self, u: Array) -> Array:
         """Smallest and largest elongation, 0 included, of each different spring; (springs, 2)."""
         r, group = self.stretch(u), self.spring_table.group
+        if len(self.spring_table) == 1:
+            return np.array([[min(float(r.min()), 0.0), max(float(r.max()), 0.0)]])
         group = np.broadcast_to(group.reshape(*group.shape, *[1] * (r.ndim - group.ndim)), r.shape)
         ranges = by_spring(group.ravel(), len(self.spring_table), r.ravel(), r.ravel())
         return np.stack([np.minimum(ranges[:, 0], 0), np.maximum(ranges[:, 1], 0)], axis=1)

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tensegrity.engine.compiled import Compiled
+from tensegrity.engine.energies import ChainEnergies
 from tensegrity.engine.kernel import kernel
 from tensegrity.errors import StabilityError, TensegrityError
 from tensegrity.readonly import fixed
@@ -92,9 +94,34 @@ class Springs:
         return fixed(np.array(rows, dtype=float).reshape(-1, 4))
 
     @cached_property
+    def _corners(self):
+        """Places of openings, (springs,), exponents there, and the numbers of other springs
+        whose forces have corners; whether there is any of these."""
+        place, _, exponent, _ = self.openings.T
+        numbers = np.flatnonzero(np.isnan(place)).tolist()
+        far = -np.inf, np.inf
+        others = [k for k in numbers if self.different[k].opens_within(*far) is not None]
+        return place, exponent, others, len(numbers) < len(self) or bool(others)
+
+    def opened_within(self, met: Array) -> set[float]:
+        """Exponents of the forces at corners between elongations met (springs, 2) [m], as of
+        `Potential.opens_within`."""
+        place, exponent, others, any_has = self._corners
+        if not any_has:
+            return set()
+        found = set(exponent[(met[:, 0] <= place) & (place <= met[:, 1])].tolist())
+        each = (self.different[k].opens_within(*met[k].tolist()) for k in others)
+        return found | {exponent for exponent in each if exponent is not None}
+
+    @cached_property
     def reach(self) -> Any:
         """Lowest and highest elongation that a run can follow [m]; (springs, 2)."""
         return fixed(np.array([spring.reach for spring in self.different]).reshape(-1, 2))
+
+    @cached_property
+    def force(self) -> str:
+        """What the tensions are computed by."""
+        return ", ".join(dict.fromkeys(spring.force for spring in self.different))
 
     @cached_property
     def domains(self) -> Array:
@@ -144,6 +171,19 @@ class Springs:
         group = self.group.ravel()
         each = zip(self._alike, self._columns, strict=True)
         return tuple(_Alike(self, numbers[0], group[columns]) for numbers, columns in each)
+
+    def energies(self, mass: Array) -> ChainEnergies | None:
+        """The energies of a chain with these bonds; None where no compiled loop has them."""
+        found = []
+        for one, numbers, columns in zip(self._sets, self._alike, self._columns, strict=True):
+            first = self.different[numbers[0]]
+            loop = kernel((first.law,))
+            if not (isinstance(loop, Compiled) and "energy" in first.law.compiled):
+                return None
+            rows = numbers[:1] if one.is_one else self.group[columns]
+            values = first.values if one.is_one else one.values
+            found.append((loop, values, self.reach[rows].T, columns))
+        return ChainEnergies(mass, found)
 
     def _each(self, name, r, numbers):
         """The same of different springs at points r (points, numbers)."""
@@ -256,6 +296,11 @@ class _Alike:
             laws, law, parameters = springs.table
             self.law, self.values = laws[law[first]], np.ascontiguousarray(parameters[group].T)
             self._low, self._high = springs.domains[group].T
+
+    @property
+    def is_one(self):
+        """Whether all are one spring."""
+        return self._one is not None
 
     def evaluate(self, name, r):
         """Energy [J], tension [N] or stiffness [N/m] at elongations r (..., bonds)."""

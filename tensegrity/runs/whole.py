@@ -1,0 +1,164 @@
+"""A whole short run in one call of the compiled loop, and proved afterwards.
+
+What a march looks at block by block is looked at once, at the end: whether all elongations met
+were within the domains and not too stiff for the step, whether all numbers are finite, whether no
+unlisted contact can have formed.  Where anything of it is not so nothing was done: the march, which
+says when and where, has to do it again.  The steps are those of the march, to the last bit.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tensegrity.engine.compiled import BoundLine, BoundNet
+from tensegrity.engine.methods import Corrected, Splitting
+from tensegrity.engine.walk import Plan
+from tensegrity.once import once
+from tensegrity.runs.guard import Guard
+from tensegrity.runs.loops import parts
+from tensegrity.runs.record import INSTANTS
+from tensegrity.runs.rows import need_memory
+from tensegrity.runs.run import Run
+from tensegrity.scenes.scene import known_state
+
+SPARE = 4  # prepared loops that a scene keeps for each method: one for each thread at work
+LARGEST = 200_000  # numbers in u of a scene that keeps them
+
+
+class Whole:
+    """A run that ended well; a `Run` once that is asked for.
+
+    Attributes
+    ----------
+    steps : int
+    met : ndarray, (springs, 2)
+        Smallest and largest elongation met [m], 0 included.
+    seen : tuple of ndarray, (instants + 1, *shape)
+        u and v at evenly spaced instants.
+    """
+
+    complete = True
+
+    def __init__(self, problem, dt, steps, met, seen, every, rows):
+        self._problem, self._dt, self.steps, self.met = problem, dt, steps, met
+        self.seen, self._every, self._rows = seen, every, rows
+
+    @property
+    def has_rows(self):
+        """Whether rows were kept."""
+        return self._rows is not None
+
+    def run(self):
+        """The run, with the energies of its rows."""
+        problem, ((u, v), impulse) = self._problem, self._rows
+        scene, sites = problem.scene, problem.record.sites
+        at = np.arange(0, self.steps + self._every, self._every)
+        at[-1] = self.steps
+        energy, final = scene.energies(u, v), known_state(u[-1].copy(), v[-1].copy())
+        if sites is None:
+            sites = _sites(scene.sites)
+        else:
+            u, v = u[:, list(sites)], v[:, list(sites)]
+        return Run(
+            scene, at * (problem.t_end / self.steps), u, v, energy, final, problem.method.name,
+            self._dt, self.steps, sites, impulse=impulse if scene.wall_count else None,
+            force=problem.force, met=self.met,
+        )  # fmt: skip
+
+
+@once
+def _sites(count):
+    return tuple(range(count))
+
+
+def whole(problem, steps, most, allowed=1.0, instants=0):
+    """Run with one step, or None where it has to be done with care.
+
+    Parameters
+    ----------
+    problem : Problem
+    steps : int
+    most : int
+        Steps that may go together.
+    allowed : float
+        Share of the stability limit.
+    instants : int
+        Evenly spaced ones to be compared with other runs, besides the first.
+
+    Returns
+    -------
+    Whole or None
+    """
+    record, scene = problem.record, problem.moved
+    if (
+        not 0 < steps <= most
+        or scene.follows
+        or scene.is_driven
+        or not (record.is_plain and scene.at_once)
+    ):
+        return None
+    plans = scene.remembered.plans.setdefault(problem.method, [])
+    try:
+        plan = plans.pop()
+    except IndexError:
+        plan = prepared(scene, problem.method)
+    if plan is None:
+        return None
+    try:
+        return _run(plan, problem, steps, allowed, instants)
+    finally:
+        if len(plans) < SPARE and math.prod(scene.shape) <= LARGEST:
+            plans.append(plan)
+
+
+def prepared(scene, method):
+    """A plan for a scene and a method; None where its steps are not in one compiled loop."""
+    if not isinstance(method, (Splitting, Corrected)):
+        return None
+    rest = np.zeros(scene.shape)
+    moved = scene.arrays(known_state(rest, rest))
+    first, others, close = parts(method)
+    enter, leave = method.processor or (None, None)
+    each = (enter, True), (first if close else None, True), (others, True)
+    loops = []
+    for rows, here in (*each, (close, False), (leave, False)):
+        u, v = moved if here else (np.empty_like(x) for x in moved)
+        loops.append(rows and scene.bind(u, v, rows, 1.0))
+        if rows and type(loops[-1]) not in (BoundLine, BoundNet):
+            return None
+    return Plan(rest.size, scene.wall_count * scene.dim, *loops)
+
+
+def _run(plan, problem, steps, allowed, instants):
+    scene, state, shape = problem.moved, problem.state, problem.scene.shape
+    dt, every, rows, seen, ways = problem.t_end / steps, 0, None, None, None
+    if problem.rows:
+        every = problem.record.every or max(1, -(-steps // INSTANTS))
+        count = -(-steps // every) + 1
+        need_memory(count * 2 * state.u.nbytes)
+        rows = np.empty((2, count, *shape)), np.zeros((count, scene.wall_count, *shape[1:]))
+    if instants:
+        seen, ways = np.empty((2, instants + 1, *shape)), np.empty(instants)
+    apart, looks = (steps // instants, (seen, ways)) if instants else (0, None)
+    if not plan.run(dt, steps, state.u, state.v, every, rows, apart, looks):
+        return None
+    met = plan.met
+    guard = Guard(problem, scene, dt, allowed)
+    if not (guard.is_known(met) or (guard.is_inside(met) and guard.allows(met))):
+        return None
+    if scene.clearance is not None and not _is_clear(problem, plan, seen, ways):
+        return None
+    np.minimum(met[:, 0], 0, out=met[:, 0])
+    np.maximum(met[:, 1], 0, out=met[:, 1])
+    return Whole(problem, dt, steps, met, seen, every, rows)
+
+
+def _is_clear(problem, plan, seen, ways):
+    """Whether no contact that is not listed can have formed."""
+    if seen is None:
+        u, travel = np.stack([problem.state.u] * 2), np.array([plan.travel])
+    else:
+        u, travel = seen[0], np.diff(ways, prepend=0.0)
+    return problem.scene.clearance.is_kept(problem.near, u, travel)

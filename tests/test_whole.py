@@ -1,0 +1,192 @@
+"""Runs in one call of the loop: the bits of careful ones, and what sends them back to these."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from networks import SPRING, patch, pushed
+from scenes import prism_chain, smooth_blow
+
+from tensegrity import (
+    Chain,
+    ContactError,
+    Network,
+    Potential,
+    PowerLaw,
+    Prism,
+    Record,
+    simulate,
+)
+from tensegrity.engine.walk import largest_gap
+from tensegrity.errors import LockingError, StabilityError
+from tensegrity.runs import march, tolerance, whole
+from tensegrity.scenes.scene import State
+
+pytestmark = pytest.mark.needs_compiler
+FIELDS = ("t", "u", "v", "energy", "met", "impulse")
+
+
+def unequal():
+    """Springs of two laws and of many parameters."""
+    prism, rng = Prism(1.0, 0.7, 0.01, 1.0).potential(), np.random.default_rng(3)
+    stiff = [PowerLaw(rng.uniform(1, 2), 1.5, preload=0.1) for _ in range(20)]
+    chain = Chain([*stiff, *[prism] * 9, stiff[0]], 31, rng.uniform(1, 2, 31))
+    return chain, chain.at_rest({0: 0.02, 25: 0.01})
+
+
+SCENES = {
+    "chain": lambda: (prism_chain(20), smooth_blow(prism_chain(20))),
+    "unequal": unequal,
+    "network": lambda: (patch(), pushed(patch())),
+}
+
+
+def both(monkeypatch, call):
+    """What a call gives at once, and with care."""
+    at_once = call()
+    with monkeypatch.context() as m:
+        m.setattr(march, "STRIDE", 0)
+        return at_once, call()
+
+
+@pytest.mark.parametrize("record", [None, Record(every=7), Record(every=5, sites=[3, 1])])
+@pytest.mark.parametrize("method", ["verlet", "rkn6", "processed6", "corrected6"])
+@pytest.mark.parametrize("name", SCENES)
+def test_a_run_at_once_has_the_bits_of_a_careful_one(monkeypatch, name, method, record):
+    scene, state = SCENES[name]()
+    given = {"dt": 0.1, "method": method, "record": record}
+    made = []
+    monkeypatch.setattr(march, "whole", lambda *a: made.append(whole.whole(*a)) or made[-1])
+    one, other = both(monkeypatch, lambda: simulate(scene, state, 4.0, **given))
+    assert [x is None for x in made] == [False, True]
+    for field in FIELDS:
+        found = getattr(one, field), getattr(other, field)
+        assert np.array_equal(*found) or found == (None, None), field
+    assert np.array_equal(one.final.u, other.final.u)
+    assert np.array_equal(one.final.v, other.final.v)
+    assert (one.steps, one.dt, one.sites, one.force) == (
+        other.steps, other.dt, other.sites, other.force,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_tolerance_is_met_by_the_same_run_with_care(monkeypatch, name):
+    scene, state = SCENES[name]()
+    one, other = both(monkeypatch, lambda: simulate(scene, state, 6.0, tol=1e-6))
+    assert (one.steps, one.method) == (other.steps, other.method)
+    assert one.error_estimate == pytest.approx(other.error_estimate, rel=1e-12)
+    assert np.array_equal(one.u, other.u)
+
+
+def test_energies_are_those_of_the_springs_one_by_one():
+    chain, _ = unequal()
+    rng = np.random.default_rng(0)
+    u, v = rng.normal(0, 1e-3, (5, chain.sites)), rng.normal(0, 0.1, (5, chain.sites))
+    wanted = [
+        sum(float(s.energy(r)) for s, r in zip(chain.springs, np.diff(x), strict=True))
+        + sum(m * y**2 / 2 for m, y in zip(chain.mass, v[k], strict=True))
+        for k, x in enumerate(u)
+    ]
+    np.testing.assert_allclose(chain.energies(u, v), wanted, rtol=1e-13)
+    assert chain.energy(State(u[2], v[2])) == chain.energies(u, v)[2]
+    np.testing.assert_allclose(chain.energies(np.asfortranarray(u), v), wanted, rtol=1e-13)
+
+
+def test_an_elongation_out_of_its_domain_has_no_energy():
+    chain = prism_chain(8)
+    u = np.zeros((2, 8))
+    u[1, 3:] = 1.01 * chain.springs[0].domain[0]
+    with pytest.raises(LockingError):
+        chain.energies(u, np.zeros((2, 8)))
+
+
+def test_what_is_too_stiff_for_the_step_is_told_as_with_care(monkeypatch):
+    """A spring that stiffens: stable at first, not where the run goes, which is finite."""
+    import sympy as sp
+
+    r = sp.Symbol("r")
+    chain = Chain(Potential(r**2 / 2 + 50 * r**4, r), 6)
+
+    def error():
+        with pytest.raises(StabilityError) as caught:
+            simulate(chain, chain.at_rest({0: 1.5}), 2.4, dt=0.8)
+        return str(caught.value), len(caught.value.run.t)
+
+    one, other = both(monkeypatch, error)
+    assert one == other
+
+
+@pytest.mark.filterwarnings("ignore:.*encountered:RuntimeWarning")
+def test_a_run_that_overflows_is_told_as_with_care(monkeypatch):
+    """Two bodies that never meet go out of what a number can say; no elongation shows it."""
+    chain = Chain(PowerLaw(1.0, 1.5), 2)
+    state = State([0.0, 1.0], [1e150, 1e150])
+
+    def error():
+        with pytest.raises(StabilityError) as caught:
+            simulate(chain, state, 1e200, dt=1e199)
+        return str(caught.value), len(caught.value.run.t)
+
+    one, other = both(monkeypatch, error)
+    assert one == other
+
+
+def test_contacts_that_are_not_listed_are_found_between_instants(monkeypatch):
+    """Two beads that graze each other while a third pair, far away, sets the pace."""
+    places = [[0.0, 0.0], [1.0, 0.0], [0.0, 9.0], [3.0, 9.2]]
+    network = Network(places, [(0, 1)], SPRING, radius=0.5)
+    state = network.at_rest({0: (0.1, 0.0), 2: (1.0, 0.0)})
+
+    def error():
+        with pytest.raises(ContactError) as caught:
+            simulate(network, state, 8.0, tol=1e-4)
+        return str(caught.value)
+
+    one, other = both(monkeypatch, error)
+    assert one == other
+    assert "sites 2 and 3" in one
+
+
+def test_a_bead_that_stays_near_others_is_run_at_once(monkeypatch):
+    network = Network([[0.0, 0.0], [1.0, 0.0], [1.0, 1.3]], [(0, 1)], SPRING, radius=0.5)
+    made = []
+    monkeypatch.setattr(march, "whole", lambda *a: made.append(whole.whole(*a)) or made[-1])
+    one, other = both(
+        monkeypatch,
+        lambda: simulate(network, network.at_rest({0: (0.1, 0.0)}), 2.0, tol=1e-4),
+    )
+    assert made[0] is not None
+    assert np.array_equal(one.u, other.u)
+
+
+@pytest.mark.parametrize("count", [1, 7, 16, 50])
+def test_the_largest_gap_is_that_of_u_or_of_v(count):
+    rng = np.random.default_rng(count)
+    for k in range(2 * count):
+        one = rng.normal(0, 1, (2, count))
+        other = one.copy()
+        other.flat[k] += 3.0
+        wanted = max(np.max(np.abs(one - other), axis=1) / np.max(np.abs(other), axis=1))
+        assert largest_gap(one, other) == pytest.approx(wanted)
+        assert largest_gap(one, other) == tolerance.largest_gap(one, other)
+    assert largest_gap(np.ones((2, count)), np.zeros((2, count))) == 1.0
+
+
+def test_a_run_between_tells_what_far_coarser_ones_cannot(monkeypatch):
+    """Cheaper than a finer one: what is there turns out to be good enough."""
+    prism = Prism(1.0, 0.7, 0.01, 1.0).potential()
+    chain, steps = Chain(prism, 60), []
+    energy = 0.9 * float(prism.energy(prism.domain[0]))
+    refined = tolerance.refined
+    monkeypatch.setattr(
+        tolerance, "refined", lambda p, n, *rest: steps.append(n) or refined(p, n, *rest)
+    )
+    run = simulate(chain, chain.at_rest({30: np.sqrt(2 * energy)}), 40.0, tol=1e-9)
+    assert any(later < sooner for sooner, later in pairwise(steps))
+    fine = simulate(
+        chain, chain.at_rest({30: np.sqrt(2 * energy)}), 40.0, dt=run.dt / 4, method="rkn6",
+        record=Record(every=4 * -(-run.steps // 500)),
+    )  # fmt: skip
+    gaps = [np.max(np.abs(getattr(run, n) - getattr(fine, n))) for n in ("u", "v")]
+    assert gaps[0] < 1e-9 * np.max(np.abs(fine.u))
+    assert gaps[1] < 1e-9 * np.max(np.abs(fine.v))
