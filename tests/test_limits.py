@@ -129,7 +129,7 @@ def test_the_classical_method_loses_energy_as_predicted_and_symplectic_ones_do_n
 
 @pytest.mark.needs_extended
 def test_round_off_of_the_energy_is_a_random_walk_and_drift_makes_it_worse():
-    tables = limits_round_off.data(steps=4000)
+    tables = limits_round_off.data(steps=16_000)
     for name, expected in limits_round_off.EXPECTED.items():
         assert limits_round_off.powers(tables, name) == pytest.approx(expected, abs=0.35)
     assert tables["drifting"]["energy"][-1] > 100 * tables["at_rest"]["energy"][-1]
