@@ -568,6 +568,7 @@ def test_interrupt_between_strides_keeps_their_rows(monkeypatch, at):
     whole = simulate(chain, smooth_blow(chain), 40.0, dt=0.1, record=Record(every=7))
     monkeypatch.setattr(march, "BLOCK", 1)  # the fewest steps that go together
     monkeypatch.setattr(march, "STRIDE", 1)
+    monkeypatch.setattr(march, "WHOLE", 0)  # a run that is done at once has no strides
     monkeypatch.setattr(march._Watch, "stride", interrupted)
     run = simulate(chain, smooth_blow(chain), 40.0, dt=0.1, record=Record(every=7))
     assert not run.complete
