@@ -358,7 +358,7 @@ class _Moving:
         last, before = -u[:, 1], -u[:, 2]
         squeeze, pull = np.maximum(before - last, 0.0), np.maximum(last, 0.0)
         near, far = self._table[:, 0].reshape(self._springs.shape)[:2]
-        push = far * squeeze**EXPONENT - near * pull**EXPONENT
+        push = far * squeeze * np.sqrt(squeeze) - near * pull * np.sqrt(pull)  # `EXPONENT`
         return last, self._kick * self._weights[1] * push - v[:, 1]
 
     def _advance(self, steps: int, u: Array, v: Array) -> None:
