@@ -136,7 +136,8 @@ def draw(figure, tables):
             ax.axhline(top, color="0.6", lw=0.8, ls="--")
             ax.set_ylim(0, 1.15 * top)
             ax.set_title(TITLES[name], fontsize=10)
-            ax.legend(fontsize=8, loc="center left" if ax is left else "lower left")
+            beside = {"loc": "lower right", "bbox_to_anchor": (0.92, 0)}  # the modes at the edge
+            ax.legend(fontsize=8, **(beside if ax is left else {"loc": "lower left"}))
 
 
 def table(tables):
