@@ -49,7 +49,8 @@ if TYPE_CHECKING:
     from tensegrity.scenes.forcing import Damping, Drive
     from tensegrity.typing import Array
 
-AT_ONCE = 2_000_000  # contacts times rows of one evaluation: some tens of megabytes
+AT_ONCE = 2_000_000  # contacts times rows of one list: some tens of megabytes
+IN_CACHE = 20_000  # contacts times rows whose energies are computed together
 
 
 class Network(Scene):
@@ -490,7 +491,10 @@ class Network(Scene):
         rows = len(u), -1
         with np.errstate(over="ignore"):  # to inf, which `check` refuses
             kinetic = 0.5 * np.sum((self.mass[:, None] * v**2).reshape(rows), axis=-1)
-        stored = np.sum(self._per_contact("energy", u), axis=-1)
+        some = max(IN_CACHE // max(len(self.bonds) + len(self.wall_contacts), 1), 1)
+        parts = [np.sum(self._per_contact("energy", u[k : k + some]), axis=-1)
+                 for k in range(0, len(u), some)]  # fmt: skip
+        stored = np.concatenate(parts) if parts else np.zeros(0)
         return kinetic + stored - np.sum((self.loads * u).reshape(rows), axis=-1)
 
     def site_energy(self, u: Array, v: Array) -> Array:
