@@ -23,6 +23,7 @@ from tensegrity import (
     Wall,
     simulate,
 )
+from tensegrity.engine import forces
 from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.interpreted import Interpreted
 from tensegrity.engine.kernel import bind
@@ -430,3 +431,14 @@ def test_recorded_sites_and_a_file_keep_all_coordinates(tmp_path):
     assert run.u.shape == rows["v"].shape == (11, 2, 2)
     assert rows["impulse"].shape == (11, 2, 2)
     np.testing.assert_array_equal(run.u[-1, 1], run.final.u[0])
+
+
+@pytest.mark.parametrize("part", [1, 7])
+def test_elongations_and_energies_in_parts_have_the_same_bits(monkeypatch, part):
+    scene = fork()
+    u = 1e-6 * np.random.default_rng(3).standard_normal((5, *scene.shape))
+    whole = scene.stretch(u), scene.energies(u, u)
+    monkeypatch.setattr(forces, "PART", part)
+    monkeypatch.setattr("tensegrity.scenes.network.IN_CACHE", part)
+    np.testing.assert_array_equal(scene.stretch(u), whole[0])
+    np.testing.assert_array_equal(scene.energies(u, u), whole[1])

@@ -386,42 +386,17 @@ class BoundNet(_Bound):
     """
 
     def __init__(self, loop, u, v, bonds, method, dt, pieces=1):
-        runs, contacts, found = bonds.runs, bonds.contacts, slices(bonds)
-        source, dim, sites = runs.source, loop.dim, len(contacts.load)
-        real = source >= 0
-        filled, spare = np.where(real, source, 0), contacts.rows - 1
-        place = np.zeros((dim + 2, len(source)))
-        place[0], place[-1] = 1, 1  # a bond of length 1 m at rest, between the spare row and itself
-        place[:, real] = contacts.geometry[:, source[real]]
-        entries = replace(runs, source=source[found.contact], first=found.first)
-        shared, own, own_at = loop.parameters(bonds, entries)
-        gaps, gap_at, gap_each = _varying(place[dim, found.contact], found.first)
-        lengths, length_at, length_each = _varying(place[-1, found.contact], found.first)
-        places = np.zeros((contacts.rows + 1, dim))
-        places[:sites] = contacts.positions
-        other = found.other * dim
-        weights = contacts.weights(bonds.inverse_mass)
-        for k in np.flatnonzero(runs.kind == WALL):
-            part = slice(*found.first[k : k + 2])
-            other[part] = found.contact[part]
+        if loop not in bonds.laid:
+            bonds.laid[loop] = self._lay(loop, bonds)
+        found, entries, (weights, before, behind) = bonds.laid[loop]
+        runs, contacts, dim = bonds.runs, bonds.contacts, loop.dim
+        count, sites = len(runs.source), len(contacts.load)
         self._set_ranges(bonds, entries, pieces, loop.dtype)
         self._travel = np.zeros(1, dtype=loop.dtype)
         self._kicks, self._drifts, *counts = _rows(method, dt, loop.dtype)
-        count = len(source)
         arrays = [
-            u, v, loop.numbers(weights), loop.numbers(weights[:, 0]),
-            loop.numbers(contacts.loads()), loop.numbers(place), shared, own, self._kicks,
-            self._drifts, self._travel,
-            _integers(dim * np.where(real, contacts.first[filled], spare)),
-            _integers(dim * np.where(real, contacts.second[filled], spare)),
-            _integers(runs.first), _integers(4 * runs.law + 2 * runs.kind + runs.own),
-            loop.numbers(places), np.zeros_like(u), _integers(found.slice),
-            (found.site * dim).astype(np.int32), _integers(found.depth), _integers(found.begin),
-            other.astype(np.int32), _integers(found.first), own_at, loop.numbers(gaps),
-            loop.numbers(lengths), gap_at, length_at, gap_each, length_each,
-            _integers(found.held), found.taker.astype(np.int32), _in_store(found.taken, dim),
-            _integers(found.taken_at),
-            np.zeros(pieces * found.store * dim * GROUP, dtype=loop.dtype),
+            u, v, *weights, self._kicks, self._drifts, self._travel, *before, np.zeros_like(u),
+            *behind, np.zeros(pieces * found.store * dim * GROUP, dtype=loop.dtype),
             np.zeros((count + contacts.rows - sites, dim), dtype=loop.dtype), self._low, self._high,
             self._met_at, np.zeros(pieces, dtype=loop.dtype), np.zeros(16, dtype=np.int64),
         ]  # fmt: skip
@@ -440,8 +415,43 @@ class BoundNet(_Bound):
         whole = structure(0, 0, found.tiles, 0, 1)
         kept = ("low", self._low), ("high", self._high), ("travel", self._travel)
         self.kept = [(whole, *one) for one in kept]
-        self._set_steps(loop, whole, arrays, bonds, method, dt, dim * sites, source)
+        self._set_steps(loop, whole, arrays, bonds, method, dt, dim * sites, runs.source)
         self.forget_range()
+
+    def _lay(self, loop, bonds):
+        """What does not depend on the motion and the method: kept for the next time."""
+        runs, contacts, found = bonds.runs, bonds.contacts, slices(bonds)
+        source, dim, sites = runs.source, loop.dim, len(contacts.load)
+        real = source >= 0
+        filled, spare = np.where(real, source, 0), contacts.rows - 1
+        place = np.zeros((dim + 2, len(source)))
+        place[0], place[-1] = 1, 1  # a bond of length 1 m at rest, between the spare row and itself
+        place[:, real] = contacts.geometry[:, source[real]]
+        entries = replace(runs, source=source[found.contact], first=found.first)
+        shared, own, own_at = loop.parameters(bonds, entries)
+        gaps, gap_at, gap_each = _varying(place[dim, found.contact], found.first)
+        lengths, length_at, length_each = _varying(place[-1, found.contact], found.first)
+        places = np.zeros((contacts.rows + 1, dim))
+        places[:sites] = contacts.positions
+        other = found.other * dim
+        weights = contacts.weights(bonds.inverse_mass)
+        for k in np.flatnonzero(runs.kind == WALL):
+            part = slice(*found.first[k : k + 2])
+            other[part] = found.contact[part]
+        arrays = (
+            [loop.numbers(weights), loop.numbers(weights[:, 0]), loop.numbers(contacts.loads()),
+             loop.numbers(place), shared, own],
+            [_integers(dim * np.where(real, contacts.first[filled], spare)),
+             _integers(dim * np.where(real, contacts.second[filled], spare)),
+             _integers(runs.first), _integers(4 * runs.law + 2 * runs.kind + runs.own),
+             loop.numbers(places)],
+            [_integers(found.slice), (found.site * dim).astype(np.int32), _integers(found.depth),
+             _integers(found.begin), other.astype(np.int32), _integers(found.first), own_at,
+             loop.numbers(gaps), loop.numbers(lengths), gap_at, length_at, gap_each, length_each,
+             _integers(found.held), found.taker.astype(np.int32), _in_store(found.taken, dim),
+             _integers(found.taken_at)],
+        )  # fmt: skip
+        return found, entries, arrays
 
     def part(self, number, steps):
         """Advance one of the pieces by whole steps, at the same time as all others."""

@@ -6,9 +6,13 @@ out of `u`, as they do not move contacts.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from tensegrity.engine.programs import derived, run
+
+PART = 2**15  # contacts that are done together: what lies between takes ten times their memory
 
 
 def elongations(bonds, u):
@@ -31,7 +35,21 @@ def stretch(bonds, u):
     """The elongations alone."""
     if bonds.contacts is None:
         return np.diff(u, axis=-1)
-    return _stretch(bonds, *_moved(bonds.contacts, u))
+    count = len(bonds.contacts.kind)
+    if count <= PART:
+        return _stretch(bonds, *_moved(bonds.contacts, u))
+    parts = [_part(bonds, slice(k, k + PART)) for k in range(0, count, PART)]
+    return np.concatenate([stretch(part, u) for part in parts], axis=-1)
+
+
+def _part(bonds, members):
+    """The same with some of the contacts only."""
+    of = bonds.contacts
+    kind, first, second = of.kind[members], of.first[members], of.second[members]
+    geometry = of.geometry[:, members]
+    return replace(
+        bonds, contacts=replace(of, kind=kind, first=first, second=second, geometry=geometry)
+    )
 
 
 def _moved(contacts, u):
