@@ -38,11 +38,11 @@ site: $(READY)
 	$(BIN)/python -m sphinx --quiet --fail-on-warning --keep-going -b html docs docs/_build/site
 	@echo "docs/_build/site/index.html"
 
-# Every page of it in a browser, with a few pictures that take seconds.
+# Every page of it in a browser, with a few pictures that take seconds; the live chain against Python.
 site-test: $(READY)
 	$(BIN)/python -m figures start constitutive_rigid granular_fig2 wave_power_law
 	$(MAKE) site
-	$(BIN)/python -m pytest -rs tests/test_site.py
+	$(BIN)/python -m pytest -rs tests/test_site.py tests/test_live.py
 
 bench: $(READY)
 	$(BIN)/python -m pip install --quiet --editable '.[bench]'
