@@ -48,23 +48,29 @@ static const task *shown(const walk *w)
     return copied(&w->leave, copied(&w->close, &w->step, size), size);
 }
 
+/* Go from step `done` to another, the first step by its own loop; the step that was reached. */
+static integer reached(const walk *w, integer done, integer at)
+{
+    const integer size = w->size;
+    if (done == 0 && at > 0 && w->begin.function) {
+        bring(w->begin.u, w->step.u, size);
+        bring(w->begin.v, w->step.v, size);
+        carry_out(&w->begin, 1);
+        bring(w->step.u, w->begin.u, size);
+        bring(w->step.v, w->begin.v, size);
+        done = 1;
+    }
+    if (at > done) carry_out(&w->step, at - done);
+    return at;
+}
+
 /* Go from step `done` to each of `count` others, `at`, and keep the first `sites` numbers of u
    and v there, and the `more` of v from `place` on; of the last one only if `last` is kept too. */
 void go(const walk *w, integer done, const integer *at, integer count, integer last,
         integer sites, double *rows_u, double *rows_v, integer place, integer more, double *extra)
 {
-    const integer size = w->size;
     for (integer k = 0; k < count; k++) {
-        if (done == 0 && at[k] > 0 && w->begin.function) {
-            bring(w->begin.u, w->step.u, size);
-            bring(w->begin.v, w->step.v, size);
-            carry_out(&w->begin, 1);
-            bring(w->step.u, w->begin.u, size);
-            bring(w->step.v, w->begin.v, size);
-            done = 1;
-        }
-        if (at[k] > done) carry_out(&w->step, at[k] - done);
-        done = at[k];
+        done = reached(w, done, at[k]);
         const task *seen = shown(w);
         if (k == count - 1 && !last) return;
         memcpy(rows_u + k * sites, seen->u, sites * sizeof *rows_u);
@@ -125,16 +131,7 @@ integer run(const plan *p, double dt, integer steps, const double *u, const doub
     for (integer done = 0, row = every ? every : steps, other = apart ? apart : steps; done < steps;) {
         if (row > steps) row = steps;
         const integer at = row < other ? row : other;
-        if (done == 0 && w->begin.function) {
-            bring(w->begin.u, w->step.u, size);
-            bring(w->begin.v, w->step.v, size);
-            carry_out(&w->begin, 1);
-            bring(w->step.u, w->begin.u, size);
-            bring(w->step.v, w->begin.v, size);
-            done = 1;
-        }
-        if (at > done) carry_out(&w->step, at - done);
-        done = at;
+        done = reached(w, done, at);
         seen = shown(w);
         if (at == row) {
             row += every ? every : steps;
