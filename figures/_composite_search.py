@@ -20,8 +20,8 @@ from typing import NamedTuple
 import numpy as np
 
 from figures import _composite
-from figures.__main__ import write_table
 from figures._composite import Interface
+from figures._files import write_table
 from tensegrity import (
     Ensemble,
     Prism,
