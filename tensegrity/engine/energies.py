@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity.engine.compiled import Compiled
-from tensegrity.engine.native import library
+from tensegrity.engine.native import address, library
 from tensegrity.once import once
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ class ChainEnergies:
             return None
         total = np.empty(u.shape[:-1])
         scratch = np.empty(2 * sites)
-        pointers = (x.ctypes.data for x in (u, v, scratch, total))
+        pointers = address(u), address(v), address(scratch), address(total)
         return total if self._function(*self._given, total.size, *pointers) else None
 
 

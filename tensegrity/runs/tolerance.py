@@ -17,7 +17,6 @@ from tensegrity.engine.codegen import cost
 from tensegrity.engine.methods import Corrected
 from tensegrity.engine.openings import is_treated
 from tensegrity.errors import LockingError, RangeError, StabilityError, TensegrityError
-from tensegrity.runs import stepping
 from tensegrity.runs.driven import march
 from tensegrity.runs.guard import Guard
 from tensegrity.runs.march import count
@@ -99,12 +98,7 @@ def expected_steps(problem, fraction):
     to meet in one bond."""
     if not problem.t_end:
         return 0
-    scene = problem.scene.likely(problem.state.u)
-    if scene is problem.scene:
-        omega = scene.fastest(problem.expected[1])
-    else:
-        omega = stepping.expected_frequency(scene, problem.state, 1.0)
-    return _steps(problem, fraction, omega)
+    return _steps(problem, fraction, problem.outlook.expected.frequency)
 
 
 def _steps(problem, fraction, omega):
@@ -159,10 +153,10 @@ def _to_tolerance(problem, tol, short):
     """
     if not problem.t_end:
         return march(problem, 0, 1.0)[0]
-    least = _steps(problem, TRIAL, problem.first_frequency)
+    least = _steps(problem, TRIAL, problem.outlook.first_frequency)
     if short is not None and least * (COARSE / tol) ** (1 / short.order) < SHORT:
         problem = changed(problem, method=short)
-        least = _steps(problem, TRIAL, problem.first_frequency)
+        least = _steps(problem, TRIAL, problem.outlook.first_frequency)
     apart = DENSE if problem.scene.smooth else 1
     instants = min(math.ceil(least / apart), max(FEWEST, MOST_KEPT // problem.state.u.size))
     first = Rung.of(_trial(problem), math.ceil(least / instants), instants)
