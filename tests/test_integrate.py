@@ -527,7 +527,7 @@ def test_how_much_an_error_estimate_trusts_the_order():
     """Half of it before it was seen, nearly all of it then, and no more than was seen."""
     chain = prism_chain()
     problem = march.Problem(chain, smooth_blow(chain), 1.0, METHODS["rkn6"], Record())
-    judge = tolerance.Judge(problem, np.array([[-0.01, 0.01]]))
+    judge = tolerance.Judge(problem, np.array([[-0.01, 0.01]]), 1e-6)
     order = 6 - tolerance.SLOWER
     assert judge.estimate([(1 / 2, 1e-6)]) == pytest.approx(1e-6 / (2 ** (order / 2) - 1))
 

@@ -17,10 +17,10 @@ import numpy as np
 from tensegrity.engine.methods import Method, Nystrom
 from tensegrity.errors import ContactError, LockingError, RecordError, StabilityError
 from tensegrity.progress import progress
-from tensegrity.runs.stepping import Outlook
 from tensegrity.runs.book import Book, Checks, Kept, Sound
 from tensegrity.runs.guard import Guard
 from tensegrity.runs.loops import Loop
+from tensegrity.runs.stepping import Outlook
 from tensegrity.runs.whole import whole
 from tensegrity.scenes.clearance import CAUTION
 from tensegrity.scenes.scene import known_state
