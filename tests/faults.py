@@ -599,6 +599,18 @@ FAULTS = (
         "tests/test_whole.py::test_energies_are_those_of_the_springs_one_by_one",
     ),
     Fault(
+        "tensegrity/engine/energies.c",
+        "loads[i] * u[i]",
+        "loads[i] * v[i]",
+        "tests/test_network_energies.py::test_energies_of_rows_are_those_summed_by_hand",
+    ),
+    Fault(
+        "tensegrity/engine/elongations.c",
+        "u[second[i] * DIM + k] - u[first[i] * DIM + k]",
+        "u[second[i] * DIM + k]",
+        "tests/test_network_energies.py::test_energies_of_rows_are_those_summed_by_hand",
+    ),
+    Fault(
         "tensegrity/engine/walk.c",
         "copied(&w->leave, copied(&w->close, &w->step, size), size)",
         "copied(&w->leave, &w->step, size)",

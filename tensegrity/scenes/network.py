@@ -46,6 +46,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from tensegrity.engine.energies import Energies
     from tensegrity.scenes.forcing import Damping, Drive
     from tensegrity.typing import Array
 
@@ -488,6 +489,10 @@ class Network(Scene):
         if self.follows:
             parts = [scene.energies(u[rows], v[rows]) for rows, scene in self.listings(u)]
             return np.concatenate(parts) if parts else np.zeros(0)
+        compiled = self._compiled_energies
+        found = None if compiled is None else compiled(u, v)
+        if found is not None:
+            return found
         rows = len(u), -1
         with np.errstate(over="ignore"):  # to inf, which `check` refuses
             kinetic = 0.5 * np.sum((self.mass[:, None] * v**2).reshape(rows), axis=-1)
@@ -496,6 +501,11 @@ class Network(Scene):
                  for k in range(0, len(u), some)]  # fmt: skip
         stored = np.concatenate(parts) if parts else np.zeros(0)
         return kinetic + stored - np.sum((self.loads * u).reshape(rows), axis=-1)
+
+    @cached_property
+    def _compiled_energies(self) -> Energies | None:
+        mass = np.repeat(self.mass[:, None], self.dim, axis=1)
+        return self.spring_table.energies(mass, self.contact_bonds.contacts)
 
     def site_energy(self, u: Array, v: Array) -> Array:
         """Energy of each site [J]: motion, half its bonds, walls, load; (..., sites)."""
