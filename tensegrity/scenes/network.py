@@ -23,7 +23,7 @@ from tensegrity.errors import TensegrityError
 from tensegrity.notebook import page, wires
 from tensegrity.readonly import fixed
 from tensegrity.scenes.clearance import Clearance
-from tensegrity.scenes.following import Following
+from tensegrity.scenes.following import Following, Listings
 from tensegrity.scenes.forcing import begun
 from tensegrity.scenes.network_input import (
     held_sites,
@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array
 
 AT_ONCE = 2_000_000  # contacts times rows of one list: some tens of megabytes
+LISTS, FEW = 2, 10_000  # lists of contacts that are kept of a scene, and sites up to which
 IN_CACHE = 20_000  # contacts times rows whose energies are computed together
 
 
@@ -220,7 +221,11 @@ class Network(Scene):
         """
         if not self.follows:
             return self
-        return self._listing(*self.clearance.near(np.asarray(u, dtype=float)))
+        return self._listings(*self.clearance.near(np.asarray(u, dtype=float)))
+
+    @cached_property
+    def _listings(self) -> Listings:
+        return Listings(self._listing, LISTS if self.sites <= FEW else 1)
 
     def listings(self, u: Array) -> Iterator[tuple[slice, Self]]:
         """Rows of displacements (T, sites, dim) in turn, each with this scene as it lists all
@@ -231,16 +236,12 @@ class Network(Scene):
         """
         row = 0
         while row < len(u):
-            scene, last = self.listed(u[row]), len(u)
+            scene = self.listed(u[row])
+            most = max(1, AT_ONCE // (len(scene.springs) + 1))
+            last = min(len(u), row + most)
             if self.follows:
                 watch: Any = self.clearance
-                room = watch.skin / 2
-                for last in range(row + 1, len(u)):
-                    if np.max(np.sum((u[last] - u[row]) ** 2, axis=-1)) >= room**2:
-                        break
-                else:
-                    last = len(u)
-            last = min(last, row + max(1, AT_ONCE // (len(scene.springs) + 1)))
+                last = row + watch.lasting(u[row:last])
             yield slice(row, last), scene
             row = last
 
