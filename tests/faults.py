@@ -764,9 +764,9 @@ FAULTS = (
         "tests/test_packs.py::test_the_planar_pack_counts_rows_from_the_top",
     ),
     Fault(
-        "tensegrity/scenes/network.py",
-        "room = watch.skin / 2",
-        "room = np.inf",
+        "tensegrity/scenes/following.py",
+        "moved >= (self.skin / 2) ** 2",
+        "moved >= np.inf",
         "tests/test_packs.py::test_energies_of_a_gas_count_the_contacts_that_formed",
     ),
     Fault(
