@@ -226,12 +226,15 @@ class _Watch:
 
     def _list_anew(self):
         """Go on with the contacts that may form from here on."""
+        listed = self._problem.moved.listed(self._tracker.at)
+        if listed is self._scene:
+            return
         met = dict(zip(self._scene.spring_table.kinds, self.met, strict=True))
         self._fastest = self.fastest
-        self._list(self._problem.moved.listed(self._tracker.at))
+        self._list(listed)
         for row, kind in enumerate(self._scene.spring_table.kinds):
             self.met[row] = met.get(kind, 0.0)
-        self._loop = None
+        self._loop = self._walk = None
 
     @property
     def fastest(self):
@@ -333,8 +336,7 @@ class _Watch:
         if self._loop is None:
             self._begin()
         if self._walk is None:
-            follows = self._problem.scene.follows
-            self._walk = (not follows and self._loop.walk(self._leave)) or False
+            self._walk = self._loop.walk(self._leave) or False
         return self._walk is not False
 
     def most(self):
@@ -369,6 +371,8 @@ class _Watch:
         self.sound = Sound(self._u.copy(), self._v.copy(), end, seen, at_step, kept)
         for loop in loops:
             self._see(loop)
+        if self._tracker is not None and self._tracker.is_new():
+            self._list_anew()
         return True
 
     def _block(self, done, steps):

@@ -49,10 +49,8 @@ class Outlook:
 
     @cached_property
     def near(self) -> tuple[Indices, Indices]:
-        """Pairs of sites, and of sites and walls, that are near at the start and not listed."""
-        clearance = self._scene.clearance
-        x = clearance.positions + self._state.u
-        return clearance.pairs(x), clearance.wall_pairs(x)
+        """What is near at the start and has to be watched."""
+        return self._scene.clearance.watched(self._state.u)
 
 
 class Reach(NamedTuple):

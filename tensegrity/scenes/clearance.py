@@ -60,7 +60,8 @@ class Clearance:
         reach = 2 * self.radius.max() + self.skin
         found = cKDTree(x).query_pairs(reach, output_type="ndarray").reshape(-1, 2)
         found = np.sort(found, axis=1)
-        found = found[~np.isin(found[:, 0] * self.sites + found[:, 1], self._listed)]
+        if len(self._listed):
+            found = found[~np.isin(found[:, 0] * self.sites + found[:, 1], self._listed)]
         return found[self.pair_gaps(x, found) < self.skin]
 
     def wall_pairs(self, x: Array) -> Indices:
@@ -69,7 +70,7 @@ class Clearance:
         for number, wall in enumerate(self.walls):
             sites = np.flatnonzero(wall.distance(x) - self.radius < self.skin)
             listed = self.wall_contacts[self.wall_contacts[:, 1] == number, 0]
-            sites = np.setdiff1d(sites, listed)
+            sites = np.setdiff1d(sites, listed) if len(listed) else sites
             near.append(np.stack([sites, np.full(len(sites), number)], axis=1))
         return np.concatenate(near)
 
@@ -108,6 +109,11 @@ class Clearance:
             result[..., members] = function(wall, x[..., pairs[members, 0], :])
         return result
 
+    def watched(self, u: Array) -> tuple[Indices, Indices]:
+        """What has to be looked at from displacements u on: unlisted `pairs`, and `wall_pairs`."""
+        x = self.positions + u
+        return self.pairs(x), self.wall_pairs(x)
+
     def room(self, x: Array, moved: Array | float, pairs: Indices, walls: Indices) -> Array:
         """How far every site may move until something could be wrong [m].
 
@@ -115,7 +121,7 @@ class Clearance:
         ----------
         x : ndarray, (..., sites, dim)
         moved : ndarray, (...)
-            How far any site went since `pairs` and `walls` were listed [m].
+            How far any site went since `pairs` and `walls` were what is `watched` [m].
         """
         found = np.asarray(self.skin / 2 - moved)  # what is not in the lists
         for ways in (self.pair_gaps(x, pairs) / 2, self.wall_gaps(x, walls), self.hold(x)):
@@ -128,7 +134,7 @@ class Clearance:
         Parameters
         ----------
         near : tuple of ndarray of int
-            Unlisted `pairs` and `wall_pairs` at the first.
+            What is `watched` at the first.
         u : ndarray, (instants + 1, sites, dim)
         travel : ndarray, (instants,)
             Bound on how far any coordinate of a site moved from each to the next [m].
@@ -185,9 +191,8 @@ class Tracker:
         self._look(u)
 
     def _list(self, u: Array) -> None:
-        x = self._of.positions + u
         self._listed_at = u.copy()
-        self._pairs, self._walls = self._of.pairs(x), self._of.wall_pairs(x)
+        self._pairs, self._walls = self._of.watched(u)
 
     def _look(self, u: Array) -> None:
         """Find how far every site may move until something could be wrong."""

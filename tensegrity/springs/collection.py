@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity.engine.compiled import Compiled
-from tensegrity.engine.energies import ChainEnergies
+from tensegrity.engine.energies import Energies
 from tensegrity.engine.kernel import kernel
+from tensegrity.engine.native import CompilerError
 from tensegrity.errors import StabilityError, TensegrityError
 from tensegrity.readonly import fixed
 from tensegrity.springs.potential import Potential
@@ -21,6 +22,7 @@ from tensegrity.springs.potential import Potential
 if TYPE_CHECKING:
     from typing import Any
 
+    from tensegrity.engine.bonds import Contacts
     from tensegrity.typing import Array, Flags, Indices
 
 ORDERS = ("energy", "tension", "stiffness")
@@ -172,8 +174,16 @@ class Springs:
         each = zip(self._alike, self._columns, strict=True)
         return tuple(_Alike(self, numbers[0], group[columns]) for numbers, columns in each)
 
-    def energies(self, mass: Array) -> ChainEnergies | None:
-        """The energies of a chain with these bonds; None where no compiled loop has them."""
+    def energies(self, mass: Array, contacts: Contacts | None = None) -> Energies | None:
+        """The energies of a scene with these bonds; None where no compiled loop has them.
+
+        Parameters
+        ----------
+        mass : ndarray, shape of a state
+            [kg]
+        contacts : Contacts, optional
+            Where the bonds are those of a network.
+        """
         found = []
         for one, numbers, columns in zip(self._sets, self._alike, self._columns, strict=True):
             first = self.different[numbers[0]]
@@ -183,7 +193,10 @@ class Springs:
             rows = numbers[:1] if one.is_one else self.group[columns]
             values = first.values if one.is_one else one.values
             found.append((loop, values, self.reach[rows].T, columns))
-        return ChainEnergies(mass, found)
+        try:
+            return Energies(mass, found, contacts)
+        except CompilerError:  # there was one when the laws were compiled
+            return None
 
     def _each(self, name, r, numbers):
         """The same of different springs at points r (points, numbers)."""
