@@ -181,10 +181,8 @@ class _Clearance(Clearance):
         """Gap of each (site, wall) [m], or the way to it where a bevel is before it."""
         gaps = super().wall_gaps(x, pairs)
         behind = np.array([tuple(pair) in self._behind for pair in pairs.tolist()], dtype=bool)
-        for number in np.unique(pairs[behind, 1]):
-            rows = np.flatnonzero(behind & (pairs[:, 1] == number))
-            beside = self.walls[number].overhang(x[..., pairs[rows, 0], :])
-            gaps[..., rows] = np.maximum(gaps[..., rows], beside)
+        beside = self._by_wall("overhang", x, pairs[behind])
+        gaps[..., behind] = np.maximum(gaps[..., behind], beside)
         return gaps
 
 

@@ -527,8 +527,8 @@ FAULTS = (
     ),
     Fault(
         "tensegrity/scenes/walls.py",
-        "beyond = np.maximum(along - sides, 0)",
-        "beyond = np.maximum(sides - along, 0)",
+        "beyond = np.maximum(self._beyond(x, numbers), 0)",
+        "beyond = np.maximum(-self._beyond(x, numbers), 0)",
         "tests/test_clearance.py::test_an_unlisted_wall_is_noticed",
     ),
     Fault(

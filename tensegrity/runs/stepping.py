@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array, Indices
 
 
-ENERGIES = 32  # to a factor of two between which nothing is asked again
+ENERGIES = 8  # to a factor of two between which nothing is asked again
 FEWEST, REMEMBERED = 0.5, 4096  # share of the energy where a tolerance decides; answers kept
 
 
@@ -40,12 +40,12 @@ class Outlook:
     @cached_property
     def expected(self) -> Reach:
         """What springs can reach with all the energy."""
-        return reach(self._likely, self._energy)
+        return reach(self._likely, self._energy)  # not rounded, which would depend on the units
 
     @property
     def first_frequency(self) -> float:
         """Angular frequency [rad/s] were half of the energy to meet in one bond."""
-        return reach(self._likely, FEWEST * self._energy).frequency
+        return reach(self._likely, rounded(FEWEST * self._energy)).frequency
 
     @cached_property
     def near(self) -> tuple[Indices, Indices]:
@@ -62,12 +62,16 @@ class Reach(NamedTuple):
     frequency: float
 
 
+def rounded(energy: float) -> float:
+    """An energy [J], or slightly more, so that what it makes of others nearby is known."""
+    if not 0 < energy < math.inf:
+        return energy
+    return 2.0 ** (math.ceil(ENERGIES * math.log2(energy)) / ENERGIES)
+
+
 def reach(scene: Scene, energy: float) -> Reach:
-    """What springs can reach with an energy [J], or slightly more: asked once for energies that
-    differ by a few percent."""
+    """What springs can reach with an energy [J]; asked once."""
     known = scene.remembered.reached
-    if 0 < energy < math.inf:
-        energy = 2.0 ** (math.ceil(ENERGIES * math.log2(energy)) / ENERGIES)
     found = known.get(energy)
     if found is None:
         ranges = within(scene, energy)
