@@ -49,9 +49,9 @@ class Guard:
         if not grown.size or self.is_known(met):
             return True
         if self._stiffness is None:
-            self._stiffness = self._scene.stiffness_within(self._safe)
             if self._expects():
                 return self.allows(met)
+            self._stiffness = self._scene.stiffness_within(self._safe)
         low, high = self.domains.T
         for margin in (0.1, 0.01, 0.0):  # wider than met, so as not to ask again soon
             wider = self._safe.copy()

@@ -38,7 +38,7 @@ SLOWER = 0.5  # order that is trusted less than a method has
 LEAST_ORDER = 0.5  # that is reckoned with
 FIRST_ORDER = 4.0  # least by which errors of the two coarsest runs are taken to fall from there
 TIGHT = 1e-10  # tolerances so far below the errors of first runs that these have to be told apart
-CORRECTED = 4.5  # order trusted of methods that correct openings
+CORRECTED = 4.0  # order trusted of methods that correct openings, which have exponent + 3
 LEAST_FACTOR, FASTEST = 1.25, 6.0  # of the steps from one run to the next
 COARSE, SHORT = 1e-4, 800  # usual error of the first run; steps of what counts as a short one
 SECOND = 1e-6  # tolerances that the second run does not meet, as a rule
@@ -291,7 +291,7 @@ class Judge:
         """Contacts may open in this run that did not in the coarser ones."""
         left, order = order_left(self._problem, met), self._problem.method.order
         self.opens, self.order = left < math.inf, min(left, order - SLOWER)
-        self.accept, self._aim = (0.5, 0.2) if self.opens else (0.8, 0.25)
+        self.accept, self._aim = (0.45, 0.2) if self.opens else (0.8, 0.25)
         self.first = 1.5
         if self.opens and self._tol < COARSE:
             self.first = 2.0
