@@ -14,7 +14,7 @@ from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.prisms.path import EquilibriumPath
 from tensegrity.prisms.stack import symmetric_nodes
-from tensegrity.structures.path import StructurePath
+from tensegrity.structures.structure_path import StructurePath
 
 if TYPE_CHECKING:
     from tensegrity.typing import Array
