@@ -465,9 +465,15 @@ FAULTS = (
     ),
     Fault(
         "tensegrity/branches/events.py",
-        "return machine.exactly_at(z, tangent, p)",
-        "return machine.exactly_at(guess, tangent, p)",
+        "point = machine.exactly_at(z, tangent, p)",
+        "point = machine.exactly_at(guess, tangent, p)",
         "tests/test_continuation.py::test_the_compiled_loop_follows_as_the_one_in_python_does",
+    ),
+    Fault(
+        "tensegrity/branches/events.py",
+        "if np.dot(point.tangent, tangent) < ALIGNED:",
+        "if np.dot(point.tangent, tangent) < -ALIGNED:",
+        "tests/test_structure_path.py::test_path_ends_on_its_own_branch_where_others_are_near",
     ),
     # prisms
     Fault(
@@ -490,8 +496,14 @@ FAULTS = (
     ),
     Fault(
         "tensegrity/prisms/stability.py",
-        "[[2, 0, 1, 5, 3, 4]] @ rotation.T",
-        "[[2, 0, 1, 5, 3, 4]] @ rotation",
+        "reshape(-1, 3) @ rotation.T",
+        "reshape(-1, 3) @ rotation",
+        "tests/test_nodes.py::test_a_square_prism_is_lost_where_its_lowest_eigenvalue_changes_its_sign",
+    ),
+    Fault(
+        "tensegrity/prisms/stability.py",
+        'event.load, event.kind == "fold"',
+        'event.load, event.kind != "fold"',
         "tests/test_nodes.py::test_thick_prism_first_loses_the_symmetric_fold",
     ),
     Fault(
