@@ -164,8 +164,14 @@ FAULTS = (
     # the lens
     Fault(
         "tensegrity/lens/lens.py",
-        "chosen = np.clip(first * np.exp(-found.slope(wanted) * missed), low, high)",
+        "chosen = np.clip(first * np.exp(-found.slope(leave) * missed), low, high)",
         "chosen = first",
+        "tests/test_lens.py::test_pulses_meet_at_the_focus_within_a_thousandth_of_the_pulse",
+    ),
+    Fault(
+        "tensegrity/lens/lens.py",
+        "rays = reached.t + self.distances / self.host_speed",
+        "return reached.t + self.distances / self.host_speed",
         "tests/test_lens.py::test_pulses_meet_at_the_focus_within_a_thousandth_of_the_pulse",
     ),
     Fault(
