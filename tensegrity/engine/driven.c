@@ -38,32 +38,74 @@ typedef struct {
 enum { FREE, APART, JOINED }; /* drifts: without dashpots, without those in bonds, with them */
 
 #ifdef CHANGE
-/* Rate of the energy of all bonds of a chain at given elongations, change(r, p) of each; the
-   smallest and the largest elongation. */
-__attribute__((flatten)) static real power_of(const scene *c, real *least, real *most)
+/* The smallest and the largest elongation of a chain. */
+static void span(const scene *c, real *least, real *most)
 {
     const integer bonds = c->first[1];
-    const real *restrict u = c->u, *restrict shared = c->shared;
-    real p[PARAMETERS + 1], part[BLOCK] = {0}, low[BLOCK], high[BLOCK], sum = 0;
-    for (int i = 0; i < PARAMETERS; i++) p[i] = shared[i];
+    const real *restrict u = c->u;
+    real low[BLOCK], high[BLOCK];
     for (int i = 0; i < BLOCK; i++) low[i] = INFINITY, high[i] = -INFINITY;
-#define POWER(n)                                                                            \
+#define SPAN(n)                                                                             \
     EACH(n) {                                                                               \
         const real r = u[j + i + 1] - u[j + i];                                             \
-        part[i] += change(r, p);                                                            \
         low[i] = r < low[i] ? r : low[i];                                                   \
         high[i] = r > high[i] ? r : high[i];                                                \
     }
     integer j = 0;
-    for (; j + BLOCK <= bonds; j += BLOCK) POWER(BLOCK)
-    POWER(bonds - j)
-    *least = INFINITY, *most = -INFINITY;
-    for (int i = 0; i < BLOCK; i++) {
-        sum += part[i];
-        *least = smaller(low[i], *least), *most = larger(high[i], *most);
+    for (; j + BLOCK <= bonds; j += BLOCK) SPAN(BLOCK)
+    SPAN(bonds - j)
+    for (int n = BLOCK / 2; n; n /= 2)
+        EACH(n) {
+            low[i] = low[i + n] < low[i] ? low[i + n] : low[i];
+            high[i] = high[i + n] > high[i] ? high[i + n] : high[i];
+        }
+    *least = *low, *most = *high;
+}
+
+#ifdef BOTH
+/* A stage of a chain whose springs change, in one pass: `both` gives the tensions of some bonds and
+   the rates of their energies, which have roots and quotients in common.  The sum of the rates. */
+__attribute__((flatten)) static real changing_stage(const scene *c, real a, real b)
+{
+    SIDE real r[BLOCK + WIDE], room[BLOCK + LANES + WIDE], *const f = room + BEFORE;
+    SIDE real rate[BLOCK + WIDE], part[BLOCK] = {0};
+    const integer bonds = c->first[1];
+    real *restrict u = c->u, *restrict v = c->v, sum = 0;
+    const real *restrict w = c->w;
+    f[0] = 0;
+    for (integer j = 0, n; j < bonds; j += n) {
+        n = bonds - j < BLOCK ? bonds - j : BLOCK;
+        EACH(n) r[i] = u[j + i + 1] - u[j + i];
+        for (integer i = n; i % WIDE; i++) r[i] = r[n - 1];
+        both((n + WIDE - 1) / WIDE, (const pack *)r, c->shared, (pack *)(f + 1), (pack *)rate);
+        EACH(n) {
+            v[j + i] += a * w[j + i] * (f[i + 1] - f[i]);
+            u[j + i] += b * v[j + i];
+            part[i] += rate[i];
+        }
+        f[0] = f[n];
     }
+    v[bonds] -= a * w[bonds] * f[0];
+    u[bonds] += b * v[bonds];
+    for (int i = 0; i < BLOCK; i++) sum += part[i];
     return sum;
 }
+#else
+/* Rate of the energy of all bonds of a chain at given elongations, change(r, p) of each. */
+__attribute__((flatten)) static real power_of(const scene *c)
+{
+    const integer bonds = c->first[1];
+    const real *restrict u = c->u, *restrict shared = c->shared;
+    real p[PARAMETERS + 1], part[BLOCK] = {0}, sum = 0;
+    for (int i = 0; i < PARAMETERS; i++) p[i] = shared[i];
+    integer j = 0;
+    for (; j + BLOCK <= bonds; j += BLOCK)
+        EACH(BLOCK) part[i] += change(u[j + i + 1] - u[j + i], p);
+    EACH(bonds - j) part[i] += change(u[j + i + 1] - u[j + i], p);
+    for (int i = 0; i < BLOCK; i++) sum += part[i];
+    return sum;
+}
+#endif
 #endif
 
 static real energy_of(const drive *d, const real *restrict v)
@@ -131,24 +173,29 @@ static void drift_joined(const scene *c, const drive *d, integer s, real b)
 static int driven_stage(scene *c, const drive *d, integer s, integer i, real a, real b)
 {
     real *u = c->u, *v = c->v;
-#ifdef CHANGE
-    if (d->tuned) {
-        c->shared = d->shared + s * PARAMETERS;
-        real low, high;
-        d->sums[0] += a * power_of(c, &low, &high);
-        d->sums[2] = smaller(low, d->sums[2]), d->sums[3] = larger(high, d->sums[3]);
-        if (!(low > d->domain[2 * s] && high < d->domain[2 * s + 1])) return 1;
-    }
-#endif
+    const real straight = d->damped ? 0 : b; /* of the drift, where `stage` does it */
     for (integer e = 0; e < d->forcing; e++) {
         const integer q = d->forced[e], at = s * d->forcing + e;
         v[q] += a * c->w[q] * d->force[at];
         d->sums[0] -= a * d->force_rate[at] * u[q];
     }
     for (integer e = 0; e < d->moving; e++) v[d->moved[e]] = 0, d->given[e] = u[d->moved[e]];
-    stage(c, a, d->damped ? 0 : b);
-    for (integer e = 0; e < d->moving; e++)
-        {
+#ifdef CHANGE
+    real low, high;
+    span(c, &low, &high);
+    d->sums[2] = smaller(low, d->sums[2]), d->sums[3] = larger(high, d->sums[3]);
+    if (!(low > d->domain[2 * s] && high < d->domain[2 * s + 1])) return 1;
+    c->shared = d->shared + s * PARAMETERS;
+#ifdef BOTH
+    d->sums[0] += a * changing_stage(c, a, straight);
+#else
+    d->sums[0] += a * power_of(c);
+    stage(c, a, straight);
+#endif
+#else
+    stage(c, a, straight);
+#endif
+    for (integer e = 0; e < d->moving; e++) {
         d->sums[0] -= d->heavy[e] * v[d->moved[e]] * d->moved_v[s * d->moving + e];
         v[d->moved[e]] = 0;
     }

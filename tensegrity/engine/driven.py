@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity.engine import forces
+from tensegrity.engine import codegen, forces, lanes
 from tensegrity.engine.compiled import BoundLine, BoundNet, Compiled, structure_of
 from tensegrity.engine.kernel import warn_slow
 from tensegrity.engine.native import CompilerError
@@ -83,6 +83,15 @@ class Change:
         changes = [ca.jtimes(form, p, along) for form in forms]
         return r, ca.vertcat(p, rates), changes
 
+    def both(self) -> Any:
+        """CasADi function (r, parameters) -> tension of the law, rate of its energy."""
+        import casadi as ca
+
+        tension = codegen.functions(self.law)["tension"]
+        change = codegen.functions(self)["energy"]
+        r, p = ca.SX.sym("r"), ca.SX.sym("p", len(self.parameters))
+        return ca.Function("both", [r, p], [tension(r, p[: p.numel() // 2]), change(r, p)])
+
 
 @dataclass(frozen=True, eq=False)
 class Forcing:
@@ -107,8 +116,8 @@ class Forcing:
     bond : ndarray, (bonds,)
         Dashpots in the bonds of a chain [N s/m]; all 0 elsewhere.
     tuning : object or None
-        Springs that change: `law`, the numbers of parameters that are `moving`, and `at(t)`,
-        `rates(t)`, `domain(t)`, rows for each of t.
+        Springs that change: `law`, the numbers of parameters that are `moving`, `at(t)` and
+        `numbers(t)`, rows for each of t.
     """
 
     bonds: Bonds
@@ -200,9 +209,7 @@ class Schedule:
         if forcing.forced.size:
             found["force"], found["force_rate"] = (forcing.force(at, k) for k in (0, 1))
         if forcing.tuning is not None:
-            tuning = forcing.tuning
-            found["shared"] = np.concatenate([tuning.at(at), tuning.rates(at)], axis=1)
-            found["domain"] = tuning.domain(at)
+            found["shared"], found["domain"] = forcing.tuning.numbers(at)
         return {name: np.ascontiguousarray(rows, dtype=float) for name, rows in found.items()}
 
     def _between(self, at: Array, steps: int) -> dict[str, Array]:
@@ -492,8 +499,6 @@ class DrivenLoop(Compiled):
     kind = "driven"
 
     def __init__(self, laws: Any, own: Any, dim: int) -> None:
-        changing = ("#define CHANGE\n#define change(r, p) energy_1(r, p)",)
-        self.extra: Any = (*changing * isinstance(laws[-1], Change), "driven.c")
         super().__init__(laws, own, dim)  # type: ignore[no-untyped-call]
         address, number = ctypes.c_void_p, ctypes.c_longlong
         for name, arguments in (
@@ -503,6 +508,19 @@ class DrivenLoop(Compiled):
             function = self.library[name]
             function.argtypes, function.restype = arguments, number
             setattr(self, name, function)
+
+    @property
+    def extra(self) -> Any:  # type: ignore[override]
+        """Behind the loop: what springs that change need, and the steps."""
+        law = self.laws[-1]
+        if not isinstance(law, Change):
+            return ("driven.c",)
+        if codegen.is_long(law.law):
+            return "#define CHANGE\n#define change(r, p) energy_1(r, p)", "driven.c"
+        p = [f"wide(p[{k}])" for k in range(len(law.parameters))]
+        arguments = "const pack *r, const real *p, pack *f, pack *rate"
+        both = lanes.text(law.both(), "both", arguments, [["r[g]"], p], [["f[g]"], ["rate[g]"]])
+        return f"#define CHANGE\n#define BOTH\n{both}", "driven.c"
 
 
 @once
