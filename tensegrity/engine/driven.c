@@ -4,8 +4,9 @@
    What depends on time only was computed before, for the kicks and drifts of all steps of a call.
    A kick leaves in `v` of a prescribed site the impulse of its springs over its mass: the driver
    pays for it with the velocity that it gives.  Drifts with dashpots solve
-   u' = v, m v' = -G v: without dashpots in bonds site by site, with them by the series of the
-   exponential function, in which prescribed velocities stand as polynomials. */
+   u' = v, m v' = -G v: without dashpots in bonds site by site, with those of a chain by the series
+   of the exponential function, in which prescribed velocities stand as polynomials.  In a network
+   G turns with the bonds: such a drift is an extrapolated midpoint rule, of the method's order. */
 
 #define PARTS 8 /* sums at a time, so that additions do not wait for each other */
 #define ADD(n, term)                                                                        \
@@ -32,10 +33,14 @@ typedef struct {
     const integer *moved, *forced;   /* entries of u */
     real *term, *next, *pull, *given; /* scratch: (entries) twice, (entries + 1), (moved, degree) */
     real *sums;                      /* work, loss, elongations met, (2) each */
-    integer entries, moving, forcing, tuned, damped, degree;
+    const integer *ends;             /* (joined, 2) where the rows of bonds with dashpots begin */
+    const real *apart;               /* (joined, DIM + 2) their geometry D, g, L */
+    real *room;                      /* scratch: (levels + 3, 2 entries + 1) */
+    integer entries, moving, forcing, tuned, damped, degree, joined, levels;
 } drive;
 
-enum { FREE, APART, JOINED }; /* drifts: without dashpots, without those in bonds, with them */
+/* Drifts: without dashpots, without those in bonds, with those of a chain, of a network. */
+enum { FREE, APART, JOINED, TURNING };
 
 #ifdef CHANGE
 /* The smallest and the largest elongation of a chain. */
@@ -169,6 +174,84 @@ static void drift_joined(const scene *c, const drive *d, integer s, real b)
 }
 #endif
 
+#ifdef DIM
+/* Rates of displacements and velocities in a drift of which the share `tau` is over, and behind them
+   of the work of who moves sites against dashpots. */
+static void resisted(const scene *c, const drive *d, integer s, real tau, real *y, real *rate)
+{
+    const integer n = d->entries, count = d->degree;
+    const real *restrict u = y, *series = d->series + s * d->moving * count;
+    real *restrict v = y + n, *restrict pull = rate + n;
+    for (integer e = 0; e < d->moving; e++) {
+        real value = 0;
+        for (integer k = count - 1; k >= 0; k--) value = value * tau + series[e * count + k];
+        v[d->moved[e]] = value;
+    }
+    EACH(n) rate[i] = v[i], pull[i] = -d->ground[i] * v[i];
+    for (integer q = 0; q < d->joined; q++) {
+        const integer i = d->ends[2 * q], j = d->ends[2 * q + 1];
+        const real *place = d->apart + q * (DIM + 2);
+        real w[DIM], along[DIM], r, speed = 0;
+        AXES(k) w[k] = u[j + k] - u[i + k];
+        pair_contact(place, w, place[DIM], place[DIM + 1], &r, along);
+        AXES(k) speed += along[k] * (v[j + k] - v[i + k]);
+        speed *= d->bond[q];
+        AXES(k) pull[i + k] += speed * along[k], pull[j + k] -= speed * along[k];
+    }
+    real paid = 0;
+    for (integer e = 0; e < d->moving; e++) paid -= v[d->moved[e]] * pull[d->moved[e]];
+    EACH(n) pull[i] *= c->w[i];
+    for (integer e = 0; e < d->moving; e++) pull[d->moved[e]] = 0;
+    rate[2 * n] = paid;
+}
+
+/* A drift with dashpots in the bonds of a network: midpoint rules of 2, 4, ... steps, whose errors
+   are series in the square of the step, extrapolated. */
+static void drift_turning(const scene *c, const drive *d, integer s, real b)
+{
+    const integer n = d->entries, all = 2 * n + 1;
+    real *restrict rows = d->room, *restrict old = rows + d->levels * all;
+    real *restrict now = old + all, *restrict rate = now + all, farthest = 0;
+    const real before = energy_of(d, c->v);
+    for (integer l = 0; l < d->levels; l++) {
+        const integer steps = 2 * (l + 1);
+        const real h = b / steps;
+        EACH(n) old[i] = c->u[i], old[n + i] = c->v[i];
+        old[2 * n] = 0;
+        resisted(c, d, s, 0, old, rate);
+        EACH(all) now[i] = old[i] + h * rate[i];
+        for (integer k = 1; k <= steps; k++) {
+            resisted(c, d, s, (real)k / steps, now, rate);
+            if (l == d->levels - 1) {
+                real way = 0;
+                EACH(n) way = larger(way, fabs(h * rate[i]));
+                farthest += way;
+            }
+            if (k == steps) break;
+            EACH(all) {
+                const real next = old[i] + 2 * h * rate[i];
+                old[i] = now[i], now[i] = next;
+            }
+        }
+        EACH(all) now[i] = (old[i] + now[i] + h * rate[i]) / 2;
+        for (integer k = 0; k < l; k++) { /* Neville's scheme, in place */
+            const real finer = (real)(l + 1) / (l - k), share = 1 / (finer * finer - 1);
+            real *restrict row = rows + k * all;
+            EACH(all) {
+                const real last = row[i];
+                row[i] = now[i], now[i] += share * (now[i] - last);
+            }
+        }
+        EACH(all) rows[l * all + i] = now[i];
+    }
+    EACH(n) c->u[i] = now[i], c->v[i] = now[n + i];
+    for (integer e = 0; e < d->moving; e++) c->v[d->moved[e]] = 0;
+    d->sums[0] += now[2 * n];
+    d->sums[1] += before - energy_of(d, c->v) + now[2 * n];
+    *c->travel += 2 * farthest; /* velocities of substeps, not of all instants */
+}
+#endif
+
 /* The s-th kick by a, and the drift by b after it, the i-th of a step; 1 if a spring locked. */
 static int driven_stage(scene *c, const drive *d, integer s, integer i, real a, real b)
 {
@@ -203,6 +286,8 @@ static int driven_stage(scene *c, const drive *d, integer s, integer i, real a, 
     if (d->damped == APART) drift_apart(c, d, s, i);
 #ifndef DIM
     if (d->damped == JOINED) drift_joined(c, d, s, b);
+#else
+    if (d->damped == TURNING) drift_turning(c, d, s, b);
 #endif
     for (integer e = 0; e < d->moving; e++) u[d->moved[e]] = d->moved_u[s * d->moving + e];
 #ifdef DIM
