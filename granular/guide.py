@@ -269,7 +269,7 @@ def y_guide(
     drive : dict of int to Drive, optional
         {site: Drive}: motions that are prescribed, and forces that depend on time.
     damping : Damping, optional
-        Dashpots to the ground.
+        Dashpots in the contacts of beads, which resist while they are open too, and to the ground.
 
     Returns
     -------

@@ -164,8 +164,14 @@ FAULTS = (
     # the lens
     Fault(
         "tensegrity/lens/lens.py",
-        "chosen = np.clip(first * np.exp(-found.slope(wanted) * missed), low, high)",
+        "chosen = np.clip(first * np.exp(-found.slope(leave) * missed), low, high)",
         "chosen = first",
+        "tests/test_lens.py::test_pulses_meet_at_the_focus_within_a_thousandth_of_the_pulse",
+    ),
+    Fault(
+        "tensegrity/lens/lens.py",
+        "rays = reached.t + self.distances / self.host_speed",
+        "return reached.t + self.distances / self.host_speed",
         "tests/test_lens.py::test_pulses_meet_at_the_focus_within_a_thousandth_of_the_pulse",
     ),
     Fault(
@@ -836,6 +842,12 @@ FAULTS = (
         "starts = origin + self._dt * np.arange(first, first + steps + 1)",
         "starts = origin + self._dt * np.arange(first, first + steps + 1) + self._dt",
         "tests/test_driven.py::test_a_mass_on_a_shaken_base_follows_the_closed_form",
+    ),
+    Fault(
+        "tensegrity/engine/driven.c",
+        "share = 1 / (finer * finer - 1);",
+        "share = 1 / (finer - 1);",
+        "tests/test_driven.py::test_dashpots_in_bonds_that_turn_agree_with_another_integrator",
     ),
     # modes and bands
     Fault(
