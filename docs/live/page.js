@@ -282,8 +282,9 @@ function draw() {
   for (let j = 0; j <= units; j++) speeds.push([j, v[j]]);
   const overlays = chain.overlays(), length = chain.lengths[0];
 
-  let shape = { x: [0, units], y: range("strain", ...bounds(strains)), across: "unit",
-                up: "compressive strain" };
+  const tops = overlays.map(({ crest }) => [0, -crest / length]);
+  let shape = { x: [0, units], y: range("strain", ...bounds(strains.concat(tops))),
+                across: "unit", up: "compressive strain" };
   let paper = axes("strain", shape);
   interface_(paper);
   const tent = chain.tent();
