@@ -264,7 +264,7 @@ class Springs:
                     r = np.linspace(before, beyond, 257)[1:]
                     before, beyond = self._first(r, ~(self._each("energy", r, numbers) <= energy))
                 last[sides], locks[sides] = beyond, bounded[sides] & ~found
-        return last.reshape(-1, 2), locks.reshape(-1, 2).any(axis=1)
+        return last.reshape(-1, 2), locks[::2] | locks[1::2]
 
     @staticmethod
     def _first(r, outside):
