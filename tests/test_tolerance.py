@@ -104,24 +104,32 @@ def test_what_a_tolerance_takes_does_not_depend_on_what_is_recorded():
         assert np.isfinite(run.energy).all()
 
 
-def true_error(kind, scene, state, run, t_end):
-    """Error of a run all along, and how well that is known: by a closed form, or far more steps."""
+def true_error(kind, scene, state, run, t_end, tol):
+    """Error of a run all along, and how well that is known: by a closed form, or far more steps.
+
+    By the published method, which knows nothing of openings; by the corrected one where steps far
+    smaller tell too little still.
+    """
     if kind == "bounce":
         return worst((run.u, run.v), half_sine(scene, state, run.t)), 0.0
     smooth = kind in ("locking", "elastic", "mixed")
     many = run.steps > 10_000  # sums of a million small steps are round-off
     finer = max((2 if many else 4) if smooth else 4 if many else 16, -(-2000 // run.steps))
     every = -(-run.steps // 500)
-    rough, exact = (
-        simulate(
-            scene, state, t_end, method="rkn6", dt=t_end / (run.steps * times),
-            record=Record(every=times * every),
-        )
-        for times in (finer // 2, finer)
-    )  # fmt: skip
-    np.testing.assert_allclose(run.t, exact.t, rtol=1e-12)
-    exact = exact.u, exact.v
-    return worst((run.u, run.v), exact), worst((rough.u, rough.v), exact) / 4
+    for method in ("rkn6", "corrected6")[: 1 if smooth else 2]:
+        rough, exact = (
+            simulate(
+                scene, state, t_end, method=method, dt=t_end / (run.steps * times),
+                record=Record(every=times * every),
+            )
+            for times in (finer // 2, finer)
+        )  # fmt: skip
+        np.testing.assert_allclose(run.t, exact.t, rtol=1e-12)
+        exact = exact.u, exact.v
+        known = worst((rough.u, rough.v), exact) / 4
+        if known < tol / 10:
+            break
+    return worst((run.u, run.v), exact), known
 
 
 @pytest.mark.needs_compiler
@@ -130,7 +138,7 @@ def test_a_tolerance_is_kept_on_random_scenes_of_every_kind(kind):
     tol = 1e-5
     scene, state, t_end = KINDS[kind](np.random.default_rng(5))
     run = simulate(scene, state, t_end, tol=tol)
-    error, known = true_error(kind, scene, state, run, t_end)
+    error, known = true_error(kind, scene, state, run, t_end, tol)
     assert known < tol / 10
     assert error < tol
 
@@ -143,7 +151,7 @@ def test_tolerances_are_kept_on_a_thousand_random_scenes():
     for seed in range(1000, 2000):
         kind, (scene, state, t_end), tol = draw(seed)
         run = simulate(scene, state, t_end, tol=tol)  # none is refused
-        error, known = true_error(kind, scene, state, run, t_end)
+        error, known = true_error(kind, scene, state, run, t_end, tol)
         if known > 0.2 * tol:
             unknown.append((seed, kind, tol))
             continue

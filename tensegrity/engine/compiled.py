@@ -47,7 +47,7 @@ _OPENINGS = structure_of(  # as in openings.h
     "_Openings",
     "place side strength exponents betas tables nodes weights offsets dt "
     "before rate_before after rate_after u v end_u end_v end_a row",
-    "count entries kicks degree",
+    "count entries kicks degree known",
 )
 
 
@@ -86,6 +86,7 @@ class Compiled:
             ("advance_part", [address] + [number] * 3),
             ("advance_nystrom", [address] * 2 + [number]),
             ("advance_openings", [address] * 2 + [number]),
+            ("show_openings", [address] * 2 + [number]),
             ("evaluate", [number] * 3 + [address] * 3),
             ("evaluate_own", [number] * 4 + [address] * 3),
             ("energies", [number] * 2 + [address] * 3),
@@ -93,7 +94,7 @@ class Compiled:
         ):
             function = found[name]
             function.argtypes, function.restype = arguments, None
-            setattr(self, name if name.startswith("advance") else f"_{name}", function)
+            setattr(self, name if name.startswith(("advance", "show")) else f"_{name}", function)
 
     def _text(self, loop):
         dim = self.dim
@@ -181,6 +182,8 @@ class _Bound:
         Likewise where elongations are kept, all in a row, and behind them the way travelled.
     """
 
+    _show = None
+
     def _set_steps(self, loop, structure, arrays, bonds, method, dt, moving, places=None):
         """Keep what the structure points to, and prepare the call of a method's steps."""
         self._structure, self._arrays = structure, arrays
@@ -232,7 +235,7 @@ class _Bound:
             np.ascontiguousarray(row, dtype=np.int64),
         ]
         address = [x.ctypes.data for x in rows]
-        steps = _OPENINGS(*address, count, u.size, len(found.nodes), DEGREE)
+        steps = _OPENINGS(*address, count, u.size, len(found.nodes), DEGREE, 0)
         self._arrays += [rows, steps]
         (step,) = (
             x for x, (name, _) in zip(rows, _OPENINGS._fields_, strict=False) if name == "dt"
@@ -242,6 +245,12 @@ class _Bound:
             loop.advance_openings,
             (ctypes.addressof(self._structure), ctypes.addressof(steps)),
         )
+        self._show = loop.show_openings, ctypes.addressof(steps)
+
+    def show(self, u, v):
+        """What makes copies of u and v what is looked at; None where they are that already."""
+        known = self._show
+        return None if known is None else _Shown(known, self._structure, self.kept, u, v, self)
 
     def advance(self, steps):
         """Advance u and v by whole steps."""
@@ -271,6 +280,30 @@ class _Bound:
     def travel_at(self):
         """Address of that number."""
         return self._travel.ctypes.data
+
+
+class _Shown:
+    """What is looked at after steps of a corrected method, from copies of u and v; as `_Bound`."""
+
+    taken, travel = (), 0.0
+
+    def __init__(self, call, structure, kept, u, v, of):
+        self._arrays, self._of = (u, v), of  # whose other arrays these are
+        self._structure = type(structure).from_buffer_copy(structure)
+        self._structure.u, self._structure.v = u.ctypes.data, v.ctypes.data
+        self.kept = [(self._structure, name, array) for _, name, array in kept]
+        function, openings = call
+        self._call = function, (ctypes.addressof(self._structure), openings)
+
+    def forget_range(self):
+        """There is none: no step is done."""
+
+    @property
+    def range(self):
+        """No elongation met."""
+        return np.tile([np.inf, -np.inf], (len(self._of.range), 1))
+
+    advance, parts = _Bound.advance, _Bound.parts
 
 
 def _rows(method, dt, dtype):

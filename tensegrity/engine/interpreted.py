@@ -67,7 +67,7 @@ class BoundInterpreted:
             x, y = step(acceleration, x, y, moved)
             return ca.Function(name, [state], [ca.vertcat(x, y, *seen.values())])
 
-        self._openings = None
+        self._openings = self._last_step = None
         if isinstance(method, Corrected):
             self._openings = Openings(bonds, method, dt)
             kicks, drifts = (
@@ -128,14 +128,51 @@ class BoundInterpreted:
 
     def _advance_corrected(self, steps):
         """The same step by step, with a look at the contacts after each."""
-        u, v = self._u, self._v
-        if self._openings.bonds.contacts is None:
-            u, v = u.reshape(-1), v.reshape(-1)  # views
+        u, v = self._rows(self._u, self._v)
         overlaps = self._openings.overlaps(u, v)
         for _ in range(steps):
             self._take(self._repeat(np.concatenate([u.ravel(), v.ravel(), self._seen])))
-            a = np.array(self._pull(u.ravel())).reshape(u.shape)
-            overlaps = self._openings.corrected(u, v, a, overlaps)
+            before, overlaps = overlaps, self._openings.corrected(u, v, self._at(u), overlaps)
+            self._last_step = before, overlaps
+
+    def _rows(self, *arrays):
+        """The same numbers as the corrections of openings take them."""
+        line = self._openings.bonds.contacts is None
+        return [x.reshape(-1) if line else x for x in arrays]  # views
+
+    def _at(self, u):
+        return np.array(self._pull(u.ravel())).reshape(u.shape)
+
+    def show(self, u, v):
+        """What makes copies of u and v what is looked at; None where they are that already."""
+        return None if self._openings is None else _Shown(self, u, v)
+
+    def shown(self, u, v):
+        """The same, done."""
+        if self._last_step is not None:
+            u, v = self._rows(u, v)
+            self._openings.shown(u, v, self._at(u), *self._last_step)
+
+
+class _Shown:
+    """What is looked at after corrected steps, from copies of u and v; as `compiled._Shown`."""
+
+    travel = 0.0
+
+    def __init__(self, bound, u, v):
+        self._bound, self._copies = bound, (u, v)
+
+    def forget_range(self):
+        """There is none: no step is done."""
+
+    @property
+    def range(self):
+        """No elongation met."""
+        return np.tile([np.inf, -np.inf], (len(self._bound.range), 1))
+
+    def advance(self, steps):
+        """Change the copies."""
+        self._bound.shown(*self._copies)
 
 
 class _Pull:

@@ -69,19 +69,34 @@ static void zetas(const openings *o, integer row, real x, int opens, real *sums)
     }
 }
 
-/* The quadrature's error of a force (distance from the root)^alpha on one side of it. */
+/* How an overlap passes zero at a place x of a step: its rate and curvature there, and what kicks
+   are ahead of. */
+typedef struct { real rate, curvature, pull; } passage;
+
+static passage passage_at(const scene *c, const openings *o, integer b, const real *p, real x)
+{
+    const real curvature = 2 * p[2] + 6 * p[3] * x;
+    return (passage){fabs(incline(p, x)), curvature, curvature - swing(c, o, b, x)};
+}
+
+/* The quadrature's error of a force (distance from the root)^alpha on one side of it, taken off;
+   over the strength of the contact. */
+static real taken(const openings *o, integer b, passage at, real x, int opens, real *moment)
+{
+    const real alpha = o->exponents[o->row[b]], size = raised(at.rate, alpha - 1);
+    real sums[3] = {0};
+    zetas(o, o->row[b], x, opens, sums);
+    *moment = (opens ? -1 : 1) * size * at.rate * sums[1];
+    return -size * (at.rate * sums[0] + alpha * (at.curvature * sums[1] / 2 + at.pull * sums[2]));
+}
+
 static void event(const scene *c, const openings *o, integer b, real w, const real *p, real x,
                   int opens)
 {
-    const real alpha = o->exponents[o->row[b]];
-    const real rate = fabs(incline(p, x)), curvature = 2 * p[2] + 6 * p[3] * x;
-    real sums[3] = {0};
-    zetas(o, o->row[b], x, opens, sums);
-    const real size = o->strength[b] * raised(rate, alpha - 1), way = opens ? -1 : 1;
-    const real pull = curvature - swing(c, o, b, x);
-    const real total = -size * (rate * sums[0] + alpha * (curvature * sums[1] / 2 + pull * sums[2]));
-    const real moment = way * size * rate * sums[1];
-    give(c, o, b, w, x, total, moment, -moment);
+    real moment;
+    const real total = taken(o, b, passage_at(c, o, b, p, x), x, opens, &moment);
+    const real strength = o->strength[b];
+    give(c, o, b, w, x, strength * total, strength * moment, -strength * moment);
 }
 
 /* A contact that closed and opened again within the step: all its kicks are in there. */
@@ -179,5 +194,66 @@ void advance_openings(const scene *c, openings *o, integer steps)
         o->before = o->after, o->after = swap;
         swap = o->rate_before;
         o->rate_before = o->rate_after, o->rate_after = swap;
+    }
+    if (steps > 0) o->known = 1 + looking;
+}
+
+/* The part of that error which kicks between the end of the step and an event make. */
+static real between(const openings *o, integer b, passage at, real x, int opens)
+{
+    const real alpha = o->exponents[o->row[b]], far = opens ? x - 1 : 1 - x;
+    const real bend = alpha * at.curvature / (2 * at.rate), lead = alpha * at.pull / at.rate;
+    real sum = -far * raised(far, alpha - 1) * far * (1 / (alpha + 1) + bend * far / (alpha + 2));
+    for (integer i = 0; i < o->kicks; i++) {
+        const real away = opens ? x - 1 - o->nodes[i] : o->nodes[i] - x;
+        if (!(away > 0 && away <= far)) continue;
+        const real part = away + bend * away * away + lead * o->offsets[i];
+        sum += o->weights[i] * raised(away, alpha - 1) * part;
+    }
+    return at.rate * raised(at.rate, alpha - 1) * sum;
+}
+
+/* What the velocities at the end of a step have too much because contact b just closed, or lack
+   because it will open soon: an event is corrected for all kicks before and behind it at once. */
+static void show(const scene *c, const openings *o, integer b)
+{
+    const real w0 = o->after[b], w1 = o->before[b], d0 = o->rate_after[b], d1 = o->rate_before[b];
+    const real p[4] = {w0, d0, 3 * (w1 - w0) - 2 * d0 - d1, 2 * (w0 - w1) + d0 + d1};
+    const int opens = w0 > 0;
+    if (opens && !(cubic(p, 2) < 0)) return;
+    const real x = opens ? root_between(p, 1, 2) : root_between(p, 0, 1);
+    const passage at = passage_at(c, o, b, p, x);
+    if (!(at.rate > 0)) return;
+    real moment;
+    const real total = taken(o, b, at, x, opens, &moment) + between(o, b, at, x, opens);
+    give(c, o, b, w1, 1, (opens ? 1 : -1) * o->strength[b] * total, 0, 0);
+}
+
+/* Closed, and just so, or soon no more. */
+static inline integer is_shown(real w0, real w1, real d1)
+{
+    return (w1 > 0) & ((w0 <= 0) | (w1 < -2 * d1));
+}
+
+/* Copies of u and v after the last step of `advance_openings`, as they are looked at. */
+void show_openings(const scene *c, openings *o, integer steps)
+{
+    if (!o->known || !steps) return;
+    if (o->known == 1) {
+        overlaps(c, o, o->u, o->v, o->after, o->rate_after);
+        overlaps(c, o, c->u, c->v, o->before, o->rate_before);
+        o->known = 2;
+    }
+    const real *restrict w0 = o->after, *restrict w1 = o->before, *restrict d1 = o->rate_before;
+    int met = 0;
+    for (integer start = 0; start < o->count; start += SCAN) {
+        const integer left = o->count - start, n = left < SCAN ? left : SCAN;
+        integer any = 0;
+        EACH(n) any |= is_shown(w0[start + i], w1[start + i], d1[start + i]);
+        if (!any) continue;
+        if (!met) remember(c, o);
+        met = 1;
+        for (integer i = start; i < start + n; i++)
+            if (is_shown(w0[i], w1[i], d1[i])) show(c, o, i);
     }
 }

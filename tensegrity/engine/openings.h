@@ -11,4 +11,5 @@ typedef struct {
     real *end_u, *end_v, *end_a;         /* (entries) at its end, before it is corrected */
     const integer *row;                  /* (contacts) of its exponent */
     integer count, entries, kicks, degree;
+    integer known; /* of the last step: 0 nothing, 1 where it began in u and v, 2 its overlaps */
 } openings;

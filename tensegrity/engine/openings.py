@@ -122,22 +122,14 @@ class Openings:
             return w1, d1
         there = u.copy(), v.copy()
         for b in hits.tolist():
-
-            def line(x, b=b):
-                return self._line(b, self.dt * (1 - x), *there, a)
-
+            line = self._line_of(b, *there, a)
             for x, *push in self._pushes(b, line, w0[b], d0[b], w1[b], d1[b]):
                 self._give(b, w1[b], x, *push, *line(x), u, v)
         return self.overlaps(u, v)
 
     def _pushes(self, b, line, w0, d0, w1, d1):
         """For each event in a step: where, and the sums of `_event` or of `_touch`."""
-        p = w0, d0, 3 * (w1 - w0) - 2 * d0 - d1, 2 * (w0 - w1) + d0 + d1
-
-        def swing(x):
-            _, turn, length = line(x)
-            return self.side[b] * self.dt**2 * length * (turn @ turn)
-
+        p, swing = through(w0, d0, w1, d1), self._swing(b, line)
         if (w0 > 0) != (w1 > 0):
             x = root(p, 0.0, 1.0)
             return [self._event(b, p, x, w0 > 0, swing(x))]
@@ -150,6 +142,55 @@ class Openings:
         if w0 > 0:
             return [self._event(b, p, x, x == one, swing(x)) for x in (one, other)]
         return [self._touch(b, p, one, other, swing((one + other) / 2))]
+
+    def _line_of(self, b, u, v, a):
+        """`_line` of contact b at a place of the step that ends with u, v and a."""
+        return lambda x: self._line(b, self.dt * (1 - x), u, v, a)
+
+    def _swing(self, b, line):
+        def swing(x):
+            _, turn, length = line(x)
+            return self.side[b] * self.dt**2 * length * (turn @ turn)
+
+        return swing
+
+    def shown(self, u, v, a, before, after):
+        """Make of copies of u and v at the end of a step what is looked at, in place.
+
+        An event is corrected for all kicks before and behind it at once: of a contact that closed
+        in the step for those to come, of one that opens in the next not yet for those that were.
+
+        Parameters
+        ----------
+        u, v, a : ndarray
+        before, after : tuple
+            `overlaps` at the begin and at the end of the step.
+        """
+        (w0, d0), (w1, d1) = before, after
+        for b in np.flatnonzero((w1 > 0) & ((w0 <= 0) | (w1 < -2 * d1))).tolist():
+            p, opens = through(w0[b], d0[b], w1[b], d1[b]), w0[b] > 0
+            if opens and not value(p, 2.0) < 0:
+                continue
+            x = root(p, 1.0, 2.0) if opens else root(p, 0.0, 1.0)
+            line, rate = self._line_of(b, u, v, a), abs(slope(p, x))
+            if rate > 0:
+                swing = self._swing(b, line)(x)
+                total = self._event(b, p, x, opens, swing)[1] + self._between(b, p, x, opens, swing)
+                push = (total if opens else -total), 0.0, 0.0
+                self._give(b, w1[b], 1.0, *push, *line(1.0), u, v)
+
+    def _between(self, b, p, x, opens, swing):
+        """The part of the error that kicks between the end of the step and an event make."""
+        alpha, rate = self.exponents[self.row[b]], abs(slope(p, x))
+        curvature = 2 * p[2] + 6 * p[3] * x
+        away = x - 1 - self.nodes if opens else self.nodes - x
+        far = x - 1 if opens else 1 - x
+        these = (away > 0) & (away <= far)
+        away, weights, ahead = away[these], self.weights[these], self.offsets[these]
+        bend, lead = (alpha * k / rate for k in (curvature / 2, curvature - swing))
+        kicks = np.sum(weights * away ** (alpha - 1) * (away + bend * away**2 + lead * ahead))
+        exact = far ** (alpha + 1) * (1 / (alpha + 1) + bend * far / (alpha + 2))
+        return self.strength[b] * rate**alpha * (kicks - exact)
 
     def _event(self, b, p, x, opens, swing=0.0):
         """Root, and the sums that impulse, moment and turning of the line take from it."""
@@ -222,6 +263,11 @@ class Openings:
         length = math.sqrt(apart @ apart)
         line = apart / length
         return line, (velocity - line * (line @ velocity)) / length, length
+
+
+def through(w0, d0, w1, d1):
+    """Coefficients of the cubic through values and slopes at 0 and 1."""
+    return w0, d0, 3 * (w1 - w0) - 2 * d0 - d1, 2 * (w0 - w1) + d0 + d1
 
 
 def value(p, x):

@@ -2,14 +2,15 @@
 
 The closing kick of a splitting's step and the first of the next are one.  So a run keeps its
 velocities before the closing kick, and what is looked at is a copy that got it; where a method
-has a processor, a copy that was led out of its variables as well.
+has a processor, a copy that was led out of its variables as well; where it corrects openings, a
+copy without what it did for kicks to come.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from tensegrity.engine.methods import Splitting
+from tensegrity.engine.methods import Corrected, Splitting
 from tensegrity.engine.walk import Walk
 from tensegrity.once import once
 
@@ -54,9 +55,11 @@ class Loop:
         self._u, self._v, self._close = u, v, None
         self._others = scene.bind(u, v, others, dt)
         self._first = scene.bind(u, v, first, dt) if close and not begun else None
+        self._out = np.empty_like(u), np.empty_like(v)
         if close is not None:
-            self._out = np.empty_like(u), np.empty_like(v)
             self._close = scene.bind(*self._out, close, dt)
+        elif isinstance(method, Corrected):
+            self._close = self._others.show(*self._out)
         self._bound = [loop for loop in (self._others, self._close) if loop is not None]
 
     def forget_range(self):

@@ -38,7 +38,7 @@ SLOWER = 0.5  # order that is trusted less than a method has
 LEAST_ORDER = 0.5  # that is reckoned with
 FIRST_ORDER = 4.0  # least by which errors of the two coarsest runs are taken to fall from there
 TIGHT = 1e-10  # tolerances so far below the errors of first runs that these have to be told apart
-CORRECTED = 4.0  # order trusted of methods that correct openings, which have exponent + 3
+CORRECTED = 3  # order over the exponent that methods which correct openings have
 LEAST_FACTOR, FASTEST = 1.25, 6.0  # of the steps from one run to the next
 COARSE, SHORT = 1e-4, 800  # usual error of the first run; steps of what counts as a short one
 SECOND = 1e-6  # tolerances that the second run does not meet, as a rule
@@ -338,10 +338,10 @@ class Judge:
 def order_left(problem, met):
     """Order that contacts which opened leave to a method, by the springs that it met them with.
 
-    A force that grows like overlap^n leaves n + 1.
+    A force that grows like overlap^n leaves n + 1, or n + 3 where that is corrected.
     """
     order, scene = math.inf, problem.scene
-    corrected = CORRECTED if isinstance(problem.method, Corrected) else 0.0
+    corrects = isinstance(problem.method, Corrected)
     if scene.follows:
         given = scene.law.given
         spring = given if isinstance(given, Potential) else PowerLaw(1.0, 1.0)
@@ -349,8 +349,8 @@ def order_left(problem, met):
     else:
         exponents = scene.spring_table.opened_within(met)
     for exponent in exponents - {None}:
-        treated = corrected and is_treated(exponent)
-        order = min(order, corrected if treated else exponent + 1)
+        treated = corrects and is_treated(exponent)
+        order = min(order, exponent + (CORRECTED if treated else 1))
     return order
 
 

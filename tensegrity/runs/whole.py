@@ -131,6 +131,8 @@ def prepared(scene, method):
         loops.append(rows and scene.bind(u, v, rows, 1.0))
         if rows and type(loops[-1]) not in (BoundLine, BoundNet):
             return None
+    if isinstance(method, Corrected):
+        loops[3] = loops[2].show(*(np.empty_like(x) for x in moved))
     return Plan(rest.size, scene.wall_count * scene.dim, *loops)
 
 

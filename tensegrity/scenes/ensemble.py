@@ -9,6 +9,7 @@ where the lanes' springs have different laws.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -419,6 +420,15 @@ class _Lanes:
             np.minimum.at(found[:, 0], place, low)
             np.maximum.at(found[:, 1], place, high)
         return found
+
+    def show(self, u: Array, v: Array) -> _Lanes | None:
+        """What makes copies of u and v what is looked at; None where they are that already."""
+        shown, groups = copy(self), []
+        for part, _, loop, place in self._groups:
+            arrays = np.ascontiguousarray(u[part]), np.ascontiguousarray(v[part])
+            groups.append((part, arrays, loop.show(*arrays), place))
+        shown._whole, shown._groups = (u, v), groups
+        return None if any(loop is None for _, _, loop, _ in groups) else shown
 
     @property
     def parts(self) -> Any:
