@@ -213,15 +213,21 @@ FAULTS = (
     ),
     Fault(
         "tensegrity/engine/openings.c",
-        "curvature * sums[1] / 2 + pull * sums[2]",
-        "curvature * sums[1] / 2",
+        "at.curvature * sums[1] / 2 + at.pull * sums[2]",
+        "at.curvature * sums[1] / 2",
         "tests/test_openings.py::test_order_is_the_exponent_and_three_not_and_one[1.5-chain]",
     ),
     Fault(
         "tensegrity/engine/openings.c",
-        "const real pull = curvature - swing(c, o, b, x);",
-        "const real pull = curvature;",
+        "curvature, curvature - swing(c, o, b, x)}",
+        "curvature, curvature}",
         "tests/test_openings.py::test_order_is_the_exponent_and_three_not_and_one[1.5-space]",
+    ),
+    Fault(
+        "tensegrity/engine/openings.c",
+        "taken(o, b, at, x, opens, &moment) + between(o, b, at, x, opens);",
+        "taken(o, b, at, x, opens, &moment);",
+        "tests/test_openings.py::test_every_row_has_the_order_not_only_those_far_from_events[chain]",
     ),
     Fault(
         "tensegrity/engine/line_openings.c",

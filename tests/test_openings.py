@@ -164,6 +164,54 @@ def test_order_is_the_exponent_and_three_not_and_one(where, n):
     assert np.median(errors / others) < 5e-3
 
 
+def all_along(scene, state, t_end, steps, engine=bind):
+    """u and v of the sites after each step, as they are looked at, and as they go on."""
+    u, v = scene.arrays(state)
+    loop, copies = engine(u, v, scene.loop_bonds, METHOD, t_end / steps), (u.copy(), v.copy())
+    shown, found = loop.show(*copies), ([], [])
+    for _ in range(steps):
+        loop.advance(1)
+        copies[0][:], copies[1][:] = u, v
+        shown.advance(1)
+        for rows, pair in zip(found, (copies, (u, v)), strict=True):
+            rows.append(np.stack([x[: scene.sites] for x in pair]))
+    return [np.stack(rows) for rows in found]
+
+
+@pytest.mark.needs_compiler
+@pytest.mark.parametrize("where", ["chain", "plane with a wall", "space"])
+def test_every_row_has_the_order_not_only_those_far_from_events(where):
+    """Unless it is taken back, what was done for kicks to come is wrong at the row between."""
+    n = 1.5
+    if where == "chain":
+        scene, state, t_end = row(n), blow(row(n)), 9.0
+    else:
+        scene = cluster(n, 3 if where == "space" else 2)
+        state, t_end = thrown(scene), 6.0
+    counts, finer = np.unique(np.geomspace(50, 300, 14).astype(int)), 24
+    errors = []
+    for count in counts.tolist():
+        exact = all_along(scene, state, t_end, finer * count)[0][finer - 1 :: finer]
+        rows = all_along(scene, state, t_end, count)
+        errors.append([np.max(np.abs(found - exact)) for found in rows])
+    shown, raw = np.array(errors).T
+    powers = [-np.polyfit(np.log(counts), np.log(x), 1)[0] for x in (shown, raw)]
+    assert powers[0] > n + 3 - 0.55
+    assert powers[1] < powers[0] - 0.5
+    assert np.median(shown / raw) < 0.8
+
+
+@pytest.mark.needs_compiler
+@pytest.mark.parametrize("make", [row, cluster])
+def test_rows_without_a_compiler_are_shown_the_same(make):
+    scene = make(1.5)
+    state = blow(scene) if make is row else thrown(scene)
+    fast, raw = all_along(scene, state, 6.0, 60)
+    slow, _ = all_along(scene, state, 6.0, 60, BoundInterpreted)
+    np.testing.assert_allclose(slow, fast, rtol=0, atol=1e-13)
+    assert np.max(np.abs(raw - fast)) > 1e-11
+
+
 @pytest.mark.needs_compiler
 def test_struck_beads_agree_with_an_adaptive_method():
     chain = row(1.5)
