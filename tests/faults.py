@@ -377,7 +377,7 @@ FAULTS = (
         "tests/test_lattice.py::test_held_sites_stay_exactly_where_they_are_in_long_implicit_steps",
     ),
     Fault(
-        "tensegrity/engine/methods.py",
+        "tensegrity/engine/schemes.py",
         "1 - 2 * sum(half) if odd",
         "1 - sum(half) if odd",
         "tests/test_methods.py::test_rows_are_consistent_palindromes",
@@ -489,7 +489,7 @@ FAULTS = (
         "tests/test_response.py::test_beyond_slack_the_prism_without_base_strings_is_in_equilibrium",
     ),
     Fault(
-        "tensegrity/prisms/path.py",
+        "tensegrity/prisms/rigid_path.py",
         '"twist": prism.reference_twist + 2 * np',
         '"twist": prism.reference_twist - 2 * np',
         "tests/test_response.py::test_rigid_rows_keep_the_length_of_the_bars",
