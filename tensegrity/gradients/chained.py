@@ -52,12 +52,17 @@ def refuse(spring: Potential) -> None:
 
 def names(spring: Potential) -> tuple[str, ...]:
     """What a gradient can be asked for, by the arguments of this spring."""
-    if spring.law == rigid_law():
+    if spring.law == _rigid():
         return PRISM
     if isinstance(spring, PowerLaw):
-        preload = dict(spring.parameters)["preload"]
+        preload = spring.values[1]
         return POWER if preload > 0 or spring.exponent == 1 else POWER[:1]
     return tuple(spring.parameters)
+
+
+@once
+def _rigid() -> Law:
+    return rigid_law()
 
 
 def slopes(springs: Sequence[Potential], name: str, most: int) -> Array:
@@ -70,7 +75,7 @@ def slopes(springs: Sequence[Potential], name: str, most: int) -> Array:
     """
     found = np.zeros((len(springs), most))
     mine = [k for k, spring in enumerate(springs) if name in names(spring)]
-    prisms = [k for k in mine if springs[k].law == rigid_law()]
+    prisms = [k for k in mine if springs[k].law == _rigid()]
     if prisms:
         values = np.array([springs[k].values for k in prisms])
         found[prisms, : values.shape[1]] = _of_prisms(values, name)
