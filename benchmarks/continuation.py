@@ -24,7 +24,7 @@ from figures.__main__ import OUTPUT, STYLE, write, write_table
 from tensegrity import Prism, equilibrium_paths
 from tensegrity.branches.continuation import Settings, trace
 from tensegrity.engine.pieces import processors
-from tensegrity.prisms.condensed import numbers, problem
+from tensegrity.prisms.equations import numbers, problem
 
 PRISM = Prism(1.0, 0.5, 0.4, 1.0, 2.0, 20.0)
 LOWEST = 0.05

@@ -13,10 +13,9 @@ from tensegrity.branches.continuation import (
     ContinuationError,
     Problem,
     Settings,
-    fold_problem,
-    fold_start,
     trace,
 )
+from tensegrity.branches.folds import fold_problem, fold_start
 from tensegrity.branches.following import ROOM
 
 

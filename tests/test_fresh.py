@@ -17,7 +17,7 @@ from tensegrity.engine import programs
 from tensegrity.engine.codegen import DerivedLaw, functions
 from tensegrity.engine.kept import cache_folder, kept
 from tensegrity.prisms.condensed import functions as functions_of
-from tensegrity.prisms.condensed import problem
+from tensegrity.prisms.equations import problem
 from tensegrity.prisms.prism import rigid_law
 
 ROOT = Path(__file__).parent.parent

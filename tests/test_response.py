@@ -18,9 +18,9 @@ from hypothesis import strategies as st
 from derivations import prism as derived
 from tensegrity import Prism, TensegrityError, equilibrium_path
 from tensegrity.branches.continuation import Settings, trace
-from tensegrity.prisms import condensed
-from tensegrity.prisms import path as response
-from tensegrity.prisms.condensed import problem, stable
+from tensegrity.prisms import condensed, elastic_path
+from tensegrity.prisms.condensed import stable
+from tensegrity.prisms.equations import numbers, problem
 
 INF = math.inf
 DIGITS = 50
@@ -193,7 +193,7 @@ def test_stability_is_that_of_the_plain_hessian(name, past_contact, natural, hes
 
 
 def test_tangent_of_the_mixed_form_is_symmetric():
-    p = condensed.numbers(Prism(1.0, 1.0, 0.1, 1.0, 5.0, 50.0), height=0.8)
+    p = numbers(Prism(1.0, 1.0, 0.1, 1.0, 5.0, 50.0), height=0.8)
     z = trace(problem(False), np.zeros(4), p, direction=-1, stop=("height",)).z[-1]
     matrix = condensed.functions(False)("tangent", z, p).reshape(4, 4)
     assert np.abs(matrix - matrix.T).max() <= 1e-14 * np.abs(matrix).max()
@@ -322,7 +322,7 @@ def test_without_prestrain_the_path_starts_slack(stiffness):
 
 
 def test_contact_within_the_first_step_is_found():
-    p = condensed.numbers(Prism(*PRISMS["contact"]))
+    p = numbers(Prism(*PRISMS["contact"]))
     whole = trace(problem(), np.zeros(4), p, direction=-1, stop=("contact",))
     near = 0.99 * whole.z[-1] + 0.01 * whole.z[-2]
     late = trace(problem(), near, p, Settings(first=0.1), -1, ("contact",))
@@ -336,7 +336,7 @@ def test_steps_far_too_coarse_are_shortened_to_the_same_events(monkeypatch, larg
     for fields in PRISMS.values():
         path = equilibrium_path(Prism(*fields))
         with monkeypatch.context() as patch:
-            patch.setattr(response, "SETTINGS", coarse)
+            patch.setattr(elastic_path, "SETTINGS", coarse)
             rough = equilibrium_path(Prism(*fields))
         assert len(rough) < len(path) / 3
         assert kinds(rough) == kinds(path)
@@ -502,10 +502,10 @@ def check_trace(prism, monkeypatch):
     path = equilibrium_path(prism, max_height=1.2 * prism.height)
     assert path.events[-1].kind in ("contact", "flat")
     assert all(np.isfinite(column).all() for column in path.columns.values())
-    used = response.SETTINGS
+    used = elastic_path.SETTINGS
     halved = replace(used, tolerance=used.tolerance / 16, largest=used.largest / 2)
     with monkeypatch.context() as patch:
-        patch.setattr(response, "SETTINGS", halved)
+        patch.setattr(elastic_path, "SETTINGS", halved)
         fine = equilibrium_path(prism, max_height=1.2 * prism.height)
     assert len(fine) > len(path)
     assert kinds(fine) == kinds(path)
@@ -530,5 +530,5 @@ def test_five_hundred_prisms_trace_to_the_same_events_with_half_the_step(prism):
 @settings(max_examples=40, deadline=None)
 @given(prism=ADMISSIBLE)
 def test_residual_is_round_off_at_every_row_of_any_admissible_prism(prism):
-    branch, _ = response._branch(prism, response.numbers(prism), -1, ("flat", "contact"))
+    branch, _ = elastic_path._branch(prism, numbers(prism), -1, ("flat", "contact"))
     assert branch.residual.max() <= 1e-12

@@ -1,9 +1,7 @@
-"""Prisms with elastic bases or bars: their equilibria at given height, and their potential.
+"""Prisms with elastic bases or bars: their potential, and their stability.
 
-The equations of `derivations.mixed` as a problem for `tensegrity.branches.continuation`, in units
-of the base and of k_cross times base: one set of CasADi functions serves every prism.  The
-potential eliminates tensions and twist at given height by Newton's method: started from a
-traced branch, or, in the compiled loop, from polynomials of the elongation.
+The potential eliminates tensions and twist of the `equations` at given height by Newton's method:
+started from a traced branch, or, in the compiled loop, from polynomials of the elongation.
 """
 
 from __future__ import annotations
@@ -16,12 +14,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity import check
-from tensegrity.branches.continuation import DerivedProblem, Problem, Settings, trace
-from tensegrity.engine.codegen import deflated, horner, to_casadi
+from tensegrity.branches.continuation import Settings, trace
+from tensegrity.engine.codegen import deflated, horner
 from tensegrity.engine.functions import Functions
 from tensegrity.engine.kernel import kernel
 from tensegrity.errors import EquilibriumError, RangeError, TensegrityError
 from tensegrity.once import once
+from tensegrity.prisms.equations import UNKNOWNS, inner, numbers, problem, tangent
 from tensegrity.springs.potential import Potential, call
 
 if TYPE_CHECKING:
@@ -33,7 +32,6 @@ if TYPE_CHECKING:
     from tensegrity.errors import LockingError
     from tensegrity.typing import Array, Flags, Members
 
-UNKNOWNS = ("base tension", "bar tension", "half turn", "rise")
 STALLED = 1e-10  # a step of an iteration that no longer shrinks: round-off of stiff members
 ITERATIONS = 20
 ROUND_OFF = 1e-13
@@ -43,131 +41,6 @@ SETTLED = 1e-14  # what one more iteration may change the unknowns by, relative 
 SAMPLES = 512  # elongations at which that is tried
 EXACT = ("-ffp-contract=off",)  # what cancels does so exactly: no load where a prism is flat
 HALVINGS = 8  # of the part of the domain on which it is tried
-
-
-@once
-def _forms(rigid_base, any_sides):
-    """What `derivations.mixed` gives, as CasADi expressions of unknowns z and parameters p."""
-    import casadi as ca
-
-    from derivations import mixed as derived
-    from derivations import regular
-
-    of = regular.ANY if any_sides else regular.TRIANGLE
-    z, p = ca.SX.sym("z", 4 - rigid_base), ca.SX.sym("p", 9 if any_sides else 6)
-    unknowns = (ca.SX(0), *ca.vertsplit(z)) if rigid_base else ca.vertsplit(z)
-    symbols = (*derived.UNKNOWNS, *derived.PARAMETERS, *(derived.SIDES if any_sides else ()))
-    forms = {
-        "base": derived.base_equilibrium(of),
-        "twist": derived.twist_equilibrium(of),
-        "bar": derived.bar_compatibility(of),
-        "load": derived.load(of),
-        "energy": derived.stored_energy(of),
-    }
-    forms |= dict(zip(("cross_pull", "base_pull", "bar_pull"), derived.tensions(of), strict=True))
-    forms |= dict(zip(("cross_length", "width", "bar_length"), derived.lengths(of), strict=True))
-    given = [p[i] for i in range(p.numel()) if i not in (4, 5)]  # where a branch ends is no form
-    values = to_casadi(list(forms.values()), symbols)(*unknowns, *given)
-    found = {name: ca.SX(value) for name, value in zip(forms, values, strict=True)}
-    return z, p, found | {"half_turn": unknowns[2], "rise": unknowns[3]}
-
-
-def problem(rigid_base: bool = False, any_sides: bool = False) -> Problem:
-    """Equilibria of a prism as a branch, parametrised by the rise h - h0.
-
-    Unknowns: changes of the tension of a base string (absent if the bases are rigid) and of a
-    bar, tangent of half the turn, rise.  With rigid bars the bar's tension is the multiplier of
-    its constant length.  Parameters: h0, p0, k1/k2, k1/k3, and a height and a load at which to
-    end; n, sin(pi/n) and cos(pi/n) where `any_sides`, else the prism is triangular.  Events:
-    contact (the cross strings unload at twist pi), unloaded (base strings and bars unload at
-    twist 2 pi/n), flat, height, load; fold, turn.
-    """
-    return _derived_problem(bool(rigid_base), bool(any_sides))
-
-
-@once
-def _derived_problem(*kind: bool) -> Problem:
-    return DerivedProblem(_problem, *kind)
-
-
-def _problem(rigid_base: bool, any_sides: bool) -> Problem:
-    import casadi as ca
-
-    from derivations.prism import REFERENCE_TWIST
-
-    z, p, form = _forms(rigid_base, any_sides)
-    reference = math.pi / 2 + math.pi / p[6] if any_sides else float(REFERENCE_TWIST)
-    pulls = ca.vertcat(form["cross_pull"], form["base_pull"], form["bar_pull"])
-    force = ca.norm_2(pulls) + 1e-300
-    names = ("twist", "bar") if rigid_base else ("base", "twist", "bar")
-    sizes = {"base": force, "twist": force, "bar": form["bar_length"] ** 2}
-    height = p[0] + form["rise"]
-    return Problem(
-        UNKNOWNS[rigid_base:],
-        z,
-        p,
-        ca.vertcat(*(form[name] for name in names)),
-        size=ca.vertcat(*(sizes[name] for name in names)),
-        roots={
-            "contact": form["cross_pull"],
-            "unloaded": form["bar_pull"] if rigid_base else form["base_pull"],
-            "flat": height,
-            "height": height - p[4],
-            "load": form["load"] - p[5],
-        },
-        folds={"fold": form["load"], "turn": form["rise"]},
-        values={
-            "height": height,
-            "twist": reference + 2 * ca.atan(form["half_turn"]),
-            "base": form["width"],
-            "load": form["load"],
-        },
-    )
-
-
-def numbers(prism: Members, height: float = -1.0, load: float = math.inf) -> list[float]:
-    """Parameters of `problem` for a prism, with the height [m] and the load [N] at which to end."""
-    return [
-        prism.height / prism.base,
-        prism.prestrain,
-        prism.k_cross / prism.k_base,
-        prism.k_cross / prism.k_bar,
-        height / prism.base,
-        load / (prism.k_cross * prism.base),
-        *sides_of(prism.sides),
-    ]
-
-
-def sides_of(sides: int) -> tuple[float, ...]:
-    """n, sin(pi/n) and cos(pi/n): what a problem for any number of sides takes beside."""
-    if sides == 3:
-        return ()
-    return float(sides), math.sin(math.pi / sides), math.cos(math.pi / sides)
-
-
-@once
-def _tangent(rigid_base, any_sides):
-    """Symmetric tangent of the energy in (base, twist, bar tension, height).
-
-    The bar's tension is the multiplier of its compatibility, so one negative eigenvalue belongs
-    to it (Hellinger-Reissner); the base counts by its tension times the root of its stiffness.
-    """
-    import casadi as ca
-
-    z, p, form = _forms(rigid_base, any_sides)
-    softness, sides = ca.sqrt(p[2]), p[6] if any_sides else 3
-    rows = [form["twist"], sides * form["bar"] / (2 * form["bar_length"]), -form["load"]]
-    columns = [(1 + form["half_turn"] ** 2) / 2, 1, 1]
-    order = [1, 0, 2]  # columns of z: bar tension, half turn, rise
-    if not rigid_base:
-        rows, columns = [softness * form["base"], *rows], [1 / softness, *columns]
-        order = [0, 2, 1, 3]
-    matrix = ca.jacobian(ca.vertcat(*rows), z)[:, order] @ ca.diag(ca.vertcat(*columns))
-    # the equations take b from its tension; the energy takes it from the coordinates
-    multiplier = matrix[-2, :]
-    share = multiplier.T * form["bar_pull"] / (sides * form["bar_length"])
-    share[-2] = 0
-    return ca.Function("tangent", [z, p], [matrix - share @ multiplier])
 
 
 def stable(z: Array, p: Sequence[float], rigid_base: bool) -> tuple[Flags, Flags]:
@@ -192,25 +65,6 @@ def stable(z: Array, p: Sequence[float], rigid_base: bool) -> tuple[Flags, Flags
         return (values < -ROUND_OFF).sum(axis=1) == 1
 
     return only_multiplier(matrices), only_multiplier(matrices[:, :-1, :-1])
-
-
-@once
-def _inner(rigid_base, any_sides):
-    """Newton step at given height, and energy with its derivatives in the height."""
-    import casadi as ca
-
-    z, p, form = _forms(rigid_base, any_sides)
-    g = problem(rigid_base, any_sides).residual
-    v, rise = z[:-1], z[-1]
-    move = ca.solve(ca.jacobian(g, v), g)
-    rate = ca.vertcat(-ca.solve(ca.jacobian(g, v), ca.jacobian(g, rise)), 1)
-    orders = [form["energy"], -form["load"]]
-    for _ in range(2):
-        orders.append(ca.jtimes(orders[-1], z, rate))
-    return (
-        ca.Function("step", [z, p], [ca.vertcat(v - move, rise)]),
-        [ca.Function("value", [z, p], [order]) for order in orders],
-    )
 
 
 @dataclass(frozen=True)
@@ -273,9 +127,9 @@ class ElasticLaw:
         """The law in CasADi; see `codegen.Law.forms`."""
         r, p, z, prism = self.guess()
         for _ in range(self.steps):
-            z = _inner(*self.kind)[0](z, prism)
+            z = inner(*self.kind)[0](z, prism)
         per_base, force, preload, energy_at_rest = p[0], p[1], p[2], p[4]
-        energy, tension, stiffness, slope = (v(z, prism) for v in _inner(*self.kind)[1])
+        energy, tension, stiffness, slope = (v(z, prism) for v in inner(*self.kind)[1])
         return r, p, (
             force / per_base * (energy - energy_at_rest) + preload * r,
             force * tension + preload,
@@ -293,12 +147,13 @@ def functions(rigid_base: bool, any_sides: bool = False) -> Functions:
     def make() -> dict[str, Any]:
         import casadi as ca
 
-        step, values = _inner(rigid_base, any_sides)
+        step, values = inner(rigid_base, any_sides)
         r, p, guess, _ = ElasticLaw(rigid_base, 0, any_sides).guess()
         found = {"step": step, "guess": ca.Function("guess", [r, p], [guess])}
         found |= {f"value_{order}": value for order, value in enumerate(values)}
-        symbols = (tangent := _tangent(rigid_base, any_sides)).sx_in()
-        by_rows = ca.vec(tangent(*symbols).T)
+        matrix = tangent(rigid_base, any_sides)
+        symbols = matrix.sx_in()
+        by_rows = ca.vec(matrix(*symbols).T)
         return found | {"tangent": ca.Function("tangent", symbols, [by_rows])}
 
     return Functions(("condensed", bool(rigid_base), bool(any_sides)), make, flags=EXACT)

@@ -1,6 +1,6 @@
 """Loads of a prism at given shortenings, with exact derivatives in its parameters.
 
-The equations of `tensegrity.prisms.condensed`, their inner unknowns eliminated by Newton's method
+The equations of `tensegrity.prisms.equations`, their inner unknowns eliminated by Newton's method
 and the implicit function theorem; derivatives by CasADi.  Each evaluation starts from the one
 before, moved along its derivatives, and from a traced branch where that leads nowhere.
 """
@@ -15,7 +15,8 @@ import numpy as np
 
 from tensegrity.errors import LockingError, TensegrityError
 from tensegrity.once import once
-from tensegrity.prisms.condensed import ElasticPotential, numbers, problem
+from tensegrity.prisms.condensed import ElasticPotential
+from tensegrity.prisms.equations import numbers, problem
 
 if TYPE_CHECKING:
     from typing import Any

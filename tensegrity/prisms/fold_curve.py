@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity import check
-from tensegrity.branches.continuation import Settings, fold_problem, fold_start, refined_fold, trace
+from tensegrity.branches.continuation import Settings, trace
+from tensegrity.branches.folds import fold_problem, fold_start, refined_fold
 from tensegrity.branches.table import Table
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
-from tensegrity.prisms.condensed import numbers, problem
+from tensegrity.prisms.equations import numbers, problem
 from tensegrity.prisms.prism import Prism
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
     from tensegrity.branches.continuation import Problem
 
-PRESTRAIN = 1  # its place in the parameters of `condensed.problem`
+PRESTRAIN = 1  # its place in the parameters of `equations.problem`
 SETTINGS = Settings(tolerance=1e-7, largest=0.05)
 
 

@@ -1,10 +1,10 @@
 """Equilibrium paths of a prism under axial load: fully elastic, rigid-elastic and between.
 
-Members have no thickness.  With elastic bases or bars the path is a branch of the problem of
-`tensegrity.prisms.condensed`, at rigid bases with one unknown less; with both rigid it is the
-closed form.  Strings are unilateral: cross strings go slack where the bars meet (twist pi), where
-the path ends, and base strings where they unload (twist 2 pi/n), beyond which the cross strings
-hang upright and pull alone.  Source: seeds/000, part III, "Numerical approach".
+Members have no thickness.  With elastic bases or bars the path is a branch (`elastic_path`); with
+both rigid it is the closed form (`rigid_path`).  Strings are unilateral: cross strings go slack
+where the bars meet (twist pi), where the path ends, and base strings where they unload (twist
+2 pi/n), beyond which the cross strings hang upright and pull alone.  Source: seeds/000, part III,
+"Numerical approach".
 """
 
 from __future__ import annotations
@@ -18,15 +18,13 @@ from typing import TYPE_CHECKING, overload
 import numpy as np
 
 from tensegrity import check
-from tensegrity.branches.continuation import Settings, trace
 from tensegrity.branches.table import Event, Table
 from tensegrity.engine.pieces import threads
-from tensegrity.engine.programs import derived, run
-from tensegrity.errors import NoLocking, TensegrityError
-from tensegrity.prisms.condensed import numbers, problem, stable
-from tensegrity.prisms.prism import Prism, rigid_law
+from tensegrity.errors import TensegrityError
+from tensegrity.prisms.elastic_path import elastic_path
+from tensegrity.prisms.prism import Prism
+from tensegrity.prisms.rigid_path import rigid_path
 from tensegrity.progress import progress
-from tensegrity.root import root
 from tensegrity.structures.path import structure_path
 from tensegrity.structures.structure import Structure
 
@@ -36,18 +34,12 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
-    from tensegrity.branches.continuation import Branch
-    from tensegrity.springs.potential import Potential
+    from tensegrity.prisms.rigid_path import Columns, Found
     from tensegrity.structures.structure_path import StructurePath
     from tensegrity.structures.supports import Supports
     from tensegrity.typing import Array, Flags
 
-    Columns = dict[str, Any]
-    Found = tuple[str, int, dict[str, float]]  # kind, row, numbers
-
 PART = 16  # paths in a task of a thread
-ROWS = 200  # of a rigid prism, and of the part where base strings are slack
-SETTINGS = Settings(tolerance=1e-8, largest=0.05)
 COLUMNS = ("height", "twist", "base", "load", "shortening")
 LABELS = {
     "height": "height [m]",
@@ -62,7 +54,6 @@ ENDS = {
     "height": "the height asked for",
     "load": "the load asked for",
 }
-FLAT = {"height": 0.0, "load": 0.0}  # exactly, by symmetry
 UPRIGHT = "the bars stand upright: no equilibrium is higher"
 CONTACT = "the bars meet; cross strings go slack"
 PASSED = "the bars pass through each other; beyond, cross strings carry compression"
@@ -323,8 +314,10 @@ def _followed(
     prism: Prism, min_height: float, max_load: float, max_height: float | None, past_contact: bool
 ) -> EquilibriumPath:
     if prism.is_rigid:
-        return _rigid_path(prism, min_height, max_load, max_height)
-    return _elastic_path(prism, min_height, max_load, max_height, past_contact)
+        found = rigid_path(prism, min_height, max_load, max_height)
+    else:
+        found = elastic_path(prism, min_height, max_load, max_height, past_contact)
+    return _path(prism, *found, past_contact)
 
 
 def _path(
@@ -332,8 +325,8 @@ def _path(
     parts: Sequence[Columns],
     events: Iterable[Found],
     end: str,
-    begin: str = "",
-    past_contact: bool = False,
+    upright: bool,
+    past_contact: bool,
 ) -> EquilibriumPath:
     """Parts (columns without shortening) one after another; events are (kind, row, numbers)."""
 
@@ -352,202 +345,4 @@ def _path(
         Event(kind, row, {**at, "shortening": prism.height - at["height"]}, note(kind, at))
         for kind, row, at in events
     ]
-    return EquilibriumPath(prism, columns, listed, end, begin)
-
-
-# --- elastic members -------------------------------------------------------------------------
-
-
-def _elastic_path(
-    prism: Prism, min_height: float, max_load: float, max_height: float | None, past_contact: bool
-) -> EquilibriumPath:
-    level = min_height if min_height > 0 else -prism.height
-    stop = ("flat", "height", "load", *(() if past_contact else ("contact",)))
-    down, events = _branch(prism, numbers(prism, level, max_load), -1, stop)
-    parts, rows, begin = [_columns(prism, down)], 0, ""
-    if max_height is not None:
-        goes_slack = not past_contact and not math.isinf(prism.k_base)
-        stop = ("height", *(("unloaded",) if goes_slack else ()))
-        up, above = _branch(prism, numbers(prism, max_height), 1, stop)
-        tension = {name: column[:0:-1] for name, column in _columns(prism, up).items()}
-        parts, rows = [tension, *parts], len(up) - 1
-        above = [(kind, max(rows - 1 - row, 0), at) for kind, row, at in above[::-1] if row > 0]
-        if up.end == "unloaded":
-            hanging = _hanging(prism, max_height, tension)
-            parts, rows = [hanging, *parts], rows + len(hanging["height"])
-            begin = UPRIGHT if hanging["height"][0] < max_height else ""
-            above = [(kind, row + len(hanging["height"]), at) for kind, row, at in above]
-        events = [*above, *((kind, row + rows, at) for kind, row, at in events)]
-    return _path(prism, parts, events, ENDS[down.end], begin, past_contact)
-
-
-def _branch(
-    prism: Prism, p: list[float], direction: int, stop: tuple[str, ...]
-) -> tuple[Branch, list[Found]]:
-    """The branch in the problem's units, and its events in SI units as (kind, row, numbers)."""
-    rigid_base = math.isinf(prism.k_base)
-    of, start = problem(rigid_base, prism.sides != 3), np.zeros(4 - rigid_base)
-    branch = trace(of, start, p, SETTINGS, direction, stop)
-    branch.p = p
-    kinds = {"contact": "contact", "unloaded": "slack"}
-    kinds |= {kind: kind for kind in ("fold", "turn", "flat", "bifurcation")}
-    if rigid_base:
-        del kinds["unloaded"]  # rigid bases do not go slack
-    events = []
-    for event in branch.events:
-        kind = kinds.get(event.kind)
-        if event.row == 0 and event.kind in ("contact", "unloaded"):
-            kind = "slack" if event.kind == "contact" else None  # no prestrain: slack at the start
-        if kind:
-            columns = {name: np.array([event.at[name]]) for name in COLUMNS[:4]}
-            at = {name: float(x[0]) for name, x in _in_si(prism, columns).items()}
-            if kind == "flat":
-                at |= FLAT
-            events.append((kind, event.row, at))
-    return branch, events
-
-
-def _in_si(prism: Prism, columns: Mapping[str, Any]) -> Columns:
-    force = prism.k_cross * prism.base
-    return {
-        "height": columns["height"] * prism.base,
-        "twist": columns["twist"],
-        "base": columns["base"] * prism.base,
-        "load": columns["load"] * force,
-    }
-
-
-def _columns(prism: Prism, branch: Branch) -> Columns:
-    by_load, by_height = stable(branch.z, branch.p, math.isinf(prism.k_base))
-    columns = _in_si(prism, branch.columns)
-    columns["load"][0] = 0.0  # the self-stressed state
-    if branch.end == "flat":
-        for name, value in FLAT.items():
-            columns[name][-1] = value
-    return columns | {"stable_load": by_load, "stable_height": by_height}
-
-
-def _hanging(prism: Prism, max_height: float, below: Columns) -> Columns:
-    """Rows above the point where base strings and bars unload, the highest first.
-
-    The states of `derivations.hanging`.  The energy is a sum of squares with positive weights
-    there, hence stable.
-    """
-    cross, _, bar = prism.natural_lengths()
-    height = np.linspace(below["height"][0], min(max_height, bar), ROWS + 1)[:0:-1]
-    symbols = height, prism.k_cross, cross, bar
-    twist, base_squared, load = run(derived(_hanging_forms, prism.sides), np, symbols)
-    true = np.ones(ROWS, dtype=bool)
-    return {
-        "height": height,
-        "twist": np.full(ROWS, twist),
-        "base": np.sqrt(np.maximum(base_squared, 0.0)),
-        "load": load,
-        "stable_load": true,
-        "stable_height": true,
-    }
-
-
-def _hanging_forms(sides: int) -> tuple[list[Any], tuple[Any, ...]]:
-    """(twist, squared base, load) of height, k_cross, natural lengths of cross string and bar."""
-    from derivations import hanging, prism, regular
-
-    symbols = (prism.height, prism.k_cross, prism.natural_cross, prism.natural_bar)
-    of = regular.TRIANGLE if sides == 3 else regular.ANY
-    forms = hanging.upright_twist(of), hanging.base_squared(of), hanging.load(of)
-    if sides != 3:
-        import sympy as sp
-
-        angle = sp.pi / sides
-        known = {regular.half_angle: angle, regular.number_of_sides: sides}
-        known |= {regular.half_sine: sp.sin(angle), regular.half_cosine: sp.cos(angle)}
-        forms = tuple(form.subs(known).evalf(30) for form in forms)
-    return list(forms), symbols
-
-
-# --- rigid bases and bars --------------------------------------------------------------------
-
-
-def _rigid_path(
-    prism: Prism, min_height: float, max_load: float, max_height: float | None
-) -> EquilibriumPath:
-    """Rows of the closed form, closer towards where the prism locks."""
-    potential = prism.potential()
-    low, _ = potential.domain
-    try:
-        end, kind = prism.locking_height() - prism.height, "contact"
-    except NoLocking:
-        end, kind = -prism.height, "flat"
-    if min_height - prism.height > end:
-        end, kind = min_height - prism.height, "height"
-
-    part = np.linspace(0.0, 1.0, ROWS + 1)
-    r = end * (1 - (1 - part) ** 4 if kind == "contact" else part)
-    r = r[r > low] if kind != "height" else r
-    if kind == "flat":
-        r = np.append(r[r > -prism.height], np.nextafter(-prism.height, 0.0))
-    load = -potential.tension(r)
-    events = []
-
-    turning = potential.stiffness(r)
-    for i in np.flatnonzero(turning[:-1] * turning[1:] < 0).tolist():
-        at = root(lambda x: float(potential.stiffness(x)), r[i + 1], r[i])
-        events.append(("fold", i, at))
-    over = np.flatnonzero(load >= max_load)
-    if over.size or (kind == "contact" and math.isfinite(max_load)):
-        first = int(over[0]) if over.size else len(r)
-        nearest = r[first] if over.size else np.nextafter(low, 0)
-        at = root(lambda x: -float(potential.tension(x)) - max_load, nearest, r[first - 1])
-        r, kind = np.append(r[:first], at), "load"
-        events = [event for event in events if event[2] >= at]
-    elif kind in ("contact", "flat"):
-        events.append((kind, len(r) - 1, end))
-
-    rows, begin = 0, ""
-    if max_height is not None:
-        up = _stretched(prism, potential, max_height)
-        r, rows = np.concatenate([up, r]), len(up)
-        begin = UPRIGHT if max_height - prism.height >= potential.domain[1] else ""
-    columns = _rigid_columns(prism, potential, r)
-    if prism.prestrain == 0:
-        events = [("slack", 0, 0.0), *events]
-    listed = []
-    for name, row, at in events:
-        locked = name in ("contact", "flat")
-        one = _rigid_columns(prism, potential, np.array([at]), locked)
-        numbers_there = {key: float(one[key][0]) for key in COLUMNS[:4]}
-        if name == "contact":
-            numbers_there["load"] = math.inf
-        listed.append((name, row + rows, numbers_there))
-    return _path(prism, [columns], listed, ENDS[kind], begin)
-
-
-def _stretched(prism: Prism, potential: Potential, max_height: float) -> Array:
-    """Elongations above the reference, the highest first."""
-    top = min(max_height - prism.height, potential.domain[1])
-    part = np.linspace(1.0, 0.0, ROWS + 1)[:-1]
-    r = top * (1 - (1 - part) ** 4)
-    return r[r < potential.domain[1]]
-
-
-def _rigid_columns(prism: Prism, potential: Potential, r: Array, locked: bool = False) -> Columns:
-    """Numbers at elongations r; at a locked end no load (0 where flat) and no stiffness."""
-    shared = len(rigid_law().parameters)  # without the number of sides
-    (half,) = run(derived(_half_turn), np, (r, *potential.values[:shared]))
-    load = np.zeros_like(r) if locked else -potential.tension(r)
-    stiff = np.full(r.shape, np.inf) if locked else potential.stiffness(r)
-    return {
-        "height": prism.height + r,
-        "twist": prism.reference_twist + 2 * np.arctan(half),
-        "base": np.full(r.shape, prism.base),
-        "load": load,
-        "stable_load": stiff >= 0,  # zero without prestrain, at a minimum of the energy
-        "stable_height": np.ones(r.shape, dtype=bool),
-    }
-
-
-def _half_turn() -> tuple[list[Any], tuple[Any, ...]]:
-    """Tangent of half the turn from the reference, from constant length of bars and bases."""
-    from derivations import rigid_elastic as form
-
-    return [form.half_turn()], (form.elongation, *form.PARAMETERS)
+    return EquilibriumPath(prism, columns, listed, ENDS[end], UPRIGHT if upright else "")

@@ -14,13 +14,12 @@ from tensegrity.structures import statics
 if TYPE_CHECKING:
     from typing import Any
 
-    from tensegrity.structures.structure import Structure
     from tensegrity.typing import Array
 
 SAME = 1e-9  # force that is left on a node, over those of its members: no self-stress
 
 
-def checked(structure: Structure, force_densities: Any) -> Array:
+def checked(structure: Any, force_densities: Any) -> Array:
     """Force densities that are a self-stress, (members,)."""
     q = check.vector("force_densities", force_densities, (len(structure.ends),))
     matrix = statics.equilibrium_matrix(structure.positions, structure.ends)
@@ -34,7 +33,7 @@ def checked(structure: Structure, force_densities: Any) -> Array:
     return q
 
 
-def of_prestrain(structure: Structure, prestrain: Any) -> Array:
+def of_prestrain(structure: Any, prestrain: Any) -> Array:
     """Force densities of which some strings have given prestrains."""
     if not isinstance(prestrain, Mapping) or not prestrain:
         raise TensegrityError(

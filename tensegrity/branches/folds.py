@@ -1,0 +1,85 @@
+"""Folds of a branch: located by themselves, and followed in one more parameter."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tensegrity.branches.continuation import Problem
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from numpy.typing import ArrayLike
+
+    from tensegrity.branches.table import Event
+    from tensegrity.typing import Array
+
+
+def fold_problem(problem: Problem, fold: str, free: int) -> Problem:
+    """The curve of a fold in one more parameter, as a problem of its own.
+
+    Parameters
+    ----------
+    problem : Problem
+    fold : str
+        One of `problem.folds`.
+    free : int
+        Index of the number in `problem.p` that becomes an unknown, the last one, "free".
+
+    Returns
+    -------
+    Problem
+        Unknowns: those of `problem`, their tangent ("d name") and the freed number.  The
+        parameters stay; entry `free` is where the event "end" lies.
+    """
+    import casadi as ca
+
+    m, p, scale = len(problem.unknowns), problem.p, problem.scale or ()
+    tangent, freed = ca.SX.sym("tangent", m), ca.SX.sym("free")
+
+    def released(expression: Any) -> Any:
+        return ca.substitute(ca.SX(expression), p[free], freed)
+
+    g, function = released(problem.residual), released(problem.folds[fold])
+    scaled = tangent * ca.DM(scale)
+    system = ca.vertcat(
+        g,
+        ca.jtimes(g, problem.z, scaled),
+        ca.jtimes(function, problem.z, scaled),
+        ca.dot(tangent, tangent) - 1,
+    )
+    size = ca.SX.ones(m - 1) if problem.size is None else released(problem.size)
+    return Problem(
+        (*problem.unknowns, *(f"d {name}" for name in problem.unknowns), "free"),
+        ca.vertcat(problem.z, tangent, freed),
+        p,
+        system,
+        (*scale, *(1.0,) * m, 1.0),
+        size=ca.vertcat(size, 1 + size, 1 + ca.norm_2(ca.gradient(function, problem.z)), 1),
+        roots={"end": freed - p[free]},
+        values={name: released(value) for name, value in problem.values.items()},
+    )
+
+
+def fold_start(problem: Problem, event: Event, parameters: ArrayLike, free: int) -> Array:
+    """A start of `fold_problem` at a fold found by `trace` with these parameters."""
+    p = np.asarray(parameters, dtype=float)
+    z = np.array([event.at[name] for name in problem.unknowns])
+    scale = np.array(problem.scale)
+    tangent = _tangent(problem, np.arcsinh(z / scale), p) * np.hypot(1, z / scale)
+    return np.concatenate([z, tangent / np.linalg.norm(tangent), [p[free]]])
+
+
+def refined_fold(problem: Problem, fold: str, z: ArrayLike, parameters: ArrayLike) -> Array | None:
+    """Unknowns (m,) at the fold next to z, located on the extended system; None if it fails."""
+    p, scale = np.asarray(parameters, dtype=float), np.array(problem.scale)
+    z = np.arcsinh(np.asarray(z, dtype=float) / scale)
+    z = problem._machine.polish(fold, z, _tangent(problem, z, p), p)
+    return None if z is None else np.sinh(z) * scale
+
+
+def _tangent(problem: Problem, z: Array, p: Array) -> Array:
+    """Unit tangent of the branch through a point, in scaled unknowns."""
+    return np.linalg.svd(problem._machine.linearised(z, p)[1])[2][-1]

@@ -1,0 +1,318 @@
+"""What a method is: rows of coefficients, and what follows from them alone.
+
+The methods themselves are in `tensegrity.engine.methods`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from tensegrity import check
+from tensegrity.engine.kept import kept
+from tensegrity.errors import TensegrityError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import Any
+
+    from tensegrity.typing import Array
+
+    Matrix = tuple[Array, Array, Array, Array]  # xx, xv, vx, vv
+    Rows = Iterable[Iterable[Any]]
+
+ROUND_OFF = 1e-9  # in the trace of a step's matrix, beyond the bound of a stable one
+GAIN = 1e-12  # in the amplification of a step, beyond 1
+EXACT = 1e-12  # in the sums of coefficients, and between those that mirror each other
+MOST_STAGES = 250  # pieces of a long chain overlap by no more sites
+
+
+@dataclass(frozen=True)
+class Method:
+    """What all methods have.
+
+    `simulate` takes any `Splitting` or `Nystrom`, also one that `METHODS` does not list.
+
+    Attributes
+    ----------
+    name : str
+    order : int
+        Global error ~ dt^order on smooth springs.
+    step : float
+        Default dt over the stability limit, or over 1/omega where there is none.
+    reference : str, optional
+    when_not : str, optional
+        Where another method serves better.
+    keeps : str
+        What it keeps in scenes that are driven, damped or tuned.
+    """
+
+    name: str
+    order: int
+    step: float
+    reference: str = field(default="", kw_only=True)
+    when_not: str = field(default="", kw_only=True)
+
+    explicit = True
+    reversible = True
+    processor: ClassVar[tuple[Splitting, Splitting] | None] = None
+    keeps: ClassVar[str] = "not for scenes that are driven, damped or tuned"
+    opening_share: ClassVar[float] = 0.0  # of `step` that serves where contacts open, whatever else
+    if TYPE_CHECKING:  # what each kind of method brings
+        symplectic: ClassVar[bool]
+        _slack: ClassVar[float]
+        _bisected: ClassVar[float]
+
+        @property
+        def stages(self) -> int: ...
+        def step_matrix(self, z: Array | float) -> Matrix: ...
+        def _excess(self, z: Array) -> Array: ...
+
+    def __post_init__(self) -> None:
+        for name in ("name", "reference", "when_not"):
+            check.kind(f"{name} of a method", getattr(self, name), str)
+        self._set("order", check.whole(f"order of {self.name!r}", self.order, least=1))
+        self._set("step", check.number(f"step of {self.name!r}", self.step, above=0))
+
+    def _set(self, name: str, value: Any) -> None:
+        object.__setattr__(self, name, value)
+
+    def _set_rows(self, *names: str) -> None:
+        for name in names:
+            self._set(name, row_of(f"{name} of {self.name!r}", getattr(self, name)))
+
+    def _require(self, holds: bool, words: str) -> None:
+        if not holds:
+            raise TensegrityError(f"method {self.name!r}: {words}")
+
+    def _require_sum(self, words: str, row: Iterable[float], wanted: float) -> None:
+        total = math.fsum(row)
+        self._require(abs(total - wanted) <= EXACT, f"{words} is {total:.15g}, must be {wanted:g}")
+
+    def _require_stages(self) -> None:
+        self._require(
+            1 <= self.stages <= MOST_STAGES, f"{self.stages} stages must be 1 to {MOST_STAGES}"
+        )
+
+    @property
+    def scale(self) -> float:
+        """The dt * omega that `step` is a fraction of."""
+        return self.stability_limit
+
+    @cached_property
+    def stability_limit(self) -> float:
+        """Largest stable dt * omega on the harmonic oscillator, found from the coefficients."""
+        return kept(("stability limit", repr(self)), self._stability_limit)
+
+    def _stability_limit(self) -> float:
+        z = np.linspace(0, 2.0 * self.stages + 1, 200_001)[1:]
+        first = int(np.flatnonzero(self._excess(z) > self._slack)[0])
+        low, high = (z[first - 1] if first else 0.0), z[first]
+        for _ in range(60):
+            middle = (low + high) / 2
+            stable = self._excess(np.array(middle)) <= self._bisected
+            low, high = (middle, high) if stable else (low, middle)
+        return float(low)
+
+
+@dataclass(frozen=True)
+class Splitting(Method):
+    """A palindrome of kicks and drifts.
+
+    Attributes
+    ----------
+    kicks : tuple, (stages + 1,)
+        Of sum 1; 0 at both ends for a step that begins and ends with a drift.
+    drifts : tuple, (stages,)
+        Of sum 1.
+
+    Examples
+    --------
+    Suzuki's fourth-order composition of five steps of Verlet, in a run:
+
+    >>> from tensegrity import Chain, Prism, simulate
+    >>> a = 1 / (4 - 4 ** (1 / 3))
+    >>> parts = (a, a, 1 - 4 * a, a, a)
+    >>> kicks = [(x + y) / 2 for x, y in zip((0, *parts), (*parts, 0))]
+    >>> suzuki = Splitting("suzuki4", order=4, step=0.1, kicks=kicks, drifts=parts)
+    >>> chain = Chain(Prism(1.0, 0.7, 0.01, 1.0).potential(), 20)
+    >>> simulate(chain, chain.at_rest({0: 0.01}), 5.0, method=suzuki).method
+    'suzuki4'
+    """
+
+    kicks: tuple[float, ...]
+    drifts: tuple[float, ...]
+    symplectic = True
+    keeps = (
+        "its order under drives, springs that change, and dashpots, which drifts solve exactly, "
+        "or, where damped bonds of a network turn, to that order; it is symplectic, with time as "
+        "one more coordinate, as long as there are no dashpots; with them volumes shrink at the "
+        "exact rate, or at that to its order.  Drifts backwards in time let velocities grow: dt "
+        "times the largest drift and the fastest decay must be at most 2"
+    )
+    _slack, _bisected = ROUND_OFF, 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._set_rows("kicks", "drifts")
+
+    def check(self) -> None:
+        """Refuse rows that are no step of time dt, or not the palindrome that they should be."""
+        kicks, drifts = self.kicks, self.drifts
+        self._require(
+            len(kicks) == len(drifts) + 1,
+            f"{len(kicks)} kicks and {len(drifts)} drifts: there must be one kick more",
+        )
+        self._require_stages()
+        self._require_sum("sum of the kicks", kicks, 1)
+        self._require_sum("sum of the drifts", drifts, 1)
+        if self.reversible:
+            self._require(
+                mirrors(kicks) and mirrors(drifts),
+                "kicks and drifts must be palindromes for the method to be reversible in time",
+            )
+
+    @property
+    def stages(self) -> int:
+        """Force evaluations per step."""
+        return len(self.drifts)
+
+    def step_matrix(self, z: Array | float) -> Matrix:
+        """Entries (xx, xv, vx, vv) of a step's matrix for (x, v/omega), z = dt * omega."""
+        one, nil = np.ones_like(z, dtype=float), np.zeros_like(z, dtype=float)
+        x, v = [one, nil], [nil, one]  # rows: dependence on the initial (x, v)
+        for kick, drift in zip(self.kicks, (*self.drifts, 0.0), strict=True):
+            v = [b - kick * z * a for a, b in zip(x, v, strict=True)]
+            x = [a + drift * z * b for a, b in zip(x, v, strict=True)]
+        return *x, *v
+
+    def _excess(self, z: Array) -> Array:
+        """Beyond stability if positive: the determinant is 1, the trace must be in [-2, 2]."""
+        xx, _, _, vv = self.step_matrix(z)
+        return np.abs(xx + vv) - 2
+
+
+@dataclass(frozen=True)
+class Processed(Splitting):
+    """A palindrome whose steps are of the order said in other variables only.
+
+    The rows of its processor lead into these variables before the first step; the same rows
+    backwards lead out, once wherever the motion is looked at.  A run from one state to another is
+    a palindrome as a whole.
+
+    Attributes
+    ----------
+    entry : (kicks, drifts)
+    """
+
+    entry: tuple[tuple[float, ...], tuple[float, ...]]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        rows = tuple_of(f"entry of {self.name!r}", self.entry)
+        self._set("entry", tuple(row_of(f"entry of {self.name!r}", row) for row in rows))
+
+    def check(self) -> None:
+        """Refuse rows as `Splitting` does, and an entry that is no pair of such rows."""
+        super().check()
+        lengths = [len(row) for row in self.entry]
+        self._require(
+            len(lengths) == 2 and 2 <= lengths[0] == lengths[1] + 1 <= MOST_STAGES,
+            f"rows of {lengths} in the entry must be kicks and drifts, one kick more",
+        )
+
+    @cached_property
+    def processor(self) -> tuple[Splitting, Splitting]:  # type: ignore[override]
+        """Splittings that lead into the variables of the steps, and out."""
+        rows = self.entry, tuple(row[::-1] for row in self.entry)
+        common = self.name, self.order, self.step
+        return tuple(Splitting(*common, *pair) for pair in rows)  # type: ignore[return-value]
+
+
+@dataclass(frozen=True)
+class Corrected(Method):
+    """A splitting whose error where contacts open or close is known, and taken off.
+
+    Its kicks are a quadrature of the forces.  Where the overlap of a contact passes zero in a
+    step, the closed form of the quadrature's error goes to the two sites as an equal and opposite
+    impulse, and the moment of that error as a shift: `derivations.openings`.  Contacts of
+    exponents from 1 to 2.5 are treated.
+
+    Attributes
+    ----------
+    base : Splitting
+        Without a processor.
+    """
+
+    base: Splitting
+    symplectic = reversible = False
+    opening_share = 1 / 8
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check.kind(f"base of {self.name!r}", self.base, Splitting)
+
+    def check(self) -> None:
+        """Refuse what the base refuses, and a base in other variables than the scene's."""
+        self.base.check()
+        self._require(self.base.processor is None, "its base has a processor, must have none")
+
+    @property
+    def stages(self) -> int:
+        """Force evaluations per step."""
+        return self.base.stages
+
+    @property
+    def stability_limit(self) -> float:
+        """Largest stable dt * omega on the harmonic oscillator."""
+        return self.base.stability_limit
+
+    @cached_property
+    def rule(self) -> tuple[Array, Array, Array]:
+        """The quadrature that a step is: nodes and weights of its kicks over dt, and by how much a
+        kick's position is ahead of the motion of a constant acceleration, over that and dt^2."""
+        weights = np.array(self.base.kicks)
+        nodes = np.concatenate([[0.0], np.cumsum(self.base.drifts)])
+        nodes[np.abs(nodes - 1) < EXACT] = 1.0
+        since = nodes[:, None] - nodes  # of each kick since each other
+        moved = np.tril(since, -1) @ weights
+        return nodes, weights, moved - nodes**2 / 2
+
+    def step_matrix(self, z: Array | float) -> Matrix:
+        """Entries (xx, xv, vx, vv) of a step's matrix for (x, v/omega), z = dt * omega."""
+        return self.base.step_matrix(z)
+
+
+def palindrome(half: tuple[float, ...], odd: bool) -> tuple[float, ...]:
+    """A full row of an odd or even number of entries, from its first half without the last
+    entry of it, which makes the sum 1."""
+    half = (*half, 1 - 2 * sum(half) if odd else 0.5 - sum(half))
+    return half + half[-2::-1] if odd else half + half[::-1]
+
+
+def tuple_of(name: str, values: Any) -> tuple[Any, ...]:
+    if isinstance(values, (str, bytes)) or not isinstance(values, Iterable):
+        raise TensegrityError(f"{name} {check.shown(values)} must be a sequence")
+    return tuple(values)
+
+
+def row_of(name: str, values: Any) -> tuple[float, ...]:
+    """Coefficients as plain floats."""
+    return tuple(check.number(name, value) for value in tuple_of(name, values))
+
+
+def mirrors(row: Sequence[float]) -> bool:
+    return all(abs(a - b) <= EXACT for a, b in zip(row, row[::-1], strict=True))
+
+
+def there_and_back(
+    kicks: tuple[float, ...], drifts: tuple[float, ...]
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Rows of a step followed by the same step with its time reversed in sign."""
+    back = (-kick for kick in kicks[1:])
+    return (*kicks[:-1], kicks[-1] - kicks[0], *back), (*drifts, *(-drift for drift in drifts))

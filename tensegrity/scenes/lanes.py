@@ -1,0 +1,150 @@
+"""The loops of an `Ensemble`: as many lanes at once as one compiled loop takes, then one by one."""
+
+from __future__ import annotations
+
+from copy import copy
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tensegrity.engine import kernel
+from tensegrity.engine.bonds import Bonds
+from tensegrity.engine.compiled import Compiled
+from tensegrity.engine.walk import Part
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from tensegrity.engine.methods import Method
+    from tensegrity.typing import Array
+
+TOGETHER = (64, 32, 16, 8)  # lanes that one compiled loop takes
+
+
+class Lanes:
+    """Lanes in groups, each in a loop compiled for so many, what is left one by one."""
+
+    def __init__(self, ensemble: Any, u: Array, v: Array, method: Method, dt: float) -> None:
+        self._whole, self._groups = (u, v), []
+        self._springs = len(ensemble.spring_table)
+        bonds, lane = _side_by_side(ensemble, method), 0
+        while lane < ensemble.lanes:
+            fitting = [n for n in TOGETHER if bonds and n <= ensemble.lanes - lane]
+            width = fitting[0] if fitting else 1
+            lanes = slice(lane, lane + width)
+            part = np.s_[..., lanes] if fitting else np.s_[..., lane]
+            arrays = np.ascontiguousarray(u[part]), np.ascontiguousarray(v[part])
+            if fitting:
+                loop = kernel.bind(*arrays, bonds(lanes), method, dt)
+                place = np.arange(self._springs)
+            else:
+                scene = ensemble.scenes[lane]
+                loop = scene.bind(*arrays, method, dt)
+                place = np.zeros(len(scene.spring_table), dtype=int)
+                group = ensemble._group
+                place[scene.spring_table.group] = group[:, lane if group.shape[1] > 1 else 0]
+            self._groups.append((part, arrays, loop, place))
+            lane += width
+
+    def forget_range(self) -> None:
+        """Start anew to record elongations and the way travelled."""
+        for _, _, loop, _ in self._groups:
+            loop.forget_range()
+
+    @property
+    def range(self) -> Array:
+        """Smallest and largest elongation of each different spring since `forget_range`."""
+        found = np.empty((self._springs, 2))
+        found[:, 0], found[:, 1] = np.inf, -np.inf
+        for _, _, loop, place in self._groups:
+            low, high = loop.range.T
+            np.minimum.at(found[:, 0], place, low)
+            np.maximum.at(found[:, 1], place, high)
+        return found
+
+    def show(self, u: Array, v: Array) -> Any:
+        """What makes copies of u and v what is looked at; None where they are that already."""
+        shown, groups = copy(self), []
+        for part, _, loop, place in self._groups:
+            arrays = np.ascontiguousarray(u[part]), np.ascontiguousarray(v[part])
+            groups.append((part, arrays, loop.show(*arrays), place))
+        shown._whole, shown._groups = (u, v), groups
+        return None if any(loop is None for _, _, loop, _ in groups) else shown
+
+    @property
+    def parts(self) -> Any:
+        """Those of all groups, as `walk` takes them; None where one has none."""
+        each: Any = [(part, getattr(loop, "parts", None)) for part, _, loop, _ in self._groups]
+        if any(parts is None for _, parts in each):
+            return None
+        return lambda: [
+            Part(place, one.call[0], one.call[1], one.u, one.v)
+            for place, parts in each
+            for one in parts()
+        ]
+
+    @property
+    def travel(self) -> float:
+        """Bound on how far any coordinate of a site moved since then [m]."""
+        return max(loop.travel for _, _, loop, _ in self._groups)
+
+    def advance(self, steps: int) -> None:
+        """Advance u and v by whole steps."""
+        for part, arrays, loop, _ in self._groups:
+            for own, whole in zip(arrays, self._whole, strict=True):
+                own[...] = whole[part]
+            loop.advance(steps)
+            for own, whole in zip(arrays, self._whole, strict=True):
+                whole[part] = own
+
+
+def _side_by_side(ensemble: Any, method: Method) -> Any:
+    """A function lanes -> bonds for a loop over so many; None where the lanes must run in turn."""
+    parts = [scene.loop_bonds for scene in ensemble.scenes]
+    if not method.explicit or any(part.contacts is not None for part in parts):
+        return None
+    laws, law, parameters = ensemble.spring_table.table
+    group = ensemble.spring_table.group
+    if group.ndim == 2 and np.any(law[group] != law[group[:, :1]]):
+        return None
+    if not isinstance(kernel.kernel(laws), Compiled):
+        return None
+    weights = ensemble.inverse_mass
+
+    def bonds(lanes: slice) -> Bonds:
+        mine = group if group.ndim == 1 else group[:, lanes]
+        mass = np.ascontiguousarray(weights[:, lanes])
+        return Bonds(laws, law, parameters, mine, mass, openings=ensemble.spring_table.openings)
+
+    return bonds
+
+
+class Clearances:
+    """Those of all lanes, each with its own, as if they were one."""
+
+    def __init__(self, each: Any) -> None:
+        self._each = each
+
+    def tracker(self, u: Array) -> _Trackers:
+        """A watch over all lanes that starts at displacements u."""
+        trackers = [one.tracker(u[..., k]) for k, one in enumerate(self._each)]
+        return _Trackers(trackers)
+
+
+class _Trackers:
+    def __init__(self, each: Any) -> None:
+        self._each = each
+
+    def share(self, travel: float) -> float:
+        """As `clearance.Tracker`, the largest of all lanes."""
+        return max(one.share(travel) for one in self._each)
+
+    def accept(self, u: Array, travel: float) -> None:
+        """As `clearance.Tracker`."""
+        for lane, one in enumerate(self._each):
+            one.accept(u[..., lane], travel)
+
+    def judge(self, u: Array, t: float) -> None:
+        """As `clearance.Tracker`."""
+        for lane, one in enumerate(self._each):
+            one.judge(u[..., lane], t)
