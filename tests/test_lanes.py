@@ -2,6 +2,7 @@
 
 import ctypes
 import shutil
+from itertools import pairwise
 
 import casadi as ca
 import numpy as np
@@ -10,7 +11,7 @@ from networks import patch, pushed
 
 from tensegrity import Network, PowerLaw, Prism, State, Wall
 from tensegrity.engine import codegen, lanes
-from tensegrity.engine.bonds import GROUP
+from tensegrity.engine.bonds import GROUP, PAIR
 from tensegrity.engine.compiled import BoundNet, Compiled
 from tensegrity.engine.methods import METHODS
 from tensegrity.engine.native import library
@@ -132,6 +133,25 @@ def test_lists_have_every_contact_once():
                     assert ends == {contacts.first[number], contacts.second[number]}
                     seen.append(number)
     assert sorted(seen) == list(range(len(network.springs)))
+
+
+def test_every_pair_is_taken_by_its_other_site_once():
+    """Sites side by side, the rarer takers and those that only fill a group take nothing."""
+    network = box()
+    bonds = network.loop_bonds
+    found, contacts = slices(bonds), bonds.contacts
+    nothing, taken = (found.store - 1) * GROUP, np.zeros(network.sites, dtype=int)
+    sites = found.taker.ravel()[: network.sites]
+    assert sorted(sites) == list(range(network.sites))
+    assert np.all(np.diff(sites // TILE) >= 0)
+    for group, (first, last) in enumerate(pairwise(found.taken_at)):
+        for lane in range(min(GROUP, network.sites - group * GROUP)):
+            entries = found.taken[first:last, lane]
+            entries = entries[entries != nothing]
+            assert len(set(entries.tolist())) == len(entries)
+            taken[found.taker[group, lane]] += len(entries)
+    higher = np.maximum(contacts.first, contacts.second)[contacts.kind == PAIR]
+    np.testing.assert_array_equal(taken, np.bincount(higher, minlength=network.sites))
 
 
 @pytest.mark.parametrize("count", [2, 3])
