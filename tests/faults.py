@@ -310,6 +310,18 @@ FAULTS = (
         "tests/test_network.py::test_free_patch_keeps_energy_momentum_and_angular_momentum",
     ),
     Fault(
+        "tensegrity/engine/net.c",
+        "part < GROUP && q * GROUP + part < last",
+        "part < GROUP",
+        "tests/test_network.py::test_orders_on_a_smooth_patch",
+    ),
+    Fault(
+        "tensegrity/engine/slices.py",
+        "np.where(time < count[lanes[of]], start[lanes[of]] + time, -1)",
+        "start[lanes[of]] + np.minimum(time, count[lanes[of]] - 1)",
+        "tests/test_lanes.py::test_every_pair_is_taken_by_its_other_site_once",
+    ),
+    Fault(
         "tensegrity/engine/slices.py",
         "needed = np.minimum.accumulate(lowest[::-1])[::-1]",
         "needed = lowest",

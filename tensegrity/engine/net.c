@@ -59,9 +59,9 @@ static void contacts(const scene *c, const real *u, integer t, real *restrict pu
 static void accelerate(const scene *c, integer t, real *restrict pull)
 {
     const real *restrict store = c->store + c->piece * c->room * DIM * GROUP;
-    const integer first = t * TILE, groups = (entries(c, t) / DIM + GROUP - 1) / GROUP;
-    for (integer q = first / GROUP; q < first / GROUP + groups; q++)
-        for (int part = 0; part < GROUP; part += WIDE) {
+    const integer first = t * TILE, last = first + entries(c, t) / DIM;
+    for (integer q = first / GROUP; q * GROUP < last; q++)
+        for (int part = 0; part < GROUP && q * GROUP + part < last; part += WIDE) {
             const int *restrict site = c->taker + q * GROUP + part;
             const pack mobility = load(c->mobility + q * GROUP + part);
             real *mine = pull - first * DIM;
