@@ -12,7 +12,7 @@ from tensegrity.engine import geometry
 from tensegrity.engine.bonds import KINDS
 from tensegrity.engine.compiled import Compiled, structure_of
 from tensegrity.engine.kept import kept
-from tensegrity.engine.native import library
+from tensegrity.engine.native import address, library
 from tensegrity.once import once
 
 if TYPE_CHECKING:
@@ -120,7 +120,7 @@ class Energies:
         if not (fit and _fits(u) and _fits(v)):
             return None
         total, scratch = np.empty(u.shape[: u.ndim - axes]), np.empty(self._room)
-        pointers = (x.ctypes.data for x in (u, v, scratch, total))
+        pointers = address(u), address(v), address(scratch), address(total)
         return total if self._function(*self._given, total.size, *pointers) else None
 
 

@@ -11,17 +11,16 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from tensegrity.engine.methods import Method, Nystrom
 from tensegrity.errors import ContactError, LockingError, RecordError, StabilityError
 from tensegrity.progress import progress
-from tensegrity.runs import stepping
 from tensegrity.runs.book import Book, Checks, Kept, Sound
 from tensegrity.runs.guard import Guard
 from tensegrity.runs.loops import Loop
+from tensegrity.runs.stepping import Outlook
 from tensegrity.runs.whole import whole
 from tensegrity.scenes.clearance import CAUTION
 from tensegrity.scenes.scene import known_state
@@ -31,7 +30,6 @@ STRIDE = 4  # blocks in one call with its rows: an interrupt waits no longer
 WHOLE = 4  # such calls in one, where all of a run is done at once
 FEWEST = 100  # steps in one call: the pieces of a long chain work apart for some tens
 MOST_STEPS = 10**12
-SHARE = 0.5  # of the energy, in one bond, for the first step where a tolerance decides
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +40,7 @@ class Problem:
     checks and recorded energies are those of `scene`.  `choice` says what chose the step: "dt",
     "tol" or "default".  Of a `trial` that
     ends well the energies of rows that hold all sites are left out, NaN, and where nothing has to
-    be done with care its `rows` may be too.
+    be done with care its `rows` may be too.  The `outlook` is that of the scene and the state.
     """
 
     scene: object
@@ -54,6 +52,11 @@ class Problem:
     choice: str = "dt"
     trial: bool = False
     rows: bool = True
+    outlook: Outlook | None = None
+
+    def __post_init__(self):
+        if self.outlook is None:
+            object.__setattr__(self, "outlook", Outlook(self.scene, self.state))
 
     @property
     def moved(self):
@@ -64,23 +67,6 @@ class Problem:
     def force(self):
         """What the tensions of the springs are computed by."""
         return self.moved.spring_table.force
-
-    @cached_property
-    def expected(self):
-        """Elongations that each spring can reach with all the energy, and how stiff it is there."""
-        ranges = stepping.expected_ranges(self.scene, self.state)
-        return ranges, self.scene.stiffness_within(ranges)
-
-    @cached_property
-    def first_frequency(self):
-        """Angular frequency [rad/s] were half of the energy to meet in one bond."""
-        scene = self.scene.likely(self.state.u)
-        return stepping.expected_frequency(scene, self.state, SHARE)
-
-    @cached_property
-    def near(self):
-        """What is near at the start and has to be watched."""
-        return self.scene.clearance.watched(self.state.u)
 
     def largest_step(self, omega):
         """Stability limit [s] at an angular frequency [rad/s]; inf where it is 0."""

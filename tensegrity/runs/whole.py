@@ -164,4 +164,4 @@ def _is_clear(problem, plan, seen, ways):
         u, travel = np.stack([problem.state.u] * 2), np.array([plan.travel])
     else:
         u, travel = seen[0], np.diff(ways, prepend=0.0)
-    return problem.scene.clearance.is_kept(problem.near, u, travel)
+    return problem.scene.clearance.is_kept(problem.outlook.near, u, travel)

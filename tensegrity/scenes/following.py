@@ -43,8 +43,8 @@ class Following(Clearance):
     def _find(self, u):
         x = self.positions + u
         pairs, walls = self.pairs(x), self.wall_pairs(x)
-        beside = self._by_wall(x, walls, lambda wall, at: wall.overhang(at)) < 0
-        before = self._by_wall(x, walls, lambda wall, at: wall.height(at)) > 0
+        beside = self._by_wall("overhang", x, walls) < 0
+        before = self._by_wall("height", x, walls) > 0
         return _sorted(pairs), _sorted(walls[beside & before]), walls[~(beside & before)]
 
     def watched(self, u):
@@ -55,7 +55,7 @@ class Following(Clearance):
     def room(self, x, moved, ends, listed):
         """How far every site may move until something could be wrong [m]; as `Clearance.room`."""
         found = np.asarray(self.skin / 2 - moved)  # what is not in the lists
-        inside = -self._by_wall(x, listed, lambda wall, at: wall.overhang(at))
+        inside = -self._by_wall("overhang", x, listed)
         for ways in (self.wall_gaps(x, ends), self.hold(x), inside):
             found = np.asarray(np.minimum(found, np.min(ways, axis=-1, initial=math.inf)))
         return found

@@ -95,7 +95,7 @@ class Network(Scene):
     drive : dict of int to Drive, optional
         {site: Drive}: motions that are prescribed, and forces that depend on time.
     damping : Damping, optional
-        Dashpots from the sites to the ground.
+        Dashpots in the bonds and to the ground.
     """
 
     def __init__(
