@@ -117,6 +117,13 @@ def box(side=9, seed=0):
     )  # fmt: skip
 
 
+def far():
+    """A patch whose first and last site are joined: a late tile takes from an early one."""
+    network = patch(30)
+    bonds = np.concatenate([network.bonds, [(0, network.sites - 1)]])
+    return Network(network.positions, bonds, network.springs[0], mass=1.0)
+
+
 def test_lists_have_every_contact_once():
     network = box()
     bonds = network.loop_bonds
@@ -155,7 +162,7 @@ def test_every_pair_is_taken_by_its_other_site_once():
 
 
 @pytest.mark.parametrize("count", [2, 3])
-@pytest.mark.parametrize("make", [box, lambda: patch(30), lambda: patch(18, dim=2)])
+@pytest.mark.parametrize("make", [box, lambda: patch(30), lambda: patch(18, dim=2), far])
 def test_threads_give_the_bits_of_one(make, count):
     network = make()
     velocity = 0.1 * np.random.default_rng(2).standard_normal(network.shape)
