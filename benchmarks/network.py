@@ -23,7 +23,7 @@ from benchmarks import lammps
 from benchmarks._network import DT, SPEED, WORK, pack
 from benchmarks._timing import table
 from granular import Striker, y_guide
-from tensegrity import State
+from tensegrity import Record, State, simulate
 from tensegrity.engine import pieces
 from tensegrity.engine.compiled import BoundNet
 from tensegrity.engine.kernel import kernel
@@ -33,6 +33,8 @@ PACKS = {"833 beads": (7, 17), "50,653 beads": (37, 37)}
 BEFORE = "TENSEGRITY_BEFORE"
 ROUNDS = 40
 THREADS = 2
+FEWEST = 20  # steps of one call, whose last kick takes the forces once more
+ROWS = 500
 
 
 def bound(scene, state, dt, threads=1):
@@ -137,7 +139,7 @@ def contestants(size, module):
     network = pack(*size)
     velocity = SPEED * np.random.default_rng(0).standard_normal(network.shape)
     contacts = len(network.springs)
-    steps = max(1, WORK // contacts)
+    steps = max(FEWEST, WORK // contacts)
     loop, _, _ = bound(network, State(np.zeros(network.shape), velocity), DT)
     calls = {"here": lambda: loop.advance(steps)}
     try:
@@ -170,6 +172,42 @@ def packs(module):
         if "earlier" in calls:
             calls["earlier"].close()
     return found
+
+
+def streamed(name):
+    """Rows: bytes that pass in a step of a pack, and what moving as many takes here at least."""
+    network = pack(*PACKS[name])
+    _, u, v = bound(network, State(*np.zeros((2, *network.shape))), DT)
+    (laid,) = network.loop_bonds.laid.values()
+    size = 2 * (u.nbytes + v.nbytes) + network.positions.nbytes
+    size += sum(x.nbytes for x in laid[-1][-1])  # lists of sites, contacts and takers
+    one, other = np.ones((2, size // 16))
+    copied = least({"copy": lambda: np.copyto(one, other)})["copy"]
+    contacts = len(network.springs)
+    return [
+        ("bytes a contact-step", size / contacts), ("copied here [GB/s]", size / copied / 1e9),
+        ("ns, if that were all", copied / contacts * 1e9),
+    ]  # fmt: skip
+
+
+def rows():
+    """CPU milliseconds of a call of 2,000 steps with one row, with many, and of their energies."""
+    network = pack(*PACKS["833 beads"])
+    state = State(
+        np.zeros(network.shape), SPEED * np.random.default_rng(0).standard_normal(network.shape)
+    )
+    steps = 4 * ROWS
+
+    def run(every):
+        given = {"dt": DT, "method": "verlet", "record": Record(every=every)}
+        return simulate(network, state, steps * DT, **given)
+
+    kept = run(4)
+    calls = {
+        "1 row": lambda: run(steps), f"{ROWS} rows": lambda: run(4),
+        "their energies": lambda: network.energies(kept.u, kept.v),
+    }  # fmt: skip
+    return [(name, 1e3 * seconds) for name, seconds in least(calls, 7).items()]
 
 
 def half_guide(module):
@@ -214,21 +252,27 @@ def main():
         print(f"no earlier revision to compare with: set {BEFORE}")
     cost = packs(module)
     names = list(next(iter(cost.values())))
-    rows = [(n, *(cost[s][n] for s in cost)) for n in names]
-    table("ns per contact-step, velocity Verlet, packs in space", ["", *cost], rows)
+    found = [(n, *(cost[s][n] for s in cost)) for n in names]
+    table("ns per contact-step, velocity Verlet, packs in space", ["", *cost], found)
     wide = "avx512f" in _features()
     aims = {
         "earlier": ">= 3", "numba": ">= 2.4" if wide else ">= 0.87",
         "LAMMPS": ">= 12" if wide else ">= 6",
     }  # fmt: skip
-    rows = [(n, *(cost[s][n] / cost[s]["here"] for s in cost), aims[n]) for n in names if n in aims]
-    table("times the loop here", ["", *cost, "target"], rows)
+    found = [
+        (n, *(cost[s][n] / cost[s]["here"] for s in cost), aims[n]) for n in names if n in aims
+    ]
+    table("times the loop here", ["", *cost, "target"], found)
+    memory = zip(*(streamed(name) for name in PACKS), strict=True)
+    found = [(one[0], one[1], other[1]) for one, other in memory]
+    table("what passes through memory", ["", *PACKS], found)
+    table("833 beads, a call of 2,000 steps", ["", "CPU ms"], rows())
     guide = half_guide(module)
-    rows = [(n, t, t / guide["here"]) for n, t in guide.items()]
-    table("half guide, LAMMPS >= 8 times", ["", "ns", "times"], rows)
+    found = [(n, t, t / guide["here"]) for n, t in guide.items()]
+    table("half guide, LAMMPS >= 8 times", ["", "ns", "times"], found)
     ratio, same = threads()
-    rows = [(f"{THREADS} threads, 50,653 beads", ratio, ">= 1.7", "same" if same else "NO")]
-    table("one thread over several, wall clock", ["", "ratio", "target", "bits"], rows)
+    found = [(f"{THREADS} threads, 50,653 beads", ratio, ">= 1.7", "same" if same else "NO")]
+    table("one thread over several, wall clock", ["", "ratio", "target", "bits"], found)
 
 
 def _features():

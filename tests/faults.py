@@ -317,9 +317,21 @@ FAULTS = (
     ),
     Fault(
         "tensegrity/engine/net.c",
-        "sum[k] -= store[c->taken[e] + k * GROUP];",
-        "sum[k] += store[c->taken[e] + k * GROUP];",
+        "sum[k] -= gathered(store",
+        "sum[k] += gathered(store",
         "tests/test_network.py::test_free_patch_keeps_energy_momentum_and_angular_momentum",
+    ),
+    Fault(
+        "tensegrity/engine/net.c",
+        "part < GROUP && q * GROUP + part < last",
+        "part < GROUP",
+        "tests/test_network.py::test_orders_on_a_smooth_patch",
+    ),
+    Fault(
+        "tensegrity/engine/slices.py",
+        "np.where(time < count[lanes[of]], start[lanes[of]] + time, -1)",
+        "start[lanes[of]] + np.minimum(time, count[lanes[of]] - 1)",
+        "tests/test_lanes.py::test_every_pair_is_taken_by_its_other_site_once",
     ),
     Fault(
         "tensegrity/engine/slices.py",

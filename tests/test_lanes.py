@@ -2,6 +2,7 @@
 
 import ctypes
 import shutil
+from itertools import pairwise
 
 import casadi as ca
 import numpy as np
@@ -10,7 +11,7 @@ from networks import patch, pushed
 
 from tensegrity import Network, PowerLaw, Prism, State, Wall
 from tensegrity.engine import codegen, lanes
-from tensegrity.engine.bonds import GROUP
+from tensegrity.engine.bonds import GROUP, PAIR
 from tensegrity.engine.compiled import BoundNet, Compiled
 from tensegrity.engine.methods import METHODS
 from tensegrity.engine.native import library
@@ -116,6 +117,13 @@ def box(side=9, seed=0):
     )  # fmt: skip
 
 
+def far():
+    """A patch whose first and last site are joined: a late tile takes from an early one."""
+    network = patch(30)
+    bonds = np.concatenate([network.bonds, [(0, network.sites - 1)]])
+    return Network(network.positions, bonds, network.springs[0], mass=1.0)
+
+
 def test_lists_have_every_contact_once():
     network = box()
     bonds = network.loop_bonds
@@ -134,8 +142,27 @@ def test_lists_have_every_contact_once():
     assert sorted(seen) == list(range(len(network.springs)))
 
 
+def test_every_pair_is_taken_by_its_other_site_once():
+    """Sites side by side, the rarer takers and those that only fill a group take nothing."""
+    network = box()
+    bonds = network.loop_bonds
+    found, contacts = slices(bonds), bonds.contacts
+    nothing, taken = (found.store - 1) * GROUP, np.zeros(network.sites, dtype=int)
+    sites = found.taker.ravel()[: network.sites]
+    assert sorted(sites) == list(range(network.sites))
+    assert np.all(np.diff(sites // TILE) >= 0)
+    for group, (first, last) in enumerate(pairwise(found.taken_at)):
+        for lane in range(min(GROUP, network.sites - group * GROUP)):
+            entries = found.taken[first:last, lane]
+            entries = entries[entries != nothing]
+            assert len(set(entries.tolist())) == len(entries)
+            taken[found.taker[group, lane]] += len(entries)
+    higher = np.maximum(contacts.first, contacts.second)[contacts.kind == PAIR]
+    np.testing.assert_array_equal(taken, np.bincount(higher, minlength=network.sites))
+
+
 @pytest.mark.parametrize("count", [2, 3])
-@pytest.mark.parametrize("make", [box, lambda: patch(30), lambda: patch(18, dim=2)])
+@pytest.mark.parametrize("make", [box, lambda: patch(30), lambda: patch(18, dim=2), far])
 def test_threads_give_the_bits_of_one(make, count):
     network = make()
     velocity = 0.1 * np.random.default_rng(2).standard_normal(network.shape)
@@ -157,7 +184,7 @@ def test_threads_give_the_bits_of_one(make, count):
 def test_two_that_push_each_other_get_opposite_velocities_to_the_last_bit(dim, flag, monkeypatch):
     """Each pair alone, from rest, of whatever direction and wherever in the list."""
     monkeypatch.setenv("CC", f"{shutil.which('cc') or shutil.which('gcc')} {flag}")
-    random, count = np.random.default_rng(dim), 300
+    random, count = np.random.default_rng(dim), 301  # the last sites are fewer than a group
     one = 10.0 * np.arange(count)[:, None] + random.random((count, dim))
     two = one + random.standard_normal((count, dim))
     positions, order = np.concatenate([one, two]), random.permutation(2 * count)

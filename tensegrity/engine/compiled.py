@@ -33,9 +33,9 @@ _LINE = structure_of(  # as in line.h
 )
 _NET = structure_of(  # as in net.h
     "_Net",
-    "u v w inverse_mass load geometry shared own kicks drifts travel from to first law places near "
+    "u v w load geometry shared own kicks drifts travel from to first law places near "
     "slice site depth begin other entry own_at gap length gap_at length_at gap_each length_each "
-    "held taker taken taken_at store press low high met_at farthest gate",
+    "held taker mobility taken taken_at store press low high met_at farthest gate",
     "runs contacts sites rows stages closing tiles room loaded before tile last_tile piece pieces",
 )
 _NYSTROM = structure_of(  # as in steps.c
@@ -472,8 +472,8 @@ class BoundNet(_Bound):
             part = slice(*found.first[k : k + 2])
             other[part] = found.contact[part]
         arrays = (
-            [loop.numbers(weights), loop.numbers(weights[:, 0]), loop.numbers(contacts.loads()),
-             loop.numbers(place), shared, own],
+            [loop.numbers(weights), loop.numbers(contacts.loads()), loop.numbers(place), shared,
+             own],
             [_integers(dim * np.where(real, contacts.first[filled], spare)),
              _integers(dim * np.where(real, contacts.second[filled], spare)),
              _integers(runs.first), _integers(4 * runs.law + 2 * runs.kind + runs.own),
@@ -481,7 +481,8 @@ class BoundNet(_Bound):
             [_integers(found.slice), (found.site * dim).astype(np.int32), _integers(found.depth),
              _integers(found.begin), other.astype(np.int32), _integers(found.first), own_at,
              loop.numbers(gaps), loop.numbers(lengths), gap_at, length_at, gap_each, length_each,
-             _integers(found.held), found.taker.astype(np.int32), _in_store(found.taken, dim),
+             _integers(found.held), (found.taker * dim).astype(np.int32),
+             loop.numbers(weights[found.taker, 0]), _in_store(found.taken, dim),
              _integers(found.taken_at)],
         )  # fmt: skip
         return found, entries, arrays

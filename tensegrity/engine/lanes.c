@@ -132,11 +132,17 @@ PACKED pack quotient(pack x, pack y) { return x / y; }
 #define ROUNDED(x) __asm__("" : "+m"(x));
 #endif
 
-#define ROOM 24 /* packs that wait between two passes, all in the nearest cache */
+/* Packs that wait between two passes, all in the nearest cache; in a network they take more. */
+#ifdef DIM
+#define ROOM 12
+#else
+#define ROOM 24
+#endif
 
 #ifdef DIM
 /* The numbers that begin at base + at[lane], as many as a site has coordinates.  Up to four are
-   read: behind the last row is another. */
+   read: behind the last row is another, or as many spare ones. */
+#define SPARE 3
 PACKED void columns(const real *base, const int *at, pack *out)
 {
 #if WIDE == 8 && DIM > 1
@@ -164,5 +170,17 @@ PACKED void columns(const real *base, const int *at, pack *out)
     for (int k = 0; k < DIM; k++) LANES_OF(l) LANE(out[k], l) = base[at[l] + k];
 #endif
 #undef TWO
+}
+
+/* The numbers at base + at[lane]. */
+PACKED pack gathered(const real *base, const int *at)
+{
+#if WIDE == 8
+    return _mm512_i32gather_pd(_mm256_loadu_si256((const __m256i *)at), base, 8);
+#else
+    pack y;
+    LANES_OF(l) LANE(y, l) = base[at[l]];
+    return y;
+#endif
 }
 #endif

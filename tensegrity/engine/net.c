@@ -54,19 +54,24 @@ static void contacts(const scene *c, const real *u, integer t, real *restrict pu
     }
 }
 
-/* Accelerations of a tile's sites: with what is in store for them from tiles before. */
+/* Accelerations of a tile's sites, up to GROUP of them side by side: with what is in store for them
+   from tiles before.  SPARE numbers behind the last row of `pull` are read. */
 static void accelerate(const scene *c, integer t, real *restrict pull)
 {
     const real *restrict store = c->store + c->piece * c->room * DIM * GROUP;
     const integer first = t * TILE, last = first + entries(c, t) / DIM;
-    for (integer q = first; q < last; q++) {
-        const integer site = c->taker[q], end = c->taken_at[q + 1];
-        real sum[DIM], *restrict mine = pull + (site - first) * DIM;
-        AXES(k) sum[k] = mine[k];
-        for (integer e = c->taken_at[q]; e < end; e++)
-            AXES(k) sum[k] -= store[c->taken[e] + k * GROUP];
-        AXES(k) mine[k] = c->inverse_mass[site] * sum[k];
-    }
+    for (integer q = first / GROUP; q * GROUP < last; q++)
+        for (int part = 0; part < GROUP && q * GROUP + part < last; part += WIDE) {
+            const int *restrict site = c->taker + q * GROUP + part;
+            const pack mobility = load(c->mobility + q * GROUP + part);
+            real *mine = pull - first * DIM;
+            pack sum[DIM];
+            columns(mine, site, sum);
+            for (integer e = c->taken_at[q]; e < c->taken_at[q + 1]; e++)
+                AXES(k) sum[k] -= gathered(store + k * GROUP, c->taken + e * GROUP + part);
+            AXES(k) sum[k] *= mobility;
+            LANES_OF(l) AXES(k) mine[site[l] + k] = LANE(sum[k], l);
+        }
 }
 
 /* Forces on the walls, each the sum over its contacts in the order of the list. */
@@ -122,7 +127,7 @@ static void stage(const scene *c, real a, real b)
 {
     const integer moving = c->sites * DIM, all = c->rows * DIM;
     const real *u = c->pieces > 1 ? c->near : c->u;
-    real pull[TILE * DIM], largest = 0;
+    real pull[TILE * DIM + SPARE], largest = 0;
     if (c->pieces > 1) share(c);
     meet(c);
     for (integer t = c->before; t < c->tile; t++) contacts(c, u, t, pull);

@@ -18,7 +18,6 @@
 typedef struct {
     real *u, *v;                        /* (rows, DIM) */
     const real *w;                      /* (rows, DIM) inverse mass; 0 holds a site */
-    const real *inverse_mass;           /* (rows) */
     const real *load;                   /* (rows, DIM) constant forces */
     const real *geometry;               /* (DIM + 2, contacts) D, g, L */
     const real *shared;                 /* (runs, PARAMETERS) */
@@ -42,9 +41,11 @@ typedef struct {
     const integer *gap_at, *length_at;  /* (runs) where these begin */
     const integer *gap_each, *length_each; /* (runs) whether each entry has its own */
     const integer *held;                /* (runs, tiles) groups before its own in the store */
-    const int *taker;                   /* (sites) in the order in which they take from the store */
-    const int *taken;                   /* places in the store of what they take */
-    const integer *taken_at;            /* (sites + 1) where those of each begin */
+    const int *taker;                   /* (takers, GROUP) sites, side by side, in the order in
+                                           which they take from the store: where rows begin */
+    const real *mobility;               /* (takers, GROUP) their inverse masses */
+    const int *taken;                   /* (takings, GROUP) places in the store of what they take */
+    const integer *taken_at;            /* (takers + 1) where those of each group begin */
     real *store;                        /* (pieces, room, DIM, GROUP) forces on the other sites */
     real *press;                        /* (contacts + rows - sites, DIM) forces on walls by each
                                            contact, and their sums */

@@ -36,13 +36,14 @@ class Slices:
         First entry of each run.
     held : ndarray of int, (runs, tiles)
         Where the groups of a run and a tile begin in the store.
-    taker : ndarray of int, (sites,)
-        Sites in the order in which they take from the store: in each tile by how often they do,
-        which a processor foresees.
-    taken, taken_at : ndarray of int, (pairs,), (sites + 1,)
-        Entries of the store that these take, one site after the other.
+    taker : ndarray of int, (takers, GROUP)
+        Sites in the order in which they take from the store, `GROUP` side by side: in each tile by
+        how often they do.  The last one stands for those that are not there.
+    taken, taken_at : ndarray of int, (takings, GROUP), (takers + 1,)
+        Entries of the store that these take, and where those of each group begin; one of nothing
+        where a site takes less often than others beside it.
     store : int
-        Groups that the store has room for.
+        Groups that the store has room for, the last one of nothing.
     needed : ndarray of int, (tiles + 1,)
         The first tile whose contacts this tile or one behind it takes from.
     """
@@ -158,12 +159,24 @@ def _store(parts, sites, tiles):
         held[:, t] = at + np.cumsum(size[:, t]) - size[:, t]
         at += whole[t]
     entry = (held[run, tile] + within) * GROUP + lane
-    often, every = np.bincount(site, minlength=sites), np.arange(sites)
-    taker = np.lexsort((every, often, every // TILE))
-    turn = np.empty(sites, dtype=int)
-    turn[taker] = every
     return {
-        "held": held, "taker": taker, "taken": entry[np.argsort(turn[site], kind="stable")],
-        "taken_at": np.concatenate([[0], np.cumsum(often[taker])]), "store": room,
-        "needed": needed,
+        "held": held, "store": room + 1, "needed": needed,
+        **_takers(site, entry, sites, room * GROUP),
     }  # fmt: skip
+
+
+def _takers(site, entry, sites, nothing):
+    """Who takes which entries of the store; `site` is that of each entry."""
+    often, every = np.bincount(site, minlength=sites), np.arange(sites)
+    order = np.lexsort((every, often, every // TILE))
+    turn = np.empty(sites, dtype=int)
+    turn[order] = every
+    sorted_entry = np.append(entry[np.argsort(turn[site], kind="stable")], nothing)
+    count = often[order]
+    start = np.cumsum(count) - count
+    lanes = np.minimum(np.arange(-(-sites // GROUP) * GROUP), sites - 1).reshape(-1, GROUP)
+    begin = np.concatenate([[0], np.cumsum(count[lanes].max(axis=1))])
+    of = np.repeat(np.arange(len(lanes)), np.diff(begin))
+    time = (np.arange(begin[-1]) - begin[of])[:, None]
+    place = np.where(time < count[lanes[of]], start[lanes[of]] + time, -1)
+    return {"taker": order[lanes], "taken": sorted_entry[place], "taken_at": begin}
