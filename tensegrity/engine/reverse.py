@@ -259,7 +259,7 @@ class Back:
         for k, values in ((4, shared), (5, own)):
             self._arrays[k][:] = values
         totals = self._totals
-        for array in (self.ub, self.vb, totals.whole_w, totals.p, totals.g):
+        for array in (self.ub, self.vb, totals.w, totals.p, totals.g):
             array[:] = 0
 
     def set(self, u, v):
