@@ -42,14 +42,14 @@ def data():
         each = lens.pressures(focus, fine)
         peak = _lens.top(fine, each.sum(axis=0))[1]
         across = _lens.peaks(lens, _lens.line(x, focus[1]), t)
-        rays = lens.arrivals + lens.distances / lens.host_speed
+        there = np.array([_lens.top(fine, p)[0] for p in each])
         tables["prestrains"][key] = lens.chain_prestrains
         tables["across"] |= {f"{key} x [m]": x, f"{key} [Pa]": across}
         along = _lens.point_peaks(lens, _lens.line(focus[0], DEPTH), wide)
         tables["along"] |= {"y [m]": DEPTH, key: along}
         tables["plane"][key] = _lens.point_peaks(lens, box(), wide)
         tables["numbers"][key] = [
-            float(np.ptp(rays) / lens.pulse_widths.min()),
+            float(np.ptp(there) / lens.pulse_widths.min()),
             peak / sum(_lens.top(fine, p)[1] for p in each),
             float(_lens.top(x, across)[0]),
             _lens.half_width(x, across),

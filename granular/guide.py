@@ -180,10 +180,9 @@ class _Clearance(Clearance):
     def wall_gaps(self, x: Array, pairs: Indices) -> Array:
         """Gap of each (site, wall) [m], or the way to it where a bevel is before it."""
         gaps = super().wall_gaps(x, pairs)
-        for row, (site, number) in enumerate(pairs.tolist()):
-            if (site, number) in self._behind:
-                beside = self.walls[number].overhang(x[..., site, :])
-                gaps[..., row] = np.maximum(gaps[..., row], beside)
+        behind = np.array([tuple(pair) in self._behind for pair in pairs.tolist()], dtype=bool)
+        beside = self._by_wall("overhang", x, pairs[behind])
+        gaps[..., behind] = np.maximum(gaps[..., behind], beside)
         return gaps
 
 
@@ -270,7 +269,7 @@ def y_guide(
     drive : dict of int to Drive, optional
         {site: Drive}: motions that are prescribed, and forces that depend on time.
     damping : Damping, optional
-        Dashpots to the ground.
+        Dashpots in the contacts of beads, which resist while they are open too, and to the ground.
 
     Returns
     -------

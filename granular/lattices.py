@@ -76,7 +76,7 @@ def fcc_pack(
     drive : dict of int to Drive, optional
         {site: Drive}, with fixed contacts.
     damping : Damping, optional
-        Dashpots to the ground, likewise.
+        Dashpots in the contacts of beads, open ones too, and to the ground; likewise.
 
     Returns
     -------

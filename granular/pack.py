@@ -317,7 +317,7 @@ def pack(
         {site: Drive}: motions that are prescribed, and forces that depend on time; with "fixed"
         contacts.
     damping : Damping, optional
-        Dashpots to the ground; likewise.
+        Dashpots in the contacts of beads, open ones too, and to the ground; likewise.
 
     Returns
     -------

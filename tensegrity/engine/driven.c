@@ -4,8 +4,9 @@
    What depends on time only was computed before, for the kicks and drifts of all steps of a call.
    A kick leaves in `v` of a prescribed site the impulse of its springs over its mass: the driver
    pays for it with the velocity that it gives.  Drifts with dashpots solve
-   u' = v, m v' = -G v: without dashpots in bonds site by site, with them by the series of the
-   exponential function, in which prescribed velocities stand as polynomials. */
+   u' = v, m v' = -G v: without dashpots in bonds site by site, with those of a chain by the series
+   of the exponential function, in which prescribed velocities stand as polynomials.  In a network
+   G turns with the bonds: such a drift is an extrapolated midpoint rule, of the method's order. */
 
 #define PARTS 8 /* sums at a time, so that additions do not wait for each other */
 #define ADD(n, term)                                                                        \
@@ -32,38 +33,84 @@ typedef struct {
     const integer *moved, *forced;   /* entries of u */
     real *term, *next, *pull, *given; /* scratch: (entries) twice, (entries + 1), (moved, degree) */
     real *sums;                      /* work, loss, elongations met, (2) each */
-    integer entries, moving, forcing, tuned, damped, degree;
+    const integer *ends;             /* (joined, 2) where the rows of bonds with dashpots begin */
+    const real *apart;               /* (joined, DIM + 2) their geometry D, g, L */
+    real *room;                      /* scratch: (levels + 3, 2 entries + 1) */
+    integer entries, moving, forcing, tuned, damped, degree, joined, levels;
 } drive;
 
-enum { FREE, APART, JOINED }; /* drifts: without dashpots, without those in bonds, with them */
+/* Drifts: without dashpots, without those in bonds, with those of a chain, of a network. */
+enum { FREE, APART, JOINED, TURNING };
 
 #ifdef CHANGE
-/* Rate of the energy of all bonds of a chain at given elongations, change(r, p) of each; the
-   smallest and the largest elongation. */
-__attribute__((flatten)) static real power_of(const scene *c, real *least, real *most)
+/* The smallest and the largest elongation of a chain. */
+static void span(const scene *c, real *least, real *most)
 {
     const integer bonds = c->first[1];
-    const real *restrict u = c->u, *restrict shared = c->shared;
-    real p[PARAMETERS + 1], part[BLOCK] = {0}, low[BLOCK], high[BLOCK], sum = 0;
-    for (int i = 0; i < PARAMETERS; i++) p[i] = shared[i];
+    const real *restrict u = c->u;
+    real low[BLOCK], high[BLOCK];
     for (int i = 0; i < BLOCK; i++) low[i] = INFINITY, high[i] = -INFINITY;
-#define POWER(n)                                                                            \
+#define SPAN(n)                                                                             \
     EACH(n) {                                                                               \
         const real r = u[j + i + 1] - u[j + i];                                             \
-        part[i] += change(r, p);                                                            \
         low[i] = r < low[i] ? r : low[i];                                                   \
         high[i] = r > high[i] ? r : high[i];                                                \
     }
     integer j = 0;
-    for (; j + BLOCK <= bonds; j += BLOCK) POWER(BLOCK)
-    POWER(bonds - j)
-    *least = INFINITY, *most = -INFINITY;
-    for (int i = 0; i < BLOCK; i++) {
-        sum += part[i];
-        *least = smaller(low[i], *least), *most = larger(high[i], *most);
+    for (; j + BLOCK <= bonds; j += BLOCK) SPAN(BLOCK)
+    SPAN(bonds - j)
+    for (int n = BLOCK / 2; n; n /= 2)
+        EACH(n) {
+            low[i] = low[i + n] < low[i] ? low[i + n] : low[i];
+            high[i] = high[i + n] > high[i] ? high[i + n] : high[i];
+        }
+    *least = *low, *most = *high;
+}
+
+#ifdef BOTH
+/* A stage of a chain whose springs change, in one pass: `both` gives the tensions of some bonds and
+   the rates of their energies, which have roots and quotients in common.  The sum of the rates. */
+__attribute__((flatten)) static real changing_stage(const scene *c, real a, real b)
+{
+    SIDE real r[BLOCK + WIDE], room[BLOCK + LANES + WIDE], *const f = room + BEFORE;
+    SIDE real rate[BLOCK + WIDE], part[BLOCK] = {0};
+    const integer bonds = c->first[1];
+    real *restrict u = c->u, *restrict v = c->v, sum = 0;
+    const real *restrict w = c->w;
+    f[0] = 0;
+    for (integer j = 0, n; j < bonds; j += n) {
+        n = bonds - j < BLOCK ? bonds - j : BLOCK;
+        EACH(n) r[i] = u[j + i + 1] - u[j + i];
+        for (integer i = n; i % WIDE; i++) r[i] = r[n - 1];
+        both((n + WIDE - 1) / WIDE, (const pack *)r, c->shared, (pack *)(f + 1), (pack *)rate);
+        EACH(n) {
+            v[j + i] += a * w[j + i] * (f[i + 1] - f[i]);
+            u[j + i] += b * v[j + i];
+            part[i] += rate[i];
+        }
+        f[0] = f[n];
     }
+    v[bonds] -= a * w[bonds] * f[0];
+    u[bonds] += b * v[bonds];
+    for (int i = 0; i < BLOCK; i++) sum += part[i];
     return sum;
 }
+#else
+/* Rate of the energy of all bonds of a chain at given elongations, change(r, p) of each. */
+__attribute__((flatten)) static real power_of(const scene *c)
+{
+    const integer bonds = c->first[1];
+    const real *restrict u = c->u, *restrict shared = c->shared;
+    real p[PARAMETERS + 1], part[BLOCK] = {0}, sum = 0;
+    for (int i = 0; i < PARAMETERS; i++) p[i] = shared[i];
+    integer j = 0;
+    for (; j + BLOCK <= bonds; j += BLOCK)
+        EACH(BLOCK) part[i] += change(u[j + i + 1] - u[j + i], p);
+    EACH(bonds - j) part[i] += change(u[j + i + 1] - u[j + i], p);
+    for (int i = 0; i < BLOCK; i++) sum += part[i];
+    return sum;
+}
+#endif
 #endif
 
 static real energy_of(const drive *d, const real *restrict v)
@@ -127,28 +174,111 @@ static void drift_joined(const scene *c, const drive *d, integer s, real b)
 }
 #endif
 
+#ifdef DIM
+/* Rates of displacements and velocities in a drift of which the share `tau` is over, and behind them
+   of the work of who moves sites against dashpots. */
+static void resisted(const scene *c, const drive *d, integer s, real tau, real *y, real *rate)
+{
+    const integer n = d->entries, count = d->degree;
+    const real *restrict u = y, *series = d->series + s * d->moving * count;
+    real *restrict v = y + n, *restrict pull = rate + n;
+    for (integer e = 0; e < d->moving; e++) {
+        real value = 0;
+        for (integer k = count - 1; k >= 0; k--) value = value * tau + series[e * count + k];
+        v[d->moved[e]] = value;
+    }
+    EACH(n) rate[i] = v[i], pull[i] = -d->ground[i] * v[i];
+    for (integer q = 0; q < d->joined; q++) {
+        const integer i = d->ends[2 * q], j = d->ends[2 * q + 1];
+        const real *place = d->apart + q * (DIM + 2);
+        real w[DIM], along[DIM], r, speed = 0;
+        AXES(k) w[k] = u[j + k] - u[i + k];
+        pair_contact(place, w, place[DIM], place[DIM + 1], &r, along);
+        AXES(k) speed += along[k] * (v[j + k] - v[i + k]);
+        speed *= d->bond[q];
+        AXES(k) pull[i + k] += speed * along[k], pull[j + k] -= speed * along[k];
+    }
+    real paid = 0;
+    for (integer e = 0; e < d->moving; e++) paid -= v[d->moved[e]] * pull[d->moved[e]];
+    EACH(n) pull[i] *= c->w[i];
+    for (integer e = 0; e < d->moving; e++) pull[d->moved[e]] = 0;
+    rate[2 * n] = paid;
+}
+
+/* A drift with dashpots in the bonds of a network: midpoint rules of 2, 4, ... steps, whose errors
+   are series in the square of the step, extrapolated. */
+static void drift_turning(const scene *c, const drive *d, integer s, real b)
+{
+    const integer n = d->entries, all = 2 * n + 1;
+    real *restrict rows = d->room, *restrict old = rows + d->levels * all;
+    real *restrict now = old + all, *restrict rate = now + all, farthest = 0;
+    const real before = energy_of(d, c->v);
+    for (integer l = 0; l < d->levels; l++) {
+        const integer steps = 2 * (l + 1);
+        const real h = b / steps;
+        EACH(n) old[i] = c->u[i], old[n + i] = c->v[i];
+        old[2 * n] = 0;
+        resisted(c, d, s, 0, old, rate);
+        EACH(all) now[i] = old[i] + h * rate[i];
+        for (integer k = 1; k <= steps; k++) {
+            resisted(c, d, s, (real)k / steps, now, rate);
+            if (l == d->levels - 1) {
+                real way = 0;
+                EACH(n) way = larger(way, fabs(h * rate[i]));
+                farthest += way;
+            }
+            if (k == steps) break;
+            EACH(all) {
+                const real next = old[i] + 2 * h * rate[i];
+                old[i] = now[i], now[i] = next;
+            }
+        }
+        EACH(all) now[i] = (old[i] + now[i] + h * rate[i]) / 2;
+        for (integer k = 0; k < l; k++) { /* Neville's scheme, in place */
+            const real finer = (real)(l + 1) / (l - k), share = 1 / (finer * finer - 1);
+            real *restrict row = rows + k * all;
+            EACH(all) {
+                const real last = row[i];
+                row[i] = now[i], now[i] += share * (now[i] - last);
+            }
+        }
+        EACH(all) rows[l * all + i] = now[i];
+    }
+    EACH(n) c->u[i] = now[i], c->v[i] = now[n + i];
+    for (integer e = 0; e < d->moving; e++) c->v[d->moved[e]] = 0;
+    d->sums[0] += now[2 * n];
+    d->sums[1] += before - energy_of(d, c->v) + now[2 * n];
+    *c->travel += 2 * farthest; /* velocities of substeps, not of all instants */
+}
+#endif
+
 /* The s-th kick by a, and the drift by b after it, the i-th of a step; 1 if a spring locked. */
 static int driven_stage(scene *c, const drive *d, integer s, integer i, real a, real b)
 {
     real *u = c->u, *v = c->v;
-#ifdef CHANGE
-    if (d->tuned) {
-        c->shared = d->shared + s * PARAMETERS;
-        real low, high;
-        d->sums[0] += a * power_of(c, &low, &high);
-        d->sums[2] = smaller(low, d->sums[2]), d->sums[3] = larger(high, d->sums[3]);
-        if (!(low > d->domain[2 * s] && high < d->domain[2 * s + 1])) return 1;
-    }
-#endif
+    const real straight = d->damped ? 0 : b; /* of the drift, where `stage` does it */
     for (integer e = 0; e < d->forcing; e++) {
         const integer q = d->forced[e], at = s * d->forcing + e;
         v[q] += a * c->w[q] * d->force[at];
         d->sums[0] -= a * d->force_rate[at] * u[q];
     }
     for (integer e = 0; e < d->moving; e++) v[d->moved[e]] = 0, d->given[e] = u[d->moved[e]];
-    stage(c, a, d->damped ? 0 : b);
-    for (integer e = 0; e < d->moving; e++)
-        {
+#ifdef CHANGE
+    real low, high;
+    span(c, &low, &high);
+    d->sums[2] = smaller(low, d->sums[2]), d->sums[3] = larger(high, d->sums[3]);
+    if (!(low > d->domain[2 * s] && high < d->domain[2 * s + 1])) return 1;
+    c->shared = d->shared + s * PARAMETERS;
+#ifdef BOTH
+    d->sums[0] += a * changing_stage(c, a, straight);
+#else
+    d->sums[0] += a * power_of(c);
+    stage(c, a, straight);
+#endif
+#else
+    stage(c, a, straight);
+#endif
+    for (integer e = 0; e < d->moving; e++) {
         d->sums[0] -= d->heavy[e] * v[d->moved[e]] * d->moved_v[s * d->moving + e];
         v[d->moved[e]] = 0;
     }
@@ -156,6 +286,8 @@ static int driven_stage(scene *c, const drive *d, integer s, integer i, real a, 
     if (d->damped == APART) drift_apart(c, d, s, i);
 #ifndef DIM
     if (d->damped == JOINED) drift_joined(c, d, s, b);
+#else
+    if (d->damped == TURNING) drift_turning(c, d, s, b);
 #endif
     for (integer e = 0; e < d->moving; e++) u[d->moved[e]] = d->moved_u[s * d->moving + e];
 #ifdef DIM

@@ -3,8 +3,10 @@
 Time is one more coordinate, which drifts advance: the kick of a stage uses the forces, the
 prescribed places and the springs of its instant, and a splitting keeps its order.  What a driver
 does is the change of time's conjugate momentum, summed with the method's own kicks.  A drift with
-dashpots, u' = v, m v' = -G v, is linear in v and solved exactly; so the commutators that the
-order of a Nystrom splitting needs to vanish still do, and it is kept.  See `driven.c`.
+dashpots, u' = v, m v' = -G v, is linear in v and solved exactly, on a line; so the commutators that
+the order of a Nystrom splitting needs to vanish still do, and it is kept.  Where bonds of a network
+turn, G follows u: they vanish as well, and the drift is solved to the order of the method.  See
+`driven.c`.
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity.engine import forces
+from tensegrity.engine import codegen, forces, lanes
 from tensegrity.engine.compiled import BoundLine, BoundNet, Compiled, structure_of
 from tensegrity.engine.kernel import warn_slow
 from tensegrity.engine.native import CompilerError
@@ -30,7 +32,7 @@ if TYPE_CHECKING:
     from tensegrity.engine.methods import Splitting
     from tensegrity.typing import Array, Indices
 
-FREE, APART, JOINED = range(3)  # as in driven.c
+FREE, APART, JOINED, TURNING = range(4)  # as in driven.c
 LEAST_TERMS = 12  # of the series of a drift
 NODES = 8  # instants of a drift from which prescribed velocities are taken as polynomials
 SMALL = 1e-17  # first term of the series that is left out, relative
@@ -39,8 +41,8 @@ LARGEST_DAMPING = 2.0  # of a drift: time times the largest rate of decay
 _DRIVE = structure_of(  # as in driven.c
     "_Drive",
     "moved_u moved_v force force_rate shared domain heavy series rubbed decay glide mass ground "
-    "bond moved forced term next pull given sums",
-    "entries moving forcing tuned damped degree",
+    "bond moved forced term next pull given sums ends apart room",
+    "entries moving forcing tuned damped degree joined levels",
 )
 
 
@@ -83,6 +85,15 @@ class Change:
         changes = [ca.jtimes(form, p, along) for form in forms]
         return r, ca.vertcat(p, rates), changes
 
+    def both(self) -> Any:
+        """CasADi function (r, parameters) -> tension of the law, rate of its energy."""
+        import casadi as ca
+
+        tension = codegen.functions(self.law)["tension"]
+        change = codegen.functions(self)["energy"]
+        r, p = ca.SX.sym("r"), ca.SX.sym("p", len(self.parameters))
+        return ca.Function("both", [r, p], [tension(r, p[: p.numel() // 2]), change(r, p)])
+
 
 @dataclass(frozen=True, eq=False)
 class Forcing:
@@ -105,10 +116,10 @@ class Forcing:
     ground : ndarray, (entries,)
         Dashpots to the ground [N s/m].
     bond : ndarray, (bonds,)
-        Dashpots in the bonds of a chain [N s/m]; all 0 elsewhere.
+        Dashpots in the bonds [N s/m]; not in contacts with walls, which stand behind the bonds.
     tuning : object or None
-        Springs that change: `law`, the numbers of parameters that are `moving`, and `at(t)`,
-        `rates(t)`, `domain(t)`, rows for each of t.
+        Springs that change: `law`, the numbers of parameters that are `moving`, `at(t)` and
+        `numbers(t)`, rows for each of t.
     """
 
     bonds: Bonds
@@ -126,8 +137,18 @@ class Forcing:
     def damped(self) -> int:
         """What dashpots there are, as `driven.c` counts."""
         if self.bond.any():
-            return JOINED
+            return JOINED if self.bonds.contacts is None else TURNING
         return APART if self.ground.any() else FREE
+
+    @property
+    def contacts(self) -> Any:
+        """Those of the bonds of a network."""
+        return self.bonds.contacts
+
+    @property
+    def joined(self) -> Indices:
+        """Numbers of the bonds of a network that have dashpots."""
+        return np.flatnonzero(self.bond) if self.damped == TURNING else np.zeros(0, dtype=int)
 
     @property
     def decay(self) -> float:
@@ -136,6 +157,10 @@ class Forcing:
         if self.damped == JOINED:
             total[1:] += 2 * self.bond
             total[:-1] += 2 * self.bond
+        elif self.damped == TURNING:
+            by_site = total.reshape(len(self.contacts.load), -1)  # a view
+            for ends in (self.contacts.first, self.contacts.second):
+                np.add.at(by_site, ends[self.joined], 2 * self.bond[self.joined, None])
         weights = np.divide(1, self.mass, out=np.zeros_like(total), where=self.mass > 0)
         return float(np.max(total * weights, initial=0.0))
 
@@ -157,7 +182,7 @@ class Schedule:
         self._within = np.concatenate([[0.0], np.cumsum(self.drifts)])
         self._whole = round(sum(method.drifts)) == 1  # not so where it leads to other variables
         self._within[-1] = dt * self._whole
-        self.degree = self._terms()
+        self.degree, self.levels = self._terms(), -(-method.order // 2)
         nodes = (1 - np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)) / 2
         self._nodes, self._solve = nodes, np.linalg.inv(np.vander(nodes, increasing=True))
         self._gauss, self._weights = np.polynomial.legendre.leggauss(NODES)
@@ -200,16 +225,14 @@ class Schedule:
         if forcing.forced.size:
             found["force"], found["force_rate"] = (forcing.force(at, k) for k in (0, 1))
         if forcing.tuning is not None:
-            tuning = forcing.tuning
-            found["shared"] = np.concatenate([tuning.at(at), tuning.rates(at)], axis=1)
-            found["domain"] = tuning.domain(at)
+            found["shared"], found["domain"] = forcing.tuning.numbers(at)
         return {name: np.ascontiguousarray(rows, dtype=float) for name, rows in found.items()}
 
     def _between(self, at: Array, steps: int) -> dict[str, Array]:
         """Prescribed velocities within drifts: as polynomials, or what they lose by rubbing."""
         starts, lengths = at[:-1], np.tile(self.drifts, steps)
         moved, ground = self._forcing.moved, self._forcing.ground
-        if self._forcing.damped == JOINED:
+        if self._forcing.damped >= JOINED:
             nodes = starts[:, None] + lengths[:, None] * self._nodes
             values = self._forcing.motion(nodes.ravel(), 1).reshape(*nodes.shape, len(moved))
             series = np.zeros((len(starts), len(moved), self.degree))
@@ -279,15 +302,22 @@ class BoundDriven(_Bound):
             "term": np.zeros(entries), "next": np.zeros(entries), "pull": np.zeros(entries + 1),
             "given": np.zeros((len(forcing.moved) + 1, degree)), "sums": self.sums,
         }  # fmt: skip
+        if forcing.damped == TURNING:
+            of, joined = forcing.contacts, forcing.joined
+            fixed |= {
+                "bond": forcing.bond[joined], "apart": of.geometry[:, joined].T,
+                "ends": loop.dim * np.stack([of.first, of.second], axis=1)[joined].astype(np.int64),
+                "room": np.zeros((self.schedule.levels + 3, 2 * entries + 1)),
+            }  # fmt: skip
         self._arrays = {name: np.ascontiguousarray(x) for name, x in fixed.items()}
         self._drive = _DRIVE()
         for name, x in self._arrays.items():
             setattr(self._drive, name, x.ctypes.data)
         counts = (
             entries, len(forcing.moved), len(forcing.forced), forcing.tuning is not None,
-            forcing.damped, degree,
+            forcing.damped, degree, len(forcing.joined), self.schedule.levels,
         )  # fmt: skip
-        for (name, _), count in zip(_DRIVE._fields_[-6:], counts, strict=True):
+        for (name, _), count in zip(_DRIVE._fields_[-len(counts) :], counts, strict=True):
             setattr(self._drive, name, count)
 
     def advance(
@@ -424,7 +454,8 @@ class BoundPlain(_Bound):
             if moved.size:
                 sums[:2] += rows["rubbed"][s]
         else:
-            sums[:2] += self._joined(rows["series"][s] if moved.size else None, u, v, b, weights)
+            drift = self._joined if forcing.damped == JOINED else self._turning
+            sums[:2] += drift(rows["series"][s] if moved.size else None, u, v, b, weights)
         if forcing.damped:
             sums[1] += before - np.sum(forcing.mass * v**2) / 2
         if moved.size:
@@ -477,6 +508,44 @@ class BoundPlain(_Bound):
             total = float(np.einsum("mk,lm,kl->", series, np.array(given), share))
         return total
 
+    def _turning(self, series: Any, u: Array, v: Array, b: float, weights: Array) -> float:
+        """The same in a network, as `drift_turning` of `driven.c`."""
+        forcing, bonds, moved = self._forcing, self._forcing.bonds, self._forcing.moved
+        n = len(forcing.mass)
+        shape = -1, bonds.dim
+        weights = weights[:n].copy()
+        weights[moved] = 0
+
+        def rate(y: Array, tau: float) -> Array:
+            if series is not None:
+                y[n : 2 * n][moved] = np.polynomial.polynomial.polyval(tau, series.T)
+            rows = y[n : 2 * n].reshape(shape)
+            along = forces.elongations(bonds, y[:n].reshape(shape))[1][forcing.joined]
+            ends = [x[forcing.joined] for x in (forcing.contacts.first, forcing.contacts.second)]
+            apart = rows[ends[1]] - rows[ends[0]]
+            speed = forcing.bond[forcing.joined] * np.sum(along * apart, axis=1)
+            pull = -(forcing.ground.reshape(shape) * rows)
+            np.add.at(pull, ends[0], speed[:, None] * along)
+            np.subtract.at(pull, ends[1], speed[:, None] * along)
+            paid = -np.sum(y[n : 2 * n][moved] * pull.ravel()[moved])
+            return np.concatenate([y[n : 2 * n], weights * pull.ravel(), [paid]])
+
+        table: list[Array] = []
+        for level in range(self.schedule.levels):
+            steps = 2 * (level + 1)
+            h, old = b / steps, np.concatenate([u, v, [0.0]])
+            now = old + h * rate(old, 0.0)
+            for k in range(1, steps):
+                old, now = now, old + 2 * h * rate(now, k / steps)
+            now = (old + now + h * rate(now, 1.0)) / 2
+            for k in range(level):
+                share = 1 / (((level + 1) / (level - k)) ** 2 - 1)
+                table[k], now = now, now + share * (now - table[k])
+            table.append(now)
+        u[:], v[:] = now[:n], now[n : 2 * n]
+        v[moved] = 0
+        return float(now[-1])
+
 
 class DrivenLoop(Compiled):
     """Laws, their loop, and behind it steps in which time counts.
@@ -492,8 +561,6 @@ class DrivenLoop(Compiled):
     kind = "driven"
 
     def __init__(self, laws: Any, own: Any, dim: int) -> None:
-        changing = ("#define CHANGE\n#define change(r, p) energy_1(r, p)",)
-        self.extra: Any = (*changing * isinstance(laws[-1], Change), "driven.c")
         super().__init__(laws, own, dim)  # type: ignore[no-untyped-call]
         address, number = ctypes.c_void_p, ctypes.c_longlong
         for name, arguments in (
@@ -503,6 +570,19 @@ class DrivenLoop(Compiled):
             function = self.library[name]
             function.argtypes, function.restype = arguments, number
             setattr(self, name, function)
+
+    @property
+    def extra(self) -> Any:  # type: ignore[override]
+        """Behind the loop: what springs that change need, and the steps."""
+        law = self.laws[-1]
+        if not isinstance(law, Change):
+            return ("driven.c",)
+        if codegen.is_long(law.law):
+            return "#define CHANGE\n#define change(r, p) energy_1(r, p)", "driven.c"
+        p = [f"wide(p[{k}])" for k in range(len(law.parameters))]
+        arguments = "const pack *r, const real *p, pack *f, pack *rate"
+        both = lanes.text(law.both(), "both", arguments, [["r[g]"], p], [["f[g]"], ["rate[g]"]])
+        return f"#define CHANGE\n#define BOTH\n{both}", "driven.c"
 
 
 @once

@@ -156,9 +156,10 @@ class Splitting(Method):
     drifts: tuple[float, ...]
     symplectic = True
     keeps = (
-        "its order under drives, springs that change, and dashpots, which drifts solve exactly; it "
-        "is symplectic, with time as one more coordinate, as long as there are no dashpots; with "
-        "them volumes shrink at the exact rate.  Drifts backwards in time let velocities grow: dt "
+        "its order under drives, springs that change, and dashpots, which drifts solve exactly, "
+        "or, where damped bonds of a network turn, to that order; it is symplectic, with time as one "
+        "more coordinate, as long as there are no dashpots; with them volumes shrink at the exact "
+        "rate, or at that to its order.  Drifts backwards in time let velocities grow: dt "
         "times the largest drift and the fastest decay must be at most 2"
     )
     _slack, _bisected = ROUND_OFF, 0.0

@@ -157,9 +157,10 @@ def _prism_slopes(collapses: bool, name: str) -> Any:
     import sympy as sp
 
     from derivations import rigid_elastic as derived
+    from derivations.rigid_parameters import parameter_expressions
 
     symbols, by = _prism_symbols()
-    forms = dict(derived.parameter_expressions())
+    forms = dict(parameter_expressions())
     if collapses:  # as `Prism.potential` has it
         forms |= {derived.lock: derived.loaded_height, derived.far_lock: derived.loaded_height}
         forms |= {derived.no_lock: -derived.locking_height_squared()}
@@ -172,9 +173,10 @@ def _load_slopes(name: str) -> tuple[Any, Any]:
     import sympy as sp
 
     from derivations import rigid_elastic as derived
+    from derivations.rigid_parameters import parameter_expressions
 
     symbols, by = _prism_symbols()
-    forms = derived.parameter_expressions()
+    forms = parameter_expressions()
     load = derived.force().subs({
         derived.height: derived.loaded_height,
         derived.circumradius: sp.sqrt(forms[derived.area]),

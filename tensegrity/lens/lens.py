@@ -2,8 +2,11 @@
 
 The chains stand side by side and end on a fluid; all are struck alike at t = 0.  A larger
 prestrain makes a faster chain, so the prestrains alone choose when each end sends its pulse, and
-with that where all of them meet.  Assumed: a linear fluid behind a baffle (see `radiation`) that
-does not act back on the chains; what that leaves out is of the size of `coupling`.
+with that where all of them meet: where the pressures of all ends are largest at the same instant.
+A ray from an end's centre tells that instant to a hundredth of the pulse only, as all of its face
+is heard, over some time; what each end radiates does.  Assumed: a linear fluid behind a baffle
+(see `radiation`) that does not act back on the chains; what that leaves out is of the size of
+`coupling`.
 """
 
 from __future__ import annotations
@@ -44,8 +47,9 @@ AFTERWARDS = 1.25  # runs go on until the last arrival times this
 class Lens:
     """Chains whose prestrains are chosen so that their pulses meet at a focus.
 
-    Made, it has run chains over the range of prestrains, chosen one for each chain, and run these:
-    about a second.  The first pulse leaves sqrt(m/k_cross)/2 later than the soonest of the range.
+    Made, it has run chains over the range of prestrains, chosen one for each chain, run these, and
+    corrected them by when each one's pressure peaks at the focus: some seconds.  The first pulse
+    leaves sqrt(m/k_cross)/2 later than the soonest of the range.
 
     Parameters
     ----------
@@ -79,8 +83,12 @@ class Lens:
         the last mass's acceleration [s].
     pulse_widths : ndarray, (chains,)
         How long that acceleration stays above half its peak [s].
+    focus_arrivals : ndarray, (chains,)
+        When the pressure that each end alone makes at the focus is largest [s], measured in what
+        their run radiates.  The way from all of an end's face makes that some hundredths of a
+        pulse sooner or later than arrivals + distances/host_speed, the ray from its centre.
     focus_time : float
-        When the pulses meet [s]: wanted of arrivals + distances/host_speed.
+        When the pulses meet [s]: wanted of `focus_arrivals`.
 
     Raises
     ------
@@ -110,6 +118,7 @@ class Lens:
     chain_prestrains: Array = field(init=False, repr=False, compare=False)
     arrivals: Array = field(init=False, repr=False, compare=False)
     pulse_widths: Array = field(init=False, repr=False, compare=False)
+    focus_arrivals: Array = field(init=False, repr=False, compare=False)
     focus_time: float = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -165,9 +174,48 @@ class Lens:
             )
 
     def _choose(self) -> None:
-        """Prestrains by interpolated arrivals, corrected once by those of their own run."""
+        """Prestrains by interpolated arrivals, corrected once by what their own run radiates."""
         low, high = self.prestrains
-        found, longest = reach(self._struck, low, high), float(self.delays.max())
+        found = reach(self._struck, low, high)
+        delays = self._possible(found, self.delays)
+        first = found.prestrain(found.t[-1] + self._margin(found, delays) + delays)
+        reached = self._struck.arrivals(first)
+        late = self._heard(first, reached) - reached.t  # of arrivals of all of an end's face
+        delays = self._possible(found, late.max() - late)
+        leave = found.t[-1] + self._margin(found, delays) + delays
+        missed = reached.t - leave
+        chosen = np.clip(first * np.exp(-found.slope(leave) * missed), low, high)
+        reached = self._struck.arrivals(chosen)
+        heard, wanted = self._heard(chosen, reached), float(leave[0] + late[0])
+        miss, pulse = np.abs(heard - wanted).max(), reached.width.min()
+        if not miss <= MISS * pulse:
+            raise TensegrityError(
+                f"prestrains {low:g} to {high:g}: peaks at the focus miss their instant by "
+                f"{miss:.2g} s, must be within {MISS * pulse:.2g} s, {MISS:g} of the pulse: they "
+                "change too quickly with the prestrain; narrow the range"
+            )
+        self._set("chain_prestrains", fixed(chosen))
+        self._set("arrivals", fixed(reached.t))
+        self._set("pulse_widths", fixed(reached.width))
+        self._set("focus_arrivals", fixed(heard))
+        self._set("focus_time", wanted)
+
+    def _margin(self, found: Reach, delays: Array) -> float:
+        """How much later than the soonest of a range the first pulse leaves [s]."""
+        return min(MARGIN * self._unit, (found.span - float(delays.max())) / 2)
+
+    def _heard(self, prestrains: Array, reached: Arrivals) -> Array:
+        """When what each end radiates is largest at the focus [s], (chains,)."""
+        t_end = AFTERWARDS * float(reached.t.max())
+        ends = _ends(self, tuple(prestrains.tolist()), t_end)
+        within = reached.width + ends.radius / self.host_speed
+        rays = reached.t + self.distances / self.host_speed
+        return ends.peaks(np.array(self.focus), rays, within)
+
+    def _possible(self, found: Reach, delays: Array) -> Array:
+        """The same delays, of which the least is 0, if a range of prestrains can give them."""
+        (low, high), delays = self.prestrains, delays - delays.min()
+        longest = float(delays.max())
         if longest > (1 - SPARE) * found.span:
             with np.errstate(over="ignore"):
                 suffices = self._sufficient(longest)
@@ -175,23 +223,7 @@ class Lens:
                 f"focus {self.focus} m asks for delays of up to {longest:.4g} s, prestrains "
                 f"{low:g} to {high:g} give {found.span:.4g} s at most; {suffices}"
             )
-        margin = min(MARGIN * self._unit, (found.span - longest) / 2)
-        wanted = found.t[-1] + margin + self.delays
-        first = found.prestrain(wanted)
-        missed = self._struck.arrivals(first).t - wanted
-        chosen = np.clip(first * np.exp(-found.slope(wanted) * missed), low, high)
-        reached = self._struck.arrivals(chosen)
-        miss, pulse = np.abs(reached.t - wanted).max(), reached.width.min()
-        if not miss <= MISS * pulse:
-            raise TensegrityError(
-                f"prestrains {low:g} to {high:g}: arrivals miss their instants by {miss:.2g} s, "
-                f"must be within {MISS * pulse:.2g} s, {MISS:g} of the pulse: they change too "
-                "quickly with the prestrain; narrow the range"
-            )
-        self._set("chain_prestrains", fixed(chosen))
-        self._set("arrivals", fixed(reached.t))
-        self._set("pulse_widths", fixed(reached.width))
-        self._set("focus_time", float(wanted[0] + self.distances[0] / self.host_speed))
+        return delays
 
     def _sufficient(self, longest: float) -> str:
         """Which prestrains can give these delays, in words; smaller ones first, then larger."""
@@ -369,7 +401,7 @@ class Lens:
     def __str__(self) -> str:
         x, y = self.focus
         low, high = self.chain_prestrains.min(), self.chain_prestrains.max()
-        miss = np.ptp(self.arrivals + self.distances / self.host_speed)
+        miss = np.ptp(self.focus_arrivals)
         return (
             f"lens of {self.chains} chains of {self.sites} masses, {self.spacing:g} m apart, "
             f"struck at {self.velocity:g} m/s\n"

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array
 
 NODES = 16  # along half a rim
+LOOKS = 401  # instants among which a peak is looked for
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,24 +68,53 @@ class Ends:
         t : ndarray, (...)
             [s], up to the last recorded instant.
         """
-        angle = np.pi * (np.arange(NODES) + 0.5) / NODES  # midpoints: exponential convergence
-        times, (x, y) = _outer(t, points)
         for place, curve in zip(self.places, self._curves(), strict=True):
-            off = np.abs(x - place)  # of the foot from the centre
-            near, far = np.minimum(off, self.radius), np.maximum(off, self.radius)
-            ratio, inside = near / far, off < self.radius
+            yield self._radiated(place, curve, points, t)
 
-            def at(distance: Array, curve: Any = curve) -> Array:
-                return _since_start(curve, times - distance / self.speed)
+    def _radiated(self, place: float, curve: Any, points: Array, t: Array) -> Array:
+        """What a piston makes there of which `curve` is the velocity: its pressure."""
+        times, (x, y) = _outer(t, points)
+        angle = np.pi * (np.arange(NODES) + 0.5) / NODES  # midpoints: exponential convergence
+        off = np.abs(x - place)  # of the foot from the centre
+        near, far = np.minimum(off, self.radius), np.maximum(off, self.radius)
+        ratio, inside = near / far, off < self.radius
 
-            nearest = at(np.hypot(y, far - near))  # taken off all: what is left is small and smooth
-            total = np.where(inside, at(y) - nearest, 0.0)
-            for psi in angle:
-                squared = 1 + ratio**2 - 2 * ratio * math.cos(psi)
-                rim = np.hypot(y, far * np.sqrt(squared))
-                weight = np.where(inside, 1.0, ratio**2) - ratio * math.cos(psi)
-                total -= (at(rim) - nearest) * weight / squared / NODES
-            yield self.density * self.speed * total
+        def at(distance: Array) -> Array:
+            return _since_start(curve, times - distance / self.speed)
+
+        nearest = at(np.hypot(y, far - near))  # taken off all: what is left is small and smooth
+        total = np.where(inside, at(y) - nearest, 0.0)
+        for psi in angle:
+            squared = 1 + ratio**2 - 2 * ratio * math.cos(psi)
+            rim = np.hypot(y, far * np.sqrt(squared))
+            weight = np.where(inside, 1.0, ratio**2) - ratio * math.cos(psi)
+            total -= (at(rim) - nearest) * weight / squared / NODES
+        return np.asarray(self.density * self.speed * total)
+
+    def peaks(self, point: Array, around: Array, within: Array) -> Array:
+        """When the pressure of each end alone is largest at a point [s]; (ends,).
+
+        Parameters
+        ----------
+        point : ndarray, (2,)
+            x, y >= 0 [m].
+        around, within : ndarray, (ends,)
+            The instants looked at: [s], so much on either side of each.
+        """
+        from scipy.optimize import brentq
+
+        found = []
+        curves = zip(self.places, self._curves(), around, within, strict=True)
+        for place, curve, middle, most in curves:
+            t = np.linspace(max(middle - most, 0.0), middle + most, LOOKS)
+            k = int(np.argmax(self._radiated(place, curve, point, t)[1:-1])) + 1
+            rate = curve.derivative()
+
+            def rising(t: float, place: float = place, rate: Any = rate) -> float:
+                return float(self._radiated(place, rate, point, np.array(t)))
+
+            found.append(brentq(rising, t[k - 1], t[k + 1], xtol=1e-14 * t[k], rtol=1e-14))
+        return np.array(found)
 
     def as_points(self, points: Array, t: Array) -> Iterator[Array]:
         """The same for ends much smaller than the distance and the pulse; inf at their centres."""

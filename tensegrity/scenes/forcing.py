@@ -213,7 +213,8 @@ class Damping:
     Parameters
     ----------
     bond : float or array_like, (bonds,), optional
-        Of the rate of elongation of each bond [N s/m], >= 0.
+        Of the rate of elongation of each bond [N s/m], >= 0, also where a contact is open; contacts
+        with walls have none.
     ground : float or array_like, (sites,), optional
         Of the velocity of each site [N s/m], >= 0.
     """
@@ -263,13 +264,8 @@ def checked(scene: Any, drive: Any, damping: Any, tune: Any = None) -> dict[str,
             raise TensegrityError(f"site {number} is held: nothing drives it")
     if damping is not None:
         check.kind("damping", damping, Damping)
-        damping.each("bond", len(scene.springs))
+        damping.each("bond", _bonds(scene))
         damping.each("ground", scene.sites)
-        if damping.bond.any() and scene.loop_bonds.contacts is not None:
-            raise TensegrityError(
-                f"bond damping up to {damping.bond.max():g} N s/m of a network: dashpots in bonds "
-                "that may turn are not solved for; those of a Chain are, and ground damping"
-            )
         if not (damping.bond.any() or damping.ground.any()):
             damping = None
     tune = {} if tune is None else tune
@@ -291,6 +287,11 @@ def checked(scene: Any, drive: Any, damping: Any, tune: Any = None) -> dict[str,
                 f"tune begins at {name} {begin:.9g}, the spring has {spring.argument(name):.9g}"
             )
     return {"drive": FixedDict(drive), "damping": damping, "tune": FixedDict(signals)}
+
+
+def _bonds(scene: Any) -> int:
+    """Number of bonds, without contacts with walls."""
+    return len(getattr(scene, "bonds", scene.springs))
 
 
 def refuse(scene: Any, what: str) -> None:
@@ -394,7 +395,8 @@ def forcing_of(scene: Any, t_end: float, tuning: Any = None) -> Forcing:
     mass[moved] = 0.0
     damping = scene.damping or Damping()
     ground = np.repeat(damping.each("ground", scene.sites), scene.dim)
-    bond = damping.each("bond", len(scene.springs))
+    bond = np.zeros(len(scene.springs))
+    bond[: _bonds(scene)] = damping.each("bond", _bonds(scene))
     held = np.repeat(scene.inverse_mass == 0, scene.dim)
     ground[held] = 0.0
     if tuning is not None:

@@ -23,7 +23,7 @@ from tensegrity.errors import TensegrityError
 from tensegrity.notebook import page, wires
 from tensegrity.readonly import fixed
 from tensegrity.scenes.clearance import Clearance
-from tensegrity.scenes.following import Following
+from tensegrity.scenes.following import Following, Listings
 from tensegrity.scenes.forcing import begun
 from tensegrity.scenes.network_input import (
     held_sites,
@@ -46,10 +46,12 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from tensegrity.engine.energies import Energies
     from tensegrity.scenes.forcing import Damping, Drive
     from tensegrity.typing import Array
 
 AT_ONCE = 2_000_000  # contacts times rows of one list: some tens of megabytes
+LISTS, FEW = 2, 10_000  # lists of contacts that are kept of a scene, and sites up to which
 IN_CACHE = 20_000  # contacts times rows whose energies are computed together
 
 
@@ -93,7 +95,7 @@ class Network(Scene):
     drive : dict of int to Drive, optional
         {site: Drive}: motions that are prescribed, and forces that depend on time.
     damping : Damping, optional
-        Dashpots from the sites to the ground.
+        Dashpots in the bonds and to the ground.
     """
 
     def __init__(
@@ -219,7 +221,11 @@ class Network(Scene):
         """
         if not self.follows:
             return self
-        return self._listing(*self.clearance.near(np.asarray(u, dtype=float)))
+        return self._listings(*self.clearance.near(np.asarray(u, dtype=float)))
+
+    @cached_property
+    def _listings(self) -> Listings:
+        return Listings(self._listing, LISTS if self.sites <= FEW else 1)
 
     def listings(self, u: Array) -> Iterator[tuple[slice, Self]]:
         """Rows of displacements (T, sites, dim) in turn, each with this scene as it lists all
@@ -230,16 +236,12 @@ class Network(Scene):
         """
         row = 0
         while row < len(u):
-            scene, last = self.listed(u[row]), len(u)
+            scene = self.listed(u[row])
+            most = max(1, AT_ONCE // (len(scene.springs) + 1))
+            last = min(len(u), row + most)
             if self.follows:
                 watch: Any = self.clearance
-                room = watch.skin / 2
-                for last in range(row + 1, len(u)):
-                    if np.max(np.sum((u[last] - u[row]) ** 2, axis=-1)) >= room**2:
-                        break
-                else:
-                    last = len(u)
-            last = min(last, row + max(1, AT_ONCE // (len(scene.springs) + 1)))
+                last = row + watch.lasting(u[row:last])
             yield slice(row, last), scene
             row = last
 
@@ -488,6 +490,10 @@ class Network(Scene):
         if self.follows:
             parts = [scene.energies(u[rows], v[rows]) for rows, scene in self.listings(u)]
             return np.concatenate(parts) if parts else np.zeros(0)
+        compiled = self._compiled_energies
+        found = None if compiled is None else compiled(u, v)
+        if found is not None:
+            return found
         rows = len(u), -1
         with np.errstate(over="ignore"):  # to inf, which `check` refuses
             kinetic = 0.5 * np.sum((self.mass[:, None] * v**2).reshape(rows), axis=-1)
@@ -496,6 +502,11 @@ class Network(Scene):
                  for k in range(0, len(u), some)]  # fmt: skip
         stored = np.concatenate(parts) if parts else np.zeros(0)
         return kinetic + stored - np.sum((self.loads * u).reshape(rows), axis=-1)
+
+    @cached_property
+    def _compiled_energies(self) -> Energies | None:
+        mass = np.repeat(self.mass[:, None], self.dim, axis=1)
+        return self.spring_table.energies(mass, self.contact_bonds.contacts)
 
     def site_energy(self, u: Array, v: Array) -> Array:
         """Energy of each site [J]: motion, half its bonds, walls, load; (..., sites)."""

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.polynomial import chebyshev
 
+from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.kernel import kernel
 from tensegrity.errors import LockingError, ResolutionError, TensegrityError
 
@@ -118,10 +119,22 @@ class InTime:
     def _alone(self) -> Any:
         return kernel((self.law,))
 
+    def numbers(self, t: Array) -> tuple[Array, Array]:
+        """What a loop takes at instants t: parameters and behind them their rates, (t.size, 2
+        parameters), and `domain`."""
+        return np.concatenate([self.at(t), self.rates(t)], axis=1), self.domain(t)
+
     def energies(self, t: Array, r: Array) -> Array:
         """Energies at elongations r (t.size, bonds) [m], each row at an instant; of its shape."""
-        rows = zip(self.at(t), np.ascontiguousarray(r), strict=True)
-        return np.array([self._alone.evaluate(0, 0, p, x) for p, x in rows]).reshape(r.shape)
+        loop, r = self._alone, np.ascontiguousarray(r)
+        out, parameters = np.empty_like(r), np.ascontiguousarray(self.at(t))
+        if isinstance(loop, Compiled):
+            for p, row, found in zip(parameters, r, out, strict=True):
+                loop.energies[0](0, r.shape[-1], *(x.ctypes.data for x in (p, row, found)))
+            return out
+        for p, row, found in zip(parameters, r, out, strict=True):
+            found[:] = loop.evaluate(0, 0, p, row)
+        return out
 
     def stiffness(self, p: Array, r: Array) -> Array:
         """Stiffness at elongations r (n,) with parameters p (parameters, n) each [N/m]."""
@@ -150,7 +163,9 @@ class Tuned(InTime):
         self._first = self._spring(self._arguments(np.array([0.0]), 0)[0])
         box = self._box()
         self.law, self.series, self._low, self._half = self._fit(*box)
-        self._rates = [chebyshev.chebder(self.series, axis=k) for k in range(len(box[0]))]
+        flat = np.abs(self.series.reshape(-1, self.series.shape[-1]))
+        self._moves = flat[1:].max(axis=0, initial=0.0) > 0  # the others have one coefficient
+        self._all = _with_rates(self.series[..., self._moves])
 
     def _arguments(self, t: Array, order: int) -> Array:
         """Arguments or their rates at instants, (t.size, arguments)."""
@@ -271,29 +286,35 @@ class Tuned(InTime):
             worst = max(worst, float(np.max(wrong) / np.max(np.abs(right))))
         return worst if np.isfinite(worst) else np.inf
 
-    def _values(self, t: Array, order: int) -> Array:
-        """Parameters and ends of the domain, or their rates, (t.size, parameters + 2)."""
-        x = (self._arguments(t, 0) - self._low) / self._half
-        x = np.clip(x, -1.0, 1.0)
-        if order == 0:
-            return _value(self.series, x)
-        rates = self._arguments(t, 1) / self._half
-        return sum(
-            (_value(one, x) * rates[:, [k]] for k, one in enumerate(self._rates)),
-            np.zeros((1, self.series.shape[-1])),
-        )
+    def _values(self, t: Array) -> tuple[Array, Array]:
+        """Parameters and ends of the domain, and their rates, (t.size, parameters + 2) each."""
+        x = np.clip((self._arguments(t, 0) - self._low) / self._half, -1.0, 1.0)
+        found = np.split(_value(self._all, x), 1 + x.shape[1], axis=1)
+        count = len(self._moves)
+        values = np.tile(self.series.reshape(-1, count)[0], (len(t), 1))
+        rates = np.zeros_like(values)
+        values[:, self._moves] = found[0]
+        each = self._arguments(t, 1) / self._half
+        rates[:, self._moves] = sum(one * each[:, [k]] for k, one in enumerate(found[1:]))
+        return values, rates
 
     def at(self, t: Array) -> Array:
         """Parameters of the law at instants t, (t.size, parameters)."""
-        return self._values(t, 0)[:, :-2]
+        return self._values(t)[0][:, :-2]
 
     def rates(self, t: Array) -> Array:
         """Their rates [1/s]."""
-        return self._values(t, 1)[:, :-2]
+        return self._values(t)[1][:, :-2]
 
     def domain(self, t: Array) -> Array:
         """Lowest and highest elongation at instants t [m]; (t.size, 2)."""
-        return finite_ends(self._values(t, 0)[:, -2:])
+        return finite_ends(self._values(t)[0][:, -2:])
+
+    def numbers(self, t: Array) -> tuple[Array, Array]:
+        """As `InTime.numbers`, with series that are evaluated once."""
+        values, rates = self._values(t)
+        together = np.concatenate([values[:, :-2], rates[:, :-2]], axis=1)
+        return together, finite_ends(values[:, -2:])
 
     def spring(self, t: float) -> Potential:
         """The spring of an instant, measured from its own equilibrium."""
@@ -303,6 +324,18 @@ class Tuned(InTime):
         """The error for an elongation at or beyond an end of the domain at an instant."""
         spring = self.spring(t)
         return spring.beyond(r + spring.shift_from(self._first))
+
+
+def _with_rates(series: Array) -> Array:
+    """A tensor series and behind it, in the last axis, its derivative in each argument."""
+    found = [series]
+    for axis in range(series.ndim - 1):
+        rate = np.zeros_like(series)
+        if series.shape[axis] > 1:
+            shorter = chebyshev.chebder(series, axis=axis)
+            np.moveaxis(rate, axis, 0)[:-1] = np.moveaxis(shorter, axis, 0)
+        found.append(rate)
+    return np.concatenate(found, axis=-1)
 
 
 def _value(series: Any, x: Any) -> Any:
