@@ -14,7 +14,7 @@ GROUP = "protectors"
 
 T_END = 6e-4  # s: the largest force of good designs comes by 0.45 ms
 SEEDS = (0, 1, 2)
-BUDGETS = {"cma": 25000, "gradient": 4000}
+BUDGETS = {"cma": 100_000, "gradient": 10_000}
 COLOURS = {"cma": "C1", "gradient": "C3"}
 LABELS = {"cma": "evolution (cma)", "gradient": "gradients"}
 POINTS = 200

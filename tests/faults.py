@@ -194,6 +194,24 @@ FAULTS = (
         "tests/test_gradients.py::test_gradients_are_the_references_of_ninety_digits",
     ),
     Fault(
+        "tensegrity/engine/reverse.h",
+        "c->f[1 + i] = c->k[i] = 0;",
+        "c->f[1 + i] = 0;",
+        "tests/test_gradients.py::test_without_a_compiler_the_same_comes_from_numpy[rkn6-free]",
+    ),
+    Fault(
+        "granular/design/searching.py",
+        "max(float(worth[k]), longer)",
+        "float(worth[k])",
+        "tests/test_design_search.py::test_a_design_whose_force_grows_after_the_window_is_passed_over",
+    ),
+    Fault(
+        "tensegrity/gradients/compute.py",
+        "rows[inside] = part.rows",
+        "rows[inside] += 2 * part.rows",
+        "tests/test_gradients.py::test_gradients_are_the_references_of_ninety_digits",
+    ),
+    Fault(
         "tensegrity/engine/reverse_net.c",
         "across * (y[q] - t * along[q * n + i])",
         "across * y[q]",

@@ -67,6 +67,16 @@ def test_time_at_an_error_lies_on_the_power_law_between_two_runs():
     assert found[3] == pytest.approx(0.04 / (0.01 * 4 ** (1 / 3)))  # at 1e-5
 
 
+def test_chart_of_speed_shows_the_call_the_best_loops_and_other_programs():
+    more = [("verlet", "9 steps", 1e-4, 0.05, 0.0), ("verlet +p", "9 steps", 1e-4, 0.02, 0.0),
+            ("simulate", "tol 1e-05", 1e-6, 0.05, 0.0)]  # fmt: skip
+    found, bare = work_precision.shown(RACE + more), work_precision.BARE
+    assert list(found) == ["simulate", bare, f"{bare} +p", "other"]
+    assert found[bare] == [(0.01, 1e-3), (0.04, 1e-9)]  # another was slower and no better
+    assert found[f"{bare} +p"] == [(0.02, 1e-4)]
+    assert found["simulate"] == [(0.05, 1e-6)]
+
+
 def test_chart_of_work_and_precision_writes_picture_and_table_whole(tmp_path):
     picture, table = work_precision.chart({"one": RACE, "two": RACE[:2]}, tmp_path)
     height, width, _ = plt.imread(picture).shape

@@ -220,6 +220,25 @@ def test_a_design_that_moves_with_the_step_is_not_taken(monkeypatch):
     assert found.converged_in_time
 
 
+def test_a_design_whose_force_grows_after_the_window_is_passed_over(monkeypatch):
+    """An optimiser hides a force there: the next best design is taken."""
+    plain, rows = module.Problem.__call__, {}
+
+    def hidden(self, genes):
+        forces = plain(self, genes)
+        rows.setdefault("best", genes[np.argmin(forces)])
+        mine = (genes == rows["best"]).all(axis=1) & (self.t_end > SHORT["t_end"])
+        return np.where(mine, 1.5 * forces, forces)
+
+    known = search(ORDER, budget=64, **SHORT)
+    monkeypatch.setattr(module.Problem, "__call__", hidden)
+    found = search(ORDER, budget=64, **SHORT)
+    assert known.beads == ORDER.beads(rows["best"])
+    assert known.peak_force < found.peak_force < 1.5 * known.peak_force
+    assert found.converged_in_time
+    assert found.history.min() == known.history.min()
+
+
 def test_a_force_that_grows_after_the_window_is_said_not_to_be_converged():
     """A chaotic chain of soft beads, watched while its first pulse comes only."""
     space = Order([BIG] * 3 + [SOFT] * 3)

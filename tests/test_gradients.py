@@ -254,9 +254,11 @@ def test_wanted_limits_what_by_knows_and_changes_nothing_else():
 
 
 @pytest.mark.needs_compiler
-@pytest.mark.parametrize("method", METHODS)
-def test_without_a_compiler_the_same_comes_from_numpy(method, monkeypatch):
-    chain, asked = prisms(), [o.p_norm(o.velocity(2), 4), o.peak(o.load(bond=3)), o.energy([0, 1])]
+@pytest.mark.parametrize(("method", "end"), [*((m, "fixed") for m in METHODS), ("rkn6", "free")])
+def test_without_a_compiler_the_same_comes_from_numpy(method, end, monkeypatch):
+    """At a free end too, behind which packs of bonds go on."""
+    chain = prisms(ends=("free", end))
+    asked = [o.p_norm(o.velocity(2), 4), o.peak(o.load(bond=3)), o.energy([0, 1])]
     run_of = chain, chain.at_rest({0: 0.05}), 5.0, 0.1, method
     compiled = gradient(asked, *run_of)
     monkeypatch.setattr(reverse_text, "compiled", lambda *_: None)

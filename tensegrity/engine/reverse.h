@@ -18,7 +18,7 @@ typedef struct {
     real *gb;                        /* (objectives, bonds) by the elongations, of a network */
     real *r, *f, *k, *d;             /* scratch (apart), (apart + 2), (apart), (wanted, apart) */
     real *along, *pull, *turn;       /* scratch (DIM, bonds), (entries), (entries) */
-    real *back, *bent;               /* scratch (apart + 2), (apart) */
+    real *bent;                      /* scratch (apart), of a network */
     real *low, *high, *travel;       /* elongations met (bonds), and the way gone, as in net.h */
     const integer *from, *to;        /* (bonds) where their rows begin */
     const integer *first;            /* (runs + 1) first bond of each run */

@@ -27,8 +27,8 @@ def _structure(name, addresses, counts):
 
 _SCENE = _structure(  # as in reverse.h
     "_Scene",
-    "u v w load shared own geometry kicks drifts grid ub vb wb pb gb r f k d along pull turn back "
-    "bent low high travel at to first law wall own_at",
+    "u v w load shared own geometry kicks drifts grid ub vb wb pb gb r f k d along pull turn bent "
+    "low high travel at to first law wall own_at",
     "runs bonds entries moving objectives wanted stages closing room apart",
 )
 _SEEDS = _structure("_Seeds", "rows places", "count of_u begin end")
@@ -237,8 +237,7 @@ class Back:
             np.multiply(method.drifts, dt), np.array(grid), self.ub, self.vb, totals.whole_w,
             totals.whole_p, totals.g, np.zeros(room), np.zeros(room + 2), np.zeros(room),
             np.zeros((layout.most, room)), np.zeros((dim, n)), np.zeros(entries),
-            np.zeros(entries), np.zeros(room + 2), np.zeros(room),
-            self._low, self._high, self._travel,
+            np.zeros(entries), np.zeros(room), self._low, self._high, self._travel,
             *(np.asarray(x, dtype=np.int64) for x in (
                 at, to, layout.first, 2 * layout.run_law + layout.run_own,
                 layout.kind[layout.order[layout.first[:-1]]] == WALL, own_at)),
@@ -259,7 +258,7 @@ class Back:
         for k, values in ((4, shared), (5, own)):
             self._arrays[k][:] = values
         totals = self._totals
-        for array in (self.ub, self.vb, totals.whole_w, totals.p, totals.g):
+        for array in (self.ub, self.vb, totals.w, totals.p, totals.g):
             array[:] = 0
 
     def set(self, u, v):

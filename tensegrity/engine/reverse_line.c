@@ -17,23 +17,37 @@ static void gather(const scene *c)
 }
 #endif
 
+/* The numbers one place before those of a pack, of which `before` are as many that come first.
+   Read from memory where they were just stored, they would have to be waited for. */
+PACKED pack shifted(pack before, pack here)
+{
+#if WIDE == 8
+    return (pack)_mm512_alignr_epi64((__m512i)here, (__m512i)before, WIDE - 1);
+#else
+    pack y;
+    LANES_OF(l) LANE(y, l) = l ? LANE(here, l - 1) : LANE(before, WIDE - 1);
+    return y;
+#endif
+}
+
 /* From the derivatives by the velocities to those by masses, parameters and u. */
 static void carry(const scene *c, real a, integer o)
 {
     const integer apart = c->apart;
-    const real *restrict w = c->w, *restrict pull = c->pull, *restrict vb = c->vb + o * c->entries;
-    const real *restrict k = c->k, *restrict d = c->d;
-    real *restrict ub = c->ub + o * c->entries, *restrict wb = c->wb + o * c->entries;
-    real *restrict pb = c->pb + o * c->wanted * apart;
-    real *restrict bent = c->bent, *restrict back = c->back;
-    EACH(c->room) {
-        bent[i] = a * (w[i] * vb[i] - w[i + 1] * vb[i + 1]);
-        back[i + 1] = bent[i] * k[i];
+    const real *w = c->w, *vb = c->vb + o * c->entries, *k = c->k, *d = c->d;
+    real *ub = c->ub + o * c->entries, *wb = c->wb + o * c->entries;
+    real *pb = c->pb + o * c->wanted * apart;
+    pack before = wide(0);
+    for (integer i = 0; i < c->room; i += WIDE) {
+        const pack push = a * load(vb + i);
+        const pack bent = push * load(w + i) - a * load(vb + i + 1) * load(w + i + 1);
+        const pack back = bent * load(k + i);
+        store(wb + i, load(wb + i) + push * load(c->pull + i));
+        for (integer m = i; m < i + c->wanted * apart; m += apart)
+            store(pb + m, load(pb + m) + bent * load(d + m));
+        store(ub + i, load(ub + i) + shifted(before, back) - back);
+        before = back;
     }
-    EACH(c->room) wb[i] += a * vb[i] * pull[i];
-    for (integer m = 0; m < c->wanted; m++)
-        EACH(c->room) pb[m * apart + i] += bent[i] * d[m * apart + i];
-    EACH(c->room) ub[i] += back[i] - back[i + 1];
 }
 
 /* The drift of a stage undone, and elongations before it. */
@@ -48,13 +62,14 @@ static void undrift(const scene *c, real b)
     }
 }
 
-/* Forces on the sites from tensions, and their kick undone; f[0] is 0. */
+/* Forces on the sites from tensions, and their kick undone. */
 static void unkick(const scene *c, real a)
 {
-    const real *restrict f = c->f, *restrict w = c->w;
-    real *restrict pull = c->pull, *restrict v = c->v;
-    EACH(c->room) {
-        pull[i] = f[i + 1] - f[i];
-        v[i] -= a * w[i] * pull[i];
+    pack before = wide(0);
+    for (integer i = 0; i < c->room; i += WIDE) {
+        const pack f = load(c->f + 1 + i), pull = f - shifted(before, f);
+        store(c->pull + i, pull);
+        store(c->v + i, load(c->v + i) - a * load(c->w + i) * pull);
+        before = f;
     }
 }

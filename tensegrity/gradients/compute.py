@@ -2,8 +2,8 @@
 
 Derivatives of what was computed, by all initial values, masses and parameters at once, at the
 cost of a few runs: from the last state every stage is undone, and the transposed derivative of
-the stage is applied where it is undone.  No state is stored, but for some tens of them that the
-pass is compared with.  Source: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration
+the stage is applied where it is undone.  No state is stored, but for a few that the pass is
+compared with.  Source: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration
 (2006), V.1 (a palindrome of stages is undone by itself); J. M. Sanz-Serna, SIAM Rev. 58, 3 (2016).
 """
 
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from tensegrity.engine.methods import Method
     from tensegrity.typing import Array
 
-STATES = 16  # kept of a run, evenly spaced
+STATES = 8  # kept of a run, evenly spaced
 MARGIN = 4.0  # of a grid's largest |u| and |v| over those of a run
 
 
