@@ -41,8 +41,8 @@ LARGEST_DAMPING = 2.0  # of a drift: time times the largest rate of decay
 _DRIVE = structure_of(  # as in driven.c
     "_Drive",
     "moved_u moved_v force force_rate shared domain heavy series rubbed decay glide mass ground "
-    "bond moved forced term next pull given sums ends apart room",
-    "entries moving forcing tuned damped degree joined levels",
+    "bond moved forced term next pull given sums ends apart room stretch",
+    "entries moving forcing damped degree joined levels bonds",
 )
 
 
@@ -301,6 +301,7 @@ class BoundDriven(_Bound):
             "moved": forcing.moved.astype(np.int64), "forced": forcing.forced.astype(np.int64),
             "term": np.zeros(entries), "next": np.zeros(entries), "pull": np.zeros(entries + 1),
             "given": np.zeros((len(forcing.moved) + 1, degree)), "sums": self.sums,
+            "stretch": np.zeros(len(forcing.bonds.group)),
         }  # fmt: skip
         if forcing.damped == TURNING:
             of, joined = forcing.contacts, forcing.joined
@@ -314,8 +315,8 @@ class BoundDriven(_Bound):
         for name, x in self._arrays.items():
             setattr(self._drive, name, x.ctypes.data)
         counts = (
-            entries, len(forcing.moved), len(forcing.forced), forcing.tuning is not None,
-            forcing.damped, degree, len(forcing.joined), self.schedule.levels,
+            entries, len(forcing.moved), len(forcing.forced), forcing.damped, degree,
+            len(forcing.joined), self.schedule.levels, len(forcing.bonds.group),
         )  # fmt: skip
         for (name, _), count in zip(_DRIVE._fields_[-len(counts) :], counts, strict=True):
             setattr(self._drive, name, count)
@@ -577,7 +578,7 @@ class DrivenLoop(Compiled):
         law = self.laws[-1]
         if not isinstance(law, Change):
             return ("driven.c",)
-        if codegen.is_long(law.law):
+        if self.dim or codegen.is_long(law.law):
             return "#define CHANGE\n#define change(r, p) energy_1(r, p)", "driven.c"
         p = [f"wide(p[{k}])" for k in range(len(law.parameters))]
         arguments = "const pack *r, const real *p, pack *f, pack *rate"

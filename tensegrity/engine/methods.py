@@ -157,9 +157,9 @@ class Splitting(Method):
     symplectic = True
     keeps = (
         "its order under drives, springs that change, and dashpots, which drifts solve exactly, "
-        "or, where damped bonds of a network turn, to that order; it is symplectic, with time as one "
-        "more coordinate, as long as there are no dashpots; with them volumes shrink at the exact "
-        "rate, or at that to its order.  Drifts backwards in time let velocities grow: dt "
+        "or, where damped bonds of a network turn, to that order; it is symplectic, with time as "
+        "one more coordinate, as long as there are no dashpots; with them volumes shrink at the "
+        "exact rate, or at that to its order.  Drifts backwards in time let velocities grow: dt "
         "times the largest drift and the fastest decay must be at most 2"
     )
     _slack, _bisected = ROUND_OFF, 0.0

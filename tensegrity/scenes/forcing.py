@@ -275,12 +275,16 @@ def checked(scene: Any, drive: Any, damping: Any, tune: Any = None) -> dict[str,
     if names:
         raise TensegrityError(f"tune {check.shown(names[0])} is not the name of an argument")
     signals = {name: expression_of(name, one) for name, one in tune.items()}
-    if signals and len(scene.spring_table) != 1:
+    different = scene.spring_table.different  # the same spring of other lengths is another there
+    if signals and (
+        len(scene.springs) > _bonds(scene) or any(x != different[0] for x in different)
+    ):
         raise TensegrityError(
-            f"tune needs one spring for all bonds, there are {len(scene.spring_table)}"
+            f"tune needs one spring for all bonds and none of walls, there are "
+            f"{len(set(different))} and {len(scene.springs) - _bonds(scene)}"
         )
     for name, signal in signals.items():
-        spring, begin = scene.spring_table.different[0], float(signal(np.array(0.0)))
+        spring, begin = different[0], float(signal(np.array(0.0)))
         spring.varied({name: begin})  # refuses what it has not
         if abs(spring.argument(name) - begin) > RTOL * abs(begin):
             raise TensegrityError(
@@ -400,7 +404,10 @@ def forcing_of(scene: Any, t_end: float, tuning: Any = None) -> Forcing:
     held = np.repeat(scene.inverse_mass == 0, scene.dim)
     ground[held] = 0.0
     if tuning is not None:
-        bonds = replace(bonds, laws=(tuning.law,), parameters=tuning.at(np.zeros(1)))
+        bonds = replace(
+            bonds, laws=(tuning.law,), law=np.zeros(1, int), parameters=tuning.at(np.zeros(1)),
+            group=np.zeros(len(bonds.group), int), openings=None,
+        )  # fmt: skip
     return Forcing(
         bonds, moved, forced, together(motions), together(pulls), mass, heavy, ground, bond, tuning
     )
