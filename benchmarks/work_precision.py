@@ -6,7 +6,8 @@ steps far smaller, in extended precision where the scene is smooth; how good tha
 twice its step tells.  All contestants of a scene take turns; times are medians.  "simulate" is the
 whole call with a tolerance, its rows and energies; the other runs of ours are the prepared loop
 alone, with its processor, at a step that nobody tells it; a peer's run is its own call.  Compile
-times are told apart.
+times are told apart.  The chart shows the call, and as a thin line beside it the loops that were
+best, of all methods; the table has each.
 Peers get the prism's force as one would type it; of the softening prism, whose force solves
 equations, the polynomial that ours is fitted by.
 Forces: the formula, and polynomials of it (`+p`) whose error is a small part of the run's.
@@ -51,7 +52,13 @@ FINER = 2.0  # ratio of the numbers of steps
 MOST = 400.0  # evaluations per unit of 1/omega
 REFERENCE = 300.0
 FIT = 0.02  # error of a polynomial over that of the run
-THIN, THICK = {"lw": 0.7, "ms": 2.5}, {"lw": 1.5, "ms": 4}  # loops alone; whole calls
+BARE = "the loop alone, best of all methods"
+LINES = {  # in the chart
+    CALL: {"label": "the call, simulate(tol=...)", "color": "C0", "marker": "o", "lw": 2.2},
+    BARE: {"label": BARE, "color": "C0", "lw": 0.8},
+    f"{BARE} +p": {"label": "the same, forces as polynomials", "color": "C0", "ls": ":", "lw": 0.8},
+}
+OTHERS = "sv^D*Xp"  # markers of peers
 LANES, ENSEMBLE_SITES, ENSEMBLE_END = 8, 40, 60.0
 
 
@@ -289,6 +296,7 @@ def ensemble():
 
     yield from race(
         [
+            *calls(Scene((batch, states, ENSEMBLE_END))),
             *entries(),
             *_peers.heyoka_batch(chain, states, ENSEMBLE_END, _peers.prism_tension(prism)),
         ],
@@ -306,6 +314,25 @@ def build_time(chain):
         return time.perf_counter() - began
 
 
+def front(rows, mark):
+    """Times and errors of our loops that no faster one betters; `mark` ends their names."""
+    mine = {f"{name}{mark}" for name in METHODS}
+    found = []
+    for seconds, error in sorted((row[3], row[2]) for row in rows if row[0] in mine):
+        if not found or error < found[-1][1]:
+            found.append((seconds, error))
+    return found
+
+
+def shown(rows):
+    """{name: points (seconds, error)} of what the chart shows of a scene: ours, then others."""
+    found = {CALL: [], BARE: front(rows, ""), f"{BARE} +p": front(rows, " +p")}
+    for name, _, error, seconds, _ in rows:
+        if name.removesuffix(" +p") not in METHODS:
+            found.setdefault(name, []).append((seconds, error))
+    return {name: points for name, points in found.items() if points}
+
+
 def chart(found, folder=OUTPUT / "benchmarks"):
     """Time against error, a panel for each scene, as PNG and CSV; the files written."""
     import matplotlib
@@ -318,28 +345,34 @@ def chart(found, folder=OUTPUT / "benchmarks"):
     rows = [(scene, *row) for scene, several in found.items() for row in several]
     names = ("scene", "contestant", "setting", "error", "seconds", "compile_seconds")
     write_table(data, dict(zip(names, zip(*rows, strict=True), strict=True)))
-    order = list(dict.fromkeys(row[1] for row in rows))
+    drawn = {scene: shown(several) for scene, several in found.items()}
+    every = dict.fromkeys(name for points in drawn.values() for name in points)
+    others = [name for name in every if name not in LINES]
+    lines = LINES | {
+        name: {"label": name, "color": f"C{1 + k}", "marker": OTHERS[k % len(OTHERS)], "lw": 1.3}
+        for k, name in enumerate(others)
+    }
     with plt.rc_context(STYLE):
         figure = plt.figure(figsize=(13, 7.5), layout="constrained")
         panels = figure.subplots(2, -(-len(found) // 2), sharex=True, squeeze=False).ravel()
         handles = {}
-        for axes, (scene, several) in zip(panels, found.items(), strict=False):
-            for name in dict.fromkeys(row[0] for row in several):
-                points = [(r[3], r[2]) for r in several if r[0] == name]
-                number = order.index(name.removesuffix(" +p"))
+        for axes, (scene, several) in zip(panels, drawn.items(), strict=False):
+            for name, points in several.items():
+                seconds, errors = zip(*points, strict=True)
                 (handles[name],) = axes.loglog(
-                    [max(e, 1e-15) for _, e in points], [t for t, _ in points],
-                    ":" if name.endswith("+p") else "-",
-                    color=plt.cm.tab20(number % 10 * 2 + number // 10 % 2),
-                    marker="osv^D*Xp"[number % 8], label=name,
-                    **(THIN if name.removesuffix(" +p") in METHODS else THICK),
-                )  # fmt: skip
+                    [max(e, 1e-15) for e in errors], seconds, ms=4, **lines[name]
+                )
             axes.set_xlim(1, 1e-15)
-            axes.set_xlabel(f"error of the last state, {scene} [1]")
+            axes.set_title(scene)
+            axes.set_xlabel("error of the last state [1]")
             axes.set_ylabel("time of a run [s]")
         for axes in panels[len(found) :]:
             axes.set_axis_off()
-        figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=8)
+        ordered = [name for name in lines if name in handles]
+        figure.legend(
+            [handles[name] for name in ordered], [lines[name]["label"] for name in ordered],
+            loc="outside lower center", ncols=5,
+        )  # fmt: skip
         write(picture, figure.savefig)
         plt.close(figure)
     return picture, data

@@ -149,8 +149,7 @@ def stroke_condition() -> sp.Expr:
     V grows with |delta| alone, so V(r) < V(-r) means h(delta) + h(-delta) > 2 h0: squared
     twice, 4 even eta0^2 > odd^2, the even and the odd part in delta of h^2 - h0^2.
     """
-    gained = path()[0]
-    back = gained.subs(turn, -turn)
+    gained, back = path()[0], path()[0].subs(turn, -turn)
     even, odd = sp.expand((gained + back) / 2), sp.expand((gained - back) / 2)
     return sp.simplify(odd**2 / (4 * even))
 

@@ -1,4 +1,4 @@
-"""Trusses that others computed, through the same solver: snap-through and snap-back.
+"""Trusses that others computed, as structures of bars: snap-through and snap-back.
 
 The space truss and its published numbers: A. Dutzler, TrussPy 3.0.0, example NTA-A,
 doi 10.5281/zenodo.7723338; its numbers have no units there, here they are read as m and N.
@@ -7,14 +7,12 @@ doi 10.5281/zenodo.7723338; its numbers have no units there, here they are read 
 from __future__ import annotations
 
 import numpy as np
+from scipy.optimize import root
 
-from tensegrity.branches.continuation import Problem, Settings, trace
-from tensegrity.engine.codegen import to_casadi
+from tensegrity import Structure, equilibrium_path, held
 
 NAME = "response_outside"
 GROUP = "response"
-
-SMOOTH = Settings(largest=0.02)  # rows so near that straight lines draw the curve
 
 SPAN, RISE = 2.0, 0.5  # of the two-bar truss [m]; its bars have EA = 1 N
 # Load factors of the space truss as printed in its log, by increment, while node 5 is driven
@@ -71,38 +69,11 @@ def energy(nodes, bars, free):
     return total, list(moves.values())
 
 
-def truss(nodes, bars, loads, roots):
-    """Equilibria of a pin-jointed truss under loads times a factor, as a problem.
-
-    Parameters
-    ----------
-    nodes, bars
-        As for `energy`.
-    loads : dict of str to float
-        Force along each free displacement [N] at factor 1, 0 where there is none.
-    roots : dict of str to (str, float)
-        Events: where an unknown has a value.
-
-    Returns
-    -------
-    Problem
-        Unknowns: the free displacements and the factor.  Events: fold, and turn, where the last
-        displacement is stationary.
-    """
-    import casadi as ca
-
-    stored, moves = energy(nodes, bars, loads)
-    z = ca.SX.sym("z", len(moves) + 1)
-    named = dict(zip((*loads, "factor"), ca.vertsplit(z), strict=True))
-    forces = ca.gradient(to_casadi(stored, moves)(*ca.vertsplit(z[:-1])), z)[:-1]
-    return Problem(
-        tuple(named),
-        z,
-        ca.SX.sym("p", 0),
-        forces - z[-1] * ca.vertcat(*loads.values()),
-        roots={kind: named[name] - value for kind, (name, value) in roots.items()},
-        folds={"fold": z[-1], "turn": z[-2]},
-    )
+def truss(nodes, bars):
+    """A structure of bars whose axial stiffnesses EA are given."""
+    ends = np.array(list(bars)) - 1
+    lengths = np.linalg.norm(np.diff(np.array(nodes)[ends], axis=1)[:, 0], axis=1)
+    return Structure(nodes, bars=ends, k_bar=np.array(list(bars.values())) / lengths)
 
 
 ARCH = ((-SPAN / 2, 0, 0), (SPAN / 2, 0, 0), (0, 0, RISE))
@@ -111,8 +82,11 @@ ARCH_BARS = {(1, 3): 1, (2, 3): 1}
 
 def two_bars():
     """The inclined two-bar truss, pushed down at its apex through the flat state."""
-    problem = truss(ARCH, ARCH_BARS, {"z3": -1}, {"end": ("z3", -2.4 * RISE)})
-    return trace(problem, np.zeros(2), settings=SMOOTH, stop=("end",))
+    supports = held([0, 1]) + held([2], axes=[0, 1])
+    loads = {2: (0, 0, -1)}
+    return equilibrium_path(
+        truss(ARCH, ARCH_BARS), supports=supports, loads=loads, max_shortening=2.4 * RISE
+    )
 
 
 def two_bars_in_closed_form():
@@ -126,7 +100,11 @@ def two_bars_in_closed_form():
 
 NODES = ((2.5, 0, 0), (-1.25, 1.25, 0), (1, 2, 0), (-0.5, 1.5, 1.5), (-2.5, 4.5, 2.5))
 BARS = {(1, 4): 0.75, (2, 4): 1, (3, 4): 0.5, (3, 5): 0.75, (2, 5): 1, (4, 5): 1}
+END = 3.5  # shortening [m]
 LOADS = {"x4": 1, "y4": 1, "z4": -1, "x5": -2, "z5": -2}
+
+
+FREE = [(int(name[1]) - 1, "xyz".index(name[0])) for name in LOADS]  # node and axis of each
 
 
 def driven(increment):
@@ -134,21 +112,67 @@ def driven(increment):
     return STATE_40[4] + 0.2 * (increment - 40)
 
 
+def forces():
+    """The loads at factor 1 as an array [N], (nodes, 3)."""
+    result = np.zeros((len(NODES), 3))
+    result[tuple(zip(*FREE, strict=True))] = list(LOADS.values())
+    return result
+
+
 def space_truss():
-    """The space truss NTA-A up to its last limit point; events at the published states."""
-    roots = {str(increment): ("z5", driven(increment)) for increment in DRIVEN}
-    roots |= {"state": ("factor", STATE_40[5]), "end": ("z5", -5.5)}
-    return trace(truss(NODES, BARS, LOADS, roots), np.zeros(6), settings=SMOOTH, stop=("end",))
+    """The space truss NTA-A beyond its last limit point."""
+    return equilibrium_path(
+        truss(NODES, BARS),
+        supports=held([0, 1, 2]) + held([4], axes=[1]),
+        loads={node: force for node, force in enumerate(forces().tolist()) if any(force)},
+        branch="symmetric",
+        max_shortening=END,
+    )
+
+
+def moves(path):
+    """Displacements in the order of `LOADS`, and the factor, (rows, 6)."""
+    places = tuple(zip(*FREE, strict=True))
+    moved = (path.positions - path.structure.positions)[:, *places]
+    return np.column_stack([moved, path.load / np.linalg.norm(forces(), axis=1).sum()])
+
+
+def states(path, number, value):
+    """Rows before equilibria in which one of `moves` has a value, and these, (count, 6)."""
+    s, rows = path.structure, moves(path)
+    places = tuple(zip(*FREE, strict=True))
+
+    def left(unknowns):
+        x = s.positions.copy()
+        x[places] += unknowns[:-1]
+        force = s.members.gradient(x) - unknowns[-1] * forces()
+        return np.append(force[places], unknowns[number] - value)
+
+    before = np.flatnonzero(np.diff(rows[:, number] > value))
+    return before, np.array([root(left, rows[row], tol=1e-13).x for row in before])
+
+
+def at(path, event, columns):
+    """Values of columns (rows, count) at an event, between the rows next to it."""
+    row, x = event.row, path.shortening
+    part = (event.shortening - x[row]) / (x[row + 1] - x[row])
+    return columns[row] + part * (columns[row + 1] - columns[row])
 
 
 def data(progress=iter):
     """Both curves, their closed form or published points, and their limit points."""
     tables = {}
-    for trace_of in progress((two_bars, space_truss)):
-        branch, name = trace_of(), trace_of.__name__
-        tables[name] = branch.columns
-        folds = [e for e in branch.events if e.kind == "fold"]
-        tables[f"{name}_limits"] = {key: [e.at[key] for e in folds] for key in branch.columns}
+    for followed in progress((two_bars, space_truss)):
+        path, name = followed(), followed.__name__
+        if name == "two_bars":
+            names, columns = ("z3", "factor"), np.column_stack([-path.shortening, path.load])
+        else:
+            names, columns = (*LOADS, "factor"), moves(path)
+        folds = [at(path, e, columns) for e in path.events if e.kind == "fold"]
+        tables[name] = dict(zip(names, columns.T, strict=True))
+        tables[f"{name}_limits"] = dict(zip(names, np.transpose(folds), strict=True))
+        loads = [e.load for e in path.events if e.kind == "fold"]
+        tables[f"{name}_limits"]["factor"] = np.array(loads) * columns[-1, -1] / path.load[-1]
     places, loads = two_bars_in_closed_form()
     tables["two_bars_limits"] |= {"closed_form_z3": places, "closed_form": loads}
     tables["space_truss_limits"]["published"] = [extreme for _, extreme, _ in EXTREMES.values()]
@@ -177,6 +201,6 @@ def draw(figure, tables):
                label="published extreme\nat each limit point")  # fmt: skip
     right.set(xlabel="displacement of node 5 along z [m]", ylabel="load factor [1]")
     right.set_title("space truss of six bars, TrussPy example NTA-A", fontsize=10)
-    for ax in (left, right):
+    for ax, side in ((left, "left"), (right, "right")):
         ax.axhline(0, color="0.7", lw=0.8)
-        ax.legend(fontsize=8, loc="upper left")
+        ax.legend(fontsize=8, loc=f"upper {side}")

@@ -180,10 +180,9 @@ class _Clearance(Clearance):
     def wall_gaps(self, x: Array, pairs: Indices) -> Array:
         """Gap of each (site, wall) [m], or the way to it where a bevel is before it."""
         gaps = super().wall_gaps(x, pairs)
-        for row, (site, number) in enumerate(pairs.tolist()):
-            if (site, number) in self._behind:
-                beside = self.walls[number].overhang(x[..., site, :])
-                gaps[..., row] = np.maximum(gaps[..., row], beside)
+        behind = np.array([tuple(pair) in self._behind for pair in pairs.tolist()], dtype=bool)
+        beside = self._by_wall("overhang", x, pairs[behind])
+        gaps[..., behind] = np.maximum(gaps[..., behind], beside)
         return gaps
 
 

@@ -20,6 +20,7 @@ from tensegrity import (
     resume,
     simulate,
 )
+from tensegrity.runs import march, whole
 
 D = 9.53e-3
 STEEL = Bead(D, materials["steel"])
@@ -174,3 +175,93 @@ def test_the_end_of_a_wall_is_no_contact():
     scene = followed(np.array([[2.1 * D, 3 * D]]), [wall])
     with pytest.raises(ContactError, match="site 0 touches the end of wall 0"):
         simulate(scene, scene.at_rest({0: (0.0, -2.0)}), 3e-2, dt=1e-6)
+
+
+def both(monkeypatch, call):
+    """What a call gives in few calls of the loop, and block by block, with care."""
+    few = call()
+    with monkeypatch.context() as m:
+        m.setattr(march, "STRIDE", 0)
+        return few, call()
+
+
+@pytest.mark.parametrize(
+    ("method", "record"),
+    [("verlet", Record(every=7)), ("rkn6", None), ("corrected6", Record(every=5, sites=[15, 3]))],
+)
+def test_a_followed_run_in_strides_has_the_bits_of_a_careful_one(monkeypatch, method, record):
+    """Lists are made anew between strides, whose rows come in one call."""
+    scene = followed(rack(0.3), box(WIDTH, HEIGHT))
+    state, lists, strides = scene.at_rest({15: (5.0, 0.0)}), [], []
+    anew, stride = march._Watch._list_anew, march._Watch.stride
+    monkeypatch.setattr(march._Watch, "_list_anew", lambda w: lists.append(w.sound.done) or anew(w))
+    monkeypatch.setattr(march._Watch, "stride", lambda w, *a: strides.append(1) or stride(w, *a))
+    given = {"dt": 1e-6, "method": method, "record": record}
+    one, other = both(monkeypatch, lambda: simulate(scene, state, 4e-3, **given))
+    assert len(lists) > 4
+    assert len(strides) > 2
+    for field in ("t", "u", "v", "impulse"):
+        assert getattr(one, field).tobytes() == getattr(other, field).tobytes(), field
+    assert one.final.u.tobytes() == other.final.u.tobytes()
+    np.testing.assert_allclose(one.energy, other.energy, rtol=1e-12)
+
+
+@pytest.mark.parametrize("record", [None, Record(every=7)])
+def test_a_short_followed_run_is_one_call(monkeypatch, record):
+    scene = followed(rack(), box(WIDTH, HEIGHT))
+    state, made = scene.at_rest({3: (1.0, 0.3), 15: (1.0, 0.0)}), []
+    monkeypatch.setattr(march, "whole", lambda *a: made.append(whole.whole(*a)) or made[-1])
+    given = {"dt": 2e-7, "method": "verlet", "record": record}
+    one, other = both(monkeypatch, lambda: simulate(scene, state, 2e-4, **given))
+    assert [x is None for x in made] == [False, True]
+    for field in ("t", "u", "v", "energy", "impulse", "met"):
+        assert np.array_equal(getattr(one, field), getattr(other, field)), field
+    assert one.fastest == other.fastest
+    assert np.abs(one.v[-1, :15]).max() > 0.1
+
+
+def test_a_run_in_one_call_that_passes_its_list_is_done_again(monkeypatch):
+    """A bead that is driven out of what was listed: its speed at the start does not tell."""
+    loads = np.zeros((2, 2))
+    loads[0, 0] = 4.0
+    scene = followed(np.array([[0.0, 0.0], [2.2, 0.0]]) * D, (), loads=loads)
+    made = []
+    monkeypatch.setattr(march, "whole", lambda *a: made.append(whole.whole(*a)) or made[-1])
+    run = simulate(scene, scene.at_rest(), 6e-3, dt=1e-5, method="verlet")
+    assert made == [None]
+    assert run.v[-1, 1, 0] > 0.1  # it was met
+
+
+def test_a_run_in_one_call_sees_the_end_of_a_wall():
+    wall = Wall((0, 0), (0, 1), (2 * D, 0))
+    scene = followed(np.array([[2.1 * D, 0.52 * D]]), [wall])
+    with pytest.raises(ContactError, match="site 0 touches the end of wall 0"):
+        simulate(scene, scene.at_rest({0: (0.0, -1.0)}), 5e-4, dt=1e-6, method="verlet")
+
+
+def test_lists_that_are_the_same_are_one_scene():
+    scene = followed(rack(), box(WIDTH, HEIGHT))
+    u = np.zeros(scene.shape)
+    first = scene.listed(u)
+    assert scene.listed(u + 1e-9) is first
+    u[15, 0] = 0.4 * D
+    second = scene.listed(u)
+    assert len(second.bonds) > len(first.bonds)
+    assert scene.listed(0 * u) is first
+    assert scene.listed(u) is second
+    assert pickle.loads(pickle.dumps(scene)).listed(u) is not second
+
+
+def test_rows_are_listed_as_far_as_a_list_lasts():
+    """Every row beyond half the skin from the first begins another list."""
+    scene = followed(rack(), ())
+    u = np.zeros((200, *scene.shape))
+    u[:, 15, 0] = np.linspace(0, 1.0, 200) * D / 2
+    rows = [part for part, _ in scene.listings(u)]
+    assert [part.start for part in rows] == [0, *(part.stop for part in rows[:-1])]
+    assert rows[-1].stop == 200
+    room = scene.clearance.skin / 2
+    for part in rows:
+        way = np.abs(u[:, 15, 0] - u[part.start, 15, 0])
+        assert way[part].max() < room
+        assert part.stop == 200 or way[part.stop] >= room

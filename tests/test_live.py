@@ -6,13 +6,24 @@ import json
 import re
 import shutil
 import subprocess
+import threading
+import time
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import numpy as np
 import pytest
 
 from docs.live import kernel, tables
 from docs.live.__main__ import LARGEST, main
-from tensegrity import Chain, Prism, Record, simulate
+from tensegrity import (
+    Chain,
+    Polynomial,
+    Prism,
+    Record,
+    TensegrityError,
+    simulate,
+    solitary_wave,
+)
 from tensegrity.engine import native
 from tensegrity.prisms.prism import rigid_programs
 
@@ -34,14 +45,15 @@ const data = text.match(/const TABLES = (.*);/)[1], code = text.match(/const COD
 const made = { exports: {} };
 new Function("module", model)(made);
 made.exports.started(code, JSON.parse(data)).then((chain) => {
-  const found = JSON.parse(process.argv[3]).map(([asked, steps]) => {
+  const found = JSON.parse(process.argv[3]).map(([asked, steps, crests]) => {
     const refused = chain.set(asked), parameters = Array.from(
       new Float64Array(chain.c.memory.buffer, chain.c.parameters(0), 19));
     const ended = chain.run(steps), finite = (x) => Array.from(x, (y) => (isFinite(y) ? y : "no"));
     const lead = chain.leader();
     return { refused, ended, parameters, dt: chain.dt, halved: chain.halved, time: chain.time,
              u: finite(chain.u), v: finite(chain.v), error: chain.energy_error, lead,
-             exact: lead && chain.exact(lead.crest) };
+             exact: lead && chain.exact(lead.crest),
+             waves: (crests || []).map((x) => chain.exact(x)) };
   });
   console.log(JSON.stringify(found));
 });
@@ -181,10 +193,67 @@ def test_blows_too_hard_and_preloads_too_large_are_said_not_nan(ask):
 @needs_node
 def test_leading_pulse_is_as_fast_as_the_exact_wave_of_its_crest(ask):
     (one,) = ask([{"scene": "12.16"}, 900])
-    spring, _ = tables.FAMILIES["fast"]
+    spring = tables.FAST
     sound = float(spring.potential().stiffness(0.0)) ** 0.5
     assert one["lead"]["speed"] == pytest.approx(one["exact"]["speed"], rel=3e-3)
     assert one["lead"]["speed"] / sound == pytest.approx(12.16, abs=0.1)
+
+
+SLIDERS = (  # height, prestrain, preload
+    (0.7, 0.01, 0.0), (0.35, 0.1, 0.0), (1.6, 0.3, 0.1), (2.0, 1e-4, 0.0), (1.2, 1e-4, 0.1),
+    (0.2, 1e-4, 0.0), (0.25, 0.1, 0.001),
+)  # fmt: skip
+PARTS = (0.02, 0.3, 0.6, 0.97)  # of the way to an end of the domain
+NEAR = 5e-5  # of the crest: what is drawn, and of the speed
+
+
+def close_to_the_wave(found, spring, crest):
+    """Whether the page's wave of a crest is that of `solitary_wave`, or neither has one."""
+    try:
+        wave = solitary_wave(spring, amplitude=crest)
+    except TensegrityError:
+        return found is None
+    x = np.arange(len(found["elongation"])) * found["step"]
+    off = np.abs(np.array(found["elongation"]) - wave.elongation(x) / crest)
+    slower = np.abs(np.array(found["velocity"]) / wave.speed + wave.rate(x) / crest)
+    return (
+        found["speed"] == pytest.approx(wave.speed, rel=NEAR)
+        and max(off.max(), slower.max()) <= NEAR
+        and abs(found["elongation"][-1]) < 2 * NEAR
+    )
+
+
+@pytest.mark.slow
+@needs_zig
+@needs_node
+def test_exact_wave_is_that_of_solitary_wave_wherever_the_sliders_stand(ask):
+    springs = [Prism(1.0, h, p, 1.0).potential(load) for h, p, load in SLIDERS]
+    crests = [[part * spring.domain[0] for part in PARTS] for spring in springs]
+    names = ("height", "prestrain", "preload", "blow")
+    questions = [
+        [{"scene": "2-3", "own": dict(zip(names, (*own, 0.1), strict=True))}, 0, mine]
+        for own, mine in zip(SLIDERS, crests, strict=True)
+    ]
+    for spring, mine, one in zip(springs, crests, ask(*questions), strict=True):
+        for crest, found in zip(mine, one["waves"], strict=True):
+            assert close_to_the_wave(found, spring, crest), (spring, crest)
+    none, some = (
+        [wave is None for wave in one["waves"]] for one in ask(questions[-1], questions[0])
+    )
+    assert all(none)  # it softens under compression
+    assert not any(some)
+
+
+@pytest.mark.slow
+@needs_zig
+@needs_node
+def test_exact_rarefaction_of_the_softening_scene(ask):
+    low, high = kernel.ELASTIC.domain
+    spring = Polynomial(kernel.ELASTIC, 0.6 * low, 0.9 * high)
+    crests = [0.02 * high, 0.09 * high]
+    (one,) = ask([{"scene": "softening"}, 0, crests])
+    for crest, found in zip(crests, one["waves"], strict=True):
+        assert close_to_the_wave(found, spring, crest)
 
 
 def opened(path, *flags):
@@ -234,3 +303,61 @@ def test_page_needs_no_horizontal_scrolling_and_its_sliders_work(page, width):
     assert (fits, float(height)) == ("true", 0.9)
     assert int(wide) <= max(width, 500)  # some browsers have a least width
     assert "Your own chain" in text
+
+
+FRAMES = """<script>document.addEventListener("DOMContentLoaded", () => setTimeout(() => {
+  document.querySelector('[data-scene="2-3"]').click();
+  const units = document.getElementById("units"), height = document.getElementById("height");
+  units.value = 400;
+  units.dispatchEvent(new Event("input"));
+  height.value = 0.72;
+  height.dispatchEvent(new Event("input"));
+  const spent = [], plain = advance, begun = performance.now();
+  let frames = 0;
+  advance = () => { const t = performance.now(); plain(); spent.push(performance.now() - t); };
+  const tick = (now) => {
+    frames++;
+    if (now - begun < SECONDS * 1000) return requestAnimationFrame(tick);
+    spent.sort((a, b) => a - b);
+    document.title = [chain.units, frames / (now - begun) * 1000, spent.length,
+                      spent[Math.floor(spent.length / 2)],
+                      chain.exact(0.3 * chain.c.end(0, 0)) ? 1 : 0, chain.time].join(" ");
+  };
+  requestAnimationFrame(tick);
+}, 300))</script><img src="http://127.0.0.1:PORT/" alt="">"""
+
+
+class Late(BaseHTTPRequestHandler):
+    """Answers late: until then a page is not loaded, and runs in its own time."""
+
+    def do_GET(self):
+        time.sleep(9)
+        self.send_response(204)
+        self.end_headers()
+
+    def log_message(self, *given):
+        pass
+
+
+@pytest.mark.slow
+@needs_zig
+@needs_browser
+def test_400_units_are_computed_and_drawn_in_less_than_a_frame(page):
+    """The work of a frame can be promised; how many frames come is the machine's."""
+    with ThreadingHTTPServer(("127.0.0.1", 0), Late) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        more = FRAMES.replace("PORT", str(server.server_port)).replace("SECONDS", "5")
+        copy = page.with_name("frames.html")
+        copy.write_text(page.read_text().replace("</body>", more + "</body>"))
+        command = [BROWSER, "--headless", "--no-sandbox", "--disable-gpu", "--dump-dom",
+                   "--window-size=1400,1000", f"file://{copy}"]  # fmt: skip
+        text = subprocess.run(command, capture_output=True, text=True, timeout=180).stdout
+        server.shutdown()
+    units, rate, worked, spent, has_wave, reached = map(
+        float, re.search("<title>(.*?)</title>", text)[1].split()
+    )
+    print(f"\n400 units: {rate:.1f} frames a second, {spent:.2f} ms of work in a frame")
+    assert (units, has_wave) == (400, 1)
+    assert worked > 20
+    assert reached > 0
+    assert spent < 1000 / 60

@@ -2,6 +2,7 @@
 
 import math
 
+import casadi as ca
 import numpy as np
 import pytest
 import sympy as sp
@@ -9,7 +10,9 @@ import sympy as sp
 from derivations import nodes as derived
 from derivations import prism as symmetric
 from tensegrity import Prism, TensegrityError, equilibrium_path
+from tensegrity.engine.codegen import to_casadi
 from tensegrity.prisms import stability as nodes
+from tensegrity.prisms.stack import symmetric_nodes
 
 THICK = Prism(1.0, 0.5, 0.4, 1.0, 2.0, 20.0)
 SLENDER = Prism(1.0, 1.5, 0.02, 1.0, 10.0, 100.0)
@@ -28,16 +31,35 @@ def test_energy_of_the_members_is_that_of_the_prism_at_symmetric_positions():
     assert abs(sp.N(gap.subs(numbers).subs(state), 30)) < 1e-15
 
 
+@pytest.fixture(scope="module")
+def row():
+    return equilibrium_path(SLENDER)[10]
+
+
+def constants(prism):
+    return [prism.k_cross, prism.k_base, prism.k_bar, *prism.natural_lengths()]
+
+
+def place(row):
+    """By the derivation, (18,)."""
+    symbols = (symmetric.base, symmetric.twist, symmetric.height)
+    numbers = sp.lambdify(symbols, derived.symmetric_positions(), "numpy")
+    return np.array(numbers(*(row[x] for x in ("base", "twist", "height"))), dtype=float)
+
+
+def test_nodes_of_a_row_are_those_of_the_derivation(row):
+    (found,) = symmetric_nodes(3, *([row[x]] for x in ("base", "twist", "height")))
+    assert np.abs(found.ravel() - place(row)).max() < 1e-15
+
+
 def test_symmetric_equilibria_are_equilibria_of_the_nodes(energy):
     """Forces by central differences: none but a third of the load on each upper node."""
     path = equilibrium_path(SLENDER)
     row = path[len(path) // 2]
-    state = [row[x] for x in ("base", "twist", "height")]
-    place = np.array(nodes._tangent()[0](state)).ravel()
-    constants = [SLENDER.k_cross, SLENDER.k_base, SLENDER.k_bar, *SLENDER.natural_lengths()]
-    step = 1e-5
+    at, step = place(row), 1e-5
     force = [
-        (energy(*(place + d), *constants) - energy(*(place - d), *constants)) / (2 * step)
+        (energy(*(at + d), *constants(SLENDER)) - energy(*(at - d), *constants(SLENDER)))
+        / (2 * step)
         for d in step * np.eye(18)
     ]
     force = np.reshape(force, (6, 3))
@@ -46,36 +68,22 @@ def test_symmetric_equilibria_are_equilibria_of_the_nodes(energy):
     assert np.allclose(force[:3, 2], row["load"] / 3, atol=1e-7)
 
 
-def test_tangent_is_the_second_difference_of_the_energy(energy, rng):
-    row = equilibrium_path(SLENDER)[10]
-    state = [row[x] for x in ("base", "twist", "height")]
-    place = np.array(nodes._tangent()[0](state)).ravel()
-    constants = [SLENDER.k_cross, SLENDER.k_base, SLENDER.k_bar, *SLENDER.natural_lengths()]
-    (matrix,) = nodes.tangents(SLENDER, *state)
-    assert np.abs(matrix - matrix.T).max() <= 1e-13 * np.abs(matrix).max()
-    for motion in rng.normal(size=(5, 18)):
-        d = 1e-4 * motion
-        second = sum(energy(*(place + s * d), *constants) for s in (1, -1))
-        second = (second - 2 * energy(*place, *constants)) / 1e-8
-        assert second == pytest.approx(motion @ matrix @ motion, rel=1e-5)
+def test_tangent_of_the_structure_is_the_hessian_of_the_energy_in_18_coordinates(row):
+    x, c = ca.SX.sym("x", 18), ca.SX.sym("c", 6)
+    energy = to_casadi(derived.energy(), (*derived.POSITIONS, *derived.CONSTANTS))
+    hessian = ca.hessian(energy(*ca.vertsplit(x), *ca.vertsplit(c)), x)[0]
+    matrix = ca.Function("hessian", [x, c], [ca.densify(hessian)])
+    matrix = np.array(matrix(place(row), constants(SLENDER)))
+    s = SLENDER.structure().at(place(row).reshape(6, 3))
+    assert np.abs(s.stiffness().toarray() - matrix).max() <= 1e-12 * np.abs(matrix).max()
 
 
-def test_sliding_and_turning_as_a_whole_cost_nothing_and_are_left_out():
-    row = equilibrium_path(SLENDER)[10]
-    state = [row[x] for x in ("base", "twist", "height")]
-    (matrix,) = nodes.tangents(SLENDER, *state)
-    place = np.array(nodes._tangent()[0](state)).ravel()
+def test_sliding_and_turning_as_a_whole_are_left_out(row):
+    path = equilibrium_path(SLENDER)[10:11]
     for support, count in (("plates", 10), ("tilting", 12)):
-        motions = nodes._motions(support, place)
-        assert motions.shape == (18, count)
-        assert np.allclose(motions.T @ motions, np.eye(count), atol=1e-13)
-        slid = np.zeros(18)
-        slid[0::3] = 1
-        turned = np.zeros(18)
-        turned[0::3], turned[1::3] = -place[1::3], place[0::3]
-        for whole in (slid, turned):
-            assert np.abs(motions.T @ whole).max() < 1e-13
-            assert np.abs(matrix @ whole).max() < 1e-11
+        values, _ = nodes.lowest(SLENDER, path, support, 18)
+        assert values.shape == (1, count)
+        assert (np.abs(values) > 1e-6).all()
 
 
 @pytest.mark.parametrize("support", nodes.SUPPORTS)
@@ -101,6 +109,16 @@ def test_tilting_is_a_pair_of_modes_which_are_lost_together():
     assert np.abs(values[0, :2]).max() < 1e-10
     assert not symmetric_modes[0, :2].any()
     assert values[0, 2] > 1e-2
+
+
+def test_a_square_prism_is_lost_where_its_lowest_eigenvalue_changes_its_sign():
+    prism = Prism(1.0, 1.0, 0.1, 1.0, 5.0, 50.0, sides=4)
+    loss = nodes.first_loss(prism, "plates")
+    for share, stands in ((1e-6, True), (-1e-6, False)):
+        state = equilibrium_path(prism, min_height=(1 + share) * loss.height)[-1:]
+        values, symmetric_modes = nodes.lowest(prism, state, "plates", 1)
+        assert (values[0, 0] > 0) == stands
+        assert symmetric_modes[0, 0] == loss.symmetric
 
 
 @pytest.mark.parametrize("shape", [(0.4, 0.2), (1.0, 0.1), (1.5, 0.02), (2.5, 0.01)])

@@ -4,8 +4,14 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from figures import structures_deployment, structures_planes, structures_tower
-from tensegrity import EquilibriumError, equilibrium
+from figures import (
+    structures_columns,
+    structures_deployment,
+    structures_planes,
+    structures_tower,
+    structures_waves,
+)
+from tensegrity import EquilibriumError, Prism, equilibrium
 
 
 def test_tower_found_from_natural_lengths_is_stable_with_all_strings_taut():
@@ -79,3 +85,47 @@ def test_tall_cross_leans_on_its_stable_branch_and_a_square_one_does_not():
         assert symmetric.stable_height.all() != leans
         if not leans:
             assert paths[0].load == pytest.approx(paths[1].load, rel=1e-12)
+
+
+def test_chain_is_enough_for_a_blow_of_ten_units():
+    prism = Prism(1.0, 1.0, 0.1, **structures_waves.STIFFNESS)
+    times, line, space = structures_waves.struck(prism, structures_waves.BLOWS[0], 10)
+    one, other = (structures_waves.crest(times, x) for x in (line, space))
+    assert one[0] == pytest.approx(1, abs=0.01)  # a small wide wave goes at the speed of sound
+    assert other[0] == pytest.approx(one[0], rel=0.14)
+    assert other[1] == pytest.approx(one[1], rel=0.06)
+
+
+@pytest.mark.slow
+def test_chain_is_not_enough_for_a_sudden_blow():
+    """All cases of the picture."""
+    tables = structures_waves.data()
+    table = {name: np.array(values) for name, values in tables["map"].items()}
+    crests = table["column_crest"] / table["chain_crest"]
+    speeds = table["column_speed"] / table["chain_speed"]
+    wide, sudden = table["width"] == 10, table["width"] == 1
+    assert np.abs(crests[wide] - 1).max() < 0.06
+    assert np.abs(speeds[wide] - 1).max() < 0.14
+    assert crests[sudden].min() > 0.42
+    assert crests[sudden].max() < 0.78
+    assert len(structures_waves.table(tables)) == len(crests) == 18
+    ahead = np.array([tables["trace_1"][name] for name in ("chain", "column")])
+    early = np.array(tables["trace_1"]["time"]) < structures_waves.FAR - 4
+    before, turning = np.abs(ahead[:, early]).max(axis=1)
+    assert turning > 3 * before  # turning motions run ahead of the compression
+
+
+def test_column_of_a_slender_prism_with_shared_triangles_is_not_its_chain():
+    prism = Prism(1.0, 1.5, 0.02, 1.0, **structures_columns.STIFFNESS)
+    limit = 0.999 * structures_columns.largest_of_chain(prism)
+    lost = [
+        [structures_columns.lost(prism, count, *kind, limit) for count in (1, 3)]
+        for kind in structures_columns.KINDS.values()
+    ]
+    shared, guided, between, both = lost
+    assert shared[1] < shared[0] / 10
+    assert guided[1] < limit / 5
+    assert np.isnan(guided[0])
+    assert between[1] == pytest.approx(between[0], rel=1e-9)
+    assert between[0] == pytest.approx(shared[0], rel=1e-9)  # one unit has nothing between
+    assert np.isnan(both).all()

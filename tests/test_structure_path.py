@@ -248,3 +248,32 @@ def test_paths_that_make_no_sense_are_refused(ball):
             wrong()
     with pytest.raises(EquilibriumError, match="do work"):
         equilibrium_path(ball, supports=plates([0, 4, 8]), loads={3: (1.0, 0, 0)})
+
+
+def test_path_ends_on_its_own_branch_where_others_are_near():
+    """Three units in a row reach their limit load together: uneven states begin next to it."""
+    prism = Prism(1.0, 0.5, 0.4, 1.0, 5.0, 50.0)
+    limit = 0.999 * next(e for e in equilibrium_path(prism).events if e.kind == "fold").load
+    s = column(prism, 3, plates=True)
+    low, up = ends(s)
+    path = equilibrium_path(s, supports=plates(low), loads={n: (0, 0, -1 / 3) for n in up},
+                            branch="symmetric", max_load=limit)  # fmt: skip
+    assert path.load[-1] == pytest.approx(limit, rel=1e-12)
+    assert not path.events
+    assert path.load == pytest.approx(-prism.potential().tension(-path.shortening / 3), abs=1e-11)
+
+
+@pytest.mark.parametrize("guided", [False, True])
+def test_column_with_plates_between_gives_way_where_one_unit_does(guided):
+    prism = Prism(1.0, 1.5, 0.02, 1.0, 10.0, 100.0)
+    loads = []
+    for count in (1, 3):
+        s = column(prism, count, plates=True)
+        low, up = ends(s)
+        path = equilibrium_path(s, supports=plates(low, up if guided else ()), max_load=1.5,
+                                branch="symmetric",
+                                loads={n: (0, 0, -1 / 3) for n in up})  # fmt: skip
+        loads.append([e.load for e in path.events])
+        assert path.load[-1] == pytest.approx(1.5, rel=1e-12)
+    assert loads[1] == pytest.approx(loads[0], rel=1e-10)
+    assert len(loads[0]) == (0 if guided else 1)

@@ -90,6 +90,7 @@ from tensegrity import (
 from tensegrity.engine import methods
 from tensegrity.export import to_c
 from tensegrity.measure import budget, observables
+from tensegrity.prisms.stability import first_loss, lowest
 from tensegrity.runs import tuning
 from tensegrity.typing import Array, Flags
 from tensegrity.waves import asymptotics
@@ -143,6 +144,22 @@ def structures() -> Structure:
     assert_type(path, StructurePath)
     assert_type(path.tensions, Array)
     assert_type(control_path(s, {6: 0.1}), StructurePath)
+    fixed = held([0], axes=[0, 1]) + plates([0, 1, 2], normal=(0.0, 0.0, 1.0))
+    load = {8: (0.0, 0.0, -1.0)}
+    drawn = control_path(s, {6: 0.1}, fixed, branch="symmetric", loads=load)
+    assert_type(drawn.positions, Array)
+    assert_type(drawn.slack, Flags)
+    assert_type(equilibrium_path(s, supports=fixed, loads=load, max_shortening=0.1), StructurePath)
+    assert_type(s.nearest_form(), Structure)
+    assert_type(s.at(s.positions, natural_lengths=s.natural_lengths), Structure)
+    assert_type(s.at_mass([1.0] * 9), Structure)
+    assert_type(s.self_stress().gap, float)
+    assert_type(state.stable, bool)
+    assert_type(state.reactions, Array)
+    assert_type(first_loss(prism, "tilting").load, float)
+    values, symmetric = lowest(prism, path, support="plates", count=2)
+    assert_type(values, Array)
+    assert_type(symmetric, Flags)
     touch = bar_contact(path, diameter=8e-3)
     assert touch is None or assert_type(touch.load, float) > 0
     assert_type(member_stiffness(1e9, 1e-6, 0.1), float)
@@ -150,6 +167,10 @@ def structures() -> Structure:
     assert_type(result.prism, Prism)
     assert_type(s.network(), Network)
     Structure([[0, 0], [1, 0]], bars=3)  # type: ignore[arg-type]
+    control_path(s, [0.1])  # type: ignore[arg-type]
+    control_path(s, {6: 0.1}, loads=[1.0])  # type: ignore[arg-type]
+    equilibrium_path(s)  # type: ignore[call-overload]
+    plates(0)  # type: ignore[arg-type]
     return one
 
 

@@ -7,6 +7,7 @@ const LONGEST = 400;       // units
 const PER_FRAME = 0.4;     // sites that the first pulse goes in a frame
 const HALVINGS = 10;       // of the step, where a spring stiffens beyond what was expected
 const TIMED = 12;          // bonds over which the leading pulse is timed
+const ALIKE = 1e-3;        // relative difference of two crests that have one wave
 const QUIET = 1e-7;        // speeds of sound below it are none: a sonic vacuum
 const WORDS = {
   low: "the bars meet (twist π)", flat: "the prism is flat (height 0)",
@@ -34,7 +35,7 @@ class Chain {
     this.units = Math.max(2, Math.min(LONGEST, Math.round(units || given.units)));
     this.message = "";
     this.halved = 0;
-    this.shown = [];
+    this.found = null;
     this.ended = false;
     const spring = own ? { ...own, k_cross: 1 } : given.near;
     this.springs = own || !given.far ? [spring] : [spring, given.far];
@@ -165,23 +166,17 @@ class Chain {
     return { bond: front, speed, crest: size, place, over: place > this.units - 1 };
   }
 
-  /* The exact wave of a crest, from the family of the scene's spring; null where it has none. */
+  /* The exact wave of a crest in the chain's springs; null where there is none. One that is nearly
+     as high is taken for it. */
   exact(crest) {
-    const family = this.own ? null : this.tables.families[this.scene.family];
-    if (!family) return null;
-    const known = family.crests, sign = Math.sign(known[0]);
-    const inside = (x) => sign * x >= sign * known[0] && sign * x <= sign * known[known.length - 1];
-    if (!inside(crest)) return null;
-    let k = 0;
-    while (k < known.length - 2 && sign * crest > sign * known[k + 1]) k++;
-    const first = Math.max(0, Math.min(known.length - 4, k - 1));
-    const weights = [0, 1, 2, 3].map((i) => [0, 1, 2, 3].reduce((w, j) => (j === i ? w
-      : w * (crest - known[first + j]) / (known[first + i] - known[first + j])), 1));
-    const mixed = (rows) => rows[first].map((_, n) => weights.reduce(
-      (sum, w, i) => sum + w * rows[first + i][n], 0));
-    const speed = weights.reduce((sum, w, i) => sum + w * family.speeds[first + i], 0);
-    return { crest, speed, step: family.step, elongation: mixed(family.elongations),
-             velocity: mixed(family.velocities) };
+    const c = this.c;
+    if (!this.found || !(Math.abs(crest / this.found.crest - 1) < ALIKE)) {
+      const speed = c.wave(0, crest), count = c.wave_points() + 1;
+      const copied = (address) => Array.from(this.numbers(address, count));
+      this.found = { crest, speed, step: c.wave_reach() / (count - 1),
+                     elongation: copied(c.wave_elongation()), velocity: copied(c.wave_velocity()) };
+    }
+    return this.found.speed ? this.found : null;
   }
 
   /* What is to be drawn over the chain: [{place, way, wave, speed}], wave null where unknown. */

@@ -1,4 +1,4 @@
-"""The C of the page and its WebAssembly: generated laws, the project's loop, and `live.c`."""
+"""The C of the page and its WebAssembly: generated laws, the project's loop, `live.c`, `wave.c`."""
 
 from __future__ import annotations
 
@@ -56,8 +56,7 @@ def text() -> str:
         f"static const real elastic_numbers[] = {{{own}}};",
         program_text("rigid_parameters", programs["parameters"]),
         program_text("locking_height_squared", programs["locking"]),
-        '#line 1 "live.c"',
-        (FOLDER / "live.c").read_text(),
+        *(f'#line 1 "{name}"\n{(FOLDER / name).read_text()}' for name in ("live.c", "wave.c")),
     ])  # fmt: skip
 
 

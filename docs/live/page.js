@@ -134,8 +134,7 @@ function about(overlays) {
   if (overlays.some(({ wave }) => wave)) parts.push(chain.waves.length
     ? "The exact wave is drawn where it would be undisturbed."
     : "The exact wave is that of the crest of the leading pulse.");
-  else parts.push(chain.own ? "No exact wave is drawn: the page holds those of its scenes only, "
-    + "not of these slider values." : "No exact wave is drawn: the pulse is outside of the table.");
+  else parts.push("No exact wave is drawn: none has the crest of the leading pulse.");
   if (!chain.sech2(overlays[0].speed))
     parts.push("No sech²: the pulse is not faster than sound, or there is no sound.");
   if (!chain.tent()) parts.push("No tent: this prism softens and has no stroke to use up.");
@@ -283,8 +282,9 @@ function draw() {
   for (let j = 0; j <= units; j++) speeds.push([j, v[j]]);
   const overlays = chain.overlays(), length = chain.lengths[0];
 
-  let shape = { x: [0, units], y: range("strain", ...bounds(strains)), across: "unit",
-                up: "compressive strain" };
+  const tops = overlays.map(({ crest }) => [0, -crest / length]);
+  let shape = { x: [0, units], y: range("strain", ...bounds(strains.concat(tops))),
+                across: "unit", up: "compressive strain" };
   let paper = axes("strain", shape);
   interface_(paper);
   const tent = chain.tent();

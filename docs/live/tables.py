@@ -1,4 +1,4 @@
-"""Scenes of the page, and tables of the exact waves that it overlays and launches."""
+"""Scenes of the page, and tables of the exact waves that it launches."""
 
 from __future__ import annotations
 
@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 
 from docs.live.kernel import ELASTIC
-from tensegrity import Chain, Polynomial, Potential, Prism, State, solitary_wave
+from tensegrity import Chain, Potential, Prism, State, solitary_wave
 from tensegrity.progress import progress
 
 PER_SITE = 8  # places of a profile
 FAINTEST = 1e-4  # of the crest, where a profile ends
 DIGITS = 6  # of what is only drawn
 CUT = 1e-14  # of the crest, where a launched wave ends
-VISITED = 0.6, 0.9  # of the domain of the elastic prism: its waves are found on a polynomial
 
 
 @dataclass(frozen=True)
@@ -49,37 +48,31 @@ SLOW, FAST, MEDIUM = Spring(0.7, 0.01), Spring(0.6, 0.001), Spring(0.8, 0.02)
 SOFT = Spring(0.5, 0.4, 1.0, 0.05, elastic=True)
 HARD, LOOSE = Spring(0.8, 0.2, 10.0), Spring(0.8, 0.05)
 
-FAMILIES = {  # crests over the end of the domain of which exact waves are found
-    "slow": (SLOW, (0.02, 0.05, 0.1, 0.15, 0.22, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.87, 0.92, 0.96)),
-    "fast": (FAST, (0.3, 0.45, 0.6, 0.7, 0.8, 0.86, 0.9, 0.93, 0.95, 0.97)),
-    "medium": (MEDIUM, (0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)),
-    "soft": (SOFT, (0.01, 0.02, 0.035, 0.05, 0.07, 0.09, 0.12)),
-}
 WAVES = {"slow 1.05": (SLOW, 1.05), "medium 1.6": (MEDIUM, 1.6), "hard 1.05": (HARD, 1.05)}
 
 SCENES: dict[str, dict[str, Any]] = {  # the first is shown at the start
     "12.16": {
         "label": "12.16 \u00d7 sound",
-        "near": FAST, "units": 200, "blow": 0.16, "family": "fast",
+        "near": FAST, "units": 200, "blow": 0.16,
         "note": "Little prestrain and a hard blow: the pulse that leads goes some twelve times as "
         "fast as sound and is about two prisms wide, almost the tent.",
     },
     "2-3": {
         "label": "2\u20133 \u00d7 sound",
-        "near": SLOW, "units": 300, "blow": 0.09, "family": "slow",
+        "near": SLOW, "units": 300, "blow": 0.09,
         "note": "A blow on the first mass becomes a solitary wave of about three prisms, and a "
         "tail that is slower than sound.",
     },
     "1.05": {
         "label": "1.05 \u00d7 sound",
         "near": SLOW, "units": 400, "waves": [{"wave": "slow 1.05", "at": 40, "way": 1}],
-        "blow": 0.011, "family": "slow",
+        "blow": 0.011,
         "note": "An exact wave just above sound, about seven prisms wide and unchanged for as long "
         "as it runs. With so little prestrain sech\u00b2 is too tall already at this speed.",
     },
     "collision": {
         "label": "Collision",
-        "near": MEDIUM, "units": 240, "blow": 0.06, "family": "medium",
+        "near": MEDIUM, "units": 240, "blow": 0.06,
         "waves": [{"wave": "medium 1.6", "at": 60, "way": 1},
                   {"wave": "medium 1.6", "at": -60, "way": -1}],
         "note": "Two exact waves head-on. The dashed waves show where they would be undisturbed: "
@@ -87,13 +80,13 @@ SCENES: dict[str, dict[str, Any]] = {  # the first is shown at the start
     },
     "softening": {
         "label": "Softening",
-        "near": SOFT, "units": 400, "blow": 0.15, "held": True, "family": "soft",
+        "near": SOFT, "units": 400, "blow": 0.15, "held": True,
         "note": "A thick prism with elastic bases and bars softens under its preload. The first "
         "mass is held and the next one pushed: an extension wave, a rarefaction, runs ahead.",
     },
     "hard-soft": {
         "label": "Hard\u2013soft",
-        "near": HARD, "far": LOOSE, "units": 400, "blow": 0.1, "family": "",
+        "near": HARD, "far": LOOSE, "units": 400, "blow": 0.1,
         "waves": [{"wave": "hard 1.05", "at": 130, "way": 1}],
         "note": "An exact wave in a hard chain meets a soft one at the middle. A narrow pulse of "
         "compression goes on; a wave of extension with an oscillating tail comes back.",
@@ -122,48 +115,23 @@ def scene(name: str, units: int | None = None) -> tuple[Chain, State]:
 
 
 def tables() -> dict[str, Any]:
-    """What the page is given: scenes, families of waves, and waves to launch."""
+    """What the page is given: scenes, and waves to launch."""
     from dataclasses import asdict
 
     scenes = {}
     for name, given in SCENES.items():
         springs = {part: asdict(given[part]) for part in ("near", "far") if part in given}
         scenes[name] = given | springs
-    count = sum(len(parts) for _, parts in FAMILIES.values()) + len(WAVES)
-    with progress(count, "waves") as bar:
-        families = {name: _family(*given, bar) for name, given in FAMILIES.items()}
+    with progress(len(WAVES), "waves") as bar:
         waves = {name: _launched(*given, bar) for name, given in WAVES.items()}
     return {
         "scenes": scenes,
-        "families": families,
         "waves": waves,
         "elastic": {
             "slope": float(ELASTIC.stiffness_slope(0.0)),
             "low": f"it leaves the range that is followed: {ELASTIC.ends[0]}",
             "high": f"it leaves the range that is followed: {ELASTIC.ends[1]}",
         },
-    }
-
-
-def _family(spring, parts, bar):
-    """Exact waves of one spring by their crests: speeds, and profiles on one grid, x >= 0."""
-    potential = spring.potential()
-    low, high = potential.domain
-    if spring.elastic:
-        potential = Polynomial(potential, VISITED[0] * low, VISITED[1] * high)
-    found = []
-    for part in parts:
-        crest = part * (high if spring.elastic else low)
-        found.append(solitary_wave(potential, amplitude=crest))
-        bar.update()
-    reach = max(wave.reach(FAINTEST) for wave in found)
-    x = np.arange(math.ceil(reach * PER_SITE) + 1) / PER_SITE
-    return {
-        "step": 1 / PER_SITE,
-        "crests": [wave.amplitude for wave in found],
-        "speeds": [wave.speed for wave in found],
-        "elongations": [_short(wave.elongation(x) / wave.amplitude) for wave in found],
-        "velocities": [_short(-wave.speed * wave.rate(x) / wave.amplitude) for wave in found],
     }
 
 

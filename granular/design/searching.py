@@ -4,9 +4,10 @@ Every batch that a method proposes is computed in parts, by the workers of an ex
 designs that were computed before are looked up.  What a design is worth does not depend on the
 part that it is computed in, so that a seed gives one result however many workers there are.
 
-An optimiser finds the errors of an integration.  The best designs are therefore computed again
-with a half and a quarter of the step, and one whose force moves is not taken; and the force of the
-one taken is looked for in a window ten times longer, at the half step.
+An optimiser finds the errors of an integration, and hides a force behind the end of the run.  The
+best designs are therefore computed again with a half and a quarter of the step, and one whose
+force moves is not taken; of the others that is taken which has the least force in a window ten
+times longer, at the half step.
 """
 
 from __future__ import annotations
@@ -365,42 +366,54 @@ class _Trail:
         return forces
 
     def best(self) -> Best:
-        """The best design that does not move with the step."""
+        """The best design that does not move with the step, in the longer window too."""
         problem, rejected = self._problem, 0
         t_end, dt = problem.t_end, problem.dt
         some = np.isfinite(self._top_forces)
         top, forces = self._top[some], self._top_forces[some]
-        chosen: tuple[float, int, Array, bool] | None = None
+        if not len(top):
+            raise TensegrityError(f"no design of {len(self.forces)} has a force at the wall")
         for first in range(0, len(top), FINALISTS):
-            rows = top[first : first + FINALISTS]
+            rows, found = (x[first : first + FINALISTS] for x in (top, forces))
             finer = np.array([self._computed(problem.at(t_end, dt / k), rows) for k in FINER])
             holds = np.abs(finer[0] / finer[-1] - 1) <= MOVED
             worth = np.where(holds, finer[-1], np.inf) if holds.any() else finer.max(axis=0)
-            k = int(np.argmin(worth))
-            if chosen is None or holds.any():
-                chosen = worth[k], first + k, finer[:, k], bool(holds[k])
-            better = forces[first : first + FINALISTS] < worth[k]
-            rejected += int(np.sum(~holds & better))
+            if not first or holds.any():
+                k, longer = self._lasting(rows, worth)
+                row, known, values = rows[k], found[k], finer[:, k]
+                converged = bool(holds[k] and abs(longer / values[0] - 1) <= MOVED)
+            rejected += int(np.sum(~holds & (found < worth.min())))
             if holds.any():
                 break
-        if chosen is None:
-            raise TensegrityError(f"no design of {len(self.forces)} has a force at the wall")
-        _, number, finer, holds = chosen
-        row = top[number : number + 1]
-        try:
-            longer = self._computed(problem.at(WINDOW * t_end, dt / FINER[0]), row)[0]
-        except TensegrityError:  # a pack that came apart, such that unlisted beads meet
-            longer = np.nan
-        again = [Again(t_end, dt, float(forces[number]))]
-        again += [Again(t_end, dt / k, float(f)) for k, f in zip(FINER, finer, strict=True)]
-        again.append(Again(WINDOW * t_end, dt / FINER[0], float(longer)))
+        again = [Again(t_end, dt, float(known))]
+        again += [Again(t_end, dt / k, float(f)) for k, f in zip(FINER, values, strict=True)]
+        again.append(Again(WINDOW * t_end, dt / FINER[0], longer))
         return Best(
-            beads=problem.space.beads(row[0]), peak_force=float(finer[-1]),
+            beads=problem.space.beads(row), peak_force=float(values[-1]),
             evaluations=len(self.forces), history=np.array(self.forces),
-            converged_in_time=bool(holds and abs(longer / finer[0] - 1) <= MOVED),
-            again=tuple(again), rejected=rejected, failed=self.failed,
-            method=self._method, seed=self._seed,
+            converged_in_time=converged, again=tuple(again), rejected=rejected,
+            failed=self.failed, method=self._method, seed=self._seed,
         )  # fmt: skip
+
+    def _lasting(self, rows: Array, worth: Array) -> tuple[int, float]:
+        """Number of the design with the least force in the longer window, and that force [N].
+
+        It is looked for from the best on, as long as another could have less.
+        """
+        problem = self._problem.at(WINDOW * self._problem.t_end, self._problem.dt / FINER[0])
+        best: tuple[float, int, float] | None = None
+        for k in np.argsort(worth, kind="stable").tolist():
+            if best is not None and not worth[k] < best[0]:
+                break
+            try:
+                longer = float(self._computed(problem, rows[k : k + 1])[0])
+            except TensegrityError:  # a pack that came apart, such that unlisted beads meet
+                longer = np.nan
+            true = np.inf if np.isnan(longer) else max(float(worth[k]), longer)
+            if best is None or true < best[0]:
+                best = true, k, longer
+        assert best is not None
+        return best[1], best[2]
 
 
 class _Descending(_Trail):

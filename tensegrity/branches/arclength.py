@@ -26,6 +26,8 @@ POLISH = 20  # iterations that locate an event
 BISECTIONS = 45  # where they fail
 ROOT_AT_START, FOLD_AT_START = 1e-14, 1e-8  # event functions that vanish at the first point
 SETTLED = 1e-7  # largest move of a step's last iteration; the next one would square it
+NEAR = 1e-3  # part of a step: what is farther from its cubic is on another branch
+ALIGNED = 0.99  # cosine to the cubic's tangent below which one is round-off, where branches meet
 TWINS = 1e-6  # branches nearer than this are taken to meet
 TINY = 1e-300  # keeps quotients of zeros finite
 
@@ -79,6 +81,7 @@ class Machine:
         sizes |= {"ROOTS": len(self.roots), "FOLDS": len(self.folds)}
         sizes |= {"POLISH": POLISH, "BISECTIONS": BISECTIONS, "ROOT_AT_START": ROOT_AT_START}
         sizes |= {"FOLD_AT_START": FOLD_AT_START, "SETTLED": SETTLED, "TWINS": TWINS, "TINY": TINY}
+        sizes |= {"NEAR": NEAR, "ALIGNED": ALIGNED}
         sizes |= {"START_ITERATIONS": START_ITERATIONS, "FULL_RANK": FULL_RANK}
         defined = [f"#define {name} {number!r}" for name, number in sizes.items()]
         text = files(__package__).joinpath("follow.c").read_text()

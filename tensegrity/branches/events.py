@@ -12,9 +12,12 @@ from operator import mul
 import numpy as np
 
 from tensegrity.branches.arclength import (
+    ALIGNED,
     BISECTIONS,
     FOLD_AT_START,
+    NEAR,
     ROOT_AT_START,
+    TINY,
     virtual_start,
 )
 
@@ -83,13 +86,16 @@ def _locate(machine, before, here, index, sign, p):
         guess, tangent = between(before, here, part)
         z = machine.polish(kind, guess, tangent, p)
         if z is not None and _between_ends(z, low[2], high[2]):
-            return machine.exactly_at(z, tangent, p)
+            point = machine.exactly_at(z, tangent, p)
+            if _on_curve(point, before, here):
+                return point
         part = (low[0] + high[0]) / 2
         middle = machine.at(*between(before, here, part), p)
         if middle.tests[index] * sign > 0:
             low = part, middle.tests[index], middle.z
         else:
             high = part, middle.tests[index], middle.z
+    _on_curve(middle, before, here)
     return middle
 
 
@@ -97,6 +103,21 @@ def _between_ends(z, low, high):
     """Whether z is no farther from either end than they are apart: else it is another root."""
     apart = np.linalg.norm(high - low) + 1e-12
     return np.linalg.norm(z - low) <= apart and np.linalg.norm(z - high) <= apart
+
+
+def _on_curve(point, before, here):
+    """Whether a point is next to the curve between two others: else it is on another branch.
+
+    Where branches meet it gets the tangent of the curve, for its own is round-off.
+    """
+    chord = here.z - before.z
+    part = np.dot(point.z - before.z, chord) / (np.dot(chord, chord) + TINY)
+    guess, tangent = between(before, here, part)
+    away = point.z - guess
+    away -= np.dot(away, tangent) * tangent
+    if np.dot(point.tangent, tangent) < ALIGNED:
+        point.tangent[:] = tangent
+    return np.linalg.norm(away) <= NEAR * np.linalg.norm(chord) + NEAR**2
 
 
 def _chord(before, z):

@@ -121,6 +121,27 @@ static void between(const double *before, const double *here, double length, dou
         tangent[i] /= sqrt(norm);
 }
 
+/* Whether a point is next to the curve between two others: else it is on another branch.  Where
+   branches meet it gets the tangent of the curve, for its own is round-off. */
+static int on_curve(double *z, const double *before, const double *here, double length)
+{
+    double chord[M], moved[M], guess[M], tangent[M];
+    for (int i = 0; i < M; i++) {
+        chord[i] = here[i] - before[i];
+        moved[i] = z[i] - before[i];
+    }
+    double square = dot(chord, chord);
+    between(before, here, length, dot(moved, chord) / (square + TINY), guess, tangent);
+    for (int i = 0; i < M; i++)
+        moved[i] = z[i] - guess[i];
+    double along = dot(moved, tangent), away = 0;
+    for (int i = 0; i < M; i++)
+        away += (moved[i] - along * tangent[i]) * (moved[i] - along * tangent[i]);
+    if (dot(z + M, tangent) < ALIGNED)
+        memcpy(z + M, tangent, M * sizeof(double));
+    return sqrt(away) <= NEAR * sqrt(square) + NEAR * NEAR;
+}
+
 static void locate(const branch *b, const double *before, const double *here, double length,
                    int kind, double sign, double *made)
 {
@@ -135,7 +156,8 @@ static void locate(const branch *b, const double *before, const double *here, do
         double near = apart(z_high, z_low) + 1e-12;
         if (polish(b, kind, z, tangent) && apart(z, z_low) <= near && apart(z, z_high) <= near) {
             exactly_at(b, z, tangent, made);
-            return;
+            if (on_curve(made, before, here, length))
+                return;
         }
         double middle = (low + high) / 2;
         between(before, here, length, middle, z, tangent);
@@ -150,6 +172,7 @@ static void locate(const branch *b, const double *before, const double *here, do
             memcpy(z_high, made, sizeof z_high);
         }
     }
+    on_curve(made, before, here, length);
 }
 
 static void bifurcation(const branch *b, double *made)

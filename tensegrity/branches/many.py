@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array
 
 
+SECANT, REACH = 1e-4, 0.2  # first and largest step of a secant, in scaled unknowns
+
+
 class Equations(Protocol):
     """What a branch solves, in unknowns u (m,), the last being that by which a start is held."""
 
@@ -167,10 +170,10 @@ class ManyMachine:
     def polish(self, kind: str, z: Array, tangent: Array, p: Any) -> Array | None:
         """Newton's method on the equations with the test of an event; None where it fails.
 
-        Folds have none: bisection along the branch locates them.
+        Folds have no gradient: the secant method along the branch.
         """
         if kind not in self.roots:
-            return None
+            return self._stationary_at(self._stationary[self.folds.index(kind)], z, tangent)
         number, previous = self.roots.index(kind), math.inf
         for _ in range(POLISH):
             u = self.unknowns(z)
@@ -190,4 +193,22 @@ class ManyMachine:
             if moved <= 1e-15 or (moved < 1e-11 and moved >= previous / 4):
                 return z
             previous = moved + TINY
+        return None
+
+    def _stationary_at(self, number: int, z: Array, tangent: Array) -> Array | None:
+        """Where the tangent has no part in an unknown, by the secant method; None if it fails."""
+        point, step, previous = self.at(z, tangent, None), SECANT, REACH
+        for _ in range(POLISH):
+            part = point.tangent[number]
+            point = self.at(point.z + step * point.tangent, point.tangent, None)
+            change = point.tangent[number] - part
+            if change == 0 or not math.isfinite(change) or not point.tangent.any():
+                return None
+            step *= -point.tangent[number] / change
+            moved = abs(step)
+            if moved <= 1e-15 or (moved < 1e-11 and moved >= previous / 4):
+                return np.asarray(point.z + step * point.tangent)
+            if moved >= previous / 2:
+                return None
+            previous = moved
         return None

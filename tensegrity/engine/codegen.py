@@ -409,6 +409,11 @@ def c_text(laws, loop="line", own=None, helpers=(), packed=(), extra=()):
         "evaluate.c",
         *extra,
     ]
+    return joined(parts)
+
+
+def joined(parts):
+    """C of parts, each a text or the name of a file of the loop."""
     return "\n".join(_file(part) if part.endswith((".c", ".h")) else part for part in parts)
 
 

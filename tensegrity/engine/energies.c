@@ -1,4 +1,4 @@
-/* Energies of many states of a chain, and what a run is compared with.
+/* Energies of many states of a chain or a network.
 
    Compiled once for all scenes, without contraction of products and sums: kinetic and stored
    energy are summed in the order of NumPy, by pairs, so that it makes no difference to a bit how
@@ -8,14 +8,17 @@
 
 typedef long long integer;
 typedef void (*bonds)(integer, integer, const double *, const double *, double *);
+typedef void (*stretch)(const void *, integer, const double *, double *);
 
 /* Bonds that one call evaluates: of one spring, or of one law with parameters of each. */
 typedef struct {
     void *function;             /* `energies` or `energies_own` of evaluate.c */
+    void *elongations;          /* of elongations.c; 0 for neighbours on a line */
     const double *parameters;   /* (parameters,), or (parameters, count) */
     const double *low, *high;   /* (count) ends of the domain, or one of each */
-    const integer *members;       /* (count) */
-    integer own, count;
+    const integer *members;     /* (count) places of the bonds; 0 where they are in a row */
+    const void *places;         /* what `elongations` takes */
+    integer own, count, start;  /* start: place of the first */
 } alike;
 
 static double in_pairs(const double *x, integer n)
@@ -41,11 +44,14 @@ static double in_pairs(const double *x, integer n)
 }
 
 /* Elongations of some bonds, side by side; whether all are in the domain, which NaN is not. */
-static integer elongations(const alike *s, integer all, const double *u, double *restrict r)
+static integer elongations(const alike *s, const double *u, double *restrict r)
 {
     integer outside = 0;
-    if (s->count == all) {
-        for (integer i = 0; i < all; i++) r[i] = u[i + 1] - u[i];
+    if (s->elongations) {
+        ((stretch)s->elongations)(s->places, s->count, u, r);
+    } else if (!s->members) {
+        u += s->start;
+        for (integer i = 0; i < s->count; i++) r[i] = u[i + 1] - u[i];
     } else {
         for (integer i = 0; i < s->count; i++) r[i] = u[s->members[i] + 1] - u[s->members[i]];
     }
@@ -59,24 +65,28 @@ static integer elongations(const alike *s, integer all, const double *u, double 
     return !outside;
 }
 
-/* Total energy of each of `rows` states; 0 where an elongation is outside of its domain.
-   `scratch` takes 2 (sites). */
-integer energies(const alike *sets, integer count, const double *mass, integer sites, integer rows,
-                 const double *u, const double *v, double *scratch, double *total)
+/* Total energy of each of `rows` states of so many `entries`; 0 where an elongation is outside of
+   its domain.  `mass` is that of each entry; `loads` 0 where there are none.  `scratch` takes one
+   number for each of `all` bonds, and behind them as many as `entries` or one set has bonds. */
+integer energies(const alike *sets, integer count, integer all, const double *mass,
+                 const double *loads, integer entries, integer rows, const double *u,
+                 const double *v, double *scratch, double *total)
 {
-    const integer all = sites - 1;
-    double *restrict part = scratch, *restrict stored = scratch + sites;
-    for (integer k = 0; k < rows; k++, u += sites, v += sites) {
+    double *restrict stored = scratch, *restrict part = scratch + all;
+    for (integer k = 0; k < rows; k++, u += entries, v += entries) {
         for (integer s = 0; s < count; s++) {
             const alike *set = sets + s;
             const integer n = set->count;
-            if (!elongations(set, all, u, part)) return 0;
-            double *out = n == all ? stored : part;
+            if (!elongations(set, u, part)) return 0;
+            double *out = set->members ? part : stored + set->start;
             ((bonds)set->function)(0, n, set->parameters, part, out);
-            if (n < all) for (integer i = 0; i < n; i++) stored[set->members[i]] = part[i];
+            if (set->members) for (integer i = 0; i < n; i++) stored[set->members[i]] = part[i];
         }
-        for (integer i = 0; i < sites; i++) part[i] = mass[i] * (v[i] * v[i]);
-        total[k] = 0.5 * in_pairs(part, sites) + in_pairs(stored, all);
+        for (integer i = 0; i < entries; i++) part[i] = mass[i] * (v[i] * v[i]);
+        total[k] = 0.5 * in_pairs(part, entries) + in_pairs(stored, all);
+        if (!loads) continue;
+        for (integer i = 0; i < entries; i++) part[i] = loads[i] * u[i];
+        total[k] -= in_pairs(part, entries);
     }
     return 1;
 }

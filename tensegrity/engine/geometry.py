@@ -40,6 +40,17 @@ def helpers(dim):
         )
 
 
+def text(dim, file):
+    """C source of a file that needs the geometry alone."""
+    import casadi as ca
+
+    generator, hooks = ca.CodeGenerator("geometry.c"), []
+    for function, hook in helpers(dim):
+        generator.add(function)
+        hooks.append(hook)
+    return codegen.joined(["prelude.c", generator.dump(), *hooks, file])
+
+
 def side_by_side(dim):
     """C of the same for several contacts at once, `<kind>_lanes`; see `lanes`."""
     axes = [[f"{name}[{k}][g]" for k in range(dim)] for name in ("d", "w", "along")]

@@ -51,6 +51,17 @@ class CompilerError(RuntimeError):
     """The compiler refused the generated text, could not be run, or hung."""
 
 
+def address(array):
+    """Where an array's numbers are: `array.ctypes.data` in half the time."""
+    try:
+        return ctypes.addressof(_first_byte(array))
+    except (TypeError, ValueError):  # read-only, not in a row, or empty
+        return array.ctypes.data
+
+
+_first_byte = ctypes.c_char.from_buffer
+
+
 def compilers():
     """Commands to try, in order: $CC alone where it is set, else cc, gcc, clang, zig's."""
     given = os.environ.get("CC", "").strip()

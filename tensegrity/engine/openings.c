@@ -7,6 +7,7 @@
    moment, turning), which hands impulse and moment to the two rows of a contact. */
 
 #define SCAN 64
+#define KICKS 16 /* summed side by side */
 
 static real cubic(const real *p, real x) { return p[0] + x * (p[1] + x * (p[2] + x * p[3])); }
 static real incline(const real *p, real x) { return p[1] + x * (2 * p[2] + x * 3 * p[3]); }
@@ -28,26 +29,55 @@ static real root_between(const real *p, real low, real high)
     return x;
 }
 
+/* x^exponent of a number not below 0; most contacts are Hertz', whose force has a root for slope. */
+static inline real raised(real x, real exponent)
+{
+    return exponent == 0.5 ? sqrt(x) : pow(x, exponent);
+}
+
+/* Sums over the kicks of a step, and of all others, of the zeta functions: all kicks at once. */
+static void zetas(const openings *o, integer row, real x, int opens, real *sums)
+{
+    const integer width = o->degree + 1;
+    const real *table = o->tables + 3 * row * width;
+    for (integer start = 0; start < o->kicks; start += KICKS) {
+        real q[KICKS], t[KICKS], least[KICKS], a[KICKS], b[KICKS], c[KICKS], weight[KICKS] = {0},
+             offset[KICKS] = {0}, node[KICKS] = {0};
+        for (integer i = start; i < o->kicks && i < start + KICKS; i++)
+            node[i - start] = o->nodes[i], weight[i - start] = o->weights[i],
+                         offset[i - start] = o->offsets[i];
+        EACH(KICKS) {
+            const real y = opens ? x - node[i] : node[i] - x;
+            q[i] = y - floor(y), t[i] = 2 * q[i] - 1;
+            a[i] = b[i] = c[i] = 0;
+        }
+        for (integer k = width - 1; k >= 0; k--) {
+            const real *at = table + k;
+            EACH(KICKS) {
+                a[i] = a[i] * t[i] + at[0];
+                b[i] = b[i] * t[i] + at[width];
+                c[i] = c[i] * t[i] + at[2 * width];
+            }
+        }
+        if (o->exponents[row] == 1.5) EACH(KICKS) least[i] = sqrt(q[i]);
+        else EACH(KICKS) least[i] = pow(q[i], o->exponents[row] - 1);
+        for (integer i = 0; i < KICKS; i++) {
+            sums[0] += weight[i] * (a[i] + least[i] * q[i]);
+            sums[1] += weight[i] * (b[i] + least[i] * q[i] * q[i]);
+            sums[2] += weight[i] * offset[i] * (c[i] + least[i]);
+        }
+    }
+}
+
 /* The quadrature's error of a force (distance from the root)^alpha on one side of it. */
 static void event(const scene *c, const openings *o, integer b, real w, const real *p, real x,
                   int opens)
 {
-    const integer row = o->row[b], width = o->degree + 1;
-    const real alpha = o->exponents[row], *table = o->tables + 3 * row * width;
+    const real alpha = o->exponents[o->row[b]];
     const real rate = fabs(incline(p, x)), curvature = 2 * p[2] + 6 * p[3] * x;
     real sums[3] = {0};
-    for (integer i = 0; i < o->kicks; i++) {
-        real q = opens ? x - o->nodes[i] : o->nodes[i] - x;
-        q -= floor(q);
-        const real least = pow(q, alpha - 1), t = 2 * q - 1, weight = o->weights[i];
-        real z[3] = {0};
-        for (integer k = width - 1; k >= 0; k--)
-            for (int j = 0; j < 3; j++) z[j] = z[j] * t + table[j * width + k];
-        sums[0] += weight * (z[0] + least * q);
-        sums[1] += weight * (z[1] + least * q * q);
-        sums[2] += weight * o->offsets[i] * (z[2] + least);
-    }
-    const real size = o->strength[b] * pow(rate, alpha - 1), way = opens ? -1 : 1;
+    zetas(o, o->row[b], x, opens, sums);
+    const real size = o->strength[b] * raised(rate, alpha - 1), way = opens ? -1 : 1;
     const real pull = curvature - swing(c, o, b, x);
     const real total = -size * (rate * sums[0] + alpha * (curvature * sums[1] / 2 + pull * sums[2]));
     const real moment = way * size * rate * sums[1];
@@ -65,7 +95,7 @@ static void touch(const scene *c, const openings *o, integer b, real w, const re
     for (integer i = 0; i < o->kicks; i++) {
         const real node = o->nodes[i], inside = cubic(p, node) + pull * o->offsets[i];
         if (!(inside > 0 && node > 0 && node < 1)) continue;
-        const real force = o->weights[i] * pow(inside, alpha);
+        const real force = o->weights[i] * inside * raised(inside, alpha - 1);
         total -= force;
         moment += (node - middle) * force;
     }

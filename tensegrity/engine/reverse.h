@@ -14,11 +14,11 @@ typedef struct {
     const real *kicks, *drifts;      /* dt times the coefficients (stages + 1), (stages) */
     const real *grid;                /* (2) what rounds moves of u and of v to whole units */
     real *ub, *vb, *wb;              /* (objectives, entries) */
-    real *pb;                        /* (objectives, wanted, bonds) */
+    real *pb;                        /* (objectives, wanted, apart) */
     real *gb;                        /* (objectives, bonds) by the elongations, of a network */
-    real *r, *f, *k, *d;             /* scratch (bonds), (bonds + 2), (bonds), (wanted, bonds) */
+    real *r, *f, *k, *d;             /* scratch (apart), (apart + 2), (apart), (wanted, apart) */
     real *along, *pull, *turn;       /* scratch (DIM, bonds), (entries), (entries) */
-    real *back, *bent;               /* scratch (bonds + 2), (bonds) */
+    real *back, *bent;               /* scratch (apart + 2), (apart) */
     real *low, *high, *travel;       /* elongations met (bonds), and the way gone, as in net.h */
     const integer *from, *to;        /* (bonds) where their rows begin */
     const integer *first;            /* (runs + 1) first bond of each run */
@@ -26,6 +26,7 @@ typedef struct {
     const integer *wall;             /* (runs) whether its contacts are with walls */
     const integer *own_at;           /* (runs) where its own parameters begin */
     integer runs, bonds, entries, moving, objectives, wanted, stages, closing;
+    integer room, apart; /* entries that move and fill packs; bonds, and a pack or two behind */
 } scene;
 
 /* What each objective adds to the derivatives after steps number `begin` to `end`: of the entries
@@ -44,7 +45,7 @@ static void laws(const scene *c)
         const real *shared = c->shared + s * PARAMETERS, *own = c->own + c->own_at[s];
         switch (c->law[s]) {
 #define ROWS_CASE(K, OWN) case 2 * K + OWN:                                                 \
-            rows_##K##_##OWN(n, c->bonds, c->r + at, c->f + 1 + at, c->k + at, c->d + at,   \
+            rows_##K##_##OWN(n, c->apart, c->r + at, c->f + 1 + at, c->k + at, c->d + at,   \
                              shared, own);                                                  \
             break;
             RUNS(ROWS_CASE)
@@ -57,6 +58,9 @@ static void laws(const scene *c)
         }
 #endif
     }
+#ifndef DIM /* packs went beyond the last bond, behind which nothing pulls */
+    for (integer i = c->bonds; i < c->room; i++) c->f[1 + i] = c->k[i] = 0;
+#endif
 }
 
 #if EXACT
@@ -75,13 +79,13 @@ __attribute__((noinline)) static void moves_of_u(
     const scene *c, real b, const real *restrict v, real *restrict move)
 {
     const real big = c->grid[0];
-    EACH(c->entries) move[i] = (b * v[i] + big) - big;
+    EACH(c->room) move[i] = (b * v[i] + big) - big;
 }
 
 __attribute__((noinline)) static void moves_of_v(
     const scene *c, real a, const real *restrict w, const real *restrict pull, real *restrict move)
 {
     const real big = c->grid[1];
-    EACH(c->entries) move[i] = (a * w[i] * pull[i] + big) - big;
+    EACH(c->room) move[i] = (a * w[i] * pull[i] + big) - big;
 }
 #endif

@@ -29,9 +29,10 @@ _SCENE = _structure(  # as in reverse.h
     "_Scene",
     "u v w load shared own geometry kicks drifts grid ub vb wb pb gb r f k d along pull turn back "
     "bent low high travel at to first law wall own_at",
-    "runs bonds entries moving objectives wanted stages closing",
+    "runs bonds entries moving objectives wanted stages closing room apart",
 )
 _SEEDS = _structure("_Seeds", "rows places", "count of_u begin end")
+PACK = 8  # numbers that C may write or read behind the last
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,8 +64,16 @@ class Layout:
 
     @property
     def rows(self):
-        """Rows of the arrays: sites, and in a network one that stands for all walls."""
-        return self.sites + (self.dim > 0)
+        """Rows of the arrays: sites, and in a network one that stands for all walls.
+
+        On a line whole packs, and one behind them.
+        """
+        return self.sites + 1 if self.dim else -(-self.sites // PACK) * PACK + PACK
+
+    @property
+    def room(self):
+        """Bonds, and room for what C may write behind the last."""
+        return max(len(self.bonds.group), 0 if self.dim else self.rows) + PACK
 
     @property
     def most(self):
@@ -143,7 +152,7 @@ class Layout:
             if self.run_own[k]:
                 own.append(bonds.parameters[groups][:, list(self.own[law])].T.ravel())
             at.append(at[-1] + (own[-1].size if self.run_own[k] else 0))
-        return shared, np.concatenate(own), np.array(at[:-1], dtype=np.int64)
+        return shared, np.concatenate([*own, np.zeros(PACK)]), np.array(at[:-1], dtype=np.int64)
 
     def laws_at(self, r, members):
         """Tension, stiffness, and derivatives by what is wanted, of some bonds.
@@ -166,10 +175,12 @@ class Layout:
             flat = np.ascontiguousarray(r[..., mine]).ravel()
             p = np.ascontiguousarray(self.bonds.parameters[group])
             if self.library is not None:
-                found = np.empty((2 + count, flat.size))
+                room = flat.size + PACK
+                found, flat = np.empty((2 + count, room)), np.append(flat, np.zeros(PACK))
                 places = [x.ctypes.data for x in (p, flat, found[0], found[1])]
                 places.append(found.ctypes.data + 2 * found.strides[0])
-                self.library.evaluate(law, flat.size, *places)
+                self.library.evaluate(law, room - PACK, room, *places)
+                found = found[:, :-PACK]
             else:
                 function = reverse_text.law_function(self.bonds.laws[law], self.wanted[law])
                 found = np.array(function(flat[None], p[: function.size1_in(1)]))
@@ -202,7 +213,7 @@ class Back:
 
     def __init__(self, layout, method, dt, totals, grid=(0.0, 0.0)):
         self.layout, self._method, self._dt, self._totals = layout, method, dt, totals
-        b, dim, n = layout.bonds, layout.dim, len(layout.bonds.group)
+        b, dim, n, room = layout.bonds, layout.dim, len(layout.bonds.group), layout.room
         shape = (layout.rows, dim) if dim else (layout.rows,)
         self.u, self.v = np.zeros((2, *shape))
         self.ub, self.vb = np.zeros((2, totals.objectives, *shape))
@@ -218,21 +229,23 @@ class Back:
         kicks = np.multiply(method.kicks, dt)
         at, to = (max(dim, 1) * x[layout.order] for x in layout.ends)
         entries = self.u.size
+        filled = entries if dim else entries - PACK
         self._low, self._high, self._travel = np.empty(n), np.empty(n), np.zeros(1)
         self.forget_range()
         numbers = [
             self.u, self.v, self._w, load, shared, own, place, kicks,
-            np.multiply(method.drifts, dt), np.array(grid), self.ub, self.vb, totals.w,
-            totals.p, totals.g, np.zeros(n), np.zeros(n + 2), np.zeros(n),
-            np.zeros((layout.most, n)), np.zeros((dim, n)), np.zeros(entries), np.zeros(entries),
-            np.zeros(n + 2), np.zeros(n), self._low, self._high, self._travel,
+            np.multiply(method.drifts, dt), np.array(grid), self.ub, self.vb, totals.whole_w,
+            totals.whole_p, totals.g, np.zeros(room), np.zeros(room + 2), np.zeros(room),
+            np.zeros((layout.most, room)), np.zeros((dim, n)), np.zeros(entries),
+            np.zeros(entries), np.zeros(room + 2), np.zeros(room),
+            self._low, self._high, self._travel,
             *(np.asarray(x, dtype=np.int64) for x in (
                 at, to, layout.first, 2 * layout.run_law + layout.run_own,
                 layout.kind[layout.order[layout.first[:-1]]] == WALL, own_at)),
         ]  # fmt: skip
         self._arrays = [np.ascontiguousarray(x) for x in numbers]
         counts = len(layout.run_law), n, entries, layout.sites * max(dim, 1), totals.objectives
-        counts += layout.most, method.stages, int(kicks[-1] != 0)
+        counts += layout.most, method.stages, int(kicks[-1] != 0), filled, room
         self._structure = _SCENE(*(x.ctypes.data for x in self._arrays), *counts)
         self._address = ctypes.addressof(self._structure)
 
@@ -242,10 +255,11 @@ class Back:
         Derivatives and totals are 0 then.
         """
         shared, own, _ = self.layout.parameters(bonds)
-        for k, values in ((2, bonds.inverse_mass), (4, shared), (5, own)):
+        self._arrays[2][: self.layout.sites] = bonds.inverse_mass
+        for k, values in ((4, shared), (5, own)):
             self._arrays[k][:] = values
         totals = self._totals
-        for array in (self.ub, self.vb, totals.w, totals.p, totals.g):
+        for array in (self.ub, self.vb, totals.whole_w, totals.p, totals.g):
             array[:] = 0
 
     def set(self, u, v):
@@ -309,7 +323,7 @@ class Back:
         if self.layout.dim:
             force[: self.layout.sites] += self.layout.bonds.contacts.load
         self.v -= a * w * force
-        totals.w += a * self.vb * force
+        totals.whole_w += a * self.vb * force
         ub, p, g = pulled.back(by_force=a * w * self.vb)
         self.ub += ub
         totals.p += p[..., self.layout.order].transpose(1, 0, 2)
@@ -351,10 +365,8 @@ class Back:
 def weights(layout):
     """Inverse mass of every entry [1/kg]."""
     w = np.asarray(layout.bonds.inverse_mass, dtype=float)
-    if not layout.dim:
-        return w
-    found = np.zeros((layout.rows, layout.dim))
-    found[: layout.sites] = w[:, None]
+    found = np.zeros((layout.rows, layout.dim) if layout.dim else layout.rows)
+    found[: layout.sites] = w[:, None] if layout.dim else w
     return found
 
 
@@ -363,7 +375,7 @@ class Totals:
 
     Attributes
     ----------
-    w : ndarray, (objectives, rows[, dim])
+    w : ndarray, (objectives, rows[, dim]), on a line (objectives, sites)
         Derivatives by the inverse mass of every entry.
     p : ndarray, (objectives, wanted, bonds)
         By the parameters; bonds in the order of the layout.
@@ -375,8 +387,10 @@ class Totals:
         shape = (layout.rows, layout.dim) if layout.dim else (layout.rows,)
         n = len(layout.bonds.group)
         self.objectives = objectives
-        self.w = np.zeros((objectives, *shape))
-        self.p, self.g = np.zeros((objectives, layout.most, n)), np.zeros((objectives, n))
+        self.whole_w = np.zeros((objectives, *shape))
+        self.w = self.whole_w if layout.dim else self.whole_w[:, : layout.sites]
+        self.whole_p = np.zeros((objectives, layout.most, layout.room))
+        self.p, self.g = self.whole_p[..., :n], np.zeros((objectives, n))
 
 
 class Seeds:

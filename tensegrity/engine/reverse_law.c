@@ -1,5 +1,18 @@
 /* Of bonds of law number K: tension, stiffness, and derivatives of the tension by what is wanted. */
 
+#if BESIDE
+/* In packs; the last writes up to a pack behind the n bonds. */
+static void OF(rows)(
+    integer n, integer apart, const real *r, real *f, real *k, real *d, const real *shared,
+    const real *own)
+{
+    for (integer j = 0; j < n; j += GROUP * ROOM) {
+        const integer left = n - j < GROUP * ROOM ? n - j : GROUP * ROOM;
+        OF(reverse_lanes)((left + GROUP - 1) / GROUP, apart, r + j, f + j, k + j, d + j, shared,
+                          own + j, n);
+    }
+}
+#else
 __attribute__((noinline, flatten)) static void OF(rows)(
     integer n, integer apart, const real *restrict r, real *restrict f, real *restrict k,
     real *restrict d, const real *restrict shared, const real *restrict own)
@@ -20,6 +33,7 @@ __attribute__((noinline, flatten)) static void OF(rows)(
         for (int m = 0; m < WANTED; m++) d[m * apart + i] = y[2 + m];
     }
 }
+#endif
 
 #if EXACT /* one text of the tension for both directions */
 __attribute__((noinline, flatten)) static void OF(pull)(

@@ -37,13 +37,19 @@ static void gather(const scene *c)
 }
 
 /* A force pulls along the bond, which turns: rb n + T/(L + r) (1 - n n') of the derivatives by it. */
-static void scatter(const scene *c, integer o)
+static void carry(const scene *c, real a, integer o)
 {
-    const integer n = c->bonds;
+    const integer n = c->bonds, apart = c->apart;
+    const real *vb = c->vb + o * c->entries;
+    real *wb = c->wb + o * c->entries;
+    EACH(c->entries) {
+        c->turn[i] = a * c->w[i] * vb[i];
+        wb[i] += a * vb[i] * c->pull[i];
+    }
     const real *restrict turn = c->turn, *restrict k = c->k, *restrict d = c->d;
     const real *restrict f = c->f + 1, *restrict r = c->r, *restrict along = c->along;
     const real *restrict length = c->geometry + (DIM + 1) * n;
-    real *restrict ub = c->ub + o * c->entries, *restrict pb = c->pb + o * c->wanted * n;
+    real *restrict ub = c->ub + o * c->entries, *restrict pb = c->pb + o * c->wanted * apart;
     real *restrict bent = c->bent, *restrict gb = c->gb + o * n;
     for (integer s = 0; s < c->runs; s++)
         for (integer i = c->first[s]; i < c->first[s + 1]; i++) {
@@ -57,5 +63,20 @@ static void scatter(const scene *c, integer o)
             AXES(q) ub[c->from[i] + q] -= y[q];
         }
     EACH(n) gb[i] += bent[i] * k[i];
-    for (integer m = 0; m < c->wanted; m++) EACH(n) pb[m * n + i] += bent[i] * d[m * n + i];
+    for (integer m = 0; m < c->wanted; m++)
+        EACH(n) pb[m * apart + i] += bent[i] * d[m * apart + i];
+}
+
+/* The drift of a stage undone, and elongations before it. */
+static void undrift(const scene *c, real b)
+{
+    EACH(c->room) c->u[i] -= b * c->v[i];
+    place(c);
+}
+
+/* The kick of forces undone. */
+static void unkick(const scene *c, real a)
+{
+    gather(c);
+    EACH(c->room) c->v[i] -= a * c->w[i] * c->pull[i];
 }

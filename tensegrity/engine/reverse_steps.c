@@ -2,40 +2,30 @@
 
 static void reverse_stage(const scene *c, real a, real b)
 {
-    const integer n = c->entries;
-    real *u = c->u, *v = c->v, *pull = c->pull, *turn = c->turn; /* those called have them too */
-    const real *w = c->w;
 #if EXACT
+    real *u = c->u, *v = c->v, *turn = c->turn; /* those called have them too */
     if (b != 0) {
         moves_of_u(c, b, v, turn);
-        EACH(n) u[i] -= turn[i];
+        EACH(c->room) u[i] -= turn[i];
     }
+    place(c);
 #else
-    EACH(n) u[i] -= b * v[i];
+    undrift(c, b);
 #endif
     for (integer o = 0; o < c->objectives; o++) {
-        real *ub = c->ub + o * n, *vb = c->vb + o * n;
-        EACH(n) vb[i] += b * ub[i];
+        real *ub = c->ub + o * c->entries, *vb = c->vb + o * c->entries;
+        EACH(c->room) vb[i] += b * ub[i];
     }
     if (a == 0) return;
-    place(c);
     laws(c);
-    gather(c);
 #if EXACT
-    moves_of_v(c, a, w, pull, turn);
-    EACH(n) v[i] -= turn[i];
+    gather(c);
+    moves_of_v(c, a, c->w, c->pull, turn);
+    EACH(c->room) v[i] -= turn[i];
 #else
-    EACH(n) v[i] -= a * w[i] * pull[i];
+    unkick(c, a);
 #endif
-    for (integer o = 0; o < c->objectives; o++) {
-        const real *vb = c->vb + o * n;
-        real *wb = c->wb + o * n;
-        EACH(n) {
-            turn[i] = a * w[i] * vb[i];
-            wb[i] += a * vb[i] * pull[i];
-        }
-        scatter(c, o);
-    }
+    for (integer o = 0; o < c->objectives; o++) carry(c, a, o);
 }
 
 /* Add what the objectives have to do with the state after step number k. */
@@ -67,7 +57,7 @@ void reverse(const scene *c, integer steps, integer opened, integer close, integ
 #if EXACT
 static void stage(const scene *c, real a, real b)
 {
-    const integer n = c->entries;
+    const integer n = c->room;
     real *u = c->u, *v = c->v, *turn = c->turn;
     if (a != 0) {
         place(c);
@@ -110,10 +100,11 @@ void sampled(void (*step)(const void *, integer), const void *loop, integer step
 }
 
 #define EVALUATE_CASE(K, OWN)                                                               \
-    if (law == K && !OWN) rows_##K##_##OWN(n, n, r, f, k, d, p, p);
+    if (law == K && !OWN) rows_##K##_##OWN(n, apart, r, f, k, d, p, p);
 
-/* The same for n elongations of a bond of one law, with its parameters p. */
-void evaluate(integer law, integer n, const real *p, const real *r, real *f, real *k, real *d)
+/* The same for n elongations of a bond of one law, with its parameters p; rows `apart` from each
+   other, which leave room for a pack behind the last. */
+void evaluate(integer law, integer n, integer apart, const real *p, const real *r, real *f, real *k, real *d)
 {
     RUNS(EVALUATE_CASE)
 }

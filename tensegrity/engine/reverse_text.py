@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import ctypes
 
-from tensegrity.engine import codegen, geometry
+from tensegrity.engine import codegen, geometry, lanes
 from tensegrity.engine.native import CompilerError, library
 from tensegrity.once import once
 
@@ -155,6 +155,9 @@ TENSION = """static inline real tension_{k}(real r, const real *p)
     return y;
 }}"""
 
+PACKS = """typedef pack loose __attribute__((aligned(8), may_alias));
+#define INTO(at) (*(loose *)(at))"""
+
 
 def c_text(laws, own, wanted, dim, exact):
     """C source of the loop backwards; see `codegen.c_text`.  `wanted`: of each law."""
@@ -176,6 +179,11 @@ def c_text(laws, own, wanted, dim, exact):
     for function, hook in geometry.helpers(dim) if dim else ():
         generator.add(function)
         hooks.append(hook)
+    beside = [codegen.is_packed(law) and not exact for law in laws]
+    hooks += ["lanes.c", PACKS]
+    for number, law in enumerate(laws):
+        if beside[number]:
+            hooks += _lanes(number, law, own[number], wanted[number])
     runs = [(k, kind) for k in range(len(laws)) for kind in (0, 1)[: 1 + (own[k] is not None)]]
     listed = " ".join(f"X({number}, {kind})" for number, kind in runs)
     most = max((len(law.parameters) for law in laws), default=0)
@@ -183,10 +191,28 @@ def c_text(laws, own, wanted, dim, exact):
     parts += [f"#define PARAMETERS {most}", f"#define RUNS(X) {listed}", f"#define EXACT {exact:d}"]
     for number, kind in runs:
         parts += [f"#define K {number}", f"#define OWNED {kind}"]
-        parts += [f"#define WANTED {len(wanted[number])}", "reverse_law.c"]
-        parts += ["#undef K", "#undef OWNED", "#undef WANTED"]
+        parts += [f"#define WANTED {len(wanted[number])}"]
+        parts += [f"#define BESIDE ({int(beside[number])} && WIDE == 8)", "reverse_law.c"]
+        parts += ["#undef K", "#undef OWNED", "#undef WANTED", "#undef BESIDE"]
     parts += ["reverse.h", "reverse_net.c" if dim else "reverse_line.c", "reverse_steps.c"]
     return "\n".join(codegen._file(x) if x.endswith((".c", ".h")) else x for x in parts)
+
+
+def _lanes(number, law, own, wanted):
+    """C of the same for packs of bonds, for each kind of run."""
+    arguments = "integer apart, const real *r, real *f, real *k, real *d, const real *shared, "
+    arguments += "const real *own, integer all"
+    found = [f"INTO({x} + g * GROUP)" for x in ("f", "k")]
+    found += [f"INTO(d + {m} * apart + g * GROUP)" for m in range(len(wanted))]
+    for kind in (0, 1)[: 1 + (own is not None)]:
+        mine = own if kind else ()
+        p = [
+            f"load(own + {mine.index(k)} * all + g * GROUP)" if k in mine else f"wide(shared[{k}])"
+            for k in range(len(law.parameters))
+        ]
+        given = [["load(r + g * GROUP)"], p]
+        name = f"reverse_lanes_{number}_{kind}"
+        yield lanes.text(law_function(law, wanted), name, arguments, given, [found])
 
 
 class Library:
@@ -210,7 +236,7 @@ class Library:
                 number,
                 address,
             ],
-            "evaluate": [number, number, *[address] * 5],
+            "evaluate": [number, number, number, *[address] * 5],
         }
         if exact:
             calls["advance"] = [address, number]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity.engine.native import library
+from tensegrity.engine.native import address, library
 from tensegrity.once import once
 
 if TYPE_CHECKING:
@@ -223,10 +223,10 @@ class Plan:
         """
         kept, looked = [None] * 3, [None] * 3
         if rows is not None:
-            kept = [*_halves(rows[0]), rows[1].ctypes.data if rows[1].size else None]
+            kept = [*_halves(rows[0]), address(rows[1]) if rows[1].size else None]
         if seen is not None:
-            looked = [*_halves(seen[0]), seen[1].ctypes.data]
-        given = u.ctypes.data, v.ctypes.data, every, *kept, apart, *looked
+            looked = [*_halves(seen[0]), address(seen[1])]
+        given = address(u), address(v), every, *kept, apart, *looked
         return bool(self._run(self._address, dt, steps, *given))
 
     @property
@@ -242,7 +242,7 @@ class Plan:
 
 def _halves(array: Array) -> tuple[int, int]:
     """Addresses of the halves of an array."""
-    first = array.ctypes.data
+    first = address(array)
     return first, first + array.nbytes // 2
 
 
@@ -255,7 +255,7 @@ def largest_gap(one: Array, other: Array) -> float:
         u and v; a size of 0 counts as 1.
     """
     found = np.empty((2, 2))
-    half, given = one.nbytes // 2, (one.ctypes.data, other.ctypes.data, found.ctypes.data)
+    half, given = one.nbytes // 2, (address(one), address(other), address(found))
     compare = _compiled()[2]
     for k in range(2):
         compare(given[0] + k * half, given[1] + k * half, one.size // 2, given[2] + 16 * k)

@@ -52,12 +52,17 @@ def refuse(spring: Potential) -> None:
 
 def names(spring: Potential) -> tuple[str, ...]:
     """What a gradient can be asked for, by the arguments of this spring."""
-    if spring.law == rigid_law():
+    if spring.law == _rigid():
         return PRISM
     if isinstance(spring, PowerLaw):
-        preload = dict(spring.parameters)["preload"]
+        preload = spring.values[1]
         return POWER if preload > 0 or spring.exponent == 1 else POWER[:1]
     return tuple(spring.parameters)
+
+
+@once
+def _rigid() -> Law:
+    return rigid_law()
 
 
 def slopes(springs: Sequence[Potential], name: str, most: int) -> Array:
@@ -70,7 +75,7 @@ def slopes(springs: Sequence[Potential], name: str, most: int) -> Array:
     """
     found = np.zeros((len(springs), most))
     mine = [k for k, spring in enumerate(springs) if name in names(spring)]
-    prisms = [k for k in mine if springs[k].law == rigid_law()]
+    prisms = [k for k in mine if springs[k].law == _rigid()]
     if prisms:
         values = np.array([springs[k].values for k in prisms])
         found[prisms, : values.shape[1]] = _of_prisms(values, name)
@@ -152,9 +157,10 @@ def _prism_slopes(collapses: bool, name: str) -> Any:
     import sympy as sp
 
     from derivations import rigid_elastic as derived
+    from derivations.rigid_parameters import parameter_expressions
 
     symbols, by = _prism_symbols()
-    forms = dict(derived.parameter_expressions())
+    forms = dict(parameter_expressions())
     if collapses:  # as `Prism.potential` has it
         forms |= {derived.lock: derived.loaded_height, derived.far_lock: derived.loaded_height}
         forms |= {derived.no_lock: -derived.locking_height_squared()}
@@ -167,9 +173,10 @@ def _load_slopes(name: str) -> tuple[Any, Any]:
     import sympy as sp
 
     from derivations import rigid_elastic as derived
+    from derivations.rigid_parameters import parameter_expressions
 
     symbols, by = _prism_symbols()
-    forms = derived.parameter_expressions()
+    forms = parameter_expressions()
     load = derived.force().subs({
         derived.height: derived.loaded_height,
         derived.circumradius: sp.sqrt(forms[derived.area]),

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from tensegrity.engine.methods import Method
     from tensegrity.typing import Array
 
-STATES = 32  # kept of a run, evenly spaced
+STATES = 16  # kept of a run, evenly spaced
 MARGIN = 4.0  # of a grid's largest |u| and |v| over those of a run
 
 
@@ -327,9 +327,9 @@ class _Read:
         self._parts = [slice(k, k + view.most) for k in range(0, len(rows), view.most)]
         self._kept = self._view.part(rows, closing) if len(self._parts) == 1 else None
 
-    def _part(self, inside: Any) -> Any:
-        """Kept where it is one, with the derivatives begun anew."""
-        if self._kept is None:
+    def _part(self, inside: Any, fresh: bool = False) -> Any:
+        """Kept where it is one of all steps, with the derivatives begun anew."""
+        if fresh or self._kept is None:
             return self._view.part(self._rows[inside], self._closing[inside])
         self._kept.forget()
         return self._kept
@@ -339,10 +339,15 @@ class _Read:
         return np.concatenate([self._part(inside).value(trace) for inside in self._parts])
 
     def back(self, traces: Any, slopes: Any) -> Any:
-        """Derivatives by the samples, and by parameters, elongations, masses and their inverses."""
-        rows, rest = np.empty(self._rows.shape), None
-        for inside in self._parts:
-            part = self._part(inside)
+        """Derivatives by the samples, and by parameters, elongations, masses and their inverses.
+
+        Only steps that count are looked at: of a peak there are three.
+        """
+        rows, rest = np.zeros(self._rows.shape), None
+        used = np.flatnonzero(slopes.any(axis=0))
+        few = 0 < len(used) < len(rows) / 2
+        for inside in self._few(used) if few else self._parts:
+            part = self._part(inside, fresh=few)
             for trace, slope in zip(traces, slopes, strict=True):
                 if slope[inside].any():
                     part.add(trace, slope[inside])
@@ -350,6 +355,10 @@ class _Read:
             found = part.p.copy(), part.g.copy(), part.m.copy(), part.w.copy()
             rest = found if rest is None else tuple(a + b for a, b in zip(rest, found, strict=True))
         return rows, rest
+
+    def _few(self, used: Any) -> Any:
+        """Numbers of steps, as many as are looked at at once; at least one part."""
+        return np.array_split(used, max(1, -(-len(used) // self._view.most)))
 
 
 def _gradient(

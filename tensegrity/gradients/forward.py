@@ -30,6 +30,9 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array
 
 
+ROWS = 4  # of the run that is given back, after the first: each is a stop that costs
+
+
 class Forward:
     """A run, its samples, and some of its states.
 
@@ -90,7 +93,7 @@ class Forward:
         lent = copy(scene)
         own = {"arrays": self._arrays, "bind": self._bind, "at_once": False}
         lent.__dict__.update({**scene.__dict__, **own})
-        record = Record(every=self._apart)
+        record = Record(every=max(1, -(-self.steps // ROWS)))
         dt = t_end / max(self.steps, 1) or self.dt
         run = simulate(lent, state, t_end, method=self.method, dt=dt, record=record)
         run = replace(run, scene=scene)

@@ -13,7 +13,8 @@ import numpy as np
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.prisms.path import EquilibriumPath
-from tensegrity.structures.path import StructurePath
+from tensegrity.prisms.stack import symmetric_nodes
+from tensegrity.structures.structure_path import StructurePath
 
 if TYPE_CHECKING:
     from tensegrity.typing import Array
@@ -46,7 +47,9 @@ def bar_contact(path: EquilibriumPath | StructurePath, diameter: float) -> BarCo
     diameter = check.number("diameter", diameter, above=0, unit="m")
     if isinstance(path, EquilibriumPath):
         start = int(np.argmin(np.abs(path.shortening)))
-        x, pairs = _prism_nodes(path)[start:], _free_pairs(_prism_bars(path.prism.sides))
+        n = path.prism.sides
+        x = symmetric_nodes(n, path.base, path.twist, path.height)[start:]
+        pairs = _free_pairs([(j, n + j) for j in range(n)])
         along, load = path.shortening[start:], path.load[start:]
     elif isinstance(path, StructurePath):
         x = path.positions
@@ -103,22 +106,3 @@ def _free_pairs(
         for i, j in combinations(range(len(bars)), 2)
         if not {*bars[i]} & {*bars[j]}
     ]
-
-
-def _prism_bars(sides: int) -> list[tuple[int, int]]:
-    return [(j, sides + j) for j in range(sides)]
-
-
-def _prism_nodes(path: EquilibriumPath) -> Array:
-    """(rows, 2 n, 3)."""
-    n = path.prism.sides
-    radius = path.base / (2 * np.sin(np.pi / n))
-    angles = 2 * np.pi / n * np.arange(n)
-    result = np.zeros((len(path), 2 * n, 3))
-    turns = (np.zeros(len(path)), path.twist)
-    for level, turn in enumerate(turns):
-        place = result[:, n * level : n * (level + 1)]
-        place[..., 0] = radius[:, None] * np.cos(angles + turn[:, None])
-        place[..., 1] = radius[:, None] * np.sin(angles + turn[:, None])
-    result[:, n:, 2] = path.height[:, None]
-    return result

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
     from tensegrity.branches.continuation import Branch
     from tensegrity.springs.potential import Potential
-    from tensegrity.structures.path import StructurePath
+    from tensegrity.structures.structure_path import StructurePath
     from tensegrity.structures.supports import Supports
     from tensegrity.typing import Array, Flags
 

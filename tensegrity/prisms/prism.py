@@ -409,7 +409,7 @@ def _axial_stiffness(of: Any) -> list[Any]:
 
 
 def _parameters(of: Any) -> Iterable[Any]:
-    from derivations import rigid_elastic as derived
+    from derivations import rigid_parameters as derived
 
     return derived.parameter_expressions(of).values()
 

@@ -17,6 +17,8 @@ from tensegrity.structures.structure import Structure
 if TYPE_CHECKING:
     from typing import Any
 
+    from numpy.typing import ArrayLike
+
     from tensegrity.typing import Array
 
 
@@ -42,12 +44,12 @@ def stacked(prism: Any, count: int, chirality: str, plates: bool) -> Structure:
     for unit in range(count):
         sense = -1 if chirality == "alternate" and unit % 2 else 1
         if plates or unit == 0:
-            nodes.append(_polygon(prism, turn, unit * prism.height))
+            nodes.append(polygon(n, prism.base, turn, unit * prism.height))
             shares.append(1.0)
         else:
             shares[-1] = 2.0
         turn += sense * prism.reference_twist
-        nodes.append(_polygon(prism, turn, (unit + 1) * prism.height))
+        nodes.append(polygon(n, prism.base, turn, (unit + 1) * prism.height))
         shares.append(1.0)
         start = n * (len(nodes) - 2)
         for member, listed in ((derived.BAR, bars), (derived.CROSS, cross)):
@@ -68,7 +70,16 @@ def stacked(prism: Any, count: int, chirality: str, plates: bool) -> Structure:
     )  # fmt: skip
 
 
-def _polygon(prism: Any, turn: float, height: float) -> Array:
-    angles = turn + 2 * np.pi / prism.sides * np.arange(prism.sides)
-    place = prism.circumradius * np.column_stack([np.cos(angles), np.sin(angles)])
-    return np.column_stack([place, np.full(prism.sides, height)])
+def polygon(sides: int, base: ArrayLike, turn: ArrayLike, height: ArrayLike) -> Array:
+    """Corners of regular polygons of side `base` [m] across the last axis, (..., sides, 3)."""
+    each = (np.asarray(x, dtype=float)[..., None] for x in (base, turn, height))
+    side, first, z = np.broadcast_arrays(*each)
+    angles = first + 2 * np.pi / sides * np.arange(sides)
+    radius = side / (2 * np.sin(np.pi / sides))
+    return np.stack([radius * np.cos(angles), radius * np.sin(angles), z + 0 * angles], axis=-1)
+
+
+def symmetric_nodes(sides: int, base: Array, twist: Array, height: Array) -> Array:
+    """Nodes of a prism in symmetric states, lower ones first, (rows, 2 sides, 3)."""
+    lower = polygon(sides, base, 0.0, 0.0)
+    return np.concatenate([lower, polygon(sides, base, twist, height)], axis=1)

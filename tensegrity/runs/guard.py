@@ -49,9 +49,9 @@ class Guard:
         if not grown.size or self.is_known(met):
             return True
         if self._stiffness is None:
-            self._stiffness = self._scene.stiffness_within(self._safe)
             if self._expects():
                 return self.allows(met)
+            self._stiffness = self._scene.stiffness_within(self._safe)
         low, high = self.domains.T
         for margin in (0.1, 0.01, 0.0):  # wider than met, so as not to ask again soon
             wider = self._safe.copy()
@@ -79,11 +79,11 @@ class Guard:
 
     def _expects(self):
         """Whether the ranges that chose the step are allowed: then nothing is asked within."""
-        known = vars(self._problem).get("expected")
-        if known is None or self._scene is not self._problem.scene:
+        problem = self._problem
+        if problem.choice != "default" or self._scene is not problem.scene:
             return False
-        ranges, stiffness = known
-        limit = self._problem.largest_step(self._scene.fastest(stiffness))
+        ranges, stiffness, omega = problem.outlook.expected
+        limit = problem.largest_step(omega)
         if self._dt > self._allowed * limit:
             return False
         self._safe, self._stiffness, self.limit = ranges, stiffness, limit

@@ -11,17 +11,16 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from tensegrity.engine.methods import Method, Nystrom
 from tensegrity.errors import ContactError, LockingError, RecordError, StabilityError
 from tensegrity.progress import progress
-from tensegrity.runs import stepping
 from tensegrity.runs.book import Book, Checks, Kept, Sound
 from tensegrity.runs.guard import Guard
 from tensegrity.runs.loops import Loop
+from tensegrity.runs.stepping import Outlook
 from tensegrity.runs.whole import whole
 from tensegrity.scenes.clearance import CAUTION
 from tensegrity.scenes.scene import known_state
@@ -31,7 +30,6 @@ STRIDE = 4  # blocks in one call with its rows: an interrupt waits no longer
 WHOLE = 4  # such calls in one, where all of a run is done at once
 FEWEST = 100  # steps in one call: the pieces of a long chain work apart for some tens
 MOST_STEPS = 10**12
-SHARE = 0.5  # of the energy, in one bond, for the first step where a tolerance decides
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +40,7 @@ class Problem:
     checks and recorded energies are those of `scene`.  `choice` says what chose the step: "dt",
     "tol" or "default".  Of a `trial` that
     ends well the energies of rows that hold all sites are left out, NaN, and where nothing has to
-    be done with care its `rows` may be too.
+    be done with care its `rows` may be too.  The `outlook` is that of the scene and the state.
     """
 
     scene: object
@@ -54,6 +52,11 @@ class Problem:
     choice: str = "dt"
     trial: bool = False
     rows: bool = True
+    outlook: Outlook | None = None
+
+    def __post_init__(self):
+        if self.outlook is None:
+            object.__setattr__(self, "outlook", Outlook(self.scene, self.state))
 
     @property
     def moved(self):
@@ -64,25 +67,6 @@ class Problem:
     def force(self):
         """What the tensions of the springs are computed by."""
         return self.moved.spring_table.force
-
-    @cached_property
-    def expected(self):
-        """Elongations that each spring can reach with all the energy, and how stiff it is there."""
-        ranges = stepping.expected_ranges(self.scene, self.state)
-        return ranges, self.scene.stiffness_within(ranges)
-
-    @cached_property
-    def first_frequency(self):
-        """Angular frequency [rad/s] were half of the energy to meet in one bond."""
-        scene = self.scene.likely(self.state.u)
-        return stepping.expected_frequency(scene, self.state, SHARE)
-
-    @cached_property
-    def near(self):
-        """Pairs of sites, and of sites and walls, that are near at the start and not listed."""
-        clearance = self.scene.clearance
-        x = clearance.positions + self.state.u
-        return clearance.pairs(x), clearance.wall_pairs(x)
 
     def largest_step(self, omega):
         """Stability limit [s] at an angular frequency [rad/s]; inf where it is 0."""
@@ -242,12 +226,15 @@ class _Watch:
 
     def _list_anew(self):
         """Go on with the contacts that may form from here on."""
+        listed = self._problem.moved.listed(self._tracker.at)
+        if listed is self._scene:
+            return
         met = dict(zip(self._scene.spring_table.kinds, self.met, strict=True))
         self._fastest = self.fastest
-        self._list(self._problem.moved.listed(self._tracker.at))
+        self._list(listed)
         for row, kind in enumerate(self._scene.spring_table.kinds):
             self.met[row] = met.get(kind, 0.0)
-        self._loop = None
+        self._loop = self._walk = None
 
     @property
     def fastest(self):
@@ -349,8 +336,7 @@ class _Watch:
         if self._loop is None:
             self._begin()
         if self._walk is None:
-            follows = self._problem.scene.follows
-            self._walk = (not follows and self._loop.walk(self._leave)) or False
+            self._walk = self._loop.walk(self._leave) or False
         return self._walk is not False
 
     def most(self):
@@ -385,6 +371,8 @@ class _Watch:
         self.sound = Sound(self._u.copy(), self._v.copy(), end, seen, at_step, kept)
         for loop in loops:
             self._see(loop)
+        if self._tracker is not None and self._tracker.is_new():
+            self._list_anew()
         return True
 
     def _block(self, done, steps):

@@ -3,35 +3,88 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 if TYPE_CHECKING:
     from tensegrity.scenes.scene import Scene, State
-    from tensegrity.typing import Array
+    from tensegrity.typing import Array, Indices
 
 
 ENERGIES = 8  # to a factor of two between which nothing is asked again
+FEWEST, REMEMBERED = 0.5, 4096  # share of the energy where a tolerance decides; answers kept
 
 
-def expected_frequency(scene: Scene, state: State, share: float) -> float:
-    """Angular frequency [rad/s] if one spring gets about a share of the state's energy: a start.
+class Outlook:
+    """What is known of a run before it begins, whatever its method and step.
 
-    Asked once a scene for energies that differ little.
+    Parameters
+    ----------
+    scene : Scene
+    state : State
     """
-    energy = share * scene.available_energy(state)
+
+    def __init__(self, scene: Scene, state: State) -> None:
+        self._scene, self._state = scene, state
+
+    @cached_property
+    def _likely(self) -> Scene:
+        return self._scene.likely(self._state.u)
+
+    @cached_property
+    def _energy(self) -> float:
+        return self._likely.available_energy(self._state)
+
+    @cached_property
+    def expected(self) -> Reach:
+        """What springs can reach with all the energy."""
+        return reach(self._likely, self._energy)  # not rounded, which would depend on the units
+
+    @property
+    def first_frequency(self) -> float:
+        """Angular frequency [rad/s] were half of the energy to meet in one bond."""
+        return reach(self._likely, rounded(FEWEST * self._energy)).frequency
+
+    @cached_property
+    def near(self) -> tuple[Indices, Indices]:
+        """What is near at the start and has to be watched."""
+        return self._scene.clearance.watched(self._state.u)
+
+
+class Reach(NamedTuple):
+    """Elongations that springs of a scene can come to, (springs, 2) [m], how stiff each is at
+    most there [N/m], and the angular frequency that this bounds [rad/s]."""
+
+    ranges: Array
+    stiffness: Array
+    frequency: float
+
+
+def rounded(energy: float) -> float:
+    """An energy [J], or slightly more, so that what it makes of others nearby is known."""
     if not 0 < energy < math.inf:
-        return scene.frequency(within(scene, energy))
-    rounded = 2.0 ** (math.ceil(ENERGIES * math.log2(energy)) / ENERGIES)
-    known = scene.remembered.starts
-    if rounded not in known:
-        known[rounded] = scene.frequency(within(scene, rounded))
-    return known[rounded]
+        return energy
+    return 2.0 ** (math.ceil(ENERGIES * math.log2(energy)) / ENERGIES)
 
 
-def expected_ranges(scene: Scene, state: State, share: float = 1.0) -> Array:
-    """Elongations each spring of a scene can reach if it gets a share of the state's energy.
+def reach(scene: Scene, energy: float) -> Reach:
+    """What springs can reach with an energy [J]; asked once."""
+    known = scene.remembered.reached
+    found = known.get(energy)
+    if found is None:
+        ranges = within(scene, energy)
+        stiffness = scene.stiffness_within(ranges)
+        found = Reach(ranges, stiffness, scene.fastest(stiffness))
+        if len(known) * len(ranges) > REMEMBERED:
+            known.clear()
+        known[energy] = found
+    return found
+
+
+def within(scene: Scene, energy: float) -> Array:
+    """Elongations each spring of a scene can reach if it gets an energy [J].
 
     Where that is the end of its domain, or where the sites of a bond come to the same place, the
     stiffness has no bound: half the way is returned, and the run itself has to watch.
@@ -40,11 +93,6 @@ def expected_ranges(scene: Scene, state: State, share: float = 1.0) -> Array:
     -------
     ndarray, (springs, 2)
     """
-    return within(scene, share * scene.available_energy(state))
-
-
-def within(scene: Scene, energy: float) -> Array:
-    """The same for an energy [J]."""
     springs = scene.spring_table
     ranges, locks = springs.reachable(energy)
     half = springs.domains[locks] / 2
@@ -52,8 +100,3 @@ def within(scene: Scene, energy: float) -> Array:
     ranges[locks, 1] = np.minimum(ranges[locks, 1], half[:, 1])
     ranges[:, 0] = np.maximum(ranges[:, 0], scene.closing / 2)
     return ranges
-
-
-def present_ranges(scene: Scene, state: State) -> Array:
-    """Elongations of each spring of a scene at this moment, 0 included."""
-    return scene.present_ranges(state.u)

@@ -17,7 +17,6 @@ from tensegrity.engine.codegen import cost
 from tensegrity.engine.methods import Corrected
 from tensegrity.engine.openings import is_treated
 from tensegrity.errors import LockingError, RangeError, StabilityError, TensegrityError
-from tensegrity.runs import stepping
 from tensegrity.runs.driven import march
 from tensegrity.runs.guard import Guard
 from tensegrity.runs.march import count
@@ -37,12 +36,14 @@ FEWEST, MOST_KEPT = 16, 2_000_000  # instants; numbers in each of u and v of a r
 KEPT = 3  # runs that are compared with the last one, and it
 SLOWER = 0.5  # order that is trusted less than a method has
 LEAST_ORDER = 0.5  # that is reckoned with
-FIRST_ORDER = 4.0  # by which errors of the two coarsest runs are taken to fall from there
-CORRECTED = 4.5  # order trusted of methods that correct openings
+FIRST_ORDER = 4.0  # least by which errors of the two coarsest runs are taken to fall from there
+TIGHT = 1e-10  # tolerances so far below the errors of first runs that these have to be told apart
+CORRECTED = 4.0  # order trusted of methods that correct openings, which have exponent + 3
 LEAST_FACTOR, FASTEST = 1.25, 6.0  # of the steps from one run to the next
 COARSE, SHORT = 1e-4, 800  # usual error of the first run; steps of what counts as a short one
 SECOND = 1e-6  # tolerances that the second run does not meet, as a rule
-FAR = 0.4  # share of the steps from which on an error is told so uncertainly that it is looked at
+FAR, NEARER = 0.4, 0.45  # share of the steps below which a run tells of an error so uncertainly
+# that another is done, with at least so much
 EPSILON = float(np.finfo(float).eps)
 ROUND_OFF = 1e-14  # differences below this say nothing
 FORCE_SHARE = 0.1  # of a tolerance that fitted forces may take up
@@ -99,12 +100,7 @@ def expected_steps(problem, fraction):
     to meet in one bond."""
     if not problem.t_end:
         return 0
-    scene = problem.scene.likely(problem.state.u)
-    if scene is problem.scene:
-        omega = scene.fastest(problem.expected[1])
-    else:
-        omega = stepping.expected_frequency(scene, problem.state, 1.0)
-    return _steps(problem, fraction, omega)
+    return _steps(problem, fraction, problem.outlook.expected.frequency)
 
 
 def _steps(problem, fraction, omega):
@@ -159,10 +155,10 @@ def _to_tolerance(problem, tol, short):
     """
     if not problem.t_end:
         return march(problem, 0, 1.0)[0]
-    least = _steps(problem, TRIAL, problem.first_frequency)
+    least = _steps(problem, TRIAL, problem.outlook.first_frequency)
     if short is not None and least * (COARSE / tol) ** (1 / short.order) < SHORT:
         problem = changed(problem, method=short)
-        least = _steps(problem, TRIAL, problem.first_frequency)
+        least = _steps(problem, TRIAL, problem.outlook.first_frequency)
     apart = DENSE if problem.scene.smooth else 1
     instants = min(math.ceil(least / apart), max(FEWEST, MOST_KEPT // problem.state.u.size))
     first = Rung.of(_trial(problem), math.ceil(least / instants), instants)
@@ -228,7 +224,7 @@ def converged(problem, rung, error, tol):
     Where that of far coarser ones tells too little, another one between them and it tells more.
     """
     coarse, trial = _trial(problem), _trial(problem, rows=True)
-    judge = Judge(problem, rung.run.met)
+    judge = Judge(problem, rung.run.met, tol)
     rungs, stuck = [rung], 0
     factor, smallest = judge.first, math.inf
     while rungs[-1].run.complete:
@@ -254,7 +250,7 @@ def converged(problem, rung, error, tol):
                 f"tol {tol:g} is below {max(smallest, tol):.1e}, the difference of two runs that "
                 f"{rungs[-1].run.steps} steps, and fewer, do not make smaller"
             )
-        factor = judge.factor(gaps, tol)
+        factor = judge.factor(gaps)
         factor = min(factor, 2.0) if stuck else factor
     return with_energies(rungs[-1].run)  # interrupted
 
@@ -284,18 +280,23 @@ class Judge:
     problem : Problem
     met : ndarray, (springs, 2)
         Elongations that a run met [m].
+    tol : float
     """
 
-    def __init__(self, problem, met):
-        self._problem = problem
+    def __init__(self, problem, met, tol):
+        self._problem, self._tol = problem, tol
         self.see(met)
 
     def see(self, met):
         """Contacts may open in this run that did not in the coarser ones."""
         left, order = order_left(self._problem, met), self._problem.method.order
         self.opens, self.order = left < math.inf, min(left, order - SLOWER)
-        self.accept, self._aim = (0.5, 0.2) if self.opens else (0.8, 0.25)
-        self.first = 2.0 if self.opens else 1.5
+        self.accept, self._aim = (0.45, 0.2) if self.opens else (0.8, 0.25)
+        self.first = 1.5
+        if self.opens and self._tol < COARSE:
+            self.first = 2.0
+        elif self._tol < TIGHT:
+            self.first = 2.5
 
     def estimate(self, gaps):
         """Estimated error of the finest run.
@@ -320,17 +321,17 @@ class Judge:
         least = self.order - SLOWER if self.opens else LEAST_ORDER
         return min(max(fell - SLOWER, least), self.order)
 
-    def factor(self, gaps, tol):
+    def factor(self, gaps):
         """By how much finer the next run should be, or, where that is below 1, how much coarser
         than the finest."""
-        order = max(self.order, FIRST_ORDER)
+        order = max(self.order if self.opens else self._problem.method.order, FIRST_ORDER)
         share, gap = gaps[-1]
         estimate = gap / (share**-order - 1)
         if len(gaps) > 1:
             order, estimate = self._seen(gaps), self.estimate(gaps)
-        needed = (estimate / (self._aim * tol)) ** (1 / order)
+        needed = (estimate / (self._aim * self._tol)) ** (1 / order)
         if len(gaps) > 1 and share < FAR and not self.opens:  # errors may have fallen faster
-            return 1 / self.first
+            return max(math.sqrt(share), NEARER)
         return min(max(needed, LEAST_FACTOR), FASTEST)
 
 

@@ -41,9 +41,9 @@ class Whole:
 
     complete = True
 
-    def __init__(self, problem, dt, steps, met, seen, every, rows):
-        self._problem, self._dt, self.steps, self.met = problem, dt, steps, met
-        self.seen, self._every, self._rows = seen, every, rows
+    def __init__(self, problem, listed, dt, steps, met, seen, every, rows):
+        self._problem, self._listed, self._dt = problem, listed, dt
+        self.steps, self.met, self.seen, self._every, self._rows = steps, met, seen, every, rows
 
     @property
     def has_rows(self):
@@ -57,6 +57,8 @@ class Whole:
         at = np.arange(0, self.steps + self._every, self._every)
         at[-1] = self.steps
         energy, final = scene.energies(u, v), known_state(u[-1].copy(), v[-1].copy())
+        listed = self._listed
+        fastest = listed.fastest(listed.stiffness_within(self.met)) if scene.follows else None
         if sites is None:
             sites = _sites(scene.sites)
         else:
@@ -64,7 +66,7 @@ class Whole:
         return Run(
             scene, at * (problem.t_end / self.steps), u, v, energy, final, problem.method.name,
             self._dt, self.steps, sites, impulse=impulse if scene.wall_count else None,
-            force=problem.force, met=self.met,
+            force=problem.force, met=self.met, fastest=fastest,
         )  # fmt: skip
 
 
@@ -91,14 +93,15 @@ def whole(problem, steps, most, allowed=1.0, instants=0):
     -------
     Whole or None
     """
-    record, scene = problem.record, problem.moved
+    record, scene, state = problem.record, problem.moved, problem.state
     if (
         not 0 < steps <= most
-        or scene.follows
         or scene.is_driven
         or not (record.is_plain and scene.at_once)
+        or (scene.follows and not scene.clearance.may_last(state.v, problem.t_end))
     ):
         return None
+    scene = scene.listed(state.u)
     plans = scene.remembered.plans.setdefault(problem.method, [])
     try:
         plan = plans.pop()
@@ -107,7 +110,7 @@ def whole(problem, steps, most, allowed=1.0, instants=0):
     if plan is None:
         return None
     try:
-        return _run(plan, problem, steps, allowed, instants)
+        return _run(plan, problem, scene, steps, allowed, instants)
     finally:
         if len(plans) < SPARE and math.prod(scene.shape) <= LARGEST:
             plans.append(plan)
@@ -131,8 +134,8 @@ def prepared(scene, method):
     return Plan(rest.size, scene.wall_count * scene.dim, *loops)
 
 
-def _run(plan, problem, steps, allowed, instants):
-    scene, state, shape = problem.moved, problem.state, problem.scene.shape
+def _run(plan, problem, scene, steps, allowed, instants):
+    state, shape = problem.state, problem.scene.shape
     dt, every, rows, seen, ways = problem.t_end / steps, 0, None, None, None
     if problem.rows:
         every = problem.record.every or max(1, -(-steps // INSTANTS))
@@ -148,11 +151,11 @@ def _run(plan, problem, steps, allowed, instants):
     guard = Guard(problem, scene, dt, allowed)
     if not (guard.is_known(met) or (guard.is_inside(met) and guard.allows(met))):
         return None
-    if scene.clearance is not None and not _is_clear(problem, plan, seen, ways):
+    if problem.scene.clearance is not None and not _is_clear(problem, plan, seen, ways):
         return None
     np.minimum(met[:, 0], 0, out=met[:, 0])
     np.maximum(met[:, 1], 0, out=met[:, 1])
-    return Whole(problem, dt, steps, met, seen, every, rows)
+    return Whole(problem, scene, dt, steps, met, seen, every, rows)
 
 
 def _is_clear(problem, plan, seen, ways):
@@ -161,4 +164,4 @@ def _is_clear(problem, plan, seen, ways):
         u, travel = np.stack([problem.state.u] * 2), np.array([plan.travel])
     else:
         u, travel = seen[0], np.diff(ways, prepend=0.0)
-    return problem.scene.clearance.is_kept(problem.near, u, travel)
+    return problem.scene.clearance.is_kept(problem.outlook.near, u, travel)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import sympy as sp
     from numpy.typing import ArrayLike
 
-    from tensegrity.engine.energies import ChainEnergies
+    from tensegrity.engine.energies import Energies
     from tensegrity.scenes.forcing import Damping, Drive
     from tensegrity.typing import Array
 
@@ -188,7 +188,7 @@ class Chain(Scene):
         return kinetic + np.sum(self.bond_energy(u), axis=-1)
 
     @cached_property
-    def _compiled_energies(self) -> ChainEnergies | None:
+    def _compiled_energies(self) -> Energies | None:
         return self.spring_table.energies(self.mass)
 
     def site_energy(self, u: Array, v: Array) -> Array:

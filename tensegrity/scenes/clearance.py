@@ -14,14 +14,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity.errors import ContactError
+from tensegrity.scenes.walls import Pieces
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from tensegrity.scenes.walls import Wall
     from tensegrity.typing import Array, Indices
 
 TOUCH = 1e-9  # gap over the radius up to which spheres count as touching
+TOGETHER = 1_000_000  # distances of sites from walls that are computed at once
 CAUTION = 0.8  # part of the way to the next possible contact that is gone without a look
 
 
@@ -51,7 +53,7 @@ class Clearance:
         self.skin = float(radius.mean())
         low, high = np.sort(bonds, axis=1).T
         self._listed = np.unique(low * self.sites + high)
-        self.wall_contacts = wall_contacts
+        self.wall_contacts, self._pieces = wall_contacts, Pieces(walls, self.dim)
 
     def pairs(self, x: Array) -> Indices:
         """Unlisted pairs of sites at places x with a gap below the skin; (n, 2)."""
@@ -60,18 +62,23 @@ class Clearance:
         reach = 2 * self.radius.max() + self.skin
         found = cKDTree(x).query_pairs(reach, output_type="ndarray").reshape(-1, 2)
         found = np.sort(found, axis=1)
-        found = found[~np.isin(found[:, 0] * self.sites + found[:, 1], self._listed)]
+        if len(self._listed):
+            found = found[~np.isin(found[:, 0] * self.sites + found[:, 1], self._listed)]
         return found[self.pair_gaps(x, found) < self.skin]
 
     def wall_pairs(self, x: Array) -> Indices:
         """Unlisted (site, wall) with a gap below the skin; (n, 2)."""
         near = [np.zeros((0, 2), dtype=int)]
-        for number, wall in enumerate(self.walls):
-            sites = np.flatnonzero(wall.distance(x) - self.radius < self.skin)
-            listed = self.wall_contacts[self.wall_contacts[:, 1] == number, 0]
-            sites = np.setdiff1d(sites, listed)
-            near.append(np.stack([sites, np.full(len(sites), number)], axis=1))
-        return np.concatenate(near)
+        some = max(TOGETHER // self.sites, 1)  # walls
+        for k in range(0, len(self.walls), some):
+            numbers = np.arange(k, min(k + some, len(self.walls)))
+            gaps = self._pieces.distance(x[:, None], numbers) - self.radius[:, None]
+            near.append(np.argwhere(gaps < self.skin) + np.array([0, k]))
+        found = np.concatenate(near)
+        if not len(self.wall_contacts):
+            return found
+        listed, new = (pairs @ (len(self.walls), 1) for pairs in (self.wall_contacts, found))
+        return found[~np.isin(new, listed)]
 
     def pair_gaps(self, x: Array, pairs: Indices) -> Array:
         """Gap of each pair [m], overlap < 0, at places x (..., sites, dim)."""
@@ -81,9 +88,7 @@ class Clearance:
 
     def wall_gaps(self, x: Array, pairs: Indices) -> Array:
         """Gap of each (site, wall) [m], to the nearest point of the wall."""
-        return (
-            self._by_wall(x, pairs, lambda wall, at: wall.distance(at)) - self.radius[pairs[:, 0]]
-        )
+        return self._by_wall("distance", x, pairs) - self.radius[pairs[:, 0]]
 
     def hold(self, x: Array) -> Array:
         """For each listed wall contact, the way to a place where its law does not hold [m].
@@ -97,16 +102,17 @@ class Clearance:
 
     def _beside(self, x: Array) -> tuple[Array, Array]:
         """Way to the end and distance from the plane of each listed wall contact [m]."""
-        listed = self.wall_contacts
-        inside = -self._by_wall(x, listed, lambda wall, at: wall.overhang(at))
-        return inside, self._by_wall(x, listed, lambda wall, at: wall.height(at))
+        inside = -self._by_wall("overhang", x, self.wall_contacts)
+        return inside, self._by_wall("height", x, self.wall_contacts)
 
-    def _by_wall(self, x: Array, pairs: Indices, function: Callable[[Wall, Array], Array]) -> Array:
-        result = np.empty((*x.shape[:-2], len(pairs)))
-        for number, wall in enumerate(self.walls):
-            members = pairs[:, 1] == number
-            result[..., members] = function(wall, x[..., pairs[members, 0], :])
-        return result
+    def _by_wall(self, what: str, x: Array, pairs: Indices) -> Array:
+        """Of each (site, wall) what `Pieces` say."""
+        return getattr(self._pieces, what)(x[..., pairs[:, 0], :], pairs[:, 1])
+
+    def watched(self, u: Array) -> tuple[Indices, Indices]:
+        """What has to be looked at from displacements u on: unlisted `pairs`, and `wall_pairs`."""
+        x = self.positions + u
+        return self.pairs(x), self.wall_pairs(x)
 
     def room(self, x: Array, moved: Array | float, pairs: Indices, walls: Indices) -> Array:
         """How far every site may move until something could be wrong [m].
@@ -115,7 +121,7 @@ class Clearance:
         ----------
         x : ndarray, (..., sites, dim)
         moved : ndarray, (...)
-            How far any site went since `pairs` and `walls` were listed [m].
+            How far any site went since `pairs` and `walls` were what is `watched` [m].
         """
         found = np.asarray(self.skin / 2 - moved)  # what is not in the lists
         for ways in (self.pair_gaps(x, pairs) / 2, self.wall_gaps(x, walls), self.hold(x)):
@@ -128,7 +134,7 @@ class Clearance:
         Parameters
         ----------
         near : tuple of ndarray of int
-            Unlisted `pairs` and `wall_pairs` at the first.
+            What is `watched` at the first.
         u : ndarray, (instants + 1, sites, dim)
         travel : ndarray, (instants,)
             Bound on how far any coordinate of a site moved from each to the next [m].
@@ -185,9 +191,8 @@ class Tracker:
         self._look(u)
 
     def _list(self, u: Array) -> None:
-        x = self._of.positions + u
         self._listed_at = u.copy()
-        self._pairs, self._walls = self._of.pairs(x), self._of.wall_pairs(x)
+        self._pairs, self._walls = self._of.watched(u)
 
     def _look(self, u: Array) -> None:
         """Find how far every site may move until something could be wrong."""

@@ -15,6 +15,7 @@ from tensegrity.errors import ContactError, StabilityError
 from tensegrity.scenes.clearance import Clearance, Tracker
 
 SKIN = 0.25  # of the mean radius
+ROWS = 64  # of displacements that are compared at once
 NEAREST = 6  # sites that one may well touch in a run
 
 
@@ -24,14 +25,55 @@ class Following(Clearance):
     def __init__(self, positions, radius, bonds, walls, wall_contacts):
         super().__init__(positions, radius, bonds, walls, wall_contacts)
         self.skin *= SKIN
+        self._last = None, None  # displacements, and what is near there
 
     def near(self, u):
         """Pairs of sites, and of sites and walls they are beside, that may soon touch; sorted."""
+        return self._near(u)[:2]
+
+    def _near(self, u):
+        """The same, and sites near a wall that they are not beside; found once where a run begins
+        and its energies, its list and its watch ask for them."""
+        at, found = self._last
+        if at is None or not np.array_equal(at, u):
+            found = self._find(u)
+            self._last = u.copy(), found
+        return found
+
+    def _find(self, u):
         x = self.positions + u
         pairs, walls = self.pairs(x), self.wall_pairs(x)
-        beside = self._by_wall(x, walls, lambda wall, at: wall.overhang(at)) < 0
-        before = self._by_wall(x, walls, lambda wall, at: wall.height(at)) > 0
-        return _sorted(pairs), _sorted(walls[beside & before])
+        beside = self._by_wall("overhang", x, walls) < 0
+        before = self._by_wall("height", x, walls) > 0
+        return _sorted(pairs), _sorted(walls[beside & before]), walls[~(beside & before)]
+
+    def watched(self, u):
+        """What has to be looked at from displacements u on: ends of walls, listed walls."""
+        _, listed, ends = self._near(u)
+        return ends, listed
+
+    def room(self, x, moved, ends, listed):
+        """How far every site may move until something could be wrong [m]; as `Clearance.room`."""
+        found = np.asarray(self.skin / 2 - moved)  # what is not in the lists
+        inside = -self._by_wall("overhang", x, listed)
+        for ways in (self.wall_gaps(x, ends), self.hold(x), inside):
+            found = np.asarray(np.minimum(found, np.min(ways, axis=-1, initial=math.inf)))
+        return found
+
+    def lasting(self, u):
+        """How many of some rows of displacements (rows, sites, dim) the list at the first does
+        for."""
+        for k in range(1, len(u), ROWS):
+            way = u[k : k + ROWS] - u[0]
+            moved = np.max(np.einsum("...k,...k", way, way), axis=-1)
+            far = np.flatnonzero(moved >= (self.skin / 2) ** 2)
+            if len(far):
+                return k + int(far[0])
+        return len(u)
+
+    def may_last(self, v, t):
+        """Whether one list may do for a time t [s] from velocities v on, to go by these."""
+        return t * np.sqrt(np.max(np.sum(v**2, axis=-1), initial=0.0)) < self.skin / 2
 
     def likely(self, u):
         """Pairs of each site with its nearest ones, and with all walls; sorted."""
@@ -61,6 +103,22 @@ def _sorted(pairs):
     return pairs[np.lexsort(pairs.T[::-1])]
 
 
+class Listings:
+    """The lists of contacts that a scene made last, each a scene with all that is prepared."""
+
+    def __init__(self, make, count):
+        self._make, self._count, self._made = make, count, ()
+
+    def __call__(self, pairs, walls):
+        """The scene with these contacts besides its own."""
+        for of, scene in self._made:
+            if all(map(np.array_equal, of, (pairs, walls))):
+                return scene
+        scene = self._make(pairs, walls)
+        self._made = (((pairs, walls), scene), *self._made)[: self._count]
+        return scene
+
+
 class Follower(Tracker):
     """Follows one run, and says where the list has to be made anew.
 
@@ -76,30 +134,9 @@ class Follower(Tracker):
         return new
 
     def _list(self, u):
-        self._new, self.at = hasattr(self, "at"), u.copy()  # the first list is the scene's own
-        x = self._of.positions + u
-        _, listed = self._of.near(u)
-        every = self._of.wall_pairs(x)
-        known = {tuple(pair) for pair in listed.tolist()}
-        edges = [pair for pair in every.tolist() if tuple(pair) not in known]
-        self._edges, self._walls = np.array(edges, dtype=int).reshape(-1, 2), listed
-
-    def _look(self, u):
-        of, x = self._of, self._of.positions + u
-        moved = np.sqrt(np.max(np.sum((u - self.at) ** 2, axis=1), initial=0.0))
-        if moved > of.skin / 4:
-            self._list(u)
-            moved = 0.0
-        self._left = self._room = min(
-            of.skin / 2 - moved,
-            np.min(of.wall_gaps(x, self._edges), initial=math.inf),
-            np.min(of.hold(x), initial=math.inf),
-            np.min(self._beside(x), initial=math.inf),
-        )
-
-    def _beside(self, x):
-        """Way of listed sites to the end of their wall [m]."""
-        return -self._of._by_wall(x, self._walls, lambda wall, at: wall.overhang(at))
+        self._new = hasattr(self, "at")  # the first list is the scene's own
+        super()._list(u)
+        self.at = self._listed_at
 
     def judge(self, u, t):
         """Look again after one step that may have gone too far; raise if it did."""
@@ -110,9 +147,9 @@ class Follower(Tracker):
                 f"a site moved {moved:.3g} m in one step before t = {t:.6g} s, contacts are "
                 f"followed over {of.skin / 2:.3g} m: take a smaller step"
             )
-        gaps = of.wall_gaps(x, self._edges)
+        gaps = of.wall_gaps(x, self._pairs)
         if len(gaps) and gaps.min() <= 0:
-            site, wall = self._edges[int(np.argmin(gaps))].tolist()
+            site, wall = self._pairs[int(np.argmin(gaps))].tolist()
             raise ContactError(f"site {site} touches the end of wall {wall} at t = {t:.6g} s")
         self._list(u)
         self._look(u)

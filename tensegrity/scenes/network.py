@@ -23,7 +23,7 @@ from tensegrity.errors import TensegrityError
 from tensegrity.notebook import page, wires
 from tensegrity.readonly import fixed
 from tensegrity.scenes.clearance import Clearance
-from tensegrity.scenes.following import Following
+from tensegrity.scenes.following import Following, Listings
 from tensegrity.scenes.forcing import begun
 from tensegrity.scenes.network_input import (
     held_sites,
@@ -47,10 +47,12 @@ if TYPE_CHECKING:
     import sympy as sp
     from numpy.typing import ArrayLike
 
+    from tensegrity.engine.energies import Energies
     from tensegrity.scenes.forcing import Damping, Drive
     from tensegrity.typing import Array
 
 AT_ONCE = 2_000_000  # contacts times rows of one list: some tens of megabytes
+LISTS, FEW = 2, 10_000  # lists of contacts that are kept of a scene, and sites up to which
 IN_CACHE = 20_000  # contacts times rows whose energies are computed together
 
 
@@ -224,7 +226,11 @@ class Network(Scene):
         """
         if not self.follows:
             return self
-        return self._listing(*self.clearance.near(np.asarray(u, dtype=float)))
+        return self._listings(*self.clearance.near(np.asarray(u, dtype=float)))
+
+    @cached_property
+    def _listings(self) -> Listings:
+        return Listings(self._listing, LISTS if self.sites <= FEW else 1)
 
     def listings(self, u: Array) -> Iterator[tuple[slice, Self]]:
         """Rows of displacements (T, sites, dim) in turn, each with this scene as it lists all
@@ -235,16 +241,12 @@ class Network(Scene):
         """
         row = 0
         while row < len(u):
-            scene, last = self.listed(u[row]), len(u)
+            scene = self.listed(u[row])
+            most = max(1, AT_ONCE // (len(scene.springs) + 1))
+            last = min(len(u), row + most)
             if self.follows:
                 watch: Any = self.clearance
-                room = watch.skin / 2
-                for last in range(row + 1, len(u)):
-                    if np.max(np.sum((u[last] - u[row]) ** 2, axis=-1)) >= room**2:
-                        break
-                else:
-                    last = len(u)
-            last = min(last, row + max(1, AT_ONCE // (len(scene.springs) + 1)))
+                last = row + watch.lasting(u[row:last])
             yield slice(row, last), scene
             row = last
 
@@ -493,6 +495,10 @@ class Network(Scene):
         if self.follows:
             parts = [scene.energies(u[rows], v[rows]) for rows, scene in self.listings(u)]
             return np.concatenate(parts) if parts else np.zeros(0)
+        compiled = self._compiled_energies
+        found = None if compiled is None else compiled(u, v)
+        if found is not None:
+            return found
         rows = len(u), -1
         with np.errstate(over="ignore"):  # to inf, which `check` refuses
             kinetic = 0.5 * np.sum((self.mass[:, None] * v**2).reshape(rows), axis=-1)
@@ -501,6 +507,11 @@ class Network(Scene):
                  for k in range(0, len(u), some)]  # fmt: skip
         stored = np.concatenate(parts) if parts else np.zeros(0)
         return kinetic + stored - np.sum((self.loads * u).reshape(rows), axis=-1)
+
+    @cached_property
+    def _compiled_energies(self) -> Energies | None:
+        mass = np.repeat(self.mass[:, None], self.dim, axis=1)
+        return self.spring_table.energies(mass, self.contact_bonds.contacts)
 
     def site_energy(self, u: Array, v: Array) -> Array:
         """Energy of each site [J]: motion, half its bonds, walls, load; (..., sites)."""

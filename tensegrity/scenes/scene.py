@@ -89,8 +89,8 @@ class Remembered:
     ranges : list of (ndarray, ndarray, float)
         Ranges of elongation (springs, 2) [m] that runs met lately, how stiff each spring is at
         most there [N/m], and the angular frequency that this bounds [rad/s].
-    starts : dict of float to float
-        Angular frequencies [rad/s] expected with energies [J] in one bond.
+    reached : dict of float to Reach
+        What springs reach with energies [J] in one bond.
     tuned : dict of (float, float) to Tuned
         Springs that change, prepared for runs of some duration, and before and after [s].
     gain : float or None
@@ -103,7 +103,7 @@ class Remembered:
         self.gain: float | None = None
         self.plans: dict[Method, list[Any]] = {}
         self.ranges: list[tuple[Array, Array, float]] = []
-        self.starts: dict[float, float] = {}
+        self.reached: dict[float, Any] = {}
         self.tuned: dict[tuple[float, float], Any] = {}
 
 

@@ -12,9 +12,11 @@ from tensegrity.errors import TensegrityError
 from tensegrity.readonly import ReadOnly, fixed
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import ArrayLike
 
-    from tensegrity.typing import Array
+    from tensegrity.typing import Array, Indices
 
 SQUARE = 1e-9  # cosine of the angle of directions that pass as perpendicular
 
@@ -86,24 +88,49 @@ class Wall(ReadOnly):
 
     def height(self, x: Array) -> Array:
         """Distance of points x (..., dim) from the wall's plane [m], > 0 on the normal's side."""
-        return (check.rows("points", x, self.point.shape) - self.point) @ self.normal
+        return self._alone("height", x)
 
     def overhang(self, x: Array) -> Array:
         """How far the foot of points x (..., dim) lies beyond the nearest edge [m]; < 0 inside."""
-        x = check.rows("points", x, self.point.shape)
-        if self.extent is None:
-            return np.full(np.shape(x)[:-1], -np.inf)
-        sides = np.linalg.norm(self.extent, axis=1)
-        along = np.abs((x - self.point) @ (self.extent / sides[:, None]).T)
-        return np.max(along - sides, axis=-1)
+        return self._alone("overhang", x)
 
     def distance(self, x: Array) -> Array:
         """Distance of points x (..., dim) from the nearest point of the wall [m]."""
+        return self._alone("distance", x)
+
+    def _alone(self, name: str, x: Array) -> Array:
         x = check.rows("points", x, self.point.shape)
-        height = self.height(x)
-        if self.extent is None:
-            return np.abs(height)
-        sides = np.linalg.norm(self.extent, axis=1)
-        along = np.abs((x - self.point) @ (self.extent / sides[:, None]).T)
-        beyond = np.maximum(along - sides, 0)
-        return np.sqrt(height**2 + np.sum(beyond**2, axis=-1))
+        pieces = Pieces((self,), self.point.size)
+        return getattr(pieces, name)(x[..., None, :], np.zeros(1, dtype=int))[..., 0]
+
+
+class Pieces:
+    """Walls with their numbers side by side, asked for points x (..., n, dim), each with the
+    number of a wall, (n,)."""
+
+    def __init__(self, walls: Sequence[Wall], dim: int) -> None:
+        self._point = np.array([wall.point for wall in walls]).reshape(-1, dim)
+        self._normal = np.array([wall.normal for wall in walls]).reshape(-1, dim)
+        self._along = np.zeros((len(walls), dim - 1, dim))
+        self._sides = np.full((len(walls), dim - 1), np.inf)
+        for row, wall in enumerate(walls):
+            if wall.extent is not None:
+                self._sides[row] = np.linalg.norm(wall.extent, axis=1)
+                self._along[row] = wall.extent / self._sides[row][:, None]
+
+    def height(self, x: Array, numbers: Indices) -> Array:
+        """Distances from the planes [m], > 0 on the normals' side."""
+        return np.einsum("...d,...d", x - self._point[numbers], self._normal[numbers])
+
+    def _beyond(self, x: Array, numbers: Indices) -> Array:
+        away = (x - self._point[numbers])[..., None, :]
+        return np.abs(np.einsum("...d,...d", away, self._along[numbers])) - self._sides[numbers]
+
+    def overhang(self, x: Array, numbers: Indices) -> Array:
+        """How far feet lie beyond the nearest edges [m]; < 0 inside."""
+        return np.max(self._beyond(x, numbers), axis=-1, initial=-np.inf)
+
+    def distance(self, x: Array, numbers: Indices) -> Array:
+        """Distances from the nearest points of the walls [m]."""
+        beyond = np.maximum(self._beyond(x, numbers), 0)
+        return np.sqrt(self.height(x, numbers) ** 2 + np.sum(beyond**2, axis=-1))

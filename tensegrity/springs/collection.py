@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity.engine.compiled import Compiled
-from tensegrity.engine.energies import ChainEnergies
+from tensegrity.engine.energies import Energies
 from tensegrity.engine.kernel import kernel
+from tensegrity.engine.native import CompilerError
 from tensegrity.errors import StabilityError, TensegrityError
 from tensegrity.readonly import fixed
 from tensegrity.springs.potential import Potential
@@ -21,6 +22,7 @@ from tensegrity.springs.potential import Potential
 if TYPE_CHECKING:
     from typing import Any
 
+    from tensegrity.engine.bonds import Contacts
     from tensegrity.typing import Array, Flags, Indices
 
 ORDERS = ("energy", "tension", "stiffness")
@@ -172,8 +174,16 @@ class Springs:
         each = zip(self._alike, self._columns, strict=True)
         return tuple(_Alike(self, numbers[0], group[columns]) for numbers, columns in each)
 
-    def energies(self, mass: Array) -> ChainEnergies | None:
-        """The energies of a chain with these bonds; None where no compiled loop has them."""
+    def energies(self, mass: Array, contacts: Contacts | None = None) -> Energies | None:
+        """The energies of a scene with these bonds; None where no compiled loop has them.
+
+        Parameters
+        ----------
+        mass : ndarray, shape of a state
+            [kg]
+        contacts : Contacts, optional
+            Where the bonds are those of a network.
+        """
         found = []
         for one, numbers, columns in zip(self._sets, self._alike, self._columns, strict=True):
             first = self.different[numbers[0]]
@@ -183,7 +193,10 @@ class Springs:
             rows = numbers[:1] if one.is_one else self.group[columns]
             values = first.values if one.is_one else one.values
             found.append((loop, values, self.reach[rows].T, columns))
-        return ChainEnergies(mass, found)
+        try:
+            return Energies(mass, found, contacts)
+        except CompilerError:  # there was one when the laws were compiled
+            return None
 
     def _each(self, name, r, numbers):
         """The same of different springs at points r (points, numbers)."""
@@ -236,25 +249,22 @@ class Springs:
         locks : ndarray of bool, (springs,)
             Whether it touches an end of the domain.
         """
-        (low, down), (high, up) = self._crossings(energy, 0), self._crossings(energy, 1)
-        return np.stack([low, high], axis=1), down | up
-
-    def _crossings(self, energy, side):
-        """First elongation on one side where V exceeds `energy`, and whether it is the end."""
-        end = self.domains[:, side]
-        bounded, last = np.isfinite(end), np.empty(len(self))
-        locks = np.zeros(len(self), dtype=bool)
-        for numbers, look in (
-            (np.flatnonzero(bounded), self._look_to_the_end),
-            (np.flatnonzero(~bounded), self._look_at_all_sizes),
+        ends = self.domains.ravel()
+        springs, signs = np.repeat(np.arange(len(self)), 2), np.tile((-1.0, 1.0), len(self))
+        last, locks = np.empty(len(ends)), np.zeros(len(ends), dtype=bool)
+        bounded = np.isfinite(ends)
+        for sides, look, goal in (
+            (np.flatnonzero(bounded), self._look_to_the_end, ends),
+            (np.flatnonzero(~bounded), self._look_at_all_sizes, signs),
         ):
-            if numbers.size:
-                before, beyond, found = look(energy, side, numbers)
+            if sides.size:
+                numbers = springs[sides]
+                before, beyond, found = look(energy, goal[sides], numbers)
                 for _ in range(LOOKS):
                     r = np.linspace(before, beyond, 257)[1:]
                     before, beyond = self._first(r, ~(self._each("energy", r, numbers) <= energy))
-                last[numbers], locks[numbers] = beyond, bounded[numbers] & ~found
-        return last, locks
+                last[sides], locks[sides] = beyond, bounded[sides] & ~found
+        return last.reshape(-1, 2), locks.reshape(-1, 2).any(axis=1)
 
     @staticmethod
     def _first(r, outside):
@@ -264,16 +274,17 @@ class Springs:
         before = np.where(first > 0, r[np.maximum(first - 1, 0), every], 0.0)
         return before, np.where(first < len(r), r[np.minimum(first, len(r) - 1), every], before)
 
-    def _look_to_the_end(self, energy, side, numbers):
-        """Points around the crossing of springs whose domain ends on that side."""
+    def _look_to_the_end(self, energy, ends, numbers):
+        """Points around the first elongation, on the way to an end of the domain of each of some
+        springs, where V exceeds `energy`, and whether there is one."""
         held = np.sort(np.concatenate([CLOSE, 1 - CLOSE[:-1]]))[:, None]
-        r = np.clip(self.domains[numbers, side] * held, *self.domains[numbers].T)
+        r = np.clip(ends * held, *self.domains[numbers].T)
         outside = ~(self._each("energy", r, numbers) <= energy)
         return *self._first(r, outside), outside.any(axis=0)
 
-    def _look_at_all_sizes(self, energy, side, numbers):
-        """The same of springs whose domain has no end on that side, whatever their units."""
-        r = np.repeat((-1, 1)[side] * SIZES[:, None], len(numbers), axis=1)
+    def _look_at_all_sizes(self, energy, signs, numbers):
+        """The same on sides where the domain has no end, whatever the units."""
+        r = signs * SIZES[:, None]
         with np.errstate(all="ignore"):  # powers over- and underflow
             known = np.isfinite(self._each("stiffness", r, numbers))
             begun = np.cumsum(known, axis=0) > 0

@@ -18,7 +18,7 @@ from tensegrity import check
 from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.notebook import page, wires
 from tensegrity.readonly import ReadOnly, fixed
-from tensegrity.structures import statics
+from tensegrity.structures import given, prestress, statics
 from tensegrity.structures.members import Members
 from tensegrity.structures.solve import Freedom, lowest_eigenvalues, settle
 from tensegrity.structures.supports import Supports
@@ -30,9 +30,8 @@ if TYPE_CHECKING:
 
     from tensegrity.scenes.network import Network
     from tensegrity.structures.statics import SelfStress
-    from tensegrity.typing import Array, Flags, Indices
+    from tensegrity.typing import Array, Flags
 
-SAME = 1e-9  # force that is left on a node, over those of its members: no self-stress
 SOFT = 1e-12  # of the largest stiffness: eigenvalues below it are round-off
 
 
@@ -104,25 +103,25 @@ class Structure(ReadOnly):
             raise TensegrityError(f"positions have shape {places.shape}, must be (nodes, 2) or 3")
         self.positions = check.vector("positions", places, places.shape)
         nodes = len(places)
-        pairs = [_pairs(name, given, nodes) for name, given in (("bar", bars), ("string", strings))]
+        pairs = [
+            given.pairs(name, ends, nodes) for name, ends in (("bar", bars), ("string", strings))
+        ]
         self.ends = np.concatenate(pairs)
         self.is_string = np.arange(len(self.ends)) >= len(pairs[0])
         if not len(self.ends):
             raise TensegrityError("0 bars and strings, must be at least 1")
-        _refuse_double(self.ends, len(pairs[0]))
+        given.refuse_double(self.ends, len(pairs[0]))
         alone = sorted(set(range(nodes)) - set(self.ends.ravel().tolist()))
         if alone:
             raise TensegrityError(f"node {alone[0]} is in no member")
         self.stiffnesses = np.concatenate(
             [
-                _each(name, given, len(of), "N/m")
-                for name, given, of in zip(
-                    ("k_bar", "k_string"), (k_bar, k_string), pairs, strict=True
-                )
+                given.each(name, k, len(of), "N/m")
+                for name, k, of in zip(("k_bar", "k_string"), (k_bar, k_string), pairs, strict=True)
             ]
         )
-        self.mass = _each("mass", mass, nodes, "kg")
-        self.platforms = _platforms(platforms, nodes)
+        self.mass = given.each("mass", mass, nodes, "kg")
+        self.platforms = given.platforms(platforms, nodes)
         lengths = self.lengths
         short = np.flatnonzero(~(lengths > 1e-12 * np.ptp(places, axis=0).max()))
         if short.size:
@@ -134,7 +133,7 @@ class Structure(ReadOnly):
         if natural_lengths is None:
             self.natural_lengths = lengths
         else:
-            self.natural_lengths = _each("natural length", natural_lengths, len(lengths), "m")
+            self.natural_lengths = given.each("natural length", natural_lengths, len(lengths), "m")
 
     def name_of(self, member: int) -> str:
         """A member in words."""
@@ -211,7 +210,7 @@ class Structure(ReadOnly):
 
     def at(self, positions: ArrayLike, **other: Any) -> Structure:
         """The same structure at other positions; other arguments of `Structure` by name."""
-        given: dict[str, Any] = {
+        own: dict[str, Any] = {
             "bars": self.ends[: self.bars],
             "strings": self.ends[self.bars :],
             "k_bar": self.stiffnesses[: self.bars],
@@ -220,7 +219,7 @@ class Structure(ReadOnly):
             "natural_lengths": self.natural_lengths,
             "platforms": self.platforms,
         }
-        return Structure(positions, **(given | other))
+        return Structure(positions, **(own | other))
 
     def at_mass(self, mass: ArrayLike) -> Structure:
         """The same structure with other masses of its nodes [kg]."""
@@ -252,18 +251,10 @@ class Structure(ReadOnly):
         """
         if (force_densities is None) == (prestrain is None):
             raise TensegrityError("give force_densities or prestrain, one of them")
-        if force_densities is not None:
-            q = check.vector("force_densities", force_densities, (len(self.ends),))
-            matrix = statics.equilibrium_matrix(self.positions, self.ends)
-            left = np.abs(matrix @ q).max()
-            size = (np.abs(matrix) @ np.abs(q)).max()
-            if left > SAME * size:
-                raise EquilibriumError(
-                    f"these force densities are no self-stress: a force of {left:.3g} N is left, "
-                    f"beside {size:.3g} N"
-                )
+        if prestrain is None:
+            q = prestress.checked(self, force_densities)
         else:
-            q = self._with_prestrain(prestrain)
+            q = prestress.of_prestrain(self, prestrain)
         natural = self.lengths * (1 - q / self.stiffnesses)
         bad = np.flatnonzero(~(natural > 0))
         if bad.size:
@@ -272,39 +263,6 @@ class Structure(ReadOnly):
                 f"its stiffness {self.stiffnesses[bad[0]]:g} N/m"
             )
         return self.at(self.positions, natural_lengths=natural)
-
-    def _with_prestrain(self, prestrain: Any) -> Array:
-        """Force densities of which some strings have given prestrains."""
-        if not isinstance(prestrain, Mapping) or not prestrain:
-            raise TensegrityError(
-                f"prestrain {check.shown(prestrain)} must be a dict {{string: value}}"
-            )
-        stress = self.self_stress()
-        if not len(stress.states):
-            return stress.feasible  # says why not
-        numbers = [self.member_number(m) for m in prestrain]
-        for number in numbers:
-            if not self.is_string[number]:
-                raise TensegrityError(
-                    f"prestrain of bar {number}: strings are numbered from {self.bars} to "
-                    f"{len(self.ends) - 1}"
-                )
-        if len(numbers) != len(stress.states):
-            raise TensegrityError(
-                f"prestrain of {len(numbers)} strings, must be of {len(stress.states)}: that many "
-                "states of self-stress has this shape"
-            )
-        values = np.array(
-            [check.number(f"prestrain of string {m}", x, above=-1) for m, x in prestrain.items()]
-        )
-        wanted = self.stiffnesses[numbers] * values / (1 + values)
-        part = stress.states[:, numbers].T
-        if np.linalg.cond(part) > 1e10:
-            raise TensegrityError(
-                f"the prestrains of strings {', '.join(map(str, numbers))} do not determine the "
-                "self-stress: choose others"
-            )
-        return np.asarray(np.linalg.solve(part, wanted) @ stress.states)
 
     def member_number(self, member: object) -> int:
         """The number of a member that a user names, checked."""
@@ -440,144 +398,3 @@ class Structure(ReadOnly):
             f"Structure({self.nodes} nodes in {self.dim} dimensions, {self.bars} bars, "
             f"{self.strings} strings, {int(self.slack.sum())} of them slack)"
         )
-
-
-@dataclass(frozen=True)
-class Equilibrium:
-    """A state of equilibrium under loads.
-
-    Attributes
-    ----------
-    structure : Structure
-        At the new positions.
-    loads : ndarray, (nodes, dim)
-        [N].
-    supports : Supports or None
-    """
-
-    structure: Structure
-    loads: Array
-    supports: Supports | None
-
-    @property
-    def positions(self) -> Array:
-        """[m], (nodes, dim)."""
-        return self.structure.positions
-
-    @property
-    def tensions(self) -> Array:
-        """Of the members [N], (members,)."""
-        return self.structure.tensions
-
-    @property
-    def slack(self) -> Flags:
-        """Which members are slack strings, (members,)."""
-        return self.structure.slack
-
-    @cached_property
-    def stable(self) -> bool:
-        """Whether it is a minimum of the energy under these loads and supports."""
-        return self.structure.is_stable(self.supports)
-
-    @cached_property
-    def reactions(self) -> Array:
-        """Forces that supports exert on the nodes [N], (nodes, dim)."""
-        return self.structure.members.gradient(self.positions) - self.loads
-
-
-def equilibrium(
-    structure: Structure,
-    loads: Mapping[int, Sequence[float]] | None = None,
-    supports: Supports | None = None,
-) -> Equilibrium:
-    """The equilibrium under constant loads, found downhill in energy from the positions.
-
-    Parameters
-    ----------
-    structure : Structure
-    loads : dict, optional
-        {node: force (dim,) [N]}.
-    supports : Supports, optional
-        By default none: the loads must then be in equilibrium themselves.
-
-    Returns
-    -------
-    Equilibrium
-
-    Raises
-    ------
-    EquilibriumError
-        If the supports leave rigid motions on which the loads do work, or nothing carries them.
-    """
-    check.kind("structure", structure, Structure)
-    if supports is not None:
-        check.kind("supports", supports, Supports, ": made by held(...) or plates(...)")
-    forces = nodal(structure, loads)
-    freedom = structure.freedom(supports)
-    x = settle(structure.members, freedom, structure.positions, forces)
-    return Equilibrium(structure.at(x), fixed(forces), supports)
-
-
-def nodal(structure: Structure, loads: Any) -> Array:
-    """Loads as an array (nodes, dim)."""
-    result = np.zeros(structure.positions.shape)
-    if loads is None:
-        return result
-    if not isinstance(loads, Mapping):
-        raise TensegrityError(f"loads {check.shown(loads)} must be a dict {{node: force}}")
-    for node, force in loads.items():
-        number = check.whole("loaded node", node, least=0)
-        if number >= structure.nodes:
-            raise TensegrityError(f"loaded node {number} must be below {structure.nodes}")
-        result[number] = check.vector(f"load of node {number}", force, (structure.dim,))
-    return result
-
-
-def _platforms(given: Any, nodes: int) -> tuple[tuple[int, ...], ...]:
-    try:
-        groups = tuple(tuple(group) for group in given)
-    except TypeError:
-        raise TensegrityError(f"platforms {check.shown(given)} must list nodes of each") from None
-    numbers = [check.whole("node of a platform", n, least=0) for group in groups for n in group]
-    for number in numbers:
-        if number >= nodes or numbers.count(number) > 1:
-            raise TensegrityError(
-                f"node {number} of a platform must be below {nodes} and on one platform only"
-            )
-    return groups
-
-
-def _pairs(name: str, given: Any, nodes: int) -> Indices:
-    try:
-        listed = [tuple(pair) for pair in given]
-    except TypeError:
-        raise TensegrityError(f"{name}s {check.shown(given)} must be pairs of nodes") from None
-    for pair in listed:
-        if len(pair) != 2:
-            raise TensegrityError(f"{name} {check.shown(pair)} must join two nodes")
-        for node in pair:
-            if check.whole(f"node of a {name}", node, least=0) >= nodes:
-                raise TensegrityError(f"node {node} of a {name} must be below {nodes}")
-        if pair[0] == pair[1]:
-            raise TensegrityError(f"{name} joins node {pair[0]} to itself: its length is 0 m")
-    return np.array(listed, dtype=np.int64).reshape(-1, 2)
-
-
-def _refuse_double(ends: Indices, bars: int) -> None:
-    first: dict[tuple[int, int], int] = {}
-    for number, (i, j) in enumerate(np.sort(ends, axis=1).tolist()):
-        if (i, j) in first:
-            words = [f"{'bar' if m < bars else 'string'} {m}" for m in (first[i, j], number)]
-            raise TensegrityError(f"{words[0]} and {words[1]} both join nodes {i} and {j}")
-        first[i, j] = number
-
-
-def _each(name: str, given: ArrayLike, count: int, unit: str) -> Array:
-    values = check.floats(name, given)
-    if values.shape not in ((), (count,)):
-        raise TensegrityError(f"{name} has shape {values.shape}, must be one or ({count},)")
-    bad = np.flatnonzero(~((values > 0) & np.isfinite(values)))
-    if bad.size:
-        worst = values.ravel()[bad[0]]
-        raise TensegrityError(f"{name} {worst:g} {unit} must be finite and above 0")
-    return np.broadcast_to(values, (count,)).copy()

@@ -1,0 +1,104 @@
+"""Equilibria of a structure along a path, as a table."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tensegrity.branches.table import Event, Table
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+    from typing import Any
+
+    from matplotlib.axes import Axes
+
+    from tensegrity.structures.structure import Structure
+    from tensegrity.structures.supports import Supports
+    from tensegrity.typing import Array, Flags
+
+LABELS = {
+    "shortening": "shortening [m]",
+    "load": "load [N], compression > 0",
+    "control": "control",
+}
+
+
+class StructurePath(Table):
+    """Equilibria of a structure as a table.
+
+    Attributes
+    ----------
+    shortening, load : ndarray, (rows,)
+        Displacement in the direction of the load [m] and total load [N]; of a path of control
+        the column is `control`, from 0 to 1.
+    stable_load, stable_height : ndarray of bool, (rows,)
+        Stability against all motions that the supports leave, under given (dead) load and under
+        given shortening; of a path of control both under given natural lengths.
+    tensions : ndarray, (rows, members)
+        [N]; columns "tension 0" and so on.
+    slack : ndarray of bool, (rows, members)
+    positions : ndarray, (rows, nodes, dim)
+        [m].
+    events : tuple of Event
+        Kinds "slack" (also where strings become taut again, see the note), "fold", "turn",
+        "bifurcation", "plate", "contact"; each has the columns as attributes.
+    structure : Structure
+        Where the path starts.
+    end : str
+    """
+
+    load: Array
+    shortening: Array
+    stable_load: Flags
+    stable_height: Flags
+    positions: Array
+    slack: Flags
+
+    def __init__(
+        self,
+        structure: Structure,
+        columns: Mapping[str, Any],
+        events: Iterable[Event],
+        end: str,
+        positions: Array,
+        slack: Flags,
+        supports: Supports | None,
+    ) -> None:
+        super().__init__(columns, events, end)
+        self.structure, self.positions, self.slack = structure, positions, slack
+        self.supports = supports
+
+    def __getitem__(self, key: Any) -> Any:
+        part = super().__getitem__(key)
+        if isinstance(key, slice):
+            part.positions, part.slack = self.positions[key], self.slack[key]
+        return part
+
+    @property
+    def tensions(self) -> Array:
+        """[N], (rows, members)."""
+        count = len(self.structure.ends)
+        return np.column_stack([self.columns[f"tension {m}"] for m in range(count)])
+
+    def __str__(self) -> str:
+        shown = [name for name in self.columns if not name.startswith("tension")]
+        lines = [f"{self.structure}", f"  {len(self)} equilibria"]
+        for word, row in (("from", self[0]), ("to", self[-1])):
+            lines.append(f"  {word} " + ", ".join(f"{n} {row[n]:.6g}" for n in shown[:2]))
+        for event in self.events:
+            note = event.note and f": {event.note}"
+            at = ", ".join(f"{name} {event.at[name]:.6g}" for name in shown[:2])
+            lines.append(f"  {event.kind} at {at}{note}")
+        return "\n".join([*lines, f"  ends: {self.end}"])
+
+    def plot(  # type: ignore[override]
+        self, x: str = "", y: str = "", axes: Axes | None = None
+    ) -> Axes:
+        """Draw one column against another, events marked; returns the Matplotlib axes."""
+        first, second = list(self.columns)[:2]
+        return super().plot(x or first, y or second, axes, LABELS)
+
+    def _draw(self, axes: Axes) -> Axes:
+        return self.plot(axes=axes)

@@ -1,0 +1,358 @@
+"""A path of a structure while it is followed: piece by piece, from corner to corner.
+
+A path is made of smooth pieces, each with given strings taut, followed by arc length; where a
+string goes slack or taut a new piece begins, and where a path loses stability the stable branch may
+be taken.  Stability is counted in eigenvalues of the tangent below 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tensegrity.branches.arclength import Point
+from tensegrity.branches.continuation import ContinuationError, Settings, trace
+from tensegrity.branches.events import between
+from tensegrity.branches.many import ManyProblem
+from tensegrity.branches.table import Event
+from tensegrity.errors import EquilibriumError
+from tensegrity.readonly import fixed
+from tensegrity.structures.corner import chosen, piece_stretch, rays
+from tensegrity.structures.equations import Loading, Piece
+from tensegrity.structures.solve import NEUTRAL
+from tensegrity.structures.structure_path import StructurePath
+from tensegrity.structures.switch import branches_off
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from tensegrity.branches.continuation import Branch
+    from tensegrity.structures.structure import Structure
+    from tensegrity.structures.supports import Supports
+    from tensegrity.typing import Array, Indices
+
+SETTINGS = Settings(tolerance=1e-8, largest=0.05, points=4000)
+FIRST = 300  # rows of a piece that are followed before it is looked whether the path leaves it
+CORNER = 1e-10  # stretch below which a string is at its natural length where a piece ends
+PIECES = 100
+AROUND = 12  # points around a bifurcation from which it is interpolated
+NOW = 1e-9  # of the size of the structure: bars that are nearer meet
+ENDS = {
+    "contact": "two bars meet",
+    "plate": "a node reaches a plate",
+    "flat": "the plates meet",
+    "load": "the load asked for",
+    "height": "the shortening asked for",
+    "control": "the natural lengths asked for",
+    "back": "back at the natural lengths of the start",
+    "nothing": "no equilibrium leaves this corner",
+    "snap": "no stable branch leaves this bifurcation: the structure snaps",
+    "pieces": f"{PIECES} pieces do not reach an end",
+}
+
+
+@dataclass
+class _Part:
+    """A traced piece, cut where the path leaves it."""
+
+    piece: Piece
+    u: Array
+    negative: Array  # numbers of negative eigenvalues, (rows, 2): given load, given shortening
+
+
+class Walk:
+    """A path while it is followed."""
+
+    def __init__(
+        self, structure: Structure, supports: Supports | None, loading: Loading, branch: str
+    ) -> None:
+        self.structure, self.supports, self.of, self.branch = structure, supports, loading, branch
+        self.parts: list[_Part] = []
+        self.events: list[tuple[str, int, Array, Piece, str]] = []  # kind, row, u, piece, note
+        self.rows = 0
+        self.end = ""
+
+    def path(self) -> StructurePath:
+        """Follow it from the start to its end."""
+        u = np.zeros(self.of.free + 1)
+        none = np.zeros(len(self.structure.ends), bool)
+        stretch = piece_stretch(self.of, u, none)
+        corner = self._at_corner(stretch)
+        taut = ~self.of.members.pulls_only | (stretch > 0)
+        sense = 1
+        if len(corner):
+            whole = np.ones(len(taut), bool)
+            softest = np.linalg.eigvalsh(Piece(self.of, whole, corner, stretch).tangent(u))[0]
+            if not softest > NEUTRAL * float(self.of.members.stiffness.max()):
+                raise EquilibriumError(
+                    f"{len(corner)} strings are without tension at the start and a motion is "
+                    f"without stiffness (smallest eigenvalue {softest:.3g} N/m): no branch is "
+                    "determined; give it some prestress"
+                )
+            ray = chosen(rays(self.of, u, taut, corner), self.branch, corner)
+            if ray is None:
+                raise EquilibriumError(
+                    f"{len(corner)} strings are at their natural length at the start and no "
+                    "equilibrium leads away from it"
+                )
+            taut, sense = ray.taut, ray.sense
+        for _ in range(PIECES):
+            piece = Piece(self.of, taut, corner, stretch)
+            found = self._piece(piece, u, sense)
+            if found is None:
+                break
+            u, taut, corner, sense = found
+            stretch = piece_stretch(self.of, u, taut)
+        else:
+            self.end = ENDS["pieces"]
+        return self._made()
+
+    def _at_corner(self, stretch: Array) -> Indices:
+        return np.flatnonzero(self.of.members.pulls_only & (np.abs(stretch) <= CORNER))
+
+    def _piece(self, piece: Piece, u: Array, sense: int, points: int = FIRST) -> Any:
+        """Follow one piece; where and how the next begins, or None at the end of the path."""
+        problem = ManyProblem(piece)
+        stop = [name for name in piece.roots if not name.startswith("contact")]
+        try:
+            traced = trace(problem, u, (), replace(SETTINGS, points=points), sense, stop)
+            reason = traced.end
+        except ContinuationError as error:
+            if error.branch is None or len(error.branch) < 2:
+                self.end = f"the path could not be followed: {error}"
+                if not self.parts:
+                    raise EquilibriumError(self.end) from None
+                return None
+            traced, reason = error.branch, f"failed: {error}"
+        rows = traced.z
+        negative = np.array([self._negative(piece, x) for x in rows])
+        events = [
+            (e.kind, e.row, np.array([e.at[name] for name in problem.unknowns]))
+            for e in traced.events
+            if e.kind != "bifurcation"
+        ]
+        found = self._bifurcation(problem.machine, traced, negative, events)
+        leaves = None
+        joins = self._joins(piece, traced, negative, events)
+        found = sorted([*found, joins] if joins else found, key=lambda e: e[0])
+        for row, point, count in found:
+            events.append((f"bifurcation {count}", row, point))
+            if self.branch == "stable" and leaves is None and negative[row, 1] == 0:
+                leaves = row, point
+        met = self._contact(piece, events)
+        if len(traced) >= points < SETTINGS.points and leaves is None and met is None:
+            return self._piece(piece, u, sense, SETTINGS.points)
+        last = len(rows) - 1
+        if leaves and (met is None or leaves[0] <= met[0]):
+            rows, last = np.vstack([rows[: leaves[0] + 1], leaves[1]]), leaves[0]
+            negative = np.vstack([negative[: leaves[0] + 1], negative[leaves[0]]])
+            reason = "leaves"
+        elif met is not None:
+            rows, last = np.vstack([rows[: met[0] + 1], met[1]]), met[0]
+            negative = np.vstack([negative[: met[0] + 1], negative[met[0]]])
+            reason = "contact"
+        strings = [k for k, *_ in events if k.startswith("string")]
+        for kind, row, point in sorted(events, key=lambda e: e[1]):
+            beyond = row > last or (row == last and reason in ("leaves", "contact"))
+            name = kind.split()[0]
+            first = name == "contact" and point is not (met[1] if met else None)
+            if name in ("string", "load", "height", "back") or first:
+                continue
+            if beyond and not (name == "bifurcation" and leaves and point is leaves[1]) and not (
+                name == "contact" and reason == "contact"
+            ):  # fmt: skip
+                continue
+            self.events.append((name, self.rows + row, point, piece, _note(kind)))
+        skip = 1 if self.parts else 0
+        self.parts.append(_Part(piece, rows[skip:], negative[skip:]))
+        self.rows += len(rows) - skip
+        u = rows[-1]
+        if reason == "leaves":
+            return self._switched(piece, u, leaves)
+        if strings and reason.startswith("string"):
+            return self._turned(piece, u, -1 if traced.tangent[-1, -1] < 0 else 1)
+        word = "height" if reason == "height" else reason.split()[0]
+        if self.of.pattern is None and word == "height":
+            word = "control"
+        self.end = ENDS.get(word, reason)
+        return None
+
+    def _turned(self, piece: Piece, u: Array, arrived: int) -> Any:
+        """The piece that begins where strings are at natural length."""
+        stretch = piece.stretch(u)
+        corner = self._at_corner(stretch)
+        row = self.rows - 1
+        loose = corner[piece.taut[corner]]
+        tight = corner[~piece.taut[corner]]
+        words = [f"{_listed(loose)} slack"] if len(loose) else []
+        words += [f"{_listed(tight)} taut again"] if len(tight) else []
+        x = self.of.at(u)
+        volume, within = self.of.crossing(x)
+        if ((np.abs(volume) <= NOW) & within & (np.abs(piece.volume) > NOW)).any():
+            self.events.append(("slack", row, u, piece, ", ".join(words)))
+            self.events.append(("contact", row, u, piece, "bars meet"))
+            self.end = ENDS["contact"]
+            return None
+        found = rays(self.of, u, piece.taut, corner, arrived)
+        ray = chosen(found, self.branch, corner)
+        if ray is not None and len(corner) > 1:
+            kept = int(ray.taut[corner].sum())
+            words.append(f"{kept} of {len(corner)} at the corner taut beyond it")
+        if ray is not None and ray.sense != arrived:
+            words.append("the path turns back")
+        self.events.append(("slack", row, u, piece, ", ".join(words)))
+        if ray is None:
+            self.end = ENDS["nothing"]
+            return None
+        return u, ray.taut, corner, ray.sense
+
+    def _switched(self, piece: Piece, u: Array, leaves: Any) -> Any:
+        """The stable branch that leaves a bifurcation."""
+        found = branches_off(piece, u, self._inner(piece, u))
+        if found is None:
+            self.end = ENDS["snap"]
+            return None
+        stretch = piece_stretch(self.of, found, piece.taut)
+        taut = ~self.of.members.pulls_only | (stretch >= 0)
+        return found, taut, np.zeros(0, dtype=np.int64), 1
+
+    # stability
+
+    def _inner(self, piece: Piece, u: Array) -> Array:
+        """Tangent where the last unknown is given."""
+        stiff = piece.tangent(u)
+        return stiff if self.of.pattern is None else stiff[:-1, :-1]
+
+    def _negative(self, piece: Piece, u: Array) -> tuple[int, int]:
+        """Negative eigenvalues under given load, and where the last unknown is given."""
+        stiff = piece.tangent(u)
+        bound = -NEUTRAL * float(self.of.members.stiffness.max())
+        if self.of.pattern is None:
+            count = int(np.sum(np.linalg.eigvalsh(stiff) < bound))
+            return count, count
+        scale = np.ones(len(stiff))  # the last motion is of 1 m of shortening: made as the others
+        scale[-1] = np.sqrt(self.of.along @ self.of.along)
+        stiff = stiff * scale[:, None] * scale
+        return (
+            int(np.sum(np.linalg.eigvalsh(stiff) < bound)),
+            int(np.sum(np.linalg.eigvalsh(stiff[:-1, :-1]) < bound)) if len(stiff) > 1 else 0,
+        )
+
+    def _bifurcation(
+        self, machine: Any, traced: Branch, negative: Array, events: Any
+    ) -> list[tuple[int, Array, int]]:
+        """Where eigenvalues change their sign other than by a turn: (row, point, how many)."""
+        name = "turn" if self.of.pattern is not None else "fold"
+        turns = [row for kind, row, _ in events if kind == name]
+        found = []
+        scaled = np.arcsinh(traced.z / machine.scale)
+        for row in np.flatnonzero(np.diff(negative[:, 1])).tolist():
+            count = abs(int(negative[row + 1, 1] - negative[row, 1]))
+            count -= sum(t in (row, row + 1) for t in turns) if row in turns else 0
+            if count < 1:
+                continue
+            ends = [
+                Point(
+                    machine.m, np.concatenate([scaled[i], traced.tangent[i]]), 0.0,
+                    float(traced.arc[i] - traced.arc[max(i - 1, 0)]), 0.0, [],
+                )
+                for i in (row, row + 1)
+            ]  # fmt: skip
+            found.append((row, self._located(machine, ends, int(negative[row, 1])), count))
+        return found
+
+    def _joins(
+        self, piece: Piece, traced: Branch, negative: Array, events: Any
+    ) -> tuple[int, Array, int] | None:
+        """The first turn at which a stable branch does not end but joins another one."""
+        if self.branch != "stable":
+            return None
+        name = "turn" if self.of.pattern is not None else "fold"
+        for kind, row, u in sorted(events, key=lambda e: e[1]):
+            stable = kind == name and traced.tangent[row, -1] > 0 and negative[row, 1] == 0
+            if stable and branches_off(piece, u, self._inner(piece, u)) is not None:
+                return row, u, 1
+        return None
+
+    def _located(self, machine: Any, ends: list[Point], below: int) -> Array:
+        """The point between two where the number of negative eigenvalues changes.
+
+        At the point itself the equations are singular, and round-off moves a solution along the
+        lost mode: so eigenvalue and unknowns are interpolated from points around it.
+        """
+        from numpy.polynomial import chebyshev
+
+        after = self._negative(machine.of, machine.unknowns(ends[1].z))[1]
+        number = below if after > below else below - 1
+        t = chebyshev.chebpts1(AROUND)
+        z = [machine.at(*between(ends[0], ends[1], (1 + part) / 2), None).z for part in t.tolist()]
+        us = [machine.unknowns(one) for one in z]
+        values = [np.linalg.eigvalsh(self._inner(machine.of, u))[number] for u in us]
+        roots = chebyshev.chebroots(chebyshev.chebfit(t, values, AROUND - 1))
+        real = roots.real[(np.abs(roots.imag) < 1e-6) & (np.abs(roots.real) <= 1 + 1e-6)]
+        if not real.size:
+            return np.asarray(us[int(np.argmin(np.abs(values)))])
+        return np.asarray(chebyshev.chebval(real.min(), chebyshev.chebfit(t, us, AROUND - 1)))
+
+    def _contact(self, piece: Piece, events: Any) -> tuple[int, Array] | None:
+        """The first place where bars meet within their lengths: (row, point)."""
+        pairs = [tuple(p) for p in self.of.pairs.tolist()]
+        found = []
+        for kind, row, u in events:
+            if kind.startswith("contact") and row > 0:
+                number = pairs.index(tuple(map(int, kind.split()[1:])))
+                if self.of.crossing(self.of.at(u))[1][number]:
+                    found.append((row, u))
+        return min(found, key=lambda e: e[0]) if found else None
+
+    # what came out
+
+    def _made(self) -> StructurePath:
+        names, loaded = ["shortening", "load"], self.of.pattern is not None
+        us = [u for part in self.parts for u in part.u]
+        pieces = [part.piece for part in self.parts for _ in part.u]
+        negative = np.concatenate([part.negative for part in self.parts])
+        columns = self._columns(us, pieces)
+        columns |= {"stable_load": negative[:, 0] == 0, "stable_height": negative[:, 1] == 0}
+        order = [*(names if loaded else ["control", "work"]), "stable_load", "stable_height"]
+        columns = {n: columns[n] for n in (*order, *(n for n in columns if n not in order))}
+        events = []
+        for kind, row, u, piece, note in self.events:
+            at = self._columns([u], [piece])
+            events.append(Event(kind, row, {k: float(v[0]) for k, v in at.items()}, note))
+        positions = np.array([self.of.at(u) for u in us])
+        slack = np.array([~piece.taut for piece in pieces])
+        return StructurePath(
+            self.structure, columns, events, self.end, fixed(positions), fixed(slack),
+            self.supports,
+        )  # fmt: skip
+
+    def _columns(self, us: list[Array], pieces: list[Piece]) -> dict[str, Array]:
+        tensions = np.array([piece.tensions(u) for piece, u in zip(pieces, us, strict=True)])
+        if self.of.pattern is not None:
+            columns = {"shortening": np.array([u[-1] for u in us]) + 0.0,
+                       "load": np.array([u[-2] for u in us]) + 0.0}  # fmt: skip
+        else:
+            stored = np.sum(tensions**2 / (2 * self.of.members.stiffness), axis=1)
+            start = self.structure.members.energy(self.structure.positions)
+            carried = np.array([self.of.weight @ self.of.coordinates(u) for u in us])
+            columns = {"control": np.array([u[-1] for u in us]), "work": stored - start - carried}
+        return columns | {f"tension {m}": t for m, t in enumerate(tensions.T)}
+
+
+def _listed(members: Indices) -> str:
+    word = "string" if len(members) == 1 else "strings"
+    return f"{word} {', '.join(map(str, members.tolist()))}"
+
+
+def _note(kind: str) -> str:
+    word, *rest = kind.split()
+    if word == "contact":
+        return f"bars {rest[0]} and {rest[1]} meet" if rest else "bars meet"
+    if word == "plate":
+        return f"node {rest[0]} reaches the {rest[1]} plate"
+    if word == "bifurcation":
+        return f"{rest[0]} modes at once" if rest and int(rest[0]) > 1 else ""
+    return ""
