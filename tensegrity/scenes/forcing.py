@@ -280,8 +280,8 @@ def checked(scene: Any, drive: Any, damping: Any, tune: Any = None) -> dict[str,
         len(scene.springs) > _bonds(scene) or any(x != different[0] for x in different)
     ):
         raise TensegrityError(
-            f"tune needs one spring for all bonds and none of walls, there are "
-            f"{len(set(different))} and {len(scene.springs) - _bonds(scene)}"
+            f"tune needs one spring for all bonds, there are {len(set(different))}, and no "
+            f"contacts with walls, there are {len(scene.springs) - _bonds(scene)}"
         )
     for name, signal in signals.items():
         spring, begin = different[0], float(signal(np.array(0.0)))
