@@ -142,7 +142,7 @@ def table(tables):
     met_bars = np.isnan(fine)
     differ = ~met_bars & ((coarse != fine) | (change > SAME))
     others = ", ".join(
-        f"{columns['ratio'][k]:g} cs to {columns['k_cross'][k]:g} N/m"
+        f"{columns['ratio'][k]:g} cs to {columns['k_cross'][k]:g} N/m by {change[k]:.1g}"
         for k in np.flatnonzero(differ)
     )
     alike = change[~met_bars & ~differ].max(initial=0.0)

@@ -838,7 +838,7 @@ FAULTS = (
         "tests/test_driven.py::test_dashpots_in_bonds_slow_a_mode_at_the_reference_rate",
     ),
     Fault(
-        "tensegrity/engine/driven.py",
+        "tensegrity/engine/timed.py",
         "starts = origin + self._dt * np.arange(first, first + steps + 1)",
         "starts = origin + self._dt * np.arange(first, first + steps + 1) + self._dt",
         "tests/test_driven.py::test_a_mass_on_a_shaken_base_follows_the_closed_form",

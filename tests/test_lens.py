@@ -302,6 +302,16 @@ def test_pressure_asked_for_late_or_early_is_the_same():
     assert late == pytest.approx(soon, rel=1e-5)
 
 
+def test_an_end_without_a_peak_is_told():
+    ends, _ = smooth_ends(1.0)
+    point = np.array([0.0, 3.0])
+    (found,) = ends.peaks(point, np.array([7.0]), np.array([4.0]))
+    (near,) = ends.as_pistons(point, found + np.array([-1e-3, 0.0, 1e-3]))
+    assert near[1] == near.max()
+    with pytest.raises(TensegrityError, match=r"the end at x = 0 m has no peak at .* of 20 s"):
+        ends.peaks(point, np.array([20.0]), np.array([4.0]))
+
+
 # one-way coupling
 
 

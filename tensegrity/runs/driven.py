@@ -21,9 +21,10 @@ from tensegrity.errors import (
 )
 from tensegrity.progress import progress
 from tensegrity.runs import archive
+from tensegrity.runs.lanes import motion_of
 from tensegrity.runs.march import BLOCK
 from tensegrity.runs.march import march as march_on
-from tensegrity.runs.motion import Reached, motion_of
+from tensegrity.runs.motion import Reached
 from tensegrity.runs.rows import Rows
 from tensegrity.runs.run import Run
 from tensegrity.scenes.scene import State
