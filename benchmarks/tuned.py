@@ -14,9 +14,9 @@ import numpy as np
 
 from benchmarks._timing import table
 from tensegrity import Chain, Prism, Record, simulate
-from tensegrity.engine.driven import Change
 from tensegrity.engine.kernel import kernel
 from tensegrity.engine.methods import METHODS
+from tensegrity.engine.timed import Change
 from tensegrity.springs.tuned import Tuned
 
 STEPS, DT, ROUNDS = 200, 0.05, 3

@@ -1,4 +1,8 @@
-"""Which soft chains reflect a solitary rarefaction wave, and which answer with compression."""
+"""Which soft chains reflect a solitary rarefaction wave, and which answer with compression.
+
+Each interface is run twice, with a step and rows and with twice as many of both.  What leads is the
+first pulse above a level, and a small change may make another one the first: the map says where.
+"""
 
 from __future__ import annotations
 
@@ -16,6 +20,8 @@ HEIGHT, PRESTRAIN, PRELOAD = 0.8, 2.6e-3, 0.005  # of the soft prism; N
 RATIOS = (1.03, 1.06, 1.1, 1.16)  # speeds of the wave over sound
 STIFFNESSES = (0.25, 1.0, 4.0, 10.0)  # N/m, of the cross strings of the soft prism
 STEP, HALVINGS = 0.08, 4  # s, and how often it may be halved where the bars nearly meet
+ROW = 0.32  # s between rows of the coarser runs
+SAME = 1e-3  # of a speed over sound: resolutions that differ by more say different things
 TIMED = 300, 400  # bonds before the interface
 SIZES = 460, 1200  # bonds of either part
 
@@ -27,37 +33,41 @@ def answer(ratio, k_cross):
     -------
     dict
         rho: acoustics; back, on: speeds of the first large pulses over sound there, with the
-        sign of their elongation; nan where the bars meet.
+        sign of their elongation; nan where the bars meet.  coarse back, coarse on: the same at
+        twice the step, with half as many rows.
     """
     soft = _scenes.rigid(HEIGHT, PRESTRAIN, PRELOAD, k_cross)
     case = Case(_scenes.softening(PRELOAD), soft, ratio, STEP, *SIZES)
     wave, scene = composite(case)
     bonds = [case.before - bond for bond in TIMED] + [case.before + bond for bond in PASSED]
-    rho = acoustics(case)
+    sites = [site for bond in bonds for site in (bond, bond + 1)]
+    found = {"rho": acoustics(case)}
     try:
-        run = followed(scene, [site for bond in bonds for site in (bond, bond + 1)])
+        coarse = followed(scene, sites, STEP)
+        runs = {"coarse ": coarse, "": followed(scene, sites, coarse.dt / 2, ROW / 2)}
     except TensegrityError:  # the bars meet, or so nearly that no step follows
-        return {"rho": rho, "back": np.nan, "on": np.nan}
+        runs = {}
+    for name in ("coarse ", ""):
+        for where in ("back", "on"):
+            found[f"{name}{where}"] = np.nan
     gone = met(wave) + 0.9 * TIMED[0] / wave.sound_speed
-    back, crest = _measure.leader(run, bonds[:2], after=gone)
-    on, further = _measure.leader(run, bonds[2:])
-    return {
-        "rho": rho,
-        "back": np.copysign(back / wave.sound_speed, crest),
-        "on": np.copysign(on / sound_speed(soft), further),
-    }
+    for name, run in runs.items():
+        back, crest = _measure.leader(run, bonds[:2], after=gone)
+        on, further = _measure.leader(run, bonds[2:])
+        found[f"{name}back"] = np.copysign(back / wave.sound_speed, crest)
+        found[f"{name}on"] = np.copysign(on / sound_speed(soft), further)
+    return found
 
 
-def followed(scene, sites, halvings=HALVINGS):
+def followed(scene, sites, dt, between=ROW, halvings=HALVINGS):
     """A run with the largest of a few steps that is stable throughout."""
-    dt = STEP / 2 ** (HALVINGS - halvings)
     try:
-        record = Record(every=round(0.32 / dt), sites=sites)
+        record = Record(every=round(between / dt), sites=sites)
         return simulate(*scene, method="rkn6", dt=dt, record=record)
     except StabilityError:
         if not halvings:
             raise
-        return followed(scene, sites, halvings - 1)
+        return followed(scene, sites, dt / 2, between, halvings - 1)
 
 
 def data():
@@ -71,6 +81,25 @@ def data():
     return {"map": columns}
 
 
+def verdicts(columns, name=""):
+    """Of each interface: 1 a supersonic rarefaction leads back, -1 a supersonic compression on, 2
+    both, 0 neither, nan where the bars meet."""
+    back, on = (np.array(columns[f"{name}{key}"], dtype=float) for key in ("back", "on"))
+    soliton, compression = back > 1, on < -1
+    found = np.where(soliton & compression, 2, np.where(soliton, 1, np.where(compression, -1, 0)))
+    return np.where(np.isnan(back), np.nan, found)
+
+
+def moved(columns):
+    """Largest change of a speed over sound from one resolution to the other, of each interface;
+    inf where another pulse leads, nan where the bars meet."""
+    changes = []
+    for key in ("back", "on"):
+        coarse, fine = (np.array(columns[f"{x}{key}"], dtype=float) for x in ("coarse ", ""))
+        changes.append(np.where(coarse * fine < 0, np.inf, np.abs(coarse - fine)))
+    return np.max(changes, axis=0)
+
+
 def in_words(speed):
     """A signed speed over sound."""
     return f"{'rarefaction' if speed > 0 else 'compression'} {abs(speed):.4f} c$_s$"
@@ -80,10 +109,16 @@ def draw(figure, tables):
     """A cell for each speed and soft prism."""
     figure.set_size_inches(9, 5.5)
     ax, columns = figure.subplots(), tables["map"]
-    for k, (back, on) in enumerate(zip(columns["back"], columns["on"], strict=True)):
+    colours = {2: "C3", 1: "C1", -1: "C0"}
+    both = zip(verdicts(columns, "coarse "), verdicts(columns), strict=True)
+    changes = moved(columns)
+    for k, (pair, change) in enumerate(zip(both, changes, strict=True)):
         x, y = k % len(STIFFNESSES), k // len(STIFFNESSES)
-        colour = "C1" if back > 1 else "C0" if on < -1 else "0.85"
-        ax.scatter(x, y, 900, c=colour, marker="s")
+        back, on = columns["back"][k], columns["on"][k]
+        for shift, one in zip((-0.07, 0.07), pair, strict=True):
+            if change > SAME:
+                ax.scatter(x + shift, y, 1000, c="k", marker="s", zorder=1)
+            ax.scatter(x + shift, y, 700, c=colours.get(one, "0.85"), marker="s", zorder=2)
         text = "the bars meet" if np.isnan(back) else f"{in_words(back)}\n{in_words(on)}"
         ax.annotate(text, (x, y), (0, -38), textcoords="offset points", ha="center", fontsize=8)
         ax.annotate(f"{columns['rho'][k]:+.2f}", (x, y), ha="center", va="center", fontsize=8)
@@ -92,24 +127,34 @@ def draw(figure, tables):
     ax.set(xlabel="k_cross of the soft prism [N/m]", ylabel="speed of the rarefaction wave / sound")
     ax.set(xlim=(-0.6, len(STIFFNESSES) - 0.4), ylim=(-0.7, len(RATIOS) - 0.5))
     title = (
-        "orange: a supersonic rarefaction leads back; blue: a supersonic compression leads on\n"
-        "in the square: acoustics; below: what leads back, what leads on"
+        "orange: a supersonic rarefaction leads back; blue: a supersonic compression leads on; red "
+        "both; grey neither\nleft half of a square: coarser, right half: twice as fine; framed: "
+        f"speeds differ by more than {SAME:g}\n"
+        "in the square: acoustics; below: what leads back, what leads on, finer run"
     )
     ax.set_title(title, fontsize=10)
 
 
 def table(tables):
     """Row for the table of the group."""
-    back, on = (np.array(tables["map"][key], dtype=float) for key in ("back", "on"))
-    soliton, compression = back > 1, on < -1
+    columns = tables["map"]
+    coarse, fine, change = verdicts(columns, "coarse "), verdicts(columns), moved(columns)
+    met_bars = np.isnan(fine)
+    differ = ~met_bars & ((coarse != fine) | (change > SAME))
+    others = ", ".join(
+        f"{columns['ratio'][k]:g} cs to {columns['k_cross'][k]:g} N/m by {change[k]:.1g}"
+        for k in np.flatnonzero(differ)
+    )
+    alike = change[~met_bars & ~differ].max(initial=0.0)
     return [
         _measure.row(
             f"composite, rarefaction at {RATIOS[0]} to {RATIOS[-1]} cs, hard to soft, "
-            f"{len(back)} interfaces",
+            f"{len(fine)} interfaces",
             "reflected solitary rarefaction wave and a train of compression pulses",
-            f"a supersonic rarefaction leads back in {soliton.sum()}, a supersonic compression "
-            f"leads on in {compression.sum()}, both in {(soliton & compression).sum()}: not "
-            f"reproduced in one; the bars meet in {np.isnan(back).sum()}",
-            "speeds between two bonds",
+            f"a supersonic rarefaction leads back in {np.isin(fine, (1, 2)).sum()}, a supersonic "
+            f"compression leads on in {np.isin(fine, (-1, 2)).sum()}, both in {(fine == 2).sum()}: "
+            f"not reproduced in one; the bars meet in {met_bars.sum()}",
+            f"two resolutions agree to {alike:.1g} of a speed in {(~met_bars & ~differ).sum()}, "
+            f"and differ in {differ.sum()}{f': {others}' if others else ''}",
         )
     ]

@@ -16,7 +16,7 @@ from granular.guide import Guide
 from granular.layout import Layout, Piece
 from granular.materials import Material
 from granular.pack import Pack
-from tensegrity.runs.archive import register
+from tensegrity.runs.archive import in_time, register
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -29,17 +29,15 @@ def keep_scenes() -> None:
         register(kind, _fields)
     for kind in (BeadChain, Guide):
         register(kind, _scene, _again(kind))
-    register(Pack, lambda scene: None if scene.is_driven else dict(scene._made_of))
+    register(Pack, lambda scene: {**scene._made_of, **in_time(scene)})
 
 
 def _fields(x: Any) -> dict[str, Any]:
     return {field.name: getattr(x, field.name) for field in fields(x)}
 
 
-def _scene(x: Any) -> dict[str, Any] | None:
-    if x.is_driven:
-        return None  # by functions of time, which no file holds
-    return {**x._made_of, "contacts": x._contacts}
+def _scene(x: Any) -> dict[str, Any]:
+    return {**x._made_of, "contacts": x._contacts, **in_time(x)}
 
 
 def _again(kind: Callable[..., Any]) -> Callable[..., Any]:

@@ -7,16 +7,18 @@ import pytest
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-from figures import _composite, _composite_search, composite
+from figures import _composite, _composite_search, composite, wave_composite_map
 from tensegrity import Chain, Prism, Record, simulate, solitary_wave
+from tensegrity.errors import RangeError
 from tensegrity.measure.budget import beyond
+from tensegrity.prisms.condensed import ElasticPotential
 from tensegrity.waves.asymptotics import sound_speed
 from tensegrity.waves.family import Family
 from tensegrity.waves.solitary import rough_wave
 
 pytestmark = pytest.mark.needs_compiler  # minutes without
 
-WINNER = 0  # seed of the interface that does both
+WINNER, SECOND = 0, 18  # seeds of the interfaces that do both
 RIGID = Prism(1.0, 0.8, 0.02, 1.0).potential()
 
 
@@ -166,6 +168,49 @@ def test_a_stored_interface_of_prisms_does_both():
     near, far, pushed = one.momenta()
     assert near + far == pytest.approx(1, abs=1e-9)
     assert pushed < far < 0  # pushes: what follows the reflected rarefaction pays for it
+
+
+def test_where_a_motion_leaves_the_polynomials_the_prisms_themselves_are_taken(monkeypatch):
+    named = next(named for kind, seed, named in composite.best() if seed == WINNER)
+    asked = []
+
+    def outcome(real, *_):
+        asked.append(real.near)
+        if len(asked) == 1:
+            raise RangeError("elongation 1 m is beyond 0.9 m")
+        return "outcome"
+
+    monkeypatch.setattr(_composite, "outcome", outcome)
+    real, one = composite.verified(named)
+    assert one == "outcome"
+    assert [type(spring).__name__ for spring in asked] == ["Polynomial", "ElasticPotential"]
+    assert real.near is asked[1]
+
+
+@pytest.mark.slow
+def test_an_interface_of_two_elastic_prisms_does_both():
+    """Its motion leaves the polynomials."""
+    named = next(named for kind, seed, named in composite.best() if seed == SECOND)
+    real, one = composite.verified(named)
+    assert isinstance(real.near, ElasticPotential)
+    assert one.does_both
+    assert one.moved < 1e-6
+
+
+def test_a_map_of_two_resolutions_tells_where_they_differ():
+    nan = float("nan")
+    columns = {
+        "coarse back": [1.01, -0.99, 0.99, nan], "back": [1.0101, 1.02, -0.99, nan],
+        "coarse on": [1.2, -1.1, 1.3, nan], "on": [1.2, -1.1, 1.3, nan],
+    }  # fmt: skip
+    np.testing.assert_array_equal(wave_composite_map.verdicts(columns), [1, 2, 0, nan])
+    np.testing.assert_array_equal(wave_composite_map.verdicts(columns, "coarse "), [1, -1, 0, nan])
+    np.testing.assert_allclose(wave_composite_map.moved(columns), [1e-4, np.inf, np.inf, nan])
+    columns |= {"ratio": [1.1] * 4, "k_cross": [1.0, 2.0, 3.0, 4.0], "rho": [0.1] * 4}
+    (row,) = wave_composite_map.table({"map": columns})
+    assert "both in 1" in row["measured"]
+    assert row["method error"].startswith("two resolutions agree to 0.0001 of a speed in 1,")
+    assert "differ in 2: 1.1 cs to 2 N/m" in row["method error"]
 
 
 # what is drawn and printed

@@ -13,7 +13,6 @@ from tensegrity import (
     Chain,
     Damping,
     Drive,
-    Ensemble,
     LockingError,
     Network,
     Potential,
@@ -388,7 +387,7 @@ def run(forcing, t_end, **how):
     return simulate(chain, chain.at_rest(), t_end, **how)
 
 
-def test_bad_input_says_what_and_why(tmp_path):
+def test_bad_input_says_what_and_why():
     def refused(text, forcing, t_end=2.0, error=TensegrityError, **how):
         with pytest.raises(error, match=text):
             run(forcing, t_end, **({"dt": 0.05} | how))
@@ -414,14 +413,11 @@ def test_bad_input_says_what_and_why(tmp_path):
     refused("'rk4' is no splitting", {"drive": {0: SHAKER}}, method="rk4")
     refused("'gauss4' is no splitting", {"drive": {0: SHAKER}}, method="gauss4")
     refused("'corrected6' is no splitting", {"drive": {0: SHAKER}}, method="corrected6")
-    refused("recorded in memory", {"drive": {0: SHAKER}}, record=Record(path=tmp_path / "x.npy"))
     refused(r"dt 0.5 s is beyond 0.\d+ s for dashpots", {"damping": Damping(ground=20.0)}, dt=0.5,
             error=StabilityError)  # fmt: skip
     chain = Chain(CUBIC, 8, drive={0: Drive(displacement=0.1 * sp.cos(T))})
     with pytest.raises(TensegrityError, match=r"site 0 is at 0 m, its drive .* begins at 0.1 m"):
         simulate(chain, State(np.zeros(8), np.zeros(8)), 1.0, dt=0.1)
-    with pytest.raises(TensegrityError, match="scene 0 of an Ensemble: not for scenes that are"):
-        Ensemble(chain, 2)
     with pytest.raises(TensegrityError, match="a gradient: not for scenes that are driven"):
         gradient(objective.load(1), chain, chain.at_rest(), 1.0, dt=0.1)
     with pytest.raises(TensegrityError, match=r"bond damping has shape \(9,\), must be \(20,\)"):

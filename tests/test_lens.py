@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 from scipy.integrate import dblquad, solve_ivp
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import make_interp_spline
 from scipy.optimize import minimize_scalar
 
 from tensegrity import Chain, Lens, LockingError, Prism, Record, TensegrityError, simulate
@@ -143,7 +143,8 @@ def test_rays_from_the_centres_would_miss_by_a_hundredth_of_the_pulse():
     angle, r = 2 * np.pi * np.arange(48) / 48, radius * (nodes + 1) / 2
     for lane in (0, 10):
         spring = replace(PRISM, prestrain=one.chain_prestrains[lane]).potential()
-        push = CubicSpline(run.t, -spring.tension(run.u[:, 1, lane] - run.u[:, 0, lane]))
+        force = -spring.tension(run.u[:, 1, lane] - run.u[:, 0, lane])
+        push = make_interp_spline(run.t, force, k=7)
         x = one.places[lane] + r * np.cos(angle)[:, None]
         apart = np.sqrt(x**2 + (r * np.sin(angle)[:, None]) ** 2 + 20.0**2)
 
@@ -299,6 +300,16 @@ def test_pressure_asked_for_late_or_early_is_the_same():
     soon = lens().pressure(lens().focus, 39.0)
     late = lens().pressure(lens().focus, [39.0, 100.0])[0]
     assert late == pytest.approx(soon, rel=1e-5)
+
+
+def test_an_end_without_a_peak_is_told():
+    ends, _ = smooth_ends(1.0)
+    point = np.array([0.0, 3.0])
+    (found,) = ends.peaks(point, np.array([7.0]), np.array([4.0]))
+    (near,) = ends.as_pistons(point, found + np.array([-1e-3, 0.0, 1e-3]))
+    assert near[1] == near.max()
+    with pytest.raises(TensegrityError, match=r"the end at x = 0 m has no peak at .* of 20 s"):
+        ends.peaks(point, np.array([20.0]), np.array([4.0]))
 
 
 # one-way coupling

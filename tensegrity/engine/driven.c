@@ -8,6 +8,9 @@
    of the exponential function, in which prescribed velocities stand as polynomials.  In a network
    G turns with the bonds: such a drift is an extrapolated midpoint rule, of the method's order. */
 
+#ifndef BLOCK
+#define BLOCK 64
+#endif
 #define PARTS 8 /* sums at a time, so that additions do not wait for each other */
 #define ADD(n, term)                                                                        \
     ({                                                                                      \
@@ -36,29 +39,54 @@ typedef struct {
     const integer *ends;             /* (joined, 2) where the rows of bonds with dashpots begin */
     const real *apart;               /* (joined, DIM + 2) their geometry D, g, L */
     real *room;                      /* scratch: (levels + 3, 2 entries + 1) */
-    integer entries, moving, forcing, tuned, damped, degree, joined, levels;
+    real *stretch;                   /* scratch: (bonds) elongations, in the order of the loop */
+    integer entries, moving, forcing, damped, degree, joined, levels, bonds;
 } drive;
 
 /* Drifts: without dashpots, without those in bonds, with those of a chain, of a network. */
 enum { FREE, APART, JOINED, TURNING };
 
 #ifdef CHANGE
-/* The smallest and the largest elongation of a chain. */
-static void span(const scene *c, real *least, real *most)
+#ifdef DIM
+#define BONDS d->bonds
+#define STRETCH(i) d->stretch[i]
+/* Elongations of the bonds of a network, for what follows. */
+static void stretch(const scene *c, const drive *d)
 {
-    const integer bonds = c->first[1];
+    const integer n = c->contacts;
+    for (integer b = 0; b < d->bonds; b++) {
+        const real *at = c->u + c->from[b], *to = c->u + c->to[b];
+        real place[DIM], w[DIM], along[DIM];
+        AXES(k) place[k] = c->geometry[k * n + b], w[k] = to[k] - at[k];
+        pair_contact(
+            place, w, c->geometry[DIM * n + b], c->geometry[(DIM + 1) * n + b], d->stretch + b,
+            along);
+    }
+}
+#else
+#define BONDS c->first[1]
+#define STRETCH(i) (u[(i) + 1] - u[i])
+static void stretch(const scene *c, const drive *d) { (void)c, (void)d; }
+#endif
+
+/* The smallest and the largest elongation. */
+static void span(const scene *c, const drive *d, real *least, real *most)
+{
+    const integer bonds = BONDS;
     const real *restrict u = c->u;
     real low[BLOCK], high[BLOCK];
+    stretch(c, d);
     for (int i = 0; i < BLOCK; i++) low[i] = INFINITY, high[i] = -INFINITY;
 #define SPAN(n)                                                                             \
     EACH(n) {                                                                               \
-        const real r = u[j + i + 1] - u[j + i];                                             \
+        const real r = STRETCH(j + i);                                                      \
         low[i] = r < low[i] ? r : low[i];                                                   \
         high[i] = r > high[i] ? r : high[i];                                                \
     }
     integer j = 0;
     for (; j + BLOCK <= bonds; j += BLOCK) SPAN(BLOCK)
     SPAN(bonds - j)
+    (void)u;
     for (int n = BLOCK / 2; n; n /= 2)
         EACH(n) {
             low[i] = low[i + n] < low[i] ? low[i + n] : low[i];
@@ -96,18 +124,18 @@ __attribute__((flatten)) static real changing_stage(const scene *c, real a, real
     return sum;
 }
 #else
-/* Rate of the energy of all bonds of a chain at given elongations, change(r, p) of each. */
-__attribute__((flatten)) static real power_of(const scene *c)
+/* Rate of the energy of all bonds at given elongations, change(r, p) of each. */
+__attribute__((flatten)) static real power_of(const scene *c, const drive *d)
 {
-    const integer bonds = c->first[1];
+    const integer bonds = BONDS;
     const real *restrict u = c->u, *restrict shared = c->shared;
     real p[PARAMETERS + 1], part[BLOCK] = {0}, sum = 0;
     for (int i = 0; i < PARAMETERS; i++) p[i] = shared[i];
     integer j = 0;
-    for (; j + BLOCK <= bonds; j += BLOCK)
-        EACH(BLOCK) part[i] += change(u[j + i + 1] - u[j + i], p);
-    EACH(bonds - j) part[i] += change(u[j + i + 1] - u[j + i], p);
+    for (; j + BLOCK <= bonds; j += BLOCK) EACH(BLOCK) part[i] += change(STRETCH(j + i), p);
+    EACH(bonds - j) part[i] += change(STRETCH(j + i), p);
     for (int i = 0; i < BLOCK; i++) sum += part[i];
+    (void)u;
     return sum;
 }
 #endif
@@ -265,14 +293,14 @@ static int driven_stage(scene *c, const drive *d, integer s, integer i, real a, 
     for (integer e = 0; e < d->moving; e++) v[d->moved[e]] = 0, d->given[e] = u[d->moved[e]];
 #ifdef CHANGE
     real low, high;
-    span(c, &low, &high);
+    span(c, d, &low, &high);
     d->sums[2] = smaller(low, d->sums[2]), d->sums[3] = larger(high, d->sums[3]);
     if (!(low > d->domain[2 * s] && high < d->domain[2 * s + 1])) return 1;
     c->shared = d->shared + s * PARAMETERS;
 #ifdef BOTH
     d->sums[0] += a * changing_stage(c, a, straight);
 #else
-    d->sums[0] += a * power_of(c);
+    d->sums[0] += a * power_of(c, d);
     stage(c, a, straight);
 #endif
 #else

@@ -18,6 +18,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tensegrity.errors import TensegrityError
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from typing import Any
@@ -100,6 +102,11 @@ class Ends:
             x, y >= 0 [m].
         around, within : ndarray, (ends,)
             The instants looked at: [s], so much on either side of each.
+
+        Raises
+        ------
+        TensegrityError
+            There is none.
         """
         from scipy.optimize import brentq
 
@@ -113,6 +120,11 @@ class Ends:
             def rising(t: float, place: float = place, rate: Any = rate) -> float:
                 return float(self._radiated(place, rate, point, np.array(t)))
 
+            if not rising(t[k - 1]) > 0 > rising(t[k + 1]):
+                raise TensegrityError(
+                    f"the pressure of the end at x = {place:g} m has no peak at {tuple(point)} m "
+                    f"within {most:.3g} s of {middle:.6g} s"
+                )
             found.append(brentq(rising, t[k - 1], t[k + 1], xtol=1e-14 * t[k], rtol=1e-14))
         return np.array(found)
 

@@ -25,6 +25,7 @@ from tensegrity.prisms.prism import Prism, rigid_law
 from tensegrity.runs.record import Record
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.ensemble import Ensemble
+from tensegrity.scenes.forcing import Damping, Drive
 from tensegrity.scenes.network import Network
 from tensegrity.scenes.scene import State
 from tensegrity.scenes.walls import Wall
@@ -239,6 +240,10 @@ class _Reader:
 
 def _print_of(x):
     """What tells an object of no known kind from others."""
+    if type(x).__module__.partition(".")[0] == "sympy":
+        from sympy import srepr
+
+        return {"printed": srepr(x)}
     if not isinstance(x, Potential):
         return {"printed": repr(x)}
     law = x.law
@@ -284,14 +289,20 @@ def _elastic(x):
     return {"prism": prism, "preload": preload}
 
 
+def in_time(x: Any) -> dict[str, Any]:
+    """What drives, damps and tunes a scene; expressions of time are kept as what they print."""
+    found = {"drive": dict(x.drive), "damping": x.damping}
+    found["tune"] = {name: signal.expression for name, signal in x.tune.items()}
+    return {name: value for name, value in found.items() if value}
+
+
 def _chain(x):
-    if x.is_driven:
-        return None  # by functions of time, which no file holds
-    return {"springs": _shared(x.springs), "sites": x.sites, "mass": x.mass, "ends": x.ends}
+    parts = {"springs": _shared(x.springs), "sites": x.sites, "mass": x.mass, "ends": x.ends}
+    return parts | in_time(x)
 
 
-def _make_chain(springs, sites, mass, ends):
-    return Chain(_spread(springs), sites, mass, ends)
+def _make_chain(springs, sites, mass, ends, **forcing):
+    return Chain(_spread(springs), sites, mass, ends, **forcing)
 
 
 def _ensemble(x):
@@ -314,14 +325,12 @@ def _network(x):
     opening, gaps = np.split(x.geometry[x.dim], [bonds])
     if x.law is not None and not isinstance(x.law.given, Potential):
         return None  # a function, which no file holds
-    if x.is_driven:
-        return None
     followed = {} if x.law is None else {"contacts": "follow", "law": x.law.given}
     return {
         "positions": x.positions, "bonds": x.bonds, "springs": _shared(x.springs),
         "lengths": x.lengths if opening.any() else None,  # else to the bits of the positions
         "mass": x.mass, "walls": x.walls, "wall_contacts": x.wall_contacts, "wall_gaps": gaps,
-        "radius": x.radius, "loads": x.loads, "held": x.held, **followed,
+        "radius": x.radius, "loads": x.loads, "held": x.held, **followed, **in_time(x),
     }  # fmt: skip
 
 
@@ -334,6 +343,8 @@ def _make_network(bonds, springs, wall_contacts, wall_gaps, **others):
 
 
 register(State, _fields)
+register(Damping, lambda x: {k: v if v.ndim else float(v) for k, v in _fields(x).items()})
+register(Drive, lambda x: {name: getattr(x, name) for name in ("displacement", "force")})
 register(Record, _fields)
 register(Prism, _fields)
 register(PowerLaw, _power_law)

@@ -50,7 +50,8 @@ class Record:
     path : str or path, optional
         A new .npy file for the rows, which then need no memory but 48 bytes each for their
         numbers.  It is whole after every row, also if the process is killed:
-        numpy.load(path, mmap_mode="r") gives a structured array with fields t, energy, u, v.
+        numpy.load(path, mmap_mode="r") gives a structured array with fields t, energy, u, v; and
+        work, loss of scenes that are driven, damped or tuned.
     checkpoint : float, optional
         With a path: after so many seconds of computing, and when a run ends, also by an error or
         by Ctrl-C, its whole state is kept in a file beside the rows, named as they with
@@ -127,14 +128,17 @@ class Record:
         shape: int | tuple[int, ...],
         walls: tuple[int, ...] = (0,),
         count: int | None = None,
+        more: Sequence[str] = (),
     ) -> Rows | FileRows:
         """Room for that many rows, in memory or in the file.
 
         `shape` is that of u: (sites[, dim]); `walls` that of the impulses: (walls[, dim]); `count`
-        that of the rows which the file has already, where a run goes on.
+        that of the rows which the file has already, where a run goes on; `more` are names of
+        numbers behind them.
         """
         kind = [("t", float), ("energy", float), ("u", float, shape), ("v", float, shape)]
-        kind = np.dtype(kind + [("impulse", float, walls)] * bool(walls[0]))
+        kind += [("impulse", float, walls)] * bool(walls[0])
+        kind = np.dtype(kind + [(name, float) for name in more])
         if self.path is None:
             return Rows(instants, kind)
         return FileRows(self.path, instants, kind, count)

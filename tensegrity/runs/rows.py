@@ -58,9 +58,9 @@ class Rows:
         }
         self.count = 0
 
-    def add(self, t: float, energy: float, u: Array, v: Array, impulse: ArrayLike = ()) -> None:
+    def add(self, t: float, energy: float, u: Array, v: Array, *more: ArrayLike) -> None:
         """Append a row."""
-        for rows, value in zip(self.arrays.values(), (t, energy, u, v, impulse), strict=False):
+        for rows, value in zip(self.arrays.values(), (t, energy, u, v, *more), strict=False):
             rows[self.count] = value
         self.count += 1
 
@@ -126,7 +126,7 @@ class FileRows:
     def _refused(self, error):
         return RecordError(f"record path {self._path}: {error.strerror} after {self.count} rows")
 
-    def add(self, t: float, energy: float, u: Array, v: Array, impulse: ArrayLike = ()) -> None:
+    def add(self, t: float, energy: float, u: Array, v: Array, *more: ArrayLike) -> None:
         """Append a row: first its bytes, then the count that makes it visible.
 
         Raises
@@ -134,7 +134,7 @@ class FileRows:
         RecordError
             If either cannot be written; the rows before stay as they are.
         """
-        self._row[0] = _row(self._kind, t, energy, u, v, impulse)
+        self._row[0] = _row(self._kind, t, energy, u, v, *more)
         try:
             place = self._size + self.count * self._kind.itemsize
             _write(self._file, self._row.tobytes(), place)

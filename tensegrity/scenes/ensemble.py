@@ -17,7 +17,6 @@ import numpy as np
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import fixed
-from tensegrity.scenes.forcing import refuse
 from tensegrity.scenes.lanes import Clearances, Lanes
 from tensegrity.scenes.scene import PER_SITE, Scene, State, velocities
 from tensegrity.springs.collection import Springs
@@ -75,7 +74,6 @@ class Ensemble(Scene):
                     f"scene {number} is {check.shown(scene)}, not a Chain or a Network of fixed "
                     "contacts"
                 )
-            refuse(scene, f"scene {number} of an Ensemble")
         if not self.scenes:
             raise TensegrityError("scenes is empty")
         one = self.scenes[0]
@@ -139,6 +137,11 @@ class Ensemble(Scene):
     def _same(self) -> bool:
         return all(scene is self.scenes[0] for scene in self.scenes)
 
+    @property
+    def is_driven(self) -> bool:
+        """Whether some scene is."""
+        return any(scene.is_driven for scene in self.scenes)
+
     # the engine's view
 
     @cached_property
@@ -161,6 +164,13 @@ class Ensemble(Scene):
     def _group(self) -> Indices:
         group = self.spring_table.group
         return group[:, None] if group.ndim == 1 else group
+
+    def places_of(self, lane: int) -> Indices:
+        """The number in `spring_table` of each different spring of a lane's scene."""
+        scene, group = self.scenes[lane], self._group
+        place = np.zeros(len(scene.spring_table), dtype=int)
+        place[scene.spring_table.group] = group[:, lane if group.shape[1] > 1 else 0]
+        return place
 
     def with_springs(self, springs: Sequence[Potential]) -> Ensemble:
         """The same scenes with other springs, one for each different one of `spring_table`."""
@@ -244,11 +254,13 @@ class Ensemble(Scene):
     # states
 
     def at_rest(self, velocity: Mapping[int, ArrayLike] | None = None) -> State:
-        """The undeformed state, some sites given a velocity [m/s]: {site: one or each lane's}."""
-        v = np.zeros(self.shape)
+        """The undeformed state, some sites given a velocity [m/s]: {site: one or each lane's}.
+
+        Sites whose motion is prescribed are where their drive begins.
+        """
+        wanted, each = (*self.shape[1:-1], self.lanes), [{} for _ in self.scenes]  # type: ignore
         for site, values in velocities(velocity):
             try:
-                wanted = (*self.shape[1:-1], self.lanes)
                 given = check.floats("velocity", values)
                 if given.shape == self.shape[1:-1]:
                     given = given[..., None]
@@ -258,10 +270,11 @@ class Ensemble(Scene):
                     f"velocity {check.shown(values)} of site {site} must be one number or "
                     f"{self.lanes}"
                 ) from None
-            for lane, scene in enumerate(self.scenes):
+            for lane, mine in enumerate(each):
                 one = given[..., lane]
-                v[..., lane] += scene.at_rest({site: one if one.ndim else float(one)}).v
-        state = State(np.zeros(self.shape), v)
+                mine[site] = one if one.ndim else float(one)
+        states = [scene.at_rest(mine) for scene, mine in zip(self.scenes, each, strict=True)]
+        state = State(*(np.stack([getattr(x, k) for x in states], axis=-1) for k in "uv"))
         self.check(state)
         return state
 

@@ -10,16 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tensegrity import check
-from tensegrity.engine.driven import Forcing
+from tensegrity.engine.timed import Forcing
 from tensegrity.errors import TensegrityError
-from tensegrity.once import once
 from tensegrity.readonly import FixedDict, fixed
+from tensegrity.scenes.signals import RTOL, check_signals, expression_of, signals_of
 
 if TYPE_CHECKING:
     from typing import Any, TypeAlias
@@ -31,11 +30,7 @@ if TYPE_CHECKING:
 
     Signal: TypeAlias = sp.Expr | float | tuple[ArrayLike, ArrayLike]
 
-LOOKS = 4096  # intervals in which a jump is looked for
-SUSPECTS = 8  # of them that are halved
-HALVINGS = 40
-JUMP = 1e-4  # of the largest change from one look to the next, left in the smallest interval
-ATOL, RTOL = 1e-12, 1e-9  # [m], relative: a site that is where its drive begins
+ATOL = 1e-12  # m: a site that is where its drive begins
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +81,7 @@ class Drive:
         given = [name for name in ("displacement", "force") if getattr(self, name) is not None]
         if len(given) != 1:
             raise TensegrityError(f"a drive has {len(given)} of displacement and force, must be 1")
-        signals = _signals(given[0], getattr(self, given[0]))
+        signals = signals_of(given[0], getattr(self, given[0]))
         object.__setattr__(self, "signals", signals)
         object.__setattr__(self, "prescribes", given[0] == "displacement")
 
@@ -96,114 +91,6 @@ class Drive:
         if check.whole("order", order, least=0) > 1:
             raise TensegrityError(f"order {order} must be 0 or 1")
         return np.array([np.zeros(t.shape) if s is None else s(t, order) for s in self.signals])
-
-
-class Expression:
-    """A SymPy expression of t as a function of instants."""
-
-    def __init__(self, name: str, expression: Any) -> None:
-        self.name, self.expression = name, expression
-        _functions(expression)  # refuses what cannot be translated
-        self.span = -np.inf, np.inf
-
-    def __call__(self, t: Array, order: int = 0) -> Array:
-        """Values, or rates for order 1; of the shape of t."""
-        with np.errstate(all="ignore"):
-            found = np.broadcast_to(_functions(self.expression)[order](t), np.shape(t))
-        bad = ~np.isfinite(found)
-        if np.iscomplexobj(found) or bad.any():
-            where = np.atleast_1d(t)[np.atleast_1d(bad)]
-            value = found[bad].flat[0] if where.size else "complex"
-            at = f" at t = {where[0]:.6g} s" if where.size else ""
-            words = ("", "rate of the ")[order]
-            raise TensegrityError(f"{words}{self.name} {self.expression} is {value}{at}")
-        return found
-
-    def __repr__(self) -> str:
-        return str(self.expression)
-
-
-class Samples:
-    """Samples joined by a cubic spline."""
-
-    def __init__(self, name: str, t: Array, values: Array) -> None:
-        self.name, self._t, self._values = name, t, values
-        self.span = float(t[0]), float(t[-1])
-
-    @cached_property
-    def _spline(self) -> Any:
-        from scipy.interpolate import CubicSpline
-
-        return CubicSpline(self._t, self._values)
-
-    def __call__(self, t: Array, order: int = 0) -> Array:
-        """Values, or rates for order 1; of the shape of t."""
-        return self._spline(t, order)
-
-    def __repr__(self) -> str:
-        return f"{len(self._t)} samples from {self.span[0]:g} s to {self.span[1]:g} s"
-
-
-def _signals(name: str, given: Any) -> tuple[Any, ...]:
-    """Functions of t for each coordinate, None where there is none."""
-    if isinstance(given, (tuple, list)) and len(given) == 2 and _many(given[0]):
-        t, values = (check.floats(f"samples of the {name}", x) for x in given)
-        if t.ndim != 1 or len(t) < 2 or values.ndim not in (1, 2) or len(values) != len(t):
-            raise TensegrityError(
-                f"samples of the {name} have shapes {t.shape} and {values.shape}, must be "
-                "(samples,) of two or more, and the same or (samples, dim)"
-            )
-        for x in (t, values):
-            check.vector(f"samples of the {name}", x, x.shape)
-        stays = np.flatnonzero(np.diff(t) <= 0)
-        if stays.size:
-            raise TensegrityError(
-                f"time {t[stays[0] + 1]:g} s of the samples of the {name} follows "
-                f"{t[stays[0]]:g} s, must increase: a jump has no drive"
-            )
-        columns = values.reshape(len(t), -1).T
-        return tuple(Samples(name, fixed(t), fixed(column)) for column in columns)
-    if not isinstance(given, (tuple, list)):
-        return (expression_of(name, given),)
-    if not 1 <= len(given) <= 3 or all(one is None for one in given):
-        raise TensegrityError(f"{name} {check.shown(given)} must have 1 to 3 components")
-    return tuple(None if one is None else expression_of(name, one) for one in given)
-
-
-def _many(x: Any) -> bool:
-    return isinstance(x, (list, tuple)) or (isinstance(x, np.ndarray) and x.ndim > 0)
-
-
-def expression_of(name: str, given: Any) -> Expression:
-    """An expression of t alone, or a number."""
-    import sympy as sp
-
-    if not isinstance(given, sp.Expr):
-        given = sp.Float(check.number(name, given))
-    other = sorted(str(s) for s in given.free_symbols if str(s) != "t")
-    if other:
-        raise TensegrityError(
-            f"{name} {check.shown(given)} depends on {', '.join(other)}, must on t alone"
-        )
-    return Expression(name, given)
-
-
-@once
-def _functions(expression: Any) -> Any:
-    """The expression and its derivative as functions of arrays."""
-    import sympy as sp
-
-    t = sp.Symbol("t", real=True)
-    try:
-        expression = expression.xreplace(dict.fromkeys(expression.free_symbols, t))
-        rate = sp.diff(expression, t).replace(sp.DiracDelta, lambda *_: sp.Integer(0))
-        found = [sp.lambdify(t, x, "numpy", cse=True) for x in (expression, rate)]
-        with np.errstate(all="ignore"):
-            for one in found:
-                np.broadcast_to(one(np.array([0.3, 0.7])), (2,)).astype(float)
-    except Exception as error:  # whatever SymPy's printer or NumPy raises at what it cannot do
-        raise TensegrityError(f"expression {expression} cannot be translated: {error}") from error
-    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -275,12 +162,16 @@ def checked(scene: Any, drive: Any, damping: Any, tune: Any = None) -> dict[str,
     if names:
         raise TensegrityError(f"tune {check.shown(names[0])} is not the name of an argument")
     signals = {name: expression_of(name, one) for name, one in tune.items()}
-    if signals and len(scene.spring_table) != 1:
+    different = scene.spring_table.different  # the same spring of other lengths is another there
+    if signals and (
+        len(scene.springs) > _bonds(scene) or any(x != different[0] for x in different)
+    ):
         raise TensegrityError(
-            f"tune needs one spring for all bonds, there are {len(scene.spring_table)}"
+            f"tune needs one spring for all bonds, there are {len(set(different))}, and no "
+            f"contacts with walls, there are {len(scene.springs) - _bonds(scene)}"
         )
     for name, signal in signals.items():
-        spring, begin = scene.spring_table.different[0], float(signal(np.array(0.0)))
+        spring, begin = different[0], float(signal(np.array(0.0)))
         spring.varied({name: begin})  # refuses what it has not
         if abs(spring.argument(name) - begin) > RTOL * abs(begin):
             raise TensegrityError(
@@ -327,37 +218,6 @@ def entries(scene: Any, prescribed: bool) -> tuple[Any, Any]:
     return np.array(numbers, dtype=int), tuple(signals)
 
 
-def check_signals(signals: Sequence[Any], t_end: float) -> None:
-    """Refuse what is not a finite function without a jump from 0 to `t_end`."""
-    for signal in signals:
-        low, high = signal.span
-        if low > 0 or high < t_end * (1 - RTOL):
-            raise TensegrityError(f"{signal.name}: {signal} do not reach from 0 to {t_end:g} s")
-        if t_end:
-            _refuse_jump(signal, t_end)
-
-
-def _refuse_jump(signal: Any, t_end: float) -> None:
-    """Halve the intervals of largest change: a jump stays as large."""
-    t = np.linspace(0, t_end, LOOKS + 1)
-    change = np.abs(np.diff(signal(t)))
-    largest = float(change.max())
-    suspects = np.argsort(change)[-SUSPECTS:]
-    low, high = t[suspects], t[suspects + 1]
-    for _ in range(HALVINGS):
-        middle = (low + high) / 2
-        values = [signal(x) for x in (low, middle, high)]
-        first = np.abs(values[1] - values[0]) > np.abs(values[2] - values[1])
-        low, high = np.where(first, low, middle), np.where(first, middle, high)
-    left = np.abs(signal(high) - signal(low))
-    scale = float(np.max(np.abs(signal(t))))
-    if largest > 0 and left.max() > max(JUMP * largest, 1e-9 * scale):
-        at = low[int(left.argmax())]
-        raise TensegrityError(
-            f"{signal.name} {signal} jumps by {left.max():.6g} at t = {at:.6g} s: a drive has none"
-        )
-
-
 def check_start(scene: Any, u: Array) -> None:
     """Refuse displacements from which driven sites would have to jump."""
     for site, drive in scene.drive.items():
@@ -400,7 +260,10 @@ def forcing_of(scene: Any, t_end: float, tuning: Any = None) -> Forcing:
     held = np.repeat(scene.inverse_mass == 0, scene.dim)
     ground[held] = 0.0
     if tuning is not None:
-        bonds = replace(bonds, laws=(tuning.law,), parameters=tuning.at(np.zeros(1)))
+        bonds = replace(
+            bonds, laws=(tuning.law,), law=np.zeros(1, int), parameters=tuning.at(np.zeros(1)),
+            group=np.zeros(len(bonds.group), int), openings=None,
+        )  # fmt: skip
     return Forcing(
         bonds, moved, forced, together(motions), together(pulls), mass, heavy, ground, bond, tuning
     )

@@ -40,9 +40,7 @@ class Lanes:
             else:
                 scene = ensemble.scenes[lane]
                 loop = scene.bind(*arrays, method, dt)
-                place = np.zeros(len(scene.spring_table), dtype=int)
-                group = ensemble._group
-                place[scene.spring_table.group] = group[:, lane if group.shape[1] > 1 else 0]
+                place = ensemble.places_of(lane)
             self._groups.append((part, arrays, loop, place))
             lane += width
 

@@ -44,6 +44,7 @@ from tensegrity.springs.potential import Potential
 if TYPE_CHECKING:
     from typing import Any, Self
 
+    import sympy as sp
     from numpy.typing import ArrayLike
 
     from tensegrity.engine.energies import Energies
@@ -96,6 +97,9 @@ class Network(Scene):
         {site: Drive}: motions that are prescribed, and forces that depend on time.
     damping : Damping, optional
         Dashpots in the bonds and to the ground.
+    tune : dict of str to sympy.Expr, optional
+        {name: expression of t}: arguments of the spring that depend on time; one spring for all
+        bonds then, with the values at t = 0, and no contacts with walls.
     """
 
     def __init__(
@@ -117,6 +121,7 @@ class Network(Scene):
         law: Potential | Callable[[int, int | Wall], Potential] | None = None,
         drive: Mapping[int, Drive] | None = None,
         damping: Damping | None = None,
+        tune: Mapping[str, sp.Expr | float] | None = None,
     ) -> None:
         self.positions = numbers("positions", positions)
         if self.positions.ndim != 2 or self.positions.shape[1] not in (1, 2, 3):
@@ -143,7 +148,7 @@ class Network(Scene):
         self.law = _followed_law(contacts, law, self.radius)
         _ = self.loop_bonds  # refuses springs that the compiled loop cannot take
         self._refuse_unlisted(np.zeros(self.shape))
-        self._set_forcing(drive, damping)
+        self._set_forcing(drive, damping, tune)
         if self.is_driven and self.follows:
             raise TensegrityError("a driven or damped network has 'fixed' contacts only")
 

@@ -91,8 +91,8 @@ class Remembered:
         most there [N/m], and the angular frequency that this bounds [rad/s].
     reached : dict of float to Reach
         What springs reach with energies [J] in one bond.
-    tuned : dict of float to Tuned
-        Springs that change, prepared for runs of some duration [s].
+    tuned : dict of (float, float) to Tuned
+        Springs that change, prepared for runs of some duration, and before and after [s].
     gain : float or None
         Seconds that fitted forces save in one evaluation of all, roughly.
     plans : dict of Method to list
@@ -104,7 +104,7 @@ class Remembered:
         self.plans: dict[Method, list[Any]] = {}
         self.ranges: list[tuple[Array, Array, float]] = []
         self.reached: dict[float, Any] = {}
-        self.tuned: dict[float, Any] = {}
+        self.tuned: dict[tuple[float, float], Any] = {}
 
 
 def known_state(u: Array, v: Array) -> State:

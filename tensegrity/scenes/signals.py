@@ -1,0 +1,164 @@
+"""Functions of time that a reader gives: expressions, and samples joined by a curve."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tensegrity import check
+from tensegrity.errors import TensegrityError
+from tensegrity.once import once
+from tensegrity.readonly import fixed
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import Any
+
+    from tensegrity.typing import Array
+
+LOOKS = 4096  # intervals in which a jump is looked for
+SUSPECTS = 8  # of them that are halved
+HALVINGS = 40
+JUMP = 1e-4  # of the largest change from one look to the next, left in the smallest interval
+RTOL = 1e-9  # relative: what begins, or ends, where it should
+
+
+class Expression:
+    """A SymPy expression of t as a function of instants."""
+
+    def __init__(self, name: str, expression: Any) -> None:
+        self.name, self.expression = name, expression
+        _functions(expression)  # refuses what cannot be translated
+        self.span = -np.inf, np.inf
+
+    def __call__(self, t: Array, order: int = 0) -> Array:
+        """Values, or rates for order 1; of the shape of t."""
+        with np.errstate(all="ignore"):
+            found = np.broadcast_to(_functions(self.expression)[order](t), np.shape(t))
+        bad = ~np.isfinite(found)
+        if np.iscomplexobj(found) or bad.any():
+            where = np.atleast_1d(t)[np.atleast_1d(bad)]
+            value = found[bad].flat[0] if where.size else "complex"
+            at = f" at t = {where[0]:.6g} s" if where.size else ""
+            words = ("", "rate of the ")[order]
+            raise TensegrityError(f"{words}{self.name} {self.expression} is {value}{at}")
+        return found
+
+    def __repr__(self) -> str:
+        return str(self.expression)
+
+
+class Samples:
+    """Samples joined by a cubic spline."""
+
+    def __init__(self, name: str, t: Array, values: Array) -> None:
+        self.name, self._t, self._values = name, t, values
+        self.span = float(t[0]), float(t[-1])
+
+    @cached_property
+    def _spline(self) -> Any:
+        from scipy.interpolate import CubicSpline
+
+        return CubicSpline(self._t, self._values)
+
+    def __call__(self, t: Array, order: int = 0) -> Array:
+        """Values, or rates for order 1; of the shape of t."""
+        return self._spline(t, order)
+
+    def __repr__(self) -> str:
+        return f"{len(self._t)} samples from {self.span[0]:g} s to {self.span[1]:g} s"
+
+
+def signals_of(name: str, given: Any) -> tuple[Any, ...]:
+    """Functions of t for each coordinate, None where there is none."""
+    if isinstance(given, (tuple, list)) and len(given) == 2 and _many(given[0]):
+        t, values = (check.floats(f"samples of the {name}", x) for x in given)
+        if t.ndim != 1 or len(t) < 2 or values.ndim not in (1, 2) or len(values) != len(t):
+            raise TensegrityError(
+                f"samples of the {name} have shapes {t.shape} and {values.shape}, must be "
+                "(samples,) of two or more, and the same or (samples, dim)"
+            )
+        for x in (t, values):
+            check.vector(f"samples of the {name}", x, x.shape)
+        stays = np.flatnonzero(np.diff(t) <= 0)
+        if stays.size:
+            raise TensegrityError(
+                f"time {t[stays[0] + 1]:g} s of the samples of the {name} follows "
+                f"{t[stays[0]]:g} s, must increase: a jump has no drive"
+            )
+        columns = values.reshape(len(t), -1).T
+        return tuple(Samples(name, fixed(t), fixed(column)) for column in columns)
+    if not isinstance(given, (tuple, list)):
+        return (expression_of(name, given),)
+    if not 1 <= len(given) <= 3 or all(one is None for one in given):
+        raise TensegrityError(f"{name} {check.shown(given)} must have 1 to 3 components")
+    return tuple(None if one is None else expression_of(name, one) for one in given)
+
+
+def _many(x: Any) -> bool:
+    return isinstance(x, (list, tuple)) or (isinstance(x, np.ndarray) and x.ndim > 0)
+
+
+def expression_of(name: str, given: Any) -> Expression:
+    """An expression of t alone, or a number."""
+    import sympy as sp
+
+    if not isinstance(given, sp.Expr):
+        given = sp.Float(check.number(name, given))
+    other = sorted(str(s) for s in given.free_symbols if str(s) != "t")
+    if other:
+        raise TensegrityError(
+            f"{name} {check.shown(given)} depends on {', '.join(other)}, must on t alone"
+        )
+    return Expression(name, given)
+
+
+@once
+def _functions(expression: Any) -> Any:
+    """The expression and its derivative as functions of arrays."""
+    import sympy as sp
+
+    t = sp.Symbol("t", real=True)
+    try:
+        expression = expression.xreplace(dict.fromkeys(expression.free_symbols, t))
+        rate = sp.diff(expression, t).replace(sp.DiracDelta, lambda *_: sp.Integer(0))
+        found = [sp.lambdify(t, x, "numpy", cse=True) for x in (expression, rate)]
+        with np.errstate(all="ignore"):
+            for one in found:
+                np.broadcast_to(one(np.array([0.3, 0.7])), (2,)).astype(float)
+    except Exception as error:  # whatever SymPy's printer or NumPy raises at what it cannot do
+        raise TensegrityError(f"expression {expression} cannot be translated: {error}") from error
+    return found
+
+
+def check_signals(signals: Sequence[Any], t_end: float) -> None:
+    """Refuse what is not a finite function without a jump from 0 to `t_end`."""
+    for signal in signals:
+        low, high = signal.span
+        if low > 0 or high < t_end * (1 - RTOL):
+            raise TensegrityError(f"{signal.name}: {signal} do not reach from 0 to {t_end:g} s")
+        if t_end:
+            _refuse_jump(signal, t_end)
+
+
+def _refuse_jump(signal: Any, t_end: float) -> None:
+    """Halve the intervals of largest change: a jump stays as large."""
+    t = np.linspace(0, t_end, LOOKS + 1)
+    change = np.abs(np.diff(signal(t)))
+    largest = float(change.max())
+    suspects = np.argsort(change)[-SUSPECTS:]
+    low, high = t[suspects], t[suspects + 1]
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        values = [signal(x) for x in (low, middle, high)]
+        first = np.abs(values[1] - values[0]) > np.abs(values[2] - values[1])
+        low, high = np.where(first, low, middle), np.where(first, middle, high)
+    left = np.abs(signal(high) - signal(low))
+    scale = float(np.max(np.abs(signal(t))))
+    if largest > 0 and left.max() > max(JUMP * largest, 1e-9 * scale):
+        at = low[int(left.argmax())]
+        raise TensegrityError(
+            f"{signal.name} {signal} jumps by {left.max():.6g} at t = {at:.6g} s: a drive has none"
+        )

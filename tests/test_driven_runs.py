@@ -1,0 +1,339 @@
+"""Driven, damped and tuned scenes in files, in lanes, and as networks of springs that change."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+import sympy as sp
+
+import granular
+from tensegrity import (
+    Chain,
+    Damping,
+    Drive,
+    Ensemble,
+    LockingError,
+    Network,
+    Potential,
+    Prism,
+    Record,
+    RecordError,
+    Run,
+    State,
+    TensegrityError,
+    resume,
+    simulate,
+)
+from tensegrity.engine import driven
+from tensegrity.engine.interpreted import Interpreted
+from tensegrity.runs import archive
+from tensegrity.runs.driven import March
+from tensegrity.runs.record import beside
+
+T, R, K = sp.symbols("t r k")
+CUBIC = Potential(R**2 / 2 + R**4 / 4, R, length=1.0)
+TUNABLE = Potential(K * (R**2 / 2 + R**4 / 4), R, {K: 1.0}, length=1.0)
+PRISM = Prism(1.0, 0.8, 0.02, 1.0).potential()
+PRESTRAIN = 0.02 + 0.01 * sp.sin(T / 2) ** 2
+DRIVE = {0: Drive(displacement=0.3 * sp.sin(1.3 * T)), 4: Drive(force=0.1 * sp.cos(T))}
+DAMPING = Damping(bond=0.2, ground=0.1)
+PLACES = np.array([(x, y) for y in range(3) for x in range(3)], dtype=float)
+BONDS = [(i, j) for i in range(9) for j in range(i) if np.sum((PLACES[i] - PLACES[j]) ** 2) < 3]
+
+
+def plate(**changes):
+    """A square lattice of 3 x 3, shaken in its middle, with dashpots and springs that change."""
+    given = {"drive": {4: Drive(displacement=(0.1 * sp.sin(T), None))},
+             "damping": Damping(bond=0.1), "tune": {"k": 1 + sp.sin(T) / 2}}  # fmt: skip
+    return Network(PLACES, BONDS, TUNABLE, mass=0.5, held=[0, 2], **given | changes)
+
+
+SCENES = {
+    "chain": lambda: Chain(CUBIC, 8, drive=DRIVE, damping=DAMPING),
+    "tuned": lambda: Chain(PRISM, 6, tune={"prestrain": PRESTRAIN}),
+    "network": plate,
+    "lanes": lambda: Ensemble([Chain(CUBIC, 8, drive=DRIVE, damping=Damping(g)) for g in (0, 1)]),
+}
+
+
+def started(scene):
+    """With a blow, the same in each lane."""
+    if scene.dim == 2:
+        return scene.at_rest({8: (0.05, -0.1)})
+    return scene.at_rest({3: 0.02})
+
+
+# files
+
+
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("method", ["rkn6", "processed6"])
+def test_rows_in_a_file_are_those_in_memory(name, method, tmp_path):
+    scene = SCENES[name]()
+    how = {"method": method, "dt": 0.05}
+    for k, when in enumerate(({"every": 3}, {"times": [0.0, 0.37, 0.4, 1.93]})):
+        path = tmp_path / f"{k}.npy"
+        memory = simulate(scene, started(scene), 2.0, record=Record(**when), **how)
+        file = simulate(scene, started(scene), 2.0, record=Record(**when, path=path), **how)
+        table = np.load(path, mmap_mode="r")
+        for part in ("t", "u", "v", "energy", "work", "loss"):
+            np.testing.assert_allclose(table[part], getattr(memory, part), rtol=1e-13, atol=1e-18)
+            np.testing.assert_array_equal(table[part], getattr(file, part))
+        assert file.energy_error < 1e-6
+    assert memory.work.any()
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_broken_run_goes_on_to_the_same_bits(name, tmp_path, monkeypatch):
+    """Broken off by an interrupt after some blocks, and twice more on the way."""
+    scene, path = SCENES[name](), tmp_path / "rows.npy"
+    how = {"method": "processed6", "dt": 0.05}
+    record = Record(every=2, path=path, checkpoint=0.0)
+    whole = simulate(scene, started(scene), 4.0, record=Record(every=2), **how)
+    real, left = March._advance, [25]
+
+    def broken(self, steps):
+        if left[0] == 0:
+            raise KeyboardInterrupt
+        left[0] -= 1
+        real(self, steps)
+
+    monkeypatch.setattr(March, "_advance", broken)
+    part = simulate(scene, started(scene), 4.0, record=record, **how)
+    assert not part.complete
+    assert 0 < part.t[-1] < 4.0
+    for more in (10, 99):
+        left[0] = more
+        run = resume(path, scene)
+    assert run.complete
+    for x in ("t", "u", "v", "energy", "work", "loss"):
+        np.testing.assert_allclose(getattr(run, x), getattr(whole, x), rtol=1e-13, atol=1e-18)
+    np.testing.assert_array_equal(run.u, whole.u)
+    np.testing.assert_array_equal(run.final.v, whole.final.v)
+    assert resume(path, scene).t[-1] == 4.0  # one that had ended
+
+
+def test_resuming_takes_the_same_scene_only(tmp_path):
+    """Expressions are not in the file: another drive is told by its fingerprint."""
+    path, scene = tmp_path / "rows.npy", SCENES["chain"]()
+    simulate(scene, started(scene), 1.0, dt=0.05, record=Record(path=path, checkpoint=0.0))
+    with pytest.raises(TensegrityError, match="give it as `scene`"):
+        resume(path)
+    others = (
+        {"drive": DRIVE | {4: Drive(force=0.1 * sp.sin(T))}, "damping": DAMPING},
+        {"drive": DRIVE, "damping": Damping(bond=0.2, ground=0.11)},
+        {"drive": DRIVE},
+        {},
+    )
+    for other in others:
+        with pytest.raises(TensegrityError, match="is not that of"):
+            resume(path, Chain(CUBIC, 8, **other))
+    assert resume(path, SCENES["chain"]()).complete
+
+
+def test_a_damped_scene_is_built_again_from_a_file(tmp_path):
+    """And one that follows samples; only expressions are kept as what they print."""
+    t = np.linspace(0, 2, 41)
+    steel = granular.materials["steel"]
+    bead = granular.Bead(0.005, steel)
+    prism = Prism(1.0, 0.8, 0.02, 1.0).potential()
+    scenes = [
+        Chain(prism, 6, drive={0: Drive(displacement=(t, 0.01 * np.sin(t)))}, damping=DAMPING),
+        Network(PLACES, BONDS, prism, damping=Damping(bond=np.linspace(0, 1, 20))),
+        granular.hexagonal_pack(3, 3, bead=bead, floor=steel, contacts="fixed",
+                                damping=Damping(ground=0.01)),
+    ]  # fmt: skip
+    for scene in scenes:
+        run = simulate(scene, scene.at_rest(), 1e-6, dt=5e-8)
+        run.save(tmp_path / "run.npz")
+        again = Run.load(tmp_path / "run.npz").scene
+        assert archive.fingerprint(again) == archive.fingerprint(scene)
+        end = simulate(again, again.at_rest(), 1e-6, dt=5e-8).final
+        np.testing.assert_array_equal(end.u, run.final.u)
+
+
+def test_a_disk_that_is_full_leaves_the_rows_before(tmp_path, monkeypatch):
+    scene, path = SCENES["network"](), tmp_path / "rows.npy"
+    left = [3]
+
+    def full(self, count):
+        if left[0] == 0:
+            raise OSError(28, "No space left on device")
+        left[0] -= 1
+        return shown(self, count)
+
+    from tensegrity.runs.rows import FileRows
+
+    shown = FileRows._show
+    monkeypatch.setattr(FileRows, "_show", full)
+    with pytest.raises(RecordError, match="No space left on device after 3 rows") as caught:
+        simulate(scene, started(scene), 2.0, dt=0.05, method="rkn6", record=Record(path=path))
+    assert len(caught.value.run.t) == len(caught.value.run.work) == 3
+
+
+PROGRAM = """
+import sys
+sys.path.insert(0, sys.argv[2])
+from tests.test_driven_runs import SCENES, started, simulate, Record
+scene = SCENES["network"]()
+record = Record(every=1, path=sys.argv[1], checkpoint=0.0)
+simulate(scene, started(scene), 30.0, method="rkn6", dt=0.02, record=record)
+"""
+
+
+@pytest.mark.slow
+def test_a_killed_run_goes_on_to_the_same_bits(tmp_path):
+    scene = SCENES["network"]()
+    whole = simulate(scene, started(scene), 30.0, method="rkn6", dt=0.02, record=Record(every=1))
+    root = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+    for k in range(5):
+        path = tmp_path / f"{k}.npy"
+        process = subprocess.Popen([sys.executable, "-c", PROGRAM, str(path), root])
+        while not beside(path).exists():
+            time.sleep(0.01)
+        time.sleep(0.05 + 0.1 * k)
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        run = resume(path, scene)
+        np.testing.assert_array_equal(run.u, whole.u)
+        np.testing.assert_allclose(run.work, whole.work, rtol=1e-13, atol=1e-18)
+
+
+# lanes
+
+
+@pytest.mark.parametrize("how", [{"dt": 0.05, "method": "processed6"}, {"tol": 1e-8}, {}])
+def test_lanes_run_as_their_scenes_alone(how):
+    """Some driven, some not; the step is that of the ensemble."""
+    tune = {"k": 1 + sp.sin(T) / 2}
+    scenes = [Chain(TUNABLE, 8, drive=DRIVE, damping=DAMPING, tune=tune), Chain(TUNABLE, 8),
+              Chain(TUNABLE, 8, [*[1.0] * 7, 2.0], damping=Damping(0.5))]  # fmt: skip
+    together = Ensemble(scenes)
+    state = together.at_rest({3: [0.1, 0.2, 0.3]})
+    record = Record(times=[0.0, 0.31, 1.0, 2.0])
+    run = simulate(together, state, 2.0, record=record, **how)
+    work, loss, energy = np.zeros((3, len(run.t)))
+    for lane, scene in enumerate(scenes):
+        mine = together.lane(state, lane)
+        given = {"dt": run.dt, "method": run.method, "record": record}
+        alone = simulate(scene, mine, 2.0, **given)
+        if scene.is_driven:
+            np.testing.assert_array_equal(run.u[..., lane], alone.u)
+            np.testing.assert_array_equal(run.final.v[..., lane], alone.final.v)
+            work, loss = work + alone.work, loss + alone.loss
+        np.testing.assert_allclose(run.u[..., lane], alone.u, atol=1e-14)
+        energy = energy + alone.energy
+    for one, other in ((run.work, work), (run.loss, loss), (run.energy, energy)):
+        np.testing.assert_allclose(one, other, rtol=1e-13, atol=1e-17)
+    assert run.energy_error < 1e-5
+
+
+def test_lanes_tell_which_of_them_locks():
+    spring = Prism(1.0, 0.7, 0.01, 1.0).potential()
+    scenes = [Chain(spring, 5, 1.0, ("fixed", "free"), drive={4: Drive(displacement=-x * T)})
+              for x in (0.01, 0.1)]  # fmt: skip
+    together = Ensemble(scenes)
+    with pytest.raises(LockingError, match=r"^lane 1: .* got there at t = ") as one:
+        simulate(together, together.at_rest(), 20.0, dt=0.02, method="rkn6")
+    run = one.value.run
+    assert 1 < run.t[-1] < 20
+    assert run.u.shape[1:] == (5, 2)
+    assert run.energy_error < 1e-6
+
+
+def test_lanes_of_networks_with_walls_keep_their_impulses():
+    steel = granular.materials["steel"]
+    bead = granular.Bead(0.005, steel)
+    packs = [granular.hexagonal_pack(3, 3, bead=bead, floor=steel, contacts="fixed",
+                                     drive={4: Drive(force=(0.0, -x * T))}, damping=Damping(0.2))
+             for x in (1e5, 2e5)]  # fmt: skip
+    together = Ensemble(packs)
+    run = simulate(together, together.at_rest(), 2e-5, dt=5e-8, method="rkn6")
+    for lane, pack in enumerate(packs):
+        alone = simulate(pack, pack.at_rest(), 2e-5, dt=5e-8, method="rkn6")
+        np.testing.assert_array_equal(run.u[..., lane], alone.u)
+        np.testing.assert_array_equal(run.impulse[..., lane], alone.impulse)
+
+
+# springs of networks that change
+
+
+def test_a_tuned_row_in_the_plane_is_the_tuned_chain():
+    """Another loop, the geometry of contacts, and the power of every bond apart."""
+    chain = Chain(PRISM, 6, tune={"prestrain": PRESTRAIN})
+    places = np.zeros((6, 2))
+    places[:, 0] = PRISM.length * np.arange(6)
+    net = Network(places, [(k, k + 1) for k in range(5)], PRISM, tune={"prestrain": PRESTRAIN})
+    a = simulate(chain, chain.at_rest({0: 0.02}), 8.0, dt=0.1, method="rkn6")
+    b = simulate(net, net.at_rest({0: (0.02, 0.0)}), 8.0, dt=0.1, method="rkn6")
+    np.testing.assert_allclose(b.u[..., 0], a.u, atol=1e-15)
+    np.testing.assert_allclose(b.work, a.work, atol=1e-17)
+    np.testing.assert_allclose(b.energy, a.energy, atol=1e-17)
+    np.testing.assert_allclose(b.met, a.met, atol=1e-15)
+    assert a.work[-1] > 1e-6
+
+
+@pytest.mark.parametrize("method", ["verlet", "rkn6", "processed6"])
+def test_methods_keep_their_order_in_tuned_networks(method):
+    """The processor of `processed6` looks at springs before t = 0."""
+    net, order = plate(), {"verlet": 2}.get(method, 6)
+    state = started(net)
+    fine = simulate(net, state, 3.0, method="rkn6", dt=0.015)
+    assert fine.energy_error < 1e-12
+    steps = np.array([14, 20, 28])
+    runs = [simulate(net, state, 3.0, method=method, dt=3 / n) for n in steps]
+    for errors in (
+        [max(np.abs(run.final.u - fine.final.u).max(), np.abs(run.final.v - fine.final.v).max())
+         for run in runs],
+        [max(abs(run.work[-1] - fine.work[-1]), abs(run.loss[-1] - fine.loss[-1])) for run in runs],
+    ):  # fmt: skip
+        assert -np.polyfit(np.log(steps), np.log(errors), 1)[0] > order - 0.5
+
+
+def test_tuned_networks_without_a_compiler_do_the_same(monkeypatch):
+    net = plate()
+    how = {"method": "processed6", "dt": 0.1, "record": Record(every=3)}
+    fast = simulate(net, started(net), 1.0, **how)
+    monkeypatch.setattr(driven, "_loop", lambda laws, own, dim: Interpreted(laws))
+    slow = simulate(net, started(net), 1.0, **how)
+    for x in ("u", "work", "loss", "met"):
+        np.testing.assert_allclose(getattr(fast, x), getattr(slow, x), atol=1e-14)
+
+
+def test_balance_of_energy_closes_in_every_kind_of_scene():
+    for build in SCENES.values():
+        scene = build()
+        run = simulate(scene, started(scene), 10.0, tol=1e-11)
+        assert run.error_estimate < 1e-11
+        assert run.energy_error < 1e-10
+
+
+def test_a_tuned_network_that_locks_says_where():
+    place = np.array([(0.0, 0.0), (0.8, 0.0), (0.4, 0.7)])
+    spring = Prism(1.0, 0.8, 0.02, 1.0).potential()
+    net = Network(place, [(0, 1), (1, 2), (0, 2)], spring, lengths=spring.length, held=[0, 1],
+                  tune={"prestrain": PRESTRAIN})  # fmt: skip
+    state = State(np.zeros((3, 2)), [[0, 0], [0, 0], [0, -2.0]])
+    with pytest.raises(LockingError, match=r"the spring between sites 2 and [01]|[01] and 2 got"):
+        simulate(net, state, 2.0, dt=0.01, method="rkn6")
+    off = {"prestrain": 0.02 - 0.01 * T}
+    net = Network(place, [(0, 1), (1, 2), (0, 2)], spring, lengths=spring.length, tune=off)
+    with pytest.raises(LockingError, match=r"prestrain .*driven there at t = 2") as one:
+        simulate(net, net.at_rest(), 5.0, dt=0.1, method="rkn6")
+    assert one.value.run.t[-1] == pytest.approx(1.9, abs=0.11)
+
+
+def test_what_a_network_cannot_be_tuned_by_is_refused():
+    with pytest.raises(TensegrityError, match="'colour' is no argument"):
+        plate(tune={"colour": T})
+    with pytest.raises(TensegrityError, match="one spring for all bonds, there are 2, and no"):
+        Network(PLACES, BONDS, [TUNABLE] * 19 + [CUBIC], tune={"k": 1 + T})
+    with pytest.raises(TensegrityError, match="tune begins at k 2, the spring has 1"):
+        plate(tune={"k": 2 + T})
+    chain = Chain(TUNABLE, 4, tune={"k": 1 + sp.sqrt(T)})
+    with pytest.raises(TensegrityError, match=r"k sqrt\(t\) \+ 1 is .* at t = -"):
+        simulate(chain, chain.at_rest(), 1.0, dt=0.1, method="processed6")
