@@ -27,6 +27,7 @@ rate, step, mass = sp.symbols("v h m", positive=True)
 curvature, pull, offset = sp.symbols("a a_f epsilon_i", real=True)
 since = sp.Symbol("tau", positive=True)  # steps since a closing, or until an opening
 after = sp.Symbol("rho", positive=True)  # the part of the step behind the event
+far = sp.Symbol("d", positive=True)  # from the end of a step to the event
 turning = sp.Symbol("omega", real=True)  # of the line of contact in a step
 place = sp.Symbol("q", positive=True)
 way = sp.Symbol("s")  # 1 where a contact closes, -1 where it opens
@@ -122,6 +123,13 @@ def touch() -> sp.Expr:
     return strength * sp.powsimp(constant * length) * beta
 
 
+def rest() -> sp.Expr:
+    """Integral over h of the force between an instant and an event that is `far` away."""
+    parts = force()
+    power = sum(parts[k] * since ** (exponent + k) for k in (0, 1))
+    return sp.integrate(sp.expand(power), (since, 0, far))
+
+
 def left() -> sp.Expr:
     """Order of the steps with the correction, where they do not lose it for other reasons."""
     first_left_out = max(k for k in SUMS) + 1
@@ -158,6 +166,12 @@ def argument() -> list[Step]:
         Step("The steps went wrong at times around the event, not at it. At the end of the step, "
              "rho of a step behind the event, the displacement lacks, times the mass, over h^2,",
              sp.Eq(sp.Symbol("G"), shift(), evaluate=False)),
+        Step("Kicks on both sides of an instant have a share in J. Before a contact opens, in the "
+             "step to come, J is still to be given, and after it closed what later kicks will get "
+             "wrong was taken off already: velocities there are wrong to order n + 1. What is "
+             "looked at is a copy that has J without the share of the kicks up to the event, d of "
+             "a step away: their sum less",
+             sp.Eq(sp.Symbol("I"), rest(), evaluate=False)),
         Step("Both bodies get these with opposite signs: momentum is kept. A contact that closes "
              "and opens within one step, for a part l of it, has the impulse, over h,", touch()),
         Step("and what the kicks made of it is known. What is left are the powers that come next: "

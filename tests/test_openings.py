@@ -145,6 +145,28 @@ def test_correction_of_an_event_is_the_derived_one(n, opens):
     np.testing.assert_allclose(found, expected, rtol=1e-7)
 
 
+@pytest.mark.parametrize("opens", [True, False])
+@pytest.mark.parametrize("n", EXPONENTS)
+def test_what_kicks_between_a_row_and_an_event_make_too_much_is_the_derived_one(n, opens):
+    table = Openings(row(n, 2).loop_bonds, METHOD, 0.1)
+    w, x = np.array([0.004, -0.009, 0.001, -0.0004]) * (1 if opens else -1), 1.3 if opens else 0.7
+    curvature, swing = 2 * w[2] + 6 * w[3] * x, 0.0007
+    numbers = {
+        derived.exponent: n, derived.strength: 1, derived.curvature: curvature,
+        derived.rate: abs(w[1] + 2 * w[2] * x + 3 * w[3] * x**2), derived.pull: curvature - swing,
+    }  # fmt: skip
+    parts = {k: part.subs(numbers) for k, part in derived.force().items()}
+    nodes, weights, offsets = METHOD.rule
+    away = x - 1 - nodes if opens else nodes - x
+    kicks = sum(
+        b * sum(f * t ** (n + k) * (e if k < 0 else 1) for k, f in parts.items())
+        for t, b, e in zip(away, weights, offsets, strict=True)
+        if 0 < t <= 0.3 + 1e-15
+    )
+    expected = float(kicks - derived.rest().subs(numbers).subs(derived.far, 0.3))
+    assert table._between(0, w, x, opens, swing) == pytest.approx(expected, rel=1e-9)
+
+
 # the order
 
 
