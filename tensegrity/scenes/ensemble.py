@@ -17,7 +17,7 @@ import numpy as np
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import fixed
-from tensegrity.scenes.lanes import Clearances, Lanes
+from tensegrity.scenes.lanes import Clearances, bound
 from tensegrity.scenes.scene import PER_SITE, Scene, State, velocities
 from tensegrity.springs.collection import Springs
 
@@ -213,7 +213,7 @@ class Ensemble(Scene):
 
     def bind(self, u: Array, v: Array, method: Method, dt: float) -> Any:
         """These scenes in the loop, advancing the arrays of `arrays` in place."""
-        return Lanes(self, u, v, method, dt)
+        return bound(self, u, v, method, dt)
 
     def frequency_of(self, stiffness: Array) -> float:
         """Bound on the largest angular frequency [rad/s] of any lane."""

@@ -21,6 +21,14 @@ if TYPE_CHECKING:
 TOGETHER = (64, 32, 16, 8)  # lanes that one compiled loop takes
 
 
+def bound(ensemble: Any, u: Array, v: Array, method: Method, dt: float) -> Any:
+    """One loop over all lanes, where one is compiled for so many, or `Lanes`."""
+    bonds = _side_by_side(ensemble, method) if ensemble.lanes in TOGETHER else None
+    if bonds is None:
+        return Lanes(ensemble, u, v, method, dt)
+    return kernel.bind(u, v, bonds(slice(None)), method, dt)
+
+
 class Lanes:
     """Lanes in groups, each in a loop compiled for so many, what is left one by one."""
 
