@@ -347,17 +347,9 @@ class Ensemble(Scene):
 
     def _lane_energies(self, u: Array, v: Array) -> Array:
         """Total energy of each lane [J] of many states (states, *shape); (states, lanes)."""
-        r = self.stretch(u)
-        if self.spring_table.group.ndim == 1:
-            turned = np.ascontiguousarray(np.moveaxis(r, -1, -2))
-            stored = np.moveaxis(self.spring_table.evaluate("energy", turned), -2, -1)
-        else:
-            stored = self.spring_table.evaluate("energy", r)
-        motion = np.zeros_like(v)
-        for lane, scene in enumerate(self.scenes):
-            mass = scene.mass.reshape(-1, *[1] * (v.ndim - 3))
-            motion[..., lane] = mass * v[..., lane] ** 2 / 2 - scene.loads * u[..., lane]
-        return stored.sum(axis=-2) + motion.reshape(len(u), -1, self.lanes).sum(axis=1)
+        moved = (np.ascontiguousarray(np.moveaxis(x, -1, 0)) for x in (u, v))
+        each = zip(self.scenes, *moved, strict=True)
+        return np.stack([scene.energies(*states) for scene, *states in each], axis=-1)
 
     def momentum(self, state: State) -> float:
         """Total momentum of all lanes [kg m/s]."""
