@@ -381,7 +381,7 @@ def c_text(laws, loop="line", own=None, helpers=(), packed=(), extra=()):
         for number, law in enumerate(laws)
         for name in law.compiled
     )
-    parts = ["prelude.c", generator.dump(), *hooks]
+    parts = ["subnormal.c", "prelude.c", generator.dump(), *hooks]
     parts += [
         f"#define PARAMETERS {max((len(law.parameters) for law in laws), default=0)}",
         f"#define RUNS(X) {' '.join(f'X({number}, {kind})' for number, kind in runs)}",

@@ -343,6 +343,7 @@ static int driven_steps(scene *c, const drive *d, integer *s, integer steps, int
 integer advance_driven(const scene *given, const drive *d, integer steps, integer opened,
                        integer close)
 {
+    FLUSH
     scene here = *given;
     integer s = 0;
     if (driven_steps(&here, d, &s, steps, opened)) return s;
@@ -356,6 +357,7 @@ integer rows_driven(const scene *given, const drive *d, const scene *out, const 
                     integer count, integer opened, integer size, integer sites, integer more,
                     real *rows_u, real *rows_v, real *rows_more, real *rows_sums)
 {
+    FLUSH
     scene here = *given, copy = *out;
     integer s = 0, done = 0;
     for (integer k = 0; k < count; k++) {

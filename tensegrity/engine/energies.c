@@ -72,6 +72,7 @@ integer energies(const alike *sets, integer count, integer all, const double *ma
                  const double *loads, integer entries, integer rows, const double *u,
                  const double *v, double *scratch, double *total)
 {
+    FLUSH
     double *restrict stored = scratch, *restrict part = scratch + all;
     for (integer k = 0; k < rows; k++, u += entries, v += entries) {
         for (integer s = 0; s < count; s++) {

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import ctypes
-from importlib.resources import files
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tensegrity.engine import geometry
 from tensegrity.engine.bonds import KINDS
+from tensegrity.engine.codegen import joined
 from tensegrity.engine.compiled import Compiled, structure_of
 from tensegrity.engine.kept import kept
 from tensegrity.engine.native import address, library
@@ -38,7 +38,7 @@ _Places = structure_of("_Places", "first second geometry", "apart")  # as in elo
 
 @once
 def _energies() -> Any:
-    function = library(files(__package__).joinpath("energies.c").read_text(), EXACT).energies
+    function = library(joined(["subnormal.c", "energies.c"]), EXACT).energies
     function.argtypes = [_ADDRESS, *[_NUMBER] * 2, *[_ADDRESS] * 2, *[_NUMBER] * 2, *[_ADDRESS] * 4]
     function.restype = _NUMBER
     return function

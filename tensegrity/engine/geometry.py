@@ -48,7 +48,7 @@ def text(dim, file):
     for function, hook in helpers(dim):
         generator.add(function)
         hooks.append(hook)
-    return codegen.joined(["prelude.c", generator.dump(), *hooks, file])
+    return codegen.joined(["subnormal.c", "prelude.c", generator.dump(), *hooks, file])
 
 
 def side_by_side(dim):

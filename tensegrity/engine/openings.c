@@ -178,6 +178,7 @@ static void pass_all(const scene *c, const openings *o)
 /* Nothing is looked at as long as the elongations met say that every contact stayed on its side. */
 void advance_openings(const scene *c, openings *o, integer steps)
 {
+    FLUSH
     int looking = 0;
     for (integer k = 0; k < steps; k++) {
         if (!looking) EACH(o->entries) o->u[i] = c->u[i], o->v[i] = c->v[i];
@@ -238,6 +239,7 @@ static inline integer is_shown(real w0, real w1, real d1)
 /* Copies of u and v after the last step of `advance_openings`, as they are looked at. */
 void show_openings(const scene *c, openings *o, integer steps)
 {
+    FLUSH
     if (!o->known || !steps) return;
     if (o->known == 1) {
         overlaps(c, o, o->u, o->v, o->after, o->rate_after);

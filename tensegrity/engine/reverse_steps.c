@@ -44,6 +44,7 @@ void sow(const scene *c, const seeds *s, integer k)
 void reverse(const scene *c, integer steps, integer opened, integer close, integer last,
              const seeds *s)
 {
+    FLUSH
     const real closing = c->closing ? c->kicks[c->stages] : 0;
     if (c->closing && close) reverse_stage(c, closing, 0);
     for (integer k = steps - 1; k >= 0; k--) {
@@ -81,6 +82,7 @@ static void stage(const scene *c, real a, real b)
 
 void advance(const scene *c, integer steps)
 {
+    FLUSH
     const real closing = c->closing ? c->kicks[c->stages] : 0;
     for (integer k = 0; k < steps; k++)
         for (integer i = 0; i < c->stages; i++)

@@ -187,7 +187,7 @@ def c_text(laws, own, wanted, dim, exact):
     runs = [(k, kind) for k in range(len(laws)) for kind in (0, 1)[: 1 + (own[k] is not None)]]
     listed = " ".join(f"X({number}, {kind})" for number, kind in runs)
     most = max((len(law.parameters) for law in laws), default=0)
-    parts = ["prelude.c", generator.dump(), *hooks]
+    parts = ["subnormal.c", "prelude.c", generator.dump(), *hooks]
     parts += [f"#define PARAMETERS {most}", f"#define RUNS(X) {listed}", f"#define EXACT {exact:d}"]
     for number, kind in runs:
         parts += [f"#define K {number}", f"#define OWNED {kind}"]

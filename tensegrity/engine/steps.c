@@ -8,6 +8,7 @@
    next. */
 void advance_part(const scene *c, integer steps, integer opened, integer close)
 {
+    FLUSH
     real closing = c->closing ? c->kicks[c->stages] : 0;
     for (integer k = 0; k < steps; k++)
         for (integer i = 0; i < c->stages; i++)
@@ -39,6 +40,7 @@ static void combine(const nystrom *t, const real *coefficients, integer stages)
 
 void advance_nystrom(const scene *c, const nystrom *t, integer steps)
 {
+    FLUSH
     const integer n = t->count;
     const real dt = *t->dt;
     real *restrict u = c->u, *restrict v = c->v, *restrict place = t->place;

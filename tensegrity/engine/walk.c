@@ -155,6 +155,7 @@ integer run(const plan *p, double dt, integer steps, const double *u, const doub
 /* Largest size of one array, and largest difference of two. */
 void compare(const double *restrict one, const double *restrict other, integer n, double *found)
 {
+    FLUSH
     double size[16] = {0}, gap[16] = {0};
     integer i = 0;
     for (; i < n - n % 16; i += 16)

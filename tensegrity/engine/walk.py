@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import ctypes
-from importlib.resources import files
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tensegrity.engine.codegen import joined
 from tensegrity.engine.native import address, library
 from tensegrity.once import once
 
@@ -45,7 +45,7 @@ _COMPARE = (_ADDRESS, _ADDRESS, _NUMBER, _ADDRESS)
 @once
 def _compiled() -> Any:
     """The functions go, run and compare."""
-    found = library(files(__package__).joinpath("walk.c").read_text())
+    found = library(joined(["subnormal.c", "walk.c"]))
     for function, arguments, result in (
         (found.go, _GO, None),
         (found.run, _RUN, _NUMBER),
