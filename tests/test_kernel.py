@@ -1,10 +1,12 @@
 """The two engines: compiled and interpreted, against each other and against plain Python."""
 
+import platform
+
 import numpy as np
 import pytest
 from scenes import plain_forces, prism_chain, smooth_blow
 
-from tensegrity import Chain, PowerLaw, Prism
+from tensegrity import Chain, PowerLaw, Prism, Record, simulate
 from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.interpreted import Interpreted
 from tensegrity.engine.kernel import bind
@@ -91,3 +93,15 @@ def test_blocks_of_any_length(sites, exponent):
     np.testing.assert_allclose(u, x, rtol=0, atol=1e-15)
     np.testing.assert_allclose(v, y, rtol=0, atol=1e-15)
     assert met[0, 0] == pytest.approx(low, abs=1e-15)
+
+
+@pytest.mark.needs_compiler
+@pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64", "aarch64"), reason="no such mode")
+def test_numbers_below_the_smallest_normal_one_are_none_in_a_loop_and_some_outside():
+    """Ahead of a front they would be many, and slow."""
+    chain = Chain(Prism(1.0, 0.7, 0.01, 1.0).potential(), 200)
+    run = simulate(chain, chain.at_rest({0: 0.02}), 20.0, dt=0.05, record=Record(every=1))
+    sizes = np.abs(np.concatenate([run.u, run.v]))
+    assert (sizes == 0).any()
+    assert not ((sizes > 0) & (sizes < np.finfo(float).tiny)).any()
+    assert np.array([1e-310]) * 0.5 > 0
