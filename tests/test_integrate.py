@@ -423,7 +423,7 @@ def test_tolerance_is_kept(tol):
     )
     assert error < tol
     assert run.error_estimate < tol
-    assert run.method == ("verlet" if tol > 1e-3 else "rkn6")
+    assert run.method == "rkn6"
 
 
 @pytest.mark.parametrize("periods", [3, 8, 16])

@@ -40,8 +40,6 @@ __all__ = [
     "there_and_back",
 ]
 
-ROUGH = 1e-3  # for tolerances above it the simplest method is cheapest
-
 _BLANES_MOAN_KICKS = palindrome(
     (
         0.041464998518262400,
@@ -191,7 +189,7 @@ def default(dt: float | None, tol: float | None, smooth: bool, opens: bool = Fal
 
     `smooth` where no contact can open; `opens` where one can whose opening is corrected.
     """
-    if dt is not None or (tol is not None and tol > ROUGH):
+    if dt is not None:
         return "verlet"
     if opens:
         return "corrected6"

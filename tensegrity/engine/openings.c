@@ -7,7 +7,7 @@
    moment, turning), which hands impulse and moment to the two rows of a contact. */
 
 #define SCAN 64
-#define KICKS 16 /* summed side by side */
+#define ABREAST 16 /* summed side by side */
 
 static real cubic(const real *p, real x) { return p[0] + x * (p[1] + x * (p[2] + x * p[3])); }
 static real incline(const real *p, real x) { return p[1] + x * (2 * p[2] + x * 3 * p[3]); }
@@ -40,28 +40,28 @@ static void zetas(const openings *o, integer row, real x, int opens, real *sums)
 {
     const integer width = o->degree + 1;
     const real *table = o->tables + 3 * row * width;
-    for (integer start = 0; start < o->kicks; start += KICKS) {
-        real q[KICKS], t[KICKS], least[KICKS], a[KICKS], b[KICKS], c[KICKS], weight[KICKS] = {0},
-             offset[KICKS] = {0}, node[KICKS] = {0};
-        for (integer i = start; i < o->kicks && i < start + KICKS; i++)
+    for (integer start = 0; start < o->kicks; start += ABREAST) {
+        real q[ABREAST], t[ABREAST], least[ABREAST], a[ABREAST], b[ABREAST], c[ABREAST];
+        real weight[ABREAST] = {0}, offset[ABREAST] = {0}, node[ABREAST] = {0};
+        for (integer i = start; i < o->kicks && i < start + ABREAST; i++)
             node[i - start] = o->nodes[i], weight[i - start] = o->weights[i],
                          offset[i - start] = o->offsets[i];
-        EACH(KICKS) {
+        EACH(ABREAST) {
             const real y = opens ? x - node[i] : node[i] - x;
             q[i] = y - floor(y), t[i] = 2 * q[i] - 1;
             a[i] = b[i] = c[i] = 0;
         }
         for (integer k = width - 1; k >= 0; k--) {
             const real *at = table + k;
-            EACH(KICKS) {
+            EACH(ABREAST) {
                 a[i] = a[i] * t[i] + at[0];
                 b[i] = b[i] * t[i] + at[width];
                 c[i] = c[i] * t[i] + at[2 * width];
             }
         }
-        if (o->exponents[row] == 1.5) EACH(KICKS) least[i] = sqrt(q[i]);
-        else EACH(KICKS) least[i] = pow(q[i], o->exponents[row] - 1);
-        for (integer i = 0; i < KICKS; i++) {
+        if (o->exponents[row] == 1.5) EACH(ABREAST) least[i] = sqrt(q[i]);
+        else EACH(ABREAST) least[i] = pow(q[i], o->exponents[row] - 1);
+        for (integer i = 0; i < ABREAST; i++) {
             sums[0] += weight[i] * (a[i] + least[i] * q[i]);
             sums[1] += weight[i] * (b[i] + least[i] * q[i] * q[i]);
             sums[2] += weight[i] * offset[i] * (c[i] + least[i]);
@@ -71,17 +71,17 @@ static void zetas(const openings *o, integer row, real x, int opens, real *sums)
 
 /* How an overlap passes zero at a place x of a step: its rate and curvature there, and what kicks
    are ahead of. */
-typedef struct { real rate, curvature, pull; } passage;
+typedef struct { real rate, curvature, pull; } crossing;
 
-static passage passage_at(const scene *c, const openings *o, integer b, const real *p, real x)
+static crossing crossing_at(const scene *c, const openings *o, integer b, const real *p, real x)
 {
     const real curvature = 2 * p[2] + 6 * p[3] * x;
-    return (passage){fabs(incline(p, x)), curvature, curvature - swing(c, o, b, x)};
+    return (crossing){fabs(incline(p, x)), curvature, curvature - swing(c, o, b, x)};
 }
 
 /* The quadrature's error of a force (distance from the root)^alpha on one side of it, taken off;
    over the strength of the contact. */
-static real taken(const openings *o, integer b, passage at, real x, int opens, real *moment)
+static real taken(const openings *o, integer b, crossing at, real x, int opens, real *moment)
 {
     const real alpha = o->exponents[o->row[b]], size = raised(at.rate, alpha - 1);
     real sums[3] = {0};
@@ -94,7 +94,7 @@ static void event(const scene *c, const openings *o, integer b, real w, const re
                   int opens)
 {
     real moment;
-    const real total = taken(o, b, passage_at(c, o, b, p, x), x, opens, &moment);
+    const real total = taken(o, b, crossing_at(c, o, b, p, x), x, opens, &moment);
     const real strength = o->strength[b];
     give(c, o, b, w, x, strength * total, strength * moment, -strength * moment);
 }
@@ -200,7 +200,7 @@ void advance_openings(const scene *c, openings *o, integer steps)
 }
 
 /* The part of that error which kicks between the end of the step and an event make. */
-static real between(const openings *o, integer b, passage at, real x, int opens)
+static real between(const openings *o, integer b, crossing at, real x, int opens)
 {
     const real alpha = o->exponents[o->row[b]], far = opens ? x - 1 : 1 - x;
     const real bend = alpha * at.curvature / (2 * at.rate), lead = alpha * at.pull / at.rate;
@@ -223,7 +223,7 @@ static void show(const scene *c, const openings *o, integer b)
     const int opens = w0 > 0;
     if (opens && !(cubic(p, 2) < 0)) return;
     const real x = opens ? root_between(p, 1, 2) : root_between(p, 0, 1);
-    const passage at = passage_at(c, o, b, p, x);
+    const crossing at = crossing_at(c, o, b, p, x);
     if (!(at.rate > 0)) return;
     real moment;
     const real total = taken(o, b, at, x, opens, &moment) + between(o, b, at, x, opens);
