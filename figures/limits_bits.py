@@ -149,4 +149,4 @@ def draw(figure, tables):
         xlabel="time [s]", ylabel="largest difference, relative (0 drawn at 1e-17)",
         title=f"{SHORT} sites: difference from the first run",
     )  # fmt: skip
-    axes.legend(fontsize=8, loc="upper left")
+    axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(0.0, 0.42))
