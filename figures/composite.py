@@ -202,7 +202,15 @@ def draw(figure, tables):
         ax.set(xlabel="bonds from the interface", ylabel="elongation [m]")
         where = WHERE[profiles[k].split()[1]]
         ax.set_title(f"{where}\ndots: run, line: exact wave of its crest", fontsize=9)
-    _draw_search(axes["search"], tables["search"])
+    _draw_search(
+        axes["search"],
+        tables["search"],
+        [
+            energies(tables[f"{name} pulses"])
+            for name in cases_of(tables)
+            if name.startswith("prisms")
+        ],
+    )
     _draw_momenta(axes["momentum"], tables)
 
 
@@ -213,7 +221,19 @@ WHERE = {
 }
 
 
-def _draw_search(ax, found):
+def energies(pulses):
+    """Energies over that of the incident wave of the first solitary rarefaction that comes back
+    and of the second solitary compression that goes on; 0 where there is none."""
+    every = zip(pulses["where"], pulses["energy"], pulses["solitary"], strict=True)
+    found = [(where, float(energy)) for where, energy, solitary in every if solitary]
+    back, train = (
+        sorted((energy for name, energy in found if name == where), reverse=True)
+        for where in ("back", "train")
+    )
+    return (*back, 0.0)[0], (*train, 0.0, 0.0)[1]
+
+
+def _draw_search(ax, found, verified):
     kinds = np.array(found["kind"])
     reflected, second = (np.array(found[key], dtype=float) for key in ("reflected", COLUMNS[3]))
     least = FAINT
@@ -223,6 +243,8 @@ def _draw_search(ax, found):
             np.maximum(reflected[mine], least), np.maximum(second[mine], least), 9, f"C{k}",
             alpha=0.5, label=f"{kind}, {mine.sum()} followed", edgecolors="none",
         )  # fmt: skip
+    both = np.maximum(np.array(verified).T, least)
+    ax.scatter(*both, 130, "C3", marker="*", label="best of two seeds, followed longer: verified")
     for line in (ax.axhline, ax.axvline):
         line(_composite.LEAST, color="0.4", lw=0.8, ls=":")
     ax.set(
