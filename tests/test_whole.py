@@ -7,6 +7,7 @@ import pytest
 from networks import SPRING, patch, pushed
 from scenes import prism_chain, smooth_blow
 
+from granular import Bead, Striker, materials, y_guide
 from tensegrity import (
     Chain,
     ContactError,
@@ -157,6 +158,40 @@ def test_a_bead_that_stays_near_others_is_run_at_once(monkeypatch):
     )
     assert made[0] is not None
     assert np.array_equal(one.u, other.u)
+
+
+def forked(half_angle=0.4):
+    """A guide so narrow that beads of its branches are near what they are not listed to touch."""
+    steel = Bead(4.76e-3, materials["steel"], mass=0.45e-3)
+    return y_guide(
+        6, 6, half_angle=half_angle, bead=steel, wall=materials["ptfe"],
+        striker=Striker(steel, 0.5),
+    )  # fmt: skip
+
+
+def test_beads_too_near_others_to_be_sure_of_are_looked_at_after_each_step(monkeypatch):
+    scene, made = forked(), []
+    looked = whole._is_clear_at_each
+    monkeypatch.setattr(whole, "_is_clear_at_each", lambda *a: made.append(looked(*a)) or made[-1])
+    one, other = both(monkeypatch, lambda: simulate(scene, scene.start(), 1e-4, tol=1e-4))
+    assert len(made) >= 2
+    assert all(made)
+    for name in FIELDS:
+        assert np.array_equal(getattr(one, name), getattr(other, name)), name
+
+
+def test_what_touches_at_the_end_of_a_step_is_found_by_a_look_after_each():
+    """Gaps of the way gone in one step, and less: kept as long as none is closed."""
+    beads = Network(
+        [[0.0, 0], [3.0, 0]], [], SPRING, radius=1.0, mass=1.0,
+    )  # fmt: skip
+    near = np.array([[0, 1]]), np.zeros((0, 2), dtype=int)
+    for last, kept in ((0.999, True), (1.0, False), (1.001, False)):
+        u = np.zeros((3, 2, 2))
+        u[1, 0, 0], u[2, 0, 0] = last / 2, last
+        beads.clearance.skin = 10.0  # all of the way is watched
+        assert beads.clearance.is_kept(near, u, np.full(2, last), each=True) is kept
+        assert beads.clearance.is_kept(near, u, np.full(2, last)) is False
 
 
 @pytest.mark.parametrize("count", [1, 7, 16, 50])

@@ -113,6 +113,7 @@ _RKN6 = Splitting(
     when_not="springs whose stiffness jumps (opening contacts): the order falls below 3",
 )
 
+LOOSE = 1e-3  # tolerance from which openings need no correction
 METHODS = {
     method.name: method
     for method in (
@@ -187,10 +188,11 @@ def find(method: str | Method) -> Method:
 def default(dt: float | None, tol: float | None, smooth: bool, opens: bool = False) -> str:
     """Name of the method used where none is asked for.
 
-    `smooth` where no contact can open; `opens` where one can whose opening is corrected.
+    `smooth` where no contact can open; `opens` where one can whose opening is corrected: not worth
+    its time where a `LOOSE` tolerance is met by steps that are stable.
     """
     if dt is not None:
         return "verlet"
     if opens:
-        return "corrected6"
+        return "corrected6" if tol is None or tol < LOOSE else "rkn6"
     return "processed6" if tol is not None and smooth else "rkn6"

@@ -8,23 +8,28 @@
 
 #define SCAN 64
 #define ABREAST 16 /* summed side by side */
+#define LAST_STEP 1e-9
 
 static real cubic(const real *p, real x) { return p[0] + x * (p[1] + x * (p[2] + x * p[3])); }
 static real incline(const real *p, real x) { return p[1] + x * (2 * p[2] + x * 3 * p[3]); }
 
-/* Where a cubic passes zero between two places on different sides of it. */
+/* Where a cubic passes zero between two places on different sides of it: steps of Newton from where
+   the chord does; a last one below LAST_STEP leaves a square of that. */
 static real root_between(const real *p, real low, real high)
 {
-    const int below = cubic(p, low) > 0;
-    real x = (low + high) / 2;
+    const real first = cubic(p, low), last = cubic(p, high);
+    const int below = first > 0;
+    real x = low + (high - low) * (first / (first - last));
+    if (!(x > low && x < high)) x = (low + high) / 2;
     for (int k = 0; k < 60; k++) {
         const real y = cubic(p, x), rate = incline(p, x);
         if ((y > 0) == below) low = x;
         else high = x;
-        real next = rate != 0 ? x - y / rate : low;
-        if (!(next > low && next < high)) next = (low + high) / 2;
-        if (fabs(next - x) <= 1e-16) break;
-        x = next;
+        const real next = rate != 0 ? x - y / rate : low;
+        const int inside = next >= low && next <= high;
+        if (inside && fabs(next - x) <= LAST_STEP) return next;
+        x = inside && next != low && next != high ? next : (low + high) / 2;
+        if (high - low <= 1e-16) break;
     }
     return x;
 }

@@ -25,6 +25,7 @@ from tensegrity.scenes.scene import known_state
 
 SPARE = 4  # prepared loops that a scene keeps for each method: one for each thread at work
 LARGEST = 200_000  # numbers in u of a scene that keeps them
+LOOKED = 4_000_000  # numbers in u at all steps of a run that is looked at after each
 
 
 class Whole:
@@ -153,7 +154,9 @@ def _run(plan, problem, scene, steps, allowed, instants):
     guard = Guard(problem, scene, dt, allowed)
     if not (guard.is_known(met) or (guard.is_inside(met) and guard.allows(met))):
         return None
-    if problem.scene.clearance is not None and not _is_clear(problem, plan, seen, ways):
+    if problem.scene.clearance is not None and not (
+        _is_clear(problem, plan, seen, ways) or _is_clear_at_each(problem, plan, dt, steps)
+    ):
         return None
     np.minimum(met[:, 0], 0, out=met[:, 0])
     np.maximum(met[:, 1], 0, out=met[:, 1])
@@ -167,3 +170,14 @@ def _is_clear(problem, plan, seen, ways):
     else:
         u, travel = seen[0], np.diff(ways, prepend=0.0)
     return problem.scene.clearance.is_kept(problem.outlook.near, u, travel)
+
+
+def _is_clear_at_each(problem, plan, dt, steps):
+    """The same by the same run once more, looked at after each step, which is not taken apart."""
+    state = problem.state
+    if steps * state.u.size > LOOKED:
+        return False
+    seen, ways = np.empty((2, steps + 1, *state.u.shape)), np.empty(steps)
+    plan.run(dt, steps, state.u, state.v, 0, None, 1, (seen, ways))
+    travel = np.diff(ways, prepend=0.0)
+    return problem.scene.clearance.is_kept(problem.outlook.near, seen[0], travel, each=True)

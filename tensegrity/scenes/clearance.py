@@ -128,7 +128,9 @@ class Clearance:
             found = np.asarray(np.minimum(found, np.min(ways, axis=-1, initial=math.inf)))
         return found
 
-    def is_kept(self, near: tuple[Indices, Indices], u: Array, travel: Array) -> bool:
+    def is_kept(
+        self, near: tuple[Indices, Indices], u: Array, travel: Array, each: bool = False
+    ) -> bool:
         """Whether nothing unlisted can have touched between instants of a run.
 
         Parameters
@@ -138,11 +140,15 @@ class Clearance:
         u : ndarray, (instants + 1, sites, dim)
         travel : ndarray, (instants,)
             Bound on how far any coordinate of a site moved from each to the next [m].
+        each : bool, optional
+            Whether the instants are all steps: then nothing touches in one at whose end nothing
+            does, as `Tracker.judge` has it.
         """
         x = self.positions + u
         moved = np.sqrt(np.max(np.sum((u - u[0]) ** 2, axis=-1), axis=-1))
         room = self.room(x, moved, *near)
-        return bool(np.all(math.sqrt(self.dim) * travel < room[:-1]))
+        kept = math.sqrt(self.dim) * travel < room[:-1]
+        return bool(np.all(kept | (room[1:] > 0) if each else kept))
 
     def check(self, u: Array) -> None:
         """Refuse displacements at which something unlisted touches."""
