@@ -51,12 +51,12 @@ class Assembly(Crystal, Network):
         self.check(state)
         return state
 
-    def available_energy(self, state: State) -> float:
+    def available_energy(self, state: State, energy: float | None = None) -> float:
         """Energy of motion and contacts [J], which any contact could get.
 
         That of the loads counts from the places as laid, where it could be below 0.
         """
-        return self.energy(state) + float(np.sum(self.loads * state.u))
+        return super().available_energy(state, energy) + float(np.sum(self.loads * state.u))
 
     bead_arguments = sensitivity.NAMES
 

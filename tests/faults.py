@@ -233,13 +233,13 @@ FAULTS = (
         "tensegrity/engine/openings.c",
         "at.curvature * sums[1] / 2 + at.pull * sums[2]",
         "at.curvature * sums[1] / 2",
-        "tests/test_openings.py::test_order_is_the_exponent_and_three_not_and_one[1.5-chain]",
+        "tests/test_openings.py::test_order_is_the_exponent_and_three_not_and_one[chain-1.5]",
     ),
     Fault(
         "tensegrity/engine/openings.c",
         "curvature, curvature - swing(c, o, b, x)}",
         "curvature, curvature}",
-        "tests/test_openings.py::test_order_is_the_exponent_and_three_not_and_one[1.5-space]",
+        "tests/test_openings.py::test_order_is_the_exponent_and_three_not_and_one[space-1.5]",
     ),
     Fault(
         "tensegrity/engine/steps.c",

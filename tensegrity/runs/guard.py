@@ -33,7 +33,7 @@ class Guard:
     def __init__(self, problem, scene, dt, allowed) -> None:
         self._problem, self._scene, self._dt, self._allowed = problem, scene, dt, allowed
         self.domains, self.limit = scene.spring_table.reach, math.inf
-        self._safe = np.zeros(self.domains.shape)  # ranges of elongation known to be allowed
+        self._safe = None  # ranges of elongation known to be allowed
         self._stiffness = None  # bound of each spring's within them [N/m]
 
     def is_inside(self, met):
@@ -44,6 +44,8 @@ class Guard:
 
     def allows(self, met):
         """Whether the step is stable at elongations within the domains."""
+        if self._safe is None:
+            self._safe = np.zeros(self.domains.shape)
         below, above = met[:, 0] < self._safe[:, 0], met[:, 1] > self._safe[:, 1]
         grown = np.flatnonzero(below | above)
         if not grown.size or self.is_known(met):
@@ -70,9 +72,10 @@ class Guard:
 
     def is_known(self, met):
         """Whether another run of the scene met as much, which a step like this one can take."""
+        least = self._dt / self._allowed
         for ranges, stiffness, omega in self._scene.remembered.ranges:
             limit = self._problem.largest_step(omega)
-            if self._dt <= self._allowed * limit and _are_within(met, ranges):
+            if least <= limit and _are_within(met, ranges):
                 self._safe, self._stiffness, self.limit = ranges, stiffness, limit
                 return True
         return False

@@ -11,6 +11,7 @@ from tensegrity.errors import TensegrityError
 from tensegrity.runs.march import Problem
 from tensegrity.runs.record import Record
 from tensegrity.runs.run import Run, changed
+from tensegrity.runs.stepping import Outlook
 from tensegrity.runs.tolerance import ROUND_OFF, default_step, fixed_step, to_tolerance
 from tensegrity.scenes.scene import Scene
 
@@ -73,7 +74,7 @@ def simulate(
     started = time.perf_counter()
     if not isinstance(scene, Scene):
         raise TensegrityError(f"scene {scene!r} is not a scene, such as a Chain")
-    scene.check(state)
+    energy = scene.check(state)
     t_end = check.number("t_end", t_end, least=0, unit="s")
     dt = None if dt is None else check.number("dt", dt, above=0, unit="s")
     tol = None if tol is None else check.number("tol", tol, least=ROUND_OFF)
@@ -90,7 +91,8 @@ def simulate(
     check.kind("record", record, Record)
     record.check(scene.sites, t_end)
     choice = "dt" if dt is not None else "default" if tol is None else "tol"
-    problem = Problem(scene, state, t_end, method, record, choice=choice)
+    outlook = Outlook(scene, state, energy)
+    problem = Problem(scene, state, t_end, method, record, choice=choice, outlook=outlook)
     if dt is not None:
         run = fixed_step(problem, dt)
     elif tol is not None:

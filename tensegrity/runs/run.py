@@ -27,9 +27,16 @@ SHOWN = 300  # instants in a notebook's picture
 
 def changed(one: Frozen, **values: Any) -> Frozen:
     """The same frozen dataclass with other values, which are known to be right."""
-    other = object.__new__(type(one))
-    other.__dict__.update(one.__dict__, **values)
-    return other
+    return known(type(one), one.__dict__, **values)
+
+
+def known(kind: type[Frozen], *given: dict[str, Any], **values: Any) -> Frozen:
+    """A frozen dataclass of values that are known to be right, or else its defaults."""
+    made = object.__new__(kind)
+    for some in given:
+        made.__dict__.update(some)
+    made.__dict__.update(values)
+    return made
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,28 +24,32 @@ class Outlook:
     ----------
     scene : Scene
     state : State
+    energy : float, optional
+        That of the state [J], if it is known.
     """
 
-    def __init__(self, scene: Scene, state: State) -> None:
-        self._scene, self._state = scene, state
+    def __init__(self, scene: Scene, state: State, energy: float | None = None) -> None:
+        self._scene, self._state, self._given = scene, state, energy
+        self._asked: tuple[Scene, float] | None = None
 
-    @cached_property
-    def _likely(self) -> Scene:
-        return self._scene.likely(self._state.u)
-
-    @cached_property
-    def _energy(self) -> float:
-        return self._likely.available_energy(self._state)
+    def _likely(self) -> tuple[Scene, float]:
+        """The scene with contacts that may well form, and the energy that a spring could get."""
+        if self._asked is None:
+            scene = self._scene.likely(self._state.u)
+            given = self._given if scene is self._scene else None
+            self._asked = scene, scene.available_energy(self._state, given)
+        return self._asked
 
     @cached_property
     def expected(self) -> Reach:
         """What springs can reach with all the energy."""
-        return reach(self._likely, self._energy)  # not rounded, which would depend on the units
+        return reach(*self._likely())  # not rounded, which would depend on the units
 
     @property
     def first_frequency(self) -> float:
         """Angular frequency [rad/s] were half of the energy to meet in one bond."""
-        return reach(self._likely, rounded(FEWEST * self._energy)).frequency
+        scene, energy = self._likely()
+        return reach(scene, rounded(FEWEST * energy)).frequency
 
     @cached_property
     def near(self) -> tuple[Indices, Indices]:

@@ -31,6 +31,7 @@ TRIAL = 0.85  # first step over the stability limit where a tolerance decides
 REFINEMENTS, MOST_REFINEMENTS = 8, 14  # how often a step chosen here is refined
 DRIVEN, MOST_DRIVEN = 3, 6  # as often, of scenes whose energy is no bound on what springs reach
 CHECKPOINTS = 17  # least number of steps that are chosen here
+AT_FIRST = 13  # of a run that is compared with others, at 7 instants then
 DENSE = 2  # first steps between two instants at which runs are compared, where nothing opens
 FEWEST, MOST_KEPT = 16, 2_000_000  # instants; numbers in each of u and v of a run at them
 KEPT = 3  # runs that are compared with the last one, and it
@@ -100,11 +101,11 @@ def expected_steps(problem, fraction):
     to meet in one bond."""
     if not problem.t_end:
         return 0
-    return _steps(problem, fraction, problem.outlook.expected.frequency)
+    return _steps(problem, fraction, problem.outlook.expected.frequency, CHECKPOINTS)
 
 
-def _steps(problem, fraction, omega):
-    return max(count(problem, fraction * problem.natural_step(omega)), CHECKPOINTS)
+def _steps(problem, fraction, omega, least=AT_FIRST):
+    return max(count(problem, fraction * problem.natural_step(omega)), least)
 
 
 def resumed(problem, steps, allowed, start):

@@ -20,7 +20,7 @@ from tensegrity.runs.guard import Guard
 from tensegrity.runs.loops import parts
 from tensegrity.runs.record import INSTANTS
 from tensegrity.runs.rows import need_memory
-from tensegrity.runs.run import Run
+from tensegrity.runs.run import Run, known
 from tensegrity.scenes.scene import known_state
 
 SPARE = 4  # prepared loops that a scene keeps for each method: one for each thread at work
@@ -55,8 +55,9 @@ class Whole:
         """The run, with the energies of its rows."""
         problem, ((u, v), impulse) = self._problem, self._rows
         scene, sites = problem.scene, problem.record.sites
-        at = np.arange(0, self.steps + self._every, self._every)
-        at[-1] = self.steps
+        t = np.arange(0.0, self.steps + self._every, self._every)
+        t[-1] = self.steps
+        t *= problem.t_end / self.steps
         energy, final = scene.energies(u, v), known_state(u[-1].copy(), v[-1].copy())
         listed = self._listed
         fastest = listed.fastest(listed.stiffness_within(self.met)) if scene.follows else None
@@ -64,10 +65,11 @@ class Whole:
             sites = _sites(scene.sites)
         else:
             u, v = u[:, list(sites)], v[:, list(sites)]
-        return Run(
-            scene, at * (problem.t_end / self.steps), u, v, energy, final, problem.method.name,
-            self._dt, self.steps, sites, impulse=impulse if scene.wall_count else None,
-            force=problem.force, met=self.met, fastest=fastest,
+        return known(
+            Run, scene=scene, t=t, u=u, v=v, energy=energy, final=final,
+            method=problem.method.name, dt=self._dt, steps=self.steps, sites=sites,
+            impulse=impulse if scene.wall_count else None, force=problem.force, met=self.met,
+            fastest=fastest,
         )  # fmt: skip
 
 

@@ -7,6 +7,7 @@ carries the constant preload, because potentials are measured from the loaded eq
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -140,8 +141,11 @@ class Chain(Scene):
         self.check(state)
         return state
 
-    def check(self, state: State) -> None:
-        """Refuse a state of another size, one that moves a held site, or one out of domain."""
+    def check(self, state: State) -> float:
+        """Refuse a state of another size, one that moves a held site, or one out of domain.
+
+        Returns its energy [J].
+        """
         self._refuse_other(state)
         for site in self.held:
             if state.u[site] or state.v[site]:
@@ -149,13 +153,15 @@ class Chain(Scene):
                     f"site {site} is fixed, but has displacement {state.u[site]:g} m and "
                     f"velocity {state.v[site]:g} m/s"
                 )
-        energy = self.energy(state)  # refuses elongations out of domain
-        if not np.isfinite(energy):
+        energy = float(self.energies(state.u, state.v))  # refuses elongations out of domain
+        if not math.isfinite(energy):
             raise TensegrityError(f"energy {energy} J of the state must be finite")
+        return energy
 
     def elongation(self, u: ArrayLike) -> Array:
         """r_j = u[j+1] - u[j] [m] along the last axis."""
-        return np.diff(check.rows("displacements", u, self.shape), axis=-1)
+        u = check.rows("displacements", u, self.shape)
+        return u[..., 1:] - u[..., :-1]
 
     def bond_energy(self, u: ArrayLike) -> Array:
         """Energy of each bond [J]; u of shape (..., sites) gives (..., sites - 1)."""

@@ -278,11 +278,13 @@ class Ensemble(Scene):
         self.check(state)
         return state
 
-    def check(self, state: State) -> None:
-        """Refuse a state of another shape, or one that a scene alone refuses."""
+    def check(self, state: State) -> float:
+        """Refuse a state of another shape, or one that a scene alone refuses.
+
+        Returns the largest energy of a lane [J].
+        """
         self._refuse_other(state)
-        for lane, scene in enumerate(self.scenes):
-            scene.check(self.lane(state, lane))
+        return max(scene.check(self.lane(state, k)) for k, scene in enumerate(self.scenes))
 
     def lane(self, state: State, number: int) -> State:
         """The state of one of the scenes, by its number from 0."""
@@ -337,9 +339,9 @@ class Ensemble(Scene):
         """Total energy [J] of all lanes of each of many states; u, v (states, *shape)."""
         return np.array([np.sum(each) for each in self._lane_energies(u, v)])
 
-    def available_energy(self, state: State) -> float:
+    def available_energy(self, state: State, energy: float | None = None) -> float:
         """What one spring could get: the largest energy of a lane [J]."""
-        return float(np.max(self._energies(state)))
+        return float(np.max(self._energies(state))) if energy is None else energy
 
     def _energies(self, state: State) -> Array:
         """Total energy of each lane [J]; (lanes,)."""

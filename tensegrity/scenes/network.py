@@ -432,8 +432,11 @@ class Network(Scene):
         self.check(state)
         return state
 
-    def check(self, state: State) -> None:
-        """Refuse a state of another shape, one that moves a held site, or one out of domain."""
+    def check(self, state: State) -> float:
+        """Refuse a state of another shape, one that moves a held site, or one out of domain.
+
+        Returns its energy [J].
+        """
         self._refuse_other(state)
         for site in self.held:
             if state.u[site].any() or state.v[site].any():
@@ -445,6 +448,7 @@ class Network(Scene):
         energy = self.energy(state)  # refuses elongations out of domain
         if not np.isfinite(energy):
             raise TensegrityError(f"energy {energy} J of the state must be finite")
+        return energy
 
     # what is computed from displacements u (..., sites, dim)
 

@@ -174,7 +174,7 @@ class Scene(ReadOnly):
     _words: str
     if TYPE_CHECKING:  # what `simulate` asks of every scene besides
 
-        def check(self, state: State) -> None: ...
+        def check(self, state: State) -> float: ...
         def energy(self, state: State) -> float: ...
         def elongation(self, u: ArrayLike) -> Array: ...
         def bond_energy(self, u: Array) -> Array: ...
@@ -303,9 +303,9 @@ class Scene(ReadOnly):
         """Total energy [J] of each of many states; u and v (states, *shape of the scene)."""
         return np.array([self.energy(State(*pair)) for pair in zip(u, v, strict=True)])
 
-    def available_energy(self, state: State) -> float:
-        """What one spring could get of the energy [J]: all of it."""
-        return self.energy(state)
+    def available_energy(self, state: State, energy: float | None = None) -> float:
+        """What one spring could get of the energy [J], all of it; what `check` said, if known."""
+        return self.energy(state) if energy is None else energy
 
     def finer_share(self, met: Array) -> float | None:
         """Share of a default step for a second run, from the elongations that the first met.
