@@ -33,9 +33,13 @@ def number(
     unit: str = "",
 ) -> float:
     """`value` as a float, if it is one number within its bounds."""
-    if type(value) is float and -math.inf < value < math.inf:  # the usual one, in no time
-        if (above is None or value > above) and (least is None or value >= least):
-            return value
+    if (
+        type(value) is float
+        and -math.inf < value < math.inf
+        and (above is None or value > above)
+        and (least is None or value >= least)
+    ):
+        return value
     value = _scalar(value)
     if not (_is(value, Real) or _is_symbolic_constant(value)):
         raise TensegrityError(f"{name} {shown(value)} is not a number")

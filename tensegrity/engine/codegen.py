@@ -267,6 +267,7 @@ def _facts(law):
         "cost": 4e-11 * sum(slow.get(tension.instruction_id(k), 1) for k in count),
         "instructions": functions(law)["tail"].n_instructions(),
         "packed": lanes.gains(tension),
+        "packed_energy": "energy" in law.compiled and lanes.gains(functions(law)["energy"]),
     }
 
 
@@ -375,6 +376,12 @@ def c_text(laws, loop="line", own=None, helpers=(), packed=(), extra=()):
         hooks.append(hook)
     beside = [bool(packed) or is_packed(law) for law in laws]
     hooks += ["lanes.c", *packed, *_lanes(laws, own, beside, line=not packed)]
+    hooks += ["#if WIDE == 8", *_energy_lanes(laws), "#endif"]
+    energies = " ".join(
+        f"X({number}, {int(facts(law)['packed_energy'])})"
+        for number, law in enumerate(laws)
+        if "energy" in law.compiled
+    )
     runs = [(number, kind) for number, law in enumerate(laws) for kind in kinds(law, own[number])]
     evaluations = " ".join(
         f"X({number}, {DERIVATIVES.index(name)}, {name})"
@@ -386,6 +393,7 @@ def c_text(laws, loop="line", own=None, helpers=(), packed=(), extra=()):
         f"#define PARAMETERS {max((len(law.parameters) for law in laws), default=0)}",
         f"#define RUNS(X) {' '.join(f'X({number}, {kind})' for number, kind in runs)}",
         f"#define EVALUATIONS(X) {evaluations}",
+        f"#define ENERGIES(X) {energies}",
         f"{loop}.h",
     ]
     for number, kind in runs:
@@ -454,6 +462,16 @@ def _lanes(laws, own, beside, line):
             ]
             name = f"tension_lanes_{number}_{kind}"
             yield lanes.text(functions(law)["tension"], name, arguments, [["r[g]"], p], [["f[g]"]])
+
+
+def _energy_lanes(laws):
+    """C of the energies of several bonds, `energy_lanes_<law>`."""
+    for number, law in enumerate(laws):
+        if facts(law)["packed_energy"]:
+            p = [f"wide(p[{k}])" for k in range(len(law.parameters))]
+            arguments, energy = "const pack *r, const real *p, pack *e", functions(law)["energy"]
+            name = f"energy_lanes_{number}"
+            yield lanes.text(energy, name, arguments, [["r[g]"], p], [["e[g]"]])
 
 
 def _take(number, count, own):
