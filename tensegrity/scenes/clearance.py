@@ -54,6 +54,7 @@ class Clearance:
         low, high = np.sort(bonds, axis=1).T
         self._listed = np.unique(low * self.sites + high)
         self.wall_contacts, self._pieces = wall_contacts, Pieces(walls, self.dim)
+        self._watched: tuple[Array, tuple[Indices, Indices]] | None = None
 
     def pairs(self, x: Array) -> Indices:
         """Unlisted pairs of sites at places x with a gap below the skin; (n, 2)."""
@@ -110,9 +111,15 @@ class Clearance:
         return getattr(self._pieces, what)(x[..., pairs[:, 0], :], pairs[:, 1])
 
     def watched(self, u: Array) -> tuple[Indices, Indices]:
-        """What has to be looked at from displacements u on: unlisted `pairs`, and `wall_pairs`."""
-        x = self.positions + u
-        return self.pairs(x), self.wall_pairs(x)
+        """What has to be looked at from displacements u on: unlisted `pairs`, and `wall_pairs`.
+
+        The last answer is kept: a state is checked, and then run from.
+        """
+        known = self._watched
+        if known is None or not np.array_equal(known[0], u):
+            x = self.positions + u
+            known = self._watched = u.copy(), (self.pairs(x), self.wall_pairs(x))
+        return known[1]
 
     def room(self, x: Array, moved: Array | float, pairs: Indices, walls: Indices) -> Array:
         """How far every site may move until something could be wrong [m].
@@ -152,8 +159,7 @@ class Clearance:
 
     def check(self, u: Array) -> None:
         """Refuse displacements at which something unlisted touches."""
-        x = self.positions + u
-        complaint = self.complaint(x, self.pairs(x), self.wall_pairs(x), TOUCH * self.skin)
+        complaint = self.complaint(self.positions + u, *self.watched(u), TOUCH * self.skin)
         if complaint:
             raise ContactError(f"{complaint} at the start")
 
