@@ -21,7 +21,7 @@ from tensegrity import (
 )
 from tensegrity.measure.observables import arrival
 
-SPEEDS = np.linspace(-0.01, 0.03, 13)  # 8 lanes together and 5 one by one
+SPEEDS = np.linspace(-0.01, 0.03, 13)  # 8 lanes together and 5 beside copies
 
 
 def lanes_alone(chain, start, t_end, **options):

@@ -11,6 +11,7 @@ from granular import Bead, Striker, materials, y_guide
 from tensegrity import (
     Chain,
     ContactError,
+    Ensemble,
     Network,
     Potential,
     PowerLaw,
@@ -35,7 +36,15 @@ def unequal():
     return chain, chain.at_rest({0: 0.02, 25: 0.01})
 
 
+def lanes(count):
+    """Chains side by side, each with its own blow."""
+    batch = Ensemble(prism_chain(9), count)
+    return batch, batch.at_rest({0: np.linspace(0.005, 0.02, count)})
+
+
 SCENES = {
+    "lane": lambda: lanes(1),
+    "lanes": lambda: lanes(11),
     "chain": lambda: (prism_chain(20), smooth_blow(prism_chain(20))),
     "unequal": unequal,
     "network": lambda: (patch(), pushed(patch())),

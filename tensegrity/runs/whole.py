@@ -109,7 +109,7 @@ def whole(problem, steps, most, allowed=1.0, instants=0):
     try:
         plan = plans.pop()
     except IndexError:
-        plan = prepared(scene, problem.method)
+        plan = prepared(scene.filled, problem.method)
     if plan is None:
         return None
     try:
@@ -140,18 +140,26 @@ def prepared(scene, method):
 
 
 def _run(plan, problem, scene, steps, allowed, instants):
-    state, shape = problem.state, problem.scene.shape
+    shape, lanes = scene.filled.shape, None
+    u, v = problem.state.u, problem.state.v
+    if shape != u.shape:  # idle lanes do what the last one does
+        lanes = np.s_[..., : u.shape[-1]]
+        every_lane = np.minimum(np.arange(shape[-1]), u.shape[-1] - 1)
+        u, v = np.ascontiguousarray(u[..., every_lane]), np.ascontiguousarray(v[..., every_lane])
     dt, every, rows, seen, ways = problem.t_end / steps, 0, None, None, None
     if problem.rows:
         every = problem.record.every or max(1, -(-steps // INSTANTS))
         count = -(-steps // every) + 1
-        need_memory(count * 2 * state.u.nbytes)
+        need_memory(count * 2 * u.nbytes)
         rows = np.empty((2, count, *shape)), np.zeros((count, scene.wall_count, *shape[1:]))
     if instants:
         seen, ways = np.empty((2, instants + 1, *shape)), np.empty(instants)
     apart, looks = (steps // instants, (seen, ways)) if instants else (0, None)
-    if not plan.run(dt, steps, state.u, state.v, every, rows, apart, looks):
+    if not plan.run(dt, steps, u, v, every, rows, apart, looks):
         return None
+    if lanes is not None:
+        rows = rows and (np.ascontiguousarray(rows[0][lanes]), rows[1][lanes])
+        seen = None if seen is None else np.ascontiguousarray(seen[lanes])
     met = plan.met
     guard = Guard(problem, scene, dt, allowed)
     if not (guard.is_known(met) or (guard.is_inside(met) and guard.allows(met))):

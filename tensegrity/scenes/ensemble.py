@@ -17,7 +17,7 @@ import numpy as np
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import fixed
-from tensegrity.scenes.lanes import Clearances, bound
+from tensegrity.scenes.lanes import Clearances, bound, filled
 from tensegrity.scenes.scene import PER_SITE, Scene, State, velocities
 from tensegrity.springs.collection import Springs
 
@@ -210,6 +210,12 @@ class Ensemble(Scene):
         each = [scene.arrays(self.lane(state, k)) for k, scene in enumerate(self.scenes)]
         u, v = (np.ascontiguousarray(np.stack(x, axis=-1)) for x in zip(*each, strict=True))
         return u, v
+
+    @cached_property
+    def filled(self) -> Ensemble:
+        """These scenes, and the last one as often as one compiled loop lacks lanes."""
+        more = 0 if self.turns else filled(self.lanes) - self.lanes
+        return Ensemble([*self.scenes, *self.scenes[-1:] * more]) if more else self
 
     def bind(self, u: Array, v: Array, method: Method, dt: float) -> Any:
         """These scenes in the loop, advancing the arrays of `arrays` in place."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from copy import copy
 from typing import TYPE_CHECKING
 
@@ -18,31 +19,41 @@ if TYPE_CHECKING:
     from tensegrity.engine.methods import Method
     from tensegrity.typing import Array
 
-TOGETHER = (64, 32, 16, 8)  # lanes that one compiled loop takes
+TOGETHER = (64, 48, 32, 24, 16, 8)  # lanes that one compiled loop takes
+MANY, MOST = 32, 1024  # and multiples of, at most
 
 
 def bound(ensemble: Any, u: Array, v: Array, method: Method, dt: float) -> Any:
     """One loop over all lanes, where one is compiled for so many, or `Lanes`."""
-    bonds = _side_by_side(ensemble, method) if ensemble.lanes in TOGETHER else None
+    fit = filled(ensemble.lanes) == ensemble.lanes <= MOST
+    bonds = _side_by_side(ensemble, method) if fit else None
     if bonds is None:
         return Lanes(ensemble, u, v, method, dt)
     return kernel.bind(u, v, bonds(slice(None)), method, dt)
 
 
+def filled(lanes: int) -> int:
+    """The least number of lanes, not below this, that one compiled loop takes; as many beyond."""
+    if lanes == 1 or lanes > MOST:
+        return lanes
+    return min((n for n in TOGETHER if n >= lanes), default=MANY * math.ceil(lanes / MANY))
+
+
 class Lanes:
-    """Lanes in groups, each in a loop compiled for so many, what is left one by one."""
+    """Lanes in groups, each in a loop compiled for so many, the last filled with copies of its
+    last one; or, where there is no such loop, one by one."""
 
     def __init__(self, ensemble: Any, u: Array, v: Array, method: Method, dt: float) -> None:
         self._whole, self._groups = (u, v), []
         self._springs = len(ensemble.spring_table)
         bonds, lane = _side_by_side(ensemble, method), 0
         while lane < ensemble.lanes:
-            fitting = [n for n in TOGETHER if bonds and n <= ensemble.lanes - lane]
-            width = fitting[0] if fitting else 1
-            lanes = slice(lane, lane + width)
-            part = np.s_[..., lanes] if fitting else np.s_[..., lane]
+            left = ensemble.lanes - lane
+            width = next((n for n in TOGETHER if n <= left), TOGETHER[-1]) if bonds else 1
+            lanes = np.minimum(np.arange(lane, lane + width), ensemble.lanes - 1)
+            part = np.s_[..., lanes] if bonds else np.s_[..., lane]
             arrays = np.ascontiguousarray(u[part]), np.ascontiguousarray(v[part])
-            if fitting:
+            if bonds:
                 loop = kernel.bind(*arrays, bonds(lanes), method, dt)
                 place = np.arange(self._springs)
             else:
@@ -117,7 +128,7 @@ def _side_by_side(ensemble: Any, method: Method) -> Any:
         return None
     weights = ensemble.inverse_mass
 
-    def bonds(lanes: slice) -> Bonds:
+    def bonds(lanes: Any) -> Bonds:
         mine = group if group.ndim == 1 else group[:, lanes]
         mass = np.ascontiguousarray(weights[:, lanes])
         return Bonds(laws, law, parameters, mine, mass, openings=ensemble.spring_table.openings)

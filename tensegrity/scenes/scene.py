@@ -295,6 +295,11 @@ class Scene(ReadOnly):
         """The scene with the contacts that may act near displacements u: here it has them all."""
         return self
 
+    @property
+    def filled(self) -> Scene:
+        """The scene, with idle lanes where a compiled loop takes no other number of them."""
+        return self
+
     def likely(self, u: Array) -> Scene:
         """The scene with contacts that may well form in a run from displacements u."""
         return self
