@@ -249,8 +249,15 @@ FAULTS = (
         "_outside",
     ),
     Fault(
+        "tensegrity/engine/walk.c",
+        "if (done == 0 && at > 0 && w->begins) *w->begins = 1;",
+        "",
+        "tests/test_openings.py::test_a_run_that_begins_just_before_an_opening_has_the_order"
+        "[1-0.05]",
+    ),
+    Fault(
         "tensegrity/engine/openings.c",
-        "taken(o, b, at, x, opens, &moment) + between(o, b, at, x, opens);",
+        "taken(o, b, at, x, opens, &moment) + between(o, b, at, x, opens, 1);",
         "taken(o, b, at, x, opens, &moment);",
         "tests/test_openings.py::test_every_row_has_the_order_not_only_those_far_from_events[chain]",
     ),

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import sympy as sp
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 from derivations import openings as derived
 from tensegrity import (
@@ -232,6 +233,51 @@ def test_rows_without_a_compiler_are_shown_the_same(make):
     slow, _ = all_along(scene, state, 6.0, 60, BoundInterpreted)
     np.testing.assert_allclose(slow, fast, rtol=0, atol=1e-13)
     assert np.max(np.abs(raw - fast)) > 1e-11
+
+
+def before_an_opening(scene, state, contact):
+    """The instant at which a closed contact opens for the first time, and runs up to any other."""
+
+    def at(t):
+        return simulate(scene, state, t, method="corrected6", dt=2e-3).final
+
+    def overlap(t):
+        return -float(scene.elongation(at(t).u)[contact])
+
+    late = next(t for t in np.arange(0.1, 8, 0.1) if overlap(t) <= 0)
+    return brentq(overlap, late - 0.1, late, xtol=1e-15), at
+
+
+def pressed(scene):
+    """The first contact closed, so that it is about to open."""
+    u = np.zeros(scene.shape)
+    u.flat[0] = 0.3
+    return State(u, np.zeros(scene.shape))
+
+
+@pytest.mark.needs_compiler
+@pytest.mark.parametrize("part", [0.05, 0.4])
+@pytest.mark.parametrize("dim", [1, 3])
+def test_a_run_that_begins_just_before_an_opening_has_the_order(dim, part):
+    """No kicks were before its first step: the sum over all of them is not what that lacks."""
+    n, length = 1.5, 3.2
+    scene = cluster(n, 3) if dim == 3 else row(n, 3, mass=[1.0, 1.3, 0.8])
+    opening, at = before_an_opening(scene, pressed(scene), 0)
+    counts, errors = np.array([8, 16, 32]), []
+    for count in counts.tolist():
+        dt = length / count
+        start, exact = at(opening - part * dt), at(opening - part * dt + length)
+        final = simulate(scene, start, length, method="corrected6", dt=dt).final
+        errors.append(max(np.max(np.abs(final.u - exact.u)), np.max(np.abs(final.v - exact.v))))
+        ends = []
+        for engine in (bind, BoundInterpreted):
+            u, v = scene.arrays(start)
+            loop = engine(u, v, scene.loop_bonds, METHOD, dt)
+            loop.begin()
+            loop.advance(count)
+            ends.append((u, v))
+        np.testing.assert_allclose(*ends, rtol=0, atol=1e-13)
+    assert -np.polyfit(np.log(counts), np.log(errors), 1)[0] > n + 3 - 0.7
 
 
 @pytest.mark.needs_compiler

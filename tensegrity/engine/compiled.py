@@ -47,7 +47,7 @@ _OPENINGS = structure_of(  # as in openings.h
     "_Openings",
     "place side strength exponents betas tables nodes weights offsets dt "
     "before rate_before after rate_after u v end_u end_v end_a row",
-    "count entries kicks degree known",
+    "count entries kicks degree known begins",
 )
 
 
@@ -182,7 +182,7 @@ class _Bound:
         Likewise where elongations are kept, all in a row, and behind them the way travelled.
     """
 
-    _show = None
+    _show = _openings = None
 
     def _set_steps(self, loop, structure, arrays, bonds, method, dt, moving, places=None):
         """Keep what the structure points to, and prepare the call of a method's steps."""
@@ -235,7 +235,7 @@ class _Bound:
             np.ascontiguousarray(row, dtype=np.int64),
         ]
         address = [x.ctypes.data for x in rows]
-        steps = _OPENINGS(*address, count, u.size, len(found.nodes), DEGREE, 0)
+        steps = _OPENINGS(*address, count, u.size, len(found.nodes), DEGREE, 0, 0)
         self._arrays += [rows, steps]
         (step,) = (
             x for x, (name, _) in zip(rows, _OPENINGS._fields_, strict=False) if name == "dt"
@@ -245,7 +245,7 @@ class _Bound:
             loop.advance_openings,
             (ctypes.addressof(self._structure), ctypes.addressof(steps)),
         )
-        self._show = loop.show_openings, ctypes.addressof(steps)
+        self._show, self._openings = (loop.show_openings, ctypes.addressof(steps)), steps
 
     def show(self, u, v):
         """What makes copies of u and v what is looked at; None where they are that already."""
@@ -264,7 +264,13 @@ class _Bound:
 
     def parts(self):
         """What `walk` needs to advance them with others."""
-        return [Part(..., *self._call, *self._arrays[:2])]
+        begins = self._openings and ctypes.addressof(self._openings) + _OPENINGS.begins.offset
+        return [Part(..., *self._call, *self._arrays[:2], begins)]
+
+    def begin(self):
+        """Say that the next step is the first of a run."""
+        if self._openings is not None:
+            self._openings.begins = 1
 
     def advance_part(self, steps, opened, close):
         """Steps of a splitting whose first kick includes the last one of the steps before, if
@@ -285,7 +291,7 @@ class _Bound:
 class _Shown:
     """What is looked at after steps of a corrected method, from copies of u and v; as `_Bound`."""
 
-    taken, travel = (), 0.0
+    taken, travel, _openings = (), 0.0, None
 
     def __init__(self, call, structure, kept, u, v, of):
         self._arrays, self._of = (u, v), of  # whose other arrays these are

@@ -68,6 +68,7 @@ class BoundInterpreted:
             return ca.Function(name, [state], [ca.vertcat(x, y, *seen.values())])
 
         self._openings = self._last_step = None
+        self._begins = False
         if isinstance(method, Corrected):
             self._openings = Openings(bonds, method, dt)
             kicks, drifts = (
@@ -126,14 +127,19 @@ class BoundInterpreted:
         self._u[...], self._v[...] = u.reshape(self._u.shape), v.reshape(self._v.shape)
         self._seen = seen
 
+    def begin(self):
+        """Say that the next step is the first of a run."""
+        self._begins = True
+
     def _advance_corrected(self, steps):
         """The same step by step, with a look at the contacts after each."""
         u, v = self._rows(self._u, self._v)
         overlaps = self._openings.overlaps(u, v)
         for _ in range(steps):
             self._take(self._repeat(np.concatenate([u.ravel(), v.ravel(), self._seen])))
-            before, overlaps = overlaps, self._openings.corrected(u, v, self._at(u), overlaps)
-            self._last_step = before, overlaps
+            given = u, v, self._at(u), overlaps, self._begins
+            before, overlaps = overlaps, self._openings.corrected(*given)
+            self._last_step, self._begins = (before, overlaps), False
 
     def _rows(self, *arrays):
         """The same numbers as the corrections of openings take them."""

@@ -95,11 +95,43 @@ static real taken(const openings *o, integer b, crossing at, real x, int opens, 
     return -size * (at.rate * sums[0] + alpha * (at.curvature * sums[1] / 2 + at.pull * sums[2]));
 }
 
+/* The part of that error which kicks between the end of the step and an event make, or between its
+   `start`, 0, and one that opens. */
+static real between(const openings *o, integer b, crossing at, real x, int opens, real start)
+{
+    const real alpha = o->exponents[o->row[b]], far = opens ? x - start : 1 - x;
+    const real bend = alpha * at.curvature / (2 * at.rate), lead = alpha * at.pull / at.rate;
+    real sum = -far * raised(far, alpha - 1) * far * (1 / (alpha + 1) + bend * far / (alpha + 2));
+    for (integer i = 0; i < o->kicks; i++) {
+        const real away = opens ? x - start - o->nodes[i] : o->nodes[i] - x;
+        if (!(away > 0 && away <= far)) continue;
+        const real part = away + bend * away * away + lead * o->offsets[i];
+        sum += o->weights[i] * raised(away, alpha - 1) * part;
+    }
+    return at.rate * raised(at.rate, alpha - 1) * sum;
+}
+
+/* As `taken`, where a run began with a contact that opens in its first step: no kicks were before. */
+static real taken_at_first(const openings *o, integer b, crossing at, real x, real *moment)
+{
+    const real alpha = o->exponents[o->row[b]], size = at.rate * raised(at.rate, alpha - 1);
+    real sum = -x * raised(x, alpha - 1) * x * x / (alpha + 2);
+    for (integer i = 0; i < o->kicks; i++) {
+        const real away = x - o->nodes[i];
+        if (away > 0) sum += o->weights[i] * raised(away, alpha - 1) * away * away;
+    }
+    *moment = -size * sum;
+    return -between(o, b, at, x, 1, 0);
+}
+
 static void event(const scene *c, const openings *o, integer b, real w, const real *p, real x,
                   int opens)
 {
     real moment;
-    const real total = taken(o, b, crossing_at(c, o, b, p, x), x, opens, &moment);
+    const crossing at = crossing_at(c, o, b, p, x);
+    const int first = opens && o->begins && at.rate > 0;
+    const real total = first ? taken_at_first(o, b, at, x, &moment)
+                             : taken(o, b, at, x, opens, &moment);
     const real strength = o->strength[b];
     give(c, o, b, w, x, strength * total, strength * moment, -strength * moment);
 }
@@ -190,33 +222,22 @@ void advance_openings(const scene *c, openings *o, integer steps)
         for (integer s = 0; s < c->stages; s++) stage(c, c->kicks[s], c->drifts[s]);
         if (c->closing) stage(c, c->kicks[c->stages], 0);
         if (!looking) {
-            if (!may_pass(c, o)) continue;
+            if (!may_pass(c, o)) {
+                o->begins = 0;
+                continue;
+            }
             overlaps(c, o, o->u, o->v, o->before, o->rate_before);
             looking = 1;
         }
         overlaps(c, o, c->u, c->v, o->after, o->rate_after);
         pass_all(c, o);
+        o->begins = 0;
         real *swap = o->before;
         o->before = o->after, o->after = swap;
         swap = o->rate_before;
         o->rate_before = o->rate_after, o->rate_after = swap;
     }
     if (steps > 0) o->known = 1 + looking;
-}
-
-/* The part of that error which kicks between the end of the step and an event make. */
-static real between(const openings *o, integer b, crossing at, real x, int opens)
-{
-    const real alpha = o->exponents[o->row[b]], far = opens ? x - 1 : 1 - x;
-    const real bend = alpha * at.curvature / (2 * at.rate), lead = alpha * at.pull / at.rate;
-    real sum = -far * raised(far, alpha - 1) * far * (1 / (alpha + 1) + bend * far / (alpha + 2));
-    for (integer i = 0; i < o->kicks; i++) {
-        const real away = opens ? x - 1 - o->nodes[i] : o->nodes[i] - x;
-        if (!(away > 0 && away <= far)) continue;
-        const real part = away + bend * away * away + lead * o->offsets[i];
-        sum += o->weights[i] * raised(away, alpha - 1) * part;
-    }
-    return at.rate * raised(at.rate, alpha - 1) * sum;
 }
 
 /* What the velocities at the end of a step have too much because contact b just closed, or lack
@@ -231,7 +252,7 @@ static void show(const scene *c, const openings *o, integer b)
     const crossing at = crossing_at(c, o, b, p, x);
     if (!(at.rate > 0)) return;
     real moment;
-    const real total = taken(o, b, at, x, opens, &moment) + between(o, b, at, x, opens);
+    const real total = taken(o, b, at, x, opens, &moment) + between(o, b, at, x, opens, 1);
     give(c, o, b, w1, 1, (opens ? 1 : -1) * o->strength[b] * total, 0, 0);
 }
 

@@ -12,4 +12,5 @@ typedef struct {
     const integer *row;                  /* (contacts) of its exponent */
     integer count, entries, kicks, degree;
     integer known; /* of the last step: 0 nothing, 1 where it began in u and v, 2 its overlaps */
+    integer begins; /* whether the next step is the first of a run */
 } openings;

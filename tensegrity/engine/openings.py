@@ -103,7 +103,7 @@ class Openings:
             return x
         return np.where((self.bonds.contacts.kind == 0)[:, None], x, 0.0)
 
-    def corrected(self, u, v, a, before):
+    def corrected(self, u, v, a, before, begins=False):
         """Correct u and v after a step, in place; returns the overlaps then.
 
         Parameters
@@ -112,6 +112,8 @@ class Openings:
             Rows of displacements, velocities and accelerations at the end of the step.
         before : tuple
             What `overlaps` said at its begin.
+        begins : bool, optional
+            Whether it is the first of a run: then no kicks were before.
         """
         (w0, d0), (w1, d1) = before, self.overlaps(u, v)
         passed = (w0 > 0) != (w1 > 0)
@@ -123,16 +125,16 @@ class Openings:
         there = u.copy(), v.copy()
         for b in hits.tolist():
             line = self._line_of(b, *there, a)
-            for x, *push in self._pushes(b, line, w0[b], d0[b], w1[b], d1[b]):
+            for x, *push in self._pushes(b, line, w0[b], d0[b], w1[b], d1[b], begins):
                 self._give(b, w1[b], x, *push, *line(x), u, v)
         return self.overlaps(u, v)
 
-    def _pushes(self, b, line, w0, d0, w1, d1):
+    def _pushes(self, b, line, w0, d0, w1, d1, begins):
         """For each event in a step: where, and the sums of `_event` or of `_touch`."""
         p, swing = through(w0, d0, w1, d1), self._swing(b, line)
         if (w0 > 0) != (w1 > 0):
             x = root(p, 0.0, 1.0)
-            return [self._event(b, p, x, w0 > 0, swing(x))]
+            return [self._of_step(b, p, x, w0 > 0, swing(x), begins)]
         turn = root((p[1], 2 * p[2], 3 * p[3], 0.0), 0.0, 1.0)
         pull = 2 * p[2] + 6 * p[3] * turn - swing(turn)
         felt = value(p, self.nodes) + pull * self.offsets > 0
@@ -140,7 +142,7 @@ class Openings:
             return []  # what no kick felt is left
         one, other = root(p, 0.0, turn), root(p, turn, 1.0)
         if w0 > 0:
-            return [self._event(b, p, x, x == one, swing(x)) for x in (one, other)]
+            return [self._of_step(b, p, x, x == one, swing(x), begins) for x in (one, other)]
         return [self._touch(b, p, one, other, swing((one + other) / 2))]
 
     def _line_of(self, b, u, v, a):
@@ -179,18 +181,33 @@ class Openings:
                 push = (total if opens else -total), 0.0, 0.0
                 self._give(b, w1[b], 1.0, *push, *line(1.0), u, v)
 
-    def _between(self, b, p, x, opens, swing):
-        """The part of the error that kicks between the end of the step and an event make."""
+    def _between(self, b, p, x, opens, swing, start=1):
+        """The part of the error that kicks between the end of the step and an event make, or
+        between its `start`, 0, and one that opens."""
         alpha, rate = self.exponents[self.row[b]], abs(slope(p, x))
         curvature = 2 * p[2] + 6 * p[3] * x
-        away = x - 1 - self.nodes if opens else self.nodes - x
-        far = x - 1 if opens else 1 - x
+        away = x - start - self.nodes if opens else self.nodes - x
+        far = x - start if opens else 1 - x
         these = (away > 0) & (away <= far)
         away, weights, ahead = away[these], self.weights[these], self.offsets[these]
         bend, lead = (alpha * k / rate for k in (curvature / 2, curvature - swing))
         kicks = np.sum(weights * away ** (alpha - 1) * (away + bend * away**2 + lead * ahead))
         exact = far ** (alpha + 1) * (1 / (alpha + 1) + bend * far / (alpha + 2))
         return self.strength[b] * rate**alpha * (kicks - exact)
+
+    def _of_step(self, b, p, x, opens, swing, begins):
+        """As `_event`, or, where a run began with a contact that opens in its first step, without
+        the kicks that were not before."""
+        rate = abs(slope(p, x))
+        if not (opens and begins and rate > 0):
+            return self._event(b, p, x, opens, swing)
+        alpha, away = self.exponents[self.row[b]], x - self.nodes
+        these = away > 0
+        sums = np.sum(self.weights[these] * away[these] ** (alpha + 1)) - x ** (alpha + 2) / (
+            alpha + 2
+        )
+        moment = -self.strength[b] * rate**alpha * sums
+        return x, -self._between(b, p, x, opens, swing, 0), moment, -moment
 
     def _event(self, b, p, x, opens, swing=0.0):
         """Root, and the sums that impulse, moment and turning of the line take from it."""

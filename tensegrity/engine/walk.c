@@ -15,6 +15,7 @@ typedef struct {
 
 typedef struct {
     task begin, step, close, leave; /* `function` 0 where a method has no such part */
+    integer *begins;                /* told where the first step of a run is to come; or 0 */
     integer size;                   /* numbers in u */
 } walk;
 
@@ -52,6 +53,7 @@ static const task *shown(const walk *w)
 static integer reached(const walk *w, integer done, integer at)
 {
     const integer size = w->size;
+    if (done == 0 && at > 0 && w->begins) *w->begins = 1;
     if (done == 0 && at > 0 && w->begin.function) {
         bring(w->begin.u, w->step.u, size);
         bring(w->begin.v, w->step.v, size);

@@ -25,7 +25,7 @@ class _Task(ctypes.Structure):
 
 class _Walk(ctypes.Structure):
     _fields_ = [(name, _Task) for name in ("begin", "step", "close", "leave")]
-    _fields_ += [("size", _NUMBER)]
+    _fields_ += [("begins", _ADDRESS), ("size", _NUMBER)]
 
 
 class _Plan(ctypes.Structure):
@@ -66,12 +66,21 @@ class Part:
     addresses : tuple of int
     u, v : ndarray
         Its arrays: those of the scene, or copies of its part of them.
+    begins : int, optional
+        Address of a whole number that says whether the next step is the first of a run.
     """
 
     def __init__(
-        self, place: Any, function: Any, addresses: tuple[int, ...], u: Array, v: Array
+        self,
+        place: Any,
+        function: Any,
+        addresses: tuple[int, ...],
+        u: Array,
+        v: Array,
+        begins: int | None = None,
     ) -> None:
         self.place, self.call, self.u, self.v = place, (function, addresses), u, v
+        self.begins = begins
         first, second = (*addresses, None)[:2]
         where = ctypes.cast(function, _ADDRESS).value
         self.task = _Task(where, first, second, u.ctypes.data, v.ctypes.data)
@@ -94,7 +103,11 @@ class Walk:
         empty = [None] * len(loops[1])
         self._parts = list(zip(*(parts or empty for parts in loops), strict=True))
         self._walks = [
-            _Walk(*(_Task() if part is None else part.task for part in four), four[1].u.size)
+            _Walk(
+                *(_Task() if part is None else part.task for part in four),
+                four[1].begins,
+                four[1].u.size,
+            )
             for four in self._parts
         ]
 
@@ -183,10 +196,11 @@ class Plan:
         blank = np.concatenate([array for _, name, array in step.kept if name != "travel"])
         tasks = [loop and loop.parts()[0].task for loop in (begin, step, close, leave, enter)]
         *walk, first = (task or _Task() for task in tasks)
-        size = step.parts()[0].u.size
+        (part,) = step.parts()
         self._plan = _Plan(
-            _Walk(*walk, size), first, self._coefficients.ctypes.data, steps.ctypes.data,
-            blank.ctypes.data, step.kept[0][2].ctypes.data, step.travel_at,
+            _Walk(*walk, part.begins, part.u.size), first,
+            self._coefficients.ctypes.data, steps.ctypes.data, blank.ctypes.data,
+            step.kept[0][2].ctypes.data, step.travel_at,
             steps.size, blank.size, state, walls,
         )  # fmt: skip
         self._loops, self._arrays, self._step = loops, (steps, blank), step

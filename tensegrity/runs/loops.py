@@ -53,12 +53,13 @@ class Loop:
     def __init__(self, scene, u, v, method, dt, begun):
         first, others, close = parts(method)
         self._u, self._v, self._close = u, v, None
+        self._corrects = isinstance(method, Corrected)
         self._others = scene.bind(u, v, others, dt)
         self._first = scene.bind(u, v, first, dt) if close and not begun else None
         self._out = np.empty_like(u), np.empty_like(v)
         if close is not None:
             self._close = scene.bind(*self._out, close, dt)
-        elif isinstance(method, Corrected):
+        elif self._corrects:
             self._close = self._others.show(*self._out)
         self._bound = [loop for loop in (self._others, self._close) if loop is not None]
 
@@ -76,6 +77,8 @@ class Loop:
             self._first.forget_range()
             self._first.advance(1)
             self._bound.append(self._first)
+        if self._corrects and not begun:
+            self._others.begin()
         if steps > first:
             self._others.advance(steps - first)
 

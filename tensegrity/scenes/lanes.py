@@ -95,7 +95,7 @@ class Lanes:
         if any(parts is None for _, parts in each):
             return None
         return lambda: [
-            Part(place, one.call[0], one.call[1], one.u, one.v)
+            Part(place, one.call[0], one.call[1], one.u, one.v, one.begins)
             for place, parts in each
             for one in parts()
         ]
@@ -104,6 +104,11 @@ class Lanes:
     def travel(self) -> float:
         """Bound on how far any coordinate of a site moved since then [m]."""
         return max(loop.travel for _, _, loop, _ in self._groups)
+
+    def begin(self) -> None:
+        """Say that the next step is the first of a run."""
+        for _, _, loop, _ in self._groups:
+            loop.begin()
 
     def advance(self, steps: int) -> None:
         """Advance u and v by whole steps."""
