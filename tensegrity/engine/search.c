@@ -15,6 +15,13 @@ typedef struct {
     integer width;
 } springs;
 
+/* Shares of a way at which to look in turn, those of each look from where it begins. */
+typedef struct {
+    const double *shares;
+    const integer *begins; /* (count + 1) */
+    integer count;
+} looks;
+
 enum { ENERGY, TENSION, STIFFNESS, BLOCK = 64 }; /* points that one call of a law evaluates */
 
 /* Points at shares of the way from `a` to `b`, and what a spring has there. */
@@ -25,47 +32,44 @@ static void look(const springs *s, integer spring, integer order, double a, doub
     s->functions[spring](0, order, n, s->parameters + spring * s->width, r, values);
 }
 
-/* For each of `count` ways from 0 to an end, of the springs of these numbers: the first point with
-   more than an energy, or else the last; looked for once with the shares of each of `looks`
-   (looks + 1: where they begin), on the way that is left, from the point before it to it, or from 0
-   where it was the first.  `found` is whether there was one at first. */
-void first(const springs *s, double energy, integer count, const integer *numbers,
-           const double *ends, const double *shares, const integer *begins, integer looks,
-           double *last, unsigned char *found)
+/* The first elongation with more than an energy on the way from 0 to an end, or else the last.
+   Each look but the first is between what the one before it found and the point before that, or
+   0.  `found` is whether the first look found one. */
+static double first(const springs *s, double energy, integer spring, double end, const looks *of,
+                    integer *found)
 {
-    double r[BLOCK], values[BLOCK];
-    for (integer k = 0; k < count; k++) {
-        double before = 0, beyond = ends[k];
-        for (integer m = 0; m < looks; m++) {
-            const integer stop = begins[m + 1];
-            double inside = 0, outside = 0;
-            integer is_out = 0;
-            for (integer i = begins[m]; i < stop && !is_out; i += BLOCK) {
-                const integer n = stop - i < BLOCK ? stop - i : BLOCK;
-                look(s, numbers[k], ENERGY, before, beyond, shares + i, n, r, values);
-                integer j = 0;
-                while (j < n && values[j] <= energy) j++;
-                is_out = j < n;
-                if (is_out) outside = r[j];
-                if (j) inside = r[j - 1];
-            }
-            before = inside;
-            beyond = is_out ? outside : inside;
-            if (!m) found[k] = is_out;
+    double r[BLOCK], values[BLOCK], before = 0, beyond = end;
+    for (integer m = 0; m < of->count; m++) {
+        const integer stop = of->begins[m + 1];
+        double inside = 0, outside = 0;
+        integer is_out = 0;
+        for (integer i = of->begins[m]; i < stop && !is_out; i += BLOCK) {
+            const integer n = stop - i < BLOCK ? stop - i : BLOCK;
+            look(s, spring, ENERGY, before, beyond, of->shares + i, n, r, values);
+            integer j = 0;
+            while (j < n && values[j] <= energy) j++;
+            is_out = j < n;
+            if (is_out) outside = r[j];
+            if (j) inside = r[j - 1];
         }
-        last[k] = beyond;
+        before = inside;
+        beyond = is_out ? outside : inside;
+        if (!m) *found = is_out;
     }
+    return beyond;
 }
 
-static double size(const springs *s, double energy, integer spring, double sign,
-                   const double *sizes, integer every)
+/* The first of some sizes with more than an energy, to the side of a sign, or else the last; of
+   those in a row, from the first one, at which the stiffness is finite. */
+static double size(const springs *s, double energy, integer spring, double sign, const looks *of)
 {
     double r[BLOCK], values[BLOCK], stiffness[BLOCK], last = 0;
+    const integer stop = of->begins[1];
     integer begun = 0;
-    for (integer i = 0; i < every; i += BLOCK) {
-        const integer n = every - i < BLOCK ? every - i : BLOCK;
-        look(s, spring, ENERGY, 0, sign, sizes + i, n, r, values);
-        look(s, spring, STIFFNESS, 0, sign, sizes + i, n, r, stiffness);
+    for (integer i = 0; i < stop; i += BLOCK) {
+        const integer n = stop - i < BLOCK ? stop - i : BLOCK;
+        look(s, spring, ENERGY, 0, sign, of->shares + i, n, r, values);
+        look(s, spring, STIFFNESS, 0, sign, of->shares + i, n, r, stiffness);
         for (integer j = 0; j < n; j++) {
             const integer known = isfinite(stiffness[j]) != 0;
             if (begun && !known) return last;
@@ -77,18 +81,27 @@ static double size(const springs *s, double energy, integer spring, double sign,
     return last;
 }
 
-/* For each of `count` ways without an end, to a side given by its sign, the first size with more
-   than an energy, or else the last, of those from the first to the last in a row at which the
-   stiffness is finite. */
-void first_size(const springs *s, double energy, integer count, const integer *numbers,
-                const double *signs, const double *sizes, integer every, double *last)
+/* What `count` springs reach with an energy, (count, 2), and whether that is an end of the domain.
+   `ways`: how to look where the domain has an end; sizes, and up to one of them, where not. */
+void reachable(const springs *s, double energy, integer count, const looks *ways, double *ranges,
+               unsigned char *locks)
 {
-    for (integer k = 0; k < count; k++)
-        last[k] = size(s, energy, numbers[k], signs[k], sizes, every);
+    for (integer k = 0; k < count; k++) {
+        locks[k] = 0;
+        for (integer side = 0; side < 2; side++) {
+            const double end = s->domains[2 * k + side];
+            const integer held = isfinite(end) != 0;
+            const double way = held ? end : size(s, energy, k, side ? 1 : -1, ways + 1);
+            integer found;
+            ranges[2 * k + side] = first(s, energy, k, way, ways + (held ? 0 : 2), &found);
+            locks[k] |= held && !found;
+        }
+    }
 }
 
-/* Largest tension by size, or stiffness, at least 0, of springs of these numbers at shares of their
-   ranges (count, 2); not a number where one of them is none.  Whether ranges are in the domains. */
+/* Largest tension by size, or stiffness, at least 0, of springs of these numbers at shares of
+   their ranges (count, 2); not a number where one of them is none.  Whether all ranges are inside
+   of the domains. */
 integer largest(const springs *s, integer order, integer count, const integer *numbers,
                 const double *ranges, const double *shares, integer every, double *out)
 {

@@ -20,40 +20,52 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array, Flags, Indices
 
 _ADDRESS, _NUMBER = ctypes.c_void_p, ctypes.c_longlong
-_WAYS = _ADDRESS, ctypes.c_double, _NUMBER, *[_ADDRESS] * 3
-_ARGUMENTS = {
-    "first": (*_WAYS, _ADDRESS, _NUMBER, _ADDRESS, _ADDRESS),
-    "first_size": (*_WAYS, _NUMBER, _ADDRESS),
-    "largest": (_ADDRESS, *[_NUMBER] * 2, *[_ADDRESS] * 3, _NUMBER, _ADDRESS),
-}
+_REACHABLE = _ADDRESS, ctypes.c_double, _NUMBER, *[_ADDRESS] * 3
+_LARGEST = _ADDRESS, *[_NUMBER] * 2, *[_ADDRESS] * 3, _NUMBER, _ADDRESS
 
 _Springs = structure_of("_Springs", "functions parameters domains", "width")  # as in search.c
 
 
+_Looks = structure_of("_Looks", "shares begins", "count")
+
+
 @once
 def _compiled() -> Any:
-    """The functions of these names."""
+    """The functions reachable and largest."""
     found = library(joined(["search.c"]), EXACT)
-    functions = {name: found[name] for name in _ARGUMENTS}
-    for name, function in functions.items():
-        function.argtypes = _ARGUMENTS[name]
-        function.restype = _NUMBER if name == "largest" else None
-    return tuple(functions.values())
+    reachable, largest = found.reachable, found.largest
+    reachable.argtypes, reachable.restype = _REACHABLE, None
+    largest.argtypes, largest.restype = _LARGEST, _NUMBER
+    return reachable, largest
 
 
-class Looks:
-    """Shares of a way at which to look for the first point of a kind, in turn: each time on the
-    part of the way on which it is known to be by then.
+class Ways:
+    """Where a search looks: shares of ways from 0.
+
+    Each look is on that part of the way on which the one before found what is searched.
 
     Parameters
     ----------
-    *each : ndarray
+    to_end : sequence of ndarray
+        Of the way to an end of the domain, of each look.
+    sizes : ndarray
+        Elongations [m] where there is none.
+    to_size : sequence of ndarray
+        Of the way to one of these.
     """
 
-    def __init__(self, *each: Array) -> None:
-        self.each = each
-        self._arrays = np.concatenate(each), np.cumsum([0, *map(len, each)], dtype=np.int64)
-        self.given = *(x.ctypes.data for x in self._arrays), len(each)
+    def __init__(self, to_end: Sequence[Array], sizes: Array, to_size: Sequence[Array]) -> None:
+        self.to_end, self.sizes, self.to_size = to_end, sizes, to_size
+        each = to_end, [sizes], to_size
+        self._arrays = [
+            (np.concatenate(looks), np.cumsum([0, *map(len, looks)], dtype=np.int64))
+            for looks in each
+        ]
+        rows = zip(self._arrays, each, strict=True)
+        self._looks = (_Looks * 3)(
+            *(_Looks(*(x.ctypes.data for x in arrays), len(looks)) for arrays, looks in rows)
+        )
+        self.address = ctypes.addressof(self._looks)
 
 
 class Search:
@@ -76,36 +88,16 @@ class Search:
         width = parameters.shape[1]
         self._springs = _Springs(*(x.ctypes.data for x in self._arrays), width)
         self._address = ctypes.addressof(self._springs)
-        self._first, self._first_size, self._largest = _compiled()
+        self._reachable, self._largest = _compiled()
 
-    def first(
-        self, energy: float, ends: Array, numbers: Indices, looks: Looks
-    ) -> tuple[Array, Flags]:
-        """The first elongation with more than an energy on the way from 0 to each end, or else the
-        last; and whether the first look found one.
-
-        Parameters
-        ----------
-        energy : float
-            [J]
-        ends : ndarray, (ways,)
-            [m]
-        numbers : ndarray of int, (ways,)
-            The spring of each.
-        looks : Looks
-        """
-        last, found = np.empty(len(ends)), np.empty(len(ends), dtype=bool)
-        ways = energy, len(ends), address(numbers), address(ends)
-        self._first(self._address, *ways, *looks.given, address(last), address(found))
-        return last, found
-
-    def first_size(self, energy: float, signs: Array, numbers: Indices, sizes: Array) -> Array:
-        """The first of some sizes with more than an energy [J] to the side of each sign, or else
-        the last, of those from the first to the last in a row where the stiffness is finite."""
-        last = np.empty(len(signs))
-        ways = energy, len(signs), address(numbers), address(signs)
-        self._first_size(self._address, *ways, address(sizes), len(sizes), address(last))
-        return last
+    def reachable(self, energy: float, ways: Ways) -> tuple[Array, Flags]:
+        """Elongations that each spring reaches with an energy [J], (springs, 2) [m], and whether
+        that is an end of its domain."""
+        count = len(self._arrays[0])
+        ranges, locks = np.empty((count, 2)), np.empty(count, dtype=bool)
+        found = address(ranges), address(locks)
+        self._reachable(self._address, energy, count, ways.address, *found)
+        return ranges, locks
 
     def largest(self, order: int, ranges: Array, numbers: Indices, shares: Array) -> Array | None:
         """Largest size of the tension (1) [N], or largest stiffness (2) [N/m], of springs at

@@ -15,7 +15,7 @@ from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.energies import Energies
 from tensegrity.engine.kernel import kernel
 from tensegrity.engine.native import CompilerError
-from tensegrity.engine.search import Looks, Search
+from tensegrity.engine.search import Search, Ways
 from tensegrity.errors import StabilityError, TensegrityError
 from tensegrity.readonly import fixed
 from tensegrity.springs.potential import Potential
@@ -29,10 +29,12 @@ if TYPE_CHECKING:
 ORDERS = ("energy", "tension", "stiffness")
 CLOSE = np.logspace(-16, 0, 321)  # shares of a range at which a search looks
 EVERY = np.concatenate([CLOSE, np.linspace(0, 1, 201)])
-SIZES = 2.0 ** np.arange(-1000, 1001, 4)  # where the range has no end
 FINER = [np.arange(1, 257) / 256] * 3
-TO_AN_END = Looks(np.sort(np.concatenate([CLOSE, 1 - CLOSE[:-1]])), *FINER)
-TO_A_SIZE = Looks(2.0 ** (np.arange(-324, 1) / 6), *FINER)  # a narrow barrier may stand before it
+WAYS = Ways(
+    [np.sort(np.concatenate([CLOSE, 1 - CLOSE[:-1]])), *FINER],
+    np.ldexp(1.0, np.arange(-1000, 1001, 4)),  # where the range has no end
+    [2.0 ** (np.arange(-324, 1) / 6), *FINER],  # a narrow barrier may stand before it
+)
 
 
 class Springs:
@@ -233,8 +235,8 @@ class Springs:
             points = np.concatenate([end * EVERY[:, None] for end in ranges.T])
             values = self._each(name, points, numbers)
             largest = np.max(np.abs(values) if name == "tension" else values, axis=0, initial=0.0)
-        bad = np.flatnonzero(~np.isfinite(largest))
-        if bad.size:
+        if not np.isfinite(largest).all():
+            bad = np.flatnonzero(~np.isfinite(largest))
             low, high = ranges[bad[0]]
             raise StabilityError(
                 f"{name} {largest[bad[0]]} between elongations {low:g} m and {high:g} m must be "
@@ -252,30 +254,23 @@ class Springs:
         locks : ndarray of bool, (springs,)
             Whether it touches an end of the domain.
         """
-        (held, ends, numbers), (free, signs, others) = self._ways
-        last, locks = np.empty(2 * len(self)), np.zeros(2 * len(self), dtype=bool)
-        if held.size:
-            last[held], found = self._first(energy, ends, numbers, TO_AN_END)
-            locks[held] = ~found
-        if free.size:
-            sizes = self._first_size(energy, signs, others)
-            last[free], _ = self._first(energy, sizes, others, TO_A_SIZE)
-        return last.reshape(-1, 2), locks[::2] | locks[1::2]
-
-    @cached_property
-    def _ways(self):
-        """Where the domain has an end, the places of these sides, their ends and the numbers of
-        the springs; and the same, but signs for ends, where it has none."""
+        if "energy" in self._searches:
+            return self._searches["energy"].reachable(energy, WAYS)
         ends, numbers = self.domains.ravel(), np.repeat(np.arange(len(self)), 2)
         held, free = np.flatnonzero(np.isfinite(ends)), np.flatnonzero(np.isinf(ends))
-        return (held, ends[held], numbers[held]), (free, np.sign(ends[free]), numbers[free])
+        last, locks = np.empty(len(ends)), np.zeros(len(ends), dtype=bool)
+        if held.size:
+            last[held], found = self._first(energy, ends[held], numbers[held], WAYS.to_end)
+            locks[held] = ~found
+        if free.size:
+            sizes = self._size(energy, np.sign(ends[free]), numbers[free])
+            last[free], _ = self._first(energy, sizes, numbers[free], WAYS.to_size)
+        return last.reshape(-1, 2), locks[::2] | locks[1::2]
 
     def _first(self, energy, ends, numbers, looks):
-        """As `Search.first`, also of springs whose laws are not compiled."""
-        if "energy" in self._searches:
-            return self._searches["energy"].first(energy, ends, numbers, looks)
+        """As `first` in search.c, of springs side by side, which need not be compiled."""
         before, beyond, every, found = np.zeros(len(ends)), ends, np.arange(len(ends)), []
-        for shares in looks.each:
+        for shares in looks:
             r = before + shares[:, None] * (beyond - before)
             r[shares == 1] = beyond
             outside = ~(self._each("energy", r, numbers) <= energy)
@@ -285,11 +280,9 @@ class Springs:
             beyond = np.where(found[-1], r[np.minimum(first, len(r) - 1), every], before)
         return beyond, found[0]
 
-    def _first_size(self, energy, signs, numbers):
-        """As `Search.first_size`."""
-        if {"energy", "stiffness"} <= self._searches.keys():
-            return self._searches["energy"].first_size(energy, signs, numbers, SIZES)
-        r = signs * SIZES[:, None]
+    def _size(self, energy, signs, numbers):
+        """As `size` in search.c."""
+        r = signs * WAYS.sizes[:, None]
         with np.errstate(all="ignore"):  # powers over- and underflow
             known = np.isfinite(self._each("stiffness", r, numbers))
             begun = np.logical_or.accumulate(known, axis=0)
@@ -313,6 +306,8 @@ class Springs:
             if all(name in one.compiled for one in laws)
             and all(getattr(kind, name) is getattr(Potential, name) for kind in kinds)
         ]
+        if "stiffness" not in names and np.isinf(self.domains).any():
+            names = [name for name in names if name != "energy"]  # sizes need both
         if not (names and all(isinstance(loop, Compiled) for loop in loops)):
             return {}
         try:
