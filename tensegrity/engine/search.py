@@ -24,8 +24,6 @@ _REACHABLE = _ADDRESS, ctypes.c_double, _NUMBER, *[_ADDRESS] * 3
 _LARGEST = _ADDRESS, *[_NUMBER] * 2, *[_ADDRESS] * 3, _NUMBER, _ADDRESS
 
 _Springs = structure_of("_Springs", "functions parameters domains", "width")  # as in search.c
-
-
 _Looks = structure_of("_Looks", "shares begins", "count")
 
 
@@ -103,6 +101,7 @@ class Search:
         """Largest size of the tension (1) [N], or largest stiffness (2) [N/m], of springs at
         shares of their ranges (numbers, 2) [m], which it is at least 0; NaN where one is NaN.
         None where a range is not inside of a domain."""
-        out = np.empty(len(numbers))
+        out, ranges = np.empty(len(numbers)), np.ascontiguousarray(ranges)
+        numbers = np.ascontiguousarray(numbers, dtype=np.int64)
         given = address(numbers), address(ranges), address(shares), len(shares), address(out)
         return out if self._largest(self._address, order, len(numbers), *given) else None
