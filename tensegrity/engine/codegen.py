@@ -415,6 +415,7 @@ def c_text(laws, loop="line", own=None, helpers=(), packed=(), extra=()):
         f"{loop}_openings.c",
         "openings.c",
         "evaluate.c",
+        *["values.c"] * (loop == "line" and own == (None,)),
         *extra,
     ]
     return joined(parts)

@@ -140,6 +140,12 @@ class Compiled:
         """Functions of energies, of bonds with parameters in common, and each with its own."""
         return self._energies, self._energies_own
 
+    @property
+    def values(self):
+        """Function of values.c; of one law, on a line, whose bonds have no parameters of their
+        own."""
+        return self.library.values
+
     def numbers(self, array):
         """An array as the loop takes it."""
         return np.ascontiguousarray(array, dtype=self.dtype)

@@ -38,6 +38,9 @@ class Guard:
 
     def is_inside(self, met):
         """Whether elongations, (springs, 2), are within the domains."""
+        if len(met) == 1:
+            ((low, high),), ((lowest, highest),) = met.tolist(), self.domains.tolist()
+            return not (low <= lowest or high >= highest)
         return not (
             np.any(met[:, 0] <= self.domains[:, 0]) or np.any(met[:, 1] >= self.domains[:, 1])
         )
@@ -46,15 +49,14 @@ class Guard:
         """Whether the step is stable at elongations within the domains."""
         if self._safe is None:
             self._safe = np.zeros(self.domains.shape)
-        below, above = met[:, 0] < self._safe[:, 0], met[:, 1] > self._safe[:, 1]
-        grown = np.flatnonzero(below | above)
-        if not grown.size or self.is_known(met):
+        if _are_within(met, self._safe) or self.is_known(met):
             return True
         if self._stiffness is None:
             if self._expects():
                 return self.allows(met)
             self._stiffness = self._scene.stiffness_within(self._safe)
-        low, high = self.domains.T
+        below, above = met[:, 0] < self._safe[:, 0], met[:, 1] > self._safe[:, 1]
+        grown, (low, high) = np.flatnonzero(below | above), self.domains.T
         for margin in (0.1, 0.01, 0.0):  # wider than met, so as not to ask again soon
             wider = self._safe.copy()
             wider[below, 0] = _towards(low[below], met[below, 0], margin)

@@ -99,8 +99,9 @@ def within(scene: Scene, energy: float) -> Array:
     """
     springs = scene.spring_table
     ranges, locks = springs.reachable(energy)
-    half = springs.domains[locks] / 2
-    ranges[locks, 0] = np.maximum(ranges[locks, 0], half[:, 0])
-    ranges[locks, 1] = np.minimum(ranges[locks, 1], half[:, 1])
-    ranges[:, 0] = np.maximum(ranges[:, 0], scene.closing / 2)
+    if locks.any():
+        half = springs.domains[locks] / 2
+        ranges[locks, 0] = np.maximum(ranges[locks, 0], half[:, 0])
+        ranges[locks, 1] = np.minimum(ranges[locks, 1], half[:, 1])
+    np.maximum(ranges[:, 0], scene.closing / 2, out=ranges[:, 0])
     return ranges

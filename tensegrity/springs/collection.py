@@ -15,6 +15,7 @@ from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.energies import Energies
 from tensegrity.engine.kernel import kernel
 from tensegrity.engine.native import CompilerError
+from tensegrity.engine.search import Search, Ways
 from tensegrity.errors import StabilityError, TensegrityError
 from tensegrity.readonly import fixed
 from tensegrity.springs.potential import Potential
@@ -27,10 +28,13 @@ if TYPE_CHECKING:
 
 ORDERS = ("energy", "tension", "stiffness")
 CLOSE = np.logspace(-16, 0, 321)  # shares of a range at which a search looks
-EVEN = np.linspace(0, 1, 201)
-SIZES = 2.0 ** np.arange(-1000, 1001, 4)  # where the range has no end
-FINE = 2.0 ** (np.arange(-324, 1) / 6)
-LOOKS = 3  # after the first, each 256 times finer
+EVERY = np.concatenate([CLOSE, np.linspace(0, 1, 201)])
+FINER = [np.arange(1, 257) / 256] * 3
+WAYS = Ways(
+    [np.sort(np.concatenate([CLOSE, 1 - CLOSE[:-1]])), *FINER],
+    np.ldexp(1.0, np.arange(-1000, 1001, 4)),  # where the range has no end
+    [2.0 ** (np.arange(-324, 1) / 6), *FINER],  # a narrow barrier may stand before it
+)
 
 
 class Springs:
@@ -224,14 +228,15 @@ class Springs:
             At least 0.
         """
         numbers = np.arange(len(self)) if numbers is None else numbers
-        ranges = ranges[numbers]
-        shares = np.concatenate([CLOSE, EVEN])[:, None]
-        values = self._each(
-            name, np.concatenate([ranges[:, 0] * shares, ranges[:, 1] * shares]), numbers
-        )
-        largest = np.max(np.abs(values) if name == "tension" else values, axis=0, initial=0.0)
-        bad = np.flatnonzero(~np.isfinite(largest))
-        if bad.size:
+        ranges, search, largest = ranges[numbers], self._searches.get(name), None
+        if search is not None:
+            largest = search.largest(ORDERS.index(name), ranges, numbers, EVERY)
+        if largest is None:
+            points = np.concatenate([end * EVERY[:, None] for end in ranges.T])
+            values = self._each(name, points, numbers)
+            largest = np.max(np.abs(values) if name == "tension" else values, axis=0, initial=0.0)
+        if not np.isfinite(largest).all():
+            bad = np.flatnonzero(~np.isfinite(largest))
             low, high = ranges[bad[0]]
             raise StabilityError(
                 f"{name} {largest[bad[0]]} between elongations {low:g} m and {high:g} m must be "
@@ -249,52 +254,67 @@ class Springs:
         locks : ndarray of bool, (springs,)
             Whether it touches an end of the domain.
         """
-        ends = self.domains.ravel()
-        springs, signs = np.repeat(np.arange(len(self)), 2), np.tile((-1.0, 1.0), len(self))
+        if "energy" in self._searches:
+            return self._searches["energy"].reachable(energy, WAYS)
+        ends, numbers = self.domains.ravel(), np.repeat(np.arange(len(self)), 2)
+        held, free = np.flatnonzero(np.isfinite(ends)), np.flatnonzero(np.isinf(ends))
         last, locks = np.empty(len(ends)), np.zeros(len(ends), dtype=bool)
-        bounded = np.isfinite(ends)
-        for sides, look, goal in (
-            (np.flatnonzero(bounded), self._look_to_the_end, ends),
-            (np.flatnonzero(~bounded), self._look_at_all_sizes, signs),
-        ):
-            if sides.size:
-                numbers = springs[sides]
-                before, beyond, found = look(energy, goal[sides], numbers)
-                for _ in range(LOOKS):
-                    r = np.linspace(before, beyond, 257)[1:]
-                    before, beyond = self._first(r, ~(self._each("energy", r, numbers) <= energy))
-                last[sides], locks[sides] = beyond, bounded[sides] & ~found
+        if held.size:
+            last[held], found = self._first(energy, ends[held], numbers[held], WAYS.to_end)
+            locks[held] = ~found
+        if free.size:
+            sizes = self._size(energy, np.sign(ends[free]), numbers[free])
+            last[free], _ = self._first(energy, sizes, numbers[free], WAYS.to_size)
         return last.reshape(-1, 2), locks[::2] | locks[1::2]
 
-    @staticmethod
-    def _first(r, outside):
-        """The points before and at the first one outside of each column, or the last twice."""
-        every = np.arange(r.shape[1])
-        first = np.where(outside.any(axis=0), np.argmax(outside, axis=0), len(r))
-        before = np.where(first > 0, r[np.maximum(first - 1, 0), every], 0.0)
-        return before, np.where(first < len(r), r[np.minimum(first, len(r) - 1), every], before)
+    def _first(self, energy, ends, numbers, looks):
+        """As `first` in search.c, of springs side by side, which need not be compiled."""
+        before, beyond, every, found = np.zeros(len(ends)), ends, np.arange(len(ends)), []
+        for shares in looks:
+            r = before + shares[:, None] * (beyond - before)
+            r[shares == 1] = beyond
+            outside = ~(self._each("energy", r, numbers) <= energy)
+            found.append(outside.any(axis=0))
+            first = np.where(found[-1], np.argmax(outside, axis=0), len(r))
+            before = np.where(first > 0, r[first - 1, every], 0.0)
+            beyond = np.where(found[-1], r[np.minimum(first, len(r) - 1), every], before)
+        return beyond, found[0]
 
-    def _look_to_the_end(self, energy, ends, numbers):
-        """Points around the first elongation, on the way to an end of the domain of each of some
-        springs, where V exceeds `energy`, and whether there is one."""
-        held = np.sort(np.concatenate([CLOSE, 1 - CLOSE[:-1]]))[:, None]
-        r = np.clip(ends * held, *self.domains[numbers].T)
-        outside = ~(self._each("energy", r, numbers) <= energy)
-        return *self._first(r, outside), outside.any(axis=0)
-
-    def _look_at_all_sizes(self, energy, signs, numbers):
-        """The same on sides where the domain has no end, whatever the units."""
-        r = signs * SIZES[:, None]
+    def _size(self, energy, signs, numbers):
+        """As `size` in search.c."""
+        r = signs * WAYS.sizes[:, None]
         with np.errstate(all="ignore"):  # powers over- and underflow
             known = np.isfinite(self._each("stiffness", r, numbers))
-            begun = np.cumsum(known, axis=0) > 0
-            high = begun & ~(self._each("energy", r, numbers) <= energy)
-            before, beyond = self._first(r, high | (begun & ~known))
-            limit, _ = self._first(r, begun & ~known)
-            beyond = np.where(np.abs(beyond) > np.abs(limit), limit, beyond)
-            r = beyond * FINE[:, None]  # a narrow barrier may stand before it
-            before, beyond = self._first(r, ~(self._each("energy", r, numbers) <= energy))
-        return before, beyond, np.ones(len(numbers), dtype=bool)
+            begun = np.logical_or.accumulate(known, axis=0)
+            unknown, high = begun & ~known, begun & ~(self._each("energy", r, numbers) <= energy)
+        ended = unknown | high
+        at = np.where(ended.any(axis=0), np.argmax(ended, axis=0), len(r) - 1)
+        every = np.arange(len(signs))
+        return r[at - unknown[at, every], every]
+
+    @cached_property
+    def _searches(self):
+        """For each of the names of `ORDERS` that all springs have a compiled function of, what
+        searches them with it."""
+        if not self.different or not np.array_equal(self.reach, self.domains):
+            return {}
+        laws, law, parameters = self.table
+        loops, kinds = [kernel((one,)) for one in laws], {type(one) for one in self.different}
+        names = [
+            name
+            for name in ORDERS
+            if all(name in one.compiled for one in laws)
+            and all(getattr(kind, name) is getattr(Potential, name) for kind in kinds)
+        ]
+        if "stiffness" not in names and np.isinf(self.domains).any():
+            names = [name for name in names if name != "energy"]  # sizes need both
+        if not (names and all(isinstance(loop, Compiled) for loop in loops)):
+            return {}
+        try:
+            search = Search([loops[k] for k in law], parameters, self.domains)
+        except CompilerError:  # there was one when the laws were compiled
+            return {}
+        return dict.fromkeys(names, search)
 
 
 class _Alike:

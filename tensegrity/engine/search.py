@@ -1,0 +1,107 @@
+"""Springs of compiled laws, looked at point by point in one call: see `search.c`."""
+
+from __future__ import annotations
+
+import ctypes
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tensegrity.engine.codegen import joined
+from tensegrity.engine.compiled import Compiled, structure_of
+from tensegrity.engine.energies import EXACT
+from tensegrity.engine.native import address, library
+from tensegrity.once import once
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import Any
+
+    from tensegrity.typing import Array, Flags, Indices
+
+_ADDRESS, _NUMBER = ctypes.c_void_p, ctypes.c_longlong
+_REACHABLE = _ADDRESS, ctypes.c_double, _NUMBER, *[_ADDRESS] * 3
+_LARGEST = _ADDRESS, *[_NUMBER] * 2, *[_ADDRESS] * 3, _NUMBER, _ADDRESS
+
+_Springs = structure_of("_Springs", "functions parameters domains", "width")  # as in search.c
+_Looks = structure_of("_Looks", "shares begins", "count")
+
+
+@once
+def _compiled() -> Any:
+    """The functions reachable and largest."""
+    found = library(joined(["search.c"]), EXACT)
+    reachable, largest = found.reachable, found.largest
+    reachable.argtypes, reachable.restype = _REACHABLE, None
+    largest.argtypes, largest.restype = _LARGEST, _NUMBER
+    return reachable, largest
+
+
+class Ways:
+    """Where a search looks: shares of ways from 0.
+
+    Each look is on that part of the way on which the one before found what is searched.
+
+    Parameters
+    ----------
+    to_end : sequence of ndarray
+        Of the way to an end of the domain, of each look.
+    sizes : ndarray
+        Elongations [m] where there is none.
+    to_size : sequence of ndarray
+        Of the way to one of these.
+    """
+
+    def __init__(self, to_end: Sequence[Array], sizes: Array, to_size: Sequence[Array]) -> None:
+        self.to_end, self.sizes, self.to_size = to_end, sizes, to_size
+        each = to_end, [sizes], to_size
+        self._arrays = [
+            (np.concatenate(looks), np.cumsum([0, *map(len, looks)], dtype=np.int64))
+            for looks in each
+        ]
+        rows = zip(self._arrays, each, strict=True)
+        self._looks = (_Looks * 3)(
+            *(_Looks(*(x.ctypes.data for x in arrays), len(looks)) for arrays, looks in rows)
+        )
+        self.address = ctypes.addressof(self._looks)
+
+
+class Search:
+    """Different springs whose laws are compiled.
+
+    Parameters
+    ----------
+    loops : sequence of Compiled
+        Of the law of each, alone.
+    parameters : ndarray, (springs, width)
+        Of each, and what fills the row.
+    domains : ndarray, (springs, 2)
+        Lowest and highest elongation [m].
+    """
+
+    def __init__(self, loops: Sequence[Compiled], parameters: Array, domains: Array) -> None:
+        functions = [ctypes.cast(loop.values, _ADDRESS).value for loop in loops]
+        numbers = map(np.ascontiguousarray, (parameters, domains))
+        self._arrays = np.array(functions, dtype=np.uint64), *numbers
+        width = parameters.shape[1]
+        self._springs = _Springs(*(x.ctypes.data for x in self._arrays), width)
+        self._address = ctypes.addressof(self._springs)
+        self._reachable, self._largest = _compiled()
+
+    def reachable(self, energy: float, ways: Ways) -> tuple[Array, Flags]:
+        """Elongations that each spring reaches with an energy [J], (springs, 2) [m], and whether
+        that is an end of its domain."""
+        count = len(self._arrays[0])
+        ranges, locks = np.empty((count, 2)), np.empty(count, dtype=bool)
+        found = address(ranges), address(locks)
+        self._reachable(self._address, energy, count, ways.address, *found)
+        return ranges, locks
+
+    def largest(self, order: int, ranges: Array, numbers: Indices, shares: Array) -> Array | None:
+        """Largest size of the tension (1) [N], or largest stiffness (2) [N/m], of springs at
+        shares of their ranges (numbers, 2) [m], which it is at least 0; NaN where one is NaN.
+        None where a range is not inside of a domain."""
+        out, ranges = np.empty(len(numbers)), np.ascontiguousarray(ranges)
+        numbers = np.ascontiguousarray(numbers, dtype=np.int64)
+        given = address(numbers), address(ranges), address(shares), len(shares), address(out)
+        return out if self._largest(self._address, order, len(numbers), *given) else None
