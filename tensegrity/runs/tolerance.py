@@ -31,7 +31,7 @@ TRIAL = 0.85  # first step over the stability limit where a tolerance decides
 REFINEMENTS, MOST_REFINEMENTS = 8, 14  # how often a step chosen here is refined
 DRIVEN, MOST_DRIVEN = 3, 6  # as often, of scenes whose energy is no bound on what springs reach
 CHECKPOINTS = 17  # least number of steps that are chosen here
-AT_FIRST = 13  # of a run that is compared with others, at 7 instants then
+AT_FIRST = 13  # of a smooth run that is compared with others, at 7 instants then
 DENSE = 2  # first steps between two instants at which runs are compared, where nothing opens
 FEWEST, MOST_KEPT = 16, 2_000_000  # instants; numbers in each of u and v of a run at them
 KEPT = 3  # runs that are compared with the last one, and it
@@ -104,7 +104,7 @@ def expected_steps(problem, fraction):
     return _steps(problem, fraction, problem.outlook.expected.frequency, CHECKPOINTS)
 
 
-def _steps(problem, fraction, omega, least=AT_FIRST):
+def _steps(problem, fraction, omega, least):
     return max(count(problem, fraction * problem.natural_step(omega)), least)
 
 
@@ -156,11 +156,11 @@ def _to_tolerance(problem, tol, short):
     """
     if not problem.t_end:
         return march(problem, 0, 1.0)[0]
-    least = _steps(problem, TRIAL, problem.outlook.first_frequency)
+    apart, fewest = (DENSE, AT_FIRST) if problem.scene.smooth else (1, CHECKPOINTS)
+    least = _steps(problem, TRIAL, problem.outlook.first_frequency, fewest)
     if short is not None and least * (COARSE / tol) ** (1 / short.order) < SHORT:
         problem = changed(problem, method=short)
-        least = _steps(problem, TRIAL, problem.outlook.first_frequency)
-    apart = DENSE if problem.scene.smooth else 1
+        least = _steps(problem, TRIAL, problem.outlook.first_frequency, fewest)
     instants = min(math.ceil(least / apart), max(FEWEST, MOST_KEPT // problem.state.u.size))
     first = Rung.of(_trial(problem), math.ceil(least / instants), instants)
     if first.run.complete:
