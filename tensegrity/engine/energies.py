@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -119,9 +120,13 @@ class Energies:
         fit = u.shape == v.shape and u.shape[u.ndim - axes :] == self._shape
         if not (fit and _fits(u) and _fits(v)):
             return None
-        total, scratch = np.empty(u.shape[: u.ndim - axes]), np.empty(self._room)
-        pointers = address(u), address(v), address(scratch), address(total)
-        return total if self._function(*self._given, total.size, *pointers) else None
+        states = u.shape[: u.ndim - axes]
+        count = math.prod(states)
+        room = np.empty(self._room + count)  # to work in, and for what is found
+        start = address(room)
+        pointers = address(u), address(v), start, start + self._room * room.itemsize
+        known = self._function(*self._given, count, *pointers)
+        return room[self._room :].reshape(states).copy() if known else None
 
 
 def _parts(sets: Sequence[Set], contacts: Contacts | None) -> Iterator[Set]:

@@ -229,7 +229,7 @@ class Plan:
             After so many steps the state is kept, in rows and in what is seen; 0 for never.
         rows : (ndarray, ndarray), or None
             Where u and v of the rows go, those at 0, every so many steps, the end, and impulses;
-            (2, rows, *shape) and (rows, walls[, dim]).
+            (2, rows, *shape) and (rows, walls[, dim]), or None without walls.
         seen : (ndarray, ndarray), or None
             Likewise u and v, (2, instants + 1, *shape), `apart` a divisor of the steps, and a
             bound on how far any coordinate of a site moved by each but the first, (instants,) [m];
@@ -237,7 +237,7 @@ class Plan:
         """
         kept, looked = [None] * 3, [None] * 3
         if rows is not None:
-            kept = [*_halves(rows[0]), address(rows[1]) if rows[1].size else None]
+            kept = [*_halves(rows[0]), None if rows[1] is None else address(rows[1])]
         if seen is not None:
             looked = [*_halves(seen[0]), address(seen[1])]
         given = address(u), address(v), every, *kept, apart, *looked

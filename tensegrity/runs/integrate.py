@@ -10,7 +10,7 @@ from tensegrity.engine import methods
 from tensegrity.errors import TensegrityError
 from tensegrity.runs.march import Problem
 from tensegrity.runs.record import Record
-from tensegrity.runs.run import Run, changed
+from tensegrity.runs.run import Run, changed, known
 from tensegrity.runs.stepping import Outlook
 from tensegrity.runs.tolerance import ROUND_OFF, default_step, fixed_step, to_tolerance
 from tensegrity.scenes.scene import Scene
@@ -92,7 +92,10 @@ def simulate(
     record.check(scene.sites, t_end)
     choice = "dt" if dt is not None else "default" if tol is None else "tol"
     outlook = Outlook(scene, state, energy)
-    problem = Problem(scene, state, t_end, method, record, choice=choice, outlook=outlook)
+    problem = known(
+        Problem, scene=scene, state=state, t_end=t_end, method=method, record=record,
+        choice=choice, outlook=outlook,
+    )  # fmt: skip
     if dt is not None:
         run = fixed_step(problem, dt)
     elif tol is not None:

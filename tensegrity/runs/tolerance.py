@@ -224,7 +224,6 @@ def converged(problem, rung, error, tol):
     by the order that errors of coarser runs fall with, as far as it is to be trusted: `Judge`.
     Where that of far coarser ones tells too little, another one between them and it tells more.
     """
-    coarse, trial = _trial(problem), _trial(problem, rows=True)
     judge = Judge(problem, rung.run.met, tol)
     rungs, stuck = [rung], 0
     factor, smallest = judge.first, math.inf
@@ -232,7 +231,7 @@ def converged(problem, rung, error, tol):
         finest = rungs[-1].fineness
         fineness = max(math.ceil(finest * factor), int(finest) + 1 if factor > 1 else 1)
         likely = factor > 1 and (len(rungs) > 1 or tol > SECOND)
-        found = Rung.of(trial if likely else coarse, fineness, rung.instants)
+        found = Rung.of(_trial(problem, likely), fineness, rung.instants)
         if not found.run.complete:
             return with_energies(found.run)
         judge.see(found.run.met)

@@ -68,8 +68,7 @@ class Whole:
         return known(
             Run, scene=scene, t=t, u=u, v=v, energy=energy, final=final,
             method=problem.method.name, dt=self._dt, steps=self.steps, sites=sites,
-            impulse=impulse if scene.wall_count else None, force=problem.force, met=self.met,
-            fastest=fastest,
+            impulse=impulse, force=problem.force, met=self.met, fastest=fastest,
         )  # fmt: skip
 
 
@@ -151,14 +150,15 @@ def _run(plan, problem, scene, steps, allowed, instants):
         every = problem.record.every or max(1, -(-steps // INSTANTS))
         count = -(-steps // every) + 1
         need_memory(count * 2 * u.nbytes)
-        rows = np.empty((2, count, *shape)), np.zeros((count, scene.wall_count, *shape[1:]))
+        walls = scene.wall_count
+        rows = np.empty((2, count, *shape)), np.zeros((count, walls, *shape[1:])) if walls else None
     if instants:
         seen, ways = np.empty((2, instants + 1, *shape)), np.empty(instants)
     apart, looks = (steps // instants, (seen, ways)) if instants else (0, None)
     if not plan.run(dt, steps, u, v, every, rows, apart, looks):
         return None
     if lanes is not None:
-        rows = rows and (np.ascontiguousarray(rows[0][lanes]), rows[1][lanes])
+        rows = rows and (np.ascontiguousarray(rows[0][lanes]), None)
         seen = None if seen is None else np.ascontiguousarray(seen[lanes])
     met = plan.met
     guard = Guard(problem, scene, dt, allowed)

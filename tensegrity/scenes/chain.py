@@ -16,6 +16,7 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+from tensegrity.readonly import fixed
 from tensegrity.scenes.forcing import begun
 from tensegrity.scenes.scene import PER_SITE, SMALLEST_MASS, Scene, State, velocities
 from tensegrity.springs.potential import Potential
@@ -230,6 +231,19 @@ class Chain(Scene):
         """
         mobility = self.inverse_mass[:-1] + self.inverse_mass[1:]
         return float(np.sqrt(np.max(2 * stiffness * mobility)))
+
+    def fastest(self, stiffness: Array) -> float:
+        """The same for a bound of the stiffness of each spring [N/m], (springs,)."""
+        return float(np.sqrt(np.max(2 * stiffness * self._mobility)))
+
+    @cached_property
+    def _mobility(self) -> Array:
+        """Largest 1/m_left + 1/m_right of the bonds of each different spring [1/kg]; (springs,)."""
+        found = np.zeros(len(self.spring_table))
+        np.maximum.at(
+            found, self.spring_table.group, self.inverse_mass[:-1] + self.inverse_mass[1:]
+        )
+        return fixed(found)
 
     def extreme(self, spring: int, u: Array, side: int) -> str:
         """Where an elongation of that spring is lowest (side 0) or highest (1), in words."""
