@@ -18,7 +18,7 @@ from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import fixed
 from tensegrity.scenes.lanes import Clearances, bound, filled
-from tensegrity.scenes.scene import PER_SITE, Scene, State, velocities
+from tensegrity.scenes.scene import PER_SITE, Scene, State, known_state, velocities
 from tensegrity.springs.collection import Springs
 
 if TYPE_CHECKING:
@@ -290,7 +290,22 @@ class Ensemble(Scene):
         Returns the largest energy of a lane [J].
         """
         self._refuse_other(state)
+        known = self._known_energy(state)
+        if known is not None:
+            return known
         return max(scene.check(self.lane(state, k)) for k, scene in enumerate(self.scenes))
+
+    def _known_energy(self, state: State) -> float | None:
+        """The same, where all lanes are of one scene and nothing is wrong with any."""
+        one = self.scenes[0]
+        held = list(one.held)
+        if not self._same or one.clearance or state.u[held].any() or state.v[held].any():
+            return None
+        try:
+            energy = self.available_energy(state)
+        except TensegrityError:
+            return None
+        return energy if np.isfinite(energy) else None
 
     def lane(self, state: State, number: int) -> State:
         """The state of one of the scenes, by its number from 0."""
@@ -298,7 +313,7 @@ class Ensemble(Scene):
         number = check.whole("lane", number, least=0)
         if number >= self.lanes:
             raise TensegrityError(f"lane {number} must be below {self.lanes}")
-        return State(*(np.ascontiguousarray(x[..., number]) for x in (state.u, state.v)))
+        return known_state(*(np.ascontiguousarray(x[..., number]) for x in (state.u, state.v)))
 
     @property
     def _words(self) -> str:
@@ -355,7 +370,10 @@ class Ensemble(Scene):
 
     def _lane_energies(self, u: Array, v: Array) -> Array:
         """Total energy of each lane [J] of many states (states, *shape); (states, lanes)."""
-        moved = (np.ascontiguousarray(np.moveaxis(x, -1, 0)) for x in (u, v))
+        moved = [np.ascontiguousarray(np.moveaxis(x, -1, 0)) for x in (u, v)]
+        if self._same:  # all of one scene in one call
+            rows = (x.reshape(-1, *self.scenes[0].shape) for x in moved)
+            return self.scenes[0].energies(*rows).reshape(self.lanes, len(u)).T
         each = zip(self.scenes, *moved, strict=True)
         return np.stack([scene.energies(*states) for scene, *states in each], axis=-1)
 
