@@ -45,6 +45,7 @@ def lanes(count):
 SCENES = {
     "lane": lambda: lanes(1),
     "lanes": lambda: lanes(11),
+    "many lanes": lambda: lanes(70),
     "chain": lambda: (prism_chain(20), smooth_blow(prism_chain(20))),
     "unequal": unequal,
     "network": lambda: (patch(), pushed(patch())),

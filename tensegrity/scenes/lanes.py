@@ -40,16 +40,16 @@ def filled(lanes: int) -> int:
 
 
 class Lanes:
-    """Lanes in groups, each in a loop compiled for so many, the last filled with copies of its
-    last one; or, where there is no such loop, one by one."""
+    """Lanes in one loop, or in groups of `MOST`, the last filled with copies of its last one; or,
+    where there is no such loop, one by one.  The last bit of a lane depends on the loop: it is
+    that of `Ensemble.filled`."""
 
     def __init__(self, ensemble: Any, u: Array, v: Array, method: Method, dt: float) -> None:
         self._whole, self._groups = (u, v), []
         self._springs = len(ensemble.spring_table)
         bonds, lane = _side_by_side(ensemble, method), 0
         while lane < ensemble.lanes:
-            left = ensemble.lanes - lane
-            width = next((n for n in TOGETHER if n <= left), TOGETHER[-1]) if bonds else 1
+            width = min(filled(ensemble.lanes - lane), MOST) if bonds else 1
             lanes = np.minimum(np.arange(lane, lane + width), ensemble.lanes - 1)
             part = np.s_[..., lanes] if bonds else np.s_[..., lane]
             arrays = np.ascontiguousarray(u[part]), np.ascontiguousarray(v[part])
