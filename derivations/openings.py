@@ -172,6 +172,8 @@ def argument() -> list[Step]:
              "looked at is a copy that has J without the share of the kicks up to the event, d of "
              "a step away: their sum less",
              sp.Eq(sp.Symbol("I"), rest(), evaluate=False)),
+        Step("A contact that opens in the first step of a run had no kicks before it: there J is "
+             "I less the sum of its kicks, d being the time since the begin."),
         Step("Both bodies get these with opposite signs: momentum is kept. A contact that closes "
              "and opens within one step, for a part l of it, has the impulse, over h,", touch()),
         Step("and what the kicks made of it is known. What is left are the powers that come next: "
