@@ -178,9 +178,9 @@ def streamed(name):
     """Rows: bytes that pass in a step of a pack, and what moving as many takes here at least."""
     network = pack(*PACKS[name])
     _, u, v = bound(network, State(*np.zeros((2, *network.shape))), DT)
-    (laid,) = network.loop_bonds.laid.values()
+    ((_, _, (_, _, lists, *_)),) = network.loop_bonds.laid.values()
     size = 2 * (u.nbytes + v.nbytes) + network.positions.nbytes
-    size += sum(x.nbytes for x in laid[-1][-1])  # lists of sites, contacts and takers
+    size += sum(x.nbytes for x in lists)  # lists of sites, contacts and takers
     one, other = np.ones((2, size // 16))
     copied = least({"copy": lambda: np.copyto(one, other)})["copy"]
     contacts = len(network.springs)

@@ -35,9 +35,12 @@ _NET = structure_of(  # as in net.h
     "_Net",
     "u v w load geometry shared own kicks drifts travel from to first law places near "
     "slice site depth begin other entry own_at gap length gap_at length_at gap_each length_each "
-    "held taker mobility taken taken_at store press low high met_at farthest gate",
-    "runs contacts sites rows stages closing tiles room loaded before tile last_tile piece pieces",
+    "held taker taken taken_at store normal normal_at press pressed low high met_at farthest gate",
+    "runs contacts sites rows stages closing tiles room loaded pressing "
+    "before tile last_tile piece pieces",
 )
+LINE = 8  # numbers in a line of a cache
+ROW = 1, 1, 2, 4  # numbers in a site's row of forces, by coordinates: as in lanes.c
 _NYSTROM = structure_of(  # as in steps.c
     "_Nystrom",
     "nodes velocities matrix positions dt place slopes travel",
@@ -433,21 +436,22 @@ class BoundNet(_Bound):
     def __init__(self, loop, u, v, bonds, method, dt, pieces=1):
         if loop not in bonds.laid:
             bonds.laid[loop] = self._lay(loop, bonds)
-        found, entries, (weights, before, behind) = bonds.laid[loop]
+        found, entries, (weights, before, behind, normals, pressed) = bonds.laid[loop]
         runs, contacts, dim = bonds.runs, bonds.contacts, loop.dim
         count, sites = len(runs.source), len(contacts.load)
         self._set_ranges(bonds, entries, pieces, loop.dtype)
         self._travel = np.zeros(1, dtype=loop.dtype)
         self._kicks, self._drifts, *counts = _rows(method, dt, loop.dtype)
         arrays = [
-            u, v, *weights, self._kicks, self._drifts, self._travel, *before, np.zeros_like(u),
-            *behind, np.zeros(pieces * found.store * dim * GROUP, dtype=loop.dtype),
-            np.zeros((count + contacts.rows - sites, dim), dtype=loop.dtype), self._low, self._high,
+            u, v, *weights, self._kicks, self._drifts, self._travel, *before,
+            np.zeros_like(u), *behind,
+            np.zeros(pieces * found.store * dim * GROUP, dtype=loop.dtype), *normals,
+            _rows_of_forces(pressed[-1] + len(pressed), loop), pressed, self._low, self._high,
             self._met_at, np.zeros(pieces, dtype=loop.dtype), np.zeros(16, dtype=np.int64),
         ]  # fmt: skip
         numbers = (
-            len(runs.law), count, sites, contacts.rows, *counts, found.tiles, found.store,
-            bool(contacts.load.any()),
+            len(runs.law), count, sites, contacts.rows, *counts, found.tiles,
+            found.store, bool(contacts.load.any()), pressed[-1],
         )  # fmt: skip
 
         def structure(*piece):
@@ -478,11 +482,8 @@ class BoundNet(_Bound):
         lengths, length_at, length_each = _varying(place[-1, found.contact], found.first)
         places = np.zeros((contacts.rows + 1, dim))
         places[:sites] = contacts.positions
-        other = found.other * dim
+        other, normals, pressed = _by_wall(bonds, found, place[:dim])
         weights = contacts.weights(bonds.inverse_mass)
-        for k in np.flatnonzero(runs.kind == WALL):
-            part = slice(*found.first[k : k + 2])
-            other[part] = found.contact[part]
         arrays = (
             [loop.numbers(weights), loop.numbers(contacts.loads()), loop.numbers(place), shared,
              own],
@@ -490,12 +491,12 @@ class BoundNet(_Bound):
              _integers(dim * np.where(real, contacts.second[filled], spare)),
              _integers(runs.first), _integers(4 * runs.law + 2 * runs.kind + runs.own),
              loop.numbers(places)],
-            [_integers(found.slice), (found.site * dim).astype(np.int32), _integers(found.depth),
+            [_integers(found.slice), found.site.astype(np.int32), _integers(found.depth),
              _integers(found.begin), other.astype(np.int32), _integers(found.first), own_at,
              loop.numbers(gaps), loop.numbers(lengths), gap_at, length_at, gap_each, length_each,
-             _integers(found.held), (found.taker * dim).astype(np.int32),
-             loop.numbers(weights[found.taker, 0]), _in_store(found.taken, dim),
+             _integers(found.held), found.taker.astype(np.int32), _in_store(found.taken, dim),
              _integers(found.taken_at)],
+            [loop.numbers(normals[0]), normals[1]], pressed,
         )  # fmt: skip
         return found, entries, arrays
 
@@ -533,9 +534,40 @@ def _integers(array):
     return np.ascontiguousarray(array, dtype=np.int64)
 
 
+def _by_wall(bonds, found, normal):
+    """Contacts with walls, wall by wall and else in the order of the list, as the loop takes them.
+
+    What all entries join their sites to; normals of the groups of each run with walls, and where
+    these begin; where the contacts with each wall begin.
+    """
+    runs, contacts = bonds.runs, bonds.contacts
+    sites, places = len(contacts.load), np.flatnonzero(runs.source >= 0)
+    places = places[contacts.kind[runs.source[places]] == WALL]
+    wall = contacts.first[runs.source[places]] - sites
+    order, turn = np.argsort(wall, kind="stable"), np.zeros(len(runs.source), dtype=int)
+    turn[places[order]] = np.arange(len(places))
+    begin = np.searchsorted(wall[order], np.arange(contacts.rows - sites + 1))
+    other, kept, at = found.other.copy(), [np.zeros(0)], []
+    for k, kind in enumerate(runs.kind):
+        at.append(sum(map(len, kept)))
+        if kind == WALL:
+            entries = found.contact[slice(*found.first[k : k + 2])]
+            other[slice(*found.first[k : k + 2])] = turn[entries]
+            groups = normal[:, entries].reshape(len(normal), -1, GROUP)
+            kept.append(groups.swapaxes(0, 1).ravel())
+    return other, (np.concatenate(kept), _integers(at)), _integers(begin)
+
+
 def _in_store(entry, dim):
     """Where the first coordinate of an entry is in the store."""
     return (entry // GROUP * GROUP * dim + entry % GROUP).astype(np.int32)
+
+
+def _rows_of_forces(count, loop):
+    """Rows of `ROW` numbers, none of which two lines of a cache share."""
+    size = count * ROW[loop.dim]
+    room = np.zeros(size + LINE, dtype=loop.dtype)
+    return room[-room.ctypes.data // room.itemsize % LINE :][:size]
 
 
 def _varying(values, first):

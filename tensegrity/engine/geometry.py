@@ -52,17 +52,25 @@ def text(dim, file):
 
 
 def side_by_side(dim):
-    """C of the same for several contacts at once, `<kind>_lanes`; see `lanes`."""
+    """C of the same for several contacts at once; see `lanes`.
+
+    They are `<kind>_lanes`, and `<kind>_even` for contacts of one gap and one length.
+    """
     axes = [[f"{name}[{k}][g]" for k in range(dim)] for name in ("d", "w", "along")]
-    inputs = [*axes[:2], ["load(gap + g * each_gap)"], ["load(length + g * each_length)"]]
-    arguments = (
-        "pack (*d)[ROOM], pack (*w)[ROOM], const real *gap, integer each_gap, const real *length, "
-        "integer each_length, pack *r, pack (*along)[ROOM]"
-    )
+    takes, gives = "pack (*d)[ROOM], pack (*w)[ROOM]", "pack *r, pack (*along)[ROOM]"
+    ways = {
+        "lanes": ("const real *gap, integer each_gap, const real *length, integer each_length",
+                  "load(gap + g * each_gap)", "load(length + g * each_length)"),
+        "even": ("pack gap, pack length", "gap", "length"),
+    }  # fmt: skip
     return [
-        lanes.text(function, f"{kind}_lanes", arguments, inputs, [["r[g]"], axes[2]])
+        lanes.text(
+            function, f"{kind}_{way}", f"{takes}, {arguments}, {gives}",
+            [*axes[:2], [gap], [length]], [["r[g]"], axes[2]],
+        )
         for kind, function in functions(dim).items()
-    ]
+        for way, (arguments, gap, length) in ways.items()
+    ]  # fmt: skip
 
 
 def scalars(dim, kind):

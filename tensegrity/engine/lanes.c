@@ -85,6 +85,24 @@ PACKED pack root(pack x)
     const pack h = x * y, e = 1 - h * y;
     return h + h * e * SERIES(e);
 }
+PACKED pack root_of_positive(pack x)
+{
+    const pack y = ESTIMATE(x), h = x * y, e = 1 - h * y;
+    return h + h * e * SERIES(e);
+}
+PACKED pack if_less(pack a, pack b, pack x)
+{
+    return _mm512_maskz_mov_pd(_mm512_cmp_pd_mask(a, b, _CMP_LT_OQ), x);
+}
+PACKED pack if_at_most(pack a, pack b, pack x)
+{
+    return _mm512_maskz_mov_pd(_mm512_cmp_pd_mask(a, b, _CMP_LE_OQ), x);
+}
+/* Zero where a place of a site is one that does not count. */
+PACKED pack counting(mask place, mask depth, pack x)
+{
+    return _mm512_maskz_mov_pd(_mm512_cmplt_epi64_mask((__m512i)place, (__m512i)depth), x);
+}
 PACKED pack inverse_root(pack x)
 {
     const pack y = ESTIMATE(x), e = 1 - x * y * y;
@@ -113,6 +131,10 @@ PACKED pack root(pack x)
     return y;
 #endif
 }
+PACKED pack root_of_positive(pack x) { return root(x); }
+PACKED pack if_less(pack a, pack b, pack x) { return only((mask)(a < b), x); }
+PACKED pack if_at_most(pack a, pack b, pack x) { return only((mask)(a <= b), x); }
+PACKED pack counting(mask place, mask depth, pack x) { return only((mask)(place < depth), x); }
 PACKED pack inverse_root(pack x) { return 1 / root(x); }
 PACKED pack root_by(pack x, pack inverse) { return root(x); }
 PACKED pack quotient(pack x, pack y) { return x / y; }
@@ -140,15 +162,15 @@ PACKED pack quotient(pack x, pack y) { return x / y; }
 #endif
 
 #ifdef DIM
-/* The numbers that begin at base + at[lane], as many as a site has coordinates.  Up to four are
-   read: behind the last row is another, or as many spare ones. */
+/* The coordinates of sites, `stride` numbers a row.  Up to four are read: behind the last row is
+   another, or as many spare ones. */
 #define SPARE 3
-PACKED void columns(const real *base, const int *at, pack *out)
+PACKED void columns(const real *base, int stride, const int *at, pack *out)
 {
 #if WIDE == 8 && DIM > 1
 #define TWO(i, j)                                                                           \
     _mm512_mask_broadcast_f64x4(                                                            \
-        _mm512_castpd256_pd512(_mm256_loadu_pd(base + at[i])), 0xf0, _mm256_loadu_pd(base + at[j]))
+        _mm512_castpd256_pd512(_mm256_loadu_pd(base + stride * at[i])), 0xf0, _mm256_loadu_pd(base + stride * at[j]))
     const __m512d a = TWO(0, 2), b = TWO(1, 3), c = TWO(4, 6), d = TWO(5, 7);
     const __m512d ab = _mm512_unpacklo_pd(a, b), cd = _mm512_unpacklo_pd(c, d);
     out[0] = _mm512_shuffle_f64x2(ab, cd, 0x88);
@@ -159,7 +181,7 @@ PACKED void columns(const real *base, const int *at, pack *out)
 #elif WIDE == 4 && DIM > 1
 #define TWO(i, j, k)                                                                        \
     _mm256_insertf128_pd(                                                                   \
-        _mm256_castpd128_pd256(_mm_loadu_pd(base + at[i] + k)), _mm_loadu_pd(base + at[j] + k), 1)
+        _mm256_castpd128_pd256(_mm_loadu_pd(base + stride * at[i] + k)), _mm_loadu_pd(base + stride * at[j] + k), 1)
     const __m256d a = TWO(0, 2, 0), b = TWO(1, 3, 0);
     out[0] = _mm256_unpacklo_pd(a, b);
     out[1] = _mm256_unpackhi_pd(a, b);
@@ -167,7 +189,7 @@ PACKED void columns(const real *base, const int *at, pack *out)
     out[2] = _mm256_unpacklo_pd(TWO(0, 2, 2), TWO(1, 3, 2));
 #endif
 #else
-    for (int k = 0; k < DIM; k++) LANES_OF(l) LANE(out[k], l) = base[at[l] + k];
+    for (int k = 0; k < DIM; k++) LANES_OF(l) LANE(out[k], l) = base[stride * at[l] + k];
 #endif
 #undef TWO
 }
@@ -181,6 +203,115 @@ PACKED pack gathered(const real *base, const int *at)
     pack y;
     LANES_OF(l) LANE(y, l) = base[at[l]];
     return y;
+#endif
+}
+
+/* A site's row of numbers that are added to: filled up to a register in space. */
+#define ROW (DIM == 3 ? 4 : DIM)
+
+#if WIDE >= 4 && DIM == 3
+typedef __m256d row;
+#define load_row _mm256_loadu_pd
+#define store_row _mm256_storeu_pd
+#elif WIDE >= 4 && DIM == 2
+typedef __m128d row;
+#define load_row _mm_loadu_pd
+#define store_row _mm_storeu_pd
+#else
+typedef struct {
+    real x[ROW];
+} row;
+PACKED row load_row(const real *at)
+{
+    row y;
+    for (int k = 0; k < ROW; k++) y.x[k] = at[k];
+    return y;
+}
+PACKED void store_row(real *at, row y)
+{
+    for (int k = 0; k < ROW; k++) at[k] = y.x[k];
+}
+#endif
+PACKED row sum_of(row x, row y)
+{
+#if WIDE >= 4 && DIM > 1
+    return x + y;
+#else
+    for (int k = 0; k < ROW; k++) x.x[k] += y.x[k];
+    return x;
+#endif
+}
+
+/* The lanes of packs as rows. */
+PACKED void rows_of(const pack *f, row *out)
+{
+#if WIDE == 8 && DIM == 3
+    const __m512i near = {0, 1, 8, 9, 2, 3, 10, 11}, far = {4, 5, 12, 13, 6, 7, 14, 15};
+    const __m512d a = _mm512_unpacklo_pd(f[0], f[1]), b = _mm512_unpackhi_pd(f[0], f[1]);
+    const __m512d c = _mm512_maskz_mov_pd(0x55, f[2]), d = _mm512_maskz_permute_pd(0x55, f[2], 0xff);
+    const __m512d two[4] = {
+        _mm512_permutex2var_pd(a, near, c), _mm512_permutex2var_pd(b, near, d),
+        _mm512_permutex2var_pd(a, far, c), _mm512_permutex2var_pd(b, far, d)};
+    for (int k = 0; k < 2; k++) {
+        out[k] = _mm512_castpd512_pd256(two[k]), out[4 + k] = _mm512_castpd512_pd256(two[2 + k]);
+        out[2 + k] = _mm512_extractf64x4_pd(two[k], 1);
+        out[6 + k] = _mm512_extractf64x4_pd(two[2 + k], 1);
+    }
+#elif WIDE == 8 && DIM == 2
+    const __m512d a = _mm512_unpacklo_pd(f[0], f[1]), b = _mm512_unpackhi_pd(f[0], f[1]);
+    out[0] = _mm512_extractf64x2_pd(a, 0), out[1] = _mm512_extractf64x2_pd(b, 0);
+    out[2] = _mm512_extractf64x2_pd(a, 1), out[3] = _mm512_extractf64x2_pd(b, 1);
+    out[4] = _mm512_extractf64x2_pd(a, 2), out[5] = _mm512_extractf64x2_pd(b, 2);
+    out[6] = _mm512_extractf64x2_pd(a, 3), out[7] = _mm512_extractf64x2_pd(b, 3);
+#elif WIDE == 4 && DIM == 3
+    const __m256d none = _mm256_setzero_pd();
+    const __m256d a = _mm256_unpacklo_pd(f[0], f[1]), b = _mm256_unpackhi_pd(f[0], f[1]);
+    const __m256d c = _mm256_unpacklo_pd(f[2], none), d = _mm256_unpackhi_pd(f[2], none);
+    out[0] = _mm256_permute2f128_pd(a, c, 0x20), out[1] = _mm256_permute2f128_pd(b, d, 0x20);
+    out[2] = _mm256_permute2f128_pd(a, c, 0x31), out[3] = _mm256_permute2f128_pd(b, d, 0x31);
+#elif WIDE == 4 && DIM == 2
+    const __m256d a = _mm256_unpacklo_pd(f[0], f[1]), b = _mm256_unpackhi_pd(f[0], f[1]);
+    out[0] = _mm256_extractf128_pd(a, 0), out[1] = _mm256_extractf128_pd(b, 0);
+    out[2] = _mm256_extractf128_pd(a, 1), out[3] = _mm256_extractf128_pd(b, 1);
+#else
+    LANES_OF(l) for (int k = 0; k < ROW; k++) out[l].x[k] = k < DIM ? LANE(f[k], l) : 0;
+#endif
+}
+
+/* The lanes of packs added to rows `at` of `to`, one by one: several may be the same. */
+PACKED void add_rows(real *to, const int *at, const pack *f)
+{
+    row rows[WIDE];
+    rows_of(f, rows);
+    LANES_OF(l) store_row(to + at[l] * ROW, sum_of(load_row(to + at[l] * ROW), rows[l]));
+}
+
+/* The same put in their place. */
+PACKED void put_rows(real *to, const int *at, const pack *f)
+{
+    row rows[WIDE];
+    rows_of(f, rows);
+    LANES_OF(l) store_row(to + at[l] * ROW, rows[l]);
+}
+
+/* Rows of WIDE sites without what fills them up. */
+PACKED void squeezed(const real *rows, pack *out)
+{
+#if DIM < 3
+    for (int k = 0; k < DIM; k++) out[k] = load(rows + k * WIDE);
+#elif WIDE == 8
+    const pack a = load(rows), b = load(rows + 8), c = load(rows + 16), d = load(rows + 24);
+    out[0] = _mm512_permutex2var_pd(a, (__m512i){0, 1, 2, 4, 5, 6, 8, 9}, b);
+    out[1] = _mm512_permutex2var_pd(b, (__m512i){2, 4, 5, 6, 8, 9, 10, 12}, c);
+    out[2] = _mm512_permutex2var_pd(c, (__m512i){5, 6, 8, 9, 10, 12, 13, 14}, d);
+#elif WIDE == 4 && defined(__AVX2__)
+    const pack a = load(rows), b = load(rows + 4), c = load(rows + 8), d = load(rows + 12);
+    out[0] = _mm256_blend_pd(a, _mm256_permute4x64_pd(b, 0x00), 8);
+    out[1] = _mm256_permute2f128_pd(_mm256_permute4x64_pd(b, 0x09), c, 0x20);
+    out[2] = _mm256_blend_pd(_mm256_permute4x64_pd(d, 0x90), _mm256_permute4x64_pd(c, 0x02), 1);
+#else
+    for (int n = 0; n < DIM * WIDE; n++)
+        LANE(out[n / WIDE], n % WIDE) = rows[n / DIM * ROW + n % DIM];
 #endif
 }
 #endif

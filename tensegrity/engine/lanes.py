@@ -11,6 +11,7 @@ import math
 import re
 from dataclasses import dataclass
 
+TINY = 1e-300  # from here on a root needs no care of what is 0
 QUARTERS = 32  # a power up to an exponent of 8 in quarters becomes products and roots
 
 
@@ -18,7 +19,7 @@ def _names(ca):
     """C of operations: {operation: text of its arguments a and b}, and names of the C library."""
     texts = {
         ca.OP_ASSIGN: "{a}", ca.OP_ADD: "{a} + {b}", ca.OP_SUB: "{a} - {b}",
-        ca.OP_MUL: "{a} * {b}", ca.OP_NEG: "-{a}", ca.OP_SQ: "{a} * {a}", ca.OP_TWICE: "{a} + {a}",
+        ca.OP_MUL: "{a} * {b}", ca.OP_NEG: "-{a}", ca.OP_SQ: "{a} * {a}", ca.OP_TWICE: "2 * {a}",
         ca.OP_LT: "TRUTH({a} < {b})", ca.OP_LE: "TRUTH({a} <= {b})",
         ca.OP_EQ: "TRUTH({a} == {b})", ca.OP_NE: "TRUTH({a} != {b})",
         ca.OP_NOT: "TRUTH({a} == wide(0))", ca.OP_AND: "{a} * {b}", ca.OP_OR: "larger_of({a}, {b})",
@@ -83,6 +84,9 @@ class _Body:
         self._values = {}  # name -> _Value
         self._known = {}  # expression -> name: CasADi repeats divisions
         self._divisors = set()  # names of what is divided by more than once
+        self._negated = {}  # name -> what it is the negative of
+        self._less = {}  # name of a comparison -> its C for what counts where it holds
+        self._positive = set()  # names of what is never below a positive number
 
     def of(self, function):
         ca, work = self._ca, {}
@@ -118,7 +122,7 @@ class _Body:
     def _value(self, operation, a, b, divides):
         ca = self._ca
         if operation == ca.OP_SQRT:
-            return self._roots(a) if divides else self._new(f"root({a})", a, slow=True)
+            return self._roots(a) if divides else self._root(a)
         if operation in (ca.OP_POW, ca.OP_CONSTPOW) and (n := _quarters(b)) is not None:
             return self._power(a, n)
         if operation == ca.OP_INV:
@@ -128,11 +132,38 @@ class _Body:
                 inverse = self._new(_inverse(b), b, slow=True)
                 return self._new(f"{a} * {inverse}", a, inverse)
             return self._new(f"quotient({a}, {b})", a, b, slow=True)
+        if operation in (ca.OP_LT, ca.OP_LE):
+            return self._comparison(operation, a, b)
+        if operation == ca.OP_MUL and b in self._less:
+            a, b = b, a
+        if operation in (ca.OP_MUL, ca.OP_IF_ELSE_ZERO) and a in self._less:
+            call, *compared = self._less[a]
+            return self._new(f"{call}({', '.join(compared)}, {b})", *compared, b)
         if operation in self._texts:
-            return self._new(self._texts[operation].format(a=a, b=b), a, b)
+            return self._plain(operation, a, b)
         if operation in self._library:
             return self._one_by_one(self._library[operation], a, b)
         raise NotImplementedError(f"operation {operation} of CasADi")
+
+    def _plain(self, operation, a, b):
+        ca = self._ca
+        found = self._new(self._texts[operation].format(a=a, b=b), a, b)
+        if operation == ca.OP_NEG:
+            self._negated[found] = a
+        if operation == ca.OP_FMAX and any(_number(x) > TINY for x in (a, b)):
+            self._positive.add(found)
+        return found
+
+    def _comparison(self, operation, a, b):
+        if _number(a) == 0 and b in self._negated:
+            a, b = self._negated[b], a
+        found = self._new(self._texts[operation].format(a=a, b=b), a, b)
+        self._less[found] = "if_less" if operation == self._ca.OP_LT else "if_at_most", a, b
+        return found
+
+    def _root(self, a):
+        kind = "root_of_positive" if a in self._positive else "root"
+        return self._new(f"{kind}({a})", a, slow=True)
 
     def _add(self, line, sets, reads):
         reads = [self._values[x] for x in reads if x in self._values]
@@ -164,7 +195,7 @@ class _Body:
 
     def _power(self, a, quarters):
         whole, rest = divmod(quarters, 4)
-        half = self._new(f"root({a})", a, slow=True) if rest else None
+        half = self._root(a) if rest else None
         factors = [half] if rest >= 2 else []
         factors += [self._new(f"root({half})", half, slow=True)] if rest % 2 else []
         factors += [a] * whole or ["wide(1)"]
@@ -214,6 +245,14 @@ def _literal(value):
     if math.isinf(value):
         return "wide(-INFINITY)" if value < 0 else "wide(INFINITY)"
     return f"wide({value!r})"
+
+
+def _number(value):
+    """A literal's number; NaN of anything else."""
+    try:
+        return float(value.removeprefix("wide(").removesuffix(")"))
+    except ValueError:
+        return math.nan
 
 
 def _scalar(value):

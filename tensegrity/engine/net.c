@@ -23,26 +23,28 @@ static void meet(const scene *c)
         if (k > PATIENCE) { REST }
 }
 
+/* The first site behind a tile. */
+static integer end(const scene *c, integer t)
+{
+    return t + 1 < c->tiles ? (t + 1) * TILE : c->sites;
+}
+
 /* The displacements of this thread's sites, for all: those in `u` move while others look. */
 static void share(const scene *c)
 {
-    const integer last = c->last_tile < c->tiles ? c->last_tile * TILE : c->sites;
-    const integer from = c->tile * TILE * DIM, count = last * DIM - from;
-    EACH(count) c->near[from + i] = c->u[from + i];
+    const integer from = c->tile * TILE * DIM;
+    if (c->tile < c->last_tile)
+        EACH(end(c, c->last_tile - 1) * DIM - from) c->near[from + i] = c->u[from + i];
 }
 
-/* Entries of a tile. */
-static integer entries(const scene *c, integer t)
-{
-    const integer left = c->sites - t * TILE;
-    return DIM * (left < TILE ? left : TILE);
-}
-
-/* Forces of the contacts of a tile on its sites; what they do to others is stored. */
+/* Forces of the contacts of a tile on its sites, in rows; what they do to others is stored. */
 static void contacts(const scene *c, const real *u, integer t, real *restrict pull)
 {
-    const real *restrict load = c->load + t * TILE * DIM;
-    EACH(entries(c, t)) pull[i] = c->loaded ? load[i] : 0;
+    const integer from = t * TILE, count = end(c, t) - from;
+    EACH(count * ROW) pull[i] = 0;
+    if (c->loaded)
+        for (integer q = 0; q < count; q++)
+            AXES(k) pull[q * ROW + k] = c->load[(from + q) * DIM + k];
     for (integer s = 0; s < c->runs; s++) {
         if (c->law[s] & 2 && t < c->tile) continue;
         switch (c->law[s]) {
@@ -54,72 +56,89 @@ static void contacts(const scene *c, const real *u, integer t, real *restrict pu
     }
 }
 
-/* Accelerations of a tile's sites, up to GROUP of them side by side: with what is in store for them
-   from tiles before.  SPARE numbers behind the last row of `pull` are read. */
-static void accelerate(const scene *c, integer t, real *restrict pull)
+/* Take what is in store for a tile's sites from its contacts and those of tiles before, for up to
+   GROUP of them side by side.  SPARE numbers behind the last row of `pull` are read. */
+static void take(const scene *c, integer t, real *restrict pull)
 {
     const real *restrict store = c->store + c->piece * c->room * DIM * GROUP;
-    const integer first = t * TILE, last = first + entries(c, t) / DIM;
+    const integer first = t * TILE, last = end(c, t);
     for (integer q = first / GROUP; q * GROUP < last; q++)
         for (int part = 0; part < GROUP && q * GROUP + part < last; part += WIDE) {
             const int *restrict site = c->taker + q * GROUP + part;
-            const pack mobility = load(c->mobility + q * GROUP + part);
-            real *mine = pull - first * DIM;
+            real *mine = pull - first * ROW;
             pack sum[DIM];
-            columns(mine, site, sum);
+            columns(mine, ROW, site, sum);
             for (integer e = c->taken_at[q]; e < c->taken_at[q + 1]; e++)
                 AXES(k) sum[k] -= gathered(store + k * GROUP, c->taken + e * GROUP + part);
-            AXES(k) sum[k] *= mobility;
-            LANES_OF(l) AXES(k) mine[site[l] + k] = LANE(sum[k], l);
+            put_rows(mine, site, sum);
         }
 }
 
-/* Forces on the walls, each the sum over its contacts in the order of the list. */
+/* Forces on the walls, behind those of their contacts, which are added up in the order of the list
+   and begin anew. */
 static const real *on_walls(const scene *c)
 {
-    real *restrict force = c->press + c->contacts * DIM;
-    const integer moving = c->sites * DIM;
-    EACH(c->rows * DIM - moving) force[i] = 0;
-    for (integer s = 0; s < c->runs; s++)
-        if (c->law[s] & 2)
-            for (integer b = c->first[s]; b < c->first[s + 1]; b++)
-                AXES(k) force[c->from[b] - moving + k] += c->press[b * DIM + k];
+    const real nothing[ROW] = {0};
+    real *restrict press = c->press, *restrict force = press + c->pressing * ROW;
+    for (integer q = 0; q < c->rows - c->sites; q++) {
+        real whole[ROW];
+        row sum = load_row(nothing);
+        for (integer b = c->pressed[q]; b < c->pressed[q + 1]; b++) {
+            sum = sum_of(sum, load_row(press + b * ROW));
+            store_row(press + b * ROW, load_row(nothing));
+        }
+        store_row(whole, sum);
+        AXES(k) force[q * DIM + k] = whole[k];
+    }
     return force;
 }
 
 static void acceleration(const scene *c, const real *restrict u, real *restrict a)
 {
     const integer moving = c->sites * DIM, all = c->rows * DIM;
+    real pull[TILE * ROW + SPARE];
     for (integer t = 0; t < c->tiles; t++) {
-        contacts(c, u, t, a + t * TILE * DIM);
-        accelerate(c, t, a + t * TILE * DIM);
+        const integer from = t * TILE, count = end(c, t) - from;
+        contacts(c, u, t, pull);
+        take(c, t, pull);
+        for (integer q = 0; q < count; q++)
+            AXES(k) {
+                const integer at = (from + q) * DIM + k;
+                a[at] = c->w[at] * pull[q * ROW + k];
+            }
     }
     const real *restrict force = on_walls(c);
     for (integer q = moving; q < all; q++) a[q] = c->w[q] * force[q - moving];
 }
 
-/* A kick by a and a drift by b of `count` entries with accelerations `pull`; the farthest way. */
-static real move_tile(
-    integer count, real a, real b, const real *restrict pull, real *restrict u, real *restrict v)
+/* A kick by a and a drift by b of the sites of a tile; the farthest way. */
+static real move_tile(const scene *c, integer t, real a, real b, const real *restrict pull)
 {
-    real farthest[GROUP] = {0}, largest = 0;
+    const integer from = t * TILE * DIM, count = end(c, t) - t * TILE;
+    const real *restrict w = c->w + from;
+    real *restrict u = c->u + from, *restrict v = c->v + from, largest = 0;
+    pack farthest = wide(0);
     integer q = 0;
-    for (; q + GROUP <= count; q += GROUP) {
-        _Pragma("GCC unroll 1") EACH(GROUP) {
-            v[q + i] += a * pull[q + i];
-            real move = b * v[q + i];
-            u[q + i] += move;
-            move = fabs(move);
-            farthest[i] = move > farthest[i] ? move : farthest[i];
+    for (; q + WIDE <= count; q += WIDE) {
+        pack pulls[DIM];
+        squeezed(pull + q * ROW, pulls);
+        AXES(k) {
+            const integer at = q * DIM + k * WIDE;
+            const pack speed = load(v + at) + a * (load(w + at) * pulls[k]), move = b * speed;
+            store(v + at, speed);
+            store(u + at, load(u + at) + move);
+            farthest = larger_of(magnitude(move), farthest);
         }
     }
-    for (; q < count; q++) {
-        v[q] += a * pull[q];
-        const real move = b * v[q];
-        u[q] += move;
-        largest = larger(largest, fabs(move));
-    }
-    for (int i = 0; i < GROUP; i++) largest = larger(largest, farthest[i]);
+    for (; q < count; q++)
+        AXES(k) {
+            const integer at = q * DIM + k;
+            v[at] += a * (w[at] * pull[q * ROW + k]);
+            const real move = b * v[at];
+            u[at] += move;
+            largest = larger(fabs(move), largest);
+        }
+    LANES_OF(l) largest = larger(LANE(farthest, l), largest);
     return largest;
 }
 
@@ -127,16 +146,14 @@ static void stage(const scene *c, real a, real b)
 {
     const integer moving = c->sites * DIM, all = c->rows * DIM;
     const real *u = c->pieces > 1 ? c->near : c->u;
-    real pull[TILE * DIM + SPARE], largest = 0;
+    real pull[TILE * ROW + SPARE], largest = 0;
     if (c->pieces > 1) share(c);
     meet(c);
     for (integer t = c->before; t < c->tile; t++) contacts(c, u, t, pull);
     for (integer t = c->tile; t < c->last_tile; t++) {
-        const integer from = t * TILE * DIM;
         contacts(c, u, t, pull);
-        accelerate(c, t, pull);
-        const real way = move_tile(entries(c, t), a, b, pull, c->u + from, c->v + from);
-        largest = larger(largest, way);
+        take(c, t, pull);
+        largest = larger(move_tile(c, t, a, b, pull), largest);
     }
     c->farthest[c->piece] = largest;
     meet(c);

@@ -30,11 +30,10 @@ typedef struct {
     const real *places;                 /* (rows + 1, DIM) reference positions */
     real *near;                         /* (rows, DIM) displacements that threads have in common */
     const integer *slice;               /* (runs, tiles + 1) first slice of a run in each tile */
-    const int *site;                    /* (slices, GROUP) where the rows of the sites begin */
+    const int *site;                    /* (slices, GROUP) sites */
     const integer *depth;               /* (slices, GROUP) contacts of each; 0 repeats another */
     const integer *begin;               /* (slices + 1) first group of each slice */
-    const int *other;                   /* (groups, GROUP) where the row of the other site begins,
-                                           or the contact with a wall */
+    const int *other;                   /* (groups, GROUP) the other site, or the contact with a wall */
     const integer *entry;               /* (runs + 1) first entry (of a group) of each run */
     const integer *own_at;              /* (runs) where its own parameters begin */
     const real *gap, *length;           /* for each run those of its entries, or GROUP equal ones */
@@ -42,19 +41,21 @@ typedef struct {
     const integer *gap_each, *length_each; /* (runs) whether each entry has its own */
     const integer *held;                /* (runs, tiles) groups before its own in the store */
     const int *taker;                   /* (takers, GROUP) sites, side by side, in the order in
-                                           which they take from the store: where rows begin */
-    const real *mobility;               /* (takers, GROUP) their inverse masses */
+                                           which they take from the store */
     const int *taken;                   /* (takings, GROUP) places in the store of what they take */
     const integer *taken_at;            /* (takers + 1) where those of each group begin */
     real *store;                        /* (pieces, room, DIM, GROUP) forces on the other sites */
-    real *press;                        /* (contacts + rows - sites, DIM) forces on walls by each
-                                           contact, and their sums */
+    const real *normal;                 /* for each run with walls, (groups, DIM, GROUP) */
+    const integer *normal_at;           /* (runs) where these begin */
+    real *press;                        /* (pressing, ROW) forces on walls by each contact, and
+                                           (rows - sites, DIM) their sums */
+    const integer *pressed;             /* (rows - sites + 1) first contact with each wall */
     real *low, *high;                   /* smallest and largest elongation met: for each piece and
                                            run GROUP, or of each entry of runs with own ones */
     const integer *met_at;              /* (runs) where these begin */
     real *farthest;                     /* (pieces) of the sites in this stage */
     integer *gate;                      /* (16) where threads wait for each other */
-    integer runs, contacts, sites, rows, stages, closing, tiles, room, loaded;
+    integer runs, contacts, sites, rows, stages, closing, tiles, room, loaded, pressing;
     integer before, tile, last_tile, piece, pieces; /* what this thread does */
 } scene;
 
