@@ -20,6 +20,7 @@ from tensegrity import (
     held,
     plates,
 )
+from tensegrity.structures.corner import Ray, chosen
 
 PLATES = plates([0, 4, 8], [3, 7, 11])
 PRISM = Prism(1.0, 1.0, 0.1, 1.0, 5.0, 50.0)
@@ -277,3 +278,17 @@ def test_column_with_plates_between_gives_way_where_one_unit_does(guided):
         assert path.load[-1] == pytest.approx(1.5, rel=1e-12)
     assert loads[1] == pytest.approx(loads[0], rel=1e-10)
     assert len(loads[0]) == (0 if guided else 1)
+
+
+def test_of_several_stable_rays_the_lowest_is_followed():
+    """Whatever their order; an unstable one only where there is no other."""
+
+    def ray(slope, stable):
+        return Ray(np.array([True, False]), 1, slope, stable)
+
+    low, high, unstable = ray(-2.0, True), ray(1.0, True), ray(-5.0, False)
+    corner = np.array([0, 1])
+    for found in ([low, high, unstable], [unstable, high, low]):
+        assert chosen(found, "stable", corner) is low
+    assert chosen([unstable], "stable", corner) is unstable
+    assert chosen([], "stable", corner) is None
