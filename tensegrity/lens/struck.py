@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from tensegrity.runs.run import Run
     from tensegrity.typing import Array
 
-TOLERANCE = 1e-9  # of the runs: arrivals are then within 1e-7 s or so
+TOLERANCE = 1e-10  # of the runs: arrivals are then within 1e-8 s or so
 SAMPLES = 32  # prestrains of a range that are run: as many lanes as a processor likes
 LEAST = 1e-2  # of the blow's velocity: a last mass that was never so fast has seen no pulse
 LONGER = 1.6  # a run in which some pulse does not arrive is done again, so much longer
