@@ -106,7 +106,7 @@ def test_lanes_have_masses_and_springs_of_their_own(method):
         springs = [PowerLaw(k * (1 + j / 41.7), 1.5, preload=0.2) for j in range(19)]
         return Chain(springs, 20, mass=k + np.arange(20) / 20, ends=("free", "fixed"))
 
-    chains = [chain(k) for k in np.linspace(1, 3, 11)]  # 8 lanes together and 3 one by one
+    chains = [chain(k) for k in np.linspace(1, 3, 11)]  # and 5 idle ones
     several = Ensemble(chains)
     start = several.at_rest({0: np.linspace(0.01, 0.03, 11)})
     options = {"dt": 0.05, "method": method}
@@ -120,6 +120,16 @@ def test_lanes_have_masses_and_springs_of_their_own(method):
     np.testing.assert_allclose(run.energy, sum(one.energy for one in alone), rtol=1e-13)
     each = several.lane_energy(run.u, run.v)
     np.testing.assert_allclose(each.sum(axis=1), run.energy, rtol=1e-13)
+
+
+def test_lanes_of_one_spring_each_have_their_own():
+    chains = [Chain(PowerLaw(k, 1.5, preload=0.2), 20) for k in np.linspace(1, 3, 11)]
+    several = Ensemble(chains)
+    start = several.at_rest({0: 0.02})
+    run = simulate(several, start, 5.0, dt=0.05, method="rkn6")
+    for k, one in enumerate(chains):
+        alone = simulate(one, several.lane(start, k), 5.0, dt=0.05, method="rkn6")
+        np.testing.assert_allclose(run.u[..., k], alone.u, rtol=0, atol=1e-15)
 
 
 def test_a_lane_of_its_own_that_locks_is_named():
