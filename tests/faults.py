@@ -643,8 +643,8 @@ FAULTS = (
     ),
     Fault(
         "tensegrity/scenes/chain.py",
-        "np.max(2 * stiffness * self._mobility)",
-        "np.max(stiffness * self._mobility)",
+        "np.max(2 * stiffness * self._largest_mobilities)",
+        "np.max(stiffness * self._largest_mobilities)",
         "tests/test_integrate.py::test_stability_limit_on_both_sides",
     ),
     Fault(

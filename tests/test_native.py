@@ -1,5 +1,6 @@
 """The cache of compiled kernels under every fault that is expected of it."""
 
+import errno
 import multiprocessing
 import os
 import shutil
@@ -8,6 +9,7 @@ import subprocess
 import sys
 import time
 import warnings
+from pathlib import Path
 
 import pytest
 
@@ -329,3 +331,15 @@ def test_the_folder_may_be_deleted_between_two_calls(cache):
     shutil.rmtree(cache)
     assert answer(TEXT.replace("42", "43")) == 43
     assert cache.stat().st_mode & 0o777 == 0o700
+
+
+def test_a_full_disk_is_told_as_what_the_compiler_lacks(cache, monkeypatch):
+    """So that scenes go on without it, with a warning, and nothing half written stays."""
+
+    def full(self, *_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Path, "write_text", full)
+    with pytest.raises(native.CompilerError, match="takes no kernel: No space left"):
+        native.library(TEXT)
+    assert not list(cache.glob("build-*"))

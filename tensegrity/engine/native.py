@@ -48,7 +48,7 @@ hung = set()  # compilers that took longer than LIMIT: not asked again by this p
 
 
 class CompilerError(RuntimeError):
-    """The compiler refused the generated text, could not be run, or hung."""
+    """The compiler refused the generated text, could not be run, or hung, or the disk is full."""
 
 
 def address(array):
@@ -198,7 +198,10 @@ def _load(text, command, identity, flags):
     key = hashlib.sha256("\0".join(parts).encode()).hexdigest()
     entry = cache_folder() / key
     if not _intact(entry):
-        build(text, command, flags, entry)
+        try:
+            build(text, command, flags, entry)
+        except OSError as error:
+            raise CompilerError(f"{entry.parent} takes no kernel: {error.strerror}") from error
     try:
         return ctypes.CDLL(str(entry / LIBRARY))
     except OSError as error:

@@ -229,20 +229,22 @@ class Chain(Scene):
 
         The eigenvalues of M^-1 K are at most max over bonds of 2 k (1/m_left + 1/m_right).
         """
-        mobility = self.inverse_mass[:-1] + self.inverse_mass[1:]
-        return float(np.sqrt(np.max(2 * stiffness * mobility)))
+        return float(np.sqrt(np.max(2 * stiffness * self._mobilities)))
 
     def fastest(self, stiffness: Array) -> float:
         """The same for a bound of the stiffness of each spring [N/m], (springs,)."""
-        return float(np.sqrt(np.max(2 * stiffness * self._mobility)))
+        return float(np.sqrt(np.max(2 * stiffness * self._largest_mobilities)))
+
+    @property
+    def _mobilities(self) -> Array:
+        """1/m_left + 1/m_right of each bond [1/kg]; (sites - 1,)."""
+        return self.inverse_mass[:-1] + self.inverse_mass[1:]
 
     @cached_property
-    def _mobility(self) -> Array:
-        """Largest 1/m_left + 1/m_right of the bonds of each different spring [1/kg]; (springs,)."""
+    def _largest_mobilities(self) -> Array:
+        """The largest of the bonds of each different spring; (springs,)."""
         found = np.zeros(len(self.spring_table))
-        np.maximum.at(
-            found, self.spring_table.group, self.inverse_mass[:-1] + self.inverse_mass[1:]
-        )
+        np.maximum.at(found, self.spring_table.group, self._mobilities)
         return fixed(found)
 
     def extreme(self, spring: int, u: Array, side: int) -> str:
