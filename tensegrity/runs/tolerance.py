@@ -18,7 +18,6 @@ from tensegrity.engine.methods import Corrected
 from tensegrity.engine.openings import is_treated
 from tensegrity.errors import LockingError, RangeError, StabilityError, TensegrityError
 from tensegrity.runs.driven import march
-from tensegrity.runs.guard import Guard
 from tensegrity.runs.march import count
 from tensegrity.runs.record import Record
 from tensegrity.runs.run import Run, changed
@@ -58,18 +57,7 @@ STUCK = 4  # refinements in a row that bring nothing: round-off is reached
 
 def fixed_step(problem, dt):
     """Run with a given step."""
-    scene = problem.scene.listed(problem.state.u)
-    steps, present = count(problem, dt), scene.present_ranges(problem.state.u)
-    used = problem.t_end / steps if steps else 0.0
-    if Guard(problem, scene, used, 1.0).is_known(present):
-        return march(problem, steps, allowed=1.0)[0]
-    limit = problem.largest_step(scene.frequency(present))
-    if used > limit:
-        raise StabilityError(
-            f"dt {used:.6g} s is beyond {limit:.6g} s, the stability limit of "
-            f"{problem.method.name} in the initial state"
-        )
-    return march(problem, steps, allowed=1.0)[0]
+    return march(problem, count(problem, dt), allowed=1.0)[0]
 
 
 def default_step(problem):
