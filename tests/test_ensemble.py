@@ -165,6 +165,6 @@ def test_a_lane_whose_bead_comes_to_the_end_of_its_wall_is_told():
     guide = fork()
     start = guide.start()
     fast = State(*(np.stack([x, 100 * x], axis=-1) for x in (start.u, start.v)))
-    with pytest.raises(ContactError, match="beyond its end at t = 0.000162") as caught:
+    with pytest.raises(ContactError, match=r"beyond its end at t = 0\.000162") as caught:
         simulate(Ensemble(guide, 2), fast, 3e-4, dt=4e-8)
     assert 1.6e-4 < caught.value.run.t[-1] < 1.63e-4

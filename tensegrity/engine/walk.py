@@ -223,13 +223,10 @@ class Plan:
             *(x.ctypes.data for x in (*places, *self._met)),
             steps.size, blank.size, state, walls, len(places[0]), step.springs,
         )  # fmt: skip
-        self._loops, self._arrays, self._step = loops, (steps, blank, places), step
+        scratch = np.empty(0 if energies is None else energies.room)
+        self._told = energies and _Told(*energies.task, scratch.ctypes.data)
+        self._kept, self._step = (loops, energies, steps, blank, places, scratch), step
         self._address, (_, self._run, _) = ctypes.addressof(self._plan), _compiled()
-        self._energies, self._told = energies, None
-        if energies is not None:
-            scratch = np.empty(energies.room)
-            self._told = _Told(*energies.task, scratch.ctypes.data)
-            self._arrays += (scratch,)
 
     def run(
         self,

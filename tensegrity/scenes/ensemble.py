@@ -212,7 +212,7 @@ class Ensemble(Scene):
         return u, v
 
     @property
-    def in_turn(self) -> tuple[Scene, ...]:  # type: ignore[override]
+    def in_turn(self) -> tuple[Scene, ...]:
         """The scenes, where they are networks."""
         return self.scenes if self.scenes[0].loop_bonds.contacts is not None else ()
 
