@@ -14,7 +14,6 @@ from tensegrity.once import once
 if TYPE_CHECKING:
     from typing import Any
 
-    from tensegrity.engine.energies import Energies
     from tensegrity.typing import Array, Indices
 
 _ADDRESS, _NUMBER = ctypes.c_void_p, ctypes.c_longlong
@@ -193,7 +192,7 @@ class Plan:
         self,
         state: int,
         walls: int,
-        energies: Energies | None,
+        energies: Any,
         enter: Any,
         begin: Any,
         step: Any,
@@ -224,7 +223,9 @@ class Plan:
             steps.size, blank.size, state, walls, len(places[0]), step.springs,
         )  # fmt: skip
         scratch = np.empty(0 if energies is None else energies.room)
-        self._told = energies and _Told(*energies.task, scratch.ctypes.data)
+        self._told = None
+        if energies is not None:
+            self._told = _Told(*energies.task, scratch.ctypes.data)
         self._kept, self._step = (loops, energies, steps, blank, places, scratch), step
         self._address, (_, self._run, _) = ctypes.addressof(self._plan), _compiled()
 
