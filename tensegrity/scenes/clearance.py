@@ -169,7 +169,10 @@ class Clearance:
 
     def check(self, u: Array) -> None:
         """Refuse displacements at which something unlisted touches."""
-        complaint = self.complaint(self.positions + u, *self.watched(u), TOUCH * self.skin)
+        near, touch = self.watched(u), TOUCH * self.skin
+        if self._room_at(u, near) > touch:
+            return
+        complaint = self.complaint(self.positions + u, *near, touch)
         if complaint:
             raise ContactError(f"{complaint} at the start")
 
