@@ -408,10 +408,12 @@ def saved(problem, run, tol):
     """Seconds that fitted forces save, roughly, in all runs that a tolerance takes."""
     scene, order = problem.scene, problem.method.order
     if scene.remembered.gain is None:
-        springs, count = scene.spring_table.different, np.bincount(scene.spring_table.group.ravel())
+        springs, group = scene.spring_table.different, scene.spring_table.group
         fitted = cost(PolynomialLaw(DEGREES[len(DEGREES) // 2]))
         gains = [max(cost(spring.law) - fitted, 0.0) for spring in springs]
-        scene.remembered.gain = float(np.dot(gains, count))
+        lanes = math.prod(scene.shape) // (scene.sites * scene.dim)
+        often = lanes if group.ndim == 1 else 1  # lanes may have them in common
+        scene.remembered.gain = often * float(np.dot(gains, np.bincount(group.ravel())))
     steps = run.steps * max((COARSE / tol) ** (1 / order), 1.0)  # of the last run, as a rule
     calls = steps * problem.method.stages
     return calls * scene.remembered.gain - PER_FIT * len(scene.spring_table)
