@@ -58,3 +58,12 @@ def test_steps_follow_a_drive_far_quicker_than_the_springs(how):
     rate = 3000.0
     scene = pushed(rate * sp.sin(rate * T))
     assert off(scene, 1 - np.cos(10 * rate), 10.0, **how) < 1e-6
+
+
+def test_what_a_scene_says_of_its_functions_of_time_makes_another():
+    spring = Potential(K * R**2 / 2, R, {K: 1.0})
+    given = {"drive": {0: Drive(displacement=sp.sin(T) / 9)}, "tune": {"k": 1 + sp.sin(T) / 2}}
+    one = Chain(spring, 4, **given)
+    other = Chain(spring, 4, drive=one.drive, damping=one.damping, tune=one.tune)
+    first, second = (simulate(x, x.at_rest(), 5.0, tol=1e-6) for x in (one, other))
+    assert np.array_equal(first.u, second.u)
