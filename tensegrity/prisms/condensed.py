@@ -237,7 +237,8 @@ class ElasticPotential(Potential):
         if self._in_loop[0] is None:
             raise EquilibriumError(
                 f"the compiled loop finds no equilibria of {self._prism} about its length "
-                f"{self._length:g} m under the preload: its members are too stiff or too soft for it"
+                f"{self._length:g} m under the preload: its members are too stiff for "
+                "it, or too soft"
             )
         return self._in_loop[0]
 
