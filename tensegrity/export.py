@@ -23,6 +23,13 @@ if TYPE_CHECKING:
 QUANTITIES = {"energy": "V(r) [J]", "tension": "dV/dr [N], > 0 in extension",
               "stiffness": "d2V/dr2 [N/m]"}  # fmt: skip
 
+QUIET = """#define CASADI_SYMBOL_EXPORT static
+#ifdef __GNUC__ /* CasADi writes functions besides that nobody calls */
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wunused-function"
+#pragma GCC diagnostic ignored "-Wunused-parameter"
+#endif
+"""
 DRIVER = """
 #ifdef DRIVER
 /* Prints a table: at the elongations given as arguments, or at nine within the domain. */
@@ -113,7 +120,7 @@ def _text(potential: Potential, name: str) -> str:
     import casadi as ca
 
     law, (low, high) = potential.law, potential.reach
-    generator = ca.CodeGenerator(f"{name}.c")
+    generator = ca.CodeGenerator(f"{name}_of.c")
     for quantity in QUANTITIES:
         symbols = functions(law)[quantity].sx_in()
         form = functions(law)[quantity](*symbols)
@@ -124,8 +131,9 @@ def _text(potential: Potential, name: str) -> str:
         f"/* {_comment(repr(potential))}\n\n"
         "   r is the elongation from the equilibrium [m], extension > 0; see the functions at the\n"
         f"   end.  With -DDRIVER a program that prints a table: cc -DDRIVER {name}.c -lm */\n",
-        "#define CASADI_SYMBOL_EXPORT static",
+        QUIET,
         generator.dump(),
+        "#ifdef __GNUC__\n#pragma GCC diagnostic pop\n#endif\n",
         f"static const double {name}_parameters[] = {{\n{listed or '    0.0'}}};\n",
         f"const double {name}_lowest = {_number(low)};   /* [m]: between these it is defined */",
         f"const double {name}_highest = {_number(high)}; /* [m] */\n",
@@ -145,7 +153,7 @@ def _text(potential: Potential, name: str) -> str:
 
 def _identifier(stem: str) -> str:
     """A file's name as the beginning of names in C."""
-    words = re.sub(r"[^0-9A-Za-z_]", "_", stem).strip("_")
+    words = re.sub(r"[^0-9A-Za-z]+", "_", stem).strip("_")  # CasADi refuses two _ in a row
     return words if words[:1].isalpha() else f"spring_{words}".rstrip("_")
 
 

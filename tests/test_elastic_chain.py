@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scenes import extended
 
-from tensegrity import Chain, EquilibriumError, Prism, RangeError, equilibrium_path, simulate
+from tensegrity import Chain, Prism, RangeError, equilibrium_path, simulate
 from tensegrity.engine.codegen import functions
 from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.interpreted import Interpreted
@@ -131,12 +131,37 @@ def test_members_too_stiff_for_the_loop_limit_its_reach_and_a_run_beyond_says_so
     assert np.isfinite(at.value.run.u).all()
 
 
-def test_a_stiff_prism_preloaded_to_its_contact_is_refused_with_the_chain():
+@pytest.mark.parametrize("arguments", [
+    (1.0, 0.3, 0.01, 1.0, 0.01), (1.0, 0.3, 0.0, 1.0, 0.03), (1.0, 0.3, 0.01, 1.0, 0.1, 0.05),
+])  # fmt: skip
+def test_members_far_softer_than_the_cross_strings_move_as_the_equilibria_say(arguments):
+    from scipy.integrate import solve_ivp
+
+    potential = Prism(*arguments).potential()
+    chain = Chain(potential, 3)
+    start = chain.at_rest({0: 0.002})
+    run = simulate(chain, start, 20.0, tol=1e-8)
+
+    def rates(t, y):
+        pull = potential.tension(np.diff(y[:3]))
+        return np.concatenate([y[3:], np.diff(pull, prepend=0, append=0)])
+
+    exact = solve_ivp(rates, (0, 20), np.append(start.u, start.v), "DOP853", rtol=1e-10, atol=1e-14)
+    assert abs(run.final.u - exact.y[:3, -1]).max() < 1e-8 * abs(run.u).max()
+    with pytest.raises(RangeError, match=r"at or above .* or this soft"):
+        simulate(chain, chain.at_rest({2: 0.5}), 20.0)
+
+
+def test_a_stiff_prism_preloaded_to_its_contact_is_followed_near_it():
     prism = Prism(2.0, 1.5, 1e-6, 3.0, 1e8, 1e8)
     potential = prism.potential(0.3 * equilibrium_path(prism).load.max())
     assert np.isfinite(potential.energy(potential.domain)).all()
-    with pytest.raises(EquilibriumError, match="too stiff"):
-        Chain(potential, 5)
+    assert 0 < potential.reach[1] < potential.domain[1]
+    chain = Chain(potential, 2)
+    run = simulate(chain, chain.at_rest({0: 1e-3}), 1e-3, tol=1e-7)
+    r = chain.elongation(run.u)[:, 0]  # meets a spring of nearly constant stiffness
+    angle = np.sqrt(2 * potential.stiffness(0.0)) * run.t
+    assert abs(r + np.sin(angle) * 1e-3 / angle[-1] * run.t[-1]).max() < 1e-3 * abs(r).max()
 
 
 @pytest.mark.parametrize(("k_base", "k_bar"), [(1e15, 1e15), (1e3, 1e8), (3.0, 3.0)])

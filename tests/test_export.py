@@ -27,8 +27,7 @@ SPRINGS = {
     "polynomial": Polynomial(RIGID, 0.2 * RIGID.domain[0], 0.2 * RIGID.domain[1]),
 }
 DIFFERENCES = ("rigid, loaded", "elastic", "contact, loaded", "polynomial")
-STRICT = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-Wno-unused-parameter",
-          "-Wno-unused-function", "-Wno-unused-const-variable", "-Wno-unused-variable")  # fmt: skip
+STRICT = "-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror"
 
 pytestmark = pytest.mark.needs_compiler
 
@@ -123,6 +122,11 @@ def test_names_and_comments_hold_only_what_c_takes(tmp_path):
     path = to_c(spring, tmp_path / "9 düsen-feder*.c")
     compiled(path, tmp_path / "driver", "-DDRIVER", *STRICT)
     assert "double spring_9_d_sen_feder_energy(double r)" in path.read_text()
+
+
+@pytest.mark.parametrize("stem", ["double", "null", "my--spring", "été__2", "jac"])
+def test_any_name_of_a_file_makes_names_that_c_takes(stem, tmp_path):
+    compiled(to_c(RIGID, tmp_path / f"{stem}.c"), tmp_path / "driver", "-DDRIVER", *STRICT)
 
 
 def test_a_file_that_cannot_be_written_leaves_the_old_one(tmp_path, monkeypatch):

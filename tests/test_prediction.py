@@ -193,6 +193,12 @@ def test_the_limit_is_passed_where_the_spring_gives_way_at_it():
     assert wave.speed > family.speeds[1] * (1 + 1e-4)
 
 
+@pytest.mark.parametrize("energy", [-(R**2) / 2, R**4 - R**2 / 2, R**3 / 3 - R**2])
+def test_a_spring_that_leaves_its_rest_by_itself_is_refused(energy):
+    with pytest.raises(TensegrityError, match=r"stiffness -[12] N/m at rest must be at least 0"):
+        predict(Potential(energy, R))
+
+
 def test_a_sonic_vacuum_has_waves_of_any_amplitude():
     (family,) = predict(PowerLaw(1.0, 1.5)).families
     assert family.speeds == (0.0, math.inf)

@@ -211,6 +211,13 @@ def check_law(law: Law) -> None:
         raise TensegrityError(f"energy {law.energy} cannot be translated: {error}") from error
 
 
+def in_pieces(expression: Any) -> bool:
+    """Whether a SymPy expression is made of pieces, where derivatives may jump."""
+    import sympy as sp
+
+    return expression.has(sp.Max, sp.Min, sp.Abs, sp.Heaviside, sp.Piecewise, sp.sign)
+
+
 @once
 def functions(law: Any) -> Any:
     """CasADi functions of a law.

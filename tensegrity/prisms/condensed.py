@@ -237,7 +237,8 @@ class ElasticPotential(Potential):
         if self._in_loop[0] is None:
             raise EquilibriumError(
                 f"the compiled loop finds no equilibria of {self._prism} about its length "
-                f"{self._length:g} m under the preload: its members are too stiff for it"
+                f"{self._length:g} m under the preload: its members are too stiff for "
+                "it, or too soft"
             )
         return self._in_loop[0]
 
@@ -250,7 +251,8 @@ class ElasticPotential(Potential):
         """Elongations [m] that the compiled loop can follow.
 
         All of `domain`, but for members so stiff that the rigid prism's contact of the bars
-        lies far inside of it; there to shortly before that contact.
+        lies far inside of it, there to shortly before that contact; and for members so soft that
+        an extension of the prism is theirs, there a part of the extension.
         """
         return self._in_loop[2]
 
@@ -258,15 +260,21 @@ class ElasticPotential(Potential):
     def _in_loop(self):
         """Law, its parameters and its reach: the widest on which few iterations are enough."""
         low, high = self._domain
-        found = self._settled(low, high)
-        if found:
-            return found
-        good, bad = 0.0, 1.0
+        return (
+            self._settled(low, high)
+            or self._widest(lambda part: (low * part, high))
+            or self._widest(lambda part: (low, high * part))
+            or (None, np.empty(0), (math.inf, -math.inf))
+        )
+
+    def _widest(self, ends):
+        """What `_settled` finds for the largest part of the domain for which it finds something."""
+        found, good, bad = None, 0.0, 1.0
         for _ in range(HALVINGS):
             part = (good + bad) / 2
-            shorter = self._settled(low * part, high)
+            shorter = self._settled(*ends(part))
             found, good, bad = (shorter, part, bad) if shorter else (found, good, part)
-        return found or (None, np.empty(0), (math.inf, -math.inf))
+        return found
 
     def _settled(self, low, high):
         """Law, parameters and reach for elongations in an interval; None if it takes too many
@@ -305,9 +313,14 @@ class ElasticPotential(Potential):
         """The error for an elongation at or beyond an end of the domain or of the reach."""
         if not self._domain[0] < r < self._domain[1]:
             return super().beyond(r)
+        side = int(r > 0)
+        way, what = (
+            ("below", "stiff; take them as rigid (inf)"),
+            ("above", "stiff, or this soft"),
+        )[side]
         return RangeError(
-            f"elongation {r:.6g} m is at or below {self.reach[0]:.6g} m, as far as the compiled "
-            "loop can follow members this stiff; take them as rigid (inf)"
+            f"elongation {r:.6g} m is at or {way} {self.reach[side]:.6g} m, as far as the compiled "
+            f"loop can follow members this {what}"
         )
 
     @property

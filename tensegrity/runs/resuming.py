@@ -79,6 +79,6 @@ def _same(kept: Any, given: Any, path: Path) -> Any:
     if archive.fingerprint(given) != known:
         raise TensegrityError(
             f"scene {check.shown(given)} is not that of {path}, which printed {kept!r}: sites, "
-            "masses, springs or their numbers differ"
+            "masses, springs, drives or their numbers differ"
         )
     return given

@@ -22,6 +22,8 @@ from tensegrity.runs.march import count
 from tensegrity.runs.record import Record
 from tensegrity.runs.run import Run, changed
 from tensegrity.runs.whole import Whole
+from tensegrity.scenes.forcing import functions_of_time
+from tensegrity.scenes.signals import quickest
 from tensegrity.springs.polynomial import DEGREES, Polynomial, PolynomialLaw
 from tensegrity.springs.potential import Potential, PowerLaw
 
@@ -93,6 +95,8 @@ def expected_steps(problem, fraction):
 
 
 def _steps(problem, fraction, omega, least):
+    if problem.scene.is_driven:
+        omega = max(omega, quickest(functions_of_time(problem.scene), problem.t_end))
     return max(count(problem, fraction * problem.natural_step(omega)), least)
 
 
@@ -324,11 +328,13 @@ class Judge:
 
 
 def order_left(problem, met):
-    """Order that contacts which opened leave to a method, by the springs that it met them with.
+    """Order that contacts which opened leave to a method, by the springs that it met them with,
+    and corners of drives.
 
     A force that grows like overlap^n leaves n + 1, or n + 3 where that is corrected.
     """
-    order, scene = math.inf, problem.scene
+    scene = problem.scene
+    order = min((signal.leaves for signal in functions_of_time(scene)), default=math.inf)
     corrects = isinstance(problem.method, Corrected)
     if scene.follows:
         given = scene.law.given

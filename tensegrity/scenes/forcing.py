@@ -218,6 +218,16 @@ def entries(scene: Any, prescribed: bool) -> tuple[Any, Any]:
     return np.array(numbers, dtype=int), tuple(signals)
 
 
+def functions_of_time(scene: Any) -> list[Any]:
+    """All that drives or tunes a scene, or the lanes of an ensemble."""
+    found: list[Any] = []
+    for lane in getattr(scene, "scenes", (scene,)):
+        found += lane.tune.values()
+        for drive in lane.drive.values():
+            found += [signal for signal in drive.signals if signal is not None]
+    return found
+
+
 def check_start(scene: Any, u: Array) -> None:
     """Refuse displacements from which driven sites would have to jump."""
     for site, drive in scene.drive.items():

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity import check
+from tensegrity.engine.codegen import in_pieces
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
 from tensegrity.readonly import fixed
@@ -22,16 +23,19 @@ LOOKS = 4096  # intervals in which a jump is looked for
 SUSPECTS = 8  # of them that are halved
 HALVINGS = 40
 JUMP = 1e-4  # of the largest change from one look to the next, left in the smallest interval
+CORNER = 2.0  # order that is left where a rate jumps
 RTOL = 1e-9  # relative: what begins, or ends, where it should
 
 
 class Expression:
-    """A SymPy expression of t as a function of instants."""
+    """A SymPy expression of t as a function of instants; `leaves` is the order of a method that
+    its corners leave."""
 
     def __init__(self, name: str, expression: Any) -> None:
         self.name, self.expression = name, expression
         _functions(expression)  # refuses what cannot be translated
         self.span = -np.inf, np.inf
+        self.leaves = CORNER if in_pieces(expression) else np.inf
 
     def __call__(self, t: Array, order: int = 0) -> Array:
         """Values, or rates for order 1; of the shape of t."""
@@ -51,7 +55,9 @@ class Expression:
 
 
 class Samples:
-    """Samples joined by a cubic spline."""
+    """Samples joined by a cubic spline, whose third derivative jumps."""
+
+    leaves = 4.0
 
     def __init__(self, name: str, t: Array, values: Array) -> None:
         self.name, self._t, self._values = name, t, values
@@ -105,6 +111,8 @@ def expression_of(name: str, given: Any) -> Expression:
     """An expression of t alone, or a number."""
     import sympy as sp
 
+    if isinstance(given, Expression):  # of another scene
+        given = given.expression
     if not isinstance(given, sp.Expr):
         given = sp.Float(check.number(name, given))
     other = sorted(str(s) for s in given.free_symbols if str(s) != "t")
@@ -143,22 +151,41 @@ def check_signals(signals: Sequence[Any], t_end: float) -> None:
             _refuse_jump(signal, t_end)
 
 
-def _refuse_jump(signal: Any, t_end: float) -> None:
-    """Halve the intervals of largest change: a jump stays as large."""
+def quickest(signals: Sequence[Any], t_end: float) -> float:
+    """Largest rate over half of what the values differ by, the largest of all [rad/s]: the angular
+    frequency of a sine, whatever it is added to."""
+    return max((_quickness(signal, t_end) for signal in signals), default=0.0)
+
+
+def _quickness(signal: Any, t_end: float) -> float:
+    t = np.concatenate([np.linspace(0, t_end, LOOKS + 1), *_steepest(signal, t_end)])
+    half = float(np.ptp(signal(t))) / 2
+    return float(np.max(np.abs(signal(t, 1)))) / half if half else 0.0
+
+
+def _steepest(signal: Any, t_end: float) -> list[Array]:
+    """Instants in ever smaller intervals, of which each is the half that changes most."""
     t = np.linspace(0, t_end, LOOKS + 1)
-    change = np.abs(np.diff(signal(t)))
-    largest = float(change.max())
-    suspects = np.argsort(change)[-SUSPECTS:]
+    suspects = np.argsort(np.abs(np.diff(signal(t))))[-SUSPECTS:]
     low, high = t[suspects], t[suspects + 1]
+    seen = [low, high]
     for _ in range(HALVINGS):
         middle = (low + high) / 2
         values = [signal(x) for x in (low, middle, high)]
         first = np.abs(values[1] - values[0]) > np.abs(values[2] - values[1])
         low, high = np.where(first, low, middle), np.where(first, middle, high)
-    left = np.abs(signal(high) - signal(low))
-    scale = float(np.max(np.abs(signal(t))))
+        seen += [low, high]
+    return seen
+
+
+def _refuse_jump(signal: Any, t_end: float) -> None:
+    """Halve the intervals of largest change: a jump stays as large."""
+    low, high = np.reshape(_steepest(signal, t_end), (-1, 2, SUSPECTS)).swapaxes(0, 1)
+    change = np.abs(signal(high) - signal(low))
+    left, largest = change[-1], float(change.max())
+    scale = float(np.max(np.abs(signal(np.linspace(0, t_end, LOOKS + 1)))))
     if largest > 0 and left.max() > max(JUMP * largest, 1e-9 * scale):
-        at = low[int(left.argmax())]
+        at = low[-1][int(left.argmax())]
         raise TensegrityError(
             f"{signal.name} {signal} jumps by {left.max():.6g} at t = {at:.6g} s: a drive has none"
         )

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity import check
-from tensegrity.engine.codegen import DerivedLaw, Law, check_law
+from tensegrity.engine.codegen import DerivedLaw, Law, check_law, in_pieces
 from tensegrity.engine.kernel import kernel
 from tensegrity.errors import LockingError, TensegrityError
 from tensegrity.once import once
@@ -310,8 +310,7 @@ def _has_corners(law: Any) -> bool:
     import sympy as sp
 
     energy = getattr(law, "energy", None)
-    pieces = sp.Max, sp.Min, sp.Abs, sp.Heaviside, sp.Piecewise, sp.sign
-    return isinstance(energy, sp.Expr) and energy.has(*pieces)
+    return isinstance(energy, sp.Expr) and in_pieces(energy)
 
 
 def _opening(energy: Any, elongation: Any, values: Any) -> Any:

@@ -56,7 +56,7 @@ class Excess:
         self._energy = float(potential.energy(0.0))
         self._tension = float(potential.tension(0.0))
         self.scale = self._scale()
-        if abs(self._tension) > AT_REST * self.rest * self.scale:
+        if abs(self._tension) > AT_REST * abs(self.rest) * self.scale:
             raise TensegrityError(
                 f"tension {self._tension:g} N at r = 0 must be 0: the spring is not at rest there"
             )

@@ -224,6 +224,7 @@ def predict(potential: Potential, mass: float = 1.0) -> Prediction:
     mass = check.number("mass", mass, above=0, unit="kg")
     families, absent = [], {}
     excess(potential)  # says where the spring is not at rest
+    sound = sound_speed(potential, mass)  # refuses one that does not return to it
     for name, sign in SIGNS.items():
         try:
             first = Family(potential, sign)
@@ -232,7 +233,7 @@ def predict(potential: Potential, mass: float = 1.0) -> Prediction:
             continue
         sides = [first, *(Family(potential, sign, k) for k in range(1, len(first.rises)))]
         families += [_predicted(side, mass) for side in sides]
-    return Prediction(potential, mass, sound_speed(potential, mass), tuple(families), absent)
+    return Prediction(potential, mass, sound, tuple(families), absent)
 
 
 def _predicted(side: Family, mass: float) -> PredictedFamily:
