@@ -278,8 +278,8 @@ def chain(
         negative gravity or preload; gravity with a striker and without an end.
     """
     beads = _beads(beads)
-    if striker is not None and not isinstance(striker, Striker):
-        raise TensegrityError(f"striker {check.shown(striker)} is not a Striker")
+    if striker is not None:
+        check.kind("striker", striker, Striker)
     for name, wall in (("end", end), ("start_wall", start_wall)):
         if wall is not None and not isinstance(wall, Material):
             raise TensegrityError(f"{name} {check.shown(wall)} is not the Material of a wall")

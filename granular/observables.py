@@ -110,8 +110,7 @@ def density(run: Run, sites: Sequence[int]) -> Array:
     if not sites:
         raise TensegrityError("sites is empty: nothing to read")
     for site in sites:
-        if check.whole("site", site, least=0) >= scene.sites:
-            raise TensegrityError(f"site {site} must be below {scene.sites}")
+        check.whole("site", site, least=0, below=scene.sites)
     forces = scene.contact_forces(u)
     columns = [
         (forces[:, scene.contacts_at(s)] * scene.cosines(u, s)).sum(axis=-1) / 2 for s in sites
@@ -269,9 +268,7 @@ def pulses(t: ArrayLike, force: ArrayLike, level: float = LEVEL) -> tuple[Array,
     """
     from scipy.signal import find_peaks
 
-    level = check.number("level", level, above=0)
-    if level >= 1:
-        raise TensegrityError(f"level {level:g} must be below 1")
+    level = check.number("level", level, above=0, below=1)
     t, force = _record(t, force)
     top = force.max()
     padded = np.concatenate([[0.0], force, [0.0]])

@@ -50,6 +50,19 @@ class Fault:
 
 
 FAULTS = (
+    # bounds of what is given
+    Fault(
+        "tensegrity/check.py",
+        "if below is not None and not value < below:",
+        "if below is not None and not value <= below:",
+        "tests/test_check.py::test_an_upper_bound_is_no_value_itself",
+    ),
+    Fault(
+        "tensegrity/check.py",
+        "if below is not None and value >= below:",
+        "if below is not None and value > below:",
+        "tests/test_check.py::test_an_upper_bound_is_no_value_itself",
+    ),
     # what notebooks show
     Fault(
         "tensegrity/notebook.py",

@@ -179,3 +179,12 @@ def test_a_chain_is_refused_by_what_its_run_takes(monkeypatch):
         Chain(SPRING, sites)
     monkeypatch.setattr(check, "free_memory", lambda: 2 * taken)
     Chain(SPRING, sites)
+
+
+@pytest.mark.parametrize(
+    ("asked", "at"), [(check.number, 3.0), (check.number, 3), (check.whole, 3)]
+)
+def test_an_upper_bound_is_no_value_itself(asked, at):
+    assert asked("site", at - 1, least=0, below=3) == 2
+    with pytest.raises(TensegrityError, match=r"site 3 must be below 3$"):
+        asked("site", at, least=0, below=3)

@@ -129,9 +129,7 @@ class SolitaryWave:
 
     def width(self, level: float = 0.05) -> float:
         """Distance in sites between the two places where the elongation is `level` of the crest."""
-        level = check.number("level", level, above=0)
-        if level >= 1:
-            raise TensegrityError(f"level {level:g} must be below 1")
+        level = check.number("level", level, above=0, below=1)
         half = self._on_x[len(self.x) // 2 :] / self.amplitude
         below = np.flatnonzero(half < level)
         if below.size == 0 or level < LEAST_LEVEL:
@@ -143,9 +141,7 @@ class SolitaryWave:
 
     def reach(self, tail: float = 1e-12) -> float:
         """Distance from the crest, in sites, beyond which less than `tail` (< 1) of it is left."""
-        tail = check.number("tail", tail, above=0)
-        if tail >= 1:
-            raise TensegrityError(f"tail {tail:g} must be below 1")
+        tail = check.number("tail", tail, above=0, below=1)
         rates = np.abs(self._grid.values(self._rates))
         half = np.abs(self._on_x[len(self.x) // 2 :])
         left = np.maximum(rates / rates.max(), half / half.max()) >= tail
@@ -284,8 +280,7 @@ def solitary_wave(
     LockingError
         The amplitude lies outside the domain of the potential.
     """
-    if not isinstance(potential, Potential):
-        raise TensegrityError(f"potential {check.shown(potential)} is not a Potential")
+    check.kind("potential", potential, Potential)
     mass = check.number("mass", mass, above=0, unit="kg")
     given = {
         "speed": speed, "speed_ratio": speed_ratio, "excess": excess, "amplitude": amplitude,
@@ -454,8 +449,7 @@ def largest_speed(
     a series in that root; it is extrapolated, to about 1e-5 of its value.  Another `closest`
     shows how well.
     """
-    if not isinstance(potential, Potential):
-        raise TensegrityError(f"potential {check.shown(potential)} is not a Potential")
+    check.kind("potential", potential, Potential)
     mass = check.number("mass", mass, above=0, unit="kg")
     closest = check.number("closest", closest, least=1 - STROKE)
     if closest > 0.1:
