@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from figures import _gradients
+from figures._disks import disks
 from granular import Bead, Striker, materials, y_guide
 from tensegrity import gradient
 from tensegrity import objective as o
@@ -59,42 +61,25 @@ def data():
 
 def table(tables):
     """The numbers."""
-    numbers = tables["numbers"]
-    pairs = zip(numbers["quantity"], numbers["value"], strict=True)
-    return [{"picture": NAME, "quantity": k, "value": float(x)} for k, x in pairs]
+    return _gradients.lines(NAME, tables)
 
 
 def draw(figure, tables):
     """The beads at their places, coloured by both derivatives."""
-    from matplotlib.collections import EllipseCollection
-
     figure.set_size_inches(10, 4.6)
     beads = tables["beads"]
-    places = 1e3 * np.stack([beads["x"], beads["y"]], axis=1)
+    places = np.stack([beads["x"], beads["y"]], axis=1)
     titles = {
         "percent per um": "by diameter, beads at their places\n[% of the peak per um]",
         "percent per percent of modulus": "by modulus\n[% of the peak per %]",
     }
     for axes, (name, title) in zip(figure.subplots(1, 2), titles.items(), strict=True):
-        size = np.full(len(places), 1e3 * BEAD.diameter)
         value = np.asarray(beads[name])
         most = np.abs(value).max()
-        dots = EllipseCollection(
-            size,
-            size,
-            np.zeros(len(size)),
-            units="x",
-            offsets=places,
-            transOffset=axes.transData,
-            cmap="RdBu_r",
-            ec="0.4",
-            lw=0.5,
-        )
+        dots = disks(axes, places, BEAD.diameter, cmap="RdBu_r", ec="0.4", lw=0.5)
         dots.set_array(value)
         dots.set_clim(-most, most)
-        axes.add_collection(dots)
-        axes.set(aspect="equal", xlabel="x [mm]", ylabel="y [mm]", title=title)
+        axes.set(ylabel="y [mm]", title=title)
         axes.autoscale_view()
         axes.margins(0.05)
-        axes.grid(False)
         figure.colorbar(dots, ax=axes, shrink=0.8)

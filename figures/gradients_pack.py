@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from figures import _packs
+from figures import _gradients, _packs
+from figures._disks import disks
 from tensegrity import gradient
 from tensegrity import objective as o
 
@@ -62,9 +63,7 @@ def data():
 
 def table(tables):
     """The numbers."""
-    numbers = tables["numbers"]
-    pairs = zip(numbers["quantity"], numbers["value"], strict=True)
-    return [{"picture": NAME, "quantity": k, "value": float(x)} for k, x in pairs]
+    return _gradients.lines(NAME, tables)
 
 
 def section(beads):
@@ -76,8 +75,6 @@ def section(beads):
 
 def draw(figure, tables):
     """The beads at their places, in colours; of those in space a section."""
-    from matplotlib.collections import EllipseCollection
-
     figure.set_size_inches(11, 5.2)
     left, right = figure.subplots(1, 2, width_ratios=(1.6, 1))
     plane, space = tables["plane"], tables["space"]
@@ -87,19 +84,14 @@ def draw(figure, tables):
         (right, space, chosen, "in space: a section by the striker", 0.85),
     ):
         x, z, value = (np.asarray(beads[k])[rows] for k in ("x", "z", "percent per um"))
-        size = np.full(len(x), share * 1e3 * _packs.D)
-        dots = EllipseCollection(
-            size, size, np.zeros(len(size)), units="x", offsets=1e3 * np.stack([x, z], axis=1),
-            transOffset=axes.transData, cmap="RdBu_r", ec="0.5", lw=0.4,
-        )  # fmt: skip
+        places = np.stack([x, z], axis=1)
+        dots = disks(axes, places, share * _packs.D, cmap="RdBu_r", ec="0.5", lw=0.4)
         dots.set_array(value)
         most = np.abs(np.asarray(beads["percent per um"])).max()
         dots.set_clim(-most, most)
-        axes.add_collection(dots)
         edge = 1e3 * _packs.D * np.array([-0.7, 0.7])
-        axes.set(aspect="equal", xlabel="x [mm]", ylabel="z [mm]", title=title)
+        axes.set(ylabel="z [mm]", title=title)
         axes.set_xlim(1e3 * np.array([x.min(), x.max()]) + edge)
         axes.set_ylim(1e3 * np.array([z.min(), z.max()]) + edge)
-        axes.grid(False)
         label = "% of the floor's peak per um of diameter"
         figure.colorbar(dots, ax=axes, shrink=0.8, location="bottom", label=label)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from figures import _gradients
 from tensegrity import Chain, Prism, gradient, solitary_wave
 from tensegrity import objective as o
 
@@ -49,9 +50,7 @@ def data():
 
 def table(tables):
     """The numbers."""
-    numbers = tables["numbers"]
-    pairs = zip(numbers["quantity"], numbers["value"], strict=True)
-    return [{"picture": NAME, "quantity": k, "value": float(x)} for k, x in pairs]
+    return _gradients.lines(NAME, tables)
 
 
 def draw(figure, tables):
