@@ -17,8 +17,8 @@ import numpy as np
 from granular.assembly import Assembly, SharedSprings
 from granular.beads import Bead, Striker
 from granular.contact import hertz
-from granular.layout import TOUCH
 from granular.materials import Material
+from granular.places import TOUCH
 from granular.statics import settle
 from tensegrity import State, TensegrityError, Wall, check
 
