@@ -104,6 +104,14 @@ def floats(name: str, value: ArrayLike) -> NDArray[np.float64]:
         return np.require(value, np.float64, ("C", "A", "E"))
 
 
+def numbers(name: str, value: ArrayLike, unit: str) -> NDArray[np.float64]:
+    """The same, of which none is nan; inf is a number."""
+    value = floats(name, value)
+    if np.isnan(value).any():
+        raise TensegrityError(f"{name} nan {unit} is not a number")
+    return value
+
+
 def vector(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
     """A state array as the compiled loop takes it: float64, C-contiguous, finite, of that shape.
 

@@ -495,13 +495,13 @@ FAULTS = (
     ),
     # springs
     Fault(
-        "tensegrity/springs/potential.py",
+        "tensegrity/springs/power_law.py",
         "derived.exponent: n,",
         "derived.exponent: n + 1,",
         "tests/test_prism.py::test_power_law_pushes_only",
     ),
     Fault(
-        "tensegrity/springs/potential.py",
+        "tensegrity/springs/power_law.py",
         "energy = closed * stored(pressed) - stored(overlap) + preload * r",
         "energy = closed * stored(pressed) + preload * r",
         "tests/test_prism.py::test_power_law_pushes_only",
@@ -588,7 +588,7 @@ FAULTS = (
     ),
     # prisms
     Fault(
-        "tensegrity/prisms/prism.py",
+        "tensegrity/prisms/closed.py",
         "float(unloaded.tension(r)) + preload",
         "float(unloaded.tension(r)) - preload",
         "tests/test_prism.py::test_preload_shifts_to_the_loaded_equilibrium",

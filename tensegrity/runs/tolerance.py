@@ -24,7 +24,8 @@ from tensegrity.runs.record import Record
 from tensegrity.runs.run import Run, changed
 from tensegrity.runs.whole import Whole
 from tensegrity.springs.polynomial import DEGREES, Polynomial, PolynomialLaw
-from tensegrity.springs.potential import Potential, PowerLaw
+from tensegrity.springs.potential import Potential
+from tensegrity.springs.power_law import PowerLaw
 
 MARGIN = 2.0  # a default step may be this much larger, at the stiffness met, than meant
 TRIAL = 0.85  # first step over the stability limit where a tolerance decides
