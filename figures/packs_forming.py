@@ -27,7 +27,7 @@ SHOWN = (0.0, 1.2e-3, 4e-3)  # s
 
 
 def box(width, height):
-    """Four steel walls."""
+    """Four steel walls about a rectangle, as `pack` takes them."""
     planes = {
         "left": ((0, 0), (1, 0)), "right": ((width, 0), (-1, 0)),
         "floor": ((0, 0), (0, 1)), "lid": ((0, height), (0, -1)),
@@ -43,7 +43,7 @@ def break_shot():
 
 
 def gas():
-    """The same of the gas."""
+    """The same of 36 beads with gaps, which fly in as many directions."""
     places = (1 + 1.5 * np.array([(i, j) for i in range(6) for j in range(6)])) * D
     scene = pack(places, STEEL, box(9.5 * D, 9.5 * D))
     angle = math.pi * (3 - math.sqrt(5)) * np.arange(36)

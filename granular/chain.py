@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from granular import sensitivity
-from granular.beads import Bead, Striker
+from granular.beads import Bead, Striker, beads_of
 from granular.contact import checked_law, contact_of, hertz
 from granular.crystal import Crystal
 from granular.materials import Material
@@ -307,8 +307,4 @@ def _beads(beads: Sequence[Bead]) -> tuple[Bead, ...]:
         raise TensegrityError(f"beads {check.shown(beads)} are not a sequence of Beads")
     if isinstance(beads, Sized):
         check.room(f"a chain of {len(beads)} beads", PER_BEAD * len(beads))
-    beads = tuple(beads)
-    for number, bead in enumerate(beads):
-        if not isinstance(bead, Bead):
-            raise TensegrityError(f"bead {number} is {check.shown(bead)}, not a Bead")
-    return beads
+    return beads_of(beads)

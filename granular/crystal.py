@@ -1,4 +1,4 @@
-"""What a chain and a guide of beads have in common: parts, bead numbers, recorded rows."""
+"""What chains, guides and packs of beads have in common: parts, bead numbers, recorded rows."""
 
 from __future__ import annotations
 

@@ -221,19 +221,20 @@ def _outer(
     name = "upper" if side > 0 else "lower"
     flip: Callable[[Array], Array] = np.array if side > 0 else _mirror
     pieces = []
+
+    def add(one: Array, other: Array, kind: str) -> None:
+        first, second = map(flip, (one, other) if side > 0 else (other, one))
+        pieces.append(Piece.between(first, second, f"{name} {kind}"))
+
     for number, (far, near) in enumerate(_offset(line[::-1], width)[::-1]):
         along = (far - near) / np.linalg.norm(far - near)
         start = near - (through * along if number in bends else 0.0)
         end = far + (through * along if number + 1 in bends else 0.0)
-        ends = (end, start) if side > 0 else (start, end)
-        first, second = map(flip, ends)
-        pieces.append(Piece.between(first, second, f"{name} wall"))
+        add(end, start, "wall")
         if number in bends and not through:
             x, y = (line[number] - near) / np.linalg.norm(line[number] - near)
             along = bevel * np.array([y, -x])
-            ends = (near - along, near + along) if side > 0 else (near + along, near - along)
-            first, second = map(flip, ends)
-            pieces.append(Piece.between(first, second, f"{name} bevel"))
+            add(near - along, near + along, "bevel")
     return pieces
 
 

@@ -13,6 +13,7 @@ from tensegrity.readonly import ReadOnly, fixed
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
+    from typing import Any
 
     from numpy.typing import ArrayLike
 
@@ -131,16 +132,13 @@ class Layout(ReadOnly):
 
     def wall_gaps(self) -> Array:
         """Gap of each wall contact at rest [m]; (contacts,)."""
-        return np.array(
-            [
-                self.walls[w].place(self.positions[b])[0] - self.diameter / 2
-                if self.walls[w].is_bevel
-                else self.gap
-                if self.walls[w].name.endswith("wall")
-                else 0.0
-                for b, w in self.wall_contacts()
-            ]
-        )
+
+        def gap(bead: int, wall: Piece) -> Any:
+            if wall.is_bevel:
+                return wall.place(self.positions[bead])[0] - self.diameter / 2
+            return self.gap if wall.name.endswith("wall") else 0.0
+
+        return np.array([gap(bead, self.walls[wall]) for bead, wall in self.wall_contacts()])
 
     def check(self) -> None:
         """Refuse overlapping beads, and beads that reach through a wall."""

@@ -98,7 +98,7 @@ FAULTS = (
         "tests/test_design_objective.py::test_maxima_between_the_steps_count",
     ),
     Fault(
-        "granular/design/searching.py",
+        "granular/design/finalists.py",
         "worth = np.where(holds, finer[-1], np.inf) if holds.any() else finer.max(axis=0)",
         "worth = forces[first : first + FINALISTS]",
         "tests/test_design_search.py::test_a_design_that_moves_with_the_step_is_not_taken",
@@ -212,7 +212,7 @@ FAULTS = (
         "tests/test_gradients.py::test_without_a_compiler_the_same_comes_from_numpy[rkn6-free]",
     ),
     Fault(
-        "granular/design/searching.py",
+        "granular/design/finalists.py",
         "max(float(worth[k]), longer)",
         "float(worth[k])",
         "tests/test_design_search.py::test_a_design_whose_force_grows_after_the_window_is_passed_over",
@@ -894,8 +894,8 @@ FAULTS = (
     ),
     Fault(
         "granular/lattices.py",
-        "d / 2 + d / 2 * (k % 2)",
-        "d / 2 + d / 2 * (k % 2 == 0)",
+        "d / 2 + d / 2 * (row % 2)",
+        "d / 2 + d / 2 * (row % 2 == 0)",
         "tests/test_packs.py::test_the_planar_pack_counts_rows_from_the_top",
     ),
     Fault(
