@@ -18,8 +18,12 @@ def sample(trace, step):
     return objective.of([trace], rule)
 
 
+def numbers(values):
+    """A table of named numbers."""
+    return {"quantity": list(values), "value": [float(x) for x in values.values()]}
+
+
 def lines(name, tables):
     """Lines of the group's table, from the numbers of a picture."""
-    numbers = tables["numbers"]
-    pairs = zip(numbers["quantity"], numbers["value"], strict=True)
+    pairs = zip(*tables["numbers"].values(), strict=True)
     return [{"picture": name, "quantity": k, "value": float(x)} for k, x in pairs]

@@ -38,24 +38,21 @@ def data():
                           checkpoints=100)  # fmt: skip
     per_micron = 100 * 1e-6 / peak.value
     x, y = guide.positions.T
-    numbers = {"quantity": [], "value": []}
-    for name, value in (
-        ("peak force at the end of branch 1 [N]", peak.value),
-        (f"{NORM}-norm of it, in N s^(1/{NORM})", norm.value),
-        ("largest by a diameter [% of the peak per um]",
-         np.abs(peak.by("diameter")).max() * per_micron),
-        ("largest by a modulus [% of the peak per %]",
-         np.abs(peak.by("modulus") * STEEL.modulus / peak.value).max()),
-        ("digits that round-off leaves", peak.digits),
-        ("returned to the start within [m, m/s]", peak.reversal),
-    ):  # fmt: skip
-        numbers["quantity"].append(name)
-        numbers["value"].append(float(value))
+    values = {
+        "peak force at the end of branch 1 [N]": peak.value,
+        f"{NORM}-norm of it, in N s^(1/{NORM})": norm.value,
+        "largest by a diameter [% of the peak per um]":
+        np.abs(peak.by("diameter")).max() * per_micron,
+        "largest by a modulus [% of the peak per %]":
+        np.abs(peak.by("modulus") * STEEL.modulus / peak.value).max(),
+        "digits that round-off leaves": peak.digits,
+        "returned to the start within [m, m/s]": peak.reversal,
+    }  # fmt: skip
     return {
         "beads": {"x": x, "y": y, "percent per um": peak.by("diameter") * per_micron,
                   "percent per percent of modulus":
                   peak.by("modulus") * STEEL.modulus / peak.value},
-        "numbers": numbers,
+        "numbers": _gradients.numbers(values),
     }  # fmt: skip
 
 

@@ -35,7 +35,7 @@ def floor(pack):
 
 def data():
     """Places of the beads, and derivatives of the floor's peak by their diameters."""
-    tables, numbers = {}, {"quantity": [], "value": []}
+    tables, values = {}, {}
     for name, pack in scenes().items():
         peak, norm = gradient(
             [o.peak(floor(pack)), o.p_norm(floor(pack), 32)], pack, pack.start(), ENDS[name], DT,
@@ -45,20 +45,19 @@ def data():
         axes = "xz" if pack.dim == 2 else "xyz"
         columns = dict(zip(axes, pack.positions.T, strict=True))
         tables[name] = columns | {"percent per um": share}
-        for quantity, value in (
-            ("beads", pack.sites), ("largest force on the floor [N]", peak.value),
-            ("largest derivative by a diameter [% per um]", np.abs(share).max()),
-            ("beads with more than a hundredth of the largest",
-             int(np.sum(np.abs(share) > 0.01 * np.abs(share).max()))),
-            ("32-norm's derivatives along the peak's (cosine)",
-             np.dot(share, norm.by("diameter"))
-             / np.linalg.norm(share) / np.linalg.norm(norm.by("diameter"))),
-            ("digits that round-off leaves", peak.digits),
-            ("returned to the start within [m, m/s]", peak.reversal),
-        ):  # fmt: skip
-            numbers["quantity"].append(f"{name}: {quantity}")
-            numbers["value"].append(float(value))
-    return tables | {"numbers": numbers}
+        values |= {
+            f"{name}: beads": pack.sites,
+            f"{name}: largest force on the floor [N]": peak.value,
+            f"{name}: largest derivative by a diameter [% per um]": np.abs(share).max(),
+            f"{name}: beads with more than a hundredth of the largest":
+            np.sum(np.abs(share) > 0.01 * np.abs(share).max()),
+            f"{name}: 32-norm's derivatives along the peak's (cosine)":
+            np.dot(share, norm.by("diameter"))
+            / np.linalg.norm(share) / np.linalg.norm(norm.by("diameter")),
+            f"{name}: digits that round-off leaves": peak.digits,
+            f"{name}: returned to the start within [m, m/s]": peak.reversal,
+        }  # fmt: skip
+    return tables | {"numbers": _gradients.numbers(values)}
 
 
 def table(tables):

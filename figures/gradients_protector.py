@@ -182,7 +182,7 @@ def data():
     return {
         "loads": loads,
         "prestrains": {"bond": np.arange(BONDS), **designs},
-        "numbers": {"quantity": list(values), "value": [float(x) for x in values.values()]},
+        "numbers": _gradients.numbers(values),
     }
 
 

@@ -10,26 +10,8 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from granular import (
-    Bead,
-    Contact,
-    Material,
-    Striker,
-    chain,
-    diamond_guide,
-    materials,
-    y_guide,
-)
-from tensegrity import (
-    Chain,
-    Ensemble,
-    PowerLaw,
-    Record,
-    State,
-    TensegrityError,
-    check,
-    simulate,
-)
+from granular import Bead, Contact, Material, Striker, chain, diamond_guide, materials, y_guide
+from tensegrity import Chain, Ensemble, PowerLaw, Record, State, TensegrityError, check, simulate
 
 
 @pytest.mark.parametrize(
