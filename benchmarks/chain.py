@@ -19,7 +19,7 @@ from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.interpreted import Interpreted
 from tensegrity.engine.kernel import bind
 from tensegrity.engine.methods import METHODS
-from tensegrity.prisms.prism import rigid_law
+from tensegrity.prisms.closed import rigid_law
 
 SIZES = (100, 1_000, 100_000, 1_000_000)
 WORK = 4_000_000  # bond-steps per timed call

@@ -15,15 +15,7 @@ import sympy as sp
 
 from derivations import prism, regular
 from derivations.argument import Step
-from derivations.prism import (
-    base,
-    height,
-    k_bar,
-    k_base,
-    k_cross,
-    prestrain,
-    twist,
-)
+from derivations.prism import base, height, k_bar, k_base, k_cross, prestrain, twist
 from derivations.regular import ANY, TRIANGLE, Polygon
 
 TITLE = "The elastic prism: equilibrium equations and axial stiffness"

@@ -17,9 +17,9 @@ gamma, c, c_s, x = waves.gamma, waves.speed, waves.sound, waves.position
 locks = ((prism.reference_height, (0.6, 2.0)), (prism.base, (0.5, 1.0)))
 
 
-def _samples(slender, count=50, digits=30, seed=1):
+def _samples(slender, count=50):
     """Random admissible prisms with, or without, eta0^2 > sqrt3/6: {eta0, q, a, k1} at random."""
-    random = Random(seed)
+    random = Random(1)
     hard, locks = hardening.hardening_slenderness_squared(), hardening.locking_slenderness_squared()
     bound, width = (hard, 2) if slender else (locks, hard - locks)
     for _ in range(count):
@@ -28,7 +28,7 @@ def _samples(slender, count=50, digits=30, seed=1):
             hardening.eta: sp.sqrt(square_),
             hardening.extension: sp.Rational(random.randint(1, 500), 1000),
         }
-        yield {x: v.evalf(digits) for x, v in values.items()} | {
+        yield {x: v.evalf(30) for x, v in values.items()} | {
             hardening.radius: 1,
             prism.k_cross: 1,
         }

@@ -31,12 +31,10 @@ REFERENCE_TWIST = TRIANGLE.reference_twist  # 5 pi/6
 CIRCUMRADIUS = base / sp.sqrt(3)
 
 
-def nodes(
-    height: sp.Expr = height, twist: sp.Expr = twist, radius: sp.Expr = CIRCUMRADIUS
-) -> tuple[list[sp.Matrix], list[sp.Matrix]]:
+def nodes() -> tuple[list[sp.Matrix], list[sp.Matrix]]:
     """Positions of the three lower and of the three upper nodes, as two lists of vectors."""
-    lower = [node(i, TRIANGLE, radius=radius) for i in range(3)]
-    return lower, [node(i, TRIANGLE, height, twist, radius) for i in range(3)]
+    lower = [node(i, TRIANGLE, radius=CIRCUMRADIUS) for i in range(3)]
+    return lower, [node(i, TRIANGLE, height, twist, CIRCUMRADIUS) for i in range(3)]
 
 
 @dataclass(frozen=True)

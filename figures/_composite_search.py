@@ -22,13 +22,7 @@ import numpy as np
 from figures import _composite
 from figures._composite import Interface
 from figures._files import write_table
-from tensegrity import (
-    Ensemble,
-    Prism,
-    State,
-    TensegrityError,
-    sweep,
-)
+from tensegrity import Ensemble, Prism, State, TensegrityError, sweep
 from tensegrity.engine.methods import METHODS
 from tensegrity.prisms.condensed import ElasticPotential
 from tensegrity.runs.loops import Loop
@@ -239,23 +233,21 @@ def judged(lane, t, u, v):
     t = t - lane.met
     sounds = real.sounds
     early = np.flatnonzero(t <= TIMED * before / wave.speed)[-1]
-    shares = []
+    looks, shares, found = [], [], []
     for side, row, sign in ((0, early, 1), (1, -1, -1)):
-        r, _ = _composite.parts(np.diff(u[row]), v[row], before)[side]
-        spring, front = (real.near, real.far)[side], max(math.floor(sounds[side] * t[row]), 0)
+        part = _composite.parts(np.diff(u[row]), v[row], before)[side]
+        looks.append((side, sign, *part, (real.near, real.far)[side], sounds[side] * t[row]))
+    for _, sign, r, _, spring, place in looks:
+        front = max(math.floor(place), 0)
         energy = 2 * spring.energy(np.where(sign * r > 0, r, 0.0)) / wave.energy
         shares.append(
             AHEAD * energy[front + 1 :].sum() + BEHIND * energy[front // 2 : front + 1].sum()
         )
     if min(shares) < AHEAD * WORTHY:
         return Worth(rank(*shares, 0.0))
-    found = []
-    for side, row, sign in ((0, early, 1), (1, -1, -1)):
-        r, speeds = _composite.parts(np.diff(u[row]), v[row], before)[side]
-        front = sounds[side] * t[row]
-        spring, mass = (real.near, real.far)[side], real.masses[side]
+    for side, sign, r, speeds, spring, front in looks:
         size = float((sign * r[math.floor(front) :]).max(initial=0.0))
-        exact = _rough(spring, mass, sign)
+        exact = _rough(spring, real.masses[side], sign)
         several = _composite.pulses(r, speeds, sign, exact, front, 0.1 * size, limit=1 + side)
         found.append([quality(x.misfit) * x.energy / wave.energy for x in several])
     first = max(found[0], default=0.0)

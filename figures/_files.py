@@ -101,5 +101,9 @@ def read_tables(path, wanted=None):
 
 def read_printed(path):
     """What a picture printed, as lines {column: str}; none where it prints nothing."""
-    columns = read_tables(path, {PRINTED}).get(PRINTED, {})
+    return lines(read_tables(path, {PRINTED}).get(PRINTED, {}))
+
+
+def lines(columns):
+    """Rows {column: value} of a table."""
     return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]

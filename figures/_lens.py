@@ -37,10 +37,10 @@ def around(one, before=3.0, after=3.0, step=STEP):
     return one.focus_time + np.arange(-before, after + step / 2, step)
 
 
-def peaks(one, points, t, prestrains=None):
+def peaks(one, points, t):
     """Largest pressure over some instants at each point, (points,)."""
     parts = _parts(points, MANY // len(t))
-    return np.concatenate([one.pressure(p, t, prestrains).max(axis=0) for p in parts])
+    return np.concatenate([one.pressure(p, t).max(axis=0) for p in parts])
 
 
 def point_peaks(one, points, t):

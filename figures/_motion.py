@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from figures._disks import disks
+
 RATE = 10  # frames a second
 SHARE = 5.0  # points: width of the line of the largest force
 
@@ -26,10 +28,9 @@ class Stage:
     """
 
     def __init__(self, panels, places, diameter, box, factor, most):
-        from matplotlib.collections import EllipseCollection, LineCollection
+        from matplotlib.collections import LineCollection
 
         self._places, self._factor, self._most = 1e3 * places, factor, most
-        size = np.full(len(places), 1e3 * diameter)
         motion, forces = panels
         for axes in panels:
             left, right, top = (1e3 * x for x in box)
@@ -38,12 +39,7 @@ class Stage:
             axes.set(xlim=(left - 6, right + 6), ylim=(-4, top + 26))
             axes.grid(False)
         motion.set(ylabel="z [mm]")
-        disks = {"units": "xy", "offset_transform": motion.transData}
-        self._disks = EllipseCollection(
-            size, size, 0 * size, offsets=self._places, cmap="viridis", lw=0.3, edgecolors="0.3",
-            **disks,
-        )  # fmt: skip
-        motion.add_collection(self._disks)
+        self._disks = disks(motion, places, diameter, cmap="viridis", lw=0.3, edgecolors="0.3")
         self._lines = LineCollection([], colors="C3", capstyle="round")
         forces.add_collection(self._lines)
 

@@ -24,12 +24,12 @@ FINE, COARSE = 2e-7, 1e-7  # s: steps of rkn6 and of verlet
 ROW = 4e-7  # s between rows; peaks between them by a parabola
 
 
-def cube(layers=17, bead=STEEL, sides="ptfe", floor="steel", struck=None):
-    """The pack in space, 7 x 7 beads in a layer; `sides` None: without walls."""
+def cube(layers=17, bead=STEEL, sides="ptfe"):
+    """The pack in space, 7 x 7 beads in a layer, on steel; `sides` None: without walls."""
     striker = bead if isinstance(bead, Bead) else STEEL
     return fcc_pack(
-        layers, 7, bead=bead, floor=materials[floor], sides=sides and materials[sides],
-        striker=Striker(striker, FAST), struck=struck,
+        layers, 7, bead=bead, floor=STEEL.material, sides=sides and materials[sides],
+        striker=Striker(striker, FAST),
     )  # fmt: skip
 
 
@@ -56,10 +56,9 @@ def exact(scene, t_end, record):
     return simulate(scene, scene.start(), t_end, method="rkn6", dt=FINE, record=record)
 
 
-def floor_of(scene, t_end, how=quick, name="floor"):
-    """Instants and the force on the floor [N] of a run, by default of a quick one."""
-    record = Record(interval=ROW, sites=scene.touches_wall(name))
-    run = how(scene, t_end, record)
+def floor_of(scene, t_end, name="floor"):
+    """Instants and the force on the floor [N] of a quick run."""
+    run = quick(scene, t_end, Record(interval=ROW, sites=scene.touches_wall(name)))
     return run.t, wall_force(run, name)
 
 
@@ -78,9 +77,9 @@ def crests(t, force, least):
     return np.flatnonzero(inner) + 1
 
 
-def direct(bead, speed, wall="steel"):
-    """Largest force of that bead straight on a wall [N], in closed form."""
-    alpha = hertz(bead, materials[wall]).constant
+def direct(bead, speed):
+    """Largest force of that bead straight on a steel wall [N], in closed form."""
+    alpha = hertz(bead, STEEL.material).constant
     return alpha * (5 * bead.mass * speed**2 / (4 * alpha)) ** 0.6
 
 

@@ -21,6 +21,7 @@ from figures._composite_search import (
     SCATTER,
     interface,
 )
+from figures._files import lines
 from tensegrity import Potential, solitary_wave
 from tensegrity.errors import RangeError
 
@@ -257,7 +258,7 @@ def _draw_search(ax, found, verified):
 
 
 def _draw_momenta(ax, tables):
-    names = [name for name in tables if f"{name} pulses" in tables]
+    names = cases_of(tables)
     for k, name in enumerate(names):
         value = quantities(tables[name])
         parts = (
@@ -287,8 +288,7 @@ def cases_of(tables):
 
 def pulses_in_words(table, where):
     """The solitary pulses of one kind."""
-    rows = [dict(zip(table, row, strict=True)) for row in zip(*table.values(), strict=True)]
-    mine = [row for row in rows if row["where"] == where and row["solitary"]]
+    mine = [row for row in lines(table) if row["where"] == where and row["solitary"]]
     return (
         "; ".join(
             f"crest {row['crest']:.4g} m, {row['ratio']:.4f} times sound, misfit "

@@ -80,10 +80,10 @@ def decay(spring, masses, frequency):
     return np.exp(-np.arccosh(np.maximum(np.abs(cosine), 1.0)))
 
 
-def swept(name, count=COUNT):
+def swept(name):
     """Driven ratios over frequency, and those of the closed form."""
     spring, masses, (_, low, _, top) = numbers(name)
-    shares = np.linspace(0.12, 0.98, count)
+    shares = np.linspace(0.12, 0.98, COUNT)
     w = shares[np.abs(shares * top - low) > 0.01 * top] * top  # waves at an edge do not leave
     found = [ratio(name, float(x)) for x in w]
     return {

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from figures import _gradients
 from tensegrity import Chain, Prism, gradient
 from tensegrity import objective as o
 
@@ -33,17 +34,9 @@ def traced(scene):
     """The record, and its derivatives by log k of every prism and by log of all masses."""
     at = np.linspace(0, END, SAMPLES + 1)[1:]
     places = np.rint(at / DT).astype(int)
-
-    def sample(k):
-        def rule(t, y):
-            slope = np.zeros_like(y)
-            slope[0, k] = 1
-            return float(y[0, k]), slope
-
-        return o.of([o.displacement(SITE)], rule)
-
-    rows = gradient([sample(k) for k in places], scene, scene.at_rest({0: SPEED}), END, DT, METHOD,
-                    wanted=("k_cross",))  # fmt: skip
+    samples = [_gradients.sample(o.displacement(SITE), k) for k in places]
+    state = scene.at_rest({0: SPEED})
+    rows = gradient(samples, scene, state, END, DT, METHOD, wanted=("k_cross",))
     k = np.array([spring.parameters["k_1"] for spring in scene.springs])
     by_k = np.array([g.by("k_cross") * k for g in rows])
     by_mass = np.array([[g.mass @ scene.mass] for g in rows])

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from figures import _gradients
+from figures._disks import disks
 from granular import Bead, Striker, materials, y_guide
 from tensegrity import gradient
 from tensegrity import objective as o
@@ -36,65 +38,45 @@ def data():
                           checkpoints=100)  # fmt: skip
     per_micron = 100 * 1e-6 / peak.value
     x, y = guide.positions.T
-    numbers = {"quantity": [], "value": []}
-    for name, value in (
-        ("peak force at the end of branch 1 [N]", peak.value),
-        (f"{NORM}-norm of it, in N s^(1/{NORM})", norm.value),
-        ("largest by a diameter [% of the peak per um]",
-         np.abs(peak.by("diameter")).max() * per_micron),
-        ("largest by a modulus [% of the peak per %]",
-         np.abs(peak.by("modulus") * STEEL.modulus / peak.value).max()),
-        ("digits that round-off leaves", peak.digits),
-        ("returned to the start within [m, m/s]", peak.reversal),
-    ):  # fmt: skip
-        numbers["quantity"].append(name)
-        numbers["value"].append(float(value))
+    values = {
+        "peak force at the end of branch 1 [N]": peak.value,
+        f"{NORM}-norm of it, in N s^(1/{NORM})": norm.value,
+        "largest by a diameter [% of the peak per um]":
+        np.abs(peak.by("diameter")).max() * per_micron,
+        "largest by a modulus [% of the peak per %]":
+        np.abs(peak.by("modulus") * STEEL.modulus / peak.value).max(),
+        "digits that round-off leaves": peak.digits,
+        "returned to the start within [m, m/s]": peak.reversal,
+    }  # fmt: skip
     return {
         "beads": {"x": x, "y": y, "percent per um": peak.by("diameter") * per_micron,
                   "percent per percent of modulus":
                   peak.by("modulus") * STEEL.modulus / peak.value},
-        "numbers": numbers,
+        "numbers": _gradients.numbers(values),
     }  # fmt: skip
 
 
 def table(tables):
     """The numbers."""
-    numbers = tables["numbers"]
-    pairs = zip(numbers["quantity"], numbers["value"], strict=True)
-    return [{"picture": NAME, "quantity": k, "value": float(x)} for k, x in pairs]
+    return _gradients.lines(NAME, tables)
 
 
 def draw(figure, tables):
     """The beads at their places, coloured by both derivatives."""
-    from matplotlib.collections import EllipseCollection
-
     figure.set_size_inches(10, 4.6)
     beads = tables["beads"]
-    places = 1e3 * np.stack([beads["x"], beads["y"]], axis=1)
+    places = np.stack([beads["x"], beads["y"]], axis=1)
     titles = {
         "percent per um": "by diameter, beads at their places\n[% of the peak per um]",
         "percent per percent of modulus": "by modulus\n[% of the peak per %]",
     }
     for axes, (name, title) in zip(figure.subplots(1, 2), titles.items(), strict=True):
-        size = np.full(len(places), 1e3 * BEAD.diameter)
         value = np.asarray(beads[name])
         most = np.abs(value).max()
-        dots = EllipseCollection(
-            size,
-            size,
-            np.zeros(len(size)),
-            units="x",
-            offsets=places,
-            transOffset=axes.transData,
-            cmap="RdBu_r",
-            ec="0.4",
-            lw=0.5,
-        )
+        dots = disks(axes, places, BEAD.diameter, cmap="RdBu_r", ec="0.4", lw=0.5)
         dots.set_array(value)
         dots.set_clim(-most, most)
-        axes.add_collection(dots)
-        axes.set(aspect="equal", xlabel="x [mm]", ylabel="y [mm]", title=title)
+        axes.set(ylabel="y [mm]", title=title)
         axes.autoscale_view()
         axes.margins(0.05)
-        axes.grid(False)
         figure.colorbar(dots, ax=axes, shrink=0.8)

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from figures import _packs
+from figures import _gradients, _packs
+from figures._disks import disks
 from tensegrity import gradient
 from tensegrity import objective as o
 
@@ -34,7 +35,7 @@ def floor(pack):
 
 def data():
     """Places of the beads, and derivatives of the floor's peak by their diameters."""
-    tables, numbers = {}, {"quantity": [], "value": []}
+    tables, values = {}, {}
     for name, pack in scenes().items():
         peak, norm = gradient(
             [o.peak(floor(pack)), o.p_norm(floor(pack), 32)], pack, pack.start(), ENDS[name], DT,
@@ -44,27 +45,24 @@ def data():
         axes = "xz" if pack.dim == 2 else "xyz"
         columns = dict(zip(axes, pack.positions.T, strict=True))
         tables[name] = columns | {"percent per um": share}
-        for quantity, value in (
-            ("beads", pack.sites), ("largest force on the floor [N]", peak.value),
-            ("largest derivative by a diameter [% per um]", np.abs(share).max()),
-            ("beads with more than a hundredth of the largest",
-             int(np.sum(np.abs(share) > 0.01 * np.abs(share).max()))),
-            ("32-norm's derivatives along the peak's (cosine)",
-             np.dot(share, norm.by("diameter"))
-             / np.linalg.norm(share) / np.linalg.norm(norm.by("diameter"))),
-            ("digits that round-off leaves", peak.digits),
-            ("returned to the start within [m, m/s]", peak.reversal),
-        ):  # fmt: skip
-            numbers["quantity"].append(f"{name}: {quantity}")
-            numbers["value"].append(float(value))
-    return tables | {"numbers": numbers}
+        values |= {
+            f"{name}: beads": pack.sites,
+            f"{name}: largest force on the floor [N]": peak.value,
+            f"{name}: largest derivative by a diameter [% per um]": np.abs(share).max(),
+            f"{name}: beads with more than a hundredth of the largest":
+            np.sum(np.abs(share) > 0.01 * np.abs(share).max()),
+            f"{name}: 32-norm's derivatives along the peak's (cosine)":
+            np.dot(share, norm.by("diameter"))
+            / np.linalg.norm(share) / np.linalg.norm(norm.by("diameter")),
+            f"{name}: digits that round-off leaves": peak.digits,
+            f"{name}: returned to the start within [m, m/s]": peak.reversal,
+        }  # fmt: skip
+    return tables | {"numbers": _gradients.numbers(values)}
 
 
 def table(tables):
     """The numbers."""
-    numbers = tables["numbers"]
-    pairs = zip(numbers["quantity"], numbers["value"], strict=True)
-    return [{"picture": NAME, "quantity": k, "value": float(x)} for k, x in pairs]
+    return _gradients.lines(NAME, tables)
 
 
 def section(beads):
@@ -76,8 +74,6 @@ def section(beads):
 
 def draw(figure, tables):
     """The beads at their places, in colours; of those in space a section."""
-    from matplotlib.collections import EllipseCollection
-
     figure.set_size_inches(11, 5.2)
     left, right = figure.subplots(1, 2, width_ratios=(1.6, 1))
     plane, space = tables["plane"], tables["space"]
@@ -87,19 +83,14 @@ def draw(figure, tables):
         (right, space, chosen, "in space: a section by the striker", 0.85),
     ):
         x, z, value = (np.asarray(beads[k])[rows] for k in ("x", "z", "percent per um"))
-        size = np.full(len(x), share * 1e3 * _packs.D)
-        dots = EllipseCollection(
-            size, size, np.zeros(len(size)), units="x", offsets=1e3 * np.stack([x, z], axis=1),
-            transOffset=axes.transData, cmap="RdBu_r", ec="0.5", lw=0.4,
-        )  # fmt: skip
+        places = np.stack([x, z], axis=1)
+        dots = disks(axes, places, share * _packs.D, cmap="RdBu_r", ec="0.5", lw=0.4)
         dots.set_array(value)
         most = np.abs(np.asarray(beads["percent per um"])).max()
         dots.set_clim(-most, most)
-        axes.add_collection(dots)
         edge = 1e3 * _packs.D * np.array([-0.7, 0.7])
-        axes.set(aspect="equal", xlabel="x [mm]", ylabel="z [mm]", title=title)
+        axes.set(ylabel="z [mm]", title=title)
         axes.set_xlim(1e3 * np.array([x.min(), x.max()]) + edge)
         axes.set_ylim(1e3 * np.array([z.min(), z.max()]) + edge)
-        axes.grid(False)
         label = "% of the floor's peak per um of diameter"
         figure.colorbar(dots, ax=axes, shrink=0.8, location="bottom", label=label)

@@ -18,6 +18,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import linprog
 
+from figures import _gradients
 from tensegrity import Chain, Prism, gradient
 from tensegrity import objective as o
 
@@ -78,17 +79,6 @@ def load(prestrains):
     return kept[0]
 
 
-def sample(step):
-    """The load of the wall after a step, as an objective."""
-
-    def rule(t, y):
-        slope = np.zeros_like(y)
-        slope[0, step] = 1.0
-        return float(y[0, step]), slope
-
-    return o.of([o.load(wall=0)], rule)
-
-
 def maxima(x):
     """Heights [N] of the highest maxima of the load, and their relative slopes by logarithms."""
     y = load(np.exp(x))
@@ -96,7 +86,8 @@ def maxima(x):
     tops = tops[np.argsort(-y[tops])[:MAXIMA]]
     if y[-1] > max(y[-2], 0):
         tops = np.append(tops, len(y) - 1)
-    found = asked(np.exp(x), [sample(k) for k in tops], wanted=("prestrain",))
+    samples = [_gradients.sample(o.load(wall=0), k) for k in tops]
+    found = asked(np.exp(x), samples, wanted=("prestrain",))
     heights = np.array([one.value for one in found])
     slopes = np.array([one.by("prestrain") for one in found]) * np.exp(x) / heights[:, None]
     order = np.argsort(-heights)
@@ -191,15 +182,13 @@ def data():
     return {
         "loads": loads,
         "prestrains": {"bond": np.arange(BONDS), **designs},
-        "numbers": {"quantity": list(values), "value": [float(x) for x in values.values()]},
+        "numbers": _gradients.numbers(values),
     }
 
 
 def table(tables):
     """The numbers."""
-    numbers = tables["numbers"]
-    pairs = zip(numbers["quantity"], numbers["value"], strict=True)
-    return [{"picture": NAME, "quantity": k, "value": float(x)} for k, x in pairs]
+    return _gradients.lines(NAME, tables)
 
 
 def draw(figure, tables):

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from figures import _gradients
 from tensegrity import Chain, Prism, gradient, solitary_wave
 from tensegrity import objective as o
 
@@ -37,21 +38,22 @@ def data():
     found, wave = passage(PRESTRAIN)
     low, high = (passage(PRESTRAIN + x, wave)[0].value for x in (-STEP, STEP))
     by = {name: found.by(name) for name in ("prestrain", "height", "k_cross")}
-    names = ("passage of the site [s]", "speed of the wave [sites/s]",
-             "sum of the derivatives by prestrain [s]", "difference of two chains [s]",
-             "digits that round-off leaves")  # fmt: skip
-    values = found.value, wave.speed, by["prestrain"].sum(), (high - low) / (2 * STEP), found.digits
+    values = {
+        "passage of the site [s]": found.value,
+        "speed of the wave [sites/s]": wave.speed,
+        "sum of the derivatives by prestrain [s]": by["prestrain"].sum(),
+        "difference of two chains [s]": (high - low) / (2 * STEP),
+        "digits that round-off leaves": found.digits,
+    }
     return {
         "bonds": {"bond": np.arange(SITES - 1), **by},
-        "numbers": {"quantity": list(names), "value": [float(x) for x in values]},
+        "numbers": _gradients.numbers(values),
     }
 
 
 def table(tables):
     """The numbers."""
-    numbers = tables["numbers"]
-    pairs = zip(numbers["quantity"], numbers["value"], strict=True)
-    return [{"picture": NAME, "quantity": k, "value": float(x)} for k, x in pairs]
+    return _gradients.lines(NAME, tables)
 
 
 def draw(figure, tables):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from figures import _guide
+from figures._disks import disks
 from figures._guide import PARYLENE, STEEL
 from granular import diamond_guide
 from granular.observables import density
@@ -35,23 +36,15 @@ def data():
 
 def _stage(axes, tables):
     """Walls and beads; returns what takes the colours."""
-    from matplotlib.collections import EllipseCollection
-
     beads, walls = tables["beads"], tables["walls"]
     for x0, y0, x1, y1 in zip(*walls.values(), strict=True):
         axes.plot([1e3 * x0, 1e3 * x1], [1e3 * y0, 1e3 * y1], "0.4", lw=1)
-    size = np.full(len(beads["x [m]"]), 1e3 * STEEL.diameter)
-    disks = EllipseCollection(
-        size, size, np.zeros_like(size), units="xy", cmap="inferno_r", lw=0.5,
-        offsets=1e3 * np.stack([beads["x [m]"], beads["y [m]"]], axis=1),
-        edgecolors=np.where(beads["soft"] == 1, "C2", "0.6"),
-        offset_transform=axes.transData,
-    )  # fmt: skip
-    disks.set_clim(0, HELD)
-    axes.add_collection(disks)
-    axes.set(aspect="equal", xlabel="x [mm]", ylabel="y [mm]", ylim=(-65, 65))
-    axes.grid(False)
-    return disks
+    places = np.stack([beads["x [m]"], beads["y [m]"]], axis=1)
+    rims = np.where(beads["soft"] == 1, "C2", "0.6")
+    found = disks(axes, places, STEEL.diameter, cmap="inferno_r", lw=0.5, edgecolors=rims)
+    found.set_clim(0, HELD)
+    axes.set(ylabel="y [mm]", ylim=(-65, 65))
+    return found
 
 
 def _forces(tables):

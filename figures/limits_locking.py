@@ -94,13 +94,12 @@ def data():
     }
 
 
-def powers(tables, what="step", nearest=0.01):
+def powers(tables):
     """Power of the stroke left in the steps needed, of each method, close to locking."""
     t = tables["steps"]
-    near = t["stroke left"] <= nearest
-    return {
-        name: slope(t["stroke left"][near], t[f"{what} of {name} [s]"][near]) for name in EXPLICIT
-    }
+    near = t["stroke left"] <= 0.01
+    return {name: slope(t["stroke left"][near], t[f"step of {name} [s]"][near])
+            for name in EXPLICIT}  # fmt: skip
 
 
 def text(tables):

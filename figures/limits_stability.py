@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import sympy as sp
 
+from figures._files import lines
 from figures._limits import COLOURS, EXPLICIT, grid, listed
 from tensegrity import Chain, Potential, State
 from tensegrity.engine.methods import METHODS
@@ -104,7 +105,7 @@ def data():
 def text(tables):
     """What the page says."""
     t = tables["limits"]
-    each = [dict(zip(t, row, strict=True)) for row in zip(*t.values(), strict=True)]
+    each = lines(t)
     rows = [
         [
             row["method"],

@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from figures._disks import disks
 from figures._packs import STEEL, D, highest, row
 from granular import pack, simulate, wall_force
 from tensegrity import Record, Wall
@@ -26,7 +27,7 @@ SHOWN = (0.0, 1.2e-3, 4e-3)  # s
 
 
 def box(width, height):
-    """Four steel walls."""
+    """Four steel walls about a rectangle, as `pack` takes them."""
     planes = {
         "left": ((0, 0), (1, 0)), "right": ((width, 0), (-1, 0)),
         "floor": ((0, 0), (0, 1)), "lid": ((0, height), (0, -1)),
@@ -42,7 +43,7 @@ def break_shot():
 
 
 def gas():
-    """The same of the gas."""
+    """The same of 36 beads with gaps, which fly in as many directions."""
     places = (1 + 1.5 * np.array([(i, j) for i in range(6) for j in range(6)])) * D
     scene = pack(places, STEEL, box(9.5 * D, 9.5 * D))
     angle = math.pi * (3 - math.sqrt(5)) * np.arange(36)
@@ -116,8 +117,6 @@ def table(tables):
 
 def draw(figure, tables):
     """Places at three instants, pairs, and energy."""
-    from matplotlib.collections import EllipseCollection
-
     figure.set_size_inches(13, 7)
     panels = figure.subplots(2, 4)
     for line, (name, size) in zip(panels, (("break shot", (18, 12)), ("gas", (9.5, 9.5))),
@@ -125,15 +124,10 @@ def draw(figure, tables):
         key = name.replace(" ", "_")
         places = tables[f"{key}_places"]
         for n, axes in enumerate(line[:3]):
-            x = 1e3 * np.stack([places[f"x{n} [m]"], places[f"z{n} [m]"]], axis=1)
-            wide = np.full(len(x), 1e3 * D)
-            axes.add_collection(EllipseCollection(
-                wide, wide, 0 * wide, units="xy", offsets=x, offset_transform=axes.transData,
-                facecolors="C0", edgecolors="k", lw=0.4, alpha=0.8,
-            ))  # fmt: skip
-            axes.set(aspect="equal", xlim=(0, 1e3 * size[0] * D), ylim=(0, 1e3 * size[1] * D))
-            axes.set(xlabel="x [mm]", title=f"{name}, {1e3 * SHOWN[n]:g} ms")
-            axes.grid(False)
+            x = np.stack([places[f"x{n} [m]"], places[f"z{n} [m]"]], axis=1)
+            disks(axes, x, D, facecolors="C0", edgecolors="k", lw=0.4, alpha=0.8)
+            axes.set(xlim=(0, 1e3 * size[0] * D), ylim=(0, 1e3 * size[1] * D))
+            axes.set_title(f"{name}, {1e3 * SHOWN[n]:g} ms")
         line[0].set(ylabel="z [mm]")
         axes, energy = line[3], tables[f"{key}_energy"]
         axes.plot(1e3 * energy["t [s]"], 1e12 * energy["error"], "C3", lw=0.8)

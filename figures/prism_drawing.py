@@ -82,7 +82,7 @@ def seen(nodes):
     return np.column_stack([right, up]), np.sin(TILT) * z - np.cos(TILT) * away
 
 
-def members(axes, places, depth, tables, only=None):
+def members(axes, places, depth, tables):
     """Members from the farthest to the nearest."""
     t = tables["members"]
     rows = sorted(zip(t["first"], t["second"], t["kind"], strict=True),

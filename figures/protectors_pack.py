@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from figures import _pack as common
+from figures._disks import disks
 from granular import simulate
 from granular.observables import density, wall_force
 from tensegrity import Record
@@ -88,22 +89,13 @@ def table(tables):
 
 def stage(axes, tables, colour=None):
     """The beads as disks; returns what takes the colours."""
-    from matplotlib.collections import EllipseCollection
-
-    beads = tables["beads"]
-    size = np.full(len(beads["x [m]"]), 1e3 * common.DIAMETER)
-    disks = EllipseCollection(
-        size, size, np.zeros_like(size), units="xy", lw=0.6, edgecolors="0.3",
-        offsets=1e3 * np.stack([beads["x [m]"], beads["z [m]"]], axis=1),
-        offset_transform=axes.transData, cmap="inferno_r" if colour is None else None,
-        facecolors=colour,
-    )  # fmt: skip
+    places = np.stack([tables["beads"]["x [m]"], tables["beads"]["z [m]"]], axis=1)
+    colours = {"cmap": "inferno_r"} if colour is None else {"facecolors": colour}
+    found = disks(axes, places, common.DIAMETER, lw=0.6, edgecolors="0.3", **colours)
     if colour is None:
-        disks.set_clim(0, HELD)
-    axes.add_collection(disks)
-    axes.set(aspect="equal", xlabel="x [mm]", ylabel="z [mm]", xlim=(-2, 202), ylim=(-2, 112))
-    axes.grid(False)
-    return disks
+        found.set_clim(0, HELD)
+    axes.set(ylabel="z [mm]", xlim=(-2, 202), ylim=(-2, 112))
+    return found
 
 
 def draw(figure, tables):

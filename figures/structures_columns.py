@@ -14,6 +14,7 @@ import math
 
 import numpy as np
 
+from figures._files import lines
 from tensegrity import Prism, column, equilibrium_path, plates
 
 NAME = "structures_columns"
@@ -119,8 +120,4 @@ def part(table, kind):
 
 def table(tables):
     """Each column that was computed."""
-    return [
-        dict(zip(columns, row, strict=True))
-        for columns in tables.values()
-        for row in zip(*columns.values(), strict=True)
-    ]
+    return [line for columns in tables.values() for line in lines(columns)]

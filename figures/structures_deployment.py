@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from figures._files import lines
 from figures._structures import film, frames, show
 from tensegrity import Prism, column, control_path, equilibrium, plates
 
@@ -36,10 +37,10 @@ def weights(s, weight):
     return {node: (0.0, 0.0, -weight) for node in range(3, s.nodes)}
 
 
-def deployed(count, weight=LIGHT):
+def deployed(count):
     """The path from the folded column, found from its long cross strings, to the reference."""
     s = column(REFERENCE, count)
-    cross, loads = cross_strings(count), weights(s, weight)
+    cross, loads = cross_strings(count), weights(s, LIGHT)
     lengths = s.natural_lengths.copy()
     lengths[cross] *= LONG
     folded = equilibrium(s.at(s.positions, natural_lengths=lengths), loads, GROUND).structure
@@ -47,10 +48,10 @@ def deployed(count, weight=LIGHT):
     return control_path(folded, wanted, GROUND, loads=loads)
 
 
-def paid_out(weight=HEAVY):
+def paid_out():
     """The path of one heavier prism the other way, from the reference: round the fold."""
     s = REFERENCE.structure()
-    loads = weights(s, weight)
+    loads = weights(s, HEAVY)
     standing = equilibrium(s, loads, GROUND).structure
     wanted = {member: LONG * s.natural_lengths[member] for member in cross_strings(1)}
     return control_path(standing, wanted, GROUND, loads=loads)
@@ -135,5 +136,4 @@ def animate(tables, path):
 
 def table(tables):
     """Events, and the ends of the paths."""
-    events = tables["events"]
-    return [dict(zip(events, row, strict=True)) for row in zip(*events.values(), strict=True)]
+    return lines(tables["events"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from figures._files import lines
 from tensegrity import Prism, fit, member_stiffness
 
 NAME = "structures_fit"
@@ -72,5 +73,4 @@ def draw(figure, tables):
 
 def table(tables):
     """What was found beside what is true."""
-    rows = tables["parameters"]
-    return [dict(zip(rows, row, strict=True)) for row in zip(*rows.values(), strict=True)]
+    return lines(tables["parameters"])

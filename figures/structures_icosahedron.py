@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from figures._files import lines
 from figures._structures import film, frames, show
 from tensegrity import Structure, equilibrium_path, plates
 
@@ -78,5 +79,4 @@ def animate(tables, path):
 
 def table(tables):
     """The located events."""
-    events = tables["events"]
-    return [dict(zip(events, row, strict=True)) for row in zip(*events.values(), strict=True)]
+    return lines(tables["events"])

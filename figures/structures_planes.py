@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from figures._files import lines
 from tensegrity import Structure, equilibrium_path, held, plates
 
 NAME = "structures_planes"
@@ -130,5 +131,4 @@ def shape(axes, shapes, kind, branch):
 
 def table(tables):
     """The located events."""
-    events = tables["events"]
-    return [dict(zip(events, row, strict=True)) for row in zip(*events.values(), strict=True)]
+    return lines(tables["events"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from figures._files import lines
 from figures._structures import film, frames, show, upright
 from tensegrity import Structure, equilibrium_path, plates
 
@@ -112,8 +113,4 @@ def animate(tables, path):
 
 def table(tables):
     """Members and lengths of the form, then the located events."""
-    return [
-        dict(zip(part, row, strict=True))
-        for part in (tables["form"], tables["events"])
-        for row in zip(*part.values(), strict=True)
-    ]
+    return lines(tables["form"]) + lines(tables["events"])

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from figures._files import lines
 from tensegrity import Chain, Prism, Record, column, simulate
 
 NAME = "structures_waves"
@@ -103,5 +104,4 @@ def draw(figure, tables):
 
 def table(tables):
     """Each case of the map."""
-    columns = tables["map"]
-    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+    return lines(tables["map"])

@@ -51,7 +51,7 @@ def struck(blow, speed, sites=SITES, duration=DURATION):
     return _scenes.impact(_scenes.softening(PRELOAD), sites, speeds, duration, (end, "free"), mass)
 
 
-def leading(run, sensors=SENSORS):
+def leading(run):
     """Speed and crest of the first pulse, and the speed of the tail behind it.
 
     The tail's front is its first large extremum of the other sign.
@@ -61,11 +61,11 @@ def leading(run, sensors=SENSORS):
     dict
         speed, tail: over the speed of sound; crest: elongation [m].
     """
-    fast, crest = _measure.leader(run, sensors)
-    near, far = sensors
+    fast, crest = _measure.leader(run, SENSORS)
+    near, far = SENSORS
     behind = [
         _measure.Passing(run, bond, -np.sign(crest), _measure.Passing(run, bond).instant).instant
-        for bond in sensors
+        for bond in SENSORS
     ]
     sound = sound_speed(run.scene.springs[-1], run.scene.mass[-1])
     return {

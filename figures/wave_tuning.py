@@ -8,14 +8,7 @@ import numpy as np
 
 from figures import _measure, _scenes
 from figures._measure import Number
-from tensegrity import (
-    EquilibriumError,
-    LockingError,
-    Prism,
-    Record,
-    simulate,
-    solitary_wave,
-)
+from tensegrity import EquilibriumError, LockingError, Prism, Record, simulate, solitary_wave
 from tensegrity.measure.observables import crest, speed
 from tensegrity.runs.tuning import simulate_tuned
 from tensegrity.waves.asymptotics import sound_speed

@@ -7,7 +7,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from granular.materials import Material
-from tensegrity import check
+from tensegrity import TensegrityError, check
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
 
 
 @dataclass(frozen=True)
@@ -87,6 +90,15 @@ class Striker:
             "speed of the striker, towards the chain", self.speed, above=0, unit="m/s"
         )
         object.__setattr__(self, "speed", speed)
+
+
+def beads_of(given: Iterable[object], where: str = "") -> tuple[Bead, ...]:
+    """Beads as a tuple, refused where one is none; `where` says of which design."""
+    found = tuple(given)
+    for number, bead in enumerate(found):
+        if not isinstance(bead, Bead):
+            raise TensegrityError(f"bead {number}{where} is {check.shown(bead)}, not a Bead")
+    return found  # type: ignore[return-value]
 
 
 def volume(diameter: float) -> float:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from granular import sensitivity
-from granular.beads import Bead, Striker
+from granular.beads import Bead, Striker, beads_of
 from granular.contact import checked_law, contact_of, hertz
 from granular.crystal import Crystal
 from granular.materials import Material
@@ -278,8 +278,8 @@ def chain(
         negative gravity or preload; gravity with a striker and without an end.
     """
     beads = _beads(beads)
-    if striker is not None and not isinstance(striker, Striker):
-        raise TensegrityError(f"striker {check.shown(striker)} is not a Striker")
+    if striker is not None:
+        check.kind("striker", striker, Striker)
     for name, wall in (("end", end), ("start_wall", start_wall)):
         if wall is not None and not isinstance(wall, Material):
             raise TensegrityError(f"{name} {check.shown(wall)} is not the Material of a wall")
@@ -307,8 +307,4 @@ def _beads(beads: Sequence[Bead]) -> tuple[Bead, ...]:
         raise TensegrityError(f"beads {check.shown(beads)} are not a sequence of Beads")
     if isinstance(beads, Sized):
         check.room(f"a chain of {len(beads)} beads", PER_BEAD * len(beads))
-    beads = tuple(beads)
-    for number, bead in enumerate(beads):
-        if not isinstance(bead, Bead):
-            raise TensegrityError(f"bead {number} is {check.shown(bead)}, not a Bead")
-    return beads
+    return beads_of(beads)

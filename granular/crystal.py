@@ -1,4 +1,4 @@
-"""What a chain and a guide of beads have in common: parts, bead numbers, recorded rows."""
+"""What chains, guides and packs of beads have in common: parts, bead numbers, recorded rows."""
 
 from __future__ import annotations
 
@@ -132,3 +132,16 @@ def rows(run: Recorded, sites: Iterable[int]) -> Array:
     u = np.zeros((len(run.t), run.scene.sites, *run.u.shape[2:]))
     u[:, list(run.sites)] = run.u
     return u
+
+
+def whole(run: Recorded) -> tuple[Array, Array]:
+    """Displacements and velocities of all sites in their order, whatever the record's; (T, sites[,
+    dim]) each.
+
+    Raises
+    ------
+    TensegrityError
+        A site was not recorded.
+    """
+    u = rows(run, range(run.scene.sites))
+    return u, run.v[:, np.argsort(run.sites)]

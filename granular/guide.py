@@ -18,8 +18,9 @@ import numpy as np
 from granular.assembly import Assembly, SharedSprings
 from granular.beads import Bead, Striker
 from granular.contact import checked_law, hertz
-from granular.layout import TOUCH, Layout, diamond_layout, y_layout
+from granular.layout import diamond_layout, y_layout
 from granular.materials import Material, materials
+from granular.places import TOUCH, Layout
 from granular.statics import settle
 from tensegrity import State, TensegrityError, Wall, check
 from tensegrity.scenes.clearance import Clearance
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from typing import Any
 
     from granular.contact import ContactLaw
-    from granular.layout import Piece
+    from granular.places import Piece
     from granular.statics import Equilibrium
     from tensegrity import Damping, Drive
     from tensegrity.typing import Array, Indices
@@ -82,11 +83,11 @@ class Guide(Assembly):
     ) -> None:
         check.kind("layout", layout, Layout)
         sides = len(layout.walls)
-        for name, material in (("wall", wall), *((("end", end),) if end is not None else ())):
-            if not isinstance(material, Material):
-                raise TensegrityError(f"{name} {check.shown(material)} is not a Material")
-        if striker is not None and not isinstance(striker, Striker):
-            raise TensegrityError(f"striker {check.shown(striker)} is not a Striker")
+        check.kind("wall", wall, Material)
+        if end is not None:
+            check.kind("end", end, Material)
+        if striker is not None:
+            check.kind("striker", striker, Striker)
         _fill(layout, beads)
         gravity = check.number("gravity", gravity, least=0, unit="m/s^2")
         preload = check.number("preload", preload, least=0, unit="N")
@@ -283,9 +284,9 @@ def y_guide(
         counts and gaps out of range.  `simulate` raises ContactError where a contact forms that
         the guide does not list.
     """
-    layout = y_layout(stem, branch, half_angle, _diameter(bead), gap, through)
-    filling = _filling(bead, branches)
-    return Guide(layout, filling, wall, striker, end, law, gravity, preload, drive, damping)
+    beads = _filling(bead, branches)
+    layout = y_layout(stem, branch, half_angle, bead.diameter, gap, through)
+    return Guide(layout, beads, wall, striker, end, law, gravity, preload, drive, damping)
 
 
 def diamond_guide(
@@ -312,18 +313,13 @@ def diamond_guide(
     bead is the junction.  `branch` counts the beads between the junctions, the corner in their
     middle; `half_angle` is pi/6 or more.  `end` stops stem 2.
     """
-    layout = diamond_layout(stem, branch, half_angle, _diameter(bead), gap, through)
     beads = {**_filling(bead, branches), "stem 2": bead}
+    layout = diamond_layout(stem, branch, half_angle, bead.diameter, gap, through)
     return Guide(layout, beads, wall, striker, end, law, gravity, preload, drive, damping)
 
 
-def _diameter(bead: Bead) -> float:
-    if not isinstance(bead, Bead):
-        raise TensegrityError(f"bead {check.shown(bead)} is not a Bead")
-    return bead.diameter
-
-
 def _filling(bead: Bead, branches: tuple[Bead, Bead] | None) -> dict[str, Bead]:
+    check.kind("bead", bead, Bead)
     branches = (bead, bead) if branches is None else branches
     if not isinstance(branches, (tuple, list)) or len(branches) != 2:
         raise TensegrityError(f"branches {check.shown(branches)} must be two beads")

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from granular.beads import Bead, Striker
-from granular.layout import TOUCH
 from granular.materials import Material
 from granular.pack import PER_BEAD, Pack, per_place
+from granular.places import TOUCH
 from tensegrity import TensegrityError, Wall, check
 
 if TYPE_CHECKING:
@@ -188,18 +188,9 @@ def hexagonal_pack(
         return f"bead {k - first[row - 1] + 1} of row {row}"
 
     beads, d = _equal(bead, first[-1], named)
-    places = np.concatenate(
-        [
-            np.stack(
-                [
-                    d / 2 + d / 2 * (k % 2) + np.arange(count) * d,
-                    np.full(count, d / 2 + (rows - 1 - k) * (d * math.sqrt(3) / 2)),
-                ],
-                axis=1,
-            )
-            for k, count in enumerate(counts)
-        ]
-    )
+    row, column = np.repeat(range(rows), counts), np.concatenate([*map(np.arange, counts)])
+    x = d / 2 + d / 2 * (row % 2) + column * d
+    places = np.stack([x, d / 2 + (rows - 1 - row) * (d * math.sqrt(3) / 2)], axis=1)
     pieces = {"left": ((0, 0), (1, 0)), "right": ((columns * d, 0), (-1, 0))}
     walls = _box(floor, sides, pieces, 2)
     hit = (columns - 1) // 2 if struck is None else _within("struck", struck, columns)
@@ -270,9 +261,8 @@ def _approach(
     gap: float,
 ) -> tuple[Array, Array] | None:
     """Where the striker starts, and its direction."""
-    offset, direction = _unit("offset", offset, len(place)), _unit(
-        "direction", direction, len(place)
-    )  # fmt: skip
+    offset = _unit("offset", offset, len(place))
+    direction = _unit("direction", direction, len(place))
     if striker is None:
         return None
     check.kind("striker", striker, Striker)

@@ -14,188 +14,24 @@ without symmetry; the edge is bevelled: a short piece of plane across it.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from granular.places import TOUCH, Layout, Piece
 from tensegrity import TensegrityError, check
-from tensegrity.readonly import ReadOnly, fixed
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
-    from numpy.typing import ArrayLike
-
-    from tensegrity.typing import Array, Indices
+    from tensegrity.typing import Array
 
 PER_PAIR = 40  # bytes: all pairs of beads are looked at
-TOUCH = 1e-9  # of a diameter: closer than this, beads that should touch do
 SIDE = math.pi / 6  # direction of two first branch beads that touch each other
 BEVEL = 0.25  # half length of a bevel, in diameters
-NEAR = 0.2  # diameters: a bead so near to a bevel may touch it during a run
 OPEN = 1.0  # diameters by which a channel goes on behind its last bead
 ENTRY = 0.25  # and before its first, short enough for a striker of any size
-
-
-@dataclass(frozen=True)
-class Piece:
-    """A flat piece of wall.
-
-    Attributes
-    ----------
-    start, end : tuple of float, (2,)
-        Its edges [m]; beads are on its left, seen from `start` to `end`.
-    name : str
-    """
-
-    start: tuple[float, float]
-    end: tuple[float, float]
-    name: str
-
-    @property
-    def is_bevel(self) -> bool:
-        """Whether it stands across the edge between two others."""
-        return self.name.endswith("bevel")
-
-    @property
-    def length(self) -> float:
-        """[m]."""
-        return math.dist(self.start, self.end)
-
-    @property
-    def along(self) -> Array:
-        """Unit vector from `start` to `end`, (2,)."""
-        return np.subtract(self.end, self.start) / self.length
-
-    @property
-    def normal(self) -> Array:
-        """Unit vector towards the beads, (2,)."""
-        x, y = self.along
-        return np.array([-y, x])
-
-    def place(self, position: ArrayLike) -> tuple[Array, Array]:
-        """Distance from the plane and place along it, from `start` [m]; (..., 2) -> two (...)."""
-        away = np.asarray(position) - self.start
-        return away @ self.normal, away @ self.along
-
-
-@dataclass(frozen=True, eq=False)
-class Layout(ReadOnly):
-    """Where beads and walls are.
-
-    Attributes
-    ----------
-    diameter : float
-        Of all beads [m].
-    positions : ndarray, (beads, 2)
-        Centres at rest [m].
-    parts : dict of str to tuple of int
-        Beads of each part, in the paper's counting order.
-    gap : float
-        Of all beads to their side walls at rest [m].
-    walls : tuple of Piece
-    blind : bool
-        Beads of different branches pass through each other: an idealisation, to be compared.
-    """
-
-    diameter: float
-    positions: Array
-    parts: dict[str, tuple[int, ...]]
-    gap: float = 0.0
-    walls: tuple[Piece, ...] = ()
-    blind: bool = False
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "positions", fixed(self.positions))
-        object.__setattr__(self, "parts", fixed(self.parts))
-
-    def contacts(self) -> Indices:
-        """Pairs of beads that touch, each once and the lower first; (contacts, 2)."""
-        pairs, distance = self._pairs()
-        touching = pairs[distance <= self.diameter * (1 + TOUCH)]
-        return touching
-
-    def _pairs(self) -> tuple[Indices, Array]:
-        """Pairs of beads that can meet, and their distances."""
-        x = self.positions
-        i, j = np.triu_indices(len(x), 1)
-        if self.blind:
-            branch = np.zeros(len(x), dtype=int)
-            for name, beads in self.parts.items():
-                if name.startswith("branch"):
-                    branch[list(beads)] = int(name[-1])
-            seen = branch[i] * branch[j] != 2
-            i, j = i[seen], j[seen]
-        return np.stack([i, j], axis=1), np.linalg.norm(x[i] - x[j], axis=1)
-
-    def wall_contacts(self) -> Indices:
-        """(bead, wall) that touch, would without the gap, or may; (contacts, 2)."""
-        found = []
-        for number, wall in enumerate(self.walls):
-            room = NEAR if wall.is_bevel else TOUCH
-            reach = self.diameter * (0.5 + room) + self.gap
-            distance, along = wall.place(self.positions)
-            beside = (along >= 0) & (along <= wall.length) & (abs(distance) <= reach)
-            found += [(int(bead), number) for bead in np.flatnonzero(beside)]
-        return np.array(sorted(found), dtype=int).reshape(-1, 2)
-
-    def wall_gaps(self) -> Array:
-        """Gap of each wall contact at rest [m]; (contacts,)."""
-        return np.array(
-            [
-                self.walls[w].place(self.positions[b])[0] - self.diameter / 2
-                if self.walls[w].is_bevel
-                else self.gap
-                if self.walls[w].name.endswith("wall")
-                else 0.0
-                for b, w in self.wall_contacts()
-            ]
-        )
-
-    def check(self) -> None:
-        """Refuse overlapping beads, and beads that reach through a wall."""
-        pairs, distance = self._pairs()
-        closest = int(np.argmin(distance))
-        if distance[closest] < self.diameter * (1 - TOUCH):
-            one, other = (self.name(b) for b in pairs[closest])
-            raise TensegrityError(
-                f"{one} and {other} overlap by {self.diameter - distance[closest]:.3g} m at rest, "
-                f"with a distance of {distance[closest]:.6g} m and diameters of "
-                f"{self.diameter:.6g} m"
-            )
-        for wall in self.walls:
-            away, along = wall.place(self.positions)
-            beside = (along >= 0) & (along <= wall.length) & (abs(away) < self.diameter / 2)
-            depth = np.where(beside, self.diameter / 2 - away, 0.0)
-            worst = int(np.argmax(depth))
-            if depth[worst] > TOUCH * self.diameter:
-                raise TensegrityError(
-                    f"{self.name(worst)} is outside its guide: {depth[worst]:.3g} m beyond "
-                    f"the {wall.name}, at most {TOUCH * self.diameter:.1g} m is allowed"
-                )
-
-    def name(self, bead: int) -> str:
-        """Words for a bead: its part and its number in it, from 1."""
-        for part, beads in self.parts.items():
-            if bead in beads:
-                return f"bead {beads.index(bead) + 1} of {part}"
-        raise TensegrityError(f"bead {bead} must be below {len(self.positions)}")
-
-    def stopped(self, parts: Iterable[str]) -> Layout:
-        """The same with a plane wall behind the last bead of each of these parts."""
-        ends = []
-        for part in parts:
-            last, before = (
-                self.positions[self.parts[part][-1]],
-                self.positions[self.parts[part][-2]],
-            )
-            ahead = (last - before) / self.diameter
-            centre, side = last + ahead * self.diameter / 2, np.array([-ahead[1], ahead[0]])
-            edges = centre - side * self.diameter, centre + side * self.diameter
-            ends.append(_piece(*edges, f"end of {part}"))
-        return replace(self, walls=(*self.walls, *ends))
 
 
 def y_layout(
@@ -243,7 +79,7 @@ def y_layout(
         line = [near, origin, *knees, far]
         walls += _outer(line, side, width, through, (1,), BEVEL * diameter)
     line = [_mirror(far), *(_mirror(knee) for knee in knees), origin, *knees, far]
-    walls += [_piece(a, b, "inner wall") for a, b in _offset(line, width)]
+    walls += [Piece.between(a, b, "inner wall") for a, b in _offset(line, width)]
     return Layout(diameter, positions, parts, gap, tuple(walls))
 
 
@@ -315,16 +151,14 @@ def diamond_layout(
         walls += _outer(line, side, width, through, (1, 3), BEVEL * diameter)
     ring = [origin, corner, opening, _mirror(corner)]
     inside = _offset([*ring, *ring, *ring], width)[4:8]
-    walls += [_piece(a, b, "inner wall") for a, b in inside]
+    walls += [Piece.between(a, b, "inner wall") for a, b in inside]
     return _laid(diameter, pieces, gap, tuple(walls))
 
 
 def _checked(
     stem: int, branch: int, half_angle: float, diameter: float, gap: float, through: float
 ) -> tuple[int, int, float, float, float, float]:
-    half_angle = check.number("half angle", half_angle, above=0, unit="rad")
-    if half_angle >= math.pi / 2:
-        raise TensegrityError(f"half angle {half_angle:g} rad must be below {math.pi / 2:g}")
+    half_angle = check.number("half angle", half_angle, above=0, below=math.pi / 2, unit="rad")
     stem, branch = check.whole("stem", stem, least=2), check.whole("branch", branch, least=2)
     beads = stem + 2 * branch
     check.room(f"a guide with a stem of {stem} and branches of {branch} beads", PER_PAIR * beads**2)
@@ -387,19 +221,20 @@ def _outer(
     name = "upper" if side > 0 else "lower"
     flip: Callable[[Array], Array] = np.array if side > 0 else _mirror
     pieces = []
+
+    def add(one: Array, other: Array, kind: str) -> None:
+        first, second = map(flip, (one, other) if side > 0 else (other, one))
+        pieces.append(Piece.between(first, second, f"{name} {kind}"))
+
     for number, (far, near) in enumerate(_offset(line[::-1], width)[::-1]):
         along = (far - near) / np.linalg.norm(far - near)
         start = near - (through * along if number in bends else 0.0)
         end = far + (through * along if number + 1 in bends else 0.0)
-        ends = (end, start) if side > 0 else (start, end)
-        first, second = map(flip, ends)
-        pieces.append(_piece(first, second, f"{name} wall"))
+        add(end, start, "wall")
         if number in bends and not through:
             x, y = (line[number] - near) / np.linalg.norm(line[number] - near)
             along = bevel * np.array([y, -x])
-            ends = (near - along, near + along) if side > 0 else (near + along, near - along)
-            first, second = map(flip, ends)
-            pieces.append(_piece(first, second, f"{name} bevel"))
+            add(near - along, near + along, "bevel")
     return pieces
 
 
@@ -413,8 +248,3 @@ def _offset(line: Sequence[Array], width: float) -> list[tuple[Array, Array]]:
     bends = bisector / (bisector * right[1:]).sum(axis=1)[:, None]
     corners = line + width * np.concatenate([right[:1], bends, right[-1:]])
     return list(pairwise(corners))
-
-
-def _piece(start: Array, end: Array, name: str) -> Piece:
-    (a, b), (c, d) = start.tolist(), end.tolist()
-    return Piece((a, b), (c, d), name)

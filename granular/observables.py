@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from granular.crystal import crystal_of, rows
+from granular.crystal import crystal_of, rows, whole
 from tensegrity import TensegrityError, check
 from tensegrity.measure.observables import passage
 
@@ -110,8 +110,7 @@ def density(run: Run, sites: Sequence[int]) -> Array:
     if not sites:
         raise TensegrityError("sites is empty: nothing to read")
     for site in sites:
-        if check.whole("site", site, least=0) >= scene.sites:
-            raise TensegrityError(f"site {site} must be below {scene.sites}")
+        check.whole("site", site, least=0, below=scene.sites)
     forces = scene.contact_forces(u)
     columns = [
         (forces[:, scene.contacts_at(s)] * scene.cosines(u, s)).sum(axis=-1) / 2 for s in sites
@@ -269,9 +268,7 @@ def pulses(t: ArrayLike, force: ArrayLike, level: float = LEVEL) -> tuple[Array,
     """
     from scipy.signal import find_peaks
 
-    level = check.number("level", level, above=0)
-    if level >= 1:
-        raise TensegrityError(f"level {level:g} must be below 1")
+    level = check.number("level", level, above=0, below=1)
     t, force = _record(t, force)
     top = force.max()
     padded = np.concatenate([[0.0], force, [0.0]])
@@ -312,8 +309,8 @@ def part_energies(run: Run) -> dict[str, Array]:
         the sum is the total energy.
     """
     scene = crystal_of(run)
-    u = rows(run, range(scene.sites))
-    inside = scene.bead_energies(u, run.v)
+    u, v = whole(run)
+    inside = scene.bead_energies(u, v)
     energies = {
         part: inside[:, list(sites)].sum(axis=1)
         for part, sites in scene.parts.items()
@@ -328,8 +325,8 @@ def momentum(run: Run) -> Array:
     Constant in a guide, and in a chain without loads and end wall (a held site takes impulse
     that is not recorded).  All sites must have been recorded.
     """
-    rows(run, range(crystal_of(run).sites))
-    total = np.einsum("s,ts...->t...", run.scene.mass, run.v)
+    crystal_of(run)
+    total = np.einsum("s,ts...->t...", run.scene.mass, whole(run)[1])
     return total if run.impulse is None else total + run.impulse.sum(axis=1)
 
 
@@ -400,8 +397,7 @@ def virial_ratio(run: Run) -> Array:
 def _energies(run: Run) -> tuple[Array, Array]:
     """Kinetic energy of each bead and that of its contacts [J], two arrays (T, beads)."""
     scene = crystal_of(run)
-    u = rows(run, range(scene.sites))
+    u, v = whole(run)
     beads = list(scene.beads_by_site())
-    speeds = run.v**2 if run.v.ndim == 2 else np.sum(run.v**2, axis=-1)
-    kinetic = 0.5 * run.scene.mass * speeds[:, np.argsort(run.sites)]
+    kinetic = 0.5 * run.scene.mass * (v**2 if v.ndim == 2 else np.sum(v**2, axis=-1))
     return kinetic[:, beads], scene.held_by_beads(u)[:, beads]

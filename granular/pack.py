@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from granular.assembly import Assembly, SharedSprings
-from granular.beads import Bead, Striker
+from granular.beads import Bead, Striker, beads_of
 from granular.contact import hertz
-from granular.layout import TOUCH
 from granular.materials import Material
+from granular.places import TOUCH
 from granular.statics import settle
 from tensegrity import State, TensegrityError, Wall, check
 
@@ -344,13 +344,10 @@ def per_place(beads: Bead | Sequence[Bead], count: int) -> tuple[Bead, ...]:
         return (beads,) * count
     if not isinstance(beads, Iterable) or isinstance(beads, (str, bytes, Mapping)):
         raise TensegrityError(f"beads {check.shown(beads)} are not a Bead or a sequence of Beads")
-    beads = tuple(beads)
-    for number, bead in enumerate(beads):
-        if not isinstance(bead, Bead):
-            raise TensegrityError(f"bead {number} is {check.shown(bead)}, not a Bead")
-    if len(beads) != count:
-        raise TensegrityError(f"{len(beads)} beads for {count} places: give one for each")
-    return beads
+    found = beads_of(beads)
+    if len(found) != count:
+        raise TensegrityError(f"{len(found)} beads for {count} places: give one for each")
+    return found
 
 
 def _named_walls(walls: Walls | None) -> dict[str, tuple[Wall, Material]]:

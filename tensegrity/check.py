@@ -29,6 +29,7 @@ def number(
     *,
     above: float | None = None,
     least: float | None = None,
+    below: float | None = None,
     finite: bool = True,
     unit: str = "",
 ) -> float:
@@ -38,6 +39,7 @@ def number(
         and -math.inf < value < math.inf
         and (above is None or value > above)
         and (least is None or value >= least)
+        and (below is None or value < below)
     ):
         return value
     value = _scalar(value)
@@ -54,11 +56,13 @@ def number(
         raise TensegrityError(f"{words} must be above {above:g}")
     if least is not None and not value >= least:
         raise TensegrityError(f"{words} must be at least {least:g}")
+    if below is not None and not value < below:
+        raise TensegrityError(f"{words} must be below {below:g}")
     return value
 
 
-def whole(name: str, value: object, *, least: int) -> int:
-    """`value` as an int, if it is a whole number not below `least`."""
+def whole(name: str, value: object, *, least: int, below: int | None = None) -> int:
+    """`value` as an int, if it is a whole number not below `least`, and below `below`."""
     value = _scalar(value)
     if not _is(value, Integral):
         raise TensegrityError(f"{name} {shown(value)} is not a whole number")
@@ -66,6 +70,8 @@ def whole(name: str, value: object, *, least: int) -> int:
         raise TensegrityError(f"{name} {shown(value)} must be at least {least}")
     if value > sys.maxsize:
         raise TensegrityError(f"{name} must be at most {sys.maxsize}")
+    if below is not None and value >= below:
+        raise TensegrityError(f"{name} {value} must be below {below}")
     return int(value)
 
 
@@ -96,6 +102,14 @@ def floats(name: str, value: ArrayLike) -> NDArray[np.float64]:
         value = _array(name, value)
     with np.errstate(over="ignore"):  # a long double may be inf as a float64
         return np.require(value, np.float64, ("C", "A", "E"))
+
+
+def numbers(name: str, value: ArrayLike, unit: str) -> NDArray[np.float64]:
+    """The same, of which none is nan; inf is a number."""
+    value = floats(name, value)
+    if np.isnan(value).any():
+        raise TensegrityError(f"{name} nan {unit} is not a number")
+    return value
 
 
 def vector(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:

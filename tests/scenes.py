@@ -6,6 +6,7 @@ from tensegrity import Chain, Prism
 from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.kernel import bind
 from tensegrity.engine.methods import METHODS
+from tensegrity.runs import march
 
 
 def prism_chain(sites=64, ends=("free", "free")):
@@ -16,6 +17,21 @@ def prism_chain(sites=64, ends=("free", "free")):
 def smooth_blow(chain, speed=0.03):
     """The first four masses pushed."""
     return chain.at_rest(dict.fromkeys(range(4), speed))
+
+
+def interrupted(monkeypatch, at):
+    """Ctrl-C comes with the march's advance of that number; the list of all, as it grows."""
+    calls, advance = [], march._Watch.advance
+
+    def counted(self, steps):
+        calls.append(steps)
+        if len(calls) == at:
+            raise KeyboardInterrupt
+        advance(self, steps)
+
+    monkeypatch.setattr(march, "STRIDE", 0)
+    monkeypatch.setattr(march._Watch, "advance", counted)
+    return calls
 
 
 def extended(chain, state, method, dt, steps):

@@ -10,26 +10,8 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from granular import (
-    Bead,
-    Contact,
-    Material,
-    Striker,
-    chain,
-    diamond_guide,
-    materials,
-    y_guide,
-)
-from tensegrity import (
-    Chain,
-    Ensemble,
-    PowerLaw,
-    Record,
-    State,
-    TensegrityError,
-    check,
-    simulate,
-)
+from granular import Bead, Contact, Material, Striker, chain, diamond_guide, materials, y_guide
+from tensegrity import Chain, Ensemble, PowerLaw, Record, State, TensegrityError, check, simulate
 
 
 @pytest.mark.parametrize(
@@ -179,3 +161,12 @@ def test_a_chain_is_refused_by_what_its_run_takes(monkeypatch):
         Chain(SPRING, sites)
     monkeypatch.setattr(check, "free_memory", lambda: 2 * taken)
     Chain(SPRING, sites)
+
+
+@pytest.mark.parametrize(
+    ("asked", "at"), [(check.number, 3.0), (check.number, 3), (check.whole, 3)]
+)
+def test_an_upper_bound_is_no_value_itself(asked, at):
+    assert asked("site", at - 1, least=0, below=3) == 2
+    with pytest.raises(TensegrityError, match=r"site 3 must be below 3$"):
+        asked("site", at, least=0, below=3)

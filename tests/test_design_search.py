@@ -16,7 +16,7 @@ import pytest
 from designs import BIG, BLOW, CHOICE, ORDER, SIZES, SMALL, SOFT, STEEL, before_a_wall
 
 from granular import materials
-from granular.design import Choice, Order, Sizes, peak_force, search
+from granular.design import Choice, Order, Sizes, finalists, peak_force, search
 from granular.design import searching as module
 from granular.design.methods import METHODS
 from granular.design.packs import wall_peak
@@ -115,7 +115,7 @@ def test_a_search_goes_on_from_its_checkpoint_and_computes_nothing_twice(tmp_pat
         module.Problem, "__call__", lambda self, x: computed.append(len(x)) or plain(self, x)
     )
     same(whole, designs.small_search(path))
-    again = 2 * module.FINALISTS + 1
+    again = 2 * finalists.FINALISTS + 1
     assert sum(computed) == 640 - 200 + again
     computed.clear()
     same(whole, designs.small_search(path))
@@ -250,7 +250,7 @@ def test_a_force_that_grows_after_the_window_is_said_not_to_be_converged():
 
 
 def test_a_scene_that_is_built_is_searched_like_the_chain(monkeypatch):
-    monkeypatch.setattr(module, "WINDOW", 2)
+    monkeypatch.setattr(finalists, "WINDOW", 2)
     few = Order([BIG] * 2 + [SMALL] * 2)
     early = SHORT | {"t_end": 3e-4}
     plain = search(few, budget=64, **early)

@@ -16,9 +16,9 @@ from tensegrity.engine import kept as kept_module
 from tensegrity.engine import programs
 from tensegrity.engine.codegen import DerivedLaw, functions
 from tensegrity.engine.kept import cache_folder, kept
+from tensegrity.prisms.closed import rigid_law
 from tensegrity.prisms.condensed import functions as functions_of
 from tensegrity.prisms.equations import problem
-from tensegrity.prisms.prism import rigid_law
 
 ROOT = Path(__file__).parent.parent
 RESULTS = (

@@ -7,16 +7,7 @@ import pytest
 import sympy as sp
 from complex_steps import derivative, net, run, tension_of
 
-from granular import (
-    Bead,
-    Striker,
-    chain,
-    fcc_pack,
-    hertz,
-    hexagonal_pack,
-    materials,
-    y_guide,
-)
+from granular import Bead, Striker, chain, fcc_pack, hertz, hexagonal_pack, materials, y_guide
 from granular.sensitivity import by_beads
 from tensegrity import Network, Potential, PowerLaw, State, TensegrityError, Wall, gradient
 from tensegrity import objective as o

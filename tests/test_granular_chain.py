@@ -10,6 +10,7 @@ from derivations import contact as derived
 from granular import Bead, Striker, bead_of_mass, chain, hertz, materials, power, simulate
 from granular.observables import (
     density,
+    energy_shares,
     mean_force,
     momentum,
     overlaps,
@@ -25,6 +26,7 @@ from tensegrity import Record, TensegrityError
 from tensegrity.measure.observables import width
 
 STEEL = Bead(4.76e-3, materials["steel"], mass=0.45e-3)
+PTFE = Bead(4.76e-3, materials["ptfe"], mass=0.123e-3)
 
 
 def run_until(scene, t_end, dt=None, every=2):
@@ -245,6 +247,20 @@ def test_energies_of_the_parts_add_up(steel):
     assert set(parts) == {"striker", "chain", "walls"}
     np.testing.assert_allclose(sum(parts.values()), run.energy, rtol=1e-10)
     assert parts["walls"].max() > 0.1 * run.energy[0]
+
+
+def test_what_is_told_of_parts_does_not_depend_on_the_order_of_the_record():
+    scene = chain([STEEL, PTFE] * 3, striker=Striker(STEEL, 0.5), end=materials["ptfe"])
+    orders = range(scene.sites), range(scene.sites)[::-1]
+    runs = [
+        simulate(scene, scene.start(), 5e-5, dt=1e-7, record=Record(every=50, sites=sites))
+        for sites in orders
+    ]
+    (one, other), totals = map(part_energies, runs), [*map(momentum, runs)]
+    for part in one:
+        np.testing.assert_array_equal(one[part], other[part])
+    np.testing.assert_array_equal(*totals)
+    np.testing.assert_array_equal(*map(energy_shares, runs))
 
 
 def test_peak_overlap_is_that_of_the_peak_force(steel):

@@ -22,15 +22,7 @@ from granular import (
 from granular.crystal import rows
 from granular.guide import Guide
 from granular.layout import crossed_layout, y_layout
-from granular.observables import (
-    density,
-    mean_force,
-    momentum,
-    overlaps,
-    part_energies,
-    peak,
-    speed,
-)
+from granular.observables import density, mean_force, momentum, overlaps, part_energies, peak, speed
 from tensegrity import ContactError, Record, StabilityError, State, TensegrityError
 
 END = 420e-6  # s: the reflected wave has passed the sensors of stem 1

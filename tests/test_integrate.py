@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 import sympy as sp
-from scenes import extended, prism_chain, smooth_blow
+from scenes import extended, interrupted, prism_chain, smooth_blow
 
 from tensegrity import (
     Chain,
@@ -446,18 +446,7 @@ def test_tolerance_below_round_off_is_refused():
 
 @pytest.mark.parametrize("at", [1, 2, 5, 20, 60])
 def test_interrupt_while_a_tolerance_is_sought(monkeypatch, at):
-    chain = prism_chain()
-    calls = []
-    advance = march._Watch.advance
-
-    def interrupted(self, steps):
-        calls.append(steps)
-        if len(calls) == at:
-            raise KeyboardInterrupt
-        advance(self, steps)
-
-    monkeypatch.setattr(march, "STRIDE", 0)
-    monkeypatch.setattr(march._Watch, "advance", interrupted)
+    chain, calls = prism_chain(), interrupted(monkeypatch, at)
     run = simulate(chain, smooth_blow(chain), 10.0, tol=1e-9, record=Record(sites=[3, 1]))
     assert not run.complete
     assert run.sites == (3, 1)
@@ -489,17 +478,7 @@ def test_numbers_that_overflow_are_refused():
 
 def test_interrupt_returns_what_was_done(monkeypatch):
     chain = prism_chain()
-    calls = []
-    advance = march._Watch.advance
-
-    def interrupted(self, steps):
-        if len(calls) == 7:
-            raise KeyboardInterrupt
-        calls.append(steps)
-        advance(self, steps)
-
-    monkeypatch.setattr(march, "STRIDE", 0)
-    monkeypatch.setattr(march._Watch, "advance", interrupted)
+    interrupted(monkeypatch, 8)
     run = simulate(chain, smooth_blow(chain), 10.0, dt=0.1, record=Record(every=2))
     assert not run.complete
     assert run.steps == 14

@@ -25,7 +25,7 @@ from tensegrity import (
     solitary_wave,
 )
 from tensegrity.engine import native
-from tensegrity.prisms.prism import rigid_programs
+from tensegrity.prisms.closed import rigid_programs
 
 NODE = shutil.which("node")
 BROWSER = next(

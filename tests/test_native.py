@@ -205,6 +205,15 @@ def _is_alive(pid):
         return False
 
 
+def _ends(hanging):
+    """Whether what a compiler started is gone, in some seconds."""
+    (child,) = hanging.read_text().split()
+    until = time.monotonic() + 5
+    while _is_alive(child) and time.monotonic() < until:
+        time.sleep(0.02)
+    return not _is_alive(child)
+
+
 @pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs /proc")
 def test_a_compiler_that_hangs_is_ended_with_all_it_started_and_not_asked_again(cache, hanging):
     before = time.monotonic()
@@ -212,11 +221,7 @@ def test_a_compiler_that_hangs_is_ended_with_all_it_started_and_not_asked_again(
         with pytest.raises(native.CompilerError, match=r"was ended after 0\.5 s"):
             native.library(TEXT)
     assert time.monotonic() - before < 10
-    (child,) = hanging.read_text().split()
-    until = time.monotonic() + 5
-    while _is_alive(child) and time.monotonic() < until:
-        time.sleep(0.02)
-    assert not _is_alive(child)
+    assert _ends(hanging)
     assert left(cache) == []
 
 
@@ -233,11 +238,7 @@ def test_an_interrupt_ends_the_compiler_too(cache, hanging, monkeypatch):
             native.library(TEXT)
     finally:
         signal.signal(signal.SIGALRM, previous)
-    (child,) = hanging.read_text().split()
-    until = time.monotonic() + 5
-    while _is_alive(child) and time.monotonic() < until:
-        time.sleep(0.02)
-    assert not _is_alive(child)
+    assert _ends(hanging)
 
 
 def test_without_a_usable_folder_a_temporary_one_serves(cache, tmp_path):

@@ -171,15 +171,19 @@ def test_what_kicks_between_a_row_and_an_event_make_too_much_is_the_derived_one(
 # the order
 
 
+def moving(where, n):
+    """A scene whose contacts open, its state and how long it is followed."""
+    if where == "chain":
+        return row(n), blow(row(n)), 9.0
+    scene = cluster(n, 3 if where == "space" else 2)
+    return scene, thrown(scene), 6.0
+
+
 @pytest.mark.needs_compiler
 @pytest.mark.parametrize("n", EXPONENTS)
 @pytest.mark.parametrize("where", ["chain", "plane with a wall", "space"])
 def test_order_is_the_exponent_and_three_not_and_one(where, n):
-    if where == "chain":
-        scene, state, t_end = row(n), blow(row(n)), 9.0
-    else:
-        scene = cluster(n, 3 if where == "space" else 2)
-        state, t_end = thrown(scene), 6.0
+    scene, state, t_end = moving(where, n)
     found, errors = order(scene, state, t_end)
     plain, others = order(scene, state, t_end, METHODS["rkn6"])
     assert found > float(derived.left().subs(derived.exponent, n)) - 0.55
@@ -206,11 +210,7 @@ def all_along(scene, state, t_end, steps, engine=bind):
 def test_every_row_has_the_order_not_only_those_far_from_events(where):
     """Unless it is taken back, what was done for kicks to come is wrong at the row between."""
     n = 1.5
-    if where == "chain":
-        scene, state, t_end = row(n), blow(row(n)), 9.0
-    else:
-        scene = cluster(n, 3 if where == "space" else 2)
-        state, t_end = thrown(scene), 6.0
+    scene, state, t_end = moving(where, n)
     counts, finer = np.unique(np.geomspace(50, 300, 14).astype(int)), 24
     errors = []
     for count in counts.tolist():

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from figures.packs_forming import box, gas
 from granular import (
     Bead,
     Pack,
@@ -240,24 +241,6 @@ def test_direct_hit_on_a_wall_has_the_closed_form_s_force():
     run = simulate(scene, scene.at_rest({0: (-1.65,)}), 4e-5, record=Record(interval=1e-7))
     assert largest(run.t, wall_force(run, "wall"))[1] == pytest.approx(expected, rel=1e-6)
     assert run.final.v[0, 0] == pytest.approx(1.65, rel=1e-7)
-
-
-def box(width, height):
-    """Four walls about a rectangle, as `pack` takes them."""
-    planes = {
-        "left": ((0, 0), (1, 0)), "right": ((width, 0), (-1, 0)),
-        "floor": ((0, 0), (0, 1)), "lid": ((0, height), (0, -1)),
-    }  # fmt: skip
-    return {name: (Wall(*plane), WALL) for name, plane in planes.items()}
-
-
-def gas():
-    """36 beads with gaps that fly in as many directions, and their first state."""
-    places = (1 + 1.5 * np.array([(i, j) for i in range(6) for j in range(6)])) * D
-    scene = pack(places, STEEL, box(9.5 * D, 9.5 * D))
-    angle = math.pi * (3 - math.sqrt(5)) * np.arange(36)
-    velocity = 2.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    return scene, scene.at_rest(dict(enumerate(velocity.tolist())))
 
 
 def test_a_break_shot_meets_the_reference_s_velocities():

@@ -11,7 +11,7 @@ import pytest
 import sympy as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scenes import extended, prism_chain, smooth_blow
+from scenes import extended, interrupted, prism_chain, smooth_blow
 
 from derivations import prism as derived_prism
 from derivations import rigid_elastic as derived
@@ -32,7 +32,7 @@ from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.interpreted import Interpreted
 from tensegrity.engine.kernel import bind
 from tensegrity.engine.methods import METHODS
-from tensegrity.runs import march, tolerance
+from tensegrity.runs import tolerance
 from tensegrity.springs import polynomial
 
 RIGID = Prism(1.0, 0.8, 0.02, 1.0).potential()
@@ -340,17 +340,7 @@ def test_a_range_left_is_widened(monkeypatch):
 def test_interrupt_while_polynomials_are_tried(monkeypatch, at):
     monkeypatch.setattr(tolerance, "WORTH", -math.inf)
     chain, state = soft_blow()
-    calls = []
-    advance = march._Watch.advance
-
-    def interrupted(self, steps):
-        calls.append(steps)
-        if len(calls) == at:
-            raise KeyboardInterrupt
-        advance(self, steps)
-
-    monkeypatch.setattr(march, "STRIDE", 0)
-    monkeypatch.setattr(march._Watch, "advance", interrupted)
+    calls = interrupted(monkeypatch, at)
     run = simulate(chain, state, 10.0, tol=1e-9, record=Record(every=5))
     assert not run.complete
     assert len(calls) == at  # nothing was begun after it

@@ -9,7 +9,7 @@ from derivations import prism as derived_prism
 from derivations import rigid_elastic as derived
 from tensegrity import Prism
 from tensegrity.engine import codegen
-from tensegrity.prisms.prism import rigid_law
+from tensegrity.prisms.closed import rigid_law
 
 BASE, HEIGHT, PRESTRAIN = 1.3, 0.9, 0.07
 

@@ -7,12 +7,7 @@ import pytest
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-from figures import (
-    solitary_errors,
-    solitary_families,
-    solitary_largest_speed,
-    solitary_profiles,
-)
+from figures import solitary_errors, solitary_families, solitary_largest_speed, solitary_profiles
 
 
 @pytest.fixture(scope="module")

@@ -12,9 +12,9 @@ from figures import (
     _impact,
     _measure,
     _scenes,
+    chosen,
     wave_collision,
     wave_composite,
-    wave_composite_map,
     wave_mitigation,
     wave_power_law,
     wave_softening,
@@ -35,6 +35,9 @@ from tensegrity import (
 from tensegrity.measure.budget import beyond
 
 pytestmark = pytest.mark.needs_compiler  # minutes without
+
+
+WAVES = [picture for picture in chosen(["waves"]).values() if hasattr(picture, "table")]
 
 
 def numbers(table):
@@ -333,20 +336,7 @@ def test_errors_of_numbers_are_the_difference_of_two_resolutions():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "module",
-    [
-        wave_collision,
-        wave_composite,
-        wave_composite_map,
-        wave_mitigation,
-        wave_power_law,
-        wave_softening,
-        wave_speeds,
-        wave_supercompact,
-        wave_tuning,
-    ],
-)
+@pytest.mark.parametrize("module", WAVES)
 def test_every_scene_draws_and_says_what_it_measured(module, tmp_path):
     tables = module.data()
     figure = plt.figure(layout="constrained")

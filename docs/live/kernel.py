@@ -13,7 +13,7 @@ import casadi as ca
 from tensegrity import Prism
 from tensegrity.engine.codegen import c_text, functions, to_casadi
 from tensegrity.engine.methods import METHODS
-from tensegrity.prisms.prism import rigid_law, rigid_programs
+from tensegrity.prisms.closed import rigid_law, rigid_programs
 
 FOLDER = Path(__file__).parent
 METHOD = METHODS["rkn6"]

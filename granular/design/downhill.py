@@ -161,7 +161,9 @@ class Pass:
         mean = float(np.mean(powers * force / top))
         value = top * mean ** (1 / p)
         by_force = value / top * powers / (mean * len(force))
-        return self._largest(force), value, self.slopes(force, by_force[None])[0]
+        steps, shares = _maxima(force)
+        largest = float((shares * force[steps]).sum(axis=1).max())
+        return largest, value, self.slopes(force, by_force[None])[0]
 
     def peaks(self, sizes: Array) -> tuple[Array, Array]:
         """The highest maxima of the force [N], the first the largest; (PEAKS,), 0 where there are
@@ -175,11 +177,6 @@ class Pass:
             values[k] = heights[number]
             by_force[k, steps[number]] = shares[number]
         return values, self.slopes(force, by_force)
-
-    @staticmethod
-    def _largest(force: Array) -> float:
-        steps, shares = _maxima(force)
-        return float((shares * force[steps]).sum(axis=1).max())
 
 
 def _maxima(force: Array) -> tuple[Indices, Array]:

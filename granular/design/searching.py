@@ -3,11 +3,7 @@
 Every batch that a method proposes is computed in parts, by the workers of an executor or here;
 designs that were computed before are looked up.  What a design is worth does not depend on the
 part that it is computed in, so that a seed gives one result however many workers there are.
-
-An optimiser finds the errors of an integration, and hides a force behind the end of the run.  The
-best designs are therefore computed again with a half and a quarter of the step, and one whose
-force moves is not taken; of the others that is taken which has the least force in a window ten
-times longer, at the half step.
+The best of them are computed again, see `granular.design.finalists`.
 """
 
 from __future__ import annotations
@@ -17,13 +13,14 @@ import itertools
 import os
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from granular.beads import Bead, Striker
+from granular.beads import Striker
 from granular.design import objective
 from granular.design.downhill import Descents, Way
+from granular.design.finalists import KEPT, Best, chosen
 from granular.design.methods import METHODS, starting, suits
 from granular.design.packs import Build, wall_peak
 from granular.design.spaces import Choice, Order, Sizes, Space
@@ -39,89 +36,8 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array
 
 COARSE = 2.0  # steps of a search over the default ones
-FINER = (2, 4)  # of whose steps the best are computed again
-MOVED = 1e-3  # relative change of a force that is the integration's, not the design's
-FINALISTS = 16  # the best designs that are computed again, at a time
-ROUNDS = 4  # times so many are looked at
-WINDOW = 10  # times longer, for the maximum to stay
 IDLE = 30  # batches without a new design, after which a search ends
 PART = 16  # chains that one worker is given
-
-
-class Again(NamedTuple):
-    """The best design computed again.
-
-    Attributes
-    ----------
-    t_end, dt : float
-        [s].
-    force : float
-        [N]; nan where a scene could not be followed that long.
-    """
-
-    t_end: float
-    dt: float
-    force: float
-
-
-@dataclass(frozen=True, eq=False)
-class Best:
-    """What a search found.
-
-    Attributes
-    ----------
-    beads : list of Bead
-        The design, from the struck end to the wall.
-    peak_force : float
-        Largest force on the wall, with the finest of the steps [N].
-    evaluations : int
-        Different designs computed; with "gradient" all, each with its slopes.
-    history : ndarray, (evaluations,)
-        Force of each in the order in which they were proposed [N], with the steps of the search:
-        `numpy.minimum.accumulate(history)` is how the search went.
-    converged_in_time : bool
-        Whether the force is the same with two finer steps, and in a window ten times longer.
-    again : tuple of Again
-        The best with the step of the search, finer ones, and in the longer window.
-    rejected : int
-        Better designs of the search whose force moved with the step.
-    failed : int
-        Designs that were lost twice with the worker that computed them; inf in `history`.
-    method : str
-    seed : int
-    """
-
-    beads: list[Bead]
-    peak_force: float
-    evaluations: int
-    history: Array
-    converged_in_time: bool
-    again: tuple[Again, ...]
-    rejected: int
-    failed: int
-    method: str
-    seed: int
-
-    def __str__(self) -> str:
-        lines = [
-            f"{self.peak_force:.6g} N, {self.method}, seed {self.seed}, "
-            f"{self.evaluations} designs computed"
-        ]
-        lines += [
-            f"in {one.t_end:.4g} s at dt = {one.dt:.3g} s: {one.force:.8g} N" for one in self.again
-        ]
-        if self.failed:
-            lines.append(f"{self.failed} designs were lost with their workers")
-        if self.rejected:
-            lines.append(f"{self.rejected} better ones moved with the step and were not taken")
-        if not self.converged_in_time:
-            lines.append(
-                f"NOT converged in time: these differ by more than {MOVED:g}; take a longer "
-                "t_end, or this force as an estimate"
-            )
-        return "\n".join(lines)
-
-    __repr__ = __str__
 
 
 @dataclass(frozen=True)
@@ -322,7 +238,7 @@ class _Trail:
         self.forces += forces.tolist()
         self._known.update(zip(keys, forces.tolist(), strict=True))
         every, values = np.concatenate([self._top, rows]), np.append(self._top_forces, forces)
-        order = np.argsort(values, kind="stable")[: FINALISTS * ROUNDS]
+        order = np.argsort(values, kind="stable")[:KEPT]
         self._top, self._top_forces = every[order].astype(rows.dtype), values[order]
         if self.bar is not None:
             self.bar.update(len(fresh))
@@ -367,53 +283,22 @@ class _Trail:
 
     def best(self) -> Best:
         """The best design that does not move with the step, in the longer window too."""
-        problem, rejected = self._problem, 0
-        t_end, dt = problem.t_end, problem.dt
-        some = np.isfinite(self._top_forces)
-        top, forces = self._top[some], self._top_forces[some]
-        if not len(top):
+        problem, some = self._problem, np.isfinite(self._top_forces)
+        if not some.any():
             raise TensegrityError(f"no design of {len(self.forces)} has a force at the wall")
-        for first in range(0, len(top), FINALISTS):
-            rows, found = (x[first : first + FINALISTS] for x in (top, forces))
-            finer = np.array([self._computed(problem.at(t_end, dt / k), rows) for k in FINER])
-            holds = np.abs(finer[0] / finer[-1] - 1) <= MOVED
-            worth = np.where(holds, finer[-1], np.inf) if holds.any() else finer.max(axis=0)
-            if not first or holds.any():
-                k, longer = self._lasting(rows, worth)
-                row, known, values = rows[k], found[k], finer[:, k]
-                converged = bool(holds[k] and abs(longer / values[0] - 1) <= MOVED)
-            rejected += int(np.sum(~holds & (found < worth.min())))
-            if holds.any():
-                break
-        again = [Again(t_end, dt, float(known))]
-        again += [Again(t_end, dt / k, float(f)) for k, f in zip(FINER, values, strict=True)]
-        again.append(Again(WINDOW * t_end, dt / FINER[0], longer))
+
+        def force(t_end: float, dt: float, rows: Array) -> Array:
+            return self._computed(problem.at(t_end, dt), rows)
+
+        row, again, converged, rejected = chosen(
+            force, problem.t_end, problem.dt, self._top[some], self._top_forces[some]
+        )
         return Best(
-            beads=problem.space.beads(row), peak_force=float(values[-1]),
+            beads=problem.space.beads(row), peak_force=again[-2].force,
             evaluations=len(self.forces), history=np.array(self.forces),
-            converged_in_time=converged, again=tuple(again), rejected=rejected,
+            converged_in_time=converged, again=again, rejected=rejected,
             failed=self.failed, method=self._method, seed=self._seed,
         )  # fmt: skip
-
-    def _lasting(self, rows: Array, worth: Array) -> tuple[int, float]:
-        """Number of the design with the least force in the longer window, and that force [N].
-
-        It is looked for from the best on, as long as another could have less.
-        """
-        problem = self._problem.at(WINDOW * self._problem.t_end, self._problem.dt / FINER[0])
-        best: tuple[float, int, float] | None = None
-        for k in np.argsort(worth, kind="stable").tolist():
-            if best is not None and not worth[k] < best[0]:
-                break
-            try:
-                longer = float(self._computed(problem, rows[k : k + 1])[0])
-            except TensegrityError:  # a pack that came apart, such that unlisted beads meet
-                longer = np.nan
-            true = np.inf if np.isnan(longer) else max(float(worth[k]), longer)
-            if best is None or true < best[0]:
-                best = true, k, longer
-        assert best is not None
-        return best[1], best[2]
 
 
 class _Descending(_Trail):
@@ -457,7 +342,7 @@ class _Descending(_Trail):
                 self._keep(lowest, forces, whole)
             if len(self.forces) >= self._budget:
                 break
-        order = np.argsort(self._top_forces, kind="stable")[: FINALISTS * ROUNDS]
+        order = np.argsort(self._top_forces, kind="stable")[:KEPT]
         self._top, self._top_forces = self._top[order], self._top_forces[order]
         return found, values
 

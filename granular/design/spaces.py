@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from granular.beads import Bead, volume
-from granular.design.objective import Designs
+from granular.design.designs import Designs
 from granular.materials import Material
 from tensegrity import TensegrityError, check
 

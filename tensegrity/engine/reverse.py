@@ -420,23 +420,14 @@ def sampled(bound, steps, u, v, places, of_u, rows, lib):
     if hasattr(bound, "sample"):
         bound.sample(steps, places, of_u, rows)
         return
-    call = _call_of(bound)
-    if call is None or lib is None:
+    function, arguments = getattr(bound, "_call", (None, ()))  # of C, and what it is called with
+    if len(arguments) != 1 or lib is None:
         for row in rows:
             bound.advance(1)
             row[:of_u], row[of_u:] = u.ravel()[places[:of_u]], v.ravel()[places[of_u:]]
         return
-    function, address = call
-    arrays = (x.ctypes.data for x in (u, v, places))
-    lib.sampled(function, address, steps, *arrays, len(places), of_u, rows.ctypes.data)
-
-
-def _call_of(bound):
-    """Address of the C function of a bound loop that does steps, and its argument."""
-    function, arguments = getattr(bound, "_call", (None, ()))
-    if len(arguments) != 1:
-        return None
-    return _pointer(function), arguments[0]
+    step, arrays = (_pointer(function), *arguments), (x.ctypes.data for x in (u, v, places))
+    lib.sampled(*step, steps, *arrays, len(places), of_u, rows.ctypes.data)
 
 
 def _pointer(function):

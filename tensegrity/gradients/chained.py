@@ -13,10 +13,10 @@ import numpy as np
 from tensegrity.engine.codegen import Law
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
+from tensegrity.prisms.closed import rigid_law
 from tensegrity.prisms.condensed import ElasticPotential
-from tensegrity.prisms.prism import rigid_law
 from tensegrity.springs.polynomial import Polynomial
-from tensegrity.springs.potential import PowerLaw
+from tensegrity.springs.power_law import PowerLaw
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -195,19 +195,10 @@ class Forward:
         return u[: self.scene.sites].copy(), v[: self.scene.sites].copy()
 
 
-class _Sampling:
-    """A bound loop that counts its steps and keeps samples."""
+class _Around:
+    """What a bound loop tells of the one inside it."""
 
-    def __init__(self, forward: Forward, inner: Any, u: Array, v: Array) -> None:
-        self._forward, self._inner, self._u, self._v = forward, inner, u, v
-        self._count = u.reshape(-1)[-1:]
-
-    def advance(self, steps: int) -> None:
-        k, u, v = int(self._count[0]), self._u[:-1], self._v[:-1]
-        if k == 0:
-            self._forward.keep(0, u, v)
-            self._forward.first_row(u, v)
-        self._count[0] = self._forward.advance(self._inner, u, v, k, steps)
+    _inner: Any
 
     def forget_range(self) -> None:
         self._inner.forget_range()
@@ -221,36 +212,40 @@ class _Sampling:
         return self._inner.travel
 
 
-class _OnGrid:
+class _Sampling(_Around):
+    """A bound loop that counts its steps and keeps samples."""
+
+    def __init__(self, forward: Forward, inner: Any, u: Array, v: Array) -> None:
+        self._forward, self._inner, self._u, self._v = forward, inner, u, v
+        self._count = u.reshape(-1)[-1:]
+
+    def advance(self, steps: int) -> None:
+        k, u, v = int(self._count[0]), self._u[:-1], self._v[:-1]
+        if k == 0:
+            self._forward.keep(0, u, v)
+            self._forward.first_row(u, v)
+        self._count[0] = self._forward.advance(self._inner, u, v, k, steps)
+
+
+class _OnGrid(_Around):
     """The loop of a layout on rows of a scene: sites, and behind them what it leaves alone."""
 
     def __init__(self, layout: Any, u: Array, v: Array, method: Any, dt: float, grid: Any) -> None:
-        self._back = reverse.Back(layout, method, dt, reverse.Totals(layout, 0), grid)
+        self._inner = reverse.Back(layout, method, dt, reverse.Totals(layout, 0), grid)
         self._u, self._v = u, v
 
     def advance(self, steps: int) -> None:
         with self._moved():
-            self._back.advance(steps)
+            self._inner.advance(steps)
 
     def sample(self, steps: int, places: Array, of_u: int, rows: Array) -> None:
         """Steps one by one, with samples."""
         with self._moved():
-            self._back.sample(steps, places, of_u, rows)
+            self._inner.sample(steps, places, of_u, rows)
 
     @contextmanager
     def _moved(self) -> Iterator[None]:
-        sites = self._back.layout.sites
-        self._back.set(self._u[:sites], self._v[:sites])
+        sites = self._inner.layout.sites
+        self._inner.set(self._u[:sites], self._v[:sites])
         yield
-        self._u[:sites], self._v[:sites] = self._back.state()
-
-    def forget_range(self) -> None:
-        self._back.forget_range()
-
-    @property
-    def range(self) -> Array:
-        return self._back.range
-
-    @property
-    def travel(self) -> float:
-        return self._back.travel
+        self._u[:sites], self._v[:sites] = self._inner.state()

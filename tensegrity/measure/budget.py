@@ -75,9 +75,7 @@ def beyond(run: Run, bond: int) -> Budget:
     chain = run.scene
     if not isinstance(chain, Chain):
         raise TensegrityError(f"the scene of the run is {type(chain).__name__}, not a Chain")
-    bond = check.whole("bond", bond, least=0)
-    if bond > chain.sites - 2:
-        raise TensegrityError(f"bond {bond} must be below {chain.sites - 1}")
+    bond = check.whole("bond", bond, least=0, below=chain.sites - 1)
     if run.sites != tuple(range(chain.sites)):
         raise TensegrityError(f"{len(run.sites)} of {chain.sites} sites recorded: record all")
     if chain.ends[1] != "free":

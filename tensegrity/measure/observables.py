@@ -107,9 +107,7 @@ def duration(run: Recorded, bond: int, level: float = 0.05) -> float:
     arrival_time = arrival(run, bond)
     left, right = run.sites.index(bond), run.sites.index(bond + 1)
     curve = CubicSpline(run.t, run.u[:, right] - run.u[:, left])
-    level = check.number("level", level, above=0)
-    if level >= 1:
-        raise TensegrityError(f"level {level:g} must be below 1")
+    level = check.number("level", level, above=0, below=1)
     crossings = curve.solve(level * float(curve(arrival_time)), extrapolate=False)
     before, after = crossings[crossings < arrival_time], crossings[crossings > arrival_time]
     if before.size == 0 or after.size == 0:
@@ -196,9 +194,7 @@ def tail_front(chain: Chain, state: State, level: float = 0.5) -> float:
         The front is where the elongation, seen from the leading pulse, first comes to this part
         of the largest one behind it; to about a tenth of a site.
     """
-    level = check.number("level", level, above=0)
-    if level >= 1:
-        raise TensegrityError(f"level {level:g} must be below 1")
+    level = check.number("level", level, above=0, below=1)
     lead = pulses(chain, state, CREST)[0]
     behind = np.abs(chain.elongation(state.u)[: lead.first])
     if behind.max(initial=0.0) <= ROUND_OFF * abs(lead.elongation):
@@ -272,9 +268,7 @@ def width(x: Array, profile: ArrayLike, level: float = 0.05) -> float:
     level : float
         Part of the extreme value, between 0 and 1.
     """
-    level = check.number("level", level, above=0)
-    if level >= 1:
-        raise TensegrityError(f"level {level:g} must be below 1")
+    level = check.number("level", level, above=0, below=1)
     x, profile = _columns(x=x, profile=profile)
     size = np.abs(profile)
     top = int(np.argmax(size))

@@ -18,7 +18,7 @@ from tensegrity.branches.continuation import Settings, trace
 from tensegrity.engine.codegen import deflated, horner
 from tensegrity.engine.functions import Functions
 from tensegrity.engine.kernel import kernel
-from tensegrity.errors import EquilibriumError, RangeError, TensegrityError
+from tensegrity.errors import EquilibriumError, RangeError
 from tensegrity.once import once
 from tensegrity.prisms.equations import UNKNOWNS, inner, numbers, problem, tangent
 from tensegrity.springs.potential import Potential, call
@@ -359,9 +359,7 @@ class ElasticPotential(Potential):
         return np.column_stack([np.sinh(z), rise])
 
     def _evaluate(self, order: int, r: ArrayLike, closed: bool = False) -> Array:
-        r = check.floats("elongation", r)
-        if np.isnan(r).any():
-            raise TensegrityError("elongation nan m is not a number")
+        r = check.numbers("elongation", r, "m")
         low, high = self._domain
         # an end is a root: where a prism hardly prestressed makes contact, some ulps are open
         slack = 64 * np.finfo(float).eps * max(self._length, self._prism.height)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from tensegrity.branches.continuation import DerivedProblem, Problem
 from tensegrity.engine.codegen import to_casadi
 from tensegrity.once import once
+from tensegrity.prisms.closed import polygon
 
 if TYPE_CHECKING:
     from typing import Any
@@ -27,9 +28,8 @@ def _forms(rigid_base: bool, any_sides: bool) -> Any:
     import casadi as ca
 
     from derivations import mixed as derived
-    from derivations import regular
 
-    of = regular.ANY if any_sides else regular.TRIANGLE
+    of = polygon(any_sides)
     z, p = ca.SX.sym("z", 4 - rigid_base), ca.SX.sym("p", 9 if any_sides else 6)
     unknowns = (ca.SX(0), *ca.vertsplit(z)) if rigid_base else ca.vertsplit(z)
     symbols = (*derived.UNKNOWNS, *derived.PARAMETERS, *(derived.SIDES if any_sides else ()))

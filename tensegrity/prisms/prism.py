@@ -15,28 +15,21 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from tensegrity import check
-from tensegrity.engine.codegen import DerivedLaw, Law
-from tensegrity.engine.kept import kept
-from tensegrity.engine.programs import derived as program_of
-from tensegrity.engine.programs import run
-from tensegrity.errors import EquilibriumError, NoLocking, TensegrityError
+from tensegrity.errors import NoLocking, TensegrityError
 from tensegrity.notebook import page, wires
-from tensegrity.once import once
-from tensegrity.root import root
+from tensegrity.prisms import closed
+from tensegrity.prisms.closed import exact, rigid_potential
 from tensegrity.springs.potential import Potential, call
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
     from typing import Any
 
     from numpy.typing import ArrayLike
 
     from tensegrity.structures.structure import Structure
 
-NOTHING = 1e-30  # of a number with some prestrain: none without
 SHOWN = 0.95  # of the way to the end of the domain in a notebook's picture
 STIFF = 100.0  # constants over k_cross for the drawing of rigid members
-DIGITS = 40  # decimals in which stored parameters are computed before they are rounded
 
 
 class NaturalLengths(NamedTuple):
@@ -89,7 +82,7 @@ class Prism:
         for name in ("k_base", "k_bar"):
             self._check(name, above=0, finite=False, unit="N/m")
         if self.natural_lengths().base <= 0:
-            (least,) = map(float, _exact(_least_k_base, self))
+            (least,) = map(float, exact(closed.least_k_base, self))
             raise TensegrityError(
                 f"k_base {self.k_base:g} N/m must be above {least:g} N/m, "
                 "below which the natural length of the base strings is not positive"
@@ -218,7 +211,7 @@ class Prism:
 
     def natural_lengths(self) -> NaturalLengths:
         """Unstressed lengths of cross strings, base strings and bars [m], as a named tuple."""
-        return NaturalLengths(*(float(x) for x in _exact(_natural_lengths, self)))
+        return NaturalLengths(*(float(x) for x in exact(closed.natural_lengths, self)))
 
     def locking_height(self) -> float:
         """Height at which the bars of the rigid prism meet (twist pi) [m].
@@ -228,7 +221,7 @@ class Prism:
         NoLocking
             If the prism is so thick that it collapses flat (height 0) before that.
         """
-        (squared,) = _exact(_locking_height_squared, self)
+        (squared,) = exact(closed.locking_height_squared, self)
         if squared <= 0:
             raise NoLocking(
                 f"height {self.height:g} m of this prism is not above "
@@ -243,7 +236,7 @@ class Prism:
         Zero where the prestrain is zero: the reference is then a sonic vacuum.  Closed form,
         with rigid members as those of no compliance (seeds/000, part III, "Axial stiffness").
         """
-        (stiffness,) = _exact(_axial_stiffness, self)
+        (stiffness,) = exact(closed.axial_stiffness, self)
         return float(stiffness)
 
     def potential(self, preload: float = 0.0) -> Potential:
@@ -272,167 +265,4 @@ class Prism:
             from tensegrity.prisms.condensed import ElasticPotential
 
             return ElasticPotential(self, preload)
-        unloaded = self._potential_at(self.height, 0.0)
-        if preload == 0:
-            return unloaded
-        return self._potential_at(self.height + _loaded_shift(unloaded, preload), preload)
-
-    def _potential_at(self, height: float, preload: float) -> Potential:
-        law, role = rigid_law(self.sides != 3), _roles()
-        numbers = _exact(_parameters, self, height, preload)
-        if self.prestrain == 0:  # what is proportional to it is round-off of many decimals
-            sizes = _exact(_parameters, replace(self, prestrain=0.1), height, preload)
-            pairs = zip(numbers, sizes, strict=True)
-            numbers = [x if abs(x) > NOTHING * abs(y) else x * 0 for x, y in pairs]
-        values = dict(zip(law.parameters, numbers, strict=True))
-        (locking_squared,) = _exact(_locking_height_squared, self)
-        if locking_squared <= 0:
-            values |= {role["lock"]: height, role["far_lock"]: height}
-            values |= {role["no_lock"]: -locking_squared}
-        ends = (
-            "the bars meet (twist pi)" if locking_squared > 0 else "the prism is flat (height 0)",
-            "the bars stand upright (twist 0)",
-        )
-        numbers = [float(value) for value in values.values()]
-        domain = -float(values[role["lock"]]), float(values[role["stroke"]])
-        origin = call(f"{self}.potential", preload=preload)
-        return Potential.from_law(law, numbers, height, domain, ends, origin, (self, preload))
-
-
-@once
-def _decimals() -> Any:
-    """Arithmetic with `DIGITS` decimals, apart from mpmath's own, which all threads share."""
-    import mpmath
-
-    context = mpmath.MPContext()
-    context.dps = DIGITS
-    return context
-
-
-def _exact(
-    derive: Callable[[Any], Iterable[Any]],
-    prism: Prism,
-    height: float = 1.0,
-    preload: float = 0.0,
-) -> list[Any]:
-    """Values of derived expressions to `DIGITS` decimals, the prism's fields taken as exact."""
-    fields = (prism.base, prism.height, prism.prestrain, prism.k_cross, prism.k_base, prism.k_bar)
-    own = _decimals()
-    angle = own.pi / prism.sides
-    sides = (own.mpf(prism.sides), own.sin(angle), own.cos(angle))
-    values = [own.mpf(x) for x in (*fields, height, preload)]
-    return run(program_of(_of_fields, derive, prism.sides != 3), own, (*values, *sides))
-
-
-def _of_fields(
-    derive: Callable[[Any], Iterable[Any]], any_sides: bool
-) -> tuple[list[Any], tuple[Any, ...]]:
-    from derivations import prism as p
-    from derivations import rigid_elastic as r
-
-    fields = (p.base, p.reference_height, p.prestrain, p.k_cross, p.k_base, p.k_bar)
-    symbols = (*fields, r.loaded_height, r.preload, *r.SIDES)
-    return list(derive(_polygon(any_sides))), symbols
-
-
-def rigid_law(any_sides: bool = False) -> Law:
-    """Of triangular prisms, or of those with any number of sides, which is a parameter then."""
-    return DerivedLaw(_rigid_law, bool(any_sides))
-
-
-def _rigid_law(any_sides: bool) -> Law:
-    from derivations import rigid_elastic as derived
-
-    of = _polygon(any_sides)
-    symbols, tension = derived.parameters_of(of), derived.tension(of)
-    return Law(derived.energy(of), derived.elongation, symbols, tension, derived.THROUGH)
-
-
-def rigid_programs() -> dict[str, Any]:
-    """What `Prism.potential` computes for a rigid triangular prism, for other arithmetics.
-
-    Returns
-    -------
-    dict
-        "parameters" of `rigid_law` and "locking", the square of the locking height, as programs
-        (`tensegrity.engine.programs`) of base, height, prestrain, k_cross, k_base, k_bar, loaded
-        height and preload; "places" of the parameters {role: place} that it tells apart.
-    """
-    names = [str(name) for name in rigid_law().parameters]
-    return {
-        "parameters": program_of(_of_fields, _parameters, False),
-        "locking": program_of(_of_fields, _locking_height_squared, False),
-        "places": {role: names.index(name) for role, name in _roles().items()},
-    }
-
-
-@once
-def _roles() -> dict[str, str]:
-    """Names of parameters of the rigid law that `Prism.potential` needs to tell apart."""
-
-    def make() -> dict[str, str]:
-        from derivations import rigid_elastic as derived
-
-        return {x: str(getattr(derived, x)) for x in ("lock", "far_lock", "no_lock", "stroke")}
-
-    return kept(("roles of the rigid law",), make)
-
-
-def _polygon(any_sides: bool) -> Any:
-    from derivations import regular
-
-    return regular.ANY if any_sides else regular.TRIANGLE
-
-
-def _natural_lengths(of: Any) -> Iterable[Any]:
-    from derivations import prism as derived
-
-    return derived.natural_lengths(of)
-
-
-def _locking_height_squared(of: Any) -> list[Any]:
-    from derivations import rigid_elastic as derived
-
-    return [derived.locking_height_squared(of)]
-
-
-def _least_k_base(of: Any) -> list[Any]:
-    from derivations import prism as derived
-
-    return [derived.least_k_base(of)]
-
-
-def _axial_stiffness(of: Any) -> list[Any]:
-    from derivations import elastic as derived
-
-    return [derived.axial_stiffness_of_prism(of)]
-
-
-def _parameters(of: Any) -> Iterable[Any]:
-    from derivations import rigid_parameters as derived
-
-    return derived.parameter_expressions(of).values()
-
-
-def _loaded_shift(unloaded: Potential, preload: float) -> float:
-    """Elongation of the unloaded potential at which it carries the preload, on its first branch."""
-    lowest = _first_limit(unloaded)
-    largest = -float(unloaded.tension(lowest))
-    if preload >= largest:
-        raise EquilibriumError(
-            f"preload {preload:g} N is beyond {largest:g} N, the largest axial load of this prism "
-            f"(at height {unloaded.length + lowest:g} m)"  # type: ignore[operator]
-        )
-    return root(lambda r: float(unloaded.tension(r)) + preload, lowest, 0.0)
-
-
-def _first_limit(potential: Potential, samples: int = 4000) -> float:
-    """Elongation of the first limit point in compression, or next to the end of the domain."""
-    low = potential.domain[0]
-    r = low * np.sin(np.linspace(0, np.pi / 2, samples + 1)[1:-1])  # closer towards the end
-    falling = np.flatnonzero(potential.stiffness(r) < 0)
-    if falling.size == 0:
-        return np.nextafter(low, 0) * (1 - 1e-15)
-    first = falling[0]
-    before = r[first - 1] if first else 0.0
-    return root(lambda x: float(potential.stiffness(x)), r[first], before)
+        return rigid_potential(self, preload)

@@ -9,7 +9,7 @@ import numpy as np
 
 from tensegrity.engine.programs import derived, run
 from tensegrity.errors import NoLocking
-from tensegrity.prisms.prism import rigid_law
+from tensegrity.prisms.closed import rigid_law
 from tensegrity.root import root
 
 if TYPE_CHECKING:

@@ -20,8 +20,9 @@ import numpy as np
 from tensegrity import check
 from tensegrity.engine import methods
 from tensegrity.errors import TensegrityError
+from tensegrity.prisms.closed import rigid_law
 from tensegrity.prisms.condensed import ElasticPotential
-from tensegrity.prisms.prism import Prism, rigid_law
+from tensegrity.prisms.prism import Prism
 from tensegrity.runs.record import Record
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.ensemble import Ensemble
@@ -29,7 +30,8 @@ from tensegrity.scenes.forcing import Damping, Drive
 from tensegrity.scenes.network import Network
 from tensegrity.scenes.scene import State
 from tensegrity.scenes.walls import Wall
-from tensegrity.springs.potential import Potential, PowerLaw
+from tensegrity.springs.potential import Potential
+from tensegrity.springs.power_law import PowerLaw
 
 if TYPE_CHECKING:
     from typing import Any

@@ -25,7 +25,8 @@ from tensegrity.runs.whole import Whole
 from tensegrity.scenes.forcing import functions_of_time
 from tensegrity.scenes.signals import quickest
 from tensegrity.springs.polynomial import DEGREES, Polynomial, PolynomialLaw
-from tensegrity.springs.potential import Potential, PowerLaw
+from tensegrity.springs.potential import Potential
+from tensegrity.springs.power_law import PowerLaw
 
 MARGIN = 2.0  # a default step may be this much larger, at the stiffness met, than meant
 TRIAL = 0.85  # first step over the stability limit where a tolerance decides

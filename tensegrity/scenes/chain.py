@@ -133,9 +133,7 @@ class Chain(Scene):
         """
         u, v = np.zeros((2, self.sites))
         for site, value in velocities(velocity):
-            site = check.whole("site", site, least=0)
-            if site >= self.sites:
-                raise TensegrityError(f"site {site} must be below {self.sites}")
+            site = check.whole("site", site, least=0, below=self.sites)
             v[site] = check.number(f"velocity of site {site}", value, unit="m/s")
         begun(self, u, v)
         state = State(u, v)

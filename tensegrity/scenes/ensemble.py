@@ -315,9 +315,7 @@ class Ensemble(Scene):
     def lane(self, state: State, number: int) -> State:
         """The state of one of the scenes, by its number from 0."""
         self._refuse_other(state)
-        number = check.whole("lane", number, least=0)
-        if number >= self.lanes:
-            raise TensegrityError(f"lane {number} must be below {self.lanes}")
+        number = check.whole("lane", number, least=0, below=self.lanes)
         return known_state(*(np.ascontiguousarray(x[..., number]) for x in (state.u, state.v)))
 
     @property

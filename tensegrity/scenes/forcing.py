@@ -139,9 +139,7 @@ def checked(scene: Any, drive: Any, damping: Any, tune: Any = None) -> dict[str,
     if not isinstance(drive, Mapping):
         raise TensegrityError(f"drive {check.shown(drive)} must be a dict {{site: Drive}}")
     for site, one in drive.items():
-        number = check.whole("driven site", site, least=0)
-        if number >= scene.sites:
-            raise TensegrityError(f"driven site {number} must be below {scene.sites}")
+        number = check.whole("driven site", site, least=0, below=scene.sites)
         check.kind(f"drive of site {number}", one, Drive)
         if len(one.signals) != scene.dim:
             raise TensegrityError(

@@ -23,10 +23,7 @@ GAP_ROOM = 0.1  # of the radius: what a given wall gap may differ from that of t
 
 def site_number(name: str, value: object, sites: int) -> int:
     """One of the sites, from 0."""
-    site = check.whole(name, value, least=0)
-    if site >= sites:
-        raise TensegrityError(f"{name} {site} must be below {sites}")
-    return site
+    return check.whole(name, value, least=0, below=sites)
 
 
 def per_site(name: str, value: ArrayLike, unit: str, sites: int) -> Array:

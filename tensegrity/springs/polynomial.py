@@ -115,8 +115,7 @@ class Polynomial(Potential):
     error_estimate: float
 
     def __init__(self, spring: Potential, low: float, high: float, error: float = 1e-12) -> None:
-        if not isinstance(spring, Potential):
-            raise TensegrityError(f"spring {spring!r} is not a Potential")
+        check.kind("spring", spring, Potential)
         low, high = (check.number("end of the range", x, unit="m") for x in (low, high))
         error = check.number("error", error, above=0)
         if not low < 0 < high:

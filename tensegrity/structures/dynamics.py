@@ -12,72 +12,44 @@ from tensegrity.scenes.network import Network
 from tensegrity.springs.potential import Potential, call
 
 if TYPE_CHECKING:
-    from typing import Any
-
     from tensegrity.structures.members import Members
     from tensegrity.typing import Array
 
 SMALLEST = 1e-100  # elongation [m] from which a string counts as taut
 
 
-class StringSpring(Potential):
-    """A string: tension(r) = stiffness max(r, 0) at the elongation r from its natural length.
+class _Member(Potential):
+    def __init__(self, stiffness: float) -> None:
+        stiffness = check.number("stiffness", stiffness, above=0, unit="N/m")
+        self._set(_law(not self.smooth), [stiffness], None, (-math.inf, math.inf))
+        self.origin = call(type(self).__name__, stiffness=stiffness)
 
-    Parameters
-    ----------
-    stiffness : float
-        [N/m], > 0.
-    length : float, optional
-        Natural length [m].
+
+class StringSpring(_Member):
+    """A string of a stiffness [N/m] > 0: tension(r) = stiffness max(r, 0).
+
+    The elongation r [m] counts from its natural length.
     """
 
     smooth = False
 
-    def __init__(self, stiffness: float, length: float | None = None) -> None:
-        stiffness = check.number("stiffness", stiffness, above=0, unit="N/m")
-        self._set(_string_law(), [stiffness], length, (-math.inf, math.inf))
-        given: dict[str, Any] = {} if length is None else {"length": self._length}
-        self.origin = call("StringSpring", stiffness=stiffness, **given)
 
-
-class BarSpring(Potential):
-    """A bar: tension(r) = stiffness r at the elongation r from its natural length.
-
-    Parameters
-    ----------
-    stiffness : float
-        [N/m], > 0.
-    length : float, optional
-        Natural length [m].
-    """
-
-    def __init__(self, stiffness: float, length: float | None = None) -> None:
-        stiffness = check.number("stiffness", stiffness, above=0, unit="N/m")
-        self._set(_bar_law(), [stiffness], length, (-math.inf, math.inf))
-        given: dict[str, Any] = {} if length is None else {"length": self._length}
-        self.origin = call("BarSpring", stiffness=stiffness, **given)
+class BarSpring(_Member):
+    """A bar of a stiffness [N/m] > 0: tension(r) = stiffness r, r as of a string."""
 
 
 @once
-def _string_law() -> Law:
+def _law(pulls_only: bool) -> Law:
     import sympy as sp
 
     from derivations import member
 
     r = sp.Symbol("r", real=True)
     stretched = member.energy(member.natural + r)
+    if not pulls_only:
+        return Law(stretched, r, (member.stiffness,))
     taut = sp.Heaviside(r - SMALLEST)
     return Law(taut * stretched, r, (member.stiffness,), taut * sp.diff(stretched, r))
-
-
-@once
-def _bar_law() -> Law:
-    import sympy as sp
-
-    from derivations import member
-
-    r = sp.Symbol("r", real=True)
-    return Law(member.energy(member.natural + r), r, (member.stiffness,))
 
 
 def network(positions: Array, members: Members, mass: Array) -> Network:

@@ -15,9 +15,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tensegrity.structures.members import member_blocks
+
 if TYPE_CHECKING:
     from tensegrity.structures.members import Members
     from tensegrity.typing import Array, Flags, Indices
+
+    Plates = tuple[Array, tuple[int, ...], tuple[int, ...]]
 
 ROUND_OFF = 1e-3  # of stiffness times length beside tension: what residuals are measured by
 BACK = -0.01  # control at which a path that has turned back ends
@@ -53,7 +57,7 @@ class Loading:
     motions: Array
     pattern: Array | None
     change: Array
-    plate: tuple[Array, tuple[int, ...], tuple[int, ...]] | None
+    plate: Plates | None
     limits: tuple[float, float]
     dead: Array
 
@@ -239,8 +243,6 @@ class Piece:
 
     def tangent_of(self, d: Array, lengths: Array, density: Array) -> Array:
         """Tangent over the motions of the basis, (free, free)."""
-        from tensegrity.structures.members import member_blocks
-
         members = self.of.members
         blocks = member_blocks(d, lengths, density, members.stiffness, self.taut)
         turned = np.matmul(blocks, self.of.gain.reshape(*d.shape, -1))

@@ -14,11 +14,11 @@ from tensegrity.errors import TensegrityError
 from tensegrity.readonly import fixed
 from tensegrity.structures.solve import settle
 from tensegrity.structures.structure import Structure
-from tensegrity.structures.supports import Supports
 
 if TYPE_CHECKING:
     from typing import Any
 
+    from tensegrity.structures.supports import Supports
     from tensegrity.typing import Array, Flags
 
 
@@ -90,8 +90,6 @@ def equilibrium(
         If the supports leave rigid motions on which the loads do work, or nothing carries them.
     """
     check.kind("structure", structure, Structure)
-    if supports is not None:
-        check.kind("supports", supports, Supports, ": made by held(...) or plates(...)")
     forces = nodal(structure, loads)
     freedom = structure.freedom(supports)
     x = settle(structure.members, freedom, structure.positions, forces)
@@ -106,8 +104,6 @@ def nodal(structure: Structure, loads: Any) -> Array:
     if not isinstance(loads, Mapping):
         raise TensegrityError(f"loads {check.shown(loads)} must be a dict {{node: force}}")
     for node, force in loads.items():
-        number = check.whole("loaded node", node, least=0)
-        if number >= structure.nodes:
-            raise TensegrityError(f"loaded node {number} must be below {structure.nodes}")
+        number = check.whole("loaded node", node, least=0, below=structure.nodes)
         result[number] = check.vector(f"load of node {number}", force, (structure.dim,))
     return result

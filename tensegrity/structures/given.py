@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 
 def platforms(given: Any, nodes: int) -> tuple[tuple[int, ...], ...]:
+    """Nodes of each rigid plate, none on two."""
     try:
         groups = tuple(tuple(group) for group in given)
     except TypeError:
@@ -32,6 +33,7 @@ def platforms(given: Any, nodes: int) -> tuple[tuple[int, ...], ...]:
 
 
 def pairs(name: str, given: Any, nodes: int) -> Indices:
+    """The two different nodes of each bar or string; (members, 2)."""
     try:
         listed = [tuple(pair) for pair in given]
     except TypeError:
@@ -48,6 +50,7 @@ def pairs(name: str, given: Any, nodes: int) -> Indices:
 
 
 def refuse_double(ends: Indices, bars: int) -> None:
+    """Refuse two members between the same nodes; the first ones are bars."""
     first: dict[tuple[int, int], int] = {}
     for number, (i, j) in enumerate(np.sort(ends, axis=1).tolist()):
         if (i, j) in first:
@@ -57,6 +60,7 @@ def refuse_double(ends: Indices, bars: int) -> None:
 
 
 def each(name: str, given: ArrayLike, count: int, unit: str) -> Array:
+    """One positive number for each, from one for all or one for each; (count,)."""
     values = check.floats(name, given)
     if values.shape not in ((), (count,)):
         raise TensegrityError(f"{name} has shape {values.shape}, must be one or ({count},)")

@@ -1,7 +1,7 @@
 """All members of a structure at once: lengths, tensions, energy, gradient and tangent.
 
-The forms are those of `derivations.member`.  Members are rows; a flag says which are taut, that
-is, which have any force at all.
+The forms are those of `derivations.member`.  Members are rows; those that are taut, bars and
+strings not shorter than their natural length, have any force at all.
 """
 
 from __future__ import annotations
@@ -71,11 +71,10 @@ class Members:
         """Which members have a force: bars, and strings not shorter than their natural length."""
         return ~self.pulls_only | (lengths >= self.natural)
 
-    def tensions(self, positions: Array, taut: Flags | None = None) -> Array:
+    def tensions(self, positions: Array) -> Array:
         """[N], (members,); 0 of slack strings."""
         _, lengths = self.apart(positions)
-        taut = self.taut(lengths) if taut is None else taut
-        return np.where(taut, self.stiffness * (lengths - self.natural), 0.0)
+        return np.where(self.taut(lengths), self.stiffness * (lengths - self.natural), 0.0)
 
     def energy(self, positions: Array) -> float:
         """Stored in all [J]."""
@@ -83,30 +82,25 @@ class Members:
         stretched = np.where(self.taut(lengths), lengths - self.natural, 0.0)
         return float(0.5 * np.sum(self.stiffness * stretched**2))
 
-    def gradient(self, positions: Array, taut: Flags | None = None) -> Array:
+    def gradient(self, positions: Array) -> Array:
         """Of the energy in the positions [N], (nodes, dim): minus the force on the nodes."""
         d, lengths = self.apart(positions)
-        taut = self.taut(lengths) if taut is None else taut
-        density = np.where(taut, self.stiffness * (lengths - self.natural) / lengths, 0.0)
+        density = self.stiffness * (lengths - self.natural) / lengths
+        density = np.where(self.taut(lengths), density, 0.0)
         pull = density[:, None] * d
         result = np.zeros_like(positions)
         np.add.at(result, self.ends[:, 1], pull)
         np.subtract.at(result, self.ends[:, 0], pull)
         return result
 
-    def blocks(self, positions: Array, taut: Flags | None = None) -> Array:
-        """Tangent of each member in its own separation [N/m], (members, dim, dim)."""
-        d, lengths = self.apart(positions)
-        taut = self.taut(lengths) if taut is None else taut
-        density = self.stiffness * (lengths - self.natural) / lengths
-        return member_blocks(d, lengths, density, self.stiffness, taut)
-
-    def tangent(self, positions: Array, taut: Flags | None = None) -> Any:
+    def tangent(self, positions: Array) -> Any:
         """Hessian of the energy [N/m], sparse (nodes dim, nodes dim)."""
         import scipy.sparse as sparse
 
         nodes, dim = positions.shape
-        blocks = self.blocks(positions, taut)
+        d, lengths = self.apart(positions)
+        density = self.stiffness * (lengths - self.natural) / lengths
+        blocks = member_blocks(d, lengths, density, self.stiffness, self.taut(lengths))
         axes = np.arange(dim)
         first, second = (dim * self.ends[:, i, None] + axes for i in (0, 1))
         rows, columns, values = [], [], []
@@ -119,14 +113,3 @@ class Members:
         size = nodes * dim
         triplets = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
         return sparse.coo_matrix(triplets, shape=(size, size)).tocsr()
-
-    def dense_tangent(self, positions: Array, taut: Flags | None = None) -> Array:
-        """The same as a dense array."""
-        nodes, dim = positions.shape
-        blocks = self.blocks(positions, taut)
-        result = np.zeros((nodes, dim, nodes, dim))
-        i, j = self.ends.T
-        rows = result.transpose(0, 2, 1, 3)  # a view: pairs of nodes first
-        for left, right, sign in ((i, i, 1), (j, j, 1), (i, j, -1), (j, i, -1)):
-            np.add.at(rows, (left, right), sign * blocks)
-        return result.reshape(nodes * dim, nodes * dim)

@@ -22,6 +22,7 @@ from tensegrity.structures.supports import Supports
 from tensegrity.structures.walk import Walk
 
 if TYPE_CHECKING:
+    from tensegrity.structures.equations import Plates
     from tensegrity.typing import Array
 
 
@@ -39,8 +40,7 @@ def structure_path(
     check.kind("supports", supports, Supports, ": made by held(...) or plates(...)")
     max_load = check.number("max_load", max_load, above=0, finite=False, unit="N")
     max_shortening = check.number("max_shortening", max_shortening, above=0, finite=False, unit="m")
-    if not isinstance(branch, str) or branch not in ("stable", "symmetric"):
-        raise TensegrityError(f"branch {check.shown(branch)} must be 'stable' or 'symmetric'")
+    _refuse_unknown(branch)
     normal = supports.direction(structure.dim)
     pattern = nodal(structure, loads)
     if loads is None:
@@ -51,17 +51,13 @@ def structure_path(
     if not size > 0:
         raise TensegrityError("loads of 0 N are no direction to follow")
     pattern = pattern / size
-    plate = None
-    if supports.lower or supports.upper:
-        plate = (normal, supports.lower, supports.upper)
     motions = _motions(structure, supports, pattern)
     work = float(np.abs(motions.T @ pattern.ravel()).max(initial=0.0))
     if not work > 1e-12:
         raise EquilibriumError("the loads do no work in any motion that the supports leave")
-    limits = (max_load, max_shortening)
     loading = Loading(
-        structure.members, structure.positions, motions, pattern, 0 * structure.lengths, plate,
-        limits, 0 * pattern,
+        structure.members, structure.positions, motions, pattern, 0 * structure.lengths,
+        _plate(structure, supports), (max_load, max_shortening), 0 * pattern,
     )  # fmt: skip
     return Walk(structure, supports, loading, branch).path()
 
@@ -99,10 +95,7 @@ def control_path(
         If the structure is not in equilibrium, or a motion has no stiffness there.
     """
     check.kind("structure", structure, Structure)
-    if supports is not None:
-        check.kind("supports", supports, Supports, ": made by held(...) or plates(...)")
-    if not isinstance(branch, str) or branch not in ("stable", "symmetric"):
-        raise TensegrityError(f"branch {check.shown(branch)} must be 'stable' or 'symmetric'")
+    _refuse_unknown(branch)
     if not isinstance(natural_lengths, Mapping) or not natural_lengths:
         raise TensegrityError(
             f"natural_lengths {check.shown(natural_lengths)} must be a dict {{member: length}}"
@@ -116,12 +109,10 @@ def control_path(
         raise TensegrityError("natural_lengths are those that the structure has: no path")
     dead = nodal(structure, loads)
     motions = _motions(structure, supports, dead)
-    plate = None
-    if supports is not None and (supports.lower or supports.upper):
-        plate = (supports.direction(structure.dim), supports.lower, supports.upper)
     loading = Loading(
-        structure.members, structure.positions, motions, None, change, plate, (math.inf, 1.0), dead
-    )
+        structure.members, structure.positions, motions, None, change,
+        _plate(structure, supports), (math.inf, 1.0), dead,
+    )  # fmt: skip
     gradient = structure.members.gradient(structure.positions) - dead
     left = np.abs(motions.T @ gradient.ravel()).max()
     size = np.abs(structure.tensions).max() + 1e-9 * np.max(
@@ -133,6 +124,17 @@ def control_path(
             "see equilibrium and Structure.relaxed"
         )
     return Walk(structure, supports, loading, branch).path()
+
+
+def _refuse_unknown(branch: str) -> None:
+    if not isinstance(branch, str) or branch not in ("stable", "symmetric"):
+        raise TensegrityError(f"branch {check.shown(branch)} must be 'stable' or 'symmetric'")
+
+
+def _plate(structure: Structure, supports: Supports | None) -> Plates | None:
+    if supports is None or not (supports.lower or supports.upper):
+        return None
+    return supports.direction(structure.dim), supports.lower, supports.upper
 
 
 def _motions(structure: Structure, supports: Supports | None, pattern: Array) -> Array:

@@ -266,10 +266,7 @@ class Structure(ReadOnly):
 
     def member_number(self, member: object) -> int:
         """The number of a member that a user names, checked."""
-        number = check.whole("member", member, least=0)
-        if number >= len(self.ends):
-            raise TensegrityError(f"member {number} must be below {len(self.ends)}")
-        return number
+        return check.whole("member", member, least=0, below=len(self.ends))
 
     def relaxed(self) -> Structure:
         """The structure in the shape that its natural lengths give, found downhill from this one.

@@ -60,7 +60,7 @@ def sech2(spring: Potential, speed_ratio: float, x: ArrayLike) -> Array:
         (compression) where the spring stiffens in compression, V''' < 0.  Error O(gamma^4).
     """
     check.kind("spring", spring, Potential)
-    x, ratio = _places(x), check.number("speed_ratio", speed_ratio)
+    x, ratio = check.numbers("x", x, "sites"), check.number("speed_ratio", speed_ratio)
     if ratio <= 1:
         raise TensegrityError(f"speed_ratio {ratio:g} must be above 1")
     stiffness, slope = float(spring.stiffness(0.0)), float(spring.stiffness_slope(0.0))
@@ -76,17 +76,10 @@ def sech2(spring: Potential, speed_ratio: float, x: ArrayLike) -> Array:
 def tent(spring: Potential, x: ArrayLike) -> Array:
     """Elongation [m] of the wave that reaches the locking stroke: -d (1 - |x|) for |x| < 1."""
     check.kind("spring", spring, Potential)
-    x, stroke = _places(x), -spring.domain[0]
+    x, stroke = check.numbers("x", x, "sites"), -spring.domain[0]
     if math.isinf(stroke):
         raise TensegrityError("no tent: the spring has no locking stroke (its domain is open)")
     return _function("tent")(stroke, x)
-
-
-def _places(x: ArrayLike) -> Array:
-    x = check.floats("x", x)
-    if np.isnan(x).any():
-        raise TensegrityError("x nan sites is not a number")
-    return x
 
 
 def _sound_speed_squared() -> tuple[list[Any], tuple[Any, ...]]:

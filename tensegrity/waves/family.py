@@ -1,13 +1,12 @@
-"""The family of solitary waves of one sign: whether there is one, and the wave asked for.
+"""The family of solitary waves of one sign: whether there is one, and the wave of a given crest.
 
 Waves of a family are ordered by the size of the crest's elongation, with speed and energy rising
 along it.  It is sampled by `travelling` on coarse grids, which takes milliseconds a wave, until
-one is near what is asked; that one is then solved to round-off.
+one is near what is asked, see `asked`; that one is then solved to round-off.
 """
 
 from __future__ import annotations
 
-import contextlib
 import math
 from functools import cached_property
 
@@ -23,9 +22,7 @@ from tensegrity.waves.travelling import (
     Scaled,
     amplitude_is,
     decay_rate,
-    energy_is,
     solved,
-    speed_is,
     started,
 )
 
@@ -46,14 +43,9 @@ NO_TAIL = 1e-2  # of the crest, left at the end of the longest grid: it is no so
 LONGEST = 8  # half-length over what the linear tail needs, while a wave is sought
 CORE = 3.0  # sites in which a wave has fallen to its linear tail
 SLOWEST_DECAY = 6.0  # per site: faster tails are over within the core
-FRONT = 1 - 1e-7  # part of the size of a front
 FLAT = 0.02  # distance to it, over its size, from which a wave is made from one farther away
 STROKE = 0.9995  # part of the stroke to the end of the domain that a wave is looked for in
-CLOSE = 0.03  # relative distance from which Newton's method is trusted to reach the target
-SEARCHES = 60
-NARROW = 5e-3  # step in `Coordinate` at which the last wave of a family is told
 NODES = 6  # waves, the stroke left halved from one to the next, from which a limit is taken
-FACTOR = 4.0  # largest change of amplitude/(stroke left) in a step of the search
 
 
 class Family:
@@ -220,9 +212,7 @@ class Family:
             elif profile.defect() < ROUGH:
                 return profile
             points *= 2
-        raise ResolutionError(
-            f"{MOST_POINTS} points do not resolve the wave with a crest of {self.sign * size:.9g} m"
-        )
+        raise _unresolved(law)
 
     @property
     def flattens(self):
@@ -246,9 +236,7 @@ class Family:
             if profile.defect() < ROUGH:
                 return profile
             start = profile.on(Grid(2 * profile.grid.points, profile.grid.half_length))
-        raise ResolutionError(
-            f"{MOST_POINTS} points do not resolve the wave with a crest of {law.reference:.9g} m"
-        )
+        raise _unresolved(law)
 
     def _rough(self, size):
         """f of `Scaled`, interpolated."""
@@ -257,6 +245,8 @@ class Family:
     def stiffness_at_end(self, closest):
         """Limit of m c^2 [N/m] towards the end of the domain, by Neville's scheme in the root of
         the stroke left."""
+        from scipy.interpolate import BarycentricInterpolator
+
         left = closest * 2.0 ** np.arange(NODES)
         values = []
         for part in left.tolist():
@@ -264,161 +254,12 @@ class Family:
             near = self.wave(abs(law.reference))
             profile, _ = refined(near, amplitude_is(1.0))
             values.append(profile.mu * law.secant)
-        return extrapolated(np.sqrt(left), values)
-
-    def with_size(self, size):
-        """A wave near, and the condition, for a crest of that size [m]."""
-
-        def crest(profile):
-            return abs(profile.law.reference)
-
-        def reached(profile):
-            return f"crest {self.sign * crest(profile):.6g} m"
-
-        if not self.sizes[0] <= size < self.rise.top:
-            self.wave(size)  # says why not
-        profile = self._search(
-            lambda profile: math.log(crest(profile) / size), size,
-            f"crest {self.sign * size:.6g} m", reached,
-        )  # fmt: skip
-        return profile, amplitude_is(size / crest(profile))
-
-    def with_stiffness(self, above, mass):
-        """A wave near, and the condition, for m c^2 - V''(0) = above [N/m]."""
-
-        def say(above):
-            return f"speed {math.sqrt((self.rest + above) / mass):.6g} sites/s"
-
-        rise = self.rise
-        if above >= rise.ceiling and self.flattens:
-            raise TensegrityError(
-                f"{say(above)} must be below {say(rise.ceiling)}: the spring softens, and as "
-                f"waves of {self.name} approach that speed their tops grow flat and endless"
-            )
-        if above <= rise.floor:
-            raise TensegrityError(
-                f"{say(above)} must be above {say(rise.floor)}, that of the front at which the "
-                f"waves before those of {self.name} end"
-            )
-
-        def reached(profile):
-            return say(profile.nu * profile.law.secant)
-
-        def place(value):  # from -inf to inf within the family
-            left = rise.ceiling - value if self.flattens else 1.0
-            return math.log(value - rise.floor) - math.log(left)
-
-        def excess(profile):
-            value = profile.nu * profile.law.secant
-            if value <= rise.floor or (self.flattens and value >= rise.ceiling):
-                raise NoWave(f"a wave with {say(value)} is none of {self.name}")
-            return place(value) - place(above)
-
-        start = self._start(self.long_wave > above)
-        profile = self._search(excess, start, say(above), reached)
-        return profile, speed_is(above / profile.law.secant)
-
-    def _start(self, enough):
-        """The first size at which a wave may exist and has enough of something, or the last."""
-        inside = (self.sizes > self.rise.start) & (self.sizes < self.rise.top)
-        found = np.flatnonzero(enough & inside & (self.long_wave > self.rise.floor))
-        return self.sizes[found[0]] if found.size else self._last
-
-    def with_energy(self, target):
-        """A wave near, and the condition, for an energy [J]."""
-
-        def joules(profile):
-            return profile.energy * profile.law.reference * profile.law.force
-
-        def reached(profile):
-            return f"energy {joules(profile):.6g} J"
-
-        stored = self.rest * self.sizes**2 / 2 + self.energy
-        profile = self._search(
-            lambda profile: math.log(joules(profile) / target), self._start(2 * stored > target),
-            f"energy {target:.6g} J", reached,
-        )  # fmt: skip
-        return profile, energy_is(target / (profile.law.reference * profile.law.force))
-
-    @property
-    def _last(self):
-        """Size of the largest wave that is looked for [m]."""
-        return min(self.sizes[-1], FRONT * min(self.end, self.rise.top))
-
-    def _search(self, excess, start, asked, reached):
-        """Secant steps in the size until |excess| < CLOSE; excess must rise with the size.
-
-        Where waves end on the way, the last one found is told by `reached`.
-        """
-        largest = self._last
-        coordinate = Coordinate(min(self.end, self.rise.top))
-        size, before = min(start, largest), None
-        low, high = -math.inf, math.inf  # coordinates between which the wave must lie
-        below = above = None  # waves found there
-        reason = "the search did not settle"
-        for _ in range(SEARCHES):
-            here = coordinate(size)
-            try:
-                profile = self.wave(size)
-                gap = excess(profile)
-            except (NoWave, ResolutionError) as error:
-                gap, reason = None, error
-            if gap is not None and abs(gap) < CLOSE:
-                return profile
-            if gap is None and below:
-                high = min(high, here)
-            elif gap is None or gap < 0:
-                low, below = max(low, here), below if gap is None else profile
-            else:
-                high, above = min(high, here), profile
-            if below and (size == largest or (not above and high - low < NARROW)):
-                raise self._beyond(asked, "above", reached, below, "largest")
-            if above and not below and high - low < NARROW:
-                raise self._beyond(asked, "below", reached, above, "smallest")
-            if (gap is None and size == largest) or high - low < 1e-12 * (1 + abs(high)):
-                break
-            slope = 1.0
-            if before and gap is not None and before[0] != here:
-                slope = max((gap - before[1]) / (here - before[0]), 0.2)
-            step = math.log(FACTOR) if gap is None else -gap / slope
-            step = max(-math.log(FACTOR), min(math.log(FACTOR), step))
-            new = here + step
-            if not low < new < high:
-                new = (low + high) / 2 if math.isfinite(high - low) else here + step / 8
-            before = (here, gap) if gap is not None else None
-            size = min(coordinate.size(new), largest)
-        raise TensegrityError(f"{asked}: no solitary wave of {self.name} found ({reason})")
-
-    def _beyond(self, asked, side, reached, profile, last):
-        """The error for what lies beyond the last wave found on one side."""
-        range_ = f"the {last} found before the end of the domain or of the family"
-        if last == "smallest":
-            with contextlib.suppress(TensegrityError):
-                range_ += f"; its largest has {reached(self.wave(self._last))}"
-        return TensegrityError(
-            f"no solitary wave of {self.name} with {asked}: it is {side} {reached(profile)}, that "
-            f"of the wave with a crest of {profile.law.reference:.6g} m, {range_}"
-        )
+        return float(BarycentricInterpolator(np.sqrt(left), values)(0.0))
 
 
-def extrapolated(x, y):
-    """Value at 0 of the polynomial through points (x, y)."""
-    from scipy.interpolate import BarycentricInterpolator
-
-    return float(BarycentricInterpolator(x, y)(0.0))
-
-
-class Coordinate:
-    """log(a/(end - a)), or log a where there is no end."""
-
-    def __init__(self, end) -> None:
-        self.end = end
-
-    def __call__(self, size):
-        return math.log(size) if math.isinf(self.end) else math.log(size / (self.end - size))
-
-    def size(self, value):
-        return math.exp(value) if math.isinf(self.end) else self.end / (1 + math.exp(-value))
+def _unresolved(law):
+    crest = f"the wave with a crest of {law.reference:.9g} m"
+    return ResolutionError(f"{MOST_POINTS} points do not resolve {crest}")
 
 
 def _half_length(law, nu, tail):

@@ -114,8 +114,10 @@ class PredictedFamily:
                 f"{stiffness:g} N/m there, which must be above 0 and smooth"
             )
         if slope:
-            return float(_small_crest()(stiffness, slope, bend, excess))
-        return SIGNS[self.name.split()[0]] * math.sqrt(_even_crest()(stiffness, bend, excess))
+            return float(_form("small_crest")(stiffness, slope, bend, excess))
+        return SIGNS[self.name.split()[0]] * math.sqrt(
+            _form("small_crest_squared")(stiffness, bend, excess)
+        )
 
     def wall_crest(self, speed: float) -> float:
         """Crest [m] of a fast wave [sites/s] of a family that ends at the tent; error O(1/c).
@@ -132,7 +134,7 @@ class PredictedFamily:
                 f"no tent: the family of {self.name} ends with {self.ends}, or its wall is no "
                 "power y^-n"
             )
-        stroke, beta = abs(self.crests[1]), float(_delay()(power))
+        stroke, beta = abs(self.crests[1]), float(_form("delay")(power))
 
         scale = math.log(4 * strength / self._mass) - 2 * math.log(speed)
 
@@ -333,30 +335,15 @@ def _wall(side: Family) -> tuple[str, tuple[float, float], float, str]:
 
 
 @once
-def _small_crest() -> Callable[..., float]:
+def _form(name: str) -> Callable[..., float]:
+    """A form of `derivations.softening` as a function."""
     import sympy as sp
 
     from derivations import softening as derived
 
-    form = derived.small_crest()
-    return sp.lambdify((derived.a, derived.b, derived.e, derived.excess), form, "math")
-
-
-@once
-def _even_crest() -> Callable[..., float]:
-    import sympy as sp
-
-    from derivations import softening as derived
-
-    return sp.lambdify(
-        (derived.a, derived.e, derived.excess), derived.small_crest_squared(), "math"
-    )
-
-
-@once
-def _delay() -> Callable[..., float]:
-    import sympy as sp
-
-    from derivations import softening as derived
-
-    return sp.lambdify(derived.power, derived.delay(), "scipy")
+    symbols, modules = {
+        "small_crest": ((derived.a, derived.b, derived.e, derived.excess), "math"),
+        "small_crest_squared": ((derived.a, derived.e, derived.excess), "math"),
+        "delay": (derived.power, "scipy"),
+    }[name]
+    return sp.lambdify(symbols, getattr(derived, name)(), modules)
