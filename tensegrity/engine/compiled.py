@@ -34,10 +34,9 @@ _LINE = structure_of(  # as in line.h
 _NET = structure_of(  # as in net.h
     "_Net",
     "u v w load geometry shared own kicks drifts travel from to first law places near "
-    "slice site depth begin other entry own_at gap length gap_at length_at gap_each length_each "
-    "held taker taken taken_at store normal normal_at press pressed low high met_at farthest gate",
-    "runs contacts sites rows stages closing tiles room loaded pressing "
-    "before tile last_tile piece pieces",
+    "slice site begin other counts entry own_at gap length gap_at length_at gap_each length_each "
+    "pull normal normal_at press force pressing pressed low high met_at farthest gate",
+    "runs contacts sites rows stages closing tiles loaded before tile last_tile reach piece pieces",
 )
 LINE = 8  # numbers in a line of a cache
 ROW = 1, 1, 2, 4  # numbers in a site's row of forces, by coordinates: as in lanes.c
@@ -86,6 +85,7 @@ class Compiled:
         address, number = ctypes.c_void_p, ctypes.c_longlong
         for name, arguments in (
             ("advance", [address, number]),
+            *[("advance_together", [address, number])] * (dim > 0),
             ("advance_part", [address] + [number] * 3),
             ("advance_nystrom", [address] * 2 + [number]),
             ("advance_openings", [address] * 2 + [number]),
@@ -436,6 +436,7 @@ class BoundNet(_Bound):
     def __init__(self, loop, u, v, bonds, method, dt, pieces=1):
         if loop not in bonds.laid:
             bonds.laid[loop] = self._lay(loop, bonds)
+        self._loop = loop
         found, entries, (weights, before, behind, normals, pressed) = bonds.laid[loop]
         runs, contacts, dim = bonds.runs, bonds.contacts, loop.dim
         count, sites = len(runs.source), len(contacts.load)
@@ -444,14 +445,15 @@ class BoundNet(_Bound):
         self._kicks, self._drifts, *counts = _rows(method, dt, loop.dtype)
         arrays = [
             u, v, *weights, self._kicks, self._drifts, self._travel, *before,
-            np.zeros_like(u), *behind,
-            np.zeros(pieces * found.store * dim * GROUP, dtype=loop.dtype), *normals,
-            _rows_of_forces(pressed[-1] + len(pressed), loop), pressed, self._low, self._high,
-            self._met_at, np.zeros(pieces, dtype=loop.dtype), np.zeros(16, dtype=np.int64),
+            np.zeros((2, u.size) if pieces > 1 else 0, dtype=loop.dtype), *behind,
+            _pulls(contacts.load, pieces, loop), *normals, np.zeros_like(normals[0]),
+            np.zeros((contacts.rows - sites, dim), dtype=loop.dtype), *pressed, self._low,
+            self._high, self._met_at, np.zeros(pieces, dtype=loop.dtype),
+            np.zeros(16, dtype=np.int64),
         ]  # fmt: skip
         numbers = (
             len(runs.law), count, sites, contacts.rows, *counts, found.tiles,
-            found.store, bool(contacts.load.any()), pressed[-1],
+            bool(contacts.load.any()),
         )  # fmt: skip
 
         def structure(*piece):
@@ -459,9 +461,10 @@ class BoundNet(_Bound):
 
         cuts = found.shares(pieces)
         self._pieces = [
-            structure(found.needed[a], a, b, k, pieces) for k, (a, b) in enumerate(pairwise(cuts))
+            structure(found.needed[a], a, b, found.reach[b], k, pieces)
+            for k, (a, b) in enumerate(pairwise(cuts))
         ]
-        whole = structure(0, 0, found.tiles, 0, 1)
+        whole = structure(0, 0, found.tiles, found.tiles, 0, 1)
         kept = ("low", self._low), ("high", self._high), ("travel", self._travel)
         self.kept = [(whole, *one) for one in kept]
         self._set_steps(loop, whole, arrays, bonds, method, dt, dim * sites, runs.source)
@@ -482,7 +485,7 @@ class BoundNet(_Bound):
         lengths, length_at, length_each = _varying(place[-1, found.contact], found.first)
         places = np.zeros((contacts.rows + 1, dim))
         places[:sites] = contacts.positions
-        other, normals, pressed = _by_wall(bonds, found, place[:dim])
+        normals, pressed = _by_wall(bonds, found, place[:dim])
         weights = contacts.weights(bonds.inverse_mass)
         arrays = (
             [loop.numbers(weights), loop.numbers(contacts.loads()), loop.numbers(place), shared,
@@ -491,18 +494,17 @@ class BoundNet(_Bound):
              _integers(dim * np.where(real, contacts.second[filled], spare)),
              _integers(runs.first), _integers(4 * runs.law + 2 * runs.kind + runs.own),
              loop.numbers(places)],
-            [_integers(found.slice), found.site.astype(np.int32), _integers(found.depth),
-             _integers(found.begin), other.astype(np.int32), _integers(found.first), own_at,
-             loop.numbers(gaps), loop.numbers(lengths), gap_at, length_at, gap_each, length_each,
-             _integers(found.held), found.taker.astype(np.int32), _in_store(found.taken, dim),
-             _integers(found.taken_at)],
+            [_integers(found.slice), found.site.astype(np.int32), _integers(found.begin),
+             found.other.astype(np.int32), np.packbits(found.counts, bitorder="little"),
+             _integers(found.first), own_at, loop.numbers(gaps), loop.numbers(lengths), gap_at,
+             length_at, gap_each, length_each],
             [loop.numbers(normals[0]), normals[1]], pressed,
         )  # fmt: skip
         return found, entries, arrays
 
     def part(self, number, steps):
         """Advance one of the pieces by whole steps, at the same time as all others."""
-        self._call[0](ctypes.addressof(self._pieces[number]), steps)
+        self._loop.advance_together(ctypes.addressof(self._pieces[number]), steps)
 
     def _set_ranges(self, bonds, entries, pieces, dtype):
         """Places of the elongations met: of the runs for each piece, then of entries told apart."""
@@ -535,39 +537,39 @@ def _integers(array):
 
 
 def _by_wall(bonds, found, normal):
-    """Contacts with walls, wall by wall and else in the order of the list, as the loop takes them.
+    """Contacts with walls as the loop takes them.
 
-    What all entries join their sites to; normals of the groups of each run with walls, and where
-    these begin; where the contacts with each wall begin.
+    Normals of the groups of each run with walls, and where these begin; where among these the
+    contacts are, wall by wall and else in the order of the list, and where those with each wall
+    begin.
     """
     runs, contacts = bonds.runs, bonds.contacts
-    sites, places = len(contacts.load), np.flatnonzero(runs.source >= 0)
-    places = places[contacts.kind[runs.source[places]] == WALL]
-    wall = contacts.first[runs.source[places]] - sites
-    order, turn = np.argsort(wall, kind="stable"), np.zeros(len(runs.source), dtype=int)
-    turn[places[order]] = np.arange(len(places))
-    begin = np.searchsorted(wall[order], np.arange(contacts.rows - sites + 1))
-    other, kept, at = found.other.copy(), [np.zeros(0)], []
+    dim, kept, at, places, walls = len(normal), [np.zeros(0)], [], [], []
     for k, kind in enumerate(runs.kind):
         at.append(sum(map(len, kept)))
         if kind == WALL:
-            entries = found.contact[slice(*found.first[k : k + 2])]
-            other[slice(*found.first[k : k + 2])] = turn[entries]
-            groups = normal[:, entries].reshape(len(normal), -1, GROUP)
+            part = slice(*found.first[k : k + 2])
+            entries, counting = found.contact[part], np.flatnonzero(found.counts[part])
+            groups = normal[:, entries].reshape(dim, -1, GROUP)
             kept.append(groups.swapaxes(0, 1).ravel())
-    return other, (np.concatenate(kept), _integers(at)), _integers(begin)
+            order = counting[np.argsort(entries[counting])]
+            places.append(at[-1] + order // GROUP * GROUP * dim + order % GROUP)
+            walls.append(found.other[part][order])
+    places, walls = (np.concatenate([np.zeros(0, dtype=int), *x]) for x in (places, walls))
+    order = np.argsort(walls, kind="stable")
+    begin = np.searchsorted(walls[order], np.arange(len(contacts.load), contacts.rows + 1))
+    pressed = _integers(places[order]), _integers(begin)
+    return (np.concatenate(kept), _integers(at)), pressed
 
 
-def _in_store(entry, dim):
-    """Where the first coordinate of an entry is in the store."""
-    return (entry // GROUP * GROUP * dim + entry % GROUP).astype(np.int32)
-
-
-def _rows_of_forces(count, loop):
-    """Rows of `ROW` numbers, none of which two lines of a cache share."""
-    size = count * ROW[loop.dim]
+def _pulls(load, pieces, loop):
+    """Rows of forces of each piece, which begin with the constant ones; none of them is in two
+    lines of a cache."""
+    size = pieces * len(load) * ROW[loop.dim]
     room = np.zeros(size + LINE, dtype=loop.dtype)
-    return room[-room.ctypes.data // room.itemsize % LINE :][:size]
+    found = room[-room.ctypes.data // room.itemsize % LINE :][:size]
+    found.reshape(pieces, len(load), -1)[..., : loop.dim] = load
+    return found
 
 
 def _varying(values, first):

@@ -22,7 +22,7 @@ from tensegrity.engine.bonds import PAIR, WALL, Bonds, Contacts
 from tensegrity.errors import TensegrityError
 from tensegrity.notebook import page, wires
 from tensegrity.readonly import fixed
-from tensegrity.scenes.clearance import Clearance
+from tensegrity.scenes.clearance import Clearance, crowding
 from tensegrity.scenes.following import Following, Listings
 from tensegrity.scenes.forcing import begun
 from tensegrity.scenes.network_input import (
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 
     from tensegrity.engine.energies import Energies
     from tensegrity.scenes.forcing import Damping, Drive
-    from tensegrity.typing import Array
+    from tensegrity.typing import Array, Indices
 
 AT_ONCE = 2_000_000  # contacts times rows of one list: some tens of megabytes
 LISTS, FEW = 2, 10_000  # lists of contacts that are kept of a scene, and sites up to which
@@ -206,9 +206,16 @@ class Network(Scene):
         second = np.concatenate([self.bonds[:, 1], self.wall_contacts[:, 0]])
         arrays = (fixed(x) for x in (kind, first, second))
         places = self.geometry, self.positions
-        contacts = Contacts(*arrays, *places, self.loads, len(self.walls))  # type: ignore[call-arg]
+        behind = self.loads, len(self.walls), self.crowding
+        contacts = Contacts(*arrays, *places, *behind)  # type: ignore[call-arg]
         springs = self.spring_table
         return Bonds(*springs.table, springs.group, self.inverse_mass, contacts, springs.openings)
+
+    @cached_property
+    def crowding(self) -> Indices | None:
+        """How many sites of higher numbers each one about touches at the reference places; None
+        where sites have no radius, so that one list of contacts is all there is."""
+        return None if self.radius is None else crowding(self.positions, self.radius)
 
     @cached_property
     def clearance(self) -> Clearance | None:
@@ -297,7 +304,7 @@ class Network(Scene):
     def _with(self, **changed: Any) -> Self:
         """This network with other springs or contacts; what is computed from them is dropped."""
         other = copy(self)
-        other.__dict__.update(changed)
+        other.__dict__.update(changed, crowding=self.crowding)
         return other
 
     @property
