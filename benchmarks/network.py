@@ -25,7 +25,7 @@ from benchmarks._timing import table
 from granular import Striker, y_guide
 from tensegrity import Record, State, simulate
 from tensegrity.engine import pieces
-from tensegrity.engine.compiled import BoundNet
+from tensegrity.engine.bound_net import BoundNet
 from tensegrity.engine.kernel import kernel
 from tensegrity.engine.methods import METHODS
 

@@ -11,7 +11,8 @@ from networks import patch, pushed
 from tensegrity import Network, PowerLaw, Prism, State, Wall
 from tensegrity.engine import codegen, lanes
 from tensegrity.engine.bonds import GROUP, PAIR
-from tensegrity.engine.compiled import BoundNet, Compiled
+from tensegrity.engine.bound_net import BoundNet
+from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.methods import METHODS
 from tensegrity.engine.native import library
 from tensegrity.engine.pieces import BoundParts
