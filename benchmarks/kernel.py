@@ -20,7 +20,8 @@ from benchmarks.chain import UNITS, machine_bound, unit_calls
 from figures.__main__ import OUTPUT, STYLE, write, write_table
 from tensegrity import Chain, Polynomial, Potential, PowerLaw, Prism, ResolutionError, simulate
 from tensegrity.engine import codegen
-from tensegrity.engine.compiled import BoundLine, Compiled
+from tensegrity.engine.bound_line import BoundLine
+from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.kernel import bind, kernel
 from tensegrity.engine.methods import METHODS
 from tensegrity.engine.pieces import BoundPieces

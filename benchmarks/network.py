@@ -25,7 +25,7 @@ from benchmarks._timing import table
 from granular import Striker, y_guide
 from tensegrity import Record, State, simulate
 from tensegrity.engine import pieces
-from tensegrity.engine.compiled import BoundNet
+from tensegrity.engine.bound_net import BoundNet
 from tensegrity.engine.kernel import kernel
 from tensegrity.engine.methods import METHODS
 
@@ -180,7 +180,7 @@ def streamed(name):
     _, u, v = bound(network, State(*np.zeros((2, *network.shape))), DT)
     ((_, _, (_, _, lists, *_)),) = network.loop_bonds.laid.values()
     size = 2 * (u.nbytes + v.nbytes) + network.positions.nbytes
-    size += sum(x.nbytes for x in lists)  # lists of sites, contacts and takers
+    size += sum(x.nbytes for x in lists)  # lists of sites and contacts
     one, other = np.ones((2, size // 16))
     copied = least({"copy": lambda: np.copyto(one, other)})["copy"]
     contacts = len(network.springs)

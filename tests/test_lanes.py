@@ -2,7 +2,6 @@
 
 import ctypes
 import shutil
-from itertools import pairwise
 
 import casadi as ca
 import numpy as np
@@ -12,7 +11,8 @@ from networks import patch, pushed
 from tensegrity import Network, PowerLaw, Prism, State, Wall
 from tensegrity.engine import codegen, lanes
 from tensegrity.engine.bonds import GROUP, PAIR
-from tensegrity.engine.compiled import BoundNet, Compiled
+from tensegrity.engine.bound_net import BoundNet
+from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.methods import METHODS
 from tensegrity.engine.native import library
 from tensegrity.engine.pieces import BoundParts
@@ -127,41 +127,69 @@ def far():
     return Network(network.positions, bonds, network.springs[0], mass=1.0)
 
 
-def test_lists_have_every_contact_once():
-    network = box()
+def lists(network):
+    """Number, slice, lane, other row and kind of each entry of the lists that counts, in turn."""
     bonds = network.loop_bonds
     found, contacts = slices(bonds), bonds.contacts
-    assert found.tiles == -(-network.sites // TILE) > 2
-    seen = []
-    for s in range(len(found.site)):
-        for slot in range(found.begin[s], found.begin[s + 1]):
-            for lane in range(GROUP):
-                if slot - found.begin[s] < found.depth[s, lane]:
-                    entry = slot * GROUP + lane
-                    number = bonds.runs.source[found.contact[entry]]
-                    ends = {found.site[s, lane], found.other[entry]}
-                    assert ends == {contacts.first[number], contacts.second[number]}
-                    seen.append(number)
-    assert sorted(seen) == list(range(len(network.springs)))
+    group, lane = np.divmod(np.flatnonzero(found.counts), GROUP)
+    row = np.searchsorted(found.begin, group, side="right") - 1
+    number = bonds.runs.source[found.contact[found.counts]]
+    ends = np.sort([found.site[row, lane], found.other[found.counts]], axis=0)
+    first, second = contacts.first[number], contacts.second[number]
+    np.testing.assert_array_equal(ends, np.sort([first, second], axis=0))
+    return number, row, lane, found.other[found.counts], contacts.kind[number]
 
 
-def test_every_pair_is_taken_by_its_other_site_once():
-    """Sites side by side, the rarer takers and those that only fill a group take nothing."""
-    network = box()
-    bonds = network.loop_bonds
-    found, contacts = slices(bonds), bonds.contacts
-    nothing, taken = (found.store - 1) * GROUP, np.zeros(network.sites, dtype=int)
-    sites = found.taker.ravel()[: network.sites]
-    assert sorted(sites) == list(range(network.sites))
-    assert np.all(np.diff(sites // TILE) >= 0)
-    for group, (first, last) in enumerate(pairwise(found.taken_at)):
-        for lane in range(min(GROUP, network.sites - group * GROUP)):
-            entries = found.taken[first:last, lane]
-            entries = entries[entries != nothing]
-            assert len(set(entries.tolist())) == len(entries)
-            taken[found.taker[group, lane]] += len(entries)
-    higher = np.maximum(contacts.first, contacts.second)[contacts.kind == PAIR]
-    np.testing.assert_array_equal(taken, np.bincount(higher, minlength=network.sites))
+@pytest.mark.parametrize("make", [box, lambda: patch(23), far])
+def test_lists_have_every_contact_once(make):
+    network = make()
+    assert slices(network.loop_bonds).tiles == -(-network.sites // TILE) > 2
+    assert sorted(lists(network)[0]) == list(range(len(network.springs)))
+
+
+@pytest.mark.parametrize("make", [box, lambda: patch(23), far])
+def test_lower_lanes_of_a_slice_come_first_at_each_other_site(make):
+    """Else the order would depend on how many contacts a lane has before."""
+    _, row, lane, other, kind = lists(make())
+    last = {}
+    for here, k, where in np.stack([row, other, lane], axis=1)[kind == PAIR].tolist():
+        assert last.get((here, k), 0) <= where
+        last[here, k] = where
+    assert len(last) < np.sum(kind == PAIR)
+
+
+@pytest.mark.parametrize("flag", WITHOUT)
+def test_listed_contacts_that_do_not_touch_change_no_bit(flag, monkeypatch):
+    """Neither by their places in the lists nor by longer slices: some sites have many."""
+    monkeypatch.setenv("CC", f"{shutil.which('cc') or shutil.which('gcc')} {flag}")
+    random = np.random.default_rng(7)
+    cells = np.indices((9,) * 3).reshape(3, -1).T
+    places = 0.95 * cells + 0.01 * random.random(cells.shape)
+    far = np.linalg.norm(places[:, None] - places, axis=2) + 9 * np.eye(len(places))
+    velocity = 0.05 * random.standard_normal(places.shape)
+    touch, reach = far < 1, random.choice([1.0, 1.6, 3.0], len(places), p=[0.5, 0.4, 0.1])
+    walls = [Wall((0, 0, -0.49), (0, 0, 1)), Wall((-0.49, 0, 0), (1, 0, 0))]
+    at_walls = [(s, k) for s, cell in enumerate(cells) for k in (0, 1) if cell[2 - 2 * k] == 0]
+    others = [(s, k) for k in (0, 1) for s in range(0, len(places), 2 - k)]
+    found = []
+    for listed, contacts in (
+        (touch, at_walls),
+        (touch | (far < reach), sorted({*at_walls, *others})),
+    ):
+        network = Network(
+            places, np.argwhere(np.triu(listed | listed.T)), PowerLaw(1.0, 1.5), lengths=1.0,
+            radius=0.5, walls=walls, wall_contacts=contacts, wall_spring=PowerLaw(1.0, 1.5),
+        )  # fmt: skip
+        bonds = network.loop_bonds
+        u, v = network.arrays(State(0 * velocity, velocity))
+        bound = BoundNet(Compiled.of(bonds), u, v, bonds, METHODS["verlet"], 0.01)
+        bound.advance(30)
+        found.append((u, v))
+    assert len(network.bonds) > 1.5 * np.sum(np.triu(touch))
+    assert np.max(np.diff(slices(bonds).begin)) > 24  # more than find room at once
+    assert bound.range.min() < -0.1 < 0.05 < bound.range.max()
+    for one, two in zip(*found, strict=True):
+        np.testing.assert_array_equal(one, two)
 
 
 def sums(network, u):

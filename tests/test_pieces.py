@@ -8,7 +8,8 @@ import pytest
 
 from tensegrity import Chain, PowerLaw, Prism, TensegrityError, simulate
 from tensegrity.engine import pieces
-from tensegrity.engine.compiled import BoundLine, Compiled
+from tensegrity.engine.bound_line import BoundLine
+from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.methods import METHODS
 from tensegrity.engine.pieces import HALO, LONG, BoundPieces, start_of_block
 

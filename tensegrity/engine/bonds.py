@@ -104,6 +104,9 @@ class Contacts:
     load : ndarray, (sites, dim)
         Constant forces [N].
     walls : int
+    crowding : ndarray of int, (sites,), optional
+        With about how many sites of higher numbers each may have contacts, where lists may come
+        and go: the same for all lists of a scene.
     """
 
     kind: np.ndarray
@@ -113,6 +116,7 @@ class Contacts:
     positions: np.ndarray
     load: np.ndarray
     walls: int
+    crowding: np.ndarray | None = None
 
     @property
     def rows(self):

@@ -17,7 +17,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity.engine import codegen, lanes
-from tensegrity.engine.compiled import BoundLine, BoundNet, Compiled, structure_of
+from tensegrity.engine.bound_line import BoundLine
+from tensegrity.engine.bound_net import BoundNet
+from tensegrity.engine.compiled import Compiled, structure_of
 from tensegrity.engine.driven_plain import BoundPlain
 from tensegrity.engine.kernel import warn_slow
 from tensegrity.engine.native import CompilerError

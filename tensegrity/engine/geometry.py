@@ -52,25 +52,22 @@ def text(dim, file):
 
 
 def side_by_side(dim):
-    """C of the same for several contacts at once; see `lanes`.
-
-    They are `<kind>_lanes`, and `<kind>_even` for contacts of one gap and one length.
-    """
-    axes = [[f"{name}[{k}][g]" for k in range(dim)] for name in ("d", "w", "along")]
-    takes, gives = "pack (*d)[ROOM], pack (*w)[ROOM]", "pack *r, pack (*along)[ROOM]"
-    ways = {
-        "lanes": ("const real *gap, integer each_gap, const real *length, integer each_length",
-                  "load(gap + g * each_gap)", "load(length + g * each_length)"),
-        "even": ("pack gap, pack length", "gap", "length"),
-    }  # fmt: skip
-    return [
-        lanes.text(
-            function, f"{kind}_{way}", f"{takes}, {arguments}, {gives}",
-            [*axes[:2], [gap], [length]], [["r[g]"], axes[2]],
+    """C of the same for several contacts at once; see `lanes.halves`."""
+    axes = [[f"{name}[{k}]" for k in range(dim)] for name in ("d", "w")]
+    along = [f"along[{k}][g]" for k in range(dim)]
+    each = [["load(gap + g * each_gap)"], ["load(length + g * each_length)"]]
+    arguments = (
+        "const real *gap, integer each_gap, const real *length, integer each_length, pack *r, "
+        "pack (*along)[ROOM]"
+    )
+    found = [
+        lanes.halves(
+            function, kind, "const pack *d, const pack *w", arguments, [*axes, *each],
+            [["r[g]"], along],
         )
         for kind, function in functions(dim).items()
-        for way, (arguments, gap, length) in ways.items()
     ]  # fmt: skip
+    return [f"#define KEPT {max(1, *(kept for kept, _ in found))}", *(text for _, text in found)]
 
 
 def scalars(dim, kind):

@@ -26,7 +26,9 @@ from __future__ import annotations
 import warnings
 
 from tensegrity.engine import pieces
-from tensegrity.engine.compiled import BoundLine, BoundNet, compiled
+from tensegrity.engine.bound_line import BoundLine
+from tensegrity.engine.bound_net import BoundNet
+from tensegrity.engine.compiled import compiled
 from tensegrity.engine.implicit import BoundGauss
 from tensegrity.engine.interpreted import BoundInterpreted, Interpreted
 from tensegrity.engine.methods import Splitting

@@ -98,11 +98,8 @@ PACKED pack if_at_most(pack a, pack b, pack x)
 {
     return _mm512_maskz_mov_pd(_mm512_cmp_pd_mask(a, b, _CMP_LE_OQ), x);
 }
-/* Zero where a place of a site is one that does not count. */
-PACKED pack counting(mask place, mask depth, pack x)
-{
-    return _mm512_maskz_mov_pd(_mm512_cmplt_epi64_mask((__m512i)place, (__m512i)depth), x);
-}
+/* Zero where the bit of a lane is not set. */
+PACKED pack counting(unsigned bits, pack x) { return _mm512_maskz_mov_pd(bits, x); }
 PACKED pack inverse_root(pack x)
 {
     const pack y = ESTIMATE(x), e = 1 - x * y * y;
@@ -134,7 +131,11 @@ PACKED pack root(pack x)
 PACKED pack root_of_positive(pack x) { return root(x); }
 PACKED pack if_less(pack a, pack b, pack x) { return only((mask)(a < b), x); }
 PACKED pack if_at_most(pack a, pack b, pack x) { return only((mask)(a <= b), x); }
-PACKED pack counting(mask place, mask depth, pack x) { return only((mask)(place < depth), x); }
+PACKED pack counting(unsigned bits, pack x)
+{
+    const integer each[] = {1, 2, 4, 8};
+    return only((wide_integer(bits) & load_integers(each)) != wide_integer(0), x);
+}
 PACKED pack inverse_root(pack x) { return 1 / root(x); }
 PACKED pack root_by(pack x, pack inverse) { return root(x); }
 PACKED pack quotient(pack x, pack y) { return x / y; }
@@ -192,18 +193,6 @@ PACKED void columns(const real *base, int stride, const int *at, pack *out)
     for (int k = 0; k < DIM; k++) LANES_OF(l) LANE(out[k], l) = base[stride * at[l] + k];
 #endif
 #undef TWO
-}
-
-/* The numbers at base + at[lane]. */
-PACKED pack gathered(const real *base, const int *at)
-{
-#if WIDE == 8
-    return _mm512_i32gather_pd(_mm256_loadu_si256((const __m256i *)at), base, 8);
-#else
-    pack y;
-    LANES_OF(l) LANE(y, l) = base[at[l]];
-    return y;
-#endif
 }
 
 /* A site's row of numbers that are added to: filled up to a register in space. */
@@ -284,14 +273,6 @@ PACKED void add_rows(real *to, const int *at, const pack *f)
     row rows[WIDE];
     rows_of(f, rows);
     LANES_OF(l) store_row(to + at[l] * ROW, sum_of(load_row(to + at[l] * ROW), rows[l]));
-}
-
-/* The same put in their place. */
-PACKED void put_rows(real *to, const int *at, const pack *f)
-{
-    row rows[WIDE];
-    rows_of(f, rows);
-    LANES_OF(l) store_row(to + at[l] * ROW, rows[l]);
 }
 
 /* Rows of WIDE sites without what fills them up. */

@@ -52,8 +52,32 @@ def text(function, name, arguments, inputs, outputs):
     """
     import casadi as ca
 
-    found = _Body(ca, inputs, outputs).of(function)
-    return f"__attribute__((noinline)) static void {name}(integer n, {arguments})\n{{\n{found}}}\n"
+    kept, passes = _Body(ca, inputs, outputs).of(function)
+    room = f"    pack kept[{kept}][ROOM];\n" * (kept > 0)
+    return _noinline(name, arguments, room + _loops(passes))
+
+
+def halves(function, name, given, arguments, inputs, outputs):
+    """The same in two functions, for what begins with numbers that are in no array.
+
+    `<name>_first` does the first pass for pack number g of what is `given`, `<name>_rest` the
+    others for the packs number 0 to n - 1 and without it.  What these need is in their last
+    argument, `kept`; how many packs for each that are is returned first.
+    """
+    import casadi as ca
+
+    kept, (first, *rest) = _Body(ca, inputs, outputs).of(function)
+    arguments += ", pack (*kept)[ROOM]"
+    begin = f"PACKED void {name}_first(integer g, {given}, {arguments})\n{{\n{first}}}\n"
+    return kept, begin + _noinline(f"{name}_rest", arguments, _loops(rest))
+
+
+def _noinline(name, arguments, body):
+    return f"__attribute__((noinline)) static void {name}(integer n, {arguments})\n{{\n{body}}}\n"
+
+
+def _loops(passes):
+    return "".join(f"    for (integer g = 0; g < n; g++) {{\n{x}    }}\n" for x in passes)
 
 
 def gains(function):
@@ -61,7 +85,7 @@ def gains(function):
     import casadi as ca
 
     names = [[f"x[{k}]" for k in range(function.numel_in(j))] for j in range(function.n_in())]
-    found = _Body(ca, names, [["y"]]).of(function)
+    found = "".join(_Body(ca, names, [["y"]]).of(function)[1])
     return ("root(" in found or "quotient(" in found) and "ONE_BY_ONE" not in found
 
 
@@ -207,7 +231,7 @@ class _Body:
         return self._known.get(call) or self._name(call, call, a, b, slow=True)
 
     def _passes(self):
-        """The lines of each pass in a loop; what a later one needs is kept in arrays.
+        """How many values later passes need, which are kept in arrays, and C of each pass.
 
         One slow operation alone is no chain.
         """
@@ -215,24 +239,23 @@ class _Body:
             self._lines = [(0, *line[1:]) for line in self._lines]
             self._values = {name: _Value(0) for name in self._values}
         last = max((line[0] for line in self._lines), default=0)
-        levels, kept = [[] for _ in range(1 + last)], []
+        levels, kept = [[] for _ in range(1 + last)], {}
         later = [set() for _ in levels]
         for level, sets, line in self._lines:
             declared = ", ".join(sets)
             levels[level].append(f"pack {declared}; {line}" if sets else line)
             for name in sets:
                 if self._values[name].kept:
-                    levels[level].append(f"k{name}[g] = {name};")
-                    kept.append(f"k{name}[ROOM]")
+                    kept[name] = f"kept[{len(kept)}][g]"
+                    levels[level].append(f"{kept[name]} = {name};")
             for name in re.findall(r"\bx\d+\b", line):
                 if name not in sets and self._values[name].level < level:
                     later[level].add(name)
-        found = f"    pack {', '.join(kept)};\n" if kept else ""
+        passes = []
         for lines, names in zip(levels, later, strict=True):
-            loads = [f"const pack {name} = k{name}[g];" for name in sorted(names)]
-            body = "".join(f"        {line}\n" for line in loads + lines)
-            found += f"    for (integer g = 0; g < n; g++) {{\n{body}    }}\n"
-        return found
+            loads = [f"const pack {name} = {kept[name]};" for name in sorted(names)]
+            passes.append("".join(f"        {line}\n" for line in loads + lines))
+        return len(kept), passes
 
 
 def _inverse(value):

@@ -6,6 +6,11 @@
 #else
 #define REST
 #endif
+#if defined(__GNUC__) && defined(__SSE2__)
+#define BREATH __builtin_ia32_pause(); /* leaves a core that two threads share to the other one */
+#else
+#define BREATH
+#endif
 #define PATIENCE 2000 /* looks at the gate before others get the processor */
 
 /* Wait until all threads are here. */
@@ -19,8 +24,10 @@ static void meet(const scene *c)
         __atomic_store_n(turn, now + 1, __ATOMIC_RELEASE);
         return;
     }
-    for (integer k = 0; __atomic_load_n(turn, __ATOMIC_ACQUIRE) == now; k++)
+    for (integer k = 0; __atomic_load_n(turn, __ATOMIC_ACQUIRE) == now; k++) {
+        BREATH
         if (k > PATIENCE) { REST }
+    }
 }
 
 /* The first site behind a tile. */
@@ -29,22 +36,38 @@ static integer end(const scene *c, integer t)
     return t + 1 < c->tiles ? (t + 1) * TILE : c->sites;
 }
 
-/* The displacements of this thread's sites, for all: those in `u` move while others look. */
-static void share(const scene *c)
+/* Where several threads have their displacements: of this stage, or of the `next` one, as others
+   still look at this one's.  Two meets end a stage. */
+static real *common(const scene *c, integer next)
 {
-    const integer from = c->tile * TILE * DIM;
-    if (c->tile < c->last_tile)
-        EACH(end(c, c->last_tile - 1) * DIM - from) c->near[from + i] = c->u[from + i];
+    const integer turn = __atomic_load_n(c->gate + 8, __ATOMIC_RELAXED) / 2;
+    return c->near + (turn + next) % 2 * c->rows * DIM;
 }
 
-/* Forces of the contacts of a tile on its sites, in rows; what they do to others is stored. */
-static void contacts(const scene *c, const real *u, integer t, real *restrict pull)
+/* Copy the displacements of this thread's sites. */
+static void copy(const scene *c, const real *restrict from, real *restrict to)
+{
+    const integer first = c->tile * TILE * DIM;
+    if (c->tile < c->last_tile)
+        EACH(end(c, c->last_tile - 1) * DIM - first) to[first + i] = from[first + i];
+}
+
+/* This thread's rows of forces on sites. */
+static real *rows(const scene *c) { return c->pull + c->piece * c->sites * ROW; }
+
+/* Let the sites of a tile begin with the constant forces. */
+static void clear(const scene *c, integer t, real *restrict pull)
 {
     const integer from = t * TILE, count = end(c, t) - from;
-    EACH(count * ROW) pull[i] = 0;
+    EACH(count * ROW) pull[from * ROW + i] = 0;
     if (c->loaded)
-        for (integer q = 0; q < count; q++)
-            AXES(k) pull[q * ROW + k] = c->load[(from + q) * DIM + k];
+        for (integer q = from; q < from + count; q++)
+            AXES(k) pull[q * ROW + k] = c->load[q * DIM + k];
+}
+
+/* Add the forces of the contacts of a tile to its sites, and to others of higher numbers. */
+static void contacts(const scene *c, const real *u, integer t, real *restrict pull)
+{
     for (integer s = 0; s < c->runs; s++) {
         if (c->law[s] & 2 && t < c->tile) continue;
         switch (c->law[s]) {
@@ -56,39 +79,15 @@ static void contacts(const scene *c, const real *u, integer t, real *restrict pu
     }
 }
 
-/* Take what is in store for a tile's sites from its contacts and those of tiles before, for up to
-   GROUP of them side by side.  SPARE numbers behind the last row of `pull` are read. */
-static void take(const scene *c, integer t, real *restrict pull)
-{
-    const real *restrict store = c->store + c->piece * c->room * DIM * GROUP;
-    const integer first = t * TILE, last = end(c, t);
-    for (integer q = first / GROUP; q * GROUP < last; q++)
-        for (int part = 0; part < GROUP && q * GROUP + part < last; part += WIDE) {
-            const int *restrict site = c->taker + q * GROUP + part;
-            real *mine = pull - first * ROW;
-            pack sum[DIM];
-            columns(mine, ROW, site, sum);
-            for (integer e = c->taken_at[q]; e < c->taken_at[q + 1]; e++)
-                AXES(k) sum[k] -= gathered(store + k * GROUP, c->taken + e * GROUP + part);
-            put_rows(mine, site, sum);
-        }
-}
-
-/* Forces on the walls, behind those of their contacts, which are added up in the order of the list
-   and begin anew. */
+/* Forces on the walls, each the sum over its contacts in the order of the list. */
 static const real *on_walls(const scene *c)
 {
-    const real nothing[ROW] = {0};
-    real *restrict press = c->press, *restrict force = press + c->pressing * ROW;
+    real *restrict force = c->force;
     for (integer q = 0; q < c->rows - c->sites; q++) {
-        real whole[ROW];
-        row sum = load_row(nothing);
-        for (integer b = c->pressed[q]; b < c->pressed[q + 1]; b++) {
-            sum = sum_of(sum, load_row(press + b * ROW));
-            store_row(press + b * ROW, load_row(nothing));
-        }
-        store_row(whole, sum);
-        AXES(k) force[q * DIM + k] = whole[k];
+        real sum[DIM] = {0};
+        for (integer b = c->pressed[q]; b < c->pressed[q + 1]; b++)
+            AXES(k) sum[k] += c->press[c->pressing[b] + k * GROUP];
+        AXES(k) force[q * DIM + k] = sum[k];
     }
     return force;
 }
@@ -96,27 +95,26 @@ static const real *on_walls(const scene *c)
 static void acceleration(const scene *c, const real *restrict u, real *restrict a)
 {
     const integer moving = c->sites * DIM, all = c->rows * DIM;
-    real pull[TILE * ROW + SPARE];
+    real *restrict pull = rows(c);
     for (integer t = 0; t < c->tiles; t++) {
-        const integer from = t * TILE, count = end(c, t) - from;
         contacts(c, u, t, pull);
-        take(c, t, pull);
-        for (integer q = 0; q < count; q++)
-            AXES(k) {
-                const integer at = (from + q) * DIM + k;
-                a[at] = c->w[at] * pull[q * ROW + k];
-            }
+        for (integer q = t * TILE; q < end(c, t); q++)
+            AXES(k) a[q * DIM + k] = c->w[q * DIM + k] * pull[q * ROW + k];
+        clear(c, t, pull);
     }
     const real *restrict force = on_walls(c);
     for (integer q = moving; q < all; q++) a[q] = c->w[q] * force[q - moving];
 }
 
-/* A kick by a and a drift by b of the sites of a tile; the farthest way. */
-static real move_tile(const scene *c, integer t, real a, real b, const real *restrict pull)
+/* A kick by a and a drift by b, `from` some displacements `to` others, of the sites of a tile; the
+   farthest way. */
+static real move_tile(const scene *c, integer t, real a, real b, const real *restrict pull,
+                      const real *from, real *to)
 {
-    const integer from = t * TILE * DIM, count = end(c, t) - t * TILE;
-    const real *restrict w = c->w + from;
-    real *restrict u = c->u + from, *restrict v = c->v + from, largest = 0;
+    const integer first = t * TILE * DIM, count = end(c, t) - t * TILE;
+    const real *restrict w = c->w + first;
+    real *restrict v = c->v + first, largest = 0;
+    from += first, to += first, pull += t * TILE * ROW;
     pack farthest = wide(0);
     integer q = 0;
     for (; q + WIDE <= count; q += WIDE) {
@@ -126,7 +124,7 @@ static real move_tile(const scene *c, integer t, real a, real b, const real *res
             const integer at = q * DIM + k * WIDE;
             const pack speed = load(v + at) + a * (load(w + at) * pulls[k]), move = b * speed;
             store(v + at, speed);
-            store(u + at, load(u + at) + move);
+            store(to + at, load(from + at) + move);
             farthest = larger_of(magnitude(move), farthest);
         }
     }
@@ -135,7 +133,7 @@ static real move_tile(const scene *c, integer t, real a, real b, const real *res
             const integer at = q * DIM + k;
             v[at] += a * (w[at] * pull[q * ROW + k]);
             const real move = b * v[at];
-            u[at] += move;
+            to[at] = from[at] + move;
             largest = larger(fabs(move), largest);
         }
     LANES_OF(l) largest = larger(LANE(farthest, l), largest);
@@ -145,24 +143,36 @@ static real move_tile(const scene *c, integer t, real a, real b, const real *res
 static void stage(const scene *c, real a, real b)
 {
     const integer moving = c->sites * DIM, all = c->rows * DIM;
-    const real *u = c->pieces > 1 ? c->near : c->u;
-    real pull[TILE * ROW + SPARE], largest = 0;
-    if (c->pieces > 1) share(c);
-    meet(c);
-    for (integer t = c->before; t < c->tile; t++) contacts(c, u, t, pull);
-    for (integer t = c->tile; t < c->last_tile; t++) {
-        contacts(c, u, t, pull);
-        take(c, t, pull);
-        largest = larger(move_tile(c, t, a, b, pull), largest);
+    const real *u = c->pieces > 1 ? common(c, 0) : c->u;
+    real *next = c->pieces > 1 ? common(c, 1) : c->u;
+    real *restrict pull = rows(c), largest = 0;
+    for (integer t = c->before; t < c->reach; t++) {
+        if (t < c->last_tile) contacts(c, u, t, pull);
+        if (t >= c->tile && t < c->last_tile) 
+            largest = larger(move_tile(c, t, a, b, pull, u, next), largest);
+        clear(c, t, pull);
     }
     c->farthest[c->piece] = largest;
     meet(c);
-    if (c->piece) return;
-    for (integer k = 1; k < c->pieces; k++) largest = larger(largest, c->farthest[k]);
-    *c->travel += largest;
-    const real *restrict force = on_walls(c);
-    for (integer q = moving; q < all; q++) {
-        c->v[q] += a * c->w[q] * force[q - moving];
-        c->u[q] += b * c->v[q];
+    if (!c->piece) {
+        for (integer k = 1; k < c->pieces; k++) largest = larger(largest, c->farthest[k]);
+        *c->travel += largest;
+        const real *restrict force = on_walls(c);
+        for (integer q = moving; q < all; q++) {
+            c->v[q] += a * c->w[q] * force[q - moving];
+            c->u[q] += b * c->v[q];
+        }
     }
+    meet(c);
+}
+
+void advance(const scene *c, integer steps); /* in steps.c */
+
+/* The same by one of several threads. */
+void advance_together(const scene *c, integer steps)
+{
+    copy(c, c->u, common(c, 1));
+    meet(c), meet(c);
+    advance(c, steps);
+    copy(c, common(c, 0), c->u);
 }

@@ -5,13 +5,12 @@
 
    The list of contacts comes in runs of one kind and one law, filled up to whole groups of GROUP.
    The forces are computed from a second list: GROUP sites stand side by side in a slice, and
-   their k-th contacts with sites of higher numbers, or with walls, in its k-th group.  A site adds
-   these up in a register.  What they do to the other site waits in a store until that site comes,
-   which takes it with the opposite sign: equal and opposite to the last bit.  Sites with fewer
-   contacts than others of their slice repeat the last one, which does not count.  Slices come in
-   tiles of TILE sites, whose sums stay in the nearest cache until the sites move.  A thread has
-   tiles and a store of its own, and does the contacts of the tiles before them again that its
-   sites take from: no sum depends on the number of threads. */
+   their contacts with sites of higher numbers, or with walls, in its groups.  A site adds these up
+   in a register, and they are added to the other sites' rows with the opposite sign: equal to the
+   last bit.  What does not count in a group repeats another contact.  Slices come in tiles of TILE
+   sites, which move as soon as the contacts of their tile are done.  A thread has tiles, and rows
+   of forces of its own, and does the contacts of the tiles before them again that act on its
+   sites: no sum depends on the number of threads. */
 
 #define TILE 256
 
@@ -28,35 +27,31 @@ typedef struct {
     const integer *first;               /* (runs + 1) first contact of each run */
     const integer *law;                 /* (runs) 4 times the law, 2 more for walls, 1 for own */
     const real *places;                 /* (rows + 1, DIM) reference positions */
-    real *near;                         /* (rows, DIM) displacements that threads have in common */
+    real *near;                         /* (2, rows, DIM) displacements that threads have in common */
     const integer *slice;               /* (runs, tiles + 1) first slice of a run in each tile */
     const int *site;                    /* (slices, GROUP) sites */
-    const integer *depth;               /* (slices, GROUP) contacts of each; 0 repeats another */
     const integer *begin;               /* (slices + 1) first group of each slice */
-    const int *other;                   /* (groups, GROUP) the other site, or the contact with a wall */
+    const int *other;                   /* (groups, GROUP) the other site; of a wall, none */
+    const unsigned char *counts;        /* (groups) a bit for each that counts */
     const integer *entry;               /* (runs + 1) first entry (of a group) of each run */
     const integer *own_at;              /* (runs) where its own parameters begin */
     const real *gap, *length;           /* for each run those of its entries, or GROUP equal ones */
     const integer *gap_at, *length_at;  /* (runs) where these begin */
     const integer *gap_each, *length_each; /* (runs) whether each entry has its own */
-    const integer *held;                /* (runs, tiles) groups before its own in the store */
-    const int *taker;                   /* (takers, GROUP) sites, side by side, in the order in
-                                           which they take from the store */
-    const int *taken;                   /* (takings, GROUP) places in the store of what they take */
-    const integer *taken_at;            /* (takers + 1) where those of each group begin */
-    real *store;                        /* (pieces, room, DIM, GROUP) forces on the other sites */
+    real *pull;                         /* (pieces, sites, ROW) forces on sites so far */
     const real *normal;                 /* for each run with walls, (groups, DIM, GROUP) */
     const integer *normal_at;           /* (runs) where these begin */
-    real *press;                        /* (pressing, ROW) forces on walls by each contact, and
+    real *press, *force;                /* like `normal`, forces on walls by each contact, and
                                            (rows - sites, DIM) their sums */
-    const integer *pressed;             /* (rows - sites + 1) first contact with each wall */
+    const integer *pressing, *pressed;  /* where those of each contact are, wall by wall, and
+                                           (rows - sites + 1) where those of each wall begin */
     real *low, *high;                   /* smallest and largest elongation met: for each piece and
                                            run GROUP, or of each entry of runs with own ones */
     const integer *met_at;              /* (runs) where these begin */
     real *farthest;                     /* (pieces) of the sites in this stage */
     integer *gate;                      /* (16) where threads wait for each other */
-    integer runs, contacts, sites, rows, stages, closing, tiles, room, loaded, pressing;
-    integer before, tile, last_tile, piece, pieces; /* what this thread does */
+    integer runs, contacts, sites, rows, stages, closing, tiles, loaded;
+    integer before, tile, last_tile, reach, piece, pieces; /* what this thread does */
 } scene;
 
 #define AXES(k) for (int k = 0; k < DIM; k++)

@@ -19,7 +19,8 @@ from threading import Event, Lock
 import numpy as np
 
 from tensegrity import check
-from tensegrity.engine.compiled import BoundLine, BoundNet
+from tensegrity.engine.bound_line import BoundLine
+from tensegrity.engine.bound_net import BoundNet
 from tensegrity.errors import TensegrityError
 
 BLOCK = 64  # as in line.h

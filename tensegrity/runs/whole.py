@@ -12,7 +12,8 @@ import math
 
 import numpy as np
 
-from tensegrity.engine.compiled import BoundLine, BoundNet
+from tensegrity.engine.bound_line import BoundLine
+from tensegrity.engine.bound_net import BoundNet
 from tensegrity.engine.methods import Corrected, Splitting
 from tensegrity.engine.walk import Plan
 from tensegrity.once import once

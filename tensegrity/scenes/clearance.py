@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 TOUCH = 1e-9  # gap over the radius up to which spheres count as touching
 TOGETHER = 1_000_000  # distances of sites from walls that are computed at once
+NEAR = 0.1  # gap over the mean radius up to which spheres crowd each other
 CAUTION = 0.8  # part of the way to the next possible contact that is gone without a look
 
 
@@ -205,6 +206,14 @@ class Clearance:
     def tracker(self, u: Array) -> Tracker:
         """A watch that starts at displacements u."""
         return Tracker(self, u)
+
+
+def crowding(positions: Array, radius: Array) -> Indices:
+    """How many spheres of higher numbers each one has about touching it; (sites,)."""
+    none = np.zeros((0, 2), dtype=int)
+    spheres = Clearance(positions, radius, none, (), none)
+    spheres.skin *= NEAR
+    return np.bincount(spheres.pairs(positions)[:, 0], minlength=len(positions))
 
 
 class Tracker:

@@ -8,11 +8,23 @@ not sampled.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity.errors import ContactError, StabilityError
+from tensegrity.errors import ContactError, StabilityError, TensegrityError
+from tensegrity.readonly import fixed
 from tensegrity.scenes.clearance import Clearance, Tracker
+from tensegrity.scenes.contact_geometry import contact_geometry
+from tensegrity.springs.potential import Potential
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from tensegrity.typing import Array
 
 SKIN = 0.25  # of the mean radius
 ROWS = 64  # of displacements that are compared at once
@@ -106,17 +118,74 @@ def _sorted(pairs):
 class Listings:
     """The lists of contacts that a scene made last, each a scene with all that is prepared."""
 
-    def __init__(self, make, count):
-        self._make, self._count, self._made = make, count, ()
+    def __init__(self, scene, count):
+        self._scene, self._count, self._made = scene, count, ()
 
     def __call__(self, pairs, walls):
-        """The scene with these contacts besides its own."""
+        """The scene with these contacts besides its own, and none that are followed."""
         for of, scene in self._made:
             if all(map(np.array_equal, of, (pairs, walls))):
                 return scene
-        scene = self._make(pairs, walls)
+        scene = self.new(pairs, walls)
         self._made = (((pairs, walls), scene), *self._made)[: self._count]
         return scene
+
+    def new(self, pairs, walls):
+        """The same, which is not kept."""
+        if not len(pairs) and not len(walls):
+            return self._alone
+        of = self._scene
+        count, law, known = len(of.bonds), of.law, of.geometry[of.dim]
+        bonds, contacts = (
+            np.concatenate([of.bonds, pairs]),
+            np.concatenate([of.wall_contacts, walls]),
+        )
+        lengths = np.concatenate([of.lengths, of.radius[pairs].sum(axis=1)])
+        given = of.positions, bonds, lengths, of.walls, contacts, of.radius
+        lengths, geometry = contact_geometry(*given)
+        own = np.r_[:count, len(bonds) : len(bonds) + len(of.wall_contacts)]
+        geometry[of.dim, own] = known  # not as the positions round
+        of_pairs = tuple(law(i, j) for i, j in pairs.tolist())
+        of_walls = tuple(law(site, of.walls[wall]) for site, wall in walls.tolist())
+        return of._with(
+            law=None, clearance=None, bonds=fixed(bonds), wall_contacts=fixed(contacts),
+            springs=of.springs[:count] + of_pairs + of.springs[count:] + of_walls,
+            lengths=fixed(lengths), geometry=fixed(geometry),
+        )  # fmt: skip
+
+    @cached_property
+    def _alone(self):
+        return self._scene._with(law=None, clearance=None)
+
+
+@dataclass(frozen=True)
+class FollowedLaw:
+    """The spring of a contact that forms, from what a user gave."""
+
+    given: Potential | Callable[..., Any]
+
+    def __post_init__(self) -> None:
+        if not (isinstance(self.given, Potential) or callable(self.given)):
+            raise TensegrityError(
+                f"law {self.given!r} is not a Potential or a function of two that touch"
+            )
+
+    def __call__(self, site: int, other: Any) -> Potential:
+        spring = self.given if isinstance(self.given, Potential) else self.given(site, other)
+        if not isinstance(spring, Potential):
+            raise TensegrityError(f"law of {site!r} and {other!r} is {spring!r}, not a Potential")
+        return spring
+
+
+def followed_law(contacts: str, law: Any, radius: Array | None) -> Any:
+    """The law of contacts that are followed; None where they are fixed."""
+    if contacts not in ("fixed", "follow"):
+        raise TensegrityError(f"contacts {contacts!r} must be 'fixed' or 'follow'")
+    if contacts == "follow" and radius is None:
+        raise TensegrityError("contacts 'follow' need the radius of the sites")
+    if contacts == "fixed" and law is not None:
+        raise TensegrityError("law given, but contacts are 'fixed'")
+    return FollowedLaw(law) if contacts == "follow" else None
 
 
 class Follower(Tracker):

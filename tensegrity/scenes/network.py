@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -22,13 +22,13 @@ from tensegrity.engine.bonds import PAIR, WALL, Bonds, Contacts
 from tensegrity.errors import TensegrityError
 from tensegrity.notebook import page, wires
 from tensegrity.readonly import fixed
-from tensegrity.scenes.clearance import Clearance
-from tensegrity.scenes.following import Following, Listings
+from tensegrity.scenes.clearance import Clearance, crowding
+from tensegrity.scenes.contact_geometry import contact_geometry
+from tensegrity.scenes.following import Following, Listings, followed_law
 from tensegrity.scenes.forcing import begun
 from tensegrity.scenes.network_input import (
     held_sites,
     joined_pairs,
-    near_positions,
     numbers,
     per_site,
     plane_walls,
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 
     from tensegrity.engine.energies import Energies
     from tensegrity.scenes.forcing import Damping, Drive
-    from tensegrity.typing import Array
+    from tensegrity.typing import Array, Indices
 
 AT_ONCE = 2_000_000  # contacts times rows of one list: some tens of megabytes
 LISTS, FEW = 2, 10_000  # lists of contacts that are kept of a scene, and sites up to which
@@ -144,8 +144,11 @@ class Network(Scene):
         self.springs = springs
         self.loads = np.zeros(self.shape) if loads is None else numbers("loads", loads, self.shape)
         self.held = held_sites(held, self.sites)
-        self._set_geometry(lengths, wall_gaps)
-        self.law = _followed_law(contacts, law, self.radius)
+        self.lengths, self.geometry = contact_geometry(
+            self.positions, self.bonds, lengths, self.walls, self.wall_contacts, self.radius,
+            wall_gaps,
+        )  # fmt: skip
+        self.law = followed_law(contacts, law, self.radius)
         _ = self.loop_bonds  # refuses springs that the compiled loop cannot take
         self._refuse_unlisted(np.zeros(self.shape))
         self._set_forcing(drive, damping, tune)
@@ -155,45 +158,6 @@ class Network(Scene):
     def _refuse_unlisted(self, u: Array) -> None:
         if self.clearance is not None:
             self.clearance.check(u)
-
-    def _set_geometry(self, lengths: ArrayLike | None, wall_gaps: ArrayLike | None) -> None:
-        i, j = self.bonds.T
-        exact = self.positions.astype(np.longdouble)
-        apart = exact[j] - exact[i]
-        distance = np.sqrt(np.sum(apart**2, axis=1))
-        same = np.flatnonzero(distance == 0)
-        if same.size:
-            raise TensegrityError(
-                f"bond {same[0]} joins sites {i[same[0]]} and {j[same[0]]} at the same place"
-            )
-        if lengths is None:
-            lengths = distance.astype(float)
-            opening = np.zeros(len(self.bonds))
-        else:
-            lengths = numbers("lengths", lengths)
-            if lengths.shape not in ((), (len(self.bonds),)):
-                raise TensegrityError(
-                    f"lengths have shape {lengths.shape}, must be ({len(self.bonds)},)"
-                )
-            lengths = np.broadcast_to(lengths, (len(self.bonds),)).copy()
-            opening = (distance - lengths).astype(float)
-        bad = np.flatnonzero(~(lengths > 0))
-        if bad.size:
-            raise TensegrityError(f"length {lengths[bad[0]]:g} m of bond {bad[0]} must be above 0")
-        self.lengths = lengths
-        site, wall = self.wall_contacts.T
-        normals = np.array([w.normal for w in self.walls]).reshape(-1, self.dim)[wall]
-        heights = [self.walls[w].height(exact[s]) for s, w in self.wall_contacts.tolist()]
-        radius = np.zeros(0) if self.radius is None else self.radius[site]
-        gaps = (np.array(heights, dtype=np.longdouble) - radius).astype(float)
-        if wall_gaps is not None:
-            gaps = near_positions(wall_gaps, gaps, radius)
-        geometry = np.zeros((self.dim + 2, len(self.springs)))
-        reference = np.sign(apart) if self.dim == 1 else apart
-        geometry[: self.dim] = np.concatenate([reference.astype(float), normals]).T
-        geometry[self.dim] = np.concatenate([opening, gaps])
-        geometry[-1, : len(self.bonds)] = lengths
-        self.geometry = geometry
 
     # the engine's view
 
@@ -206,9 +170,16 @@ class Network(Scene):
         second = np.concatenate([self.bonds[:, 1], self.wall_contacts[:, 0]])
         arrays = (fixed(x) for x in (kind, first, second))
         places = self.geometry, self.positions
-        contacts = Contacts(*arrays, *places, self.loads, len(self.walls))  # type: ignore[call-arg]
+        behind = self.loads, len(self.walls), self.crowding
+        contacts = Contacts(*arrays, *places, *behind)  # type: ignore[call-arg]
         springs = self.spring_table
         return Bonds(*springs.table, springs.group, self.inverse_mass, contacts, springs.openings)
+
+    @cached_property
+    def crowding(self) -> Indices | None:
+        """How many sites of higher numbers each one about touches at the reference places; None
+        where sites have no radius, so that one list of contacts is all there is."""
+        return None if self.radius is None else crowding(self.positions, self.radius)
 
     @cached_property
     def clearance(self) -> Clearance | None:
@@ -230,7 +201,7 @@ class Network(Scene):
 
     @cached_property
     def _listings(self) -> Listings:
-        return Listings(self._listing, LISTS if self.sites <= FEW else 1)
+        return Listings(self, LISTS if self.sites <= FEW else 1)
 
     def listings(self, u: Array) -> Iterator[tuple[slice, Self]]:
         """Rows of displacements (T, sites, dim) in turn, each with this scene as it lists all
@@ -252,7 +223,7 @@ class Network(Scene):
 
     def likely(self, u: Array) -> Self:
         """This network with contacts of sites nearest each other, and of all with walls."""
-        return self._listing(*self.clearance.likely(u)) if self.follows else self
+        return self._listings.new(*self.clearance.likely(u)) if self.follows else self
 
     @property
     def follows(self) -> bool:
@@ -264,40 +235,10 @@ class Network(Scene):
         """Of the default step that a method takes for smooth springs."""
         return KINK_SHARE / 3 if self.follows else 1.0  # every contact opens
 
-    def _listing(self, pairs: Array, walls: Array) -> Self:
-        """This network with these contacts besides its own, and none that are followed."""
-        if not len(pairs) and not len(walls):
-            return self._alone
-        springs, count = self.springs, len(self.bonds)
-        openings = self.geometry[self.dim, :count]  # as known, not as the positions round
-        of_pairs = tuple(self.law(i, j) for i, j in pairs.tolist())
-        of_walls = tuple(self.law(site, self.walls[wall]) for site, wall in walls.tolist())
-        gaps = self.geometry[self.dim, count:]
-        bonds = np.concatenate([self.bonds, pairs])
-        other = self._with(
-            law=None, clearance=None, bonds=fixed(bonds),
-            wall_contacts=fixed(np.concatenate([self.wall_contacts, walls])),
-            springs=springs[:count] + of_pairs + springs[count:] + of_walls,
-        )  # fmt: skip
-        lengths = np.concatenate([self.lengths, self.radius[pairs].sum(axis=1)])
-        for name in ("geometry", "lengths"):
-            other.__dict__.pop(name)
-        other._set_geometry(lengths, None)
-        geometry = other.__dict__.pop("geometry").copy()
-        geometry[self.dim, :count] = openings
-        geometry[self.dim, len(bonds) : len(bonds) + len(gaps)] = gaps
-        other.geometry = geometry
-        return other
-
-    @cached_property
-    def _alone(self) -> Self:
-        """This network with its own contacts, and none that are followed."""
-        return self._with(law=None, clearance=None)
-
     def _with(self, **changed: Any) -> Self:
         """This network with other springs or contacts; what is computed from them is dropped."""
         other = copy(self)
-        other.__dict__.update(changed)
+        other.__dict__.update(changed, crowding=self.crowding)
         return other
 
     @property
@@ -565,33 +506,3 @@ class Network(Scene):
             f"Network({self.sites} sites in {self.dim} dimensions, {len(self.bonds)} bonds, "
             f"{len(self.walls)} walls with {len(self.wall_contacts)} contacts)"
         )
-
-
-@dataclass(frozen=True)
-class FollowedLaw:
-    """The spring of a contact that forms, from what a user gave."""
-
-    given: Potential | Callable[..., Any]
-
-    def __post_init__(self) -> None:
-        if not (isinstance(self.given, Potential) or callable(self.given)):
-            raise TensegrityError(
-                f"law {self.given!r} is not a Potential or a function of two that touch"
-            )
-
-    def __call__(self, site: int, other: Any) -> Potential:
-        spring = self.given if isinstance(self.given, Potential) else self.given(site, other)
-        if not isinstance(spring, Potential):
-            raise TensegrityError(f"law of {site!r} and {other!r} is {spring!r}, not a Potential")
-        return spring
-
-
-def _followed_law(contacts: str, law: Any, radius: Array | None) -> Any:
-    """The law of contacts that are followed; None where they are fixed."""
-    if contacts not in ("fixed", "follow"):
-        raise TensegrityError(f"contacts {contacts!r} must be 'fixed' or 'follow'")
-    if contacts == "follow" and radius is None:
-        raise TensegrityError("contacts 'follow' need the radius of the sites")
-    if contacts == "fixed" and law is not None:
-        raise TensegrityError("law given, but contacts are 'fixed'")
-    return FollowedLaw(law) if contacts == "follow" else None
