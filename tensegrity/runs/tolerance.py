@@ -49,6 +49,7 @@ FAR, NEARER = 0.4, 0.45  # share of the steps below which a run tells of an erro
 # that another is done, with at least so much
 EPSILON = float(np.finfo(float).eps)
 ROUND_OFF = 1e-14  # differences below this say nothing
+REST = 64 * EPSILON  # of a length, by which a place may be off its equilibrium
 FORCE_SHARE = 0.1  # of a tolerance that fitted forces may take up
 FIRST_ERROR, LEAST_ERROR = 1e-3, 1e-13  # of a fit over the tolerance, and of any fit
 FITS = 4  # attempts
@@ -149,6 +150,8 @@ def _to_tolerance(problem, tol, short):
     """
     if not problem.t_end:
         return march(problem, 0, 1.0)[0]
+    if not problem.state.v.any() and (length := rests(problem)):
+        return resting(problem, length, tol)
     apart, fewest = (DENSE, AT_FIRST) if problem.scene.smooth else (1, CHECKPOINTS)
     least = _steps(problem, TRIAL, problem.outlook.first_frequency, fewest)
     if short is not None and least * (COARSE / tol) ** (1 / short.order) < SHORT:
@@ -166,6 +169,32 @@ def _to_tolerance(problem, tol, short):
             except RangeError:  # finer runs reach farther than the coarse one
                 continue
     return converged(problem, first, 0.0, tol)
+
+
+def rests(problem):
+    """The length [m] beside which a scene without velocities is in equilibrium to round-off: the
+    shortest bond; None where forces, or time, will move it."""
+    scene, u = problem.scene.listed(problem.state.u), problem.state.u
+    if scene.is_driven:
+        return None
+    given = scene.spring_lengths
+    lengths = [s.length or 0.0 for s in scene.springs] if given is None else np.ravel(given)
+    length = min((x for x in lengths if x > 0), default=0.0)
+    stiffness = scene.stiffness_within(scene.present_ranges(u))
+    pull = np.max(np.abs(scene.forces(u)), initial=0.0)
+    return length if pull <= REST * np.max(stiffness, initial=0.0) * length else None
+
+
+def resting(problem, length, tol):
+    """The run of a scene at rest, whose motion is round-off, and tells nothing of an error."""
+    run = default_step(problem)
+    moved = float(np.max(np.abs(run.u - run.u[0]))) / length
+    if moved > tol:
+        raise TensegrityError(
+            f"tol {tol:g}: the scene is at rest, and leaves it by round-off alone, as far as "
+            f"{moved:.1e} of its shortest bond"
+        )
+    return changed(run, error_estimate=moved if run.complete else None)
 
 
 def _trial(problem, rows=False):
