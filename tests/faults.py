@@ -402,6 +402,24 @@ FAULTS = (
     ),
     Fault(
         "tensegrity/engine/line_law.c",
+        "(all < BLOCK ? all : BLOCK)",
+        "(all < BLOCK ? all : 1)",
+        "tests/test_one_engine.py::test_ranges_of_many_equal_bonds_are_those_of_all",
+    ),
+    Fault(
+        "tensegrity/engine/walk.c",
+        "range[1] = high > range[1] ? high : range[1];",
+        "range[1] = high;",
+        "tests/test_whole.py::test_a_run_at_once_has_the_bits_of_a_careful_one[unequal-verlet-None]",
+    ),
+    Fault(
+        "tensegrity/scenes/lanes.py",
+        "            one.judge(u[..., lane], t)",
+        "            pass",
+        "tests/test_ensemble.py::test_a_lane_whose_bead_comes_to_the_end_of_its_wall_is_told",
+    ),
+    Fault(
+        "tensegrity/engine/line_law.c",
         "for (integer i = n; i % WIDE; i++) r[i] = r[n - 1];",
         "for (integer i = n - 1; i % WIDE; i++) r[i] = r[0];",
         "tests/test_one_engine.py::test_bonds_with_parameters_of_their_own_pull_as_each_alone"
@@ -421,8 +439,8 @@ FAULTS = (
     ),
     Fault(
         "tensegrity/engine/line_law.c",
-        "low[q] = r[i] < low[q] ? r[i] : low[q];",
-        "low[q] = r[i];",
+        "low[PLACE(q)] = r[i] < low[PLACE(q)] ? r[i] : low[PLACE(q)];",
+        "low[PLACE(q)] = r[i];",
         "tests/test_one_engine.py::test_bonds_with_parameters_of_their_own_pull_as_each_alone",
     ),
     Fault(

@@ -5,9 +5,10 @@ import pytest
 import sympy as sp
 from scenes import prism_chain
 
-from granular import Bead, Striker, chain, materials
+from granular import Bead, Striker, chain, materials, y_guide
 from tensegrity import (
     Chain,
+    ContactError,
     Ensemble,
     LockingError,
     Potential,
@@ -130,3 +131,40 @@ def test_observables_of_one_chain_refuse_lanes():
     run = simulate(ensemble, ensemble.at_rest({0: 0.01}), 5.0)
     with pytest.raises(TensegrityError, match=r"rows of shape \(10, 2\)"):
         arrival(run, 3)
+
+
+def fork():
+    """A small guide of steel beads, whose unlisted contacts have to be watched."""
+    steel = Bead(4.76e-3, materials["steel"], mass=0.45e-3)
+    return y_guide(3, 4, bead=steel, wall=materials["ptfe"], striker=Striker(steel, 0.5))
+
+
+@pytest.mark.parametrize(
+    "given",
+    [{"tol": 1e-3}, {"dt": 2e-7}, {}, {"dt": 2e-7, "record": Record(times=[1e-5, 3.3e-5])}],
+    ids=["tol", "dt", "default", "between steps"],
+)
+def test_guides_run_as_lanes(given):
+    """One after the other with one step, each watched by its own clearance."""
+    guide, speeds = fork(), (0.3, 1.0)
+    start = guide.start()
+    lanes = Ensemble(guide, len(speeds))
+    state = State(*(np.stack([x * speed for speed in speeds], axis=-1) for x in (start.u, start.v)))
+    run = simulate(lanes, state, 4e-5, **given)
+    for k, speed in enumerate(speeds):
+        alone = simulate(
+            guide, State(start.u, speed * start.v), 4e-5, dt=run.dt, method=run.method,
+            record=given.get("record", Record()),
+        )  # fmt: skip
+        assert alone.steps == run.steps
+        for name in ("u", "v", "impulse"):
+            np.testing.assert_array_equal(getattr(run, name)[..., k], getattr(alone, name))
+
+
+def test_a_lane_whose_bead_comes_to_the_end_of_its_wall_is_told():
+    guide = fork()
+    start = guide.start()
+    fast = State(*(np.stack([x, 100 * x], axis=-1) for x in (start.u, start.v)))
+    with pytest.raises(ContactError, match=r"beyond its end at t = 0\.000162") as caught:
+        simulate(Ensemble(guide, 2), fast, 3e-4, dt=4e-8)
+    assert 1.6e-4 < caught.value.run.t[-1] < 1.63e-4

@@ -437,7 +437,7 @@ def test_recorded_sites_and_a_file_keep_all_coordinates(tmp_path):
 def test_elongations_and_energies_in_parts_have_the_same_bits(monkeypatch, part):
     scene = fork()
     u = 1e-6 * np.random.default_rng(3).standard_normal((5, *scene.shape))
-    scene.__dict__["_compiled_energies"] = None  # in NumPy, as without a compiler
+    scene.__dict__["energies_at_once"] = None  # in NumPy, as without a compiler
     whole = scene.stretch(u), scene.energies(u, u)
     monkeypatch.setattr(forces, "PART", part)
     monkeypatch.setattr("tensegrity.scenes.network.IN_CACHE", part)

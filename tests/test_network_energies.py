@@ -69,7 +69,7 @@ def test_energies_of_rows_are_those_summed_by_hand(monkeypatch, dim, part):
     monkeypatch.setattr(energies, "PART", part)
     scene = mixed(dim)
     u, v = states(scene)
-    found = scene._compiled_energies(u, v)
+    found = scene.energies_at_once(u, v)
     for k in range(STATES):
         wanted, size = by_hand(scene, u[k], v[k])
         assert found[k] == pytest.approx(wanted, abs=2e-15 * size)
@@ -91,7 +91,7 @@ def test_energies_without_a_compiler_are_the_same(monkeypatch, dim, lacks):
     else:
         monkeypatch.setattr(energies, "_elongations", none)
     other = mixed(dim, loads=lacks == "laws")
-    assert other._compiled_energies is None
+    assert other.energies_at_once is None
     np.testing.assert_allclose(other.energies(u, v), found, rtol=1e-13)
 
 

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from tensegrity.engine import codegen, geometry
-from tensegrity.engine.bonds import GROUP, WALL, by_spring
+from tensegrity.engine.bonds import BLOCK, GROUP, WALL, by_spring
 from tensegrity.engine.kept import kept
 from tensegrity.engine.methods import Corrected, Splitting
 from tensegrity.engine.native import library
@@ -181,8 +181,10 @@ class _Bound:
 
     Attributes
     ----------
+    springs : int
+        Different ones.
     range : ndarray, (springs, 2)
-        Smallest and largest elongation of each different spring since `forget_range`.
+        Smallest and largest elongation of each since `forget_range`.
     travel : float
         Bound on how far any coordinate of a site moved since then [m]; networks only.
     taken : list of (Structure, str, ndarray)
@@ -360,7 +362,7 @@ class BoundLine(_Bound):
         weights, shared, own, *where = fixed_arrays
         self._range = np.empty(size, dtype=loop.dtype)
         self._travel = np.zeros(1, dtype=loop.dtype)
-        self._springs = len(bonds.law)
+        self.springs = len(bonds.law)
         self._kicks, self._drifts, *counts = _rows(method, dt, loop.dtype)
         arrays = [
             u, v, weights, shared, own, self._kicks, self._drifts, self._range, *where,
@@ -375,7 +377,8 @@ class BoundLine(_Bound):
         runs = self._runs
         seen = np.ones(len(runs.law), dtype=bool) if seen is None else seen
         shared, own, own_at = loop.parameters(bonds, runs)
-        sizes = np.where(runs.own, 2 * loop.lanes * np.diff(runs.first), 2)
+        entries = loop.lanes * np.diff(runs.first)
+        sizes = 2 * np.where(runs.own, entries, np.minimum(entries, BLOCK))
         range_at = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
         weights = np.asarray(bonds.inverse_mass)
         if loop.lanes > 1 and weights.ndim == 1:
@@ -395,7 +398,7 @@ class BoundLine(_Bound):
             start, stop = range_at[k : k + 2]
             here, middle = self._group[self._runs.members(k)], (start + stop) // 2
             if not self._runs.own[k]:
-                here = here.flat[:1]
+                here = np.repeat(here.flat[0], middle - start)
             elif self._lanes > 1 and here.ndim == 1:
                 here = np.repeat(here, self._lanes)
             springs.append(np.ravel(here))
@@ -414,14 +417,16 @@ class BoundLine(_Bound):
         """Start anew to record elongations."""
         self._range[self._low], self._range[self._high] = np.inf, -np.inf
 
+    def places(self):
+        """The spring of each range that is kept, and where in `kept` its ends are."""
+        return tuple(_integers(x) for x in (self._kept, self._low, self._high))
+
     @property
     def range(self):
-        if self._range.size == 2:
-            return self._range.reshape(1, 2).copy()
         found = self._range[self._low], self._range[self._high]
         if self._apart:
             return np.stack(found, axis=1)
-        return by_spring(self._kept, self._springs, *found)
+        return by_spring(self._kept, self.springs, *found)
 
 
 class BoundNet(_Bound):
@@ -518,16 +523,21 @@ class BoundNet(_Bound):
             for k in np.flatnonzero(entries.own)
         ]
         self._group = np.concatenate([np.tile(np.repeat(first, GROUP), pieces), *told])
-        self._springs = len(bonds.law)
+        self.springs = len(bonds.law)
 
     def forget_range(self):
         """Start anew to record elongations and the way travelled."""
         self._low[:], self._high[:] = np.inf, -np.inf
         self._travel[:] = 0
 
+    def places(self):
+        """The spring of each range that is kept, and where in `kept` its ends are."""
+        each = np.arange(self._low.size, dtype=np.int64)
+        return _integers(self._group), each, each + self._low.size
+
     @property
     def range(self):
-        return by_spring(self._group, self._springs, self._low, self._high)
+        return by_spring(self._group, self.springs, self._low, self._high)
 
 
 def _integers(array):

@@ -65,6 +65,13 @@ class Energies:
         [m], (2, 1) or (2, bonds); numbers of the bonds, increasing.
     contacts : Contacts, optional
         Where the bonds do not just join neighbours on a line.
+
+    Attributes
+    ----------
+    task : tuple of int
+        Address of the compiled function, and the first of what it takes.
+    room : int
+        Numbers that it needs to work in.
     """
 
     def __init__(self, mass: Array, sets: Sequence[Set], contacts: Contacts | None = None) -> None:
@@ -83,7 +90,8 @@ class Energies:
         loads = self._numbers[1].ctypes.data if len(self._numbers) > 1 else None
         given = ctypes.addressof(self._sets), len(rows), self._bonds
         self._given = *given, self._numbers[0].ctypes.data, loads, mass.size
-        self._room = self._bonds + max(mass.size, *(row.count for row in self._sets), 0)
+        self.task = ctypes.cast(self._function, _ADDRESS).value, *self._given
+        self.room = self._bonds + max(mass.size, *(row.count for row in self._sets), 0)
 
     def _fill(
         self, row: Any, loop: Compiled, parameters: Array, domain: Array, columns: Indices
@@ -122,11 +130,11 @@ class Energies:
             return None
         states = u.shape[: u.ndim - axes]
         count = math.prod(states)
-        room = np.empty(self._room + count)  # to work in, and for what is found
+        room = np.empty(self.room + count)  # to work in, and for what is found
         start = address(room)
-        pointers = address(u), address(v), start, start + self._room * room.itemsize
+        pointers = address(u), address(v), start, start + self.room * room.itemsize
         known = self._function(*self._given, count, *pointers)
-        return room[self._room :].reshape(states).copy() if known else None
+        return room[self.room :].reshape(states).copy() if known else None
 
 
 def _parts(sets: Sequence[Set], contacts: Contacts | None) -> Iterator[Set]:

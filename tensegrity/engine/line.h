@@ -21,8 +21,9 @@ typedef struct {
     const real *shared;              /* (runs, PARAMETERS), what bonds of a run have in common */
     const real *own;                 /* for each run (own parameters of its law, bonds, LANES) */
     const real *kicks, *drifts;      /* dt times the coefficients (stages + 1), (stages) */
-    real *range;                     /* for each run smallest and largest elongation met, of all
-                                        (2), or where it has own parameters (2, bonds, LANES) */
+    real *range;                     /* for each run smallest and largest elongation met, at each
+                                        place of a block (2, BLOCK) or less, or where it has own
+                                        parameters (2, bonds, LANES) */
     const integer *first;            /* (runs + 1) first bond of each run */
     const integer *law;              /* (runs) twice the law, and 1 more with own parameters */
     const integer *own_at, *range_at; /* (runs) where its own parameters and its range begin */

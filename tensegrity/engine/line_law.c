@@ -9,24 +9,17 @@
 
 #if OWNED
 #define P(q) real p[PARAMETERS + 1]; LAW(take)(p, shared, own, all, q);
-#define SEEN(q) low[q] = r[i] < low[q] ? r[i] : low[q]; high[q] = r[i] > high[q] ? r[i] : high[q];
-#define MET(range, all) real *restrict low = range, *restrict high = range + all;
-#define TOLD(range)
+#define PLACE(q) (q)
+#define RANGES all
 #else
-/* Each place of a block has a range, of which the widest is told. */
-#define MET(range, all)                                                                     \
-    real low[BLOCK], high[BLOCK];                                                           \
-    EACH(BLOCK) low[i] = range[0], high[i] = range[1];
-#define TOLD(range)                                                                         \
-    for (int n = BLOCK / 2; n; n /= 2)                                                      \
-        EACH(n) {                                                                           \
-            low[i] = low[i + n] < low[i] ? low[i + n] : low[i];                             \
-            high[i] = high[i + n] > high[i] ? high[i + n] : high[i];                        \
-        }                                                                                   \
-    range[0] = low[0], range[1] = high[0];
+/* Each place of a block has a range. */
 #define P(q)
-#define SEEN(q) low[i] = r[i] < low[i] ? r[i] : low[i]; high[i] = r[i] > high[i] ? r[i] : high[i];
+#define PLACE(q) i
+#define RANGES (all < BLOCK ? all : BLOCK)
 #endif
+#define SEEN(q)                                                                             \
+    low[PLACE(q)] = r[i] < low[PLACE(q)] ? r[i] : low[PLACE(q)];                            \
+    high[PLACE(q)] = r[i] > high[PLACE(q)] ? r[i] : high[PLACE(q)];
 
 #if BESIDE
 #define HEAD(j)                                                                             \
@@ -83,9 +76,8 @@ __attribute__((flatten)) static void OF(stage)(
     const integer start = LANES * c->first[s], last = LANES * c->first[s + 1];
     const integer all = last - start;
     const real *restrict shared = c->shared + s * PARAMETERS, *restrict own = c->own + c->own_at[s];
-    real *range = c->range + c->range_at[s];
+    real *restrict low = c->range + c->range_at[s], *restrict high = low + RANGES;
     integer j = start;
-    MET(range, all)
 #if !OWNED
     real p[PARAMETERS + 1];
     for (int i = 0; i < PARAMETERS; i++) p[i] = shared[i];
@@ -111,7 +103,6 @@ __attribute__((flatten)) static void OF(stage)(
         CARRY(BLOCK)
     }
     for (int l = 0; l < LANES; l++) left[l] = f[l];
-    TOLD(range)
 }
 
 __attribute__((flatten)) static void OF(pull)(
@@ -121,8 +112,7 @@ __attribute__((flatten)) static void OF(pull)(
     const integer start = LANES * c->first[s], last = LANES * c->first[s + 1];
     const integer all = last - start;
     const real *restrict shared = c->shared + s * PARAMETERS, *restrict own = c->own + c->own_at[s];
-    real *range = c->range + c->range_at[s];
-    MET(range, all)
+    real *restrict low = c->range + c->range_at[s], *restrict high = low + RANGES;
 #if !OWNED
     real p[PARAMETERS + 1];
     for (int i = 0; i < PARAMETERS; i++) p[i] = shared[i];
@@ -141,13 +131,12 @@ __attribute__((flatten)) static void OF(pull)(
         EACH(n) { SEEN(j - start + i) }
         for (int l = 0; l < LANES; l++) left[l] = f[n + l];
     }
-    TOLD(range)
 }
 
 #undef P
 #undef SEEN
-#undef MET
-#undef TOLD
+#undef PLACE
+#undef RANGES
 #undef HEAD
 #undef UPDATE
 #undef TAILS

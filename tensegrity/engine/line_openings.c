@@ -13,11 +13,13 @@ static void overlaps(const scene *c, const openings *o, const real *restrict u,
 static int may_pass(const scene *c, const openings *o)
 {
     for (integer s = 0; s < c->runs; s++) {
-        const integer start = LANES * c->first[s], all = LANES * c->first[s + 1] - start;
-        const integer own = c->law[s] & 1 ? all : 1; /* ranges of a run */
-        const real *low = c->range + c->range_at[s], *high = low + own, *place = o->place + start;
+        const integer start = LANES * c->first[s];
+        const integer ranges = (c->range_at[s + 1] - c->range_at[s]) / 2;
+        const real *low = c->range + c->range_at[s], *high = low + ranges;
+        const real *place = o->place + start; /* one spring opens at one place */
         integer any = 0;
-        EACH(own) any |= (low[i] <= place[i]) & (high[i] >= place[i]);
+        if (c->law[s] & 1) EACH(ranges) any |= (low[i] <= place[i]) & (high[i] >= place[i]);
+        else EACH(ranges) any |= (low[i] <= *place) & (high[i] >= *place);
         if (any) return 1;
     }
     return 0;

@@ -3,6 +3,7 @@
    Compiled once for all scenes: it calls the loops of others by their addresses, and knows of
    them only the numbers that they advance.  All in double precision. */
 
+#include <math.h>
 #include <string.h>
 
 typedef long long integer;
@@ -81,6 +82,17 @@ void go(const walk *w, integer done, const integer *at, integer count, integer l
     }
 }
 
+/* Energies of rows, by a function of `energies.c`. */
+typedef struct {
+    integer (*function)(const void *, integer, integer, const double *, const double *, integer,
+                        integer, const double *, const double *, double *, double *);
+    const void *sets;
+    integer count, all;
+    const double *mass, *loads;
+    integer entries;
+    double *scratch;
+} told;
+
 /* All that a run of a scene takes besides its start, its step and its rows. */
 typedef struct {
     walk walk;
@@ -90,8 +102,11 @@ typedef struct {
     const double *blank;           /* no elongation met */
     double *met;                   /* what the parts met */
     double *travel;
+    const integer *spring, *low, *high; /* whose each range in `met` is, and where its ends are */
+    double *ranges, *with_rest;    /* (springs, 2) of each spring; with 0 included */
     integer taken, kept;           /* numbers of coefficients and of elongations */
     integer state, more;           /* numbers in u of a state, and of walls behind it */
+    integer places, springs;       /* numbers of ranges in `met`, and of springs */
 } plan;
 
 /* What is looked at after so many steps: u, v and impulses to where they are kept. */
@@ -103,6 +118,21 @@ static void look(const plan *p, const double *u, const double *v, double *to_u, 
     if (extra) bring(extra, v + p->state, p->more);
 }
 
+/* The widest ranges that each spring met. */
+static void fold(const plan *p)
+{
+    double (*met)[2] = (double (*)[2])p->ranges, (*wide)[2] = (double (*)[2])p->with_rest;
+    for (integer s = 0; s < p->springs; s++) met[s][0] = INFINITY, met[s][1] = -INFINITY;
+    for (integer i = 0; i < p->places; i++) {
+        double *range = met[p->spring[i]];
+        const double low = p->met[p->low[i]], high = p->met[p->high[i]];
+        range[0] = low < range[0] ? low : range[0];
+        range[1] = high > range[1] ? high : range[1];
+    }
+    for (integer s = 0; s < p->springs; s++)
+        wide[s][0] = met[s][0] < 0 ? met[s][0] : 0, wide[s][1] = met[s][1] > 0 ? met[s][1] : 0;
+}
+
 static int is_finite(const double *x, integer n)
 {
     double none = 0;
@@ -110,12 +140,14 @@ static int is_finite(const double *x, integer n)
     return none == 0;
 }
 
-/* A whole run from u and v: the state at 0 and after every `every` steps, and at the end, to rows;
-   after every `apart` to what is compared, and how far sites went by then; 0 for none.  Returns
-   whether the end is finite. */
+/* A whole run from u and v: the state at 0 and after every `every` steps, and at the end, to rows,
+   whose energies go to `total` where `t` says how; after every `apart` to what is compared, and how
+   far sites went by then; 0 for none.  Returns whether the end is finite, and 2 more where the
+   energies are there. */
 integer run(const plan *p, double dt, integer steps, const double *u, const double *v,
             integer every, double *rows_u, double *rows_v, double *extra,
-            integer apart, double *seen_u, double *seen_v, double *ways)
+            integer apart, double *seen_u, double *seen_v, double *ways, const told *t,
+            double *total)
 {
     const walk *w = &p->walk;
     const integer size = w->size, state = p->state, more = p->more;
@@ -130,6 +162,7 @@ integer run(const plan *p, double dt, integer steps, const double *u, const doub
     if (apart) look(p, w->step.u, w->step.v, seen_u, seen_v, 0);
     if (p->enter.function) carry_out(&p->enter, 1);
     const task *seen = &w->step;
+    const double *first_u = rows_u, *first_v = rows_v;
     for (integer done = 0, row = every ? every : steps, other = apart ? apart : steps; done < steps;) {
         if (row > steps) row = steps;
         const integer at = row < other ? row : other;
@@ -151,7 +184,11 @@ integer run(const plan *p, double dt, integer steps, const double *u, const doub
             }
         }
     }
-    return is_finite(seen->u, state) && is_finite(seen->v, state);
+    fold(p);
+    if (!is_finite(seen->u, state) || !is_finite(seen->v, state)) return 0;
+    const integer rows = (rows_u - first_u) / state + 1;
+    return 1 + 2 * (t && t->function(t->sets, t->count, t->all, t->mass, t->loads, t->entries, rows,
+                                     first_u, first_v, t->scratch, total));
 }
 
 /* Largest size of one array, and largest difference of two. */

@@ -28,16 +28,23 @@ class _Walk(ctypes.Structure):
     _fields_ += [("begins", _ADDRESS), ("size", _NUMBER)]
 
 
+class _Told(ctypes.Structure):
+    _fields_ = [("function", _ADDRESS), ("sets", _ADDRESS), ("count", _NUMBER), ("all", _NUMBER)]
+    _fields_ += [("mass", _ADDRESS), ("loads", _ADDRESS), ("entries", _NUMBER)]
+    _fields_ += [("scratch", _ADDRESS)]
+
+
 class _Plan(ctypes.Structure):
     _fields_ = [("walk", _Walk), ("enter", _Task)]
     _fields_ += [(x, _ADDRESS) for x in ("coefficients", "steps", "blank", "met", "travel")]
-    _fields_ += [(x, _NUMBER) for x in ("taken", "kept", "state", "more")]
+    _fields_ += [(x, _ADDRESS) for x in ("spring", "low", "high", "ranges", "with_rest")]
+    _fields_ += [(x, _NUMBER) for x in ("taken", "kept", "state", "more", "places", "springs")]
 
 
 _GO = (_ADDRESS, _NUMBER, _ADDRESS, *[_NUMBER] * 3, _ADDRESS, _ADDRESS, *[_NUMBER] * 2, _ADDRESS)
 _RUN = (
     _ADDRESS, ctypes.c_double, _NUMBER, _ADDRESS, _ADDRESS, _NUMBER, *[_ADDRESS] * 3, _NUMBER,
-    _ADDRESS, _ADDRESS, _ADDRESS,
+    *[_ADDRESS] * 5,
 )  # fmt: skip
 _COMPARE = (_ADDRESS, _ADDRESS, _NUMBER, _ADDRESS)
 
@@ -175,12 +182,22 @@ class Plan:
     ----------
     state, walls : int
         Numbers in u of a state, and behind it in that of walls.
+    energies : Energies or None
+        Of the scene.
     enter, begin, step, close, leave : BoundLine or BoundNet, or None
         As of `Walk`; bound with a step of 1, on arrays that nobody else takes.
     """
 
     def __init__(
-        self, state: int, walls: int, enter: Any, begin: Any, step: Any, close: Any, leave: Any
+        self,
+        state: int,
+        walls: int,
+        energies: Any,
+        enter: Any,
+        begin: Any,
+        step: Any,
+        close: Any,
+        leave: Any,
     ) -> None:
         loops = [loop for loop in (step, enter, begin, close, leave) if loop is not None]
         taken = [one for loop in loops for one in loop.taken]
@@ -197,13 +214,19 @@ class Plan:
         tasks = [loop and loop.parts()[0].task for loop in (begin, step, close, leave, enter)]
         *walk, first = (task or _Task() for task in tasks)
         (part,) = step.parts()
+        places, self._met = step.places(), np.empty((2, step.springs, 2))
         self._plan = _Plan(
             _Walk(*walk, part.begins, part.u.size), first,
             self._coefficients.ctypes.data, steps.ctypes.data, blank.ctypes.data,
             step.kept[0][2].ctypes.data, step.travel_at,
-            steps.size, blank.size, state, walls,
+            *(x.ctypes.data for x in (*places, *self._met)),
+            steps.size, blank.size, state, walls, len(places[0]), step.springs,
         )  # fmt: skip
-        self._loops, self._arrays, self._step = loops, (steps, blank), step
+        scratch = np.empty(0 if energies is None else energies.room)
+        self._told = None
+        if energies is not None:
+            self._told = _Told(*energies.task, scratch.ctypes.data)
+        self._kept, self._step = (loops, energies, steps, blank, places, scratch), step
         self._address, (_, self._run, _) = ctypes.addressof(self._plan), _compiled()
 
     def run(
@@ -216,8 +239,11 @@ class Plan:
         rows: Any,
         apart: int,
         seen: Any,
-    ) -> bool:
-        """Go from a state to the end, which is finite or not.
+        energy: Array | None = None,
+    ) -> int:
+        """Go from a state to the end.
+
+        Returns 0 where that is not finite, 3 where the energies of the rows are known, else 1.
 
         Parameters
         ----------
@@ -234,19 +260,30 @@ class Plan:
             Likewise u and v, (2, instants + 1, *shape), `apart` a divisor of the steps, and a
             bound on how far any coordinate of a site moved by each but the first, (instants,) [m];
             networks only.
+        energy : ndarray, (rows,), optional
+            Where the energies of the rows go [J].
         """
         kept, looked = [None] * 3, [None] * 3
         if rows is not None:
             kept = [*_halves(rows[0]), None if rows[1] is None else address(rows[1])]
         if seen is not None:
             looked = [*_halves(seen[0]), address(seen[1])]
-        given = address(u), address(v), every, *kept, apart, *looked
-        return bool(self._run(self._address, dt, steps, *given))
+        told = [None] * 2
+        if energy is not None and self._told is not None:
+            told = [ctypes.addressof(self._told), address(energy)]
+        given = address(u), address(v), every, *kept, apart, *looked, *told
+        return self._run(self._address, dt, steps, *given)
 
     @property
     def met(self) -> Array:
-        """Smallest and largest elongation of each spring in the last run; (springs, 2)."""
-        return self._step.range
+        """Smallest and largest elongation of each spring in the last run, until the next;
+        (springs, 2)."""
+        return self._met[0]
+
+    @property
+    def met_or_rest(self) -> Array:
+        """The same with 0 included."""
+        return self._met[1].copy()
 
     @property
     def travel(self) -> float:

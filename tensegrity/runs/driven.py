@@ -22,7 +22,7 @@ from tensegrity.errors import (
 from tensegrity.progress import progress
 from tensegrity.runs import archive
 from tensegrity.runs.lanes import motion_of
-from tensegrity.runs.march import BLOCK
+from tensegrity.runs.march import BLOCK, refuse_start
 from tensegrity.runs.march import march as march_on
 from tensegrity.runs.motion import Reached
 from tensegrity.runs.rows import Rows
@@ -44,6 +44,8 @@ def march(
     """As `march.march`, which it calls for scenes that keep their energy."""
     if not problem.scene.is_driven:
         return march_on(problem, steps, allowed, checkpoints, start)
+    if start is None:
+        refuse_start(problem, steps)
     method = problem.method
     if not isinstance(method, Splitting):
         raise TensegrityError(

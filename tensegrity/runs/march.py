@@ -125,7 +125,24 @@ def march(problem, steps, allowed, checkpoints=0, start=None):
                 return found if problem.trial else found.run(), found.seen
         except KeyboardInterrupt:
             stopped = True
+        refuse_start(problem, steps)
     return _march(problem, steps, allowed, checkpoints, start, stopped)
+
+
+def refuse_start(problem, steps):
+    """Refuse a step that was given and is not stable as the run begins."""
+    if problem.choice != "dt" or not steps:
+        return
+    scene, dt = problem.scene.listed(problem.state.u), problem.t_end / steps
+    present = scene.present_ranges(problem.state.u)
+    if Guard(problem, scene, dt, 1.0).is_known(present):
+        return
+    limit = problem.largest_step(scene.frequency(present))
+    if dt > limit:
+        raise StabilityError(
+            f"dt {dt:.6g} s is beyond {limit:.6g} s, the stability limit of "
+            f"{problem.method.name} in the initial state"
+        )
 
 
 def _march(problem, steps, allowed, checkpoints, start, stopped):

@@ -20,11 +20,13 @@ from tensegrity.runs.guard import Guard
 from tensegrity.runs.loops import parts
 from tensegrity.runs.record import INSTANTS
 from tensegrity.runs.rows import need_memory
-from tensegrity.runs.run import Run, known
+from tensegrity.runs.run import Run, changed, known
+from tensegrity.runs.stepping import Outlook
 from tensegrity.scenes.scene import known_state
 
 SPARE = 4  # prepared loops that a scene keeps for each method: one for each thread at work
 LARGEST = 200_000  # numbers in u of a scene that keeps them
+KNOWN = 3  # the energies too, when a run was done
 LOOKED = 4_000_000  # numbers in u at all steps of a run that is looked at after each
 
 
@@ -42,9 +44,29 @@ class Whole:
 
     complete = True
 
-    def __init__(self, problem, listed, dt, steps, met, seen, every, rows):
+    def __init__(self, problem, listed, dt, steps, met, seen, every, rows, energy):
         self._problem, self._listed, self._dt = problem, listed, dt
-        self.steps, self.met, self.seen, self._every, self._rows = steps, met, seen, every, rows
+        self.steps, self.met, self.seen = steps, met, seen
+        self._every, self._rows, self._energy = every, rows, energy
+
+    @classmethod
+    def of_lanes(cls, problem, lanes):
+        """Those of the scenes of an ensemble as one."""
+        one, ranges = lanes[0], np.zeros((len(problem.scene.spring_table), 2))
+        for lane, whole in enumerate(lanes):
+            place = problem.scene.places_of(lane)
+            np.minimum.at(ranges[:, 0], place, whole.met[:, 0])
+            np.maximum.at(ranges[:, 1], place, whole.met[:, 1])
+        seen = rows = None
+        if one.seen is not None:
+            seen = np.stack([whole.seen for whole in lanes], axis=-1)
+        if one.has_rows:
+            impulses = [whole._rows[1] for whole in lanes]
+            rows = (
+                np.stack([whole._rows[0] for whole in lanes], axis=-1),
+                None if impulses[0] is None else np.stack(impulses, axis=-1),
+            )
+        return cls(problem, problem.scene, one._dt, one.steps, ranges, seen, one._every, rows, None)
 
     @property
     def has_rows(self):
@@ -58,7 +80,8 @@ class Whole:
         t = np.arange(0.0, self.steps + self._every, self._every)
         t[-1] = self.steps
         t *= problem.t_end / self.steps
-        energy, final = scene.energies(u, v), known_state(u[-1].copy(), v[-1].copy())
+        energy = scene.energies(u, v) if self._energy is None else self._energy
+        final = known_state(u[-1].copy(), v[-1].copy())
         listed = self._listed
         fastest = listed.fastest(listed.stiffness_within(self.met)) if scene.follows else None
         if sites is None:
@@ -103,6 +126,8 @@ def whole(problem, steps, most, allowed=1.0, instants=0):
         or (scene.follows and not scene.clearance.may_last(state.v, problem.t_end))
     ):
         return None
+    if scene.in_turn:
+        return _in_turn(problem, steps, most, allowed, instants)
     scene = scene.listed(state.u)
     plans = scene.remembered.plans.setdefault(problem.method, [])
     try:
@@ -116,6 +141,22 @@ def whole(problem, steps, most, allowed=1.0, instants=0):
     finally:
         if len(plans) < SPARE and math.prod(scene.shape) <= LARGEST:
             plans.append(plan)
+
+
+def _in_turn(problem, steps, most, allowed, instants):
+    """Lanes one after the other, put side by side."""
+    scene, found = problem.scene, []
+    for lane, one in enumerate(scene.in_turn):
+        surrogate = problem.surrogate and problem.surrogate.in_turn[lane]
+        state = scene.lane(problem.state, lane)
+        alone = changed(
+            problem, scene=one, state=state, surrogate=surrogate, trial=True,
+            outlook=Outlook(one, state),
+        )  # fmt: skip
+        found.append(whole(alone, steps, most, allowed, instants))
+        if found[-1] is None:
+            return None
+    return Whole.of_lanes(problem, found)
 
 
 def prepared(scene, method):
@@ -135,7 +176,7 @@ def prepared(scene, method):
             return None
     if isinstance(method, Corrected):
         loops[3] = loops[2].show(*(np.empty_like(x) for x in moved))
-    return Plan(rest.size, scene.wall_count * scene.dim, *loops)
+    return Plan(rest.size, scene.wall_count * scene.dim, scene.energies_at_once, *loops)
 
 
 def _run(plan, problem, scene, steps, allowed, instants):
@@ -145,17 +186,20 @@ def _run(plan, problem, scene, steps, allowed, instants):
         lanes = np.s_[..., : u.shape[-1]]
         every_lane = np.minimum(np.arange(shape[-1]), u.shape[-1] - 1)
         u, v = np.ascontiguousarray(u[..., every_lane]), np.ascontiguousarray(v[..., every_lane])
-    dt, every, rows, seen, ways = problem.t_end / steps, 0, None, None, None
+    dt, every, rows, energy, seen, ways = problem.t_end / steps, 0, *[None] * 4
     if problem.rows:
         every = problem.record.every or max(1, -(-steps // INSTANTS))
         count = -(-steps // every) + 1
         need_memory(count * 2 * u.nbytes)
         walls = scene.wall_count
         rows = np.empty((2, count, *shape)), np.zeros((count, walls, *shape[1:])) if walls else None
+        if not (problem.trial or scene.follows or problem.surrogate is not None):
+            energy = np.empty(count)
     if instants:
         seen, ways = np.empty((2, instants + 1, *shape)), np.empty(instants)
     apart, looks = (steps // instants, (seen, ways)) if instants else (0, None)
-    if not plan.run(dt, steps, u, v, every, rows, apart, looks):
+    done = plan.run(dt, steps, u, v, every, rows, apart, looks, energy)
+    if not done:
         return None
     if lanes is not None:
         rows = rows and (np.ascontiguousarray(rows[0][lanes]), None)
@@ -168,9 +212,8 @@ def _run(plan, problem, scene, steps, allowed, instants):
         _is_clear(problem, plan, seen, ways) or _is_clear_at_each(problem, plan, dt, steps)
     ):
         return None
-    np.minimum(met[:, 0], 0, out=met[:, 0])
-    np.maximum(met[:, 1], 0, out=met[:, 1])
-    return Whole(problem, scene, dt, steps, met, seen, every, rows)
+    energy = energy if done == KNOWN else None
+    return Whole(problem, scene, dt, steps, plan.met_or_rest, seen, every, rows, energy)
 
 
 def _is_clear(problem, plan, seen, ways):

@@ -186,7 +186,7 @@ class Chain(Scene):
 
     def energies(self, u: Array, v: Array) -> Array:
         """Total energy [J] of each of many states; u and v (..., sites)."""
-        compiled = self._compiled_energies
+        compiled = self.energies_at_once
         found = None if compiled is None else compiled(u, v)
         if found is not None:
             return found
@@ -195,7 +195,7 @@ class Chain(Scene):
         return kinetic + np.sum(self.bond_energy(u), axis=-1)
 
     @cached_property
-    def _compiled_energies(self) -> Energies | None:
+    def energies_at_once(self) -> Energies | None:
         return self.spring_table.energies(self.mass)
 
     def site_energy(self, u: Array, v: Array) -> Array:

@@ -55,6 +55,7 @@ class Clearance:
         self._listed = np.unique(low * self.sites + high)
         self.wall_contacts, self._pieces = wall_contacts, Pieces(walls, self.dim)
         self._watched: tuple[Array, tuple[Indices, Indices]] | None = None
+        self._known_room: tuple[tuple[Indices, Indices], float] | None = None
 
     def pairs(self, x: Array) -> Indices:
         """Unlisted pairs of sites at places x with a gap below the skin; (n, 2)."""
@@ -135,6 +136,13 @@ class Clearance:
             found = np.asarray(np.minimum(found, np.min(ways, axis=-1, initial=math.inf)))
         return found
 
+    def _room_at(self, u: Array, near: tuple[Indices, Indices]) -> float:
+        """The room at displacements where so much is `watched`; the last answer is kept."""
+        known = self._known_room
+        if known is None or known[0] is not near:
+            known = self._known_room = near, float(self.room(self.positions + u, 0.0, *near))
+        return known[1]
+
     def is_kept(
         self, near: tuple[Indices, Indices], u: Array, travel: Array, each: bool = False
     ) -> bool:
@@ -151,10 +159,12 @@ class Clearance:
             Whether the instants are all steps: then nothing touches in one at whose end nothing
             does, as `Tracker.judge` has it.
         """
-        x = self.positions + u
         moved = np.sqrt(np.max(np.sum((u - u[0]) ** 2, axis=-1), axis=-1))
-        room = self.room(x, moved, *near)
-        kept = math.sqrt(self.dim) * travel < room[:-1]
+        ways = math.sqrt(self.dim) * travel
+        if np.all(ways + moved[:-1] < self._room_at(u[0], near)):  # no room shrinks faster
+            return True
+        room = self.room(self.positions + u, moved, *near)
+        kept = ways < room[:-1]
         return bool(np.all(kept | (room[1:] > 0) if each else kept))
 
     def check(self, u: Array) -> None:

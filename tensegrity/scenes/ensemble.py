@@ -211,6 +211,11 @@ class Ensemble(Scene):
         u, v = (np.ascontiguousarray(np.stack(x, axis=-1)) for x in zip(*each, strict=True))
         return u, v
 
+    @property
+    def in_turn(self) -> tuple[Scene, ...]:
+        """The scenes, where they are networks."""
+        return self.scenes if self.scenes[0].loop_bonds.contacts is not None else ()
+
     @cached_property
     def filled(self) -> Ensemble:
         """These scenes, and the last one as often as one compiled loop lacks lanes."""

@@ -166,6 +166,10 @@ class _Trackers:
         for lane, one in enumerate(self._each):
             one.accept(u[..., lane], travel)
 
+    def is_new(self) -> bool:
+        """As `clearance.Tracker`: lists of lanes are never made anew."""
+        return False
+
     def judge(self, u: Array, t: float) -> None:
         """As `clearance.Tracker`."""
         for lane, one in enumerate(self._each):

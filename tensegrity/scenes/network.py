@@ -499,7 +499,7 @@ class Network(Scene):
         if self.follows:
             parts = [scene.energies(u[rows], v[rows]) for rows, scene in self.listings(u)]
             return np.concatenate(parts) if parts else np.zeros(0)
-        compiled = self._compiled_energies
+        compiled = self.energies_at_once
         found = None if compiled is None else compiled(u, v)
         if found is not None:
             return found
@@ -513,7 +513,7 @@ class Network(Scene):
         return kinetic + stored - np.sum((self.loads * u).reshape(rows), axis=-1)
 
     @cached_property
-    def _compiled_energies(self) -> Energies | None:
+    def energies_at_once(self) -> Energies | None:
         mass = np.repeat(self.mass[:, None], self.dim, axis=1)
         return self.spring_table.energies(mass, self.contact_bonds.contacts)
 

@@ -150,6 +150,10 @@ class Scene(ReadOnly):
         Arguments of the springs that depend on time.
     at_once : bool
         Whether a whole run may be one call of its loops: not where somebody follows these.
+    in_turn : tuple of Scene
+        Scenes that run one after the other, of an ensemble of networks.
+    energies_at_once : Energies or None
+        The energies of many states in one call, where they are compiled.
     """
 
     step_share: float = 1.0
@@ -163,6 +167,8 @@ class Scene(ReadOnly):
     damping: Damping | None = None
     tune: Mapping[str, Any] = FixedDict()
     at_once: bool = True
+    energies_at_once: Any = None
+    in_turn: tuple[Scene, ...] = ()
     sites: int
     dim: int
     mass: Array
