@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import inf
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ class StabilityError(TensegrityError):
     """
 
     run: Any = None
+    largest: float = inf  # step [s] that is needed, where that is known beforehand
 
 
 class ContactError(TensegrityError):

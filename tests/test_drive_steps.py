@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from tensegrity import Chain, Drive, Potential, TensegrityError, simulate
+from tensegrity import Chain, Damping, Drive, Potential, TensegrityError, simulate
 
 T, R, K = sp.symbols("t r k")
 LINEAR = Potential(R**2 / 2, R)
@@ -67,3 +67,14 @@ def test_what_a_scene_says_of_its_functions_of_time_makes_another():
     other = Chain(spring, 4, drive=one.drive, damping=one.damping, tune=one.tune)
     first, second = (simulate(x, x.at_rest(), 5.0, tol=1e-6) for x in (one, other))
     assert np.array_equal(first.u, second.u)
+
+
+@pytest.mark.parametrize("rate", [2.0, 1e3, 1e5])
+@pytest.mark.parametrize("how", [{}, {"tol": 1e-8}])
+def test_steps_follow_dashpots_far_stiffer_than_the_springs(rate, how):
+    scene = Chain(LINEAR, 2, damping=Damping(bond=rate))
+    run = simulate(scene, scene.at_rest({0: 1.0}), 2.0, **how)
+    root = np.sqrt(rate**2 - 2)  # r'' + 2 rate r' + 2 r = 0, r' = -1 at first
+    slow, fast = -2 / (rate + root), -rate - root
+    exact = -(np.exp(slow * run.t) - np.exp(fast * run.t)) / (slow - fast)
+    assert abs(run.u[:, 1] - run.u[:, 0] - exact).max() < 1e-8 * abs(run.u).max()

@@ -103,11 +103,13 @@ class Motion:
         longest = max(abs(b) for one in rows for b in one.drifts)
         largest = LARGEST_DAMPING / longest / rate if rate else math.inf
         if self.dt > largest:
-            raise StabilityError(
+            error = StabilityError(
                 f"dt {self.dt:.6g} s is beyond {largest:.6g} s for dashpots whose velocities decay "
                 f"at {rate:.6g} 1/s: {method.name} drifts by up to {longest:.3g} dt at a time, "
                 f"which must be at most {LARGEST_DAMPING:g} of that rate"
             )
+            error.largest = largest
+            raise error
 
     def _begin(self) -> None:
         scene, method = self._scene, self._problem.method

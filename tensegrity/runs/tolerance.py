@@ -127,7 +127,8 @@ def refined(problem, steps, allowed, checkpoints=0, start=None):
                 raise  # another range helps, another step does not
             if number >= least and isinstance(error, LockingError):
                 raise
-            steps, start = 2 * steps, None
+            known = getattr(error, "largest", math.inf)
+            steps, start = max(2 * steps, count(problem, known)), None
     return march(problem, steps, 1.0, checkpoints)
 
 
