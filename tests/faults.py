@@ -373,6 +373,12 @@ FAULTS = (
     ),
     Fault(
         "tensegrity/engine/slices.py",
+        "if crowding is not None:",
+        "if False:",
+        "tests/test_lanes.py::test_listed_contacts_that_do_not_touch_change_no_bit",
+    ),
+    Fault(
+        "tensegrity/engine/slices.py",
         "if other is None:",
         "if True:",
         "tests/test_lanes.py::test_listed_contacts_that_do_not_touch_change_no_bit",

@@ -163,15 +163,13 @@ PACKED pack quotient(pack x, pack y) { return x / y; }
 #endif
 
 #ifdef DIM
-/* The coordinates of sites, `stride` numbers a row.  Up to four are read: behind the last row is
-   another, or as many spare ones. */
-#define SPARE 3
-PACKED void columns(const real *base, int stride, const int *at, pack *out)
+/* The coordinates of sites.  Up to four numbers are read: behind the last row is another. */
+PACKED void columns(const real *base, const int *at, pack *out)
 {
 #if WIDE == 8 && DIM > 1
 #define TWO(i, j)                                                                           \
     _mm512_mask_broadcast_f64x4(                                                            \
-        _mm512_castpd256_pd512(_mm256_loadu_pd(base + stride * at[i])), 0xf0, _mm256_loadu_pd(base + stride * at[j]))
+        _mm512_castpd256_pd512(_mm256_loadu_pd(base + DIM * at[i])), 0xf0, _mm256_loadu_pd(base + DIM * at[j]))
     const __m512d a = TWO(0, 2), b = TWO(1, 3), c = TWO(4, 6), d = TWO(5, 7);
     const __m512d ab = _mm512_unpacklo_pd(a, b), cd = _mm512_unpacklo_pd(c, d);
     out[0] = _mm512_shuffle_f64x2(ab, cd, 0x88);
@@ -182,7 +180,7 @@ PACKED void columns(const real *base, int stride, const int *at, pack *out)
 #elif WIDE == 4 && DIM > 1
 #define TWO(i, j, k)                                                                        \
     _mm256_insertf128_pd(                                                                   \
-        _mm256_castpd128_pd256(_mm_loadu_pd(base + stride * at[i] + k)), _mm_loadu_pd(base + stride * at[j] + k), 1)
+        _mm256_castpd128_pd256(_mm_loadu_pd(base + DIM * at[i] + k)), _mm_loadu_pd(base + DIM * at[j] + k), 1)
     const __m256d a = TWO(0, 2, 0), b = TWO(1, 3, 0);
     out[0] = _mm256_unpacklo_pd(a, b);
     out[1] = _mm256_unpackhi_pd(a, b);
@@ -190,7 +188,7 @@ PACKED void columns(const real *base, int stride, const int *at, pack *out)
     out[2] = _mm256_unpacklo_pd(TWO(0, 2, 2), TWO(1, 3, 2));
 #endif
 #else
-    for (int k = 0; k < DIM; k++) LANES_OF(l) LANE(out[k], l) = base[stride * at[l] + k];
+    for (int k = 0; k < DIM; k++) LANES_OF(l) LANE(out[k], l) = base[DIM * at[l] + k];
 #endif
 #undef TWO
 }

@@ -35,8 +35,8 @@ __attribute__((always_inline)) static inline void OF(run)(
                 const int *restrict site = c->site + z * GROUP + part;
                 const integer end = (c->begin[z + 1] < stop ? c->begin[z + 1] : stop) - at;
                 pack here[DIM], moved[DIM];
-                columns(places, DIM, site, here);
-                columns(u, DIM, site, moved);
+                columns(places, site, here);
+                columns(u, site, moved);
                 for (; g < end; g++) {
                     pack x[DIM], y[DIM];
 #define CONTACT gaps, each_gap, lengths, each_length, r, along, kept
@@ -45,8 +45,8 @@ __attribute__((always_inline)) static inline void OF(run)(
                         wall_first(g, x, moved, CONTACT);
                         continue;
                     }
-                    columns(places, DIM, other + g * GROUP, x);
-                    columns(u, DIM, other + g * GROUP, y);
+                    columns(places, other + g * GROUP, x);
+                    columns(u, other + g * GROUP, y);
                     AXES(k) y[k] = moved[k] - y[k], x[k] = here[k] - x[k];
 #if DIM == 1
                     x[0] = TRUTH(x[0] > wide(0)) - TRUTH(x[0] < wide(0));
