@@ -64,8 +64,7 @@ class Network(Scene):
     positions : array_like, (sites, dim)
         Reference places [m], dim 2 or 3; displacements count from them.
     bonds : array_like of int, (bonds, 2)
-        The two sites of each bond.  In which order forces at a site are summed follows from this
-        one: those of bonds to sites of lower number last.
+        The two sites of each bond.
     spring : Potential or sequence of Potential
         One for all bonds or one for each.
     lengths : float or array_like (bonds,), optional
@@ -179,7 +178,7 @@ class Network(Scene):
     def crowding(self) -> Indices | None:
         """How many sites of higher numbers each one about touches at the reference places; None
         where sites have no radius, so that one list of contacts is all there is."""
-        return None if self.radius is None else crowding(self.positions, self.radius)
+        return None if self.radius is None else fixed(crowding(self.positions, self.radius))
 
     @cached_property
     def clearance(self) -> Clearance | None:
