@@ -21,9 +21,10 @@ enum { FINE, LOCKED, TOO_LONG };
 
 static real u[SITES], v[SITES], w[SITES], u_before[SITES], v_before[SITES];
 static real bond[SITES], passed[SITES], crest[SITES];
-static real shared[SEGMENTS * PARAMETERS], domain[SEGMENTS][2], range[2 * SEGMENTS];
+static real shared[SEGMENTS * PARAMETERS], domain[SEGMENTS][2];
+static real range[2 * BLOCK * SEGMENTS]; /* of the springs at each place of a block */
 static integer first[SEGMENTS + 1], law[SEGMENTS], own_at[SEGMENTS];
-static const integer range_at[SEGMENTS] = {0, 2};
+static const integer range_at[SEGMENTS] = {0, 2 * BLOCK};
 static real kicks[STAGES + 1], drifts[STAGES], none[1], now;
 static scene chain = {u, v, w, shared, none, kicks, drifts, range, first, law, own_at, range_at,
                       0, STAGES, CLOSING};
@@ -120,6 +121,12 @@ EXPORT(elastic) real elastic(int segment)
     return ELASTIC_LENGTH;
 }
 
+/* No elongation was met. */
+static void forget(void)
+{
+    EACH(2 * BLOCK * SEGMENTS) range[i] = 0;
+}
+
 /* So many springs in each segment, the first mass held or not; all at rest. */
 EXPORT(lay) void lay(int near, int far, int held)
 {
@@ -128,7 +135,7 @@ EXPORT(lay) void lay(int near, int far, int held)
     for (int i = 0; i < SITES; i++) u[i] = v[i] = passed[i] = crest[i] = bond[i] = 0, w[i] = 1;
     if (held) w[0] = 0;
     now = 0;
-    for (int s = 0; s < SEGMENTS; s++) range[2 * s] = range[2 * s + 1] = 0;
+    forget();
 }
 
 static int segment_of(integer b) { return chain.runs > 1 && b >= first[1]; }
@@ -210,7 +217,10 @@ static void watch(real dt)
 static int judged(real dt)
 {
     for (int s = 0; s < chain.runs; s++) {
-        const real low = range[2 * s], high = range[2 * s + 1];
+        const integer springs = first[s + 1] - first[s], places = springs < BLOCK ? springs : BLOCK;
+        const real *range_low = range + range_at[s], *range_high = range_low + places;
+        real low = 0, high = 0;
+        EACH(places) low = smaller(range_low[i], low), high = larger(range_high[i], high);
         if (!(low > domain[s][0] && high < domain[s][1])) return LOCKED;
         const real k = larger(value(s, 2, low), value(s, 2, high));
         if (!(dt <= ROUGH * largest_step(k))) return TOO_LONG;
@@ -228,7 +238,7 @@ EXPORT(run) int run(int steps, real dt)
     for (int k = 0; k < STAGES; k++) drifts[k] = dt * column[k];
     for (int k = 0; k < steps; k++) {
         for (integer i = 0; i <= bonds(); i++) u_before[i] = u[i], v_before[i] = v[i];
-        for (int s = 0; s < 2 * SEGMENTS; s++) range[s] = 0;
+        forget();
         advance(&chain, 1);
         const int found = judged(dt);
         if (found != FINE) {
