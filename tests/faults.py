@@ -661,15 +661,15 @@ FAULTS = (
         "tests/test_clearance.py::test_a_bead_far_away_is_found_when_it_comes",
     ),
     Fault(
-        "tensegrity/scenes/lanes.py",
-        "np.maximum.at(found[:, 1], place, high)",
-        "found[place, 1] = high",
+        "tensegrity/engine/bonds.py",
+        "high.max()]]",
+        "high[0]]]",
         "tests/test_ensemble.py::test_every_lane_is_watched_at_both_ends_of_the_domain",
     ),
     Fault(
-        "tensegrity/scenes/lanes.py",
-        "np.minimum.at(found[:, 0], place, low)",
-        "found[place, 0] = low",
+        "tensegrity/engine/bonds.py",
+        "[[low.min()",
+        "[[low[0]",
         "tests/test_ensemble.py::test_every_lane_is_watched_at_both_ends_of_the_domain",
     ),
     Fault(

@@ -12,6 +12,7 @@ import math
 
 import numpy as np
 
+from tensegrity.engine.bonds import by_spring
 from tensegrity.engine.bound_line import BoundLine
 from tensegrity.engine.bound_net import BoundNet
 from tensegrity.engine.methods import Corrected, Splitting
@@ -53,11 +54,10 @@ class Whole:
     @classmethod
     def of_lanes(cls, problem, lanes):
         """Those of the scenes of an ensemble as one."""
-        one, ranges = lanes[0], np.zeros((len(problem.scene.spring_table), 2))
-        for lane, whole in enumerate(lanes):
-            place = problem.scene.places_of(lane)
-            np.minimum.at(ranges[:, 0], place, whole.met[:, 0])
-            np.maximum.at(ranges[:, 1], place, whole.met[:, 1])
+        one, scene = lanes[0], problem.scene
+        places = np.concatenate([scene.places_of(lane) for lane in range(len(lanes))])
+        met = np.concatenate([whole.met for whole in lanes])
+        ranges = by_spring(places, len(scene.spring_table), *met.T)
         seen = rows = None
         if one.seen is not None:
             seen = np.stack([whole.seen for whole in lanes], axis=-1)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity.engine import kernel
-from tensegrity.engine.bonds import Bonds
+from tensegrity.engine.bonds import Bonds, by_spring
 from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.walk import Part
 
@@ -71,13 +71,9 @@ class Lanes:
     @property
     def range(self) -> Array:
         """Smallest and largest elongation of each different spring since `forget_range`."""
-        found = np.empty((self._springs, 2))
-        found[:, 0], found[:, 1] = np.inf, -np.inf
-        for _, _, loop, place in self._groups:
-            low, high = loop.range.T
-            np.minimum.at(found[:, 0], place, low)
-            np.maximum.at(found[:, 1], place, high)
-        return found
+        places = np.concatenate([place for *_, place in self._groups])
+        met = np.concatenate([loop.range for _, _, loop, _ in self._groups])
+        return by_spring(places, self._springs, *met.T)
 
     def show(self, u: Array, v: Array) -> Any:
         """What makes copies of u and v what is looked at; None where they are that already."""
