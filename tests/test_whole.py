@@ -1,5 +1,7 @@
 """Runs in one call of the loop: the bits of careful ones, and what sends them back to these."""
 
+import dataclasses
+import math
 from itertools import pairwise
 
 import numpy as np
@@ -19,6 +21,7 @@ from tensegrity import (
     Record,
     simulate,
 )
+from tensegrity.engine.methods import METHODS
 from tensegrity.engine.walk import largest_gap
 from tensegrity.errors import LockingError, StabilityError
 from tensegrity.runs import march, tolerance, whole
@@ -202,6 +205,48 @@ def test_what_touches_at_the_end_of_a_step_is_found_by_a_look_after_each():
         beads.clearance.skin = 10.0  # all of the way is watched
         assert beads.clearance.is_kept(near, u, np.full(2, last), each=True) is kept
         assert beads.clearance.is_kept(near, u, np.full(2, last)) is False
+
+
+@pytest.mark.parametrize("method", ["rkn6", "processed6"])
+@pytest.mark.parametrize("name", SCENES)
+def test_two_runs_in_one_call_are_those_of_two_calls(name, method):
+    scene, state = SCENES[name]()
+    problem = march.Problem(scene, state, 4.0, METHODS[method], Record(), trial=True)
+    found = whole.two(problem, (44, 66), 1000, 22)
+    for run, steps in zip(found, (44, 66), strict=True):
+        one = dataclasses.replace(problem, rows=steps == 66)
+        alone = whole.whole(one, steps, 1000, instants=22)
+        assert run.steps == steps
+        assert np.array_equal(run.met, alone.met)
+        assert np.array_equal(run.seen, alone.seen)
+    assert found[1].coarser == (found[0], tolerance.largest_gap(found[0].seen, found[1].seen))
+    assert np.array_equal(found[1].run().u, alone.run().u)
+    assert np.array_equal(found[1].run().energy, scene.energies(alone.run().u, alone.run().v))
+    assert not found[0].has_rows
+
+
+def test_two_runs_go_in_one_call_unless_one_is_too_stiff_for_its_step(monkeypatch):
+    scene, state = SCENES["chain"]()
+    problem = march.Problem(scene, state, 4.0, METHODS["rkn6"], Record(), trial=True)
+    coarse = math.ceil(4.0 * scene.frequency_of(scene.bond_stiffness(state.u)) / 3.5)
+    assert whole.two(problem, (2, 2 * coarse), 1000, 1) is None
+    made = []
+    monkeypatch.setattr(march, "two", lambda *a: made.append(whole.two(*a)) or made[-1])
+    run = simulate(scene, state, 4.0, tol=1e-3)
+    assert [one.steps for one in made[0]][1] == run.steps
+    assert len(made) == 1
+
+
+def test_an_interrupt_in_a_call_of_two_runs_leaves_what_was_recorded(monkeypatch):
+    def stopped(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(march, "two", stopped)
+    scene, state = SCENES["chain"]()
+    run = simulate(scene, state, 4.0, tol=1e-3)
+    assert not run.complete
+    assert run.t.tolist() == [0.0]
+    assert np.array_equal(run.u[0], state.u)
 
 
 @pytest.mark.parametrize("count", [1, 7, 16, 50])

@@ -134,7 +134,9 @@ class Energies:
         start = address(room)
         pointers = address(u), address(v), start, start + self.room * room.itemsize
         known = self._function(*self._given, count, *pointers)
-        return room[self.room :].reshape(states).copy() if known else None
+        if not known:
+            return None
+        return room[self.room :].reshape(states).copy() if states else room[-1]
 
 
 def _parts(sets: Sequence[Set], contacts: Contacts | None) -> Iterator[Set]:

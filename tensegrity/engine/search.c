@@ -99,22 +99,23 @@ void reachable(const springs *s, double energy, integer count, const looks *ways
     }
 }
 
-/* Largest tension by size, or stiffness, at least 0, of springs of these numbers at shares of
-   their ranges (count, 2); not a number where one of them is none.  Whether all ranges are inside
+/* Largest tension by size, or stiffness, at least 0, of springs of these numbers, or of the
+   first ones, at shares of their ranges (count, 2); not a number where one of them is none.  Whether all ranges are inside
    of the domains. */
 integer largest(const springs *s, integer order, integer count, const integer *numbers,
                 const double *ranges, const double *shares, integer every, double *out)
 {
     double r[BLOCK], values[BLOCK];
     for (integer k = 0; k < count; k++) {
-        const double *domain = s->domains + 2 * numbers[k];
+        const integer spring = numbers ? numbers[k] : k;
+        const double *domain = s->domains + 2 * spring;
         double top = 0, none = 0;
         for (integer side = 0; side < 2; side++) {
             const double end = ranges[2 * k + side];
             if (!(end > domain[0] && end < domain[1])) return 0;
             for (integer i = 0; i < every; i += BLOCK) {
                 const integer n = every - i < BLOCK ? every - i : BLOCK;
-                look(s, numbers[k], order, 0, end, shares + i, n, r, values);
+                look(s, spring, order, 0, end, shares + i, n, r, values);
                 for (integer j = 0; j < n; j++) {
                     const double x = order == TENSION ? fabs(values[j]) : values[j];
                     if (x > top) top = x;

@@ -97,11 +97,15 @@ class Search:
         self._reachable(self._address, energy, count, ways.address, *found)
         return ranges, locks
 
-    def largest(self, order: int, ranges: Array, numbers: Indices, shares: Array) -> Array | None:
-        """Largest size of the tension (1) [N], or largest stiffness (2) [N/m], of springs at
-        shares of their ranges (numbers, 2) [m], which it is at least 0; NaN where one is NaN.
-        None where a range is not inside of a domain."""
-        out, ranges = np.empty(len(numbers)), np.ascontiguousarray(ranges)
-        numbers = np.ascontiguousarray(numbers, dtype=np.int64)
-        given = address(numbers), address(ranges), address(shares), len(shares), address(out)
-        return out if self._largest(self._address, order, len(numbers), *given) else None
+    def largest(
+        self, order: int, ranges: Array, numbers: Indices | None, shares: Array
+    ) -> Array | None:
+        """Largest size of the tension (1) [N], or largest stiffness (2) [N/m], of springs, of all
+        by default, at shares of their ranges (numbers, 2) [m], which it is at least 0; NaN where
+        one is NaN.  None where a range is not inside of a domain."""
+        out, ranges, which = np.empty(len(ranges)), np.ascontiguousarray(ranges), None
+        if numbers is not None:
+            numbers = np.ascontiguousarray(numbers, dtype=np.int64)
+            which = address(numbers)
+        given = which, address(ranges), address(shares), len(shares), address(out)
+        return out if self._largest(self._address, order, len(ranges), *given) else None

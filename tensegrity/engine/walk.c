@@ -103,11 +103,22 @@ typedef struct {
     double *met;                   /* what the parts met */
     double *travel;
     const integer *spring, *low, *high; /* whose each range in `met` is, and where its ends are */
-    double *ranges, *with_rest;    /* (springs, 2) of each spring; with 0 included */
+    double *ranges;                /* of each run (2, springs, 2): of each spring; 0 included */
+    double *gaps;                  /* of two runs, in u and in v, as of `compare` */
     integer taken, kept;           /* numbers of coefficients and of elongations */
     integer state, more;           /* numbers in u of a state, and of walls behind it */
     integer places, springs;       /* numbers of ranges in `met`, and of springs */
 } plan;
+
+/* One run: its step [s] and steps; after how many of these the state is kept in rows, and the
+   energies of these, and after how many in what is compared; 0 for never. */
+typedef struct {
+    double dt;
+    integer steps, every;
+    double *rows_u, *rows_v, *extra, *total;
+    integer apart;
+    double *seen_u, *seen_v, *ways;
+} course;
 
 /* What is looked at after so many steps: u, v and impulses to where they are kept. */
 static void look(const plan *p, const double *u, const double *v, double *to_u, double *to_v,
@@ -119,9 +130,9 @@ static void look(const plan *p, const double *u, const double *v, double *to_u, 
 }
 
 /* The widest ranges that each spring met. */
-static void fold(const plan *p)
+static void fold(const plan *p, double *ranges)
 {
-    double (*met)[2] = (double (*)[2])p->ranges, (*wide)[2] = (double (*)[2])p->with_rest;
+    double (*met)[2] = (double (*)[2])ranges, (*wide)[2] = met + p->springs;
     for (integer s = 0; s < p->springs; s++) met[s][0] = INFINITY, met[s][1] = -INFINITY;
     for (integer i = 0; i < p->places; i++) {
         double *range = met[p->spring[i]];
@@ -138,57 +149,6 @@ static int is_finite(const double *x, integer n)
     double none = 0;
     for (integer i = 0; i < n; i++) none += 0 * x[i];
     return none == 0;
-}
-
-/* A whole run from u and v: the state at 0 and after every `every` steps, and at the end, to rows,
-   whose energies go to `total` where `t` says how; after every `apart` to what is compared, and how
-   far sites went by then; 0 for none.  Returns whether the end is finite, and 2 more where the
-   energies are there. */
-integer run(const plan *p, double dt, integer steps, const double *u, const double *v,
-            integer every, double *rows_u, double *rows_v, double *extra,
-            integer apart, double *seen_u, double *seen_v, double *ways, const told *t,
-            double *total)
-{
-    const walk *w = &p->walk;
-    const integer size = w->size, state = p->state, more = p->more;
-    for (integer i = 0; i < p->taken; i++) p->steps[i] = p->coefficients[i] * dt;
-    memcpy(p->met, p->blank, p->kept * sizeof *p->met);
-    *p->travel = 0;
-    memset(w->step.u, 0, size * sizeof *u);
-    memset(w->step.v, 0, size * sizeof *v);
-    memcpy(w->step.u, u, state * sizeof *u);
-    memcpy(w->step.v, v, state * sizeof *v);
-    if (every) look(p, w->step.u, w->step.v, rows_u, rows_v, more ? extra : 0);
-    if (apart) look(p, w->step.u, w->step.v, seen_u, seen_v, 0);
-    if (p->enter.function) carry_out(&p->enter, 1);
-    const task *seen = &w->step;
-    const double *first_u = rows_u, *first_v = rows_v;
-    for (integer done = 0, row = every ? every : steps, other = apart ? apart : steps; done < steps;) {
-        if (row > steps) row = steps;
-        const integer at = row < other ? row : other;
-        done = reached(w, done, at);
-        seen = shown(w);
-        if (at == row) {
-            row += every ? every : steps;
-            if (every) {
-                rows_u += state, rows_v += state, extra += more;
-                look(p, seen->u, seen->v, rows_u, rows_v, more ? extra : 0);
-            }
-        }
-        if (at == other) {
-            other += apart ? apart : steps;
-            if (apart) {
-                seen_u += state, seen_v += state;
-                look(p, seen->u, seen->v, seen_u, seen_v, 0);
-                *ways++ = *p->travel;
-            }
-        }
-    }
-    fold(p);
-    if (!is_finite(seen->u, state) || !is_finite(seen->v, state)) return 0;
-    const integer rows = (rows_u - first_u) / state + 1;
-    return 1 + 2 * (t && t->function(t->sets, t->count, t->all, t->mass, t->loads, t->entries, rows,
-                                     first_u, first_v, t->scratch, total));
 }
 
 /* Largest size of one array, and largest difference of two. */
@@ -215,4 +175,80 @@ void compare(const double *restrict one, const double *restrict other, integer n
         gap[0] = gap[k] > gap[0] ? gap[k] : gap[0];
     }
     found[0] = size[0], found[1] = gap[0];
+}
+
+/* A whole run from u and v: the state at 0 and after every `every` steps, and at the end, to rows,
+   whose energies go to `total` where `t` says how; after every `apart` to what is compared, and how
+   far sites went by then.  Returns whether the end is finite, and 2 more where the energies are
+   there. */
+static integer ran(const plan *p, const double *u, const double *v, course c, double *ranges,
+                   const told *t)
+{
+    const walk *w = &p->walk;
+    const integer size = w->size, state = p->state, more = p->more;
+    for (integer i = 0; i < p->taken; i++) p->steps[i] = p->coefficients[i] * c.dt;
+    memcpy(p->met, p->blank, p->kept * sizeof *p->met);
+    *p->travel = 0;
+    memset(w->step.u, 0, size * sizeof *u);
+    memset(w->step.v, 0, size * sizeof *v);
+    memcpy(w->step.u, u, state * sizeof *u);
+    memcpy(w->step.v, v, state * sizeof *v);
+    if (c.every) look(p, w->step.u, w->step.v, c.rows_u, c.rows_v, more ? c.extra : 0);
+    if (c.apart) look(p, w->step.u, w->step.v, c.seen_u, c.seen_v, 0);
+    if (p->enter.function) carry_out(&p->enter, 1);
+    const task *seen = &w->step;
+    const double *first_u = c.rows_u, *first_v = c.rows_v;
+    const integer every = c.every ? c.every : c.steps, apart = c.apart ? c.apart : c.steps;
+    for (integer done = 0, row = every, other = apart; done < c.steps;) {
+        if (row > c.steps) row = c.steps;
+        const integer at = row < other ? row : other;
+        done = reached(w, done, at);
+        seen = shown(w);
+        if (at == row) {
+            row += every;
+            if (c.every) {
+                c.rows_u += state, c.rows_v += state, c.extra += more;
+                look(p, seen->u, seen->v, c.rows_u, c.rows_v, more ? c.extra : 0);
+            }
+        }
+        if (at == other) {
+            other += apart;
+            if (c.apart) {
+                c.seen_u += state, c.seen_v += state;
+                look(p, seen->u, seen->v, c.seen_u, c.seen_v, 0);
+                *c.ways++ = *p->travel;
+            }
+        }
+    }
+    fold(p, ranges);
+    if (!is_finite(seen->u, state) || !is_finite(seen->v, state)) return 0;
+    const integer rows = (c.rows_u - first_u) / state + 1;
+    return 1 + 2 * (t && c.total && t->function(t->sets, t->count, t->all, t->mass, t->loads, t->entries,
+                                           rows, first_u, first_v, t->scratch, c.total));
+}
+
+/* What makes a course, and it. */
+#define COURSE(c) \
+    double dt##c, integer steps##c, integer every##c, double *rows_u##c, double *rows_v##c, \
+        double *extra##c, double *total##c, integer apart##c, double *seen_u##c, double *seen_v##c, \
+        double *ways##c
+#define MADE(c) \
+    (course){dt##c,    steps##c, every##c,  rows_u##c, rows_v##c, extra##c, \
+             total##c, apart##c, seen_u##c, seen_v##c, ways##c}
+
+/* A run from u and v, as `ran`. */
+integer run(const plan *p, const double *u, const double *v, const told *t, COURSE(1))
+{
+    return ran(p, u, v, MADE(1), p->ranges, t);
+}
+
+/* Another one behind it, if it ends well, and their gaps at the instants at which both are seen. */
+integer twice(const plan *p, const double *u, const double *v, const told *t, COURSE(1), COURSE(2))
+{
+    if (!ran(p, u, v, MADE(1), p->ranges, t)) return 0;
+    const integer done = ran(p, u, v, MADE(2), p->ranges + 4 * p->springs, t);
+    const integer n = (steps2 / apart2 + 1) * p->state;
+    compare(seen_u1, seen_u2, n, p->gaps);
+    compare(seen_v1, seen_v2, n, p->gaps + 2);
+    return done;
 }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -37,29 +37,71 @@ class _Told(ctypes.Structure):
 class _Plan(ctypes.Structure):
     _fields_ = [("walk", _Walk), ("enter", _Task)]
     _fields_ += [(x, _ADDRESS) for x in ("coefficients", "steps", "blank", "met", "travel")]
-    _fields_ += [(x, _ADDRESS) for x in ("spring", "low", "high", "ranges", "with_rest")]
+    _fields_ += [(x, _ADDRESS) for x in ("spring", "low", "high", "ranges", "gaps")]
     _fields_ += [(x, _NUMBER) for x in ("taken", "kept", "state", "more", "places", "springs")]
 
 
 _GO = (_ADDRESS, _NUMBER, _ADDRESS, *[_NUMBER] * 3, _ADDRESS, _ADDRESS, *[_NUMBER] * 2, _ADDRESS)
-_RUN = (
-    _ADDRESS, ctypes.c_double, _NUMBER, _ADDRESS, _ADDRESS, _NUMBER, *[_ADDRESS] * 3, _NUMBER,
-    *[_ADDRESS] * 5,
+_COURSE = (
+    ctypes.c_double, *[_NUMBER] * 2, *[_ADDRESS] * 4, _NUMBER, *[_ADDRESS] * 3
 )  # fmt: skip
+_RUN = *[_ADDRESS] * 4, *_COURSE
 _COMPARE = (_ADDRESS, _ADDRESS, _NUMBER, _ADDRESS)
 
 
 @once
 def _compiled() -> Any:
-    """The functions go, run and compare."""
+    """The functions go, run, twice and compare."""
     found = library(joined(["subnormal.c", "walk.c"]))
     for function, arguments, result in (
         (found.go, _GO, None),
         (found.run, _RUN, _NUMBER),
+        (found.twice, (*_RUN, *_COURSE), _NUMBER),
         (found.compare, _COMPARE, None),
     ):
         function.argtypes, function.restype = arguments, result
-    return found.go, found.run, found.compare
+    return found.go, found.run, found.twice, found.compare
+
+
+class Course(NamedTuple):
+    """One run of a plan, and where it leaves what is kept of it.
+
+    Attributes
+    ----------
+    dt : float
+        [s]
+    steps : int
+    every, apart : int
+        After so many steps the state is kept, in rows and in what is seen; 0 for never.
+    rows : (ndarray, ndarray), or None
+        For u and v of the rows, those at 0, every so many steps, the end, and impulses;
+        (2, rows, *shape) and (rows, walls[, dim]), or None without walls.
+    energy : ndarray, (rows,), or None
+        For the energies of the rows [J], where a plan has them.
+    seen : (ndarray, ndarray), or None
+        Likewise u and v, (2, instants + 1, *shape), `apart` a divisor of the steps, and a bound on
+        how far any coordinate of a site moved by each but the first, (instants,) [m]; that in
+        networks only.
+    """
+
+    dt: float
+    steps: int
+    every: int
+    rows: Any
+    energy: Array | None
+    apart: int
+    seen: Any
+
+    def told(self) -> tuple[Any, ...]:
+        """What the compiled function takes."""
+        dt, steps, every, rows, energy, apart, seen = self
+        kept, looked = (None, None, None), (None, None, None)
+        if rows is not None:
+            kept = *_halves(rows[0]), None if rows[1] is None else address(rows[1])
+        if seen is not None:
+            looked = *_halves(seen[0]), address(seen[1])
+        total = None if energy is None else address(energy)
+        return dt, steps, every, *kept, total, apart, *looked
 
 
 class Part:
@@ -105,7 +147,7 @@ class Walk:
     """
 
     def __init__(self, u: Array, v: Array, begin: Any, step: Any, close: Any, leave: Any) -> None:
-        self._u, self._v, (self._go, _, _) = u, v, _compiled()
+        self._u, self._v, (self._go, *_) = u, v, _compiled()
         loops = [loop and loop.parts() for loop in (begin, step, close, leave)]
         empty = [None] * len(loops[1])
         self._parts = list(zip(*(parts or empty for parts in loops), strict=True))
@@ -186,6 +228,13 @@ class Plan:
         Of the scene.
     enter, begin, step, close, leave : BoundLine or BoundNet, or None
         As of `Walk`; bound with a step of 1, on arrays that nobody else takes.
+
+    Attributes
+    ----------
+    has_energies : bool
+    met, met_or_rest : tuple of ndarray, (springs, 2)
+        Smallest and largest elongation of each spring in the first and in the second run of the
+        last call, until the next; and the same with 0 included.
     """
 
     def __init__(
@@ -214,76 +263,45 @@ class Plan:
         tasks = [loop and loop.parts()[0].task for loop in (begin, step, close, leave, enter)]
         *walk, first = (task or _Task() for task in tasks)
         (part,) = step.parts()
-        places, self._met = step.places(), np.empty((2, step.springs, 2))
+        places, self._ranges = step.places(), np.empty((2, 2, step.springs, 2))
+        self.met, self.met_or_rest = tuple(self._ranges[:, 0]), tuple(self._ranges[:, 1])
+        self._gaps = np.empty((2, 2))
         self._plan = _Plan(
             _Walk(*walk, part.begins, part.u.size), first,
             self._coefficients.ctypes.data, steps.ctypes.data, blank.ctypes.data,
             step.kept[0][2].ctypes.data, step.travel_at,
-            *(x.ctypes.data for x in (*places, *self._met)),
+            *(x.ctypes.data for x in (*places, self._ranges, self._gaps)),
             steps.size, blank.size, state, walls, len(places[0]), step.springs,
         )  # fmt: skip
         scratch = np.empty(0 if energies is None else energies.room)
-        self._told = None
+        self.has_energies, self._told = energies is not None, None
         if energies is not None:
             self._told = _Told(*energies.task, scratch.ctypes.data)
+        self._told_at = self._told and ctypes.addressof(self._told)
         self._kept, self._step = (loops, energies, steps, blank, places, scratch), step
-        self._address, (_, self._run, _) = ctypes.addressof(self._plan), _compiled()
+        self._address = ctypes.addressof(self._plan)
+        _, self._run, self._twice, _ = _compiled()
 
-    def run(
-        self,
-        dt: float,
-        steps: int,
-        u: Array,
-        v: Array,
-        every: int,
-        rows: Any,
-        apart: int,
-        seen: Any,
-        energy: Array | None = None,
-    ) -> int:
-        """Go from a state to the end.
+    def run(self, u: Array, v: Array, *courses: Course) -> int:
+        """Go from a state to the end, once or twice.
 
-        Returns 0 where that is not finite, 3 where the energies of the rows are known, else 1.
+        Returns 0 where that is not finite, 3 where the energies of the last rows are known, else 1.
 
         Parameters
         ----------
-        dt : float
-            [s]
-        steps : int
         u, v : ndarray, C-contiguous
-        every, apart : int
-            After so many steps the state is kept, in rows and in what is seen; 0 for never.
-        rows : (ndarray, ndarray), or None
-            Where u and v of the rows go, those at 0, every so many steps, the end, and impulses;
-            (2, rows, *shape) and (rows, walls[, dim]), or None without walls.
-        seen : (ndarray, ndarray), or None
-            Likewise u and v, (2, instants + 1, *shape), `apart` a divisor of the steps, and a
-            bound on how far any coordinate of a site moved by each but the first, (instants,) [m];
-            networks only.
-        energy : ndarray, (rows,), optional
-            Where the energies of the rows go [J].
+        courses : Course
         """
-        kept, looked = [None] * 3, [None] * 3
-        if rows is not None:
-            kept = [*_halves(rows[0]), None if rows[1] is None else address(rows[1])]
-        if seen is not None:
-            looked = [*_halves(seen[0]), address(seen[1])]
-        told = [None] * 2
-        if energy is not None and self._told is not None:
-            told = [ctypes.addressof(self._told), address(energy)]
-        given = address(u), address(v), every, *kept, apart, *looked, *told
-        return self._run(self._address, dt, steps, *given)
+        given = self._address, address(u), address(v), self._told_at
+        if len(courses) == 1:
+            return self._run(*given, *courses[0].told())
+        first, second = courses
+        return self._twice(*given, *first.told(), *second.told())
 
     @property
-    def met(self) -> Array:
-        """Smallest and largest elongation of each spring in the last run, until the next;
-        (springs, 2)."""
-        return self._met[0]
-
-    @property
-    def met_or_rest(self) -> Array:
-        """The same with 0 included."""
-        return self._met[1].copy()
+    def gap(self) -> float:
+        """`largest_gap` of what was seen of the last two runs."""
+        return _larger(self._gaps)
 
     @property
     def travel(self) -> float:
@@ -307,7 +325,12 @@ def largest_gap(one: Array, other: Array) -> float:
     """
     found = np.empty((2, 2))
     half, given = one.nbytes // 2, (address(one), address(other), address(found))
-    compare = _compiled()[2]
+    *_, compare = _compiled()
     for k in range(2):
         compare(given[0] + k * half, given[1] + k * half, one.size // 2, given[2] + 16 * k)
+    return _larger(found)
+
+
+def _larger(found: Array) -> float:
+    """The larger gap, of u or of v, over its size."""
     return max(gap / size if size else gap for size, gap in found.tolist())

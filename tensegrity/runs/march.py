@@ -21,7 +21,7 @@ from tensegrity.runs.book import Book, Checks, Kept, Sound
 from tensegrity.runs.guard import Guard
 from tensegrity.runs.loops import Loop
 from tensegrity.runs.stepping import Outlook
-from tensegrity.runs.whole import whole
+from tensegrity.runs.whole import two, whole
 from tensegrity.scenes.clearance import CAUTION
 from tensegrity.scenes.scene import known_state
 
@@ -127,6 +127,29 @@ def march(problem, steps, allowed, checkpoints=0, start=None):
             stopped = True
         refuse_start(problem, steps)
     return _march(problem, steps, allowed, checkpoints, start, stopped)
+
+
+def march_twice(problem, steps, checkpoints):
+    """Two runs of a trial in one call, or None where each has to be done with care.
+
+    Parameters
+    ----------
+    problem : Problem
+        That keeps rows does so of the second run.
+    steps : (int, int)
+        Of the one and of the other.
+    checkpoints : int
+
+    Returns
+    -------
+    list of (Whole or Run, tuple of ndarray)
+        As of `march`; the first alone, not complete, where it was interrupted.
+    """
+    try:
+        found = two(problem, steps, WHOLE * STRIDE * together(problem), checkpoints)
+    except KeyboardInterrupt:
+        return [_march(problem, steps[0], 1.0, checkpoints, None, True)]
+    return found and [(run, run.seen) for run in found]
 
 
 def refuse_start(problem, steps):

@@ -45,7 +45,7 @@ class Outlook:
         """What springs can reach with all the energy."""
         return reach(*self._likely())  # not rounded, which would depend on the units
 
-    @property
+    @cached_property
     def first_frequency(self) -> float:
         """Angular frequency [rad/s] were half of the energy to meet in one bond."""
         scene, energy = self._likely()

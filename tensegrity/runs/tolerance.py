@@ -18,7 +18,7 @@ from tensegrity.engine.methods import Corrected
 from tensegrity.engine.openings import is_treated
 from tensegrity.errors import LockingError, RangeError, StabilityError, TensegrityError
 from tensegrity.runs.driven import march
-from tensegrity.runs.march import count
+from tensegrity.runs.march import count, march_twice
 from tensegrity.runs.record import Record
 from tensegrity.runs.run import Run, changed
 from tensegrity.runs.whole import Whole
@@ -151,7 +151,7 @@ def _to_tolerance(problem, tol, short):
     """
     if not problem.t_end:
         return march(problem, 0, 1.0)[0]
-    if not problem.state.v.any() and (length := rests(problem)):
+    if not np.count_nonzero(problem.state.v) and (length := rests(problem)):
         return resting(problem, length, tol)
     apart, fewest = (DENSE, AT_FIRST) if problem.scene.smooth else (1, CHECKPOINTS)
     least = _steps(problem, TRIAL, problem.outlook.first_frequency, fewest)
@@ -159,17 +159,32 @@ def _to_tolerance(problem, tol, short):
         problem = changed(problem, method=short)
         least = _steps(problem, TRIAL, problem.outlook.first_frequency, fewest)
     instants = min(math.ceil(least / apart), max(FEWEST, MOST_KEPT // problem.state.u.size))
-    first = Rung.of(_trial(problem), math.ceil(least / instants), instants)
-    if first.run.complete:
+    fineness = math.ceil(least / instants)
+    fits = may_fit(problem, fineness * instants, tol)
+    if not fits and (rungs := two_at_once(problem, fineness, instants, tol)):
+        return converged(problem, rungs, 0.0, tol)
+    first = Rung.of(_trial(problem), fineness, instants)
+    if fits and first.run.complete:
         for margin in MARGINS:
             try:
                 fitted = with_polynomials(problem, first, tol, margin)
                 if fitted is None:
                     break
-                return converged(*fitted, tol)
+                changed_forces, rung, error = fitted
+                return converged(changed_forces, [rung], error, tol)
             except RangeError:  # finer runs reach farther than the coarse one
                 continue
-    return converged(problem, first, 0.0, tol)
+    return converged(problem, [first], 0.0, tol)
+
+
+def two_at_once(problem, fineness, instants, tol):
+    """The first two rungs of a smooth scene, of which the steps of both are known before."""
+    if not problem.scene.smooth or problem.scene.spring_table.has_corners:
+        return None
+    finer = math.ceil(fineness * first_factor(tol, opens=False))
+    steps = fineness * instants, finer * instants
+    found = march_twice(_trial(problem, tol > SECOND), steps, instants)
+    return found and [Rung(run, instants, seen) for run, seen in found]
 
 
 def rests(problem):
@@ -235,26 +250,26 @@ class Rung:
 
     def gap(self, finer):
         """Largest difference from a finer one in u and in v, over the largest value there."""
+        if isinstance(finer.run, Whole) and finer.run.coarser and finer.run.coarser[0] is self.run:
+            return finer.run.coarser[1]
         at_once = isinstance(self.run, Whole) and isinstance(finer.run, Whole)
         of = walk.largest_gap if at_once else largest_gap
         return of(self.seen, finer.seen)
 
 
-def converged(problem, rung, error, tol):
-    """Refine from a first run on; `error` is what fitted forces add.
+def converged(problem, first, error, tol):
+    """Refine from a first run on, or two; `error` is what fitted forces add.
 
     The error of a run is its largest difference from a finer one.  That of the finest follows
     by the order that errors of coarser runs fall with, as far as it is to be trusted: `Judge`.
     Where that of far coarser ones tells too little, another one between them and it tells more.
     """
+    rung, *others = first
     judge = Judge(problem, rung.run.met, tol)
     rungs, stuck = [rung], 0
     factor, smallest = judge.first, math.inf
     while rungs[-1].run.complete:
-        finest = rungs[-1].fineness
-        fineness = max(math.ceil(finest * factor), int(finest) + 1 if factor > 1 else 1)
-        likely = factor > 1 and (len(rungs) > 1 or tol > SECOND)
-        found = Rung.of(_trial(problem, likely), fineness, rung.instants)
+        found = others.pop() if others else next_rung(problem, rungs, factor, tol)
         if not found.run.complete:
             return with_energies(found.run)
         judge.see(found.run.met)
@@ -276,6 +291,14 @@ def converged(problem, rung, error, tol):
         factor = judge.factor(gaps)
         factor = min(factor, 2.0) if stuck else factor
     return with_energies(rungs[-1].run)  # interrupted
+
+
+def next_rung(problem, rungs, factor, tol):
+    """One that is finer than the finest by a factor."""
+    finest = rungs[-1].fineness
+    fineness = max(math.ceil(finest * factor), int(finest) + 1 if factor > 1 else 1)
+    likely = factor > 1 and (len(rungs) > 1 or tol > SECOND)
+    return Rung.of(_trial(problem, likely), fineness, rungs[0].instants)
 
 
 def rounded(problem, run):
@@ -315,11 +338,7 @@ class Judge:
         left, order = order_left(self._problem, met), self._problem.method.order
         self.opens, self.order = left < math.inf, min(left, order - SLOWER)
         self.accept, self._aim = (0.45, 0.2) if self.opens else (0.8, 0.25)
-        self.first = 1.5
-        if self.opens and self._tol < COARSE:
-            self.first = 2.0
-        elif self._tol < TIGHT:
-            self.first = 2.5
+        self.first = first_factor(self._tol, self.opens)
 
     def estimate(self, gaps):
         """Estimated error of the finest run.
@@ -358,6 +377,13 @@ class Judge:
         return min(max(needed, LEAST_FACTOR), FASTEST)
 
 
+def first_factor(tol, opens):
+    """By how much finer the second run is than the first."""
+    if opens and tol < COARSE:
+        return 2.0
+    return 2.5 if tol < TIGHT else 1.5
+
+
 def order_left(problem, met):
     """Order that contacts which opened leave to a method, by the springs that it met them with,
     and corners of drives.
@@ -365,6 +391,8 @@ def order_left(problem, met):
     A force that grows like overlap^n leaves n + 1, or n + 3 where that is corrected.
     """
     scene = problem.scene
+    if not (scene.follows or scene.is_driven or scene.spring_table.has_corners):
+        return math.inf
     order = min((signal.leaves for signal in functions_of_time(scene)), default=math.inf)
     corrects = isinstance(problem.method, Corrected)
     if scene.follows:
@@ -389,7 +417,7 @@ def with_energies(run):
 
 
 def with_polynomials(problem, coarse, tol, margin):
-    """The problem with fitted forces, where they are good enough and save time.
+    """The problem with fitted forces, where they are good enough.
 
     Parameters
     ----------
@@ -409,10 +437,6 @@ def with_polynomials(problem, coarse, tol, margin):
         If that run leaves the range.
     """
     scene, run = problem.scene, coarse.run
-    if problem.record.checkpoint is not None:
-        return None  # a state that is kept has to say what the forces are
-    if scene.follows or scene.is_driven or saved(problem, run, tol) < WORTH:
-        return None
     springs = scene.spring_table.different
     ranges = [_widened(spring, *met, margin) for spring, met in zip(springs, run.met, strict=True)]
     error, least = max(FIRST_ERROR * tol, LEAST_ERROR), 0.0
@@ -441,7 +465,16 @@ def with_polynomials(problem, coarse, tol, margin):
     return None
 
 
-def saved(problem, run, tol):
+def may_fit(problem, steps, tol):
+    """Whether fitted forces are worth a try, after a first run with so many steps."""
+    if problem.record.checkpoint is not None:
+        return False  # a state that is kept has to say what the forces are
+    if problem.scene.follows or problem.scene.is_driven:
+        return False
+    return saved(problem, steps, tol) >= WORTH
+
+
+def saved(problem, steps, tol):
     """Seconds that fitted forces save, roughly, in all runs that a tolerance takes."""
     scene, order = problem.scene, problem.method.order
     if scene.remembered.gain is None:
@@ -451,7 +484,7 @@ def saved(problem, run, tol):
         lanes = math.prod(scene.shape) // (scene.sites * scene.dim)
         often = lanes if group.ndim == 1 else 1  # lanes may have them in common
         scene.remembered.gain = often * float(np.dot(gains, np.bincount(group.ravel())))
-    steps = run.steps * max((COARSE / tol) ** (1 / order), 1.0)  # of the last run, as a rule
+    steps *= max((COARSE / tol) ** (1 / order), 1.0)  # to those of the last run, as a rule
     calls = steps * problem.method.stages
     return calls * scene.remembered.gain - PER_FIT * len(scene.spring_table)
 

@@ -1,4 +1,4 @@
-"""A whole short run in one call of the compiled loop, and proved afterwards.
+"""Whole short runs in one call of the compiled loop, and proved afterwards.
 
 What a march looks at block by block is looked at once, at the end: whether all elongations met
 were within the domains and not too stiff for the step, whether all numbers are finite, whether no
@@ -16,7 +16,7 @@ from tensegrity.engine.bonds import by_spring
 from tensegrity.engine.bound_line import BoundLine
 from tensegrity.engine.bound_net import BoundNet
 from tensegrity.engine.methods import Corrected, Splitting
-from tensegrity.engine.walk import Plan
+from tensegrity.engine.walk import Course, Plan
 from tensegrity.once import once
 from tensegrity.runs.guard import Guard
 from tensegrity.runs.loops import parts
@@ -42,14 +42,16 @@ class Whole:
         Smallest and largest elongation met [m], 0 included.
     seen : tuple of ndarray, (instants + 1, *shape)
         u and v at evenly spaced instants.
+    coarser : (Whole, float) or None
+        The run before it in the same call, and its `largest_gap` from this one.
     """
 
-    complete = True
+    complete, coarser = True, None
 
-    def __init__(self, problem, listed, dt, steps, met, seen, every, rows, energy):
-        self._problem, self._listed, self._dt = problem, listed, dt
-        self.steps, self.met, self.seen = steps, met, seen
-        self._every, self._rows, self._energy = every, rows, energy
+    def __init__(self, problem, listed, course, met, seen, rows, energy):
+        self._problem, self._listed, self._course = problem, listed, course
+        self.steps, self.met, self.seen = course.steps, met, seen
+        self._rows, self._energy = rows, energy
 
     @classmethod
     def of_lanes(cls, problem, lanes):
@@ -58,7 +60,7 @@ class Whole:
         places = np.concatenate([scene.places_of(lane) for lane in range(len(lanes))])
         met = np.concatenate([whole.met for whole in lanes])
         ranges = by_spring(places, len(scene.spring_table), *met.T)
-        seen = rows = None
+        seen = rows = energy = None
         if one.seen is not None:
             seen = np.stack([whole.seen for whole in lanes], axis=-1)
         if one.has_rows:
@@ -67,7 +69,9 @@ class Whole:
                 np.stack([whole._rows[0] for whole in lanes], axis=-1),
                 None if impulses[0] is None else np.stack(impulses, axis=-1),
             )
-        return cls(problem, problem.scene, one._dt, one.steps, ranges, seen, one._every, rows, None)
+        if all(whole._energy is not None for whole in lanes):
+            energy = np.stack([whole._energy for whole in lanes], axis=-1)
+        return cls(problem, problem.scene, one._course, ranges, seen, rows, energy)
 
     @property
     def has_rows(self):
@@ -77,8 +81,8 @@ class Whole:
     def run(self):
         """The run, with the energies of its rows."""
         problem, ((u, v), impulse) = self._problem, self._rows
-        scene, sites = problem.scene, problem.record.sites
-        t = np.arange(0.0, self.steps + self._every, self._every)
+        scene, sites, every = problem.scene, problem.record.sites, self._course.every
+        t = np.arange(0.0, self.steps + every, every)
         t[-1] = self.steps
         t *= problem.t_end / self.steps
         energy = scene.energies(u, v) if self._energy is None else self._energy
@@ -91,7 +95,7 @@ class Whole:
             u, v = u[:, list(sites)], v[:, list(sites)]
         return known(
             Run, scene=scene, t=t, u=u, v=v, energy=energy, final=final,
-            method=problem.method.name, dt=self._dt, steps=self.steps, sites=sites,
+            method=problem.method.name, dt=self._course.dt, steps=self.steps, sites=sites,
             impulse=impulse, force=problem.force, met=self.met, fastest=fastest,
         )  # fmt: skip
 
@@ -119,17 +123,35 @@ def whole(problem, steps, most, allowed=1.0, instants=0):
     -------
     Whole or None
     """
-    record, scene, state = problem.record, problem.moved, problem.state
-    if (
-        not 0 < steps <= most
-        or scene.is_driven
-        or not (record.is_plain and scene.at_once)
-        or (scene.follows and not scene.clearance.may_last(state.v, problem.t_end))
-    ):
+    if not _may_go(problem, steps, most):
         return None
-    if scene.in_turn:
+    if problem.moved.in_turn:
         return _in_turn(problem, steps, most, allowed, instants)
-    scene = scene.listed(state.u)
+    found = _planned(problem, (steps,), allowed, instants)
+    return found and found[0]
+
+
+def two(problem, steps, most, instants):
+    """Two runs with steps of their own, of which the second keeps rows; as `whole`, or None."""
+    if problem.moved.in_turn or not _may_go(problem, sum(steps), most):
+        return None
+    return _planned(problem, steps, 1.0, instants)
+
+
+def _may_go(problem, steps, most):
+    """Whether a run can be done at once, as far as can be said before."""
+    record, scene, state = problem.record, problem.moved, problem.state
+    return (
+        0 < steps <= most
+        and not scene.is_driven
+        and record.is_plain
+        and scene.at_once
+        and not (scene.follows and not scene.clearance.may_last(state.v, problem.t_end))
+    )
+
+
+def _planned(problem, steps, allowed, instants):
+    scene = problem.moved.listed(problem.state.u)
     plans = scene.remembered.plans.setdefault(problem.method, [])
     try:
         plan = plans.pop()
@@ -187,51 +209,62 @@ def _run(plan, problem, scene, steps, allowed, instants):
         lanes = np.s_[..., : u.shape[-1]]
         every_lane = np.minimum(np.arange(shape[-1]), u.shape[-1] - 1)
         u, v = np.ascontiguousarray(u[..., every_lane]), np.ascontiguousarray(v[..., every_lane])
-    dt, every, rows, energy, seen, ways = problem.t_end / steps, 0, *[None] * 4
-    if problem.rows:
-        every = problem.record.every or max(1, -(-steps // INSTANTS))
-        count = -(-steps // every) + 1
-        need_memory(count * 2 * u.nbytes)
-        walls = scene.wall_count
-        rows = np.empty((2, count, *shape)), np.zeros((count, walls, *shape[1:])) if walls else None
-        if not (problem.trial or scene.follows or problem.surrogate is not None):
-            energy = np.empty(count)
-    if instants:
-        seen, ways = np.empty((2, instants + 1, *shape)), np.empty(instants)
-    apart, looks = (steps // instants, (seen, ways)) if instants else (0, None)
-    done = plan.run(dt, steps, u, v, every, rows, apart, looks, energy)
+    courses = [_course(problem, scene, plan, shape, instants, n, n == steps[-1]) for n in steps]
+    done = plan.run(u, v, *courses)
     if not done:
         return None
-    if lanes is not None:
-        rows = rows and (np.ascontiguousarray(rows[0][lanes]), None)
-        seen = None if seen is None else np.ascontiguousarray(seen[lanes])
-    met = plan.met
-    guard = Guard(problem, scene, dt, allowed)
-    if not (guard.is_known(met) or (guard.is_inside(met) and guard.allows(met))):
-        return None
-    if problem.scene.clearance is not None and not (
-        _is_clear(problem, plan, seen, ways) or _is_clear_at_each(problem, plan, dt, steps)
-    ):
-        return None
-    energy = energy if done == KNOWN else None
-    return Whole(problem, scene, dt, steps, plan.met_or_rest, seen, every, rows, energy)
+    found = []
+    for course, met, ranges in zip(courses, plan.met, plan.met_or_rest, strict=False):
+        guard = Guard(problem, scene, course.dt, allowed)
+        if not (guard.is_known(met) or (guard.is_inside(met) and guard.allows(met))):
+            return None
+        if problem.scene.clearance is not None and not (
+            _is_clear(problem, plan, course.seen) or _is_clear_at_each(problem, plan, course)
+        ):
+            return None
+        rows, seen = course.rows, course.seen and course.seen[0]
+        if lanes is not None:
+            rows = rows and (np.ascontiguousarray(rows[0][lanes]), None)
+            seen = None if seen is None else np.ascontiguousarray(seen[lanes])
+        energy = course.energy if done == KNOWN else None
+        found.append(Whole(problem, scene, course, ranges.copy(), seen, rows, energy))
+    if len(found) > 1:
+        found[1].coarser = found[0], plan.gap
+    return found
 
 
-def _is_clear(problem, plan, seen, ways):
+def _course(problem, scene, plan, shape, instants, steps, is_last):
+    """Room for what is kept of a run, rows of the last one alone."""
+    every, rows, energy, seen = 0, None, None, None
+    if problem.rows and is_last:
+        every = problem.record.every or max(1, -(-steps // INSTANTS))
+        count = -(-steps // every) + 1
+        need_memory(count * 2 * math.prod(shape) * 8)
+        walls = scene.wall_count
+        rows = np.empty((2, count, *shape)), np.zeros((count, walls, *shape[1:])) if walls else None
+        if plan.has_energies and not scene.follows and problem.surrogate is None:
+            energy = np.empty(count)
+    if instants:
+        seen = np.empty((2, instants + 1, *shape)), np.empty(instants)
+    apart = steps // instants if instants else 0
+    return Course(problem.t_end / steps, steps, every, rows, energy, apart, seen)
+
+
+def _is_clear(problem, plan, seen):
     """Whether no contact that is not listed can have formed."""
     if seen is None:
         u, travel = np.stack([problem.state.u] * 2), np.array([plan.travel])
     else:
-        u, travel = seen[0], np.diff(ways, prepend=0.0)
+        u, travel = seen[0][0], np.diff(seen[1], prepend=0.0)
     return problem.scene.clearance.is_kept(problem.outlook.near, u, travel)
 
 
-def _is_clear_at_each(problem, plan, dt, steps):
+def _is_clear_at_each(problem, plan, course):
     """The same by the same run once more, looked at after each step, which is not taken apart."""
-    state = problem.state
+    state, steps = problem.state, course.steps
     if steps * state.u.size > LOOKED:
         return False
     seen, ways = np.empty((2, steps + 1, *state.u.shape)), np.empty(steps)
-    plan.run(dt, steps, state.u, state.v, 0, None, 1, (seen, ways))
+    plan.run(state.u, state.v, Course(course.dt, steps, 0, None, None, 1, (seen, ways)))
     travel = np.diff(ways, prepend=0.0)
     return problem.scene.clearance.is_kept(problem.outlook.near, seen[0], travel, each=True)

@@ -267,9 +267,11 @@ class Scene(ReadOnly):
         ndarray, (springs,) or shape of `numbers`
             [N/m]; inf where the ends of a bond meet.
         """
-        springs = self.spring_table
-        numbers = np.arange(len(springs)) if numbers is None else numbers
-        shortest = ranges[:, 0] - self.closing
+        springs, shortest = self.spring_table, ranges[:, 0] - self.closing
+        if numbers is None:
+            if not self.turns and np.min(shortest, initial=np.inf) > 0:
+                return springs.largest("stiffness", ranges)
+            numbers = np.arange(len(springs))
         k, apart = np.full(len(numbers), np.inf), shortest[numbers] > 0
         within = numbers[apart]
         k[apart] = springs.largest("stiffness", ranges, within)

@@ -102,19 +102,24 @@ class Springs:
     @cached_property
     def _corners(self):
         """Places of openings, (springs,), exponents there, and the numbers of other springs
-        whose forces have corners; whether there is any of these."""
+        whose forces have corners."""
         place, _, exponent, _ = self.openings.T
         numbers = np.flatnonzero(np.isnan(place)).tolist()
         far = -np.inf, np.inf
         others = [k for k in numbers if self.different[k].opens_within(*far) is not None]
-        return place, exponent, others, len(numbers) < len(self) or bool(others)
+        return place, exponent, others
+
+    @cached_property
+    def has_corners(self) -> bool:
+        """Whether the force of any spring has a corner."""
+        return bool(self._corners[2]) or not np.isnan(self.openings[:, 0]).all()
 
     def opened_within(self, met: Array) -> set[float]:
         """Exponents of the forces at corners between elongations met (springs, 2) [m], as of
         `Potential.opens_within`."""
-        place, exponent, others, any_has = self._corners
-        if not any_has:
+        if not self.has_corners:
             return set()
+        place, exponent, others = self._corners
         found = set(exponent[(met[:, 0] <= place) & (place <= met[:, 1])].tolist())
         each = (self.different[k].opens_within(*met[k].tolist()) for k in others)
         return found | {exponent for exponent in each if exponent is not None}
@@ -227,11 +232,12 @@ class Springs:
         ndarray, (springs,) or shape of `numbers`
             At least 0.
         """
-        numbers = np.arange(len(self)) if numbers is None else numbers
-        ranges, search, largest = ranges[numbers], self._searches.get(name), None
+        ranges = ranges if numbers is None else ranges[numbers]
+        search, largest = self._searches.get(name), None
         if search is not None:
             largest = search.largest(ORDERS.index(name), ranges, numbers, EVERY)
         if largest is None:
+            numbers = np.arange(len(self)) if numbers is None else numbers
             points = np.concatenate([end * EVERY[:, None] for end in ranges.T])
             values = self._each(name, points, numbers)
             largest = np.max(np.abs(values) if name == "tension" else values, axis=0, initial=0.0)
