@@ -7,6 +7,7 @@ from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.kernel import bind
 from tensegrity.engine.methods import METHODS
 from tensegrity.runs import march
+from tensegrity.runs.watch import Watch
 
 
 def prism_chain(sites=64, ends=("free", "free")):
@@ -21,7 +22,7 @@ def smooth_blow(chain, speed=0.03):
 
 def interrupted(monkeypatch, at):
     """Ctrl-C comes with the march's advance of that number; the list of all, as it grows."""
-    calls, advance = [], march._Watch.advance
+    calls, advance = [], Watch.advance
 
     def counted(self, steps):
         calls.append(steps)
@@ -30,7 +31,7 @@ def interrupted(monkeypatch, at):
         advance(self, steps)
 
     monkeypatch.setattr(march, "STRIDE", 0)
-    monkeypatch.setattr(march._Watch, "advance", counted)
+    monkeypatch.setattr(Watch, "advance", counted)
     return calls
 
 

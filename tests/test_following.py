@@ -21,6 +21,7 @@ from tensegrity import (
     simulate,
 )
 from tensegrity.runs import march, whole
+from tensegrity.runs.watch import Watch
 
 D = 9.53e-3
 STEEL = Bead(D, materials["steel"])
@@ -193,9 +194,9 @@ def test_a_followed_run_in_strides_has_the_bits_of_a_careful_one(monkeypatch, me
     """Lists are made anew between strides, whose rows come in one call."""
     scene = followed(rack(0.3), box(WIDTH, HEIGHT))
     state, lists, strides = scene.at_rest({15: (5.0, 0.0)}), [], []
-    anew, stride = march._Watch._list_anew, march._Watch.stride
-    monkeypatch.setattr(march._Watch, "_list_anew", lambda w: lists.append(w.sound.done) or anew(w))
-    monkeypatch.setattr(march._Watch, "stride", lambda w, *a: strides.append(1) or stride(w, *a))
+    anew, stride = Watch._list_anew, Watch.stride
+    monkeypatch.setattr(Watch, "_list_anew", lambda w: lists.append(w.sound.done) or anew(w))
+    monkeypatch.setattr(Watch, "stride", lambda w, *a: strides.append(1) or stride(w, *a))
     given = {"dt": 1e-6, "method": method, "record": record}
     one, other = both(monkeypatch, lambda: simulate(scene, state, 4e-3, **given))
     assert len(lists) > 4

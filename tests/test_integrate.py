@@ -22,6 +22,8 @@ from tensegrity import (
 )
 from tensegrity.engine.methods import METHODS
 from tensegrity.runs import march, tolerance
+from tensegrity.runs.problem import Problem
+from tensegrity.runs.watch import Watch
 
 EXPLICIT = [name for name, method in METHODS.items() if method.explicit]
 REVERSIBLE = [name for name, method in METHODS.items() if method.reversible]
@@ -505,7 +507,7 @@ def test_runs_are_reproducible_bit_for_bit():
 def test_how_much_an_error_estimate_trusts_the_order():
     """Half of it before it was seen, nearly all of it then, and no more than was seen."""
     chain = prism_chain()
-    problem = march.Problem(chain, smooth_blow(chain), 1.0, METHODS["rkn6"], Record())
+    problem = Problem(chain, smooth_blow(chain), 1.0, METHODS["rkn6"], Record())
     judge = tolerance.Judge(problem, np.array([[-0.01, 0.01]]), 1e-6)
     order = 6 - tolerance.SLOWER
     assert judge.estimate([(1 / 2, 1e-6)]) == pytest.approx(1e-6 / (2 ** (order / 2) - 1))
@@ -527,7 +529,7 @@ def test_a_long_smooth_run_takes_the_method_with_a_processor():
 
 def test_contacts_that_open_are_trusted_with_the_order_they_leave():
     chain, rkn6 = Chain(PowerLaw(1.0, 1.5, preload=1.0), 5), METHODS["rkn6"]
-    problem = march.Problem(chain, chain.at_rest({0: 0.1}), 1.0, rkn6, Record())
+    problem = Problem(chain, chain.at_rest({0: 0.1}), 1.0, rkn6, Record())
     assert tolerance.order_left(problem, np.array([[-1.0, 0.9]])) == np.inf
     assert tolerance.order_left(problem, np.array([[-1.0, 1.0]])) == 2.5
 
@@ -536,7 +538,7 @@ def test_contacts_that_open_are_trusted_with_the_order_they_leave():
 @pytest.mark.parametrize("at", [1, 2, 3, 4])
 def test_interrupt_between_strides_keeps_their_rows(monkeypatch, at):
     chain, calls = prism_chain(), []
-    stride = march._Watch.stride
+    stride = Watch.stride
 
     def interrupted(self, end, kept):
         calls.append(end)
@@ -548,7 +550,7 @@ def test_interrupt_between_strides_keeps_their_rows(monkeypatch, at):
     monkeypatch.setattr(march, "BLOCK", 1)  # the fewest steps that go together
     monkeypatch.setattr(march, "STRIDE", 1)
     monkeypatch.setattr(march, "WHOLE", 0)  # a run that is done at once has no strides
-    monkeypatch.setattr(march._Watch, "stride", interrupted)
+    monkeypatch.setattr(Watch, "stride", interrupted)
     run = simulate(chain, smooth_blow(chain), 40.0, dt=0.1, record=Record(every=7))
     assert not run.complete
     assert run.steps == (at - 1) * march.FEWEST

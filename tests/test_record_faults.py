@@ -107,7 +107,7 @@ class Interrupting:
         return self.line
 
 
-WATCHED = ("march.py", "whole.py", "book.py", "rows.py", "loops.py")
+WATCHED = ("march.py", "watch.py", "whole.py", "book.py", "rows.py", "loops.py")
 
 
 @pytest.mark.parametrize(

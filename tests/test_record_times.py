@@ -8,8 +8,8 @@ from scenes import prism_chain, smooth_blow
 from granular import Bead, Striker, materials, y_guide
 from tensegrity import Ensemble, LockingError, Record, TensegrityError, simulate
 from tensegrity.engine.methods import METHODS
-from tensegrity.runs import march
 from tensegrity.runs.tuning import simulate_tuned
+from tensegrity.runs.watch import Watch
 
 TIMES = (0.0, 0.137, 0.31, 1.2345, 1.2346, 3.3, 4.0)
 ALL = ["verlet", "rkn6", "processed6", "rk4", "gauss4"]
@@ -123,7 +123,7 @@ def test_a_run_that_locks_between_instants_ends_with_its_final_state():
 def test_a_shorter_step_that_fails_ends_the_run_with_what_it_had(monkeypatch):
     """A whole step can be sound where a part of it meets an end of the domain."""
     chain, state = blow()
-    look, calls = march._Watch.look_back, []
+    look, calls = Watch.look_back, []
 
     def failing(self, part):
         calls.append(part)
@@ -131,7 +131,7 @@ def test_a_shorter_step_that_fails_ends_the_run_with_what_it_had(monkeypatch):
             raise LockingError("there")
         return look(self, part)
 
-    monkeypatch.setattr(march._Watch, "look_back", failing)
+    monkeypatch.setattr(Watch, "look_back", failing)
     with pytest.raises(LockingError) as caught:
         simulate(chain, state, 4.0, dt=0.1, record=Record(times=TIMES))
     run = caught.value.run

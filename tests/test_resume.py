@@ -27,8 +27,9 @@ from tensegrity import (
     resume,
     simulate,
 )
-from tensegrity.runs import march, rows, tolerance
+from tensegrity.runs import rows, tolerance
 from tensegrity.runs.record import beside
+from tensegrity.runs.watch import Watch
 
 STEEL = Bead(4.76e-3, materials["steel"])
 
@@ -96,7 +97,7 @@ def same(run, whole):
 
 def interrupt(monkeypatch, at, error=KeyboardInterrupt):
     """Stop the run whose `at`-th block of steps of a march is asked for."""
-    advance, calls = march._Watch.advance, []
+    advance, calls = Watch.advance, []
 
     def broken(self, steps):
         if not self._problem.record.path:
@@ -106,7 +107,7 @@ def interrupt(monkeypatch, at, error=KeyboardInterrupt):
             raise error
         return advance(self, steps)
 
-    monkeypatch.setattr(march._Watch, "advance", broken)
+    monkeypatch.setattr(Watch, "advance", broken)
 
 
 @pytest.mark.parametrize("at", [1, 2, 9])

@@ -25,6 +25,7 @@ from tensegrity.engine.methods import METHODS
 from tensegrity.engine.walk import largest_gap
 from tensegrity.errors import LockingError, StabilityError
 from tensegrity.runs import march, tolerance, whole
+from tensegrity.runs.problem import Problem
 from tensegrity.scenes.scene import State
 
 pytestmark = pytest.mark.needs_compiler
@@ -211,7 +212,7 @@ def test_what_touches_at_the_end_of_a_step_is_found_by_a_look_after_each():
 @pytest.mark.parametrize("name", SCENES)
 def test_two_runs_in_one_call_are_those_of_two_calls(name, method):
     scene, state = SCENES[name]()
-    problem = march.Problem(scene, state, 4.0, METHODS[method], Record(), trial=True)
+    problem = Problem(scene, state, 4.0, METHODS[method], Record(), trial=True)
     found = whole.two(problem, (44, 66), 1000, 22)
     for run, steps in zip(found, (44, 66), strict=True):
         one = dataclasses.replace(problem, rows=steps == 66)
@@ -227,7 +228,7 @@ def test_two_runs_in_one_call_are_those_of_two_calls(name, method):
 
 def test_two_runs_go_in_one_call_unless_one_is_too_stiff_for_its_step(monkeypatch):
     scene, state = SCENES["chain"]()
-    problem = march.Problem(scene, state, 4.0, METHODS["rkn6"], Record(), trial=True)
+    problem = Problem(scene, state, 4.0, METHODS["rkn6"], Record(), trial=True)
     coarse = math.ceil(4.0 * scene.frequency_of(scene.bond_stiffness(state.u)) / 3.5)
     assert whole.two(problem, (2, 2 * coarse), 1000, 1) is None
     made = []

@@ -29,7 +29,7 @@ from tensegrity.gradients.objective import ALWAYS, Objective, Trace, objective_o
 from tensegrity.gradients.result import Gradient, digits
 from tensegrity.gradients.samples import View
 from tensegrity.readonly import fixed
-from tensegrity.runs.march import MOST_STEPS
+from tensegrity.runs.problem import MOST_STEPS
 from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.scenes.forcing import refuse
 from tensegrity.scenes.scene import Scene, State

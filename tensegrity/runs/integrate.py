@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from tensegrity import check
 from tensegrity.engine import methods
 from tensegrity.errors import TensegrityError
-from tensegrity.runs.march import Problem
+from tensegrity.runs.problem import Problem
 from tensegrity.runs.record import Record
 from tensegrity.runs.run import Run, changed, known
 from tensegrity.runs.stepping import Outlook

@@ -11,7 +11,7 @@ from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.runs import archive
 from tensegrity.runs.book import Sound, Start
-from tensegrity.runs.march import Problem
+from tensegrity.runs.problem import Problem
 from tensegrity.runs.record import beside
 from tensegrity.runs.run import Run
 from tensegrity.runs.tolerance import resumed

@@ -18,7 +18,8 @@ from tensegrity.engine.methods import Corrected
 from tensegrity.engine.openings import is_treated
 from tensegrity.errors import LockingError, RangeError, StabilityError, TensegrityError
 from tensegrity.runs.driven import march
-from tensegrity.runs.march import count, march_twice
+from tensegrity.runs.march import march_twice
+from tensegrity.runs.problem import count
 from tensegrity.runs.record import Record
 from tensegrity.runs.run import Run, changed
 from tensegrity.runs.whole import Whole
@@ -103,7 +104,7 @@ def _steps(problem, fraction, omega, least):
 
 
 def resumed(problem, steps, allowed, start):
-    """Go on with a run that was broken off, from a `march.Start`."""
+    """Go on with a run that was broken off, from a `book.Start`."""
     if problem.choice == "dt":
         return march(problem, steps, allowed, start=start)[0]
     run = refined(problem, steps, allowed, start=start)[0]

@@ -24,7 +24,7 @@ from tensegrity.engine import methods
 from tensegrity.errors import ResolutionError, TensegrityError
 from tensegrity.prisms.condensed import ElasticPotential
 from tensegrity.runs.driven import March
-from tensegrity.runs.march import Problem, count
+from tensegrity.runs.problem import Problem, count
 from tensegrity.runs.record import Record
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.scene import State

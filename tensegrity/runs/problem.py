@@ -1,0 +1,72 @@
+"""What is to be run, and in how many steps at most."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from tensegrity.engine.methods import Method
+from tensegrity.errors import StabilityError
+from tensegrity.runs.stepping import Outlook
+
+MOST_STEPS = 10**12
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What is to be run, the step apart.
+
+    `surrogate` is the scene with springs that are fitted to those of `scene`: it is moved, while
+    checks and recorded energies are those of `scene`.  `choice` says what chose the step: "dt",
+    "tol" or "default".  Of a `trial` that
+    ends well the energies of rows that hold all sites are left out, NaN, and where nothing has to
+    be done with care its `rows` may be too.  The `outlook` is that of the scene and the state.
+    """
+
+    scene: object
+    state: object
+    t_end: float
+    method: Method
+    record: object
+    surrogate: object = None
+    choice: str = "dt"
+    trial: bool = False
+    rows: bool = True
+    outlook: Outlook | None = None
+
+    def __post_init__(self):
+        if self.outlook is None:
+            object.__setattr__(self, "outlook", Outlook(self.scene, self.state))
+
+    @property
+    def moved(self):
+        """The scene that the loop advances."""
+        return self.scene if self.surrogate is None else self.surrogate
+
+    @property
+    def force(self):
+        """What the tensions of the springs are computed by."""
+        return self.moved.spring_table.force
+
+    def largest_step(self, omega):
+        """Stability limit [s] at an angular frequency [rad/s]; inf where it is 0."""
+        return self.method.stability_limit / omega if omega > 0 else math.inf
+
+    def fraction(self, share):
+        """What a default step is of the natural one, where the scene asks for a share of that."""
+        return self.method.step * max(share, self.method.opening_share)
+
+    def natural_step(self, omega):
+        """The step [s] that fractions are taken of, at an angular frequency [rad/s]."""
+        return self.method.scale / omega if omega > 0 else math.inf
+
+
+def count(problem, dt):
+    """Number of steps, the largest not above dt; refused where no run could end."""
+    steps = problem.t_end / dt * (1 - 1e-12) if dt > 0 else math.inf
+    if steps > MOST_STEPS:
+        raise StabilityError(
+            f"t_end {problem.t_end:g} s takes {steps:.3g} steps of {dt:.3g} s, more than "
+            f"{MOST_STEPS:.0e}"
+        )
+    return math.ceil(steps)
