@@ -1,24 +1,33 @@
 """Faults that must not survive: slips of one line, and for each the test that notices it.
 
 `python -m tests.faults [WORD ...]` breaks a copy of the tree, one line at a time, and runs that
-test alone, which has to pass before and fail then; a word picks the faults in whose file or
-test it occurs.  What a slip is: a sign, an index, a factor, a guard that was dropped.
+test alone, which has to pass before and fail then, or not to end in a time far above the one
+that it took; a word picks the faults in whose file or test it occurs.  What a slip is: a sign, an
+index, a factor, a guard that was dropped.
 """
 
 from __future__ import annotations
 
+import argparse
+import contextlib
+import ctypes
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
+from xml.etree import ElementTree
 
 ROOT = Path(__file__).parent.parent
 OUTSIDE = shutil.ignore_patterns(".*", "*.egg-info", "build", "_build", "output", "__pycache__")
-PATIENCE = 600  # seconds for one test
+PATIENCE = 60.0  # seconds for a test, to which
+SLOWER = 20  # times what it takes unbroken are added
 FAILED = 1  # what pytest returns where tests ran and some failed
+ENDLESS = -1  # what stands for it where it did not end in time
+PDEATHSIG = 1  # of Linux' prctl: the signal that a process gets when its parent ends
 
 
 @dataclass(frozen=True)
@@ -1067,41 +1076,87 @@ def chosen(words: list[str]) -> list[Fault]:
     return [f for f in FAULTS if not words or any(w in f.file or w in f.test for w in words)]
 
 
-def outcome(root: Path, tests: list[str]) -> int:
-    """What pytest returns for some tests of the tree at `root`."""
+def outcome(root: Path, tests: list[str], seconds: float, report: Path | None = None) -> int:
+    """What pytest returns for some tests of the tree at `root`, `ENDLESS` after so many seconds.
+
+    All that it started ends with it, and it ends with this process, however that ends.
+    """
     path = os.pathsep.join([str(root), str(root / "tests")])
     environment = {**os.environ, "PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1"}
     command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests]
+    command += [] if report is None else [f"--junitxml={report}"]
+    child = subprocess.Popen(
+        command, cwd=root, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        start_new_session=True, preexec_fn=_ending_with(os.getpid()),
+    )  # fmt: skip
     try:
-        return subprocess.run(
-            command, cwd=root, env=environment, capture_output=True, timeout=PATIENCE
-        ).returncode
+        return child.wait(seconds)
     except subprocess.TimeoutExpired:
-        return -1
+        return ENDLESS
+    finally:
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(child.pid, signal.SIGKILL)
+        child.wait()
 
 
-def survives(root: Path, fault: Fault) -> bool:
+def _ending_with(parent: int):
+    """What a child does first, so that it does not outlive this process."""
+    if not sys.platform.startswith("linux"):
+        return None
+    prctl = ctypes.CDLL(None).prctl
+
+    def tie() -> None:
+        prctl(PDEATHSIG, signal.SIGKILL)
+        if os.getppid() != parent:  # it ended before
+            os._exit(1)
+
+    return tie
+
+
+def times(report: Path) -> dict[str, float]:
+    """Seconds of each test in a report of pytest: by its file's name and its own."""
+    cases = ElementTree.parse(report).iter("testcase")
+    found = ((f"{x.get('classname', '').split('.')[-1]}::{x.get('name')}", x) for x in cases)
+    return {name: float(x.get("time", 0)) for name, x in found}
+
+
+def limit(fault: Fault, taken: dict[str, float]) -> float:
+    """Seconds after which the test of a fault counts as one that does not end."""
+    file, name = fault.test.split("::")
+    test = f"{Path(file).stem}::{name}"
+    mine = (t for key, t in taken.items() if key == test or key.startswith(f"{test}["))
+    return PATIENCE + SLOWER * sum(mine)
+
+
+def survives(root: Path, fault: Fault, seconds: float = PATIENCE) -> bool:
     """Whether the test of a fault does not notice it in the tree at `root`, left as it was."""
     path = root / fault.file
     source = path.read_text()
     path.write_text(fault.broken(source))
     try:
-        return outcome(root, [fault.test]) != FAILED
+        return outcome(root, [fault.test], seconds) not in (FAILED, ENDLESS)
     finally:
         path.write_text(source)
 
 
 def main(words: list[str]) -> int:
     """Try the chosen faults; the number of those that survive, at least 1 if none was tried."""
-    faults, survivors = chosen(words), 0
+    parser = argparse.ArgumentParser(prog="python -m tests.faults", description=__doc__)
+    parser.add_argument("words", nargs="*", metavar="WORD")
+    faults, survivors = chosen(parser.parse_args(words).words), 0
+    if not faults:
+        print("no fault of that name")
+        return 1
+    tests = list(dict.fromkeys(f.test for f in faults))
     with tempfile.TemporaryDirectory() as folder:
-        root = Path(folder) / "tree"
+        root, report = Path(folder) / "tree", Path(folder) / "report.xml"
         shutil.copytree(ROOT, root, ignore=OUTSIDE)
-        if not faults or outcome(root, list(dict.fromkeys(f.test for f in faults))) != 0:
-            print("no fault of that name" if not faults else "a test fails before any fault")
+        if outcome(root, tests, PATIENCE * len(tests), report) != 0:
+            print("a test fails before any fault")
             return 1
+        taken = times(report)
         for fault in faults:
-            survived = survives(root, fault)
+            survived = survives(root, fault, limit(fault, taken))
             survivors += survived
             word = "SURVIVES" if survived else "noticed"
             print(f"{word:8} {fault.file}: {fault.text.strip()}  [{fault.test}]", flush=True)
@@ -1110,4 +1165,5 @@ def main(words: list[str]) -> int:
 
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # with its children
     sys.exit(min(main(sys.argv[1:]), 1))
