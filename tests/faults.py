@@ -1055,6 +1055,37 @@ FAULTS = (
         "return values.min(axis=0), values.max(axis=0)",
         "tests/test_driven_runs.py::test_methods_keep_their_order_in_tuned_networks",
     ),
+    # corners of forces
+    Fault(
+        "tensegrity/springs/corners.py",
+        "strength = jump * side ** abs(k - 1) / math.factorial(max(k - 1, 0))",
+        "strength = jump / math.factorial(max(k - 1, 0))",
+        "tests/test_corners.py::test_corners_of_a_law",
+    ),
+    Fault(
+        "tensegrity/springs/corners.py",
+        "found.append((next_one, exponent + 1))",
+        "found.append((one, exponent))",
+        "tests/test_corners.py::test_a_tension_without_its_corners_has_none[cubes]",
+    ),
+    Fault(
+        "tensegrity/engine/line_openings.c",
+        "w[start + i] = side[i] * ((u[i + LANES] - u[i]) - place[i]);",
+        "w[start + i] = side[i] * ((u[i + LANES] - u[i]) - o->place[i]);",
+        "tests/test_corners.py::test_all_corners_of_a_law_are_corrected[gap-chain_of]",
+    ),
+    Fault(
+        "tensegrity/engine/net_openings.c",
+        "w[j + i] = o->side[j + i] * (r[i] - o->place[j + i]);",
+        "w[j + i] = o->side[b + i] * (r[i] - o->place[b + i]);",
+        "tests/test_corners.py::test_all_corners_of_a_law_are_corrected[gap-net_of]",
+    ),
+    Fault(
+        "tensegrity/runs/tolerance.py",
+        "        refuse_jumps(self._problem, met, self._tol)\n",
+        "",
+        "tests/test_corners.py::test_a_tolerance_is_refused_where_a_force_jumps[away from rest]",
+    ),
     # modes and bands
     Fault(
         "tensegrity/waves/spectrum.py",

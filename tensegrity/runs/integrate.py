@@ -52,6 +52,8 @@ def simulate(
     tol : float, optional
         Wanted bound of max(|du|/max|u|, |dv|/max|v|), maxima over the run, instead of `dt`: the
         step is refined until runs with different steps, compared all along, say it is met.
+        Refused where a spring's force jumps at an elongation that is met: steps have an error of
+        first order there, whatever the method.
     record : Record, optional
 
     Returns

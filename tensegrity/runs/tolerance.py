@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tensegrity import check
 from tensegrity.engine import walk
 from tensegrity.engine.codegen import cost
 from tensegrity.engine.methods import Corrected
@@ -151,6 +152,7 @@ def _to_tolerance(problem, tol, short):
     """
     if not problem.t_end:
         return march(problem, 0, 1.0)[0]
+    refuse_jumps(problem, problem.scene.present_ranges(problem.state.u), tol)
     if not problem.state.v.any() and (length := rests(problem)):
         return resting(problem, length, tol)
     apart, fewest = (DENSE, AT_FIRST) if problem.scene.smooth else (1, CHECKPOINTS)
@@ -312,6 +314,7 @@ class Judge:
 
     def see(self, met):
         """Contacts may open in this run that did not in the coarser ones."""
+        refuse_jumps(self._problem, met, self._tol)
         left, order = order_left(self._problem, met), self._problem.method.order
         self.opens, self.order = left < math.inf, min(left, order - SLOWER)
         self.accept, self._aim = (0.45, 0.2) if self.opens else (0.8, 0.25)
@@ -367,16 +370,35 @@ def order_left(problem, met):
     scene = problem.scene
     order = min((signal.leaves for signal in functions_of_time(scene)), default=math.inf)
     corrects = isinstance(problem.method, Corrected)
-    if scene.follows:
-        given = scene.law.given
-        spring = given if isinstance(given, Potential) else PowerLaw(1.0, 1.0)
-        exponents = {spring.opens_within(-math.inf, math.inf)}
-    else:
-        exponents = scene.spring_table.opened_within(met)
-    for exponent in exponents - {None}:
+    for exponent in {corner[2] for _, corner in corners_met(scene, met)}:
         treated = corrects and is_treated(exponent)
         order = min(order, exponent + (CORRECTED if treated else 1))
     return order
+
+
+def corners_met(scene, met):
+    """Springs, and corners of their forces between elongations met."""
+    if not scene.follows:
+        return scene.spring_table.corners_within(met)
+    given = scene.law.given
+    spring = given if isinstance(given, Potential) else PowerLaw(1.0, 1.0)
+    return [(spring, corner) for corner in spring.openings]
+
+
+def refuse_jumps(problem, met, tol):
+    """Refuse a tolerance where a force, or an energy, jumps between elongations met."""
+    for spring, (place, jump, exponent, _) in corners_met(problem.scene, met):
+        if exponent > 0:
+            continue
+        strain = f" (strain {place / spring.length:g})" if spring.length else ""
+        what = f"tension of {check.shown(spring)} jumps by {jump:g} N"
+        why = "the error of fixed steps falls like the step there: give dt=, or a law that rises"
+        if exponent < 0:
+            what = f"energy of {check.shown(spring)} jumps by {jump:g} J"
+            why = "no step meets a force without a bound: give a law that rises"
+        raise TensegrityError(
+            f"tol {tol:g}: the {what} at the elongation {place:g} m{strain}; {why} over a range"
+        )
 
 
 def with_energies(run):
