@@ -12,6 +12,7 @@ import platform
 import sys
 import time
 import warnings
+from argparse import ArgumentParser
 from importlib.metadata import PackageNotFoundError, version
 from typing import NamedTuple
 
@@ -117,11 +118,9 @@ def main(arguments: list[str] | None = None) -> int:
     Returns
     -------
     int
-        0 where every number is right, 1 where one is not, 2 for arguments, which there are none.
+        0 where every number is right, 1 where one is not.
     """
-    if sys.argv[1:] if arguments is None else arguments:
-        print(__doc__, file=sys.stderr)
-        return 2
+    ArgumentParser(prog="python -m tensegrity", description=__doc__).parse_args(arguments)
     print(installed())
     started, failed = time.perf_counter(), 0
     for check in CHECKS:

@@ -8,6 +8,7 @@ import pytest
 import sympy as sp
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from scipy.optimize import fsolve
 
 from derivations import mixed, prism
 from tensegrity import EquilibriumError, LockingError, Prism, TensegrityError, equilibrium_path
@@ -288,3 +289,29 @@ def test_identity_with_the_path_holds_for_any_admissible_prism(height, prestrain
     condition = np.abs(path.height * potential.stiffness(r))
     rounded = np.spacing(potential.length) * np.abs(potential.stiffness(r))  # r is a difference
     assert (error <= 1e-12 * (np.abs(path.load) + condition) + rounded).all()
+
+
+@pytest.mark.parametrize(("k_base", "k_bar", "height"), [(0.01, 1.0, 0.3), (0.001, 20.0, 0.7)])
+def test_unprestressed_prism_of_soft_bases_has_the_path_of_least_energy(k_base, k_bar, height):
+    """All its members are unloaded where the path begins: forces grow like the shortening squared,
+    and residuals over them are round-off there."""
+    twist, base, h = sp.symbols("twist base h", positive=True)
+    prism = Prism(1.0, height, 0.0, 1.0, k_base, k_bar)
+    radius = base / sp.sqrt(3)
+    cross, bar = (
+        sp.sqrt(h**2 + 2 * radius**2 * (1 - sp.cos(twist - turn))) for turn in (2 * sp.pi / 3, 0)
+    )
+    at = {twist: 5 * sp.pi / 6, base: 1, h: height}
+    springs = ((3, 1.0, cross), (6, k_base, base), (3, k_bar, bar))
+    energy = sum(n * k * (x - x.subs(at).evalf(30)) ** 2 / 2 for n, k, x in springs)
+    slopes = sp.lambdify((twist, base, h), [sp.diff(energy, x) for x in (twist, base, h)])
+    path = equilibrium_path(prism)
+    assert len(path) > 20
+    for k in (len(path) // 2, len(path) - 2):
+        start = path.twist[k] * 1.001, path.base[k] * 1.001
+        found = fsolve(lambda x, k=k: slopes(*x, path.height[k])[:2], start, xtol=1e-13)
+        assert path.twist[k] == pytest.approx(found[0], rel=1e-9)
+        assert path.base[k] == pytest.approx(found[1], rel=1e-9)
+        assert path.load[k] == pytest.approx(-slopes(*found, path.height[k])[2], rel=1e-6)
+        tension = prism.potential().tension(path.height[k] - height)
+        assert -tension == pytest.approx(path.load[k], rel=1e-9)

@@ -21,7 +21,8 @@ from tensegrity import (
     simulate,
 )
 from tensegrity.engine.methods import METHODS
-from tensegrity.runs import march, tolerance
+from tensegrity.runs import march
+from tensegrity.runs.judge import SLOWER, Judge, order_left
 from tensegrity.runs.problem import Problem
 from tensegrity.runs.watch import Watch
 
@@ -508,13 +509,13 @@ def test_how_much_an_error_estimate_trusts_the_order():
     """Half of it before it was seen, nearly all of it then, and no more than was seen."""
     chain = prism_chain()
     problem = Problem(chain, smooth_blow(chain), 1.0, METHODS["rkn6"], Record())
-    judge = tolerance.Judge(problem, np.array([[-0.01, 0.01]]), 1e-6)
-    order = 6 - tolerance.SLOWER
-    assert judge.estimate([(1 / 2, 1e-6)]) == pytest.approx(1e-6 / (2 ** (order / 2) - 1))
+    one = Judge(problem, np.array([[-0.01, 0.01]]), 1e-6)
+    order = 6 - SLOWER
+    assert one.estimate([(1 / 2, 1e-6)]) == pytest.approx(1e-6 / (2 ** (order / 2) - 1))
 
     def after(order):
         errors = [(share, share**-order) for share in (1 / 8, 1 / 4)]
-        return judge.estimate([(share, e - 1) for share, e in errors])
+        return one.estimate([(share, e - 1) for share, e in errors])
 
     assert 1 < after(6.0) < 3
     assert after(9.0) == pytest.approx((4**9 - 1) / (4**order - 1))
@@ -530,8 +531,8 @@ def test_a_long_smooth_run_takes_the_method_with_a_processor():
 def test_contacts_that_open_are_trusted_with_the_order_they_leave():
     chain, rkn6 = Chain(PowerLaw(1.0, 1.5, preload=1.0), 5), METHODS["rkn6"]
     problem = Problem(chain, chain.at_rest({0: 0.1}), 1.0, rkn6, Record())
-    assert tolerance.order_left(problem, np.array([[-1.0, 0.9]])) == np.inf
-    assert tolerance.order_left(problem, np.array([[-1.0, 1.0]])) == 2.5
+    assert order_left(problem, np.array([[-1.0, 0.9]])) == np.inf
+    assert order_left(problem, np.array([[-1.0, 1.0]])) == 2.5
 
 
 @pytest.mark.needs_compiler

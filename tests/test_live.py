@@ -101,7 +101,10 @@ def test_page_says_what_is_missing(monkeypatch, capsys, tmp_path):
     monkeypatch.setattr(kernel, "missing", lambda: "there is no compiler")
     assert main([str(tmp_path / "page.html")]) == 1
     assert "no page: there is no compiler" in capsys.readouterr().err
-    assert main(["--help"]) == 2
+    for words, code in ((["--help"], 0), (["a", "b"], 2), (["--no"], 2)):
+        with pytest.raises(SystemExit) as left:
+            main(words)
+        assert left.value.code == code
     assert list(tmp_path.iterdir()) == []
 
 

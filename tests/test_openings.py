@@ -128,7 +128,7 @@ def test_correction_of_an_event_is_the_derived_one(n, opens):
     bonds = row(n, 2).loop_bonds
     table = Openings(bonds, METHOD, 0.1)
     w = np.array([0.004, -0.009, 0.001, -0.0004]) * (1 if opens else -1)
-    x, total, moment, turning = table._event(0, w, 0.48, opens, 0.0007)
+    x, total, moment, turning = table._event((0, 0), w, 0.48, opens, 0.0007)
     nodes, weights, offsets = METHOD.rule
     q = np.mod((x - nodes) * (1 if opens else -1), 1)
     z = [[float(mpmath.zeta(-n - k, y)) for y in q] for k in (0, 1, -1)]
@@ -165,7 +165,7 @@ def test_what_kicks_between_a_row_and_an_event_make_too_much_is_the_derived_one(
         if 0 < t <= 0.3 + 1e-15
     )
     expected = float(kicks - derived.rest().subs(numbers).subs(derived.far, 0.3))
-    assert table._between(0, w, x, opens, swing) == pytest.approx(expected, rel=1e-9)
+    assert table._between((0, 0), w, x, opens, swing) == pytest.approx(expected, rel=1e-9)
 
 
 # the order
@@ -352,7 +352,7 @@ def test_a_contact_that_changes_side_twice_in_a_step_is_treated(kind):
 def test_slack_strings_are_contacts_of_exponent_one():
     r, k, taut = sp.symbols("r k taut")
     string = Potential(k * sp.Max(r + taut, 0) ** 2 / 2, r, {k: 2.0, taut: 0.05}, length=1.0)
-    assert string.opening == (-0.05, 2.0, 1.0, 1.0)
+    assert string.openings == ((-0.05, 2.0, 1.0, 1.0),)
     positions = np.array([[0, 0.0], [1, 0], [0.5, 0.8]])
     net = Network(positions, [(0, 1), (0, 2), (1, 2)], string)
     state = State(np.zeros((3, 2)), np.array([[0.2, -0.1], [-0.15, 0.1], [0.05, 0.3]]))
@@ -458,26 +458,7 @@ def test_corrected_steps_are_taken_where_contacts_can_open():
     assert chosen(PowerLaw(1.0, 1.5), dt=0.01) == "verlet"
     assert chosen(PowerLaw(1.0, 3.0)) == "rkn6"
     assert chosen(Prism(1.0, 0.7, 0.1, 1.0).potential()) == "rkn6"
-    assert Polynomial(Prism(1.0, 0.7, 0.1, 1.0).potential(), -1e-2, 1e-2).opening is None
-
-
-@pytest.mark.parametrize(
-    ("energy", "opening"),
-    [
-        ("k*Max(-r, 0)**Rational(5, 2) + 3*r**2", (0.0, 5.0, 1.5, -1.0)),
-        ("k*Max(1 - 2*r, 0)**2", (0.5, 16.0, 1.0, -1.0)),
-        ("k*r*Max(r, 0)**2", None),
-        ("Max(r, 0)**2 + Max(r, 0)**3", None),
-        ("k*Max(r, 0)**2 + Max(-r, 0)**2", None),
-        ("k*r**2", None),
-    ],
-)
-def test_one_sided_powers_are_found_in_an_energy(energy, opening):
-    r, k = sp.symbols("r k")
-    energy = sp.sympify(energy, {"r": r, "k": k})
-    potential = Potential(energy, r, {k: 2.0} if energy.has(k) else {})
-    assert potential.opening == opening
-    assert potential.smooth == (opening is None)
+    assert Polynomial(Prism(1.0, 0.7, 0.1, 1.0).potential(), -1e-2, 1e-2).openings == ()
 
 
 def test_a_base_must_be_a_splitting_in_the_scene_s_variables():

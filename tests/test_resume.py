@@ -27,7 +27,7 @@ from tensegrity import (
     resume,
     simulate,
 )
-from tensegrity.runs import rows, tolerance
+from tensegrity.runs import rows, step
 from tensegrity.runs.record import beside
 from tensegrity.runs.watch import Watch
 
@@ -118,7 +118,7 @@ def test_an_interrupted_run_goes_on_to_the_same_bits(tmp_path, monkeypatch, name
     scene, state = make()
     record = {"every": 1} if kind == "every" else {"interval": t_end / 21.3}
     if name == "tolerance":
-        monkeypatch.setattr("tensegrity.runs.tolerance.WORTH", np.inf)
+        monkeypatch.setattr("tensegrity.runs.fitted.WORTH", np.inf)
     whole = simulate(scene, state, t_end, **options, record=Record(sites=[1, 0], **record))
     path = tmp_path / "run.npy"
     interrupt(monkeypatch, at)
@@ -182,8 +182,8 @@ def test_a_state_that_cannot_be_written_leaves_the_one_before(tmp_path, monkeypa
 def test_no_state_of_a_trial_stands_beside_the_rows_of_the_next(tmp_path, monkeypatch):
     scene, state = guide()
     path, begin, calls = tmp_path / "run.npy", rows.FileRows.__init__, []
-    expected = tolerance.expected_steps  # too few: the run is begun anew with more
-    monkeypatch.setattr(tolerance, "expected_steps", lambda *given: expected(*given) // 16)
+    expected = step.expected_steps  # too few: the run is begun anew with more
+    monkeypatch.setattr(step, "expected_steps", lambda *given: expected(*given) // 16)
 
     def killed(self, *arguments):
         begin(self, *arguments)

@@ -50,6 +50,9 @@ def test_without_a_compiler_it_says_so_and_goes_on(monkeypatch, capsys):
     assert "none, runs are 10 to 30 times slower: no C compiler found" in capsys.readouterr().out
 
 
-def test_it_takes_no_arguments(capsys):
-    assert own.main(["--help"]) == 2
-    assert "self-test" in capsys.readouterr().err
+@pytest.mark.parametrize(("word", "code"), [("--help", 0), ("-h", 0), ("--no", 2), ("no", 2)])
+def test_it_takes_no_arguments_but_help(word, code, capsys):
+    with pytest.raises(SystemExit) as left:
+        own.main([word])
+    assert left.value.code == code
+    assert "self-test" in capsys.readouterr().out or code

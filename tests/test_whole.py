@@ -24,7 +24,7 @@ from tensegrity import (
 from tensegrity.engine.methods import METHODS
 from tensegrity.engine.walk import largest_gap
 from tensegrity.errors import LockingError, StabilityError
-from tensegrity.runs import march, tolerance, whole
+from tensegrity.runs import march, rung, whole
 from tensegrity.runs.problem import Problem
 from tensegrity.scenes.scene import State
 
@@ -165,7 +165,7 @@ def test_contacts_that_are_not_listed_are_found_between_instants(monkeypatch):
 def test_a_bead_that_stays_near_others_is_run_at_once(monkeypatch):
     network = Network([[0.0, 0.0], [1.0, 0.0], [1.0, 1.3]], [(0, 1)], SPRING, radius=0.5)
     made = []
-    monkeypatch.setattr(march, "whole", lambda *a: made.append(whole.whole(*a)) or made[-1])
+    monkeypatch.setattr(march, "two", lambda *a: made.append(whole.two(*a)) or made[-1])
     one, other = both(
         monkeypatch,
         lambda: simulate(network, network.at_rest({0: (0.1, 0.0)}), 2.0, tol=1e-4),
@@ -220,7 +220,7 @@ def test_two_runs_in_one_call_are_those_of_two_calls(name, method):
         assert run.steps == steps
         assert np.array_equal(run.met, alone.met)
         assert np.array_equal(run.seen, alone.seen)
-    assert found[1].coarser == (found[0], tolerance.largest_gap(found[0].seen, found[1].seen))
+    assert found[1].coarser == (found[0], rung.largest_gap(found[0].seen, found[1].seen))
     assert np.array_equal(found[1].run().u, alone.run().u)
     assert np.array_equal(found[1].run().energy, scene.energies(alone.run().u, alone.run().v))
     assert not found[0].has_rows
@@ -259,7 +259,7 @@ def test_the_largest_gap_is_that_of_u_or_of_v(count):
         other.flat[k] += 3.0
         wanted = max(np.max(np.abs(one - other), axis=1) / np.max(np.abs(other), axis=1))
         assert largest_gap(one, other) == pytest.approx(wanted)
-        assert largest_gap(one, other) == tolerance.largest_gap(one, other)
+        assert largest_gap(one, other) == rung.largest_gap(one, other)
     assert largest_gap(np.ones((2, count)), np.zeros((2, count))) == 1.0
 
 
@@ -268,9 +268,9 @@ def test_a_run_between_tells_what_far_coarser_ones_cannot(monkeypatch):
     prism = Prism(1.0, 0.7, 0.01, 1.0).potential()
     chain, steps = Chain(prism, 60), []
     energy = 0.9 * float(prism.energy(prism.domain[0]))
-    refined = tolerance.refined
+    refined = rung.refined
     monkeypatch.setattr(
-        tolerance, "refined", lambda p, n, *rest: steps.append(n) or refined(p, n, *rest)
+        rung, "refined", lambda p, n, *rest: steps.append(n) or refined(p, n, *rest)
     )
     run = simulate(chain, chain.at_rest({30: np.sqrt(2 * energy)}), 40.0, tol=1e-9)
     assert any(later < sooner for sooner, later in pairwise(steps))

@@ -6,6 +6,7 @@ import base64
 import json
 import os
 import sys
+from argparse import ArgumentParser
 from pathlib import Path
 
 from docs.live import kernel
@@ -36,13 +37,12 @@ def page() -> str:
 
 def main(arguments: list[str]) -> int:
     """Write the page; 1 where there is nothing to compile it with."""
-    if len(arguments) > 1 or any(word.startswith("-") for word in arguments):
-        print(__doc__, file=sys.stderr)
-        return 2
+    parser = ArgumentParser(prog="python -m docs.live", description=__doc__)
+    parser.add_argument("file", nargs="?", type=Path, default=OUTPUT)
+    path = parser.parse_args(arguments).file
     if kernel.missing():
         print(f"no page: {kernel.missing()}", file=sys.stderr)
         return 1
-    path = Path(arguments[0]) if arguments else OUTPUT
     path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_name(path.name + ".new")
     try:

@@ -40,8 +40,8 @@ class Bonds:
         [1/kg], 0 for a held site.
     contacts : Contacts, optional
         Where the bonds do not just join neighbours on a line.
-    openings : ndarray, (springs, 4), optional
-        What `Potential.opening` says of each different spring, NaN where it says nothing.
+    openings : ndarray, (corners, springs, 4), optional
+        What `Potential.openings` says of each different spring, NaN behind its last one.
     """
 
     laws: tuple

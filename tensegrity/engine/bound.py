@@ -20,7 +20,7 @@ OPENINGS = structure_of(  # as in openings.h
     "_Openings",
     "place side strength exponents betas tables nodes weights offsets dt "
     "before rate_before after rate_after u v end_u end_v end_a row",
-    "count entries kicks degree known begins",
+    "count bonds entries kicks degree known begins",
 )
 
 
@@ -77,13 +77,13 @@ class Bound:
         of_bonds = [found.place, found.side, found.strength, found.row]
         if places is not None:
             real = places >= 0
-            *numbers, row = (np.where(real, x[places], np.nan) for x in of_bonds)
+            *numbers, row = (np.where(real, x[:, places], np.nan) for x in of_bonds)
             of_bonds = [*numbers, np.where(real, row, 0)]
         elif u.ndim > 1:
-            shape = len(u) - 1, self._lanes
-            of_bonds = [np.broadcast_to(x.reshape(len(x), -1), shape) for x in of_bonds]
+            shape = len(found.row), len(u) - 1, self._lanes
+            of_bonds = [np.broadcast_to(x.reshape(*shape[:2], -1), shape) for x in of_bonds]
         *numbers, row = of_bonds
-        count = row.size
+        count, corners = row.size, len(row)
         rows = [
             *(loop.numbers(x) for x in numbers),
             *(loop.numbers(x) for x in (found.exponents, found.betas, found.tables)),
@@ -94,7 +94,8 @@ class Bound:
             np.ascontiguousarray(row, dtype=np.int64),
         ]
         address = [x.ctypes.data for x in rows]
-        steps = OPENINGS(*address, count, u.size, len(found.nodes), DEGREE, 0, 0)
+        per_corner = count // corners
+        steps = OPENINGS(*address, count, per_corner, u.size, len(found.nodes), DEGREE, 0, 0)
         self._arrays += [rows, steps]
         (step,) = (x for x, (name, _) in zip(rows, OPENINGS._fields_, strict=False) if name == "dt")
         self.taken.append((steps, "dt", step))

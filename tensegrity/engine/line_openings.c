@@ -3,10 +3,13 @@
 static void overlaps(const scene *c, const openings *o, const real *restrict u,
                      const real *restrict v, real *restrict w, real *restrict d)
 {
-    const real *restrict place = o->place, *restrict side = o->side, dt = *o->dt;
-    EACH(o->count) {
-        w[i] = side[i] * ((u[i + LANES] - u[i]) - place[i]);
-        d[i] = side[i] * dt * (v[i + LANES] - v[i]);
+    const real dt = *o->dt;
+    for (integer start = 0; start < o->count; start += o->bonds) {
+        const real *restrict place = o->place + start, *restrict side = o->side + start;
+        EACH(o->bonds) {
+            w[start + i] = side[i] * ((u[i + LANES] - u[i]) - place[i]);
+            d[start + i] = side[i] * dt * (v[i + LANES] - v[i]);
+        }
     }
 }
 
@@ -16,10 +19,12 @@ static int may_pass(const scene *c, const openings *o)
         const integer start = LANES * c->first[s];
         const integer ranges = (c->range_at[s + 1] - c->range_at[s]) / 2;
         const real *low = c->range + c->range_at[s], *high = low + ranges;
-        const real *place = o->place + start; /* one spring opens at one place */
         integer any = 0;
-        if (c->law[s] & 1) EACH(ranges) any |= (low[i] <= place[i]) & (high[i] >= place[i]);
-        else EACH(ranges) any |= (low[i] <= *place) & (high[i] >= *place);
+        for (integer k = 0; k < o->count; k += o->bonds) {
+            const real *place = o->place + k + start; /* those of one spring are the same */
+            if (c->law[s] & 1) EACH(ranges) any |= (low[i] <= place[i]) & (high[i] >= place[i]);
+            else EACH(ranges) any |= (low[i] <= *place) & (high[i] >= *place);
+        }
         if (any) return 1;
     }
     return 0;
@@ -29,12 +34,13 @@ static void remember(const scene *c, const openings *o) {} /* a line does not tu
 
 static real swing(const scene *c, const openings *o, integer b, real x) { return 0; }
 
-static void give(const scene *c, const openings *o, integer b, real w, real x, real total,
+static void give(const scene *c, const openings *o, integer contact, real w, real x, real total,
                  real moment, real turning)
 {
-    const real dt = *o->dt, left = c->w[b], right = c->w[b + LANES];
-    const real impulse = dt * o->side[b] * total;
-    real shift = dt * (dt * o->side[b] * moment + (1 - x) * impulse);
+    const integer b = contact % o->bonds;
+    const real dt = *o->dt, side = o->side[contact], left = c->w[b], right = c->w[b + LANES];
+    const real impulse = dt * side * total;
+    real shift = dt * (dt * side * moment + (1 - x) * impulse);
     if (fabs(shift) * (left + right) >= fabs(w)) shift = 0; /* it would change side once more */
     c->v[b] += left * impulse;
     c->v[b + LANES] -= right * impulse;

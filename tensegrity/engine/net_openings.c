@@ -6,7 +6,7 @@ static void run_of(const scene *c, const openings *o, integer s, const real *res
     const integer n = c->contacts, start = c->first[s], last = c->first[s + 1];
     const real *restrict geometry = c->geometry, dt = *o->dt;
     for (integer b = start; b < last; b += GROUP) {
-        real x[DIM][GROUP], y[DIM][GROUP];
+        real x[DIM][GROUP], y[DIM][GROUP], r[GROUP], change[GROUP];
         const integer *restrict from = c->from + b, *restrict to = c->to + b;
         for (int i = 0; i < GROUP; i++)
             AXES(k) {
@@ -14,15 +14,19 @@ static void run_of(const scene *c, const openings *o, integer s, const real *res
                 y[k][i] = wall ? v[to[i] + k] : v[to[i] + k] - v[from[i] + k];
             }
         EACH(GROUP) {
-            real at[DIM], apart[DIM], along[DIM], r, change = 0;
+            real at[DIM], apart[DIM], along[DIM];
+            r[i] = change[i] = 0;
             const real gap = geometry[DIM * n + b + i], length = geometry[(DIM + 1) * n + b + i];
             AXES(k) at[k] = geometry[k * n + b + i], apart[k] = x[k][i];
-            if (wall) wall_contact(at, apart, gap, length, &r, along);
-            else pair_contact(at, apart, gap, length, &r, along);
-            AXES(k) change += along[k] * y[k][i];
-            w[b + i] = o->side[b + i] * (r - o->place[b + i]);
-            rate[b + i] = o->side[b + i] * dt * change;
+            if (wall) wall_contact(at, apart, gap, length, r + i, along);
+            else pair_contact(at, apart, gap, length, r + i, along);
+            AXES(k) change[i] += along[k] * y[k][i];
         }
+        for (integer j = b; j < o->count; j += o->bonds)
+            EACH(GROUP) {
+                w[j + i] = o->side[j + i] * (r[i] - o->place[j + i]);
+                rate[j + i] = o->side[j + i] * dt * change[i];
+            }
     }
 }
 
@@ -44,7 +48,8 @@ static int may_pass(const scene *c, const openings *o)
         const integer met = c->law[s] & 1 ? c->entry[s + 1] - c->entry[s] : GROUP;
         real least = low[0], most = high[0];
         EACH(met) least = smaller(low[i], least), most = larger(high[i], most);
-        EACH(count) any |= (least <= o->place[start + i]) & (most >= o->place[start + i]);
+        for (integer k = start; k < o->count; k += o->bonds)
+            EACH(count) any |= (least <= o->place[k + i]) & (most >= o->place[k + i]);
     }
     return any != 0;
 }
@@ -64,8 +69,10 @@ static int is_wall(const scene *c, integer b)
 
 /* The line of contact at the event, a part 1 - x of the step ago, how fast it turned, and how
    long it was; the last two are 0 where it does not turn. */
-static real line_at(const scene *c, const openings *o, integer b, real x, real *line, real *turn)
+static real line_at(const scene *c, const openings *o, integer contact, real x, real *line,
+                    real *turn)
 {
+    const integer b = contact % o->bonds;
     const real back = (1 - x) * *o->dt;
     AXES(k) line[k] = c->geometry[k * c->contacts + b], turn[k] = 0;
     if (DIM == 1 || is_wall(c, b)) return 0;
@@ -102,7 +109,7 @@ static void add(real *to, real part)
 static void give(const scene *c, const openings *o, integer b, real w, real x, real total,
                  real moment, real turning)
 {
-    const integer from = c->from[b], to = c->to[b];
+    const integer from = c->from[b % o->bonds], to = c->to[b % o->bonds];
     const real dt = *o->dt, back = (1 - x) * dt;
     real line[DIM], turn[DIM], impulse[DIM], shift[DIM], size = 0, mobility = 0;
     line_at(c, o, b, x, line, turn);

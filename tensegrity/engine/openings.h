@@ -1,5 +1,6 @@
 /* Contacts that open: a contact is closed where w = side (elongation - place) > 0; then its
-   tension has the part side strength w^exponent.  NaN in all of these where a bond never opens. */
+   tension has the part side strength w^exponent.  A bond whose force has several corners is as
+   many contacts, contact k bonds + b for corner k of bond b; NaN where a bond has less. */
 typedef struct {
     const real *place, *side, *strength; /* (contacts) */
     const real *exponents, *betas;       /* (rows), integral of (y (1 - y))^exponent */
@@ -10,7 +11,7 @@ typedef struct {
     real *u, *v;                         /* (entries) at the begin of a step */
     real *end_u, *end_v, *end_a;         /* (entries) at its end, before it is corrected */
     const integer *row;                  /* (contacts) of its exponent */
-    integer count, entries, kicks, degree;
+    integer count, bonds, entries, kicks, degree; /* contacts, and those of one corner each */
     integer known; /* of the last step: 0 nothing, 1 where it began in u and v, 2 its overlaps */
     integer begins; /* whether the next step is the first of a run */
 } openings;

@@ -64,11 +64,12 @@ class Openings:
 
     Attributes
     ----------
-    place, side, strength : ndarray, shape of the springs of all bonds
+    place, side, strength : ndarray, (corners, *shape of the springs of all bonds)
         A contact is closed where its overlap, side (elongation - place), is positive [m]; then
-        its tension has the part side strength overlap^exponent [N].  NaN where none opens.
-    row : ndarray of int
-        Of each bond in `exponents`.
+        its tension has the part side strength overlap^exponent [N].  A force with several corners
+        is that of several contacts; NaN behind the last one of a bond.
+    row : ndarray of int, shape of these
+        In `exponents`.
     exponents : ndarray, (rows,)
     tables : ndarray, (rows, 3, DEGREE + 1)
     """
@@ -76,14 +77,14 @@ class Openings:
     def __init__(self, bonds, method, dt):
         self.bonds, self.dt = bonds, dt
         self.nodes, self.weights, self.offsets = method.rule
-        place, strength, exponent, side = bonds.openings.T
+        place, strength, exponent, side = np.moveaxis(bonds.openings, -1, 0)
         within = is_treated(exponent)
         self.exponents = np.unique(exponent[within])
         rows = np.searchsorted(self.exponents, np.where(within, exponent, 0.0))
         self.place, self.side, self.strength = (
-            np.where(within, x, np.nan)[bonds.group] for x in (place, side, strength)
+            np.where(within, x, np.nan)[:, bonds.group] for x in (place, side, strength)
         )
-        self.row = np.where(within, rows, 0)[bonds.group]
+        self.row = np.where(within, rows, 0)[:, bonds.group]
         self.tables = np.array([zetas(x) for x in self.exponents.tolist()])
         self.betas = np.array([beta(x) for x in self.exponents.tolist()])
         self._first, self._second = forces.ends(bonds)
@@ -91,7 +92,8 @@ class Openings:
         self._weights = mass if bonds.contacts is None else bonds.contacts.weights(mass)
 
     def overlaps(self, u, v):
-        """Overlap of each contact, and its change in a step at the rate of the moment [m]."""
+        """Overlap of each contact, (corners, bonds), and its change in a step at the rate of the
+        moment [m]."""
         r, along = forces.elongations(self.bonds, u)
         w = v[self._second] - self._of_pair(v[self._first])
         rate = w if self.bonds.contacts is None else np.sum(along * w, axis=-1)
@@ -104,7 +106,8 @@ class Openings:
         return np.where((self.bonds.contacts.kind == 0)[:, None], x, 0.0)
 
     def corrected(self, u, v, a, before, begins=False):
-        """Correct u and v after a step, in place; returns the overlaps then.
+        """Correct u and v after a step, in place; returns the overlaps then.  Contacts are known
+        by number of the corner, and of the bond.
 
         Parameters
         ----------
@@ -119,11 +122,11 @@ class Openings:
         passed = (w0 > 0) != (w1 > 0)
         turned = (w0 * d0 < 0) & (w1 * d1 > 0)
         near = 4 * np.minimum(np.abs(w0), np.abs(w1)) < np.abs(d0) + np.abs(d1)
-        hits = np.flatnonzero(passed | (turned & near))
+        hits = np.argwhere(passed | (turned & near))
         if not hits.size:
             return w1, d1
         there = u.copy(), v.copy()
-        for b in hits.tolist():
+        for b in map(tuple, hits.tolist()):
             line = self._line_of(b, *there, a)
             for x, *push in self._pushes(b, line, w0[b], d0[b], w1[b], d1[b], begins):
                 self._give(b, w1[b], x, *push, *line(x), u, v)
@@ -169,7 +172,7 @@ class Openings:
             `overlaps` at the begin and at the end of the step.
         """
         (w0, d0), (w1, d1) = before, after
-        for b in np.flatnonzero((w1 > 0) & ((w0 <= 0) | (w1 < -2 * d1))).tolist():
+        for b in map(tuple, np.argwhere((w1 > 0) & ((w0 <= 0) | (w1 < -2 * d1))).tolist()):
             p, opens = through(w0[b], d0[b], w1[b], d1[b]), w0[b] > 0
             if opens and not value(p, 2.0) < 0:
                 continue
@@ -252,7 +255,7 @@ class Openings:
         impulse, shift = dt * self.side[b] * total, dt**2 * self.side[b] * moment
         impulse = impulse * line + dt**2 * self.side[b] * turning * turned
         shift = shift * line + back * impulse
-        rows = int(self._first[b]), int(self._second[b])
+        rows = int(self._first[b[1]]), int(self._second[b[1]])
         mobility = np.max(self._weights[rows[0]] + self._weights[rows[1]])
         if np.sum(np.abs(shift)) * mobility >= abs(w):
             shift = 0 * shift  # the contact would change side once more
@@ -265,7 +268,7 @@ class Openings:
     def _line(self, b, back, u, v, a):
         """Direction of contact b a time `back` ago, its rate of change, and the length of what
         turns; 0 where nothing does."""
-        c, dim = self.bonds.contacts, self.bonds.dim
+        c, dim, (_, b) = self.bonds.contacts, self.bonds.dim, b
         if c is None:
             return np.ones(1), np.zeros(1), 0.0
         pair = c.kind[b] == 0

@@ -241,8 +241,9 @@ class Corrected(Method):
     Its kicks are a quadrature of the forces.  Where the overlap of a contact passes zero in a
     step, the closed form of the quadrature's error goes to the two sites as an equal and opposite
     impulse, and the moment of that error as a shift: `derivations.openings`.  Contacts of
-    exponents from 1 to 2.5 are treated.  What is looked at beside an opening is a copy without
-    what was done there for kicks to come, and with what is still to be done for those before.
+    exponents from 1 to 2.5 are treated, and corners of other forces, however many one has.  What
+    is looked at beside an opening is a copy without what was done there for kicks to come, and
+    with what is still to be done for those before.
 
     Attributes
     ----------

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from tensegrity.typing import Members
 
+LEAST = 1e-5  # force over k_cross base that residuals are seen by where all members are unloaded
 UNKNOWNS = ("base tension", "bar tension", "half turn", "rise")
 
 
@@ -74,7 +75,7 @@ def _problem(rigid_base: bool, any_sides: bool) -> Problem:
     z, p, form = _forms(rigid_base, any_sides)
     reference = math.pi / 2 + math.pi / p[6] if any_sides else float(REFERENCE_TWIST)
     pulls = ca.vertcat(form["cross_pull"], form["base_pull"], form["bar_pull"])
-    force = ca.norm_2(pulls) + 1e-300
+    force = ca.norm_2(pulls) + LEAST
     names = ("twist", "bar") if rigid_base else ("base", "twist", "bar")
     sizes = {"base": force, "twist": force, "bar": form["bar_length"] ** 2}
     height = p[0] + form["rise"]

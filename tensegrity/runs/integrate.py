@@ -11,8 +11,9 @@ from tensegrity.errors import TensegrityError
 from tensegrity.runs.problem import Problem
 from tensegrity.runs.record import Record
 from tensegrity.runs.run import Run, changed, known
+from tensegrity.runs.step import default_step, fixed_step
 from tensegrity.runs.stepping import Outlook
-from tensegrity.runs.tolerance import ROUND_OFF, default_step, fixed_step, to_tolerance
+from tensegrity.runs.tolerance import ROUND_OFF, to_tolerance
 from tensegrity.scenes.scene import Scene
 
 if TYPE_CHECKING:
@@ -52,6 +53,8 @@ def simulate(
     tol : float, optional
         Wanted bound of max(|du|/max|u|, |dv|/max|v|), maxima over the run, instead of `dt`: the
         step is refined until runs with different steps, compared all along, say it is met.
+        Refused where a spring's force jumps at an elongation that is met: steps have an error of
+        first order there, whatever the method.
     record : Record, optional
 
     Returns

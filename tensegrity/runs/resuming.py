@@ -14,7 +14,7 @@ from tensegrity.runs.book import Sound, Start
 from tensegrity.runs.problem import Problem
 from tensegrity.runs.record import beside
 from tensegrity.runs.run import Run
-from tensegrity.runs.tolerance import resumed
+from tensegrity.runs.step import resumed
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -70,7 +70,8 @@ class Whole:
                 None if impulses[0] is None else np.stack(impulses, axis=-1),
             )
         if all(whole._energy is not None for whole in lanes):
-            energy = np.stack([whole._energy for whole in lanes], axis=-1)
+            each = np.stack([whole._energy for whole in lanes], axis=-1)
+            energy = np.array([np.sum(row) for row in each])  # as of the ensemble
         return cls(problem, problem.scene, one._course, ranges, seen, rows, energy)
 
     @property

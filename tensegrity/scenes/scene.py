@@ -227,7 +227,7 @@ class Scene(ReadOnly):
     @cached_property
     def opens(self) -> bool:
         """Whether some contact can open, of an exponent for which steps are corrected."""
-        return self.follows or bool(is_treated(self.spring_table.openings[:, 2]).any())
+        return self.follows or bool(is_treated(self.spring_table.openings[..., 2]).any())
 
     @cached_property
     def loop_bonds(self) -> Bonds:

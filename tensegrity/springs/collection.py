@@ -94,35 +94,35 @@ class Springs:
 
     @cached_property
     def openings(self) -> Array:
-        """Place, strength, exponent and side of the opening of each; (springs, 4), or NaN."""
-        none = (np.nan,) * 4
-        rows = [none if spring.opening is None else spring.opening for spring in self.different]
-        return fixed(np.array(rows, dtype=float).reshape(-1, 4))
+        """Place, strength, exponent and side of the corners of each; (corners, springs, 4), NaN
+        behind the last one of a spring."""
+        most = max((len(spring.openings) for spring in self.different), default=0)
+        found = np.full((max(most, 1), len(self), 4), np.nan)
+        for k, spring in enumerate(self.different):
+            for row, opening in zip(found, spring.openings, strict=False):
+                row[k] = opening
+        return fixed(found)
 
     @cached_property
     def _corners(self):
-        """Places of openings, (springs,), exponents there, and the numbers of other springs
-        whose forces have corners."""
-        place, _, exponent, _ = self.openings.T
-        numbers = np.flatnonzero(np.isnan(place)).tolist()
-        far = -np.inf, np.inf
-        others = [k for k in numbers if self.different[k].opens_within(*far) is not None]
-        return place, exponent, others
+        """Places of all corners, numbers of their springs, and the corners themselves."""
+        corner, spring = np.nonzero(~np.isnan(self.openings[..., 2]))
+        found = self.openings[corner, spring]
+        return found[:, 0], spring, found.tolist()
 
-    @cached_property
+    @property
     def has_corners(self) -> bool:
         """Whether the force of any spring has a corner."""
-        return bool(self._corners[2]) or not np.isnan(self.openings[:, 0]).all()
+        return bool(self._corners[2])
 
-    def opened_within(self, met: Array) -> set[float]:
-        """Exponents of the forces at corners between elongations met (springs, 2) [m], as of
-        `Potential.opens_within`."""
-        if not self.has_corners:
-            return set()
-        place, exponent, others = self._corners
-        found = set(exponent[(met[:, 0] <= place) & (place <= met[:, 1])].tolist())
-        each = (self.different[k].opens_within(*met[k].tolist()) for k in others)
-        return found | {exponent for exponent in each if exponent is not None}
+    def corners_within(self, met: Array) -> list[tuple[Potential, list[float]]]:
+        """Springs, and corners of theirs between elongations met (springs, 2) [m]; those that may
+        be anywhere too."""
+        place, spring, corners = self._corners
+        if not corners:
+            return []
+        apart = (place < met[spring, 0]) | (place > met[spring, 1])
+        return [(self.different[spring[k]], corners[k]) for k in np.flatnonzero(~apart).tolist()]
 
     @cached_property
     def reach(self) -> Any:

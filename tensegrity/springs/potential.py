@@ -10,16 +10,17 @@ import math
 from collections.abc import Mapping
 from copy import copy
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tensegrity import check
-from tensegrity.engine.codegen import DerivedLaw, Law, check_law, in_pieces
+from tensegrity.engine.codegen import DerivedLaw, Law, check_law
 from tensegrity.engine.kernel import kernel
 from tensegrity.errors import LockingError, TensegrityError
-from tensegrity.once import once
 from tensegrity.readonly import fixed
+from tensegrity.springs.corners import corners
 
 if TYPE_CHECKING:
     from collections.abc import Hashable
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     import sympy as sp
     from numpy.typing import ArrayLike
 
+    from tensegrity.springs.corners import Corner
     from tensegrity.typing import Array
 
 
@@ -61,8 +63,6 @@ class Potential:
     2.0
     """
 
-    smooth = True  # its derivatives do not jump anywhere
-    opening: tuple[float, float, float, float] | None = None  # place, strength, exponent, side
     origin = ""  # the call that made it, where that is another than its class
     made_of: Any = None  # the prism and the preload, of one made by a prism
 
@@ -100,8 +100,6 @@ class Potential:
         law = Law(energy, elongation, tuple(symbols))
         check_law(law)
         self._set(law, values, length, domain)
-        self.opening = _opening(energy, elongation, dict(zip(symbols, values, strict=True)))
-        self.smooth = self.opening is None
 
     def _set(
         self,
@@ -179,7 +177,8 @@ class Potential:
 
     def _with(self, parameters: dict[str, float]) -> Potential:
         other = copy(self)
-        other.__dict__.pop("_hash", None)
+        for name in ("_hash", "openings"):
+            other.__dict__.pop(name, None)
         values = [check.number(f"parameter {name}", x) for name, x in parameters.items()]
         other.values = fixed(np.array(values))
         return other
@@ -260,13 +259,19 @@ class Potential:
         out = kernel((self.law,)).evaluate(0, order, self.values, flat)
         return out.reshape(r.shape)
 
-    def opens_within(self, low: float, high: float) -> float | None:
-        """The exponent of the force at a corner of it, as of a contact that opens, between two
-        elongations [m]; None where there is none.  That of an energy in pieces is taken as 1."""
-        if self.opening is not None:
-            place, _, exponent, _ = self.opening
-            return exponent if low <= place <= high else None
-        return 1.0 if _has_corners(self.law) else None
+    @cached_property
+    def openings(self) -> tuple[Corner, ...]:
+        """Corners of the force, as of contacts that open: place [m], strength, exponent and side
+        of each, see `tensegrity.springs.corners`."""
+        law = self.law
+        if not isinstance(law, Law) or isinstance(law, DerivedLaw):  # of prisms, fitted: smooth
+            return ()
+        return corners(law.energy, law.elongation, law.parameters, self.values, self._domain)
+
+    @property
+    def smooth(self) -> bool:
+        """Whether its derivatives do not jump anywhere."""
+        return not self.openings
 
     def beyond(self, r: float) -> LockingError:
         """The error for an elongation at or beyond an end of the domain or of the reach."""
@@ -298,48 +303,6 @@ class Potential:
         domain = ", ".join(map(shown, self._domain))
         law = self.law
         return f"Potential({law.energy}, {law.elongation}, {{{values}}}{length}, domain=({domain}))"
-
-
-@once
-def _has_corners(law: Any) -> bool:
-    """Whether the energy of a law is made of pieces."""
-    if isinstance(law, DerivedLaw):  # of prisms: smooth
-        return False
-    import sympy as sp
-
-    energy = getattr(law, "energy", None)
-    return isinstance(energy, sp.Expr) and in_pieces(energy)
-
-
-def _opening(energy: Any, elongation: Any, values: Any) -> Any:
-    """Where a law has a one-sided power of the elongation, such as Max(r - r0, 0)**2.
-
-    Returns
-    -------
-    place [m], strength [N/m^exponent], exponent, side : tuple of float, or None
-        The tension has the part side strength max(side (r - place), 0)^exponent.
-    """
-    import sympy as sp
-
-    y = sp.Dummy("y", positive=True)
-    found = energy.atoms(sp.Max)
-    if len(found) != 1:
-        return None
-    (one,) = found
-    inside = [x for x in one.args if x != 0]
-    factor, power = (
-        sp.expand(energy.xreplace({one: y})).as_independent(y, as_Add=True)[1].as_independent(y)
-    )
-    base, exponent = power.as_base_exp()
-    if len(one.args) != 2 or len(inside) != 1 or base != y or factor.has(elongation):
-        return None
-    rate = sp.diff(inside[0], elongation)
-    known = [x.subs(values) for x in (rate, inside[0].subs(elongation, 0), factor, exponent)]
-    if not all(x.is_number and x.is_real for x in known) or not known[0]:
-        return None
-    rate, at_rest, factor, exponent = map(float, known)
-    strength = factor * exponent * abs(rate) ** exponent
-    return -at_rest / rate, strength, exponent - 1, math.copysign(1.0, rate)
 
 
 def shown(number: float) -> str:

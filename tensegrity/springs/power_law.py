@@ -51,8 +51,6 @@ class PowerLaw(Potential):
     The motion itself is not affected: it takes the tension, whose round-off is that of the preload.
     """
 
-    smooth = False
-
     def __init__(
         self, stiffness: float, exponent: float, preload: float = 0.0, length: float | None = None
     ) -> None:
@@ -68,7 +66,7 @@ class PowerLaw(Potential):
         domain = (-math.inf, math.inf)
         self._set(DerivedLaw(_power_law, exponent), values, length, domain)
         self._exponent = exponent
-        self.opening = overlap, stiffness, exponent, -1.0
+        self.openings = ((overlap, stiffness, exponent, -1.0),)
         given: dict[str, Any] = {"stiffness": stiffness, "exponent": exponent, "preload": preload}
         given |= {} if length is None else {"length": self._length}
         self.origin = call("PowerLaw", **given)

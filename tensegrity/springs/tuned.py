@@ -297,7 +297,8 @@ class Tuned(InTime):
             spring = self._spring(middle + half * x)
             p = np.ascontiguousarray(_value(series, x[None])[0, :-2])
             shift = spring.shift_from(self._first)
-            size = abs(spring.opening[0] if spring.opening else 0.0) or 1.0
+            places = [abs(x[0]) for x in spring.openings if np.isfinite(x[0])]
+            size = max(places, default=0.0) or 1.0
             reach = [end if np.isfinite(end) else np.copysign(size, end) for end in spring.reach]
             r = np.concatenate([reach[0] * SHARES, reach[1] * SHARES])
             right = spring.tension(r)

@@ -19,9 +19,12 @@ SMALLEST = 1e-100  # elongation [m] from which a string counts as taut
 
 
 class _Member(Potential):
+    pulls_only = False
+
     def __init__(self, stiffness: float) -> None:
         stiffness = check.number("stiffness", stiffness, above=0, unit="N/m")
-        self._set(_law(not self.smooth), [stiffness], None, (-math.inf, math.inf))
+        self._set(_law(self.pulls_only), [stiffness], None, (-math.inf, math.inf))
+        self.openings = ((0.0, stiffness, 1.0, 1.0),) if self.pulls_only else ()
         self.origin = call(type(self).__name__, stiffness=stiffness)
 
 
@@ -31,7 +34,7 @@ class StringSpring(_Member):
     The elongation r [m] counts from its natural length.
     """
 
-    smooth = False
+    pulls_only = True
 
 
 class BarSpring(_Member):

@@ -1,0 +1,140 @@
+"""What differences of runs with different steps say of their errors."""
+
+from __future__ import annotations
+
+import math
+
+from tensegrity import check
+from tensegrity.engine.methods import Corrected
+from tensegrity.engine.openings import is_treated
+from tensegrity.errors import TensegrityError
+from tensegrity.scenes.forcing import functions_of_time
+from tensegrity.springs.potential import Potential
+from tensegrity.springs.power_law import PowerLaw
+
+COARSE = 1e-4  # usual error of the first run
+SLOWER = 0.5  # order that is trusted less than a method has
+LEAST_ORDER = 0.5  # that is reckoned with
+FIRST_ORDER = 4.0  # least by which errors of the two coarsest runs are taken to fall from there
+TIGHT = 1e-10  # tolerances so far below the errors of first runs that these have to be told apart
+CORRECTED = 3  # order over the exponent that methods which correct openings have
+LEAST_FACTOR, FASTEST = 1.25, 6.0  # of the steps from one run to the next
+FAR, NEARER = 0.4, 0.45  # share of the steps below which a run tells of an error so uncertainly
+# that another is done, with at least so much
+
+
+class Judge:
+    """How far the order of a method is trusted.
+
+    On smooth scenes to half less than it has, once it was seen.  Where contacts open, the errors
+    of an event vary with its place within a step, and may by luck be small in one run: the worst
+    of two runs counts, and no more than the order that openings leave.
+
+    Parameters
+    ----------
+    problem : Problem
+    met : ndarray, (springs, 2)
+        Elongations that a run met [m].
+    tol : float
+    """
+
+    def __init__(self, problem, met, tol):
+        self._problem, self._tol = problem, tol
+        self.see(met)
+
+    def see(self, met):
+        """Contacts may open in this run that did not in the coarser ones."""
+        refuse_jumps(self._problem, met, self._tol)
+        left, order = order_left(self._problem, met), self._problem.method.order
+        self.opens, self.order = left < math.inf, min(left, order - SLOWER)
+        self.accept, self._aim = (0.45, 0.2) if self.opens else (0.8, 0.25)
+        self.first = first_factor(self._tol, self.opens)
+
+    def estimate(self, gaps):
+        """Estimated error of the finest run.
+
+        Parameters
+        ----------
+        gaps : list of (share of its steps, difference from it), the coarsest first
+        """
+        if len(gaps) == 1:
+            share, gap = gaps[0]
+            return gap / max(share ** (-self.order / 2) - 1, 1.0) if not self.opens else gap
+        order = self._seen(gaps)
+        errors = [gap / (1 - share**order) * share**order for share, gap in gaps[-2:]]
+        return max(errors) if self.opens else errors[-1]
+
+    def _seen(self, gaps):
+        """Order by which errors fell, not more than what is trusted."""
+        (wide, above), (narrow, below) = gaps[-2:]
+        if not below:
+            return self.order
+        fell = math.log(max(above, below) / below) / math.log(narrow / wide)
+        least = self.order - SLOWER if self.opens else LEAST_ORDER
+        return min(max(fell - SLOWER, least), self.order)
+
+    def factor(self, gaps):
+        """By how much finer the next run should be, or, where that is below 1, how much coarser
+        than the finest."""
+        order = max(self.order if self.opens else self._problem.method.order, FIRST_ORDER)
+        share, gap = gaps[-1]
+        estimate = gap / (share**-order - 1)
+        if len(gaps) > 1:
+            order, estimate = self._seen(gaps), self.estimate(gaps)
+        needed = (estimate / (self._aim * self._tol)) ** (1 / order)
+        if len(gaps) > 1 and share < FAR and not self.opens:  # errors may have fallen faster
+            return max(math.sqrt(share), NEARER)
+        return min(max(needed, LEAST_FACTOR), FASTEST)
+
+
+def first_factor(tol, opens):
+    """By how much finer the second run is than the first."""
+    if opens and tol < COARSE:
+        return 2.0
+    return 2.5 if tol < TIGHT else 1.5
+
+
+def order_left(problem, met):
+    """Order that contacts which opened leave to a method, by the springs that it met them with,
+    and corners of drives.
+
+    A force that grows like overlap^n leaves n + 1, or n + 3 where that is corrected.
+    """
+    scene = problem.scene
+    driven = functions_of_time(scene) if scene.is_driven else ()
+    order = min((signal.leaves for signal in driven), default=math.inf)
+    corrects = isinstance(problem.method, Corrected)
+    for exponent in {corner[2] for _, corner in corners_met(scene, met)}:
+        treated = corrects and is_treated(exponent)
+        order = min(order, exponent + (CORRECTED if treated else 1))
+    return order
+
+
+def may_open(scene):
+    """Whether the force of any contact has a corner."""
+    return scene.follows or scene.spring_table.has_corners
+
+
+def corners_met(scene, met):
+    """Springs, and corners of their forces between elongations met."""
+    if not scene.follows:
+        return scene.spring_table.corners_within(met)
+    given = scene.law.given
+    spring = given if isinstance(given, Potential) else PowerLaw(1.0, 1.0)
+    return [(spring, corner) for corner in spring.openings]
+
+
+def refuse_jumps(problem, met, tol):
+    """Refuse a tolerance where a force, or an energy, jumps between elongations met."""
+    for spring, (place, jump, exponent, _) in corners_met(problem.scene, met):
+        if exponent > 0:
+            continue
+        strain = f" (strain {place / spring.length:g})" if spring.length else ""
+        what = f"tension of {check.shown(spring)} jumps by {jump:g} N"
+        why = "the error of fixed steps falls like the step there: give dt=, or a law that rises"
+        if exponent < 0:
+            what = f"energy of {check.shown(spring)} jumps by {jump:g} J"
+            why = "no step meets a force without a bound: give a law that rises"
+        raise TensegrityError(
+            f"tol {tol:g}: the {what} at the elongation {place:g} m{strain}; {why} over a range"
+        )

@@ -1,0 +1,89 @@
+"""The step of a run: given, or expected from the stiffness in reach."""
+
+from __future__ import annotations
+
+import math
+
+from tensegrity.errors import LockingError, RangeError, StabilityError
+from tensegrity.runs.driven import march
+from tensegrity.runs.problem import count
+from tensegrity.scenes.forcing import functions_of_time
+from tensegrity.scenes.signals import quickest
+
+MARGIN = 2.0  # a default step may be this much larger, at the stiffness met, than meant
+REFINEMENTS, MOST_REFINEMENTS = 8, 14  # how often a step chosen here is refined
+DRIVEN, MOST_DRIVEN = 3, 6  # as often, of scenes whose energy is no bound on what springs reach
+CHECKPOINTS = 17  # least number of steps that are chosen here
+
+
+def fixed_step(problem, dt):
+    """Run with a given step."""
+    return march(problem, count(problem, dt), allowed=1.0)[0]
+
+
+def default_step(problem):
+    """Run with a step from the expected frequencies.
+
+    What the energy at the start cannot tell, the run does: whether contacts opened, and how far
+    loads drove them.  Where that asks for a finer step, it is run again.
+    """
+    fraction = problem.fraction(problem.scene.step_share)
+    return settled(
+        problem, refined(problem, expected_steps(problem, fraction), MARGIN * fraction)[0]
+    )
+
+
+def settled(problem, run):
+    """A run with an expected step, or another where it met what asks for a finer one."""
+    scene = problem.scene
+    share = scene.finer_share(run.met) if run.complete and run.steps else None
+    if share is None:
+        return run
+    fraction = problem.fraction(share)
+    omega = scene.frequency(run.met) if run.fastest is None else run.fastest
+    steps = count(problem, fraction * problem.natural_step(omega))
+    return run if steps <= run.steps else refined(problem, steps, MARGIN * fraction)[0]
+
+
+def expected_steps(problem, fraction):
+    """Steps that keep dt below a fraction of the stability limit, were all the energy of the scene
+    to meet in one bond."""
+    if not problem.t_end:
+        return 0
+    return steps_at(problem, fraction, problem.outlook.expected.frequency, CHECKPOINTS)
+
+
+def steps_at(problem, fraction, omega, least):
+    if problem.scene.is_driven:
+        omega = max(omega, quickest(functions_of_time(problem.scene), problem.t_end))
+    return max(count(problem, fraction * problem.natural_step(omega)), least)
+
+
+def resumed(problem, steps, allowed, start):
+    """Go on with a run that was broken off, from a `book.Start`."""
+    if problem.choice == "dt":
+        return march(problem, steps, allowed, start=start)[0]
+    run = refined(problem, steps, allowed, start=start)[0]
+    return settled(problem, run) if problem.choice == "default" else run
+
+
+def refined(problem, steps, allowed, checkpoints=0, start=None):
+    """March with a step chosen here: refine it where the run met a larger stiffness than expected.
+
+    Returns what `march` returns; a spring that still reaches the end of its domain after
+    `REFINEMENTS` refinements does so whatever the step; a step that is too coarse is refined on.
+    """
+    least, most = (REFINEMENTS, MOST_REFINEMENTS)
+    if problem.scene.is_driven:
+        least, most = DRIVEN, MOST_DRIVEN
+    for number in range(most):
+        try:
+            return march(problem, steps, allowed, checkpoints, start)
+        except (StabilityError, LockingError) as error:
+            if problem.surrogate is not None and isinstance(error, RangeError):
+                raise  # another range helps, another step does not
+            if number >= least and isinstance(error, LockingError):
+                raise
+            known = getattr(error, "largest", math.inf)
+            steps, start = max(2 * steps, count(problem, known)), None
+    return march(problem, steps, 1.0, checkpoints)

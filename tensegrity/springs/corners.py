@@ -1,0 +1,309 @@
+"""Where the force of a law in pieces has corners: place, strength, exponent and side of each.
+
+The pieces are told apart at the zeros of what decides between them; on either side of a border
+the energy is one smooth expression.  What its derivatives have more on one side than on the
+other, or by which power they grow there, is read off with so many digits that the first terms of
+a series are all there is.
+"""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+from tensegrity.engine.codegen import in_pieces
+from tensegrity.once import once
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import Any
+
+DIGITS = 400
+NEAR = "1e-40"  # distance [m] at which a border is looked at: below what any law resolves
+HIGHEST = 4  # derivative whose jump counts: those of higher ones leave order 5
+LEAST = 1e-10  # jump of a derivative over its size, below which it is round-off of what was typed
+SAME = 1e-17  # of an exponent, and the fraction or the float that it is
+PURE = 1e-15  # coefficient of the next power [1/m] over that of a power that is alone
+MOST = 64  # borders of a law that are told apart
+LOOKS = range(-240, 81)  # powers of 2^(1/4) at which zeros are looked for, where they have no form
+Corner = tuple[float, float, float, float]
+UNKNOWN: Corner = (math.nan, math.nan, math.nextafter(1.0, 0.0), math.nan)
+"""A corner that may be anywhere: its exponent is taken as nearly 1, and is not corrected."""
+
+
+def corners(
+    energy: Any,
+    elongation: Any,
+    symbols: Sequence[Any],
+    values: Sequence[float],
+    domain: tuple[float, float] = (-math.inf, math.inf),
+) -> tuple[Corner, ...]:
+    """Corners of the force of a spring.
+
+    Parameters
+    ----------
+    energy : sympy.Expr
+    elongation : sympy.Symbol
+    symbols : sequence of sympy.Symbol
+        Parameters of the energy.
+    values : sequence of float
+    domain : (float, float), optional
+        Between which they are looked for [m].
+
+    Returns
+    -------
+    tuple of (place [m], strength [N/m^exponent], exponent, side)
+        The tension has the parts side strength max(side (r - place), 0)^exponent; one of exponent
+        0 is a jump of the force, of -1 of the energy.  `UNKNOWN` where the pieces cannot be told
+        apart.
+    """
+    if not in_pieces(energy := _exact(energy, elongation)):
+        return ()
+    import mpmath
+
+    found: list[Corner] = []
+    with mpmath.workdps(DIGITS):
+        law = _Law(symbols, [mpmath.mpf(value) for value in values])
+        try:
+            pieces = law.pieces(energy, *map(mpmath.mpf, domain))
+            for (_, left), (place, right) in pairwise(pieces):
+                if left != right:
+                    found += _corners_at(law, place, left, right)
+        except (_UnclearError, ArithmeticError, ValueError, TypeError, NotImplementedError):
+            return (UNKNOWN,)
+    return tuple(found)
+
+
+class _UnclearError(Exception):
+    pass
+
+
+def _elongation() -> Any:
+    import sympy as sp
+
+    return sp.Symbol("r", real=True)
+
+
+@once
+def _exact(energy: Any, elongation: Any) -> Any:
+    """The energy of a real elongation, with floats that are what they are to the last bit."""
+    import sympy as sp
+
+    numbers = {x: sp.Rational(float(x)) for x in energy.atoms(sp.Float)}
+    return energy.xreplace(numbers | {elongation: _elongation()})
+
+
+@once
+def _function(expression: Any, symbols: Any, derivative: int = 0) -> Any:
+    import sympy as sp
+
+    if derivative:
+        expression = sp.diff(expression, symbols[0], derivative)
+    return sp.lambdify(symbols, expression, "mpmath")
+
+
+class _Law:
+    """Expressions of the elongation with numbers for their parameters."""
+
+    def __init__(self, symbols: Sequence[Any], values: Sequence[Any]) -> None:
+        self._symbols, self._values = (_elongation(), *symbols), values
+
+    def __call__(self, expression: Any, at: Any, derivative: int = 0) -> Any:
+        """Value, or a derivative, at an elongation."""
+        return _function(expression, self._symbols, derivative)(at, *self._values)
+
+    def real(self, expression: Any, at: Any, derivative: int = 0) -> Any:
+        """The same, which must be a finite real number."""
+        import mpmath
+
+        value = mpmath.mpmathify(self(expression, at, derivative))
+        if not mpmath.isfinite(value) or mpmath.im(value):
+            raise _UnclearError
+        return mpmath.re(value)
+
+    def pieces(self, energy: Any, low: Any, high: Any) -> list[tuple[Any, Any]]:
+        """Where each smooth piece of an energy begins between two elongations, and the piece."""
+        import mpmath
+
+        inner = _innermost(energy)
+        if inner is None:
+            return [(low, energy)]
+        zeros = {x for g in _deciding(inner) for x in self.zeros(g, low, high)}
+        borders, found = [low, *sorted(zeros), high], []
+        if len(borders) > MOST:
+            raise _UnclearError
+        for start, end in pairwise(borders):
+            if mpmath.isinf(start):
+                inside = end - abs(end) - 1 if mpmath.isfinite(end) else mpmath.mpf(1) / 3
+            else:
+                inside = (start + end) / 2 if mpmath.isfinite(end) else start + abs(start) + 1
+            found += self.pieces(energy.xreplace({inner: self._chosen(inner, inside)}), start, end)
+        return found
+
+    def _chosen(self, part: Any, at: Any) -> Any:
+        """The smooth expression that a part is near a place."""
+        import sympy as sp
+
+        if isinstance(part, sp.Piecewise):
+            for expression, condition in part.args:
+                if self(condition, at):
+                    return expression
+            raise _UnclearError
+        value = [self.real(argument, at) for argument in part.args]
+        if isinstance(part, (sp.Max, sp.Min)):
+            pick = max if isinstance(part, sp.Max) else min
+            return part.args[value.index(pick(value))]
+        sign = 1 if value[0] > 0 else -1
+        if isinstance(part, sp.Abs):
+            return sign * part.args[0]
+        return sp.Integer(sign if isinstance(part, sp.sign) else (sign + 1) // 2)
+
+    def zeros(self, g: Any, low: Any, high: Any) -> list[Any]:
+        """Zeros of an expression between two places."""
+        r = self._symbols[0]
+        if not g.has(r):
+            return []
+        found = self._roots(_coefficients(g, r)) if g.is_polynomial(r) else self._seen(g, low, high)
+        return [x for x in found if low < x < high]
+
+    def _roots(self, coefficients: Sequence[Any]) -> list[Any]:
+        """Real roots of a polynomial, the coefficient of the highest power first."""
+        import mpmath
+        import sympy as sp
+
+        numbers = [self.real(x, mpmath.mpf(0)) for x in coefficients]
+        while numbers and not numbers[0]:
+            numbers = numbers[1:]
+        if len(numbers) <= 2:
+            return [-numbers[1] / numbers[0]] if len(numbers) == 2 else []
+        rational = [sp.Rational(str(x)) for x in numbers]
+        return [_number(x) for x in set(sp.real_roots(sp.Poly(rational, self._symbols[0])))]
+
+    def _seen(self, g: Any, low: Any, high: Any) -> list[Any]:
+        """Zeros of an expression that is no polynomial, where its sign changes between looks."""
+        import mpmath
+
+        sizes = [mpmath.mpf(2) ** (mpmath.mpf(k) / 4) for k in LOOKS]
+        looks = {mpmath.mpf(0), *sizes, *(-x for x in sizes), low, high} - {mpmath.inf, -mpmath.inf}
+        looks = sorted(x for x in looks if low <= x <= high)
+        with mpmath.workdps(15):
+            signs = [_sign(self(g, x)) for x in looks]
+        found = [x for x, sign in zip(looks, signs, strict=True) if sign == 0]
+        for a, b, one, other in zip(looks, looks[1:], signs, signs[1:], strict=False):
+            if one * other < 0:
+                value = lambda x: self(g, x)  # noqa: E731
+                found.append(mpmath.findroot(value, (a, b), solver="anderson", verify=False))
+        return found
+
+
+def _innermost(energy: Any) -> Any:
+    """A part that is made of pieces, and whose own parts are not."""
+    import sympy as sp
+
+    these = energy.atoms(sp.Max, sp.Min, sp.Abs, sp.Heaviside, sp.Piecewise, sp.sign)
+    inner = (x for x in these if not any(in_pieces(argument) for argument in x.args))
+    return min(inner, key=str, default=None)
+
+
+def _deciding(part: Any) -> list[Any]:
+    """Expressions at whose zeros another piece may begin."""
+    import sympy as sp
+
+    if isinstance(part, (sp.Max, sp.Min)):
+        return [a - b for k, a in enumerate(part.args) for b in part.args[:k]]
+    if isinstance(part, sp.Piecewise):
+        relations = {x for _, condition in part.args for x in condition.atoms(sp.Rel)}
+        return [x.lhs - x.rhs for x in relations]
+    return [part.args[0]]
+
+
+@once
+def _coefficients(g: Any, r: Any) -> Any:
+    import sympy as sp
+
+    return sp.Poly(g, r).all_coeffs()
+
+
+def _number(x: Any) -> Any:
+    import mpmath
+    import sympy as sp
+
+    if x.is_Rational:
+        return mpmath.mpf(int(x.p)) / int(x.q)
+    return mpmath.mpf(sp.Float(x.evalf(DIGITS), DIGITS))
+
+
+def _sign(value: Any) -> float:
+    """1, 0 or -1; NaN of what is no real number."""
+    import mpmath
+
+    if not mpmath.isfinite(value) or mpmath.im(value):
+        return math.nan
+    return float(mpmath.sign(mpmath.re(value)))
+
+
+def _corners_at(law: _Law, place: Any, left: Any, right: Any) -> list[Corner]:
+    """Corners at a border between two smooth energies."""
+    found, regular = [], []
+    for side, energy in ((-1, left), (1, right)):
+        powers, values = _side(law, energy, place, side)
+        regular.append(values)
+        for factor, exponent in powers:  # the energy has the part factor x^exponent
+            found.append((float(place), float(factor * exponent), float(exponent - 1), float(side)))
+    jumps = _jumps(*regular)
+    if jumps:
+        first = min(jumps)
+        side = -1 if abs(regular[0][first]) > abs(regular[1][first]) else 1
+        for k, jump in jumps.items():
+            strength = jump * side ** abs(k - 1) / math.factorial(max(k - 1, 0))
+            found.append((float(place), float(strength), float(k - 1), float(side)))
+    return found
+
+
+def _jumps(left: list[Any], right: list[Any]) -> dict[int, Any]:
+    """Which derivatives jump where a place is passed, and by how much."""
+    import mpmath
+
+    found, far = {}, 100 * mpmath.mpf(NEAR)
+    size = [max(abs(a), abs(b)) for a, b in zip(left, right, strict=False)]
+    for k, (a, b, next_size) in enumerate(zip(left, right, size[1:], strict=False)):
+        if abs(b - a) > max(LEAST * size[k], far * next_size):
+            found[k] = b - a
+    return found
+
+
+def _side(law: _Law, energy: Any, place: Any, side: int) -> tuple[list[Any], list[Any]]:
+    """How an energy begins on one side of a place: powers that are no whole numbers, and its
+    derivatives as far as they are finite, with one more."""
+    import mpmath
+
+    near, order = mpmath.mpf(NEAR), HIGHEST + 1
+    values = [law.real(energy, place + side * near, k) for k in range(order)]
+    distance = [near, 2 * near, 4 * near]
+    steep = [law.real(energy, place + side * x, order) for x in distance]
+    grows = mpmath.log(abs(steep[1] / steep[0]), 2) if steep[0] and steep[1] else mpmath.mpf(0)
+    if grows > -SAME:
+        return [], [*values, steep[0]]
+    exponent = _named(order + grows)
+    if exponent <= 1:  # the force is infinite
+        raise _UnclearError
+    powers = exponent, exponent + 1, mpmath.mpf(order)
+    rows = [[mpmath.ff(p, order) * x ** (p - order) for p in powers] for x in distance]
+    one, next_one, _ = mpmath.lu_solve(mpmath.matrix(rows), mpmath.matrix(steep)) * side**order
+    found = [(one, exponent)]
+    if abs(next_one) > PURE * abs(one):
+        found.append((next_one, exponent + 1))
+    return found, [*values, steep[0]][: math.ceil(exponent) + 1]
+
+
+def _named(exponent: Any) -> Any:
+    """The fraction, or the float, that a number is which was found to many digits."""
+    import mpmath
+
+    plain = Fraction(float(exponent)).limit_denominator(1000)
+    for known in (mpmath.mpf(plain.numerator) / plain.denominator, mpmath.mpf(float(exponent))):
+        if abs(known - exponent) < SAME:
+            return known
+    raise _UnclearError
