@@ -22,6 +22,7 @@ top, level = sp.symbols("r_* Q_*", real=True)  # state behind a front; m c^2 the
 top_stiffness = sp.Symbol("K_*", positive=True)  # V''(r_*)
 rate, gap = sp.symbols("k_t g", positive=True)
 power, strength, left = sp.symbols("n A s", positive=True)  # V = A y^-n at a wall, least y
+exponent, growth = sp.symbols("p d", positive=True)  # V' = a r + d |r|^p next to rest
 stroke = waves.stroke
 tension, energy = sp.Function("T"), sp.Function("V")
 r, x = sp.symbols("r x", real=True)
@@ -111,9 +112,19 @@ def long_wave() -> sp.Expr:
     Times dT it is integrated: m c^2 (r T - V) = T^2/2 + T'^2/24, and T' = 0 at the crest.
     """
     squared, t, v = sp.symbols("mu T V")
-    first = sp.integrate(t, t)
-    (value,) = sp.solve(sp.Eq(squared * (r * t - v), first), squared)
+    (value,) = sp.solve(sp.Eq(squared * (r * t - v), sp.integrate(t, t)), squared)
     return value.subs({t: tension(r), v: energy(r)})
+
+
+@cache
+def small_crest_of_power() -> sp.Expr:
+    """Size of the crest to leading order in c/cs - 1, where V' = a r + d |r|^p next to rest."""
+    size, z = sp.symbols("s z", positive=True)  # z = s^(p - 1)
+    force = size * (a + growth * z)
+    stored = size**2 * (a / 2 + growth * z / (exponent + 1))
+    squared = long_wave().subs({tension(r): force, energy(r): stored}).subs(r, size)
+    change = sp.simplify(sp.diff(squared, z).subs(z, 0))  # m c^2 - a = 2 a excess, to first order
+    return (2 * a * excess / change) ** (1 / (exponent - 1))
 
 
 @cache
@@ -160,6 +171,9 @@ def argument() -> list[Step]:
              sp.Eq(crest, small_crest())),
         Step("Where V'''(0) = 0 < V''''(0) waves of both signs start from zero, and the crest "
              "goes like the root:", sp.Eq(crest**2, small_crest_squared())),
+        Step("Where V' = a r + d |r|^p next to rest, d > 0 on a side and p > 1, they start from "
+             "zero on that side, by the long-wave equation:",
+             sp.Eq(sp.Abs(crest), small_crest_of_power())),
         Step("A front runs into rest at speed c and leaves the state r, with velocity -c r. "
              "Momentum and energy leave no choice of m c^2 and V there:",
              sp.Eq(m * c**2, front()[0]), sp.Eq(energy(r), front()[1])),

@@ -1067,6 +1067,14 @@ FAULTS = (
         "return values.min(axis=0), values.max(axis=0)",
         "tests/test_driven_runs.py::test_methods_keep_their_order_in_tuned_networks",
     ),
+    # where waves start
+    Fault(
+        "tensegrity/waves/excess.py",
+        "p = float(powers[k]) + 2",
+        "p = float(powers[k]) + 1",
+        "tests/test_prediction.py::"
+        "test_waves_start_from_rest_whatever_the_power_that_stiffens_the_spring[6]",
+    ),
     # corners of forces
     Fault(
         "tensegrity/springs/corners.py",

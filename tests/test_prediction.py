@@ -256,3 +256,30 @@ def test_predictions_hold_for_200_random_potentials_on_both_sides():
     wrong = [texts for texts in wrong if texts]
     print(*wrong, sep="\n")
     assert len(wrong) <= 2
+
+
+@pytest.mark.parametrize("power", [4, 5, 6, 8])
+def test_waves_start_from_rest_whatever_the_power_that_stiffens_the_spring(power):
+    """Where V''' and V'''' vanish at rest too; the crest is that of waves that are computed."""
+    r = sp.Symbol("r")
+    spring = Potential(r**2 / 2 + r**power, r)
+    family = predict(spring)["rarefaction"]
+    assert family.starts == "rest"
+    assert family.crests[0] == 0
+    assert ("compression" in predict(spring).absent) == (power % 2 == 1)
+    gaps = []
+    for excess in (1e-3, 5e-4):
+        wave = solitary_wave(spring, speed_ratio=1 + excess, family="rarefaction")
+        gaps.append(abs(wave.amplitude / family.small_crest(excess) - 1))
+    assert gaps[1] < 1e-3
+    assert gaps[0] / gaps[1] == pytest.approx(2, rel=0.03)  # the next order of the excess
+
+
+def test_a_force_that_softens_first_leaves_a_threshold_where_its_mean_is_back():
+    r = sp.Symbol("r")
+    assert predict(Potential(r**2 / 2 - r**8, r)).families == ()
+    family = predict(Potential(r**2 / 2 - r**6 + r**8, r))["compression"]
+    assert family.starts == "threshold"
+    assert "beyond |r| = 1 m" in family.why
+    with pytest.raises(TensegrityError, match="no small wave"):
+        family.small_crest(1e-3)

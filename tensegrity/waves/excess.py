@@ -25,6 +25,7 @@ CHANGE = 0.5  # of V'' over V''(0), that makes the scale of a potential
 AT_REST = 1e-9  # of V''(0) times the scale: V'(0) that is round-off
 NEAR = 1e-2  # of the scale: where differences stand for derivatives
 ROUND_OFF = 1e-10  # of the largest force beyond the linear law: a derivative at rest that is none
+CLOSER = 16  # halvings of the polynomial's range in which the power next to rest is seen
 BINADES = 1000  # that are searched for the scale
 
 
@@ -116,6 +117,22 @@ class Excess:
             float(x) / self.core**k if abs(x) > ROUND_OFF * largest else 0.0
             for k, x in enumerate(values)
         )
+
+    def growth(self, side):
+        """p and d [N/m^p] of V' = V''(0) r + side d |r|^p next to rest on one side; NaN where it
+        is no power there."""
+        if self.slope or self.bend or not self.core:
+            return (2.0, side * self.slope / 2) if self.slope else (3.0, self.bend / 6)
+        sizes = self.core / 2.0 ** np.arange(CLOSER)
+        with np.errstate(all="ignore"):
+            third = side * self.potential.stiffness_slope(side * sizes)
+            powers = np.round(np.log2(third[:-1] / third[1:]), 2)  # of V'''; NaN of other signs
+        same = np.flatnonzero(powers[:-1] == powers[1:])
+        if not same.size:
+            return math.nan, math.nan
+        k = int(same[-1])
+        p = float(powers[k]) + 2
+        return p, float(third[k] / (p * (p - 1)) / sizes[k] ** (p - 2))
 
     def stiffness(self, r):
         """V'' - V''(0) [N/m] at elongations r [m] of any shape."""

@@ -92,6 +92,7 @@ class PredictedFamily:
     why: str
     _mass: float = field(repr=False)
     _rest: tuple[float, float, float] = field(repr=False)  # V'', V''', V'''' at rest
+    _growth: tuple[float, float] = field(repr=False)  # p, d of V' = V''(0) r + side d |r|^p there
 
     @property
     def certain(self) -> bool:
@@ -115,9 +116,9 @@ class PredictedFamily:
             )
         if slope:
             return float(_form("small_crest")(stiffness, slope, bend, excess))
-        return SIGNS[self.name.split()[0]] * math.sqrt(
-            _form("small_crest_squared")(stiffness, bend, excess)
-        )
+        power, growth = self._growth
+        size = float(_form("small_crest_of_power")(stiffness, excess, power, growth))
+        return SIGNS[self.name.split()[0]] * size
 
     def wall_crest(self, speed: float) -> float:
         """Crest [m] of a fast wave [sites/s] of a family that ends at the tent; error O(1/c).
@@ -271,6 +272,7 @@ def _predicted(side: Family, mass: float) -> PredictedFamily:
     return PredictedFamily(
         side.name, "rest" if from_rest else "threshold", ends, (speeds[0], speeds[1]),
         (first, last), rate, wall, tuple(holds), "; ".join(why), mass, smooth,
+        side.beyond.growth(sign),
     )  # fmt: skip
 
 
@@ -278,7 +280,9 @@ def _start_in_words(side: Family, from_rest: bool) -> str:
     if side.rest == 0:
         return "a sonic vacuum: any amplitude has its wave"
     if from_rest and rises_from_rest(side.beyond, side.sign):
-        turn = "V'''(0)" if side.beyond.slope else "V''''(0), with V'''(0) = 0,"
+        power, _ = side.beyond.growth(side.sign)
+        turns = {2.0: "V'''(0)", 3.0: "V''''(0), with V'''(0) = 0,"}
+        turn = turns.get(power, f"a force beyond the linear one that goes like |r|^{power:g}")
         return f"{turn} stiffens the spring on this side, so waves start from zero"
     level = "that of rest" if side.rise.floor == 0 else "that of the front before"
     return f"2V/r^2 rises above {level} only beyond |r| = {side.rise.start:.6g} m: a threshold"
@@ -343,7 +347,10 @@ def _form(name: str) -> Callable[..., float]:
 
     symbols, modules = {
         "small_crest": ((derived.a, derived.b, derived.e, derived.excess), "math"),
-        "small_crest_squared": ((derived.a, derived.e, derived.excess), "math"),
+        "small_crest_of_power": (
+            (derived.a, derived.excess, derived.exponent, derived.growth),
+            "math",
+        ),
         "delay": (derived.power, "scipy"),
     }[name]
     return sp.lambdify(symbols, getattr(derived, name)(), modules)

@@ -87,11 +87,9 @@ def rises(beyond: Excess, sign: int, sizes: Array) -> list[Rise]:
 
 
 def rises_from_rest(beyond: Excess, sign: int) -> bool:
-    """Whether waves of one sign start from zero amplitude: by the first derivative of V'' there."""
-    if beyond.rest == 0:
-        return True
-    turn = sign * beyond.slope
-    return turn > 0 or (turn == 0 and beyond.bend > 0)
+    """Whether waves of one sign start from zero amplitude: by what V' grows with beyond its linear
+    law there."""
+    return beyond.rest == 0 or beyond.growth(sign)[1] > 0
 
 
 def _summit(beyond: Excess, sign: int, sizes: Array) -> float:
