@@ -184,18 +184,20 @@ def adaptive(chain, tension, state, t_end):
 
 
 @pytest.mark.needs_compiler
-@pytest.mark.parametrize("tol", [1e-4, 1e-7])
 @pytest.mark.parametrize("energy", LAWS.values(), ids=LAWS)
-def test_a_tolerance_is_kept_where_forces_have_corners(energy, tol):
+def test_a_tolerance_is_kept_where_forces_have_corners(energy):
     chain = chain_of(energy)
     state = thrown(chain)
     tension = sp.lambdify(r, sp.diff(energy, r), "numpy")
-    run = simulate(chain, state, 8.0, tol=tol)
-    assert run.method == "corrected6"
-    assert run.steps < 1500
     exact = adaptive(chain, tension, state, 8.0)
-    for found, right, along in zip((run.final.u, run.final.v), exact, (run.u, run.v), strict=True):
-        assert np.max(np.abs(found - right)) < tol * np.max(np.abs(along))
+    for tol in (1e-4, 1e-7):
+        run = simulate(chain, state, 8.0, tol=tol)
+        assert run.method == "corrected6"
+        assert run.steps < 1500
+        for found, right, rows in zip(
+            (run.final.u, run.final.v), exact, (run.u, run.v), strict=True
+        ):
+            assert np.max(np.abs(found - right)) < tol * np.max(np.abs(rows))
 
 
 def test_contacts_and_strings_have_their_corner():
