@@ -127,7 +127,7 @@ def plain_functions():
     import casadi as ca
     import sympy as sp
 
-    from tensegrity.engine.codegen import to_casadi
+    from tensegrity.engine.law import to_casadi
 
     unknowns, gradient, jacobian = _plain()
     g = sp.lambdify(unknowns, list(gradient), "math", cse=True)

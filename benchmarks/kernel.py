@@ -19,10 +19,10 @@ from benchmarks._timing import best, table
 from benchmarks.chain import UNITS, machine_bound, unit_calls
 from figures.__main__ import OUTPUT, STYLE, write, write_table
 from tensegrity import Chain, Polynomial, Potential, PowerLaw, Prism, ResolutionError, simulate
-from tensegrity.engine import codegen
 from tensegrity.engine.bound_line import BoundLine
 from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.kernel import bind, kernel
+from tensegrity.engine.law import functions
 from tensegrity.engine.methods import METHODS
 from tensegrity.engine.pieces import BoundPieces
 
@@ -129,7 +129,7 @@ def slow_operations(law):
     """Square roots and divisions of a tension that depend on the elongation."""
     import casadi as ca
 
-    tension = codegen.functions(law)["tension"]
+    tension = functions(law)["tension"]
     depends, roots, divisions = {}, 0, 0
     for k in range(tension.n_instructions()):
         kind, inputs = tension.instruction_id(k), tension.instruction_input(k)

@@ -25,6 +25,7 @@ INNER = {  # what nobody calls but the modules around them
     "forces",
     "geometry",
     "implicit",
+    "law",
     "interpreted",
     "kernel",
     "loops",

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import ctypes
 
-from tensegrity.engine import codegen, geometry, lanes
+from tensegrity.engine import geometry, lanes
+from tensegrity.engine.codegen import is_packed, joined, packs, run_text, take
+from tensegrity.engine.law import functions
 from tensegrity.engine.native import CompilerError, library
 from tensegrity.once import once
 
@@ -165,21 +167,21 @@ def c_text(laws, own, wanted, dim, exact):
 
     generator, hooks = ca.CodeGenerator("laws.c"), []
     for number, law in enumerate(laws):
-        functions = dict(zip(("below", "above"), law_parts(law, wanted[number]), strict=True))
+        made = dict(zip(("below", "above"), law_parts(law, wanted[number]), strict=True))
         if exact:
-            functions["tension"] = codegen.functions(law)["tension"]
-        for name, function in functions.items():
+            made["tension"] = functions(law)["tension"]
+        for name, function in made.items():
             sx = function.sx_in()
             generator.add(ca.Function(f"law{number}_{name}", sx, [function(*sx)]))
-        hooks.append(HOOK.format(k=number, count=functions["below"].nnz_out(0)))
+        hooks.append(HOOK.format(k=number, count=made["below"].nnz_out(0)))
         if exact:
             hooks.append(TENSION.format(k=number))
         if own[number] is not None:
-            hooks.append(codegen._take(number, len(law.parameters), own[number]))
+            hooks.append(take(number, len(law.parameters), own[number]))
     for function, hook in geometry.helpers(dim) if dim else ():
         generator.add(function)
         hooks.append(hook)
-    beside = [codegen.is_packed(law) and not exact for law in laws]
+    beside = [is_packed(law) and not exact for law in laws]
     hooks += ["lanes.c", PACKS]
     for number, law in enumerate(laws):
         if beside[number]:
@@ -190,12 +192,10 @@ def c_text(laws, own, wanted, dim, exact):
     parts = ["subnormal.c", "prelude.c", generator.dump(), *hooks]
     parts += [f"#define PARAMETERS {most}", f"#define RUNS(X) {listed}", f"#define EXACT {exact:d}"]
     for number, kind in runs:
-        parts += [f"#define K {number}", f"#define OWNED {kind}"]
-        parts += [f"#define WANTED {len(wanted[number])}"]
-        parts += [f"#define BESIDE ({int(beside[number])} && WIDE == 8)", "reverse_law.c"]
-        parts += ["#undef K", "#undef OWNED", "#undef WANTED", "#undef BESIDE"]
+        asked = len(wanted[number])
+        parts += run_text("reverse_law.c", number, kind, beside[number], WANTED=asked)
     parts += ["reverse.h", "reverse_net.c" if dim else "reverse_line.c", "reverse_steps.c"]
-    return "\n".join(codegen._file(x) if x.endswith((".c", ".h")) else x for x in parts)
+    return joined(parts)
 
 
 def _lanes(number, law, own, wanted):
@@ -205,12 +205,7 @@ def _lanes(number, law, own, wanted):
     found = [f"INTO({x} + g * GROUP)" for x in ("f", "k")]
     found += [f"INTO(d + {m} * apart + g * GROUP)" for m in range(len(wanted))]
     for kind in (0, 1)[: 1 + (own is not None)]:
-        mine = own if kind else ()
-        p = [
-            f"load(own + {mine.index(k)} * all + g * GROUP)" if k in mine else f"wide(shared[{k}])"
-            for k in range(len(law.parameters))
-        ]
-        given = [["load(r + g * GROUP)"], p]
+        given = [["load(r + g * GROUP)"], packs(law, own if kind else (), "wide(shared[{}])")]
         name = f"reverse_lanes_{number}_{kind}"
         yield lanes.text(law_function(law, wanted), name, arguments, given, [found])
 
@@ -225,17 +220,7 @@ class Library:
         calls = {
             "sow": [address, address, number],
             "reverse": [address] + [number] * 4 + [address],
-            "sampled": [
-                address,
-                address,
-                number,
-                address,
-                address,
-                address,
-                number,
-                number,
-                address,
-            ],
+            "sampled": [address] * 2 + [number] + [address] * 3 + [number] * 2 + [address],
             "evaluate": [number, number, number, *[address] * 5],
         }
         if exact:

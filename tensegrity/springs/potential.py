@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity import check
-from tensegrity.engine.codegen import DerivedLaw, Law, check_law, in_pieces
 from tensegrity.engine.kernel import kernel
+from tensegrity.engine.law import DerivedLaw, Law, check_law, in_pieces
 from tensegrity.errors import LockingError, TensegrityError
 from tensegrity.once import once
 from tensegrity.readonly import fixed
