@@ -36,6 +36,7 @@ INNER = {  # what nobody calls but the modules around them
     "plain",
     "pulled",
     "reverse",
+    "reverse_layout",
     "reverse_text",
     "rows",
     "springs",

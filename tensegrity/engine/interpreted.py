@@ -245,7 +245,7 @@ class _Pull:
             values = values[:, :1]
         function = self._tensions[self._runs.law[k]]
         inputs = [[r], [ca.MX(ca.DM(x)) for x in values[: function.size1_in(1)]]]
-        return interpret(function, inputs, ca.MX) * ca.MX.ones(r.shape[0])
+        return interpret(function, inputs, ca.MX)[0] * ca.MX.ones(r.shape[0])
 
     def _contact(self, k, u):
         """Elongations of a run of contacts, and their direction along each axis."""
@@ -260,7 +260,7 @@ class _Pull:
         inputs = [place[:dim], w, [place[dim]], [place[dim + 1]]]
         forms = geometry.scalars(dim, kind)
         ones = ca.MX.ones(len(members))
-        return_, *axes = (interpret(form, inputs, ca.MX) * ones for form in forms)
+        return_, *axes = (interpret(form, inputs, ca.MX)[0] * ones for form in forms)
         return return_, axes
 
 

@@ -279,23 +279,23 @@ def _given(law):
     return _derived(law) if isinstance(law, DerivedLaw) else law
 
 
-def interpret(function, inputs, kind, visit=lambda operation, value: value):
-    """Run the instructions of an SX function on expressions of another kind.
+def interpret(function, inputs, kind, apply=None):
+    """The entries of an SX function's output, done in expressions of another kind.
 
     Parameters
     ----------
     function : casadi.Function
-        With scalar output, made of SX.
+        Of one output, made of SX.
     inputs : sequence of sequences
         For each input of the function its entries, as expressions of `kind`.
     kind : type
         casadi.SX or casadi.MX; an MX entry may be a vector, all operations being elementwise.
-    visit : callable (operation, value) -> value
-        Sees, and may replace, each result.
+    apply : callable (operation, *values) -> value, optional
+        What does each operation; by default `applied`.
     """
     import casadi as ca
 
-    work, output = {}, None
+    work, found, apply = {}, {}, apply or applied
     for k in range(function.n_instructions()):
         operation = function.instruction_id(k)
         source, target = function.instruction_input(k), function.instruction_output(k)
@@ -304,12 +304,15 @@ def interpret(function, inputs, kind, visit=lambda operation, value: value):
         elif operation == ca.OP_INPUT:
             work[target[0]] = inputs[source[0]][source[1]]
         elif operation == ca.OP_OUTPUT:
-            output = work[source[0]]
+            found[target[1]] = work[source[0]]
         else:
-            apply = kind.unary if len(source) == 1 else kind.binary
-            value = apply(operation, *(work[i] for i in source))
-            work[target[0]] = visit(operation, value)
-    return output
+            work[target[0]] = apply(operation, *(work[i] for i in source))
+    return [found.get(k, kind(0)) for k in range(function.nnz_out(0))]
+
+
+def applied(operation, value, *other):
+    """The result of an operation of CasADi, by its number."""
+    return (value.binary if other else value.unary)(operation, value, *other)
 
 
 def _split_at_root(tension, r, h, p):
@@ -322,11 +325,12 @@ def _split_at_root(tension, r, h, p):
 
     roots = []
 
-    def visit(operation, value):
+    def apply(operation, *values):
+        value = applied(operation, *values)
         if not roots and operation == ca.OP_SQRT and ca.depends_on(value, r):
             roots.append(value)
             return h
         return value
 
-    tail = interpret(tension, [[r], ca.vertsplit(p) if p.numel() else []], ca.SX, visit)
+    tail = interpret(tension, [[r], ca.vertsplit(p) if p.numel() else []], ca.SX, apply)[0]
     return (roots[0] if roots else ca.SX(0)), tail

@@ -10,7 +10,7 @@ import ctypes
 
 from tensegrity.engine import geometry, lanes
 from tensegrity.engine.codegen import is_packed, joined, packs, run_text, take
-from tensegrity.engine.law import functions
+from tensegrity.engine.law import applied, functions, interpret
 from tensegrity.engine.native import CompilerError, library
 from tensegrity.once import once
 
@@ -48,9 +48,6 @@ def law_parts(law, wanted):
     return below, above
 
 
-CHOICES = ("OP_IF_ELSE_ZERO", "OP_NOT", "OP_AND", "OP_OR")
-
-
 def _without_divisions(function, r, p):
     """Outputs with symbols for reciprocals, and pairs of a denominator and its symbol.
 
@@ -60,9 +57,9 @@ def _without_divisions(function, r, p):
     import casadi as ca
 
     inputs = [[r], ca.vertsplit(p) if p.numel() else []]
-    work, known, outputs = {}, {}, {}
-    operations = {function.instruction_id(k) for k in range(function.n_instructions())}
-    chosen = not operations.isdisjoint(getattr(ca, name) for name in CHOICES)
+    known = {}
+    operations = map(function.instruction_id, range(function.n_instructions()))
+    chosen = {ca.OP_IF_ELSE_ZERO, ca.OP_NOT, ca.OP_AND, ca.OP_OR}.intersection(operations)
 
     def reciprocal(x):
         key = x.element_hash()
@@ -74,23 +71,12 @@ def _without_divisions(function, r, p):
             known[key] = x, ca.SX.sym(f"i{len(known)}")
         return known[key][1]
 
-    for k in range(function.n_instructions()):
-        operation = function.instruction_id(k)
-        source, target = function.instruction_input(k), function.instruction_output(k)
-        if operation == ca.OP_CONST:
-            work[target[0]] = ca.SX(function.instruction_constant(k))
-        elif operation == ca.OP_INPUT:
-            work[target[0]] = inputs[source[0]][source[1]]
-        elif operation == ca.OP_OUTPUT:
-            outputs[target[1]] = work[source[0]]
-        elif operation == ca.OP_DIV and not work[source[1]].is_constant():
-            work[target[0]] = work[source[0]] * reciprocal(work[source[1]])
-        elif operation == ca.OP_INV:
-            work[target[0]] = reciprocal(work[source[0]])
-        else:
-            apply = ca.SX.unary if len(source) == 1 else ca.SX.binary
-            work[target[0]] = apply(operation, *(work[i] for i in source))
-    values = ca.vertcat(*(outputs.get(k, ca.SX(0)) for k in range(function.nnz_out(0))))
+    def apply(operation, *values):
+        if operation == ca.OP_DIV and not values[1].is_constant():
+            return values[0] * reciprocal(values[1])
+        return reciprocal(*values) if operation == ca.OP_INV else applied(operation, *values)
+
+    values = ca.vertcat(*interpret(function, inputs, ca.SX, apply))
     if chosen:
         return values, list(known.values())
     kept = []
