@@ -36,7 +36,6 @@ REFERENCE = 300.0  # evaluations of the forces per unit of 1/omega
 KINKS = 400.0  # times that where contacts open
 ROUNDS, LONG = 5, 0.5  # calls that take longer than so many seconds are timed once
 ROWS = 500
-TOLERATED = {"smooth": TOLERANCES, "contacts": TOLERANCES[:-1]}
 BARE = ("verlet", "rkn6", "processed6")
 MOST_BARE = 4.0  # seconds of one bare run
 GOALS = {1e-3: 6.0, 1e-9: 3.0}

@@ -11,16 +11,15 @@ and gfortran are found.
 from __future__ import annotations
 
 import os
-import re
 import shutil
-import subprocess
 import tempfile
 import time
 from pathlib import Path
 
 import numpy as np
 
-from figures.__main__ import OUTPUT, STYLE, write, write_table
+from benchmarks import _auto
+from benchmarks._charts import FOLDER, charted
 from tensegrity import Prism, equilibrium_paths
 from tensegrity.branches.continuation import Settings, trace
 from tensegrity.engine.pieces import processors
@@ -33,7 +32,6 @@ STEPS = (0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002)
 EQUAL = 1e-7  # interpolated error, relative to the largest load, at which times are compared
 ROUNDS = 25
 MANY = 1000  # prisms in one call
-AUTO = Path("/usr/lib/auto-07p")
 
 
 def error(height, load):
@@ -127,7 +125,7 @@ def plain_functions():
     import casadi as ca
     import sympy as sp
 
-    from tensegrity.engine.codegen import to_casadi
+    from tensegrity.engine.law import to_casadi
 
     unknowns, gradient, jacobian = _plain()
     g = sp.lambdify(unknowns, list(gradient), "math", cse=True)
@@ -136,155 +134,6 @@ def plain_functions():
     residual = ca.vertcat(*to_casadi(list(gradient), unknowns)(*ca.vertsplit(z)))
     vm = ca.Function("plain", [z], [residual, ca.jacobian(residual, z)])
     return (lambda *x: np.array(g(*x)), lambda *x: np.array(dg(*x))), vm
-
-
-# --- AUTO-07p --------------------------------------------------------------------------------
-
-SOURCE = """
-      SUBROUTINE FUNC(NDIM,U,ICP,PAR,IJAC,F,DFDU,DFDP)
-      IMPLICIT NONE
-      INTEGER, INTENT(IN) :: NDIM, ICP(*), IJAC
-      DOUBLE PRECISION, INTENT(IN) :: U(NDIM), PAR(*)
-      DOUBLE PRECISION, INTENT(OUT) :: F(NDIM)
-      DOUBLE PRECISION, INTENT(INOUT) :: DFDU(NDIM,NDIM), DFDP(NDIM,*)
-      DOUBLE PRECISION {locals}
-{residual}
-      IF (IJAC.EQ.0) RETURN
-{jacobian}
-      IF (IJAC.EQ.1) RETURN
-      DFDP(1,1) = 0
-      DFDP(2,1) = 0
-      DFDP(3,1) = 1
-      END SUBROUTINE FUNC
-
-      SUBROUTINE STPNT(NDIM,U,PAR,T)
-      IMPLICIT NONE
-      INTEGER, INTENT(IN) :: NDIM
-      DOUBLE PRECISION, INTENT(INOUT) :: U(NDIM), PAR(*)
-      DOUBLE PRECISION, INTENT(IN) :: T
-      PAR(1) = 0
-      PAR(2) = {height!r}D0
-      U(1) = {base!r}D0
-      U(2) = {twist!r}D0
-      U(3) = {height!r}D0
-      END SUBROUTINE STPNT
-
-      SUBROUTINE PVLS(NDIM,U,PAR)
-      IMPLICIT NONE
-      INTEGER, INTENT(IN) :: NDIM
-      DOUBLE PRECISION, INTENT(IN) :: U(NDIM)
-      DOUBLE PRECISION, INTENT(INOUT) :: PAR(*)
-      PAR(2) = U(3)
-      END SUBROUTINE PVLS
-
-      SUBROUTINE BCND
-      END SUBROUTINE BCND
-      SUBROUTINE ICND
-      END SUBROUTINE ICND
-      SUBROUTINE FOPT
-      END SUBROUTINE FOPT
-"""
-
-CONSTANTS = """NDIM = 3
-IPS = 1
-IRS = 0
-ILP = 1
-ICP = [1, 2]
-NTST = 1
-NCOL = 4
-IAD = 3
-ISP = 0
-ISW = 1
-IPLT = 0
-NBC = 0
-NINT = 0
-NMX = 5000
-NPR = 5000
-MXBF = 0
-IID = 0
-ITMX = 8
-ITNW = 7
-NWTN = 3
-JAC = 1
-EPSL = 1e-10
-EPSU = 1e-10
-EPSS = 1e-8
-DS = {first}
-DSMIN = 1e-7
-DSMAX = {largest}
-IADS = 1
-NPAR = 2
-THL = {{1: 1.0}}
-THU = {{}}
-RL0 = -10
-RL1 = 10
-A0 = 0
-A1 = 100
-UZSTOP = {{2: {lowest}}}
-"""
-
-
-def build_auto(folder):
-    """Compile AUTO with these equations; the program's path."""
-    import sympy as sp
-
-    unknowns, gradient, jacobian = _plain()
-    shared, forms = sp.cse([*gradient, *jacobian[:, :3]])
-    names = {symbol: sp.Symbol(f"U({i + 1})") for i, symbol in enumerate(unknowns[:3])}
-    names[unknowns[3]] = sp.Symbol("PAR(1)")
-
-    def line(target, expression):
-        expression = expression.subs(names).subs(sp.pi, sp.Float(np.pi, 17))
-        text = sp.fcode(expression, source_format="free", standard=95, precision=17)
-        return f"      {target} = {text}"
-
-    def needed(expressions):
-        """The shared terms that some expressions use, in order."""
-        wanted, found = set().union(*(e.free_symbols for e in expressions)), []
-        for symbol, term in reversed(shared):
-            if symbol in wanted:
-                wanted |= term.free_symbols
-                found.append((symbol, term))
-        return found[::-1]
-
-    first = needed(forms[:3])
-    later = [pair for pair in needed(forms[3:]) if pair not in first]
-    residual = [line(s, t) for s, t in first]
-    residual += [line(f"F({i + 1})", form) for i, form in enumerate(forms[:3])]
-    rest = [line(s, t) for s, t in later]
-    rest += [line(f"DFDU({i // 3 + 1},{i % 3 + 1})", form) for i, form in enumerate(forms[3:])]
-    text = SOURCE.format(
-        locals=", ".join(str(s) for s, _ in shared),
-        residual="\n".join(residual),
-        jacobian="\n".join(rest),
-        base=PRISM.base,
-        height=PRISM.height,
-        twist=float(START[1]),
-    )
-    (folder / "prism.f90").write_text(text)
-    objects = sorted(str(x) for x in (AUTO / "lib").glob("*.o"))
-    flags = ["-O3", "-march=native", "-fopenmp", "-w", "-ffree-line-length-none"]
-    command = ["gfortran", *flags, "prism.f90", *objects, "-o", "prism"]
-    subprocess.run(command, cwd=folder, check=True, capture_output=True, text=True)
-    return folder / "prism"
-
-
-def run_auto(program, largest):
-    """Rows, and seconds: as a process, and inside the program as it prints them."""
-    folder = program.parent
-    first = min(0.01, largest)
-    constants = CONSTANTS.format(first=first, largest=largest, lowest=LOWEST)
-    (folder / "fort.2").write_text(constants)
-    environment = os.environ | {"AUTO_DIR": str(AUTO), "OMP_NUM_THREADS": "1"}
-    started = time.perf_counter()
-    answer = subprocess.run(
-        [str(program)], cwd=folder, check=True, capture_output=True, text=True, env=environment
-    )
-    whole = time.perf_counter() - started
-    inside = float(re.search(r"Total Time\s+([\d.E+-]+)", answer.stdout).group(1))
-    rows = [x.split() for x in (folder / "fort.7").read_text().splitlines()]
-    rows = np.array([[float(x) for x in row] for row in rows if row and row[0] != "0"])
-    return (rows[:, 8], rows[:, 4]), inside, whole
 
 
 # --- the comparison --------------------------------------------------------------------------
@@ -339,10 +188,10 @@ def measure():
             found[name].append((setting, len(rows[0]), error(*rows), seconds))
     if shutil.which("auto-07p") and shutil.which("gfortran"):
         with tempfile.TemporaryDirectory() as folder:
-            program = build_auto(Path(folder))
+            program = _auto.build(Path(folder), START, *_plain())
             found["auto-07p inside"], found["auto-07p process"] = [], []
             for setting in STEPS:
-                runs = [run_auto(program, setting) for _ in range(7)]
+                runs = [_auto.run(program, setting, LOWEST) for _ in range(7)]
                 rows = runs[-1][0]
                 for name, k in (("auto-07p inside", 1), ("auto-07p process", 2)):
                     seconds = min(run[k] for run in runs)
@@ -350,20 +199,11 @@ def measure():
     return found
 
 
-def chart(found, folder=OUTPUT / "benchmarks"):
+def chart(found, folder=FOLDER):
     """Time against interpolated error of every method, as PNG and CSV; the files written."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
     rows = [(name, *row) for name, several in found.items() for row in several]
     names = ("method", "setting", "points", "relative_error", "seconds")
-    picture, table = (folder / f"benchmark_continuation.{kind}" for kind in ("png", "csv"))
-    folder.mkdir(parents=True, exist_ok=True)
-    write_table(table, dict(zip(names, zip(*rows, strict=True), strict=True)))
-    with plt.rc_context(STYLE):
-        figure = plt.figure(layout="constrained")
+    with charted("continuation", folder, names, rows) as (figure, written):
         axes = figure.subplots()
         for (name, several), mark in zip(found.items(), "os^Dv", strict=False):
             _, _, errors, seconds = zip(*several, strict=True)
@@ -374,9 +214,7 @@ def chart(found, folder=OUTPUT / "benchmarks"):
         )
         axes.invert_xaxis()
         axes.legend(fontsize=8)
-        write(picture, figure.savefig)
-        plt.close(figure)
-    return picture, table
+    return written
 
 
 def main():

@@ -15,14 +15,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from benchmarks._charts import FOLDER, charted
 from benchmarks._timing import best, table
 from benchmarks.chain import UNITS, machine_bound, unit_calls
-from figures.__main__ import OUTPUT, STYLE, write, write_table
 from tensegrity import Chain, Polynomial, Potential, PowerLaw, Prism, ResolutionError, simulate
-from tensegrity.engine import codegen
 from tensegrity.engine.bound_line import BoundLine
 from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.kernel import bind, kernel
+from tensegrity.engine.law import functions
 from tensegrity.engine.methods import METHODS
 from tensegrity.engine.pieces import BoundPieces
 
@@ -129,7 +129,7 @@ def slow_operations(law):
     """Square roots and divisions of a tension that depend on the elongation."""
     import casadi as ca
 
-    tension = codegen.functions(law)["tension"]
+    tension = functions(law)["tension"]
     depends, roots, divisions = {}, 0, 0
     for k in range(tension.n_instructions()):
         kind, inputs = tension.instruction_id(k), tension.instruction_input(k)
@@ -194,27 +194,18 @@ def long_chains():
     return found
 
 
-def chart(rows, folder=OUTPUT / "benchmarks"):
+def chart(rows, folder=FOLDER):
     """Time against both errors, as PNG and CSV; the files written.
 
     Errors below `FLOOR`, and none at all, stand there.
     """
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
     names = ("family", "law", "ns_per_bond_step", "force_error", "motion_error")
-    picture, data = (folder / f"benchmark_kernel.{kind}" for kind in ("png", "csv"))
-    folder.mkdir(parents=True, exist_ok=True)
-    write_table(data, dict(zip(names, zip(*rows, strict=True), strict=True)))
     groups = {}
     for family, name, *values in rows:
         kind = "polynomial" if name.startswith("degree") else "exact law"
         label = name.removeprefix("degree ").replace(" iterations", " it.")
         groups.setdefault(f"{family}, {kind}", []).append((label, *values))
-    with plt.rc_context(STYLE):
-        figure = plt.figure(figsize=(9, 4.2), layout="constrained")
+    with charted("kernel", folder, names, rows, figsize=(9, 4.2)) as (figure, written):
         left, right = figure.subplots(1, 2, sharey=True)
         for axes, column, what in ((left, 2, "tension"), (right, 3, "motion")):
             for (group, several), mark in zip(groups.items(), "os^D", strict=False):
@@ -228,9 +219,7 @@ def chart(rows, folder=OUTPUT / "benchmarks"):
             axes.invert_xaxis()
         left.set_ylabel("time of a bond-step [ns]")
         right.legend(fontsize=8)
-        write(picture, figure.savefig)
-        plt.close(figure)
-    return picture, data
+    return written
 
 
 def cheapest(rows, family, start, error):

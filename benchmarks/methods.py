@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks._candidates import GRADIENTS, SPLITTINGS, evaluations, run_gradient
-from figures.__main__ import OUTPUT, STYLE, write, write_table
+from benchmarks._charts import FOLDER, charted
 from tensegrity import Chain, Prism, TensegrityError, solitary_wave
 from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.kernel import bind
@@ -155,15 +155,8 @@ def verdict(name, costs):
     return f"not kept: {what}{reason}"
 
 
-def chart(found, folder=OUTPUT / "benchmarks"):
+def chart(found, folder=FOLDER):
     """Evaluations against error, as PNG and CSV; the files written."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    picture, data = (folder / f"benchmark_methods.{kind}" for kind in ("png", "csv"))
-    folder.mkdir(parents=True, exist_ok=True)
     rows = [
         (scene, name, *pair)
         for scene, several in found.items()
@@ -172,9 +165,7 @@ def chart(found, folder=OUTPUT / "benchmarks"):
         if np.isfinite(pair[1])
     ]
     names = ("scene", "method", "evaluations_per_second", "error")
-    write_table(data, dict(zip(names, zip(*rows, strict=True), strict=True)))
-    with plt.rc_context(STYLE):
-        figure = plt.figure(figsize=(11, 5), layout="constrained")
+    with charted("methods", folder, names, rows, figsize=(11, 5)) as (figure, written):
         several = figure.subplots(1, len(found), sharex=True)
         for axes, (scene, methods) in zip(np.atleast_1d(several), found.items(), strict=True):
             for number, (name, (counts, errors)) in enumerate(methods.items()):
@@ -187,9 +178,7 @@ def chart(found, folder=OUTPUT / "benchmarks"):
             axes.set_xlabel(f"error of the last state, {scene} [1]")
         np.atleast_1d(several)[0].set_ylabel("evaluations of the forces per unit of time [1/s]")
         figure.legend(*axes.get_legend_handles_labels(), loc="outside right center", fontsize=8)
-        write(picture, figure.savefig)
-        plt.close(figure)
-    return picture, data
+    return written
 
 
 def main():

@@ -9,7 +9,6 @@ an `Ensemble`, tells what an interface is worth; `figures.composite` computes th
 from __future__ import annotations
 
 import argparse
-import contextlib
 import math
 import sys
 from concurrent.futures import ProcessPoolExecutor
@@ -21,12 +20,13 @@ import numpy as np
 
 from figures import _composite
 from figures._composite import Interface
-from figures._files import write_table
+from figures._files import lines, write_table
+from figures._solitons import MISFIT, pulses
 from tensegrity import Ensemble, Prism, State, TensegrityError, sweep
 from tensegrity.engine.methods import METHODS
 from tensegrity.prisms.condensed import ElasticPotential
 from tensegrity.runs.loops import Loop
-from tensegrity.springs.polynomial import Polynomial, PolynomialLaw
+from tensegrity.springs.polynomial import PolynomialLaw
 from tensegrity.springs.potential import Potential
 from tensegrity.waves.family import Family
 from tensegrity.waves.solitary import rough_wave
@@ -119,16 +119,11 @@ def polynomial(spring):
     """A polynomial of one degree for all elastic prisms, so that they run in lanes."""
     if not isinstance(spring, ElasticPotential):
         return spring
-    for part in KEPT:
-        low, high = (part * x for x in spring.domain)
-        with contextlib.suppress(TensegrityError):
-            fitted = Polynomial(spring, low, high, FIT)
-            if fitted.degree <= DEGREE:
-                padded = np.append(fitted.values, np.zeros(DEGREE - fitted.degree))
-                law = PolynomialLaw(DEGREE)
-                return Potential.from_law(
-                    law, padded, spring.length, (low, high), fitted.ends, repr(fitted)
-                )
+    for fitted in _composite.fits(spring, KEPT, FIT):
+        if fitted.degree <= DEGREE:
+            padded = np.append(fitted.values, np.zeros(DEGREE - fitted.degree))
+            law, about = PolynomialLaw(DEGREE), (spring.length, fitted.domain, fitted.ends)
+            return Potential.from_law(law, padded, *about, repr(fitted))
     raise TensegrityError(f"no polynomial of degree {DEGREE}")
 
 
@@ -248,7 +243,7 @@ def judged(lane, t, u, v):
     for side, sign, r, speeds, spring, front in looks:
         size = float((sign * r[math.floor(front) :]).max(initial=0.0))
         exact = _rough(spring, real.masses[side], sign)
-        several = _composite.pulses(r, speeds, sign, exact, front, 0.1 * size, limit=1 + side)
+        several = pulses(r, speeds, sign, exact, front, 0.1 * size, limit=1 + side)
         found.append([quality(x.misfit) * x.energy / wave.energy for x in several])
     first = max(found[0], default=0.0)
     train = [*sorted(found[1], reverse=True), 0.0, 0.0]
@@ -271,7 +266,7 @@ def _rough(spring, mass, sign):
 
 def quality(misfit):
     """1 for an exact wave within the definition, less beyond, nothing from five times that on."""
-    return min(1.0, max(0.0, (5 - misfit / _composite.MISFIT) / 4))
+    return min(1.0, max(0.0, (5 - misfit / MISFIT) / 4))
 
 
 def rank(reflected, first, second):
@@ -379,6 +374,13 @@ def write(folder, cases, found):
     for path, rows in zip((BEST, SCATTER, COUNTS), (best, followed, tally), strict=True):
         columns = {key: [row[key] for row in rows] for key in rows[0]}
         write_table(folder / path.name, columns)
+
+
+def best(columns):
+    """[(kind, seed, named numbers)] of that table of the best, in the order of the lesser energy
+    of their two waves."""
+    rows = sorted(lines(columns), key=lambda row: -min(row[key] for key in COLUMNS[1:3]))
+    return [(row["kind"], int(row["seed"]), {name: row[name] for name in LIMITS}) for row in rows]
 
 
 def main(arguments=None):

@@ -13,7 +13,7 @@ import numpy as np
 
 from derivations.prism import REFERENCE_TWIST
 from tensegrity import EquilibriumError
-from tensegrity.engine.codegen import to_casadi
+from tensegrity.engine.law import to_casadi
 
 FREE = [3 * node + axis for node in range(6) for axis in (0, 1)]  # horizontal coordinates
 UPPER = [11, 14, 17]  # heights of the upper nodes

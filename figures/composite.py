@@ -8,30 +8,18 @@ import math
 
 import numpy as np
 
-from figures import _composite, _measure
+from figures import _composite, _composite_words, _measure
 from figures._composite import Interface
-from figures._composite_search import (
-    BEST,
-    COLUMNS,
-    COUNTS,
-    FAINT,
-    FOLLOWED,
-    KINDS,
-    LIMITS,
-    SCATTER,
-    interface,
-)
-from figures._files import lines
+from figures._composite_search import BEST, COLUMNS, COUNTS, FAINT, KINDS, SCATTER, best, interface
+from figures._composite_words import cases_of, quantities
+from figures._solitons import LEAST
 from tensegrity import Potential, solitary_wave
 from tensegrity.errors import RangeError
 
 NAME = "composite"
 GROUP = "composite"
+table, text = _composite_words.table, _composite_words.text
 
-CLAIM = (
-    "a reflected solitary rarefaction wave with oscillatory tail in the acoustically hard branch; "
-    "and a delayed train of transmitted compression solitary pulses in the acoustically soft branch"
-)
 VERIFIED = 2  # of the best, each of another seed, that are computed again
 TRAVEL = 100  # bonds that sound goes in the far chain
 LEAST_TRAVEL = 200  # ... and in the near one
@@ -40,19 +28,16 @@ CUBIC = (1.0, 1.0, 0.36), (0.010237, -1.149207, 1.542135), 1.388055, 1.6  # laws
 CUBIC_TIME = 700.0  # s
 
 
-def rows_of(path):
-    """Rows of a CSV, {column: text}."""
+def columns_of(path):
+    """Columns of a CSV, numbers where they are."""
+    columns = {}
     with open(path, newline="") as file:
-        return list(csv.DictReader(file))
-
-
-def best():
-    """[(kind, seed, named numbers)] of the best interface of each seed, in the order of the lesser
-    energy of its two waves."""
-    rows = sorted(rows_of(BEST), key=lambda row: -min(float(row[key]) for key in COLUMNS[1:3]))
-    return [
-        (row["kind"], int(row["seed"]), {name: float(row[name]) for name in LIMITS}) for row in rows
-    ]
+        for row in csv.DictReader(file):
+            for key, value in row.items():
+                with contextlib.suppress(ValueError):
+                    value = float(value)
+                columns.setdefault(key, []).append(value)
+    return columns
 
 
 def duration(real):
@@ -83,9 +68,8 @@ def cubic():
     near, far = (
         Potential(law, r, dict(zip((k, a, b), numbers, strict=True))) for numbers in CUBIC[:2]
     )
-    return Interface(
-        near, far, (1.0, CUBIC[2]), solitary_wave(near, speed_ratio=CUBIC[3]).amplitude
-    )
+    crest = solitary_wave(near, speed_ratio=CUBIC[3]).amplitude
+    return Interface(near, far, (1.0, CUBIC[2]), crest)
 
 
 def numbers(real, one):
@@ -147,10 +131,10 @@ def profile(real, one, name, number):
 
 def data():
     """Verdicts, pulses, profiles and the density of the best; control and search."""
-    tables = {}
+    tables, found = {}, columns_of(BEST)
     control = cubic()
     cases = [("cubic laws", control, _composite.outcome(control, CUBIC_TIME, 2 * TRAVEL))]
-    for kind, seed, named in best()[:VERIFIED]:
+    for kind, seed, named in best(found)[:VERIFIED]:
         cases.append((f"prisms, {kind}, seed {seed}", *verified(named)))
     chief = max(cases[1:], key=lambda case: (case[2].does_both, min(case[2].verdict)))[0]
     for name, real, one in cases:
@@ -163,21 +147,7 @@ def data():
                 for k, _ in zip(range(2), several, strict=False):
                     if several[k].width > 0:
                         tables[f"profile {where} {k}"] = profile(real, one, where, k)
-    tables["best"] = columns_of(rows_of(BEST))
-    tables["search"] = columns_of(rows_of(SCATTER))
-    tables["counts"] = columns_of(rows_of(COUNTS))
-    return tables
-
-
-def columns_of(rows):
-    """Rows as columns, numbers where they are."""
-    columns = {}
-    for row in rows:
-        for key, value in row.items():
-            with contextlib.suppress(ValueError):
-                value = float(value)
-            columns.setdefault(key, []).append(value)
-    return columns
+    return tables | {"best": found, "search": columns_of(SCATTER), "counts": columns_of(COUNTS)}
 
 
 def draw(figure, tables):
@@ -203,15 +173,8 @@ def draw(figure, tables):
         ax.set(xlabel="bonds from the interface", ylabel="elongation [m]")
         where = WHERE[profiles[k].split()[1]]
         ax.set_title(f"{where}\ndots: run, line: exact wave of its crest", fontsize=9)
-    _draw_search(
-        axes["search"],
-        tables["search"],
-        [
-            energies(tables[f"{name} pulses"])
-            for name in cases_of(tables)
-            if name.startswith("prisms")
-        ],
-    )
+    verified = [energies(tables[f"{name} pulses"]) for name in cases_of(tables)[1:]]
+    _draw_search(axes["search"], tables["search"], verified)
     _draw_momenta(axes["momentum"], tables)
 
 
@@ -247,7 +210,7 @@ def _draw_search(ax, found, verified):
     both = np.maximum(np.array(verified).T, least)
     ax.scatter(*both, 130, "C3", marker="*", label="best of two seeds, followed longer: verified")
     for line in (ax.axhline, ax.axvline):
-        line(_composite.LEAST, color="0.4", lw=0.8, ls=":")
+        line(LEAST, color="0.4", lw=0.8, ls=":")
     ax.set(
         xscale="log", yscale="log", xlim=(least / 2, 1.5), ylim=(least / 2, 1.5),
         xlabel="energy of the reflected solitary rarefaction / incident",
@@ -274,150 +237,3 @@ def _draw_momenta(ax, tables):
     ax.set(xlabel="momentum at last / incident (tension: the sign of the incident one)")
     ax.set_title("who holds the momentum", fontsize=10)
     ax.legend(fontsize=8, loc="lower right", frameon=True)
-
-
-def quantities(table):
-    """{quantity: number} of a table."""
-    return dict(zip(table["quantity"], table["value"], strict=True))
-
-
-def cases_of(tables):
-    """Names of what was computed again."""
-    return [name for name in tables if f"{name} pulses" in tables]
-
-
-def pulses_in_words(table, where):
-    """The solitary pulses of one kind."""
-    mine = [row for row in lines(table) if row["where"] == where and row["solitary"]]
-    return (
-        "; ".join(
-            f"crest {row['crest']:.4g} m, {row['ratio']:.4f} times sound, misfit "
-            f"{100 * row['misfit']:.2g} %, energy {row['energy']:.2g}, {row['ahead']:.0f} sites "
-            "ahead of sound"
-            for row in mine
-        )
-        or "none"
-    )
-
-
-def table(tables):
-    """A row for each incidence."""
-    rows = []
-    for name in cases_of(tables):
-        value, pulses = quantities(tables[name]), tables[f"{name} pulses"]
-        rows.append(
-            {
-                "what": name,
-                "reflected solitary rarefactions": pulses_in_words(pulses, "back"),
-                "transmitted solitary compressions": pulses_in_words(pulses, "train"),
-                "momentum near, far, compressions": ", ".join(
-                    f"{value[f'momentum of the {part}']:+.5f}"
-                    for part in ("near chain", "far chain", "compressions")
-                ),
-                "at half the step": f"crests move by {value[CHANGE]:.1g}",
-            }
-        )
-    return rows
-
-
-CHANGE = "largest change of a crest at half the step"
-
-
-def searched(tables):
-    """Interfaces computed, and how many showed one wave, the other, or both."""
-    found, least = tables["search"], _composite.LEAST
-    back = np.array(found["reflected"], dtype=float) >= least
-    one, two = (np.array(found[key], dtype=float) >= least for key in COLUMNS[2:4])
-    return {
-        "interfaces": int(np.sum(tables["counts"]["count"])),
-        "followed": len(back),
-        "a reflected solitary rarefaction": int(back.sum()),
-        "a transmitted solitary compression": int(one.sum()),
-        "two of them": int(two.sum()),
-        "a reflected one and one transmitted": int((back & one).sum()),
-        "a reflected one and two transmitted": int((back & two).sum()),
-    }
-
-
-def text(tables):
-    """Definition, space, verdict, numbers and reason."""
-    names = cases_of(tables)
-    both = [
-        name for name in names[1:]
-        if quantities(tables[name])["reflected solitary rarefactions"] >= 1
-        and quantities(tables[name])["transmitted solitary compressions"] >= _composite.TRAIN
-    ]  # fmt: skip
-    verdict = (
-        f"**Verdict: reproduced with prisms, in {len(both)} of {len(names) - 1} interfaces "
-        "computed again from scratch.**" if both else
-        "**Verdict: not reproduced in one interface of prisms; below are the nearest ones.**"
-    )  # fmt: skip
-    lines = [
-        f"The talk: \"{CLAIM}\".", "", verdict, "",
-        f"A pulse counts as solitary where the exact wave of its crest differs by at most "
-        f"{_composite.MISFIT:.0%} of the largest in elongation and in velocity, over the width "
-        f"of the wave at {_composite.LEVEL:.0%}; its crest is ahead of the acoustic front that "
-        f"left the interface as the incident crest met it; and it carries at least "
-        f"{_composite.LEAST:g} of the incident energy.  No end was reached (elongations there "
-        f"below {_composite.QUIET:g} of the incident crest), and half the step says the same.  "
-        f"{_composite.TRAIN} compressions make a train.", "",
-        "Search: seeds draw interfaces evenly; the last ones go on by covariance matrix "
-        "adaptation, from the best of different seeds; from acoustically hard to soft.  "
-        + _seeds_in_words(tables["counts"]), "",
-        "| gene | from | to | even in |", "|---|---|---|---|",
-        *(f"| {name} | {low:g} | {high:g} | {'its logarithm' if log else 'itself'} |"
-          for name, (low, high, log) in LIMITS.items()), "",
-        "Energies of the search are of short coarse runs, in which slower pulses have not parted "
-        "yet: what is computed again may show more.", "",
-        "| of the interfaces | |", "|---|---|",
-        *(f"| {name} | {count:,} |" for name, count in searched(tables).items()), "",
-        "| why others were not followed | |", "|---|---|",
-        *(f"| {reason} | {count:,} |"
-          for reason, count in totals(tables["counts"], "reason").items()
-          if reason != FOLLOWED), "",
-        "| | reflected solitary rarefactions | transmitted solitary compressions | momentum of "
-        "the near chain, the far one, its solitary compressions | at half the step |",
-        "|---|---|---|---|---|",
-        *("| " + " | ".join(row.values()) + " |" for row in table(tables)), "",
-        *_genes_in_words(names[1:]),
-        *_reason(tables, names[1:]),
-    ]  # fmt: skip
-    return "\n".join(lines)
-
-
-def totals(counts, key):
-    """Interfaces computed, by what a column says."""
-    found = {}
-    for name, count in zip(counts[key], counts["count"], strict=True):
-        found[name] = found.get(name, 0) + int(count)
-    return found
-
-
-def _seeds_in_words(counts):
-    kinds = dict(zip(counts["seed"], counts["kind"], strict=True))
-    each = totals(counts, "seed")
-    return "; ".join(f"seed {int(k)}: {each[k]:,} ({kinds[k]})" for k in sorted(each)) + "."
-
-
-def _genes_in_words(names):
-    """Parameters of what was computed again."""
-    found = [named for _, _, named in best()]
-    rows = [f"| {gene} | " + " | ".join(f"{found[k][gene]:.6g}" for k in range(len(names))) + " |"
-            for gene in LIMITS]  # fmt: skip
-    return ["| | " + " | ".join(names) + " |", "|---" * (len(names) + 1) + "|", *rows, ""]
-
-
-def _reason(tables, names):
-    lines = ["Momentum is conserved: near + far = incident (to "
-             f"{max(quantities(tables[n])['momentum error'] for n in names):.0e}).  A rarefaction "
-             "that goes back alone would ask for a far chain that holds more than the incident "
-             "momentum, all of it tension; compression pulses push, so each is paid, in the far "
-             "chain by more tension or in the near one by the compression that follows the "
-             "reflected rarefaction."]  # fmt: skip
-    for name in names:
-        value = quantities(tables[name])
-        lines.append(
-            f"{name}: the far chain holds {value['momentum of the far chain']:.4f} of the incident "
-            f"momentum; its solitary compressions {value['momentum of the compressions']:+.2g}."
-        )
-    return lines

@@ -12,7 +12,7 @@ import re
 from typing import TYPE_CHECKING
 
 from tensegrity import check
-from tensegrity.engine.codegen import functions
+from tensegrity.engine.law import functions
 from tensegrity.errors import TensegrityError
 from tensegrity.springs.potential import Potential
 

@@ -6,7 +6,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-from benchmarks import kernel, methods, work_precision
+from benchmarks import _race, kernel, methods
 from benchmarks._candidates import SPLITTINGS
 from benchmarks.continuation import chart
 
@@ -60,17 +60,17 @@ RACE = [
 
 
 def test_time_at_an_error_lies_on_the_power_law_between_two_runs():
-    assert work_precision.seconds(RACE, "rkn6", 1e-6) == pytest.approx(0.02)
-    assert work_precision.seconds(RACE, "rkn6", 1e-2) == 0.01
-    assert work_precision.seconds(RACE, "rkn6", 1e-10) == np.inf
-    found = work_precision.ratios(RACE, "other")
+    assert _race.seconds(RACE, "rkn6", 1e-6) == pytest.approx(0.02)
+    assert _race.seconds(RACE, "rkn6", 1e-2) == 0.01
+    assert _race.seconds(RACE, "rkn6", 1e-10) == np.inf
+    found = _race.ratios(RACE, "other")
     assert found[3] == pytest.approx(0.04 / (0.01 * 4 ** (1 / 3)))  # at 1e-5
 
 
 def test_chart_of_speed_shows_the_call_the_best_loops_and_other_programs():
     more = [("verlet", "9 steps", 1e-4, 0.05, 0.0), ("verlet +p", "9 steps", 1e-4, 0.02, 0.0),
             ("simulate", "tol 1e-05", 1e-6, 0.05, 0.0)]  # fmt: skip
-    found, bare = work_precision.shown(RACE + more), work_precision.BARE
+    found, bare = _race.shown(RACE + more), _race.BARE
     assert list(found) == ["simulate", bare, f"{bare} +p", "other"]
     assert found[bare] == [(0.01, 1e-3), (0.04, 1e-9)]  # another was slower and no better
     assert found[f"{bare} +p"] == [(0.02, 1e-4)]
@@ -78,7 +78,7 @@ def test_chart_of_speed_shows_the_call_the_best_loops_and_other_programs():
 
 
 def test_chart_of_work_and_precision_writes_picture_and_table_whole(tmp_path):
-    picture, table = work_precision.chart({"one": RACE, "two": RACE[:2]}, tmp_path)
+    picture, table = _race.chart({"one": RACE, "two": RACE[:2]}, tmp_path)
     height, width, _ = plt.imread(picture).shape
     assert width > height > 400
     with open(table) as file:

@@ -7,7 +7,14 @@ import pytest
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-from figures import _composite, _composite_search, composite, wave_composite_map
+from figures import (
+    _composite,
+    _composite_search,
+    _composite_words,
+    _solitons,
+    composite,
+    wave_composite_map,
+)
 from tensegrity import Chain, Prism, Record, simulate, solitary_wave
 from tensegrity.errors import RangeError
 from tensegrity.measure.budget import beyond
@@ -26,9 +33,13 @@ def exact(spring):
     return lambda crest: solitary_wave(spring, amplitude=crest)
 
 
+def stored():
+    return _composite_search.best(composite.columns_of(_composite_search.BEST))
+
+
 def seen(chain, state, sign, front=0.0, spring=RIGID):
     r = chain.elongation(state.u)
-    return _composite.pulses(r, state.v, sign, exact(spring), front, 0.05 * np.abs(r).max())
+    return _solitons.pulses(r, state.v, sign, exact(spring), front, 0.05 * np.abs(r).max())
 
 
 # the detector
@@ -65,7 +76,7 @@ def test_crests_of_a_dispersive_train_are_refused():
     for sign in (1, -1):
         found = seen(chain, run.final, sign)
         assert found
-        assert all(one.misfit > 4 * _composite.MISFIT for one in found)
+        assert all(one.misfit > 4 * _solitons.MISFIT for one in found)
 
 
 def test_a_wave_that_is_scaled_by_a_fifth_is_refused():
@@ -74,15 +85,15 @@ def test_a_wave_that_is_scaled_by_a_fifth_is_refused():
     state = wave.launch(chain, 100.25)
     state = type(state)(1.2 * state.u, 1.2 * state.v)
     (one,) = seen(chain, state, -1)
-    assert one.misfit > _composite.MISFIT
+    assert one.misfit > _solitons.MISFIT
 
 
 def test_only_what_is_ahead_of_sound_and_strong_enough_counts():
-    good = _composite.Found(10.0, -0.1, 0.01, 3.0, energy=1e-3)
+    good = _solitons.Found(10.0, -0.1, 0.01, 3.0, energy=1e-3)
     assert good.is_solitary(1.0)
     assert not good._replace(misfit=0.051).is_solitary(1.0)
     assert not good._replace(ahead=-0.1).is_solitary(1.0)
-    assert not good._replace(energy=0.9 * _composite.LEAST).is_solitary(1.0)
+    assert not good._replace(energy=0.9 * _solitons.LEAST).is_solitary(1.0)
     answer = _composite.Answer([good], [], [good, good], 0.0)
     assert answer.verdict(1.0) == (1, 2)
     assert answer._replace(ends=1e-6).verdict(1.0) == (0, 0)
@@ -157,7 +168,7 @@ def test_a_reflected_rarefaction_that_holds_all_that_goes_back_asks_for_more_ten
 
 def test_a_stored_interface_of_prisms_does_both():
     """The winner of the search from its parameters, at a step and at half of it."""
-    named = next(named for kind, seed, named in composite.best() if seed == WINNER)
+    named = next(named for kind, seed, named in stored() if seed == WINNER)
     real, one = composite.verified(named)
     assert real.impedances[1] < real.impedances[0]  # from hard to soft
     assert one.does_both
@@ -171,7 +182,7 @@ def test_a_stored_interface_of_prisms_does_both():
 
 
 def test_where_a_motion_leaves_the_polynomials_the_prisms_themselves_are_taken(monkeypatch):
-    named = next(named for kind, seed, named in composite.best() if seed == WINNER)
+    named = next(named for kind, seed, named in stored() if seed == WINNER)
     asked = []
 
     def outcome(real, *_):
@@ -190,7 +201,7 @@ def test_where_a_motion_leaves_the_polynomials_the_prisms_themselves_are_taken(m
 @pytest.mark.slow
 def test_an_interface_of_two_elastic_prisms_does_both():
     """Its motion leaves the polynomials."""
-    named = next(named for kind, seed, named in composite.best() if seed == SECOND)
+    named = next(named for kind, seed, named in stored() if seed == SECOND)
     real, one = composite.verified(named)
     assert isinstance(real.near, ElasticPotential)
     assert one.does_both
@@ -217,9 +228,9 @@ def test_a_map_of_two_resolutions_tells_where_they_differ():
 
 
 def test_words_and_pictures_are_made_of_what_was_computed(control, monkeypatch):
-    monkeypatch.setattr(
-        composite, "best", lambda: [("kind", 7, dict.fromkeys(_composite_search.LIMITS, 1.0))]
-    )
+    alone = [("kind", 7, dict.fromkeys(_composite_search.LIMITS, 1.0))]
+    for module in (composite, _composite_words):
+        monkeypatch.setattr(module, "best", lambda _: alone)
     monkeypatch.setattr(composite, "verified", lambda named: control)
     monkeypatch.setattr(composite, "cubic", lambda: control[0])
     monkeypatch.setattr(_composite, "outcome", lambda *_, **__: control[1])

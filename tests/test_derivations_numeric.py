@@ -7,8 +7,8 @@ import sympy as sp
 
 from derivations import prism, rigid_response
 from tensegrity import Prism
-from tensegrity.engine.codegen import functions
 from tensegrity.engine.compiled import Compiled
+from tensegrity.engine.law import functions
 from tensegrity.engine.native import CompilerError
 
 EPS = np.finfo(float).eps

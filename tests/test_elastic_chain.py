@@ -8,10 +8,10 @@ import pytest
 from scenes import extended
 
 from tensegrity import Chain, Prism, RangeError, equilibrium_path, simulate
-from tensegrity.engine.codegen import functions
 from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.interpreted import Interpreted
 from tensegrity.engine.kernel import bind
+from tensegrity.engine.law import functions
 from tensegrity.engine.methods import METHODS
 from tensegrity.waves.asymptotics import sound_speed
 

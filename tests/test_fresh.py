@@ -14,8 +14,8 @@ from benchmarks import fresh
 from tensegrity import Chain, PowerLaw, Prism
 from tensegrity.engine import kept as kept_module
 from tensegrity.engine import programs
-from tensegrity.engine.codegen import DerivedLaw, functions
 from tensegrity.engine.kept import cache_folder, kept
+from tensegrity.engine.law import DerivedLaw, functions
 from tensegrity.prisms.closed import rigid_law
 from tensegrity.prisms.condensed import functions as functions_of
 from tensegrity.prisms.equations import problem

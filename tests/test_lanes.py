@@ -9,9 +9,10 @@ import pytest
 from networks import patch, pushed
 
 from tensegrity import Network, PowerLaw, Prism, State, Wall
-from tensegrity.engine import codegen, lanes
+from tensegrity.engine import lanes
 from tensegrity.engine.bonds import GROUP, PAIR
 from tensegrity.engine.bound_net import BoundNet
+from tensegrity.engine.codegen import joined
 from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.methods import METHODS
 from tensegrity.engine.native import library
@@ -30,8 +31,8 @@ def packed(function, flags=()):
         "    for (integer i = 0; i < n; i += WIDE) {\n        a = load(x + i);\n"
         "        made(1, &a, &b);\n        store(y + i, b);\n    }\n}\n"
     )
-    parts = (codegen._file("prelude.c"), "#define DIM 1", codegen._file("lanes.c"), text, call)
-    found = library("\n".join(parts), flags)["call"]
+    parts = ("prelude.c", "#define DIM 1", "lanes.c", text, call)
+    found = library(joined(parts), flags)["call"]
     found.argtypes, found.restype = [ctypes.c_longlong, ctypes.c_void_p, ctypes.c_void_p], None
 
     def apply(x):

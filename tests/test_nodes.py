@@ -10,7 +10,7 @@ import sympy as sp
 from derivations import nodes as derived
 from derivations import prism as symmetric
 from tensegrity import Prism, TensegrityError, equilibrium_path
-from tensegrity.engine.codegen import to_casadi
+from tensegrity.engine.law import to_casadi
 from tensegrity.prisms import stability as nodes
 from tensegrity.prisms.stack import symmetric_nodes
 

@@ -275,7 +275,7 @@ def test_stiffness_of_a_prism_of_bars_and_strings_is_the_18_coordinate_tangent()
     import casadi as ca
 
     from derivations import nodes
-    from tensegrity.engine.codegen import to_casadi
+    from tensegrity.engine.law import to_casadi
 
     prism = Prism(1.0, 0.8, 0.1, 1.0, 5.0, 50.0)
     cross, base, bar = prism.natural_lengths()

@@ -11,7 +11,8 @@ from pathlib import Path
 import casadi as ca
 
 from tensegrity import Prism
-from tensegrity.engine.codegen import c_text, functions, to_casadi
+from tensegrity.engine.codegen import c_text
+from tensegrity.engine.law import functions, to_casadi
 from tensegrity.engine.methods import METHODS
 from tensegrity.prisms.closed import rigid_law, rigid_programs
 

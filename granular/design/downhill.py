@@ -26,6 +26,7 @@ from tensegrity import PowerLaw, TensegrityError
 from tensegrity.engine import kernel, reverse
 from tensegrity.engine.bonds import Bonds
 from tensegrity.engine.methods import METHODS
+from tensegrity.engine.reverse_layout import Layout
 from tensegrity.runs.loops import parts
 
 if TYPE_CHECKING:
@@ -87,7 +88,7 @@ class Pass:
         bonds = self._bonds()
         self._u, self._v = np.zeros((2, len(self._weights)))
         self._loop = kernel.bind(self._u, self._v, bonds, self._method, self._dt)
-        self._layout = reverse.Layout(bonds, ((0,),))
+        self._layout = Layout(bonds, ((0,),))
         self._back: dict[int, Any] = {}
 
     def _backward(self, objectives: int) -> tuple[Any, Any]:

@@ -1,343 +1,21 @@
-"""From a symbolic energy to CasADi functions and to C text.
+"""C text of a loop over bonds, from their laws.
 
-A `Law` is a scalar energy of one elongation with named parameters.  CasADi differentiates it
-(unless the law brings its own form of the tension) and writes the C; the text is used as
-CasADi writes it, between `prelude.c` and the text of a loop.  A law may also be made of CasADi
-expressions from the start: what is asked of it is a hash, `parameters`, `forms()`, and `split`
-and `compiled` as in `Law`.  What is generated from a law that has a `name`, for good and in every
-process, is kept: see `tensegrity.engine.kept`.
+CasADi writes the C of a law's functions; the text is used as CasADi writes it, between `prelude.c`
+and the text of a loop.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from tensegrity.engine import lanes
-from tensegrity.engine.kept import kept, maker
-from tensegrity.errors import TensegrityError
-from tensegrity.once import once
+from tensegrity.engine.law import DERIVATIVES, facts, functions
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
     from typing import Any
 
-    import sympy as sp
-
-DERIVATIVES = ("energy", "tension", "stiffness", "slope")
 LONG = 500  # instructions from which a law is compiled apart from the loop
-
-
-@dataclass(frozen=True)
-class Law:
-    """Energy V(r; parameters) of a bond, and optionally a better form of its tension.
-
-    Attributes
-    ----------
-    energy : sympy.Expr
-        Energy [J] as a function of `elongation` [m] and `parameters`.
-    elongation : sympy.Symbol
-    parameters : tuple of sympy.Symbol
-        Values are given at run time, so that one compiled kernel serves them all.
-    tension : sympy.Expr, optional
-        A form of dV/dr [N] preferred to automatic differentiation of the energy.
-    through : tuple of (symbol, value, derivative), optional
-        Quantities by which `tension` depends on the elongation, besides directly, each with
-        its value and a form of its derivative preferred to automatic differentiation.
-    """
-
-    energy: sp.Expr
-    elongation: sp.Symbol
-    parameters: tuple[sp.Symbol, ...] = ()
-    tension: sp.Expr | None = None
-    through: tuple[tuple[sp.Symbol, sp.Expr, sp.Expr], ...] = ()
-    split = True  # the compiled loop may compute a square root of it ahead
-    compiled = DERIVATIVES  # what is compiled besides the tension in the loop
-    name = ""  # what stands for it in other processes, if anything does
-
-    def forms(self) -> tuple[Any, Any, Sequence[Any]]:
-        """The law in CasADi.
-
-        Returns
-        -------
-        r, p : casadi.SX
-            Symbols of the elongation and of all parameters, (parameters,).
-        forms : tuple of casadi.SX
-            Energy, tension, stiffness, slope, each the derivative of the one before it.
-        """
-        import casadi as ca
-
-        r, p = ca.SX.sym("r"), ca.SX.sym("p", len(self.parameters))
-        symbols = (self.elongation, *self.parameters)
-        values = (r, *ca.vertsplit(p)) if self.parameters else (r,)
-        passed = [symbol for symbol, _, _ in self.through]
-        y = ca.SX.sym("y", len(passed))
-
-        def sx(expression):
-            known = (*values, *ca.vertsplit(y)) if passed else values
-            return ca.SX(to_casadi(expression, (*symbols, *passed))(*known))
-
-        y_of_r = ca.vertcat(*(sx(value) for _, value, _ in self.through))
-        y_rate = ca.vertcat(*(sx(rate) for _, _, rate in self.through))
-
-        def rate(value):
-            along = ca.dot(ca.gradient(value, y), y_rate) if passed else 0
-            return ca.gradient(value, r) + along
-
-        energy = sx(self.energy)
-        tension = rate(energy) if self.tension is None else sx(self.tension)
-        stiffness = rate(tension)
-        forms = (energy, tension, stiffness, rate(stiffness))
-        return r, p, [ca.substitute(form, y, y_of_r) if passed else form for form in forms]
-
-
-class DerivedLaw(Law):
-    """A law that a function of this package derives, when its expressions are asked for.
-
-    Parameters
-    ----------
-    make : callable
-        A function of a module, which gives a `Law`.
-    *arguments
-        What it is called with; texts and numbers, which say all that the law depends on.
-    """
-
-    def __init__(self, make: Callable[..., Law], *arguments: Any) -> None:
-        self.__dict__.update(make=make, arguments=arguments)
-        self.__dict__["name"] = maker(make, *arguments)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, DerivedLaw) and self.name == other.name
-
-    def __hash__(self) -> int:
-        return hash(self.name)
-
-    def __repr__(self) -> str:
-        return f"DerivedLaw({self.name.rpartition(' ')[0]})"
-
-    def forms(self) -> tuple[Any, Any, Sequence[Any]]:
-        """The law in CasADi; see `Law.forms`."""
-        return _derived(self).forms()
-
-
-@once
-def _derived(law):
-    return law.make(*law.arguments)
-
-
-def _ask(name):
-    return property(lambda self: getattr(_derived(self), name))
-
-
-for _field in fields(Law):
-    setattr(DerivedLaw, _field.name, _ask(_field.name))
-DerivedLaw.parameters = property(lambda self: tuple(facts(self)["parameters"]))  # type: ignore
-
-
-def named(what: str, laws: Sequence[Any], *more: Any) -> tuple[Any, ...] | None:
-    """What `kept` takes for something made of laws; None where one of them has no name."""
-    names = tuple(getattr(law, "name", "") for law in laws)
-    return (what, names, *more) if all(names) else None
-
-
-def to_casadi(expression: Any, symbols: Sequence[Any]) -> Callable[..., Any]:
-    """A SymPy expression, or a list of them, as a function of CasADi SX symbols.
-
-    Common subexpressions are kept.
-    """
-    import casadi as ca
-    import sympy as sp
-
-    choose, signum = sp.Function("choose"), sp.Function("signum")
-
-    def branches(*pairs):
-        result = sp.Integer(0)
-        for value, condition in reversed(pairs):
-            result = value if condition == True else choose(condition, value, result)  # noqa: E712
-        return result
-
-    own = [sp.Dummy(f"x{k}") for k in range(len(symbols))]  # a symbol may be called exp
-    renamed = dict(zip(symbols, own, strict=True))
-
-    def prepared(one):
-        one = sp.sympify(one).replace(sp.Piecewise, branches).replace(sp.sign, signum)
-        return one.xreplace(renamed)
-
-    if isinstance(expression, (list, tuple)):
-        expression = [prepared(one) for one in expression]
-    else:
-        expression = prepared(expression)
-    names = {
-        "Max": lambda *x: ca.fmax(*x),
-        "Min": lambda *x: ca.fmin(*x),
-        "Abs": ca.fabs,
-        "Heaviside": lambda x, *_: x > 0,
-        "ln": ca.log,
-        "choose": ca.if_else,
-        "signum": ca.sign,
-    }
-    return sp.lambdify(own, expression, modules=[names, ca], cse=True)
-
-
-def horner(coefficients, t):
-    """Value at t of the polynomial with these coefficients, the constant first."""
-    value = coefficients[-1]
-    for coefficient in coefficients[-2::-1]:
-        value = value * t + coefficient
-    return value
-
-
-def deflated(coefficients, root):
-    """Coefficients of (P(t) - P(root))/(t - root), for those of P(t), the constant first."""
-    quotient = [coefficients[-1]]
-    for coefficient in coefficients[-2:0:-1]:
-        quotient.append(coefficient + root * quotient[-1])
-    return quotient[::-1]
-
-
-def check_law(law: Law) -> None:
-    """Refuse a law that cannot be translated, saying why."""
-    import sympy as sp
-
-    for constant in (sp.nan, sp.oo, -sp.oo, sp.zoo, sp.I):
-        if law.energy.has(constant):
-            raise TensegrityError(f"energy {law.energy} contains {constant}")
-    try:
-        functions(law)
-    except Exception as error:  # whatever SymPy's printer or CasADi raises at what it cannot do
-        raise TensegrityError(f"energy {law.energy} cannot be translated: {error}") from error
-
-
-def in_pieces(expression: Any) -> bool:
-    """Whether a SymPy expression is made of pieces, where derivatives may jump."""
-    import sympy as sp
-
-    return expression.has(sp.Max, sp.Min, sp.Abs, sp.Heaviside, sp.Piecewise, sp.sign)
-
-
-@once
-def functions(law: Any) -> Any:
-    """CasADi functions of a law.
-
-    Returns
-    -------
-    dict of casadi.Function
-        "energy", "tension", "stiffness", "slope": (r, parameters) -> value, each the
-        derivative of the one before it; and the tension in two parts for the compiled loop,
-        "head": (r, parameters) -> h, an innermost square root of it, and
-        "tail": (r, h, parameters) -> tension.
-    """
-    import casadi as ca
-
-    r, p, forms = law.forms()
-    result = {
-        name: ca.Function(name, [r, p], [form])
-        for name, form in zip(DERIVATIVES, forms, strict=True)
-    }
-    h = ca.SX.sym("h")
-    head, tail = _split_at_root(result["tension"], r, h, p) if law.split else (ca.SX(0), forms[1])
-    result["head"] = ca.Function("head", [r, p], [head])
-    result["tail"] = ca.Function("tail", [r, h, p], [tail])
-    return result
-
-
-def evaluate(law, order, parameters, r):
-    """The order-th derivative of a law on CasADi's machine; see `Compiled.evaluate`."""
-    function = functions(law)[DERIVATIVES[order]]
-    p = np.asarray(parameters, dtype=float)[: len(law.parameters)]
-    if p.ndim == 2 and r.size:
-        p = np.tile(p, r.size // r.shape[-1])
-    return np.array(function(r.reshape(1, -1), p.reshape(len(p), -1 if p.size else 1))).reshape(
-        r.shape
-    )
-
-
-@once
-def facts(law: Any) -> dict[str, Any]:
-    """What is asked of a law besides its functions: names of its parameters, seconds that a
-    tension takes in a compiled loop, roughly: counted, not measured, and its instructions."""
-    return kept(named("facts", (law,)), lambda: _facts(law))
-
-
-def _facts(law):
-    import casadi as ca
-
-    slow = {ca.OP_SQRT: 16, ca.OP_DIV: 8, ca.OP_INV: 8}
-    slow |= dict.fromkeys((ca.OP_EXP, ca.OP_LOG, ca.OP_POW, ca.OP_SIN, ca.OP_COS), 150)
-    tension = functions(law)["tension"]
-    count = range(tension.n_instructions())
-    return {
-        "parameters": [str(parameter) for parameter in _given(law).parameters],
-        "cost": 4e-11 * sum(slow.get(tension.instruction_id(k), 1) for k in count),
-        "instructions": functions(law)["tail"].n_instructions(),
-        "packed": lanes.gains(tension),
-        "packed_energy": "energy" in law.compiled and lanes.gains(functions(law)["energy"]),
-    }
-
-
-def _given(law):
-    return _derived(law) if isinstance(law, DerivedLaw) else law
-
-
-def cost(law: Any) -> float:
-    """Seconds that a tension takes in a compiled loop, roughly: counted, not measured."""
-    return facts(law)["cost"]
-
-
-def interpret(function, inputs, kind, visit=lambda operation, value: value):
-    """Run the instructions of an SX function on expressions of another kind.
-
-    Parameters
-    ----------
-    function : casadi.Function
-        With scalar output, made of SX.
-    inputs : sequence of sequences
-        For each input of the function its entries, as expressions of `kind`.
-    kind : type
-        casadi.SX or casadi.MX; an MX entry may be a vector, all operations being elementwise.
-    visit : callable (operation, value) -> value
-        Sees, and may replace, each result.
-    """
-    import casadi as ca
-
-    work, output = {}, None
-    for k in range(function.n_instructions()):
-        operation = function.instruction_id(k)
-        source, target = function.instruction_input(k), function.instruction_output(k)
-        if operation == ca.OP_CONST:
-            work[target[0]] = kind(function.instruction_constant(k))
-        elif operation == ca.OP_INPUT:
-            work[target[0]] = inputs[source[0]][source[1]]
-        elif operation == ca.OP_OUTPUT:
-            output = work[source[0]]
-        else:
-            apply = kind.unary if len(source) == 1 else kind.binary
-            value = apply(operation, *(work[i] for i in source))
-            work[target[0]] = visit(operation, value)
-    return output
-
-
-def _split_at_root(tension, r, h, p):
-    """The first square root met that depends on r, and the tension in terms of it as h.
-
-    Computed in a loop of its own it halves the longest chain of slow operations, which
-    otherwise is what the processor waits for, rather than their number.
-    """
-    import casadi as ca
-
-    roots = []
-
-    def visit(operation, value):
-        if not roots and operation == ca.OP_SQRT and ca.depends_on(value, r):
-            roots.append(value)
-            return h
-        return value
-
-    tail = interpret(tension, [[r], ca.vertsplit(p) if p.numel() else []], ca.SX, visit)
-    return (roots[0] if roots else ca.SX(0)), tail
 
 
 def c_text(laws, loop="line", own=None, helpers=(), packed=(), extra=()):
@@ -377,7 +55,7 @@ def c_text(laws, loop="line", own=None, helpers=(), packed=(), extra=()):
                 f"{{{gives}}}; real *res[] = {{&y}}; {unique}(arg, res, 0, 0, 0); return y; }}"
             )
         if own[number] is not None:
-            hooks.append(_take(number, len(law.parameters), own[number]))
+            hooks.append(take(number, len(law.parameters), own[number]))
     for function, hook in helpers:
         generator.add(function)
         hooks.append(hook)
@@ -404,38 +82,31 @@ def c_text(laws, loop="line", own=None, helpers=(), packed=(), extra=()):
         f"{loop}.h",
     ]
     for number, kind in runs:
-        parts += [
-            f"#define K {number}",
-            f"#define OWNED {kind}",
-            f"#define IS_LONG {int(is_long(laws[number]))}",
-            f"#define BESIDE ({int(beside[number])} && WIDE == 8)",
-            f"{loop}_law.c",
-            "#undef K",
-            "#undef OWNED",
-            "#undef IS_LONG",
-            "#undef BESIDE",
-        ]
-    parts += [
-        f"{loop}.c",
-        "steps.c",
-        "openings.h",
-        f"{loop}_openings.c",
-        "openings.c",
-        "evaluate.c",
-        *["values.c"] * (loop == "line" and own == (None,)),
-        *extra,
-    ]
-    return joined(parts)
+        long = int(is_long(laws[number]))
+        parts += run_text(f"{loop}_law.c", number, kind, beside[number], IS_LONG=long)
+    parts += [f"{loop}.c", "steps.c", "openings.h", f"{loop}_openings.c", "openings.c"]
+    parts += ["evaluate.c", *["values.c"] * (loop == "line" and own == (None,))]
+    return joined([*parts, *extra])
+
+
+def run_text(file, number, kind, beside, **more):
+    """Parts of the text of one kind of runs of a law, what it is told defined around them."""
+    told = {"K": number, "OWNED": kind, **more, "BESIDE": f"({int(beside)} && WIDE == 8)"}
+    return [*(f"#define {x} {y}" for x, y in told.items()), file, *(f"#undef {x}" for x in told)]
 
 
 def joined(parts):
-    """C of parts, each a text or the name of a file of the loop."""
-    return "\n".join(_file(part) if part.endswith((".c", ".h")) else part for part in parts)
+    """C of parts, each a text or the name of a file of the loop, whose lines messages name."""
+    folder = files(__package__)
+    return "\n".join(
+        f'#line 1 "{part}"\n{folder.joinpath(part).read_text()}'
+        if part.endswith((".c", ".h")) else part for part in parts
+    )  # fmt: skip
 
 
-def _file(name):
-    """The text of a file of the loop, such that messages and profiles name its lines."""
-    return f'#line 1 "{name}"\n{files(__package__).joinpath(name).read_text()}'
+def cost(law: Any) -> float:
+    """Seconds that a tension takes in a compiled loop, roughly: counted, not measured."""
+    return facts(law)["cost"]
 
 
 def is_long(law):
@@ -455,6 +126,14 @@ def is_packed(law):
     return facts(law)["packed"]
 
 
+def packs(law, own, one):
+    """C of pack number g of each parameter: `one` of its number, or of its own column."""
+    return [
+        f"load(own + {own.index(k)} * all + g * GROUP)" if k in own else one.format(k)
+        for k in range(len(law.parameters))
+    ]
+
+
 def _lanes(laws, own, beside, line):
     """C of the tensions of several contacts, `tension_lanes_<law>_<kind of run>`."""
     shared, one = ("real", "wide(p[{}])") if line else ("pack", "p[{}]")
@@ -463,11 +142,7 @@ def _lanes(laws, own, beside, line):
         if not beside[number]:
             continue
         for kind in kinds(law, own[number]):
-            mine = own[number] if kind else ()
-            p = [
-                f"load(own + {mine.index(k)} * all + g * GROUP)" if k in mine else one.format(k)
-                for k in range(len(law.parameters))
-            ]
+            p = packs(law, own[number] if kind else (), one)
             name = f"tension_lanes_{number}_{kind}"
             yield lanes.text(functions(law)["tension"], name, arguments, [["r[g]"], p], [["f[g]"]])
 
@@ -476,13 +151,13 @@ def _energy_lanes(laws):
     """C of the energies of several bonds, `energy_lanes_<law>`."""
     for number, law in enumerate(laws):
         if facts(law)["packed_energy"]:
-            p = [f"wide(p[{k}])" for k in range(len(law.parameters))]
+            p = packs(law, (), "wide(p[{}])")
             arguments, energy = "const pack *r, const real *p, pack *e", functions(law)["energy"]
             name = f"energy_lanes_{number}"
             yield lanes.text(energy, name, arguments, [["r[g]"], p], [["e[g]"]])
 
 
-def _take(number, count, own):
+def take(number, count, own):
     """C that gathers the parameters of bond q of a run, those of its own from columns of `all`."""
     each = " ".join(
         f"p[{k}] = own[{own.index(k)} * all + q];" if k in own else f"p[{k}] = shared[{k}];"

@@ -6,9 +6,11 @@ import ctypes
 
 import numpy as np
 
-from tensegrity.engine import codegen, geometry
+from tensegrity.engine import geometry
 from tensegrity.engine.bonds import GROUP
+from tensegrity.engine.codegen import c_text
 from tensegrity.engine.kept import kept
+from tensegrity.engine.law import DERIVATIVES, evaluate, named
 from tensegrity.engine.native import library
 from tensegrity.once import once
 
@@ -47,7 +49,7 @@ class Compiled:
         flags = ["-DEXTENDED"] * extended + [f"-DLANES={lanes}"] * (lanes > 1)
         flags += [f"-DDIM={dim}"] * (dim > 0)
         loop = "net" if dim else "line"
-        parts = codegen.named(self.kind, laws, loop, self.own, dim)
+        parts = named(self.kind, laws, loop, self.own, dim)
         self.library = found = library(kept(parts, lambda: self._text(loop)), flags)
         address, number = ctypes.c_void_p, ctypes.c_longlong
         for name, arguments in (
@@ -69,7 +71,7 @@ class Compiled:
     def _text(self, loop):
         dim = self.dim
         parts = (geometry.helpers(dim), geometry.side_by_side(dim)) if dim else ()
-        return codegen.c_text(self.laws, loop, self.own, *parts, extra=self.extra)
+        return c_text(self.laws, loop, self.own, *parts, extra=self.extra)
 
     @classmethod
     def of(cls, bonds, lanes=1, extended=False):
@@ -86,8 +88,8 @@ class Compiled:
             In common, or those of each place along the last axis of r.
         r : ndarray, C-contiguous, (..., n)
         """
-        if codegen.DERIVATIVES[order] not in self.laws[law].compiled:
-            return codegen.evaluate(self.laws[law], order, parameters, r)
+        if DERIVATIVES[order] not in self.laws[law].compiled:
+            return evaluate(self.laws[law], order, parameters, r)
         p = self.padded(parameters)
         out = np.empty_like(r)
         given = p.ctypes.data, r.ctypes.data, out.ctypes.data

@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity.engine import codegen, lanes
+from tensegrity.engine import lanes
 from tensegrity.engine.bound_line import BoundLine
 from tensegrity.engine.bound_net import BoundNet
+from tensegrity.engine.codegen import is_long
 from tensegrity.engine.compiled import Compiled, structure_of
 from tensegrity.engine.driven_plain import BoundPlain
 from tensegrity.engine.kernel import warn_slow
@@ -176,7 +177,7 @@ class DrivenLoop(Compiled):
         law = self.laws[-1]
         if not isinstance(law, Change):
             return ("driven.c",)
-        if self.dim or codegen.is_long(law.law):
+        if self.dim or is_long(law.law):
             return "#define CHANGE\n#define change(r, p) energy_1(r, p)", "driven.c"
         p = [f"wide(p[{k}])" for k in range(len(law.parameters))]
         arguments = "const pack *r, const real *p, pack *f, pack *rate"

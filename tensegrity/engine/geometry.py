@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from tensegrity.engine import codegen, lanes
+from tensegrity.engine import lanes
+from tensegrity.engine.codegen import joined
+from tensegrity.engine.law import to_casadi
 from tensegrity.once import once
 
 
@@ -24,7 +26,7 @@ def functions(dim):
     pair = wall if dim == 1 else [derived.elongation(dim), *derived.direction(dim)]
     found = {}
     for kind, form in {"pair": pair, "wall": wall}.items():
-        r, *along = codegen.to_casadi(form, names)(*values)
+        r, *along = to_casadi(form, names)(*values)
         found[kind] = ca.Function(f"geometry_{kind}", symbols, [r, ca.vertcat(*along)])
     return found
 
@@ -48,7 +50,7 @@ def text(dim, file):
     for function, hook in helpers(dim):
         generator.add(function)
         hooks.append(hook)
-    return codegen.joined(["subnormal.c", "prelude.c", generator.dump(), *hooks, file])
+    return joined(["subnormal.c", "prelude.c", generator.dump(), *hooks, file])
 
 
 def side_by_side(dim):

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from tensegrity.engine import codegen, geometry, plain
+from tensegrity.engine import geometry, plain
 from tensegrity.engine.bonds import KINDS, by_spring
+from tensegrity.engine.law import evaluate, functions, interpret
 from tensegrity.engine.methods import Corrected, Splitting
 from tensegrity.engine.openings import Openings
 
@@ -33,7 +34,7 @@ class Interpreted:
 
     def evaluate(self, law, order, parameters, r):
         """The order-th derivative of law number `law` at elongations r; as `Compiled.evaluate`."""
-        return codegen.evaluate(self.laws[law], order, parameters, r)
+        return evaluate(self.laws[law], order, parameters, r)
 
 
 class BoundInterpreted:
@@ -194,7 +195,7 @@ class _Pull:
         import casadi as ca
 
         self._bonds, self._runs = bonds, bonds.runs
-        self._tensions = [codegen.functions(law)["tension"] for law in bonds.laws]
+        self._tensions = [functions(law)["tension"] for law in bonds.laws]
         contacts = bonds.contacts
         members = [self._runs.members(k) for k in range(len(self._runs.law))]
         self._members = members
@@ -244,7 +245,7 @@ class _Pull:
             values = values[:, :1]
         function = self._tensions[self._runs.law[k]]
         inputs = [[r], [ca.MX(ca.DM(x)) for x in values[: function.size1_in(1)]]]
-        return codegen.interpret(function, inputs, ca.MX) * ca.MX.ones(r.shape[0])
+        return interpret(function, inputs, ca.MX)[0] * ca.MX.ones(r.shape[0])
 
     def _contact(self, k, u):
         """Elongations of a run of contacts, and their direction along each axis."""
@@ -259,7 +260,7 @@ class _Pull:
         inputs = [place[:dim], w, [place[dim]], [place[dim + 1]]]
         forms = geometry.scalars(dim, kind)
         ones = ca.MX.ones(len(members))
-        return_, *axes = (codegen.interpret(form, inputs, ca.MX) * ones for form in forms)
+        return_, *axes = (interpret(form, inputs, ca.MX)[0] * ones for form in forms)
         return return_, axes
 
 

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import ctypes
 
-from tensegrity.engine import codegen, geometry, lanes
+from tensegrity.engine import geometry, lanes
+from tensegrity.engine.codegen import is_packed, joined, packs, run_text, take
+from tensegrity.engine.law import applied, functions, interpret
 from tensegrity.engine.native import CompilerError, library
 from tensegrity.once import once
 
@@ -46,9 +48,6 @@ def law_parts(law, wanted):
     return below, above
 
 
-CHOICES = ("OP_IF_ELSE_ZERO", "OP_NOT", "OP_AND", "OP_OR")
-
-
 def _without_divisions(function, r, p):
     """Outputs with symbols for reciprocals, and pairs of a denominator and its symbol.
 
@@ -58,9 +57,9 @@ def _without_divisions(function, r, p):
     import casadi as ca
 
     inputs = [[r], ca.vertsplit(p) if p.numel() else []]
-    work, known, outputs = {}, {}, {}
-    operations = {function.instruction_id(k) for k in range(function.n_instructions())}
-    chosen = not operations.isdisjoint(getattr(ca, name) for name in CHOICES)
+    known = {}
+    operations = map(function.instruction_id, range(function.n_instructions()))
+    chosen = {ca.OP_IF_ELSE_ZERO, ca.OP_NOT, ca.OP_AND, ca.OP_OR}.intersection(operations)
 
     def reciprocal(x):
         key = x.element_hash()
@@ -72,23 +71,12 @@ def _without_divisions(function, r, p):
             known[key] = x, ca.SX.sym(f"i{len(known)}")
         return known[key][1]
 
-    for k in range(function.n_instructions()):
-        operation = function.instruction_id(k)
-        source, target = function.instruction_input(k), function.instruction_output(k)
-        if operation == ca.OP_CONST:
-            work[target[0]] = ca.SX(function.instruction_constant(k))
-        elif operation == ca.OP_INPUT:
-            work[target[0]] = inputs[source[0]][source[1]]
-        elif operation == ca.OP_OUTPUT:
-            outputs[target[1]] = work[source[0]]
-        elif operation == ca.OP_DIV and not work[source[1]].is_constant():
-            work[target[0]] = work[source[0]] * reciprocal(work[source[1]])
-        elif operation == ca.OP_INV:
-            work[target[0]] = reciprocal(work[source[0]])
-        else:
-            apply = ca.SX.unary if len(source) == 1 else ca.SX.binary
-            work[target[0]] = apply(operation, *(work[i] for i in source))
-    values = ca.vertcat(*(outputs.get(k, ca.SX(0)) for k in range(function.nnz_out(0))))
+    def apply(operation, *values):
+        if operation == ca.OP_DIV and not values[1].is_constant():
+            return values[0] * reciprocal(values[1])
+        return reciprocal(*values) if operation == ca.OP_INV else applied(operation, *values)
+
+    values = ca.vertcat(*interpret(function, inputs, ca.SX, apply))
     if chosen:
         return values, list(known.values())
     kept = []
@@ -165,21 +153,21 @@ def c_text(laws, own, wanted, dim, exact):
 
     generator, hooks = ca.CodeGenerator("laws.c"), []
     for number, law in enumerate(laws):
-        functions = dict(zip(("below", "above"), law_parts(law, wanted[number]), strict=True))
+        made = dict(zip(("below", "above"), law_parts(law, wanted[number]), strict=True))
         if exact:
-            functions["tension"] = codegen.functions(law)["tension"]
-        for name, function in functions.items():
+            made["tension"] = functions(law)["tension"]
+        for name, function in made.items():
             sx = function.sx_in()
             generator.add(ca.Function(f"law{number}_{name}", sx, [function(*sx)]))
-        hooks.append(HOOK.format(k=number, count=functions["below"].nnz_out(0)))
+        hooks.append(HOOK.format(k=number, count=made["below"].nnz_out(0)))
         if exact:
             hooks.append(TENSION.format(k=number))
         if own[number] is not None:
-            hooks.append(codegen._take(number, len(law.parameters), own[number]))
+            hooks.append(take(number, len(law.parameters), own[number]))
     for function, hook in geometry.helpers(dim) if dim else ():
         generator.add(function)
         hooks.append(hook)
-    beside = [codegen.is_packed(law) and not exact for law in laws]
+    beside = [is_packed(law) and not exact for law in laws]
     hooks += ["lanes.c", PACKS]
     for number, law in enumerate(laws):
         if beside[number]:
@@ -190,12 +178,10 @@ def c_text(laws, own, wanted, dim, exact):
     parts = ["subnormal.c", "prelude.c", generator.dump(), *hooks]
     parts += [f"#define PARAMETERS {most}", f"#define RUNS(X) {listed}", f"#define EXACT {exact:d}"]
     for number, kind in runs:
-        parts += [f"#define K {number}", f"#define OWNED {kind}"]
-        parts += [f"#define WANTED {len(wanted[number])}"]
-        parts += [f"#define BESIDE ({int(beside[number])} && WIDE == 8)", "reverse_law.c"]
-        parts += ["#undef K", "#undef OWNED", "#undef WANTED", "#undef BESIDE"]
+        asked = len(wanted[number])
+        parts += run_text("reverse_law.c", number, kind, beside[number], WANTED=asked)
     parts += ["reverse.h", "reverse_net.c" if dim else "reverse_line.c", "reverse_steps.c"]
-    return "\n".join(codegen._file(x) if x.endswith((".c", ".h")) else x for x in parts)
+    return joined(parts)
 
 
 def _lanes(number, law, own, wanted):
@@ -205,12 +191,7 @@ def _lanes(number, law, own, wanted):
     found = [f"INTO({x} + g * GROUP)" for x in ("f", "k")]
     found += [f"INTO(d + {m} * apart + g * GROUP)" for m in range(len(wanted))]
     for kind in (0, 1)[: 1 + (own is not None)]:
-        mine = own if kind else ()
-        p = [
-            f"load(own + {mine.index(k)} * all + g * GROUP)" if k in mine else f"wide(shared[{k}])"
-            for k in range(len(law.parameters))
-        ]
-        given = [["load(r + g * GROUP)"], p]
+        given = [["load(r + g * GROUP)"], packs(law, own if kind else (), "wide(shared[{}])")]
         name = f"reverse_lanes_{number}_{kind}"
         yield lanes.text(law_function(law, wanted), name, arguments, given, [found])
 
@@ -225,17 +206,7 @@ class Library:
         calls = {
             "sow": [address, address, number],
             "reverse": [address] + [number] * 4 + [address],
-            "sampled": [
-                address,
-                address,
-                number,
-                address,
-                address,
-                address,
-                number,
-                number,
-                address,
-            ],
+            "sampled": [address] * 2 + [number] + [address] * 3 + [number] * 2 + [address],
             "evaluate": [number, number, number, *[address] * 5],
         }
         if exact:

@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity.engine import codegen
+from tensegrity.engine.law import functions
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from typing import Any
 
     from tensegrity.engine.bonds import Bonds
-    from tensegrity.engine.codegen import Law
+    from tensegrity.engine.law import Law
     from tensegrity.engine.methods import Splitting
     from tensegrity.typing import Array, Indices
 
@@ -58,7 +58,7 @@ class Change:
         return f"change with {self.moving} of {name}" if name else ""
 
     def forms(self) -> tuple[Any, Any, Sequence[Any]]:
-        """The change in CasADi, by automatic differentiation; see `codegen.Law.forms`."""
+        """The change in CasADi, by automatic differentiation; see `law.Law.forms`."""
         import casadi as ca
 
         r, p, forms = self.law.forms()
@@ -72,8 +72,8 @@ class Change:
         """CasADi function (r, parameters) -> tension of the law, rate of its energy."""
         import casadi as ca
 
-        tension = codegen.functions(self.law)["tension"]
-        change = codegen.functions(self)["energy"]
+        tension = functions(self.law)["tension"]
+        change = functions(self)["energy"]
         r, p = ca.SX.sym("r"), ca.SX.sym("p", len(self.parameters))
         return ca.Function("both", [r, p], [tension(r, p[: p.numel() // 2]), change(r, p)])
 

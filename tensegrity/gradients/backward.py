@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity.engine.reverse import Back, Layout, Seeds, Totals
+from tensegrity.engine.reverse import Back, Seeds, Totals
+from tensegrity.engine.reverse_layout import Layout
 from tensegrity.progress import progress
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity.engine.codegen import Law
+from tensegrity.engine.law import Law
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
 from tensegrity.prisms.closed import rigid_law

@@ -19,7 +19,7 @@ import numpy as np
 from tensegrity import check
 from tensegrity.engine import methods, pieces
 from tensegrity.engine.methods import Splitting
-from tensegrity.engine.reverse import Layout
+from tensegrity.engine.reverse_layout import Layout
 from tensegrity.engine.reverse_text import depends_on
 from tensegrity.errors import TensegrityError
 from tensegrity.gradients import chained

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from typing import Any
 
     from tensegrity.engine.methods import Splitting
+    from tensegrity.engine.reverse_layout import Layout
     from tensegrity.gradients.samples import View
     from tensegrity.runs.run import Run
     from tensegrity.scenes.scene import Scene
@@ -73,7 +74,7 @@ class Forward:
         view: View,
         window: tuple[int, int],
         apart: int,
-        layout: reverse.Layout,
+        layout: Layout,
         grid: tuple[float, float] | None = None,
     ) -> None:
         self.scene, self.method, self.dt, self.steps = scene, method, dt, steps

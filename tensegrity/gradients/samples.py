@@ -19,7 +19,7 @@ from tensegrity.errors import TensegrityError
 if TYPE_CHECKING:
     from typing import Any
 
-    from tensegrity.engine.reverse import Layout
+    from tensegrity.engine.reverse_layout import Layout
     from tensegrity.gradients.objective import Trace
     from tensegrity.scenes.scene import Scene
     from tensegrity.typing import Array, Indices

@@ -20,7 +20,7 @@ import numpy as np
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.lens.radiation import Ends
-from tensegrity.lens.struck import Arrivals, Struck, reach
+from tensegrity.lens.struck import Arrivals, Struck, reach, wider
 from tensegrity.prisms.prism import Prism
 from tensegrity.progress import progress
 from tensegrity.readonly import fixed
@@ -39,7 +39,6 @@ LOWEST = 1e-9  # prestrain: there is no sound in chains without
 THIN = 1e-4  # radius of an end over the way of sound in sqrt(m/k), least
 SPARE = 1e-3  # of the span of arrivals: delays must leave it free
 MISS = 1e-4  # of the narrowest pulse: a design that misses its instants by more is refused
-WIDER = 64.0  # to how many times smaller or larger prestrains a range that suffices is looked for
 AFTERWARDS = 1.25  # runs go on until the last arrival times this
 
 
@@ -218,39 +217,12 @@ class Lens:
         longest = float(delays.max())
         if longest > (1 - SPARE) * found.span:
             with np.errstate(over="ignore"):
-                suffices = self._sufficient(longest)
+                suffices = wider(self._struck, low, high, longest + 2 * MARGIN * self._unit)
             raise TensegrityError(
                 f"focus {self.focus} m asks for delays of up to {longest:.4g} s, prestrains "
                 f"{low:g} to {high:g} give {found.span:.4g} s at most; {suffices}"
             )
         return delays
-
-    def _sufficient(self, longest: float) -> str:
-        """Which prestrains can give these delays, in words; smaller ones first, then larger."""
-        low, high = self.prestrains
-        wanted = longest + 2 * MARGIN * self._unit
-        for least, largest in ((low / WIDER, high), (low, high * WIDER)):
-            found = self._monotone(least, largest)
-            if found is None or found.span < wanted:
-                continue
-            if least < low:
-                least = float(found.prestrain(found.t[-1] + wanted))
-            else:
-                largest = float(found.prestrain(found.t[0] - wanted))
-            return f"{least:.3g} to {largest:.3g} can"
-        return (
-            f"neither smaller ones, to {low / WIDER:.3g}, nor larger ones, to {high * WIDER:.3g}, "
-            "can: longer chains can, or a focus farther away"
-        )
-
-    def _monotone(self, low: float, high: float) -> Reach | None:
-        """Arrivals over as much of a range, from one of its ends, as they fall over."""
-        while low < self.prestrains[0] or high > self.prestrains[1]:
-            try:
-                return reach(self._struck, low, high)
-            except TensegrityError:  # not monotone, or the bars meet
-                low, high = min(low * 2, self.prestrains[0]), max(high / 2, self.prestrains[1])
-        return None
 
     @property
     def _struck(self) -> Struck:

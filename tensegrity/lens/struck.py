@@ -35,6 +35,7 @@ LEAST = 1e-2  # of the blow's velocity: a last mass that was never so fast has s
 LONGER = 1.6  # a run in which some pulse does not arrive is done again, so much longer
 SOON = 0.5  # of the time that sound takes for a site: so long the first prism is watched
 PATIENCE = 4.0  # of the time that sound takes: no pulse comes later
+WIDER = 64.0  # to how many times smaller or larger prestrains a range that suffices is looked for
 
 
 class Arrivals(NamedTuple):
@@ -204,3 +205,31 @@ def _require_falling(struck: Struck, prestrains: Array, t: Array) -> None:
         f"{t[k]:.6g} s at {prestrains[k]:.4g} and {t[k + 1]:.6g} s at {prestrains[k + 1]:.4g}; "
         f"it is over prestrains {within}, and over more of them at a smaller velocity"
     )
+
+
+def wider(struck: Struck, low: float, high: float, span: float) -> str:
+    """Which prestrains can give such a span [s], in words; smaller ones first, then larger."""
+    for least, largest in ((low / WIDER, high), (low, high * WIDER)):
+        found = _monotone(struck, low, high, least, largest)
+        if found is None or found.span < span:
+            continue
+        if least < low:
+            return f"{found.prestrain(found.t[-1] + span):.3g} to {high:.3g} can"
+        return f"{low:.3g} to {found.prestrain(found.t[0] - span):.3g} can"
+    return (
+        f"neither smaller ones, to {low / WIDER:.3g}, nor larger ones, to {high * WIDER:.3g}, "
+        "can: longer chains can, or a focus farther away"
+    )
+
+
+def _monotone(
+    struck: Struck, low: float, high: float, least: float, largest: float
+) -> Reach | None:
+    """Arrivals over as much of a range, from one of its ends, as they fall over; it has to be
+    wider than from low to high."""
+    while least < low or largest > high:
+        try:
+            return reach(struck, least, largest)
+        except TensegrityError:  # not monotone, or the bars meet
+            least, largest = min(least * 2, low), max(largest / 2, high)
+    return None

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity.engine.codegen import DerivedLaw, Law
 from tensegrity.engine.kept import kept
+from tensegrity.engine.law import DerivedLaw, Law
 from tensegrity.engine.programs import derived as program_of
 from tensegrity.engine.programs import run
 from tensegrity.errors import EquilibriumError

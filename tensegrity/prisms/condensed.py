@@ -15,9 +15,9 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.branches.continuation import Settings, trace
-from tensegrity.engine.codegen import deflated, horner
 from tensegrity.engine.functions import Functions
 from tensegrity.engine.kernel import kernel
+from tensegrity.engine.law import deflated, horner
 from tensegrity.errors import EquilibriumError, RangeError
 from tensegrity.once import once
 from tensegrity.prisms.equations import UNKNOWNS, inner, numbers, problem, tangent
@@ -124,7 +124,7 @@ class ElasticLaw:
         return r, p, z, prism
 
     def forms(self) -> tuple[Any, Any, Sequence[Any]]:
-        """The law in CasADi; see `codegen.Law.forms`."""
+        """The law in CasADi; see `law.Law.forms`."""
         r, p, z, prism = self.guess()
         for _ in range(self.steps):
             z = inner(*self.kind)[0](z, prism)

@@ -10,7 +10,7 @@ import math
 from typing import TYPE_CHECKING
 
 from tensegrity.branches.continuation import DerivedProblem, Problem
-from tensegrity.engine.codegen import to_casadi
+from tensegrity.engine.law import to_casadi
 from tensegrity.once import once
 from tensegrity.prisms.closed import polygon
 

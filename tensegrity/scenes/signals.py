@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity import check
-from tensegrity.engine.codegen import in_pieces
+from tensegrity.engine.law import in_pieces
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
 from tensegrity.readonly import fixed

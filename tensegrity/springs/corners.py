@@ -13,7 +13,7 @@ from fractions import Fraction
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from tensegrity.engine.codegen import in_pieces
+from tensegrity.engine.law import in_pieces
 from tensegrity.once import once
 
 if TYPE_CHECKING:

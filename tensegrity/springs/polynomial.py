@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity import check
-from tensegrity.engine.codegen import deflated, horner
+from tensegrity.engine.law import deflated, horner
 from tensegrity.errors import RangeError, ResolutionError, TensegrityError
 from tensegrity.springs.potential import Potential
 
@@ -61,7 +61,7 @@ class PolynomialLaw:
         return ("middle", "per_half", "tension_at_rest", *coefficients)
 
     def forms(self) -> tuple[Any, Any, Sequence[Any]]:
-        """The law in CasADi; see `codegen.Law.forms`."""
+        """The law in CasADi; see `law.Law.forms`."""
         import casadi as ca
 
         r, p = ca.SX.sym("r"), ca.SX.sym("p", len(self.parameters))

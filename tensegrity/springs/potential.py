@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity import check
-from tensegrity.engine.codegen import DerivedLaw, Law, check_law
 from tensegrity.engine.kernel import kernel
+from tensegrity.engine.law import DerivedLaw, Law, check_law
 from tensegrity.errors import LockingError, TensegrityError
 from tensegrity.readonly import fixed
 from tensegrity.springs.corners import corners

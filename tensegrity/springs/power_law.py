@@ -10,7 +10,7 @@ import math
 from typing import TYPE_CHECKING
 
 from tensegrity import check
-from tensegrity.engine.codegen import DerivedLaw, Law
+from tensegrity.engine.law import DerivedLaw, Law
 from tensegrity.springs.potential import Potential, call
 
 if TYPE_CHECKING:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from typing import Any
 
-    from tensegrity.engine.codegen import Law
+    from tensegrity.engine.law import Law
     from tensegrity.springs.potential import Potential
     from tensegrity.typing import Array
 
@@ -70,7 +70,7 @@ class Shifted:
         return f"shifted {name}" if (name := getattr(self.law, "name", "")) else ""
 
     def forms(self) -> tuple[Any, Any, Sequence[Any]]:
-        """The law in CasADi; see `codegen.Law.forms`."""
+        """The law in CasADi; see `law.Law.forms`."""
         import casadi as ca
 
         r, p, forms = self.law.forms()

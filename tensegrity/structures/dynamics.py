@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from tensegrity import check
-from tensegrity.engine.codegen import Law
+from tensegrity.engine.law import Law
 from tensegrity.once import once
 from tensegrity.scenes.network import Network
 from tensegrity.springs.potential import Potential, call
