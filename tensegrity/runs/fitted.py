@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from tensegrity.engine.law import cost
+from tensegrity.engine.codegen import cost
 from tensegrity.errors import LockingError, RangeError, StabilityError, TensegrityError
 from tensegrity.runs.driven import march
 from tensegrity.runs.judge import COARSE
