@@ -34,7 +34,7 @@ def scene(ratio):
 def least(method, ratio):
     """Steps that stability alone asks for."""
     chain, _ = scene(ratio)
-    low = np.array([[-1.0, 1.0], [-1e-3, 1e-3], [-1.0, 1.0]])  # of soft and stiff elongations
+    low = np.array([[-1.0, 1.0], [-1e-3, 1e-3]])  # elongations of the soft and the stiff spring
     limit = METHODS[method].stability_limit / chain.frequency(low)
     return max(FIRST, int(np.ceil(DURATION / (BELOW * limit))))
 

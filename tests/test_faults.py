@@ -96,6 +96,7 @@ def test_what_a_trial_started_ends_with_it(tmp_path, ended):
     program = (
         "import signal, sys\nfrom pathlib import Path\nfrom faults import outcome\n"
         "signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # a shell may ignore it
         "outcome(Path(sys.argv[1]), ['test_waits.py'], 1000)\n"
     )
     path = {"PYTHONPATH": str(ROOT / "tests")}
