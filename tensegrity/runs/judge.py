@@ -104,7 +104,11 @@ def order_left(problem, met):
     driven = functions_of_time(scene) if scene.is_driven else ()
     order = min((signal.leaves for signal in driven), default=math.inf)
     corrects = isinstance(problem.method, Corrected)
-    for exponent in {corner[2] for _, corner in corners_met(scene, met)}:
+    if scene.follows:
+        exponents = {corner[2] for _, corner in corners_met(scene, met)}
+    else:
+        exponents = scene.spring_table.exponents_within(met)
+    for exponent in exponents:
         treated = corrects and is_treated(exponent)
         order = min(order, exponent + (CORRECTED if treated else 1))
     return order
@@ -126,6 +130,8 @@ def corners_met(scene, met):
 
 def refuse_jumps(problem, met, tol):
     """Refuse a tolerance where a force, or an energy, jumps between elongations met."""
+    if not (problem.scene.follows or problem.scene.spring_table.jumps):
+        return
     for spring, (place, jump, exponent, _) in corners_met(problem.scene, met):
         if exponent > 0:
             continue

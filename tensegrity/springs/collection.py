@@ -115,6 +115,25 @@ class Springs:
         """Whether the force of any spring has a corner."""
         return bool(self._corners[2])
 
+    @cached_property
+    def jumps(self) -> bool:
+        """Whether the force, or the energy, of any spring jumps."""
+        return bool(np.any(self.openings[..., 2] <= 0))
+
+    def exponents_within(self, met: Array) -> set[float]:
+        """Those of `corners_within`."""
+        if not self.has_corners:
+            return set()
+        place, spring, _ = self._corners
+        low, high = met[spring].T
+        return set(self._exponents[~((place < low) | (place > high))].tolist())
+
+    @cached_property
+    def _exponents(self):
+        """Of the corners, in their order."""
+        exponent = self.openings[..., 2]
+        return exponent[~np.isnan(exponent)]
+
     def corners_within(self, met: Array) -> list[tuple[Potential, list[float]]]:
         """Springs, and corners of theirs between elongations met (springs, 2) [m]; those that may
         be anywhere too."""
