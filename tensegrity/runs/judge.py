@@ -119,6 +119,11 @@ def may_open(scene):
     return scene.follows or scene.spring_table.has_corners
 
 
+def may_jump(scene):
+    """Whether the force, or the energy, of any contact jumps."""
+    return scene.follows or scene.spring_table.jumps
+
+
 def corners_met(scene, met):
     """Springs, and corners of their forces between elongations met."""
     if not scene.follows:
@@ -130,9 +135,8 @@ def corners_met(scene, met):
 
 def refuse_jumps(problem, met, tol):
     """Refuse a tolerance where a force, or an energy, jumps between elongations met."""
-    if not (problem.scene.follows or problem.scene.spring_table.jumps):
-        return
-    for spring, (place, jump, exponent, _) in corners_met(problem.scene, met):
+    corners = corners_met(problem.scene, met) if may_jump(problem.scene) else ()
+    for spring, (place, jump, exponent, _) in corners:
         if exponent > 0:
             continue
         strain = f" (strain {place / spring.length:g})" if spring.length else ""

@@ -9,7 +9,7 @@ import numpy as np
 from tensegrity.errors import RangeError, TensegrityError
 from tensegrity.runs.driven import march
 from tensegrity.runs.fitted import may_fit, with_polynomials
-from tensegrity.runs.judge import COARSE, Judge, first_factor, may_open, refuse_jumps
+from tensegrity.runs.judge import COARSE, Judge, first_factor, may_jump, may_open, refuse_jumps
 from tensegrity.runs.march import march_twice
 from tensegrity.runs.rest import resting, rests
 from tensegrity.runs.run import Run, changed
@@ -49,7 +49,7 @@ def _to_tolerance(problem, tol, short):
     """
     if not problem.t_end:
         return march(problem, 0, 1.0)[0]
-    if may_open(problem.scene):
+    if may_jump(problem.scene):
         refuse_jumps(problem, problem.scene.present_ranges(problem.state.u), tol)
     apart, fewest = (DENSE, AT_FIRST) if problem.scene.smooth else (1, CHECKPOINTS)
     least = steps_at(problem, TRIAL, problem.outlook.first_frequency, fewest)
