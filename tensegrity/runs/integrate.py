@@ -45,7 +45,7 @@ def simulate(
         `tensegrity.engine.methods` with rows of your own.  By default "rkn6"; "verlet" where `dt`
         is given; else "corrected6" where contacts can open, of exponents from 1 to 2.5, or a force
         has such corners, unless a `tol` is 1e-3 or looser; "processed6" where a `tol` is given,
-        no contact can open and the run takes a thousand steps or more.
+        no contact can open and the run takes two thousand steps or more.
     dt : float, optional
         Step [s]; the step used is the largest not above it that divides `t_end` evenly.  By
         default a small fraction of the stability limit, at the largest stiffness that any

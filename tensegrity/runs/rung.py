@@ -50,7 +50,8 @@ class Rung:
 
 
 def trial_of(problem, rows=False):
-    """The same with rows that cost nothing; their energies come when it turns out to be it."""
+    """A problem whose run is a trial: with rows only where they cost nothing more, whose energies
+    may come when it turns out to be the answer."""
     record = problem.record
     if not record.is_plain:
         record = Record(sites=record.sites)

@@ -54,6 +54,8 @@ def expected_steps(problem, fraction):
 
 
 def steps_at(problem, fraction, omega, least):
+    """Steps that are a fraction of the natural one at an angular frequency [rad/s], or at that of
+    what drives the scene; at least so many."""
     if problem.scene.is_driven:
         omega = max(omega, quickest(functions_of_time(problem.scene), problem.t_end))
     return max(count(problem, fraction * problem.natural_step(omega)), least)

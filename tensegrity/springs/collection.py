@@ -105,43 +105,38 @@ class Springs:
 
     @cached_property
     def _corners(self):
-        """Places of all corners, numbers of their springs, and the corners themselves."""
+        """All corners, (corners, 4), and the numbers of their springs."""
         corner, spring = np.nonzero(~np.isnan(self.openings[..., 2]))
-        found = self.openings[corner, spring]
-        return found[:, 0], spring, found.tolist()
+        return self.openings[corner, spring], spring
 
     @property
     def has_corners(self) -> bool:
         """Whether the force of any spring has a corner."""
-        return bool(self._corners[2])
+        return len(self._corners[1]) > 0
 
     @cached_property
     def jumps(self) -> bool:
         """Whether the force, or the energy, of any spring jumps."""
-        return bool(np.any(self.openings[..., 2] <= 0))
+        return bool(np.any(self._corners[0][:, 2] <= 0))
+
+    def _are_met(self, met):
+        """Which corners are between elongations met, or may be anywhere."""
+        corners, spring = self._corners
+        low, high = met[spring].T
+        return ~((corners[:, 0] < low) | (corners[:, 0] > high))
 
     def exponents_within(self, met: Array) -> set[float]:
         """Those of `corners_within`."""
         if not self.has_corners:
             return set()
-        place, spring, _ = self._corners
-        low, high = met[spring].T
-        return set(self._exponents[~((place < low) | (place > high))].tolist())
-
-    @cached_property
-    def _exponents(self):
-        """Of the corners, in their order."""
-        exponent = self.openings[..., 2]
-        return exponent[~np.isnan(exponent)]
+        return set(self._corners[0][self._are_met(met), 2].tolist())
 
     def corners_within(self, met: Array) -> list[tuple[Potential, list[float]]]:
         """Springs, and corners of theirs between elongations met (springs, 2) [m]; those that may
         be anywhere too."""
-        place, spring, corners = self._corners
-        if not corners:
-            return []
-        apart = (place < met[spring, 0]) | (place > met[spring, 1])
-        return [(self.different[spring[k]], corners[k]) for k in np.flatnonzero(~apart).tolist()]
+        corners, spring = self._corners
+        found = np.flatnonzero(self._are_met(met)).tolist()
+        return [(self.different[spring[k]], corners[k].tolist()) for k in found]
 
     @cached_property
     def reach(self) -> Any:
