@@ -30,7 +30,7 @@ from tensegrity.springs.collection import ORDERS, Springs
 pytestmark = pytest.mark.needs_compiler
 R, K, W = sp.symbols("r k w")
 ENERGIES = (0.0, *10.0 ** np.arange(-300, 301, 30), *10.0 ** np.arange(-18.0, 4.0), math.inf)
-FINEST = 2e-5  # by which a range may be too wide
+FINEST = 1e-8  # by which a range may be too wide
 
 
 def quadratic(k=1.0, domain=(-math.inf, math.inf)):

@@ -33,15 +33,15 @@ static void look(const springs *s, integer spring, integer order, double a, doub
 }
 
 /* The first elongation with more than an energy on the way from 0 to an end, or else the last.
-   Each look but the first is between what the one before it found and the point before that, or
-   0.  `found` is whether the first look found one. */
+   Each look but the first is between what the one before it found and the last point, of any
+   look, that is not so far.  `found` is whether the first look found one. */
 static double first(const springs *s, double energy, integer spring, double end, const looks *of,
                     integer *found)
 {
     double r[BLOCK], values[BLOCK], before = 0, beyond = end;
     for (integer m = 0; m < of->count; m++) {
         const integer stop = of->begins[m + 1];
-        double inside = 0, outside = 0;
+        double inside = before, outside = 0;
         integer is_out = 0;
         for (integer i = of->begins[m]; i < stop && !is_out; i += BLOCK) {
             const integer n = stop - i < BLOCK ? stop - i : BLOCK;
@@ -100,12 +100,14 @@ void reachable(const springs *s, double energy, integer count, const looks *ways
 }
 
 /* Largest tension by size, or stiffness, at least 0, of springs of these numbers, or of the
-   first ones, at shares of their ranges (count, 2); not a number where one of them is none.  Whether all ranges are inside
-   of the domains. */
+   first ones, at shares of their ranges (count, 2); not a number where one of them is none.
+   Returns 0 where a range is not inside of the domain, 2 where all that was found is finite, else
+   1. */
 integer largest(const springs *s, integer order, integer count, const integer *numbers,
                 const double *ranges, const double *shares, integer every, double *out)
 {
     double r[BLOCK], values[BLOCK];
+    integer found = 2;
     for (integer k = 0; k < count; k++) {
         const integer spring = numbers ? numbers[k] : k;
         const double *domain = s->domains + 2 * spring;
@@ -124,6 +126,7 @@ integer largest(const springs *s, integer order, integer count, const integer *n
             }
         }
         out[k] = top + none;
+        if (!isfinite(out[k])) found = 1;
     }
-    return 1;
+    return found;
 }

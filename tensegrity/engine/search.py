@@ -23,6 +23,7 @@ _ADDRESS, _NUMBER = ctypes.c_void_p, ctypes.c_longlong
 _REACHABLE = _ADDRESS, ctypes.c_double, _NUMBER, *[_ADDRESS] * 3
 _LARGEST = _ADDRESS, *[_NUMBER] * 2, *[_ADDRESS] * 3, _NUMBER, _ADDRESS
 
+FINITE = 2  # what `largest` returns of finite numbers
 _Springs = structure_of("_Springs", "functions parameters domains", "width")  # as in search.c
 _Looks = structure_of("_Looks", "shares begins", "count")
 
@@ -99,13 +100,14 @@ class Search:
 
     def largest(
         self, order: int, ranges: Array, numbers: Indices | None, shares: Array
-    ) -> Array | None:
+    ) -> tuple[Array, bool] | None:
         """Largest size of the tension (1) [N], or largest stiffness (2) [N/m], of springs, of all
-        by default, at shares of their ranges (numbers, 2) [m], which it is at least 0; NaN where
-        one is NaN.  None where a range is not inside of a domain."""
+        by default, at shares of their ranges (numbers, 2) [m], at least 0, NaN where one is NaN;
+        and whether all are finite.  None where a range is not inside of a domain."""
         out, ranges, which = np.empty(len(ranges)), np.ascontiguousarray(ranges), None
         if numbers is not None:
             numbers = np.ascontiguousarray(numbers, dtype=np.int64)
             which = address(numbers)
         given = which, address(ranges), address(shares), len(shares), address(out)
-        return out if self._largest(self._address, order, len(ranges), *given) else None
+        found = self._largest(self._address, order, len(ranges), *given)
+        return (out, found == FINITE) if found else None

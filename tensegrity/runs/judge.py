@@ -40,10 +40,14 @@ class Judge:
 
     def __init__(self, problem, met, tol):
         self._problem, self._tol = problem, tol
-        self.see(met)
+        self._look(met)
 
     def see(self, met):
         """Contacts may open in this run that did not in the coarser ones."""
+        if may_open(self._problem.scene):
+            self._look(met)
+
+    def _look(self, met):
         refuse_jumps(self._problem, met, self._tol)
         left, order = order_left(self._problem, met), self._problem.method.order
         self.opens, self.order = left < math.inf, min(left, order - SLOWER)

@@ -231,7 +231,7 @@ class Chain(Scene):
 
     def fastest(self, stiffness: Array) -> float:
         """The same for a bound of the stiffness of each spring [N/m], (springs,)."""
-        return float(np.sqrt(np.max(2 * stiffness * self._largest_mobilities)))
+        return math.sqrt(2 * (stiffness * self._largest_mobilities).max())
 
     @property
     def _mobilities(self) -> Array:

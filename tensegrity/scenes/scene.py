@@ -267,11 +267,12 @@ class Scene(ReadOnly):
         ndarray, (springs,) or shape of `numbers`
             [N/m]; inf where the ends of a bond meet.
         """
-        springs, shortest = self.spring_table, ranges[:, 0] - self.closing
+        springs = self.spring_table
         if numbers is None:
-            if not self.turns and np.min(shortest, initial=np.inf) > 0:
+            if not self.turns and (ranges[:, 0] > self.closing).all():
                 return springs.largest("stiffness", ranges)
             numbers = np.arange(len(springs))
+        shortest = ranges[:, 0] - self.closing
         k, apart = np.full(len(numbers), np.inf), shortest[numbers] > 0
         within = numbers[apart]
         k[apart] = springs.largest("stiffness", ranges, within)

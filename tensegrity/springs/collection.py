@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 ORDERS = ("energy", "tension", "stiffness")
 CLOSE = np.logspace(-16, 0, 321)  # shares of a range at which a search looks
 EVERY = np.concatenate([CLOSE, np.linspace(0, 1, 201)])
-FINER = [np.arange(1, 257) / 256] * 3
+FINER = [np.arange(1, 65) / 64] * 4
 WAYS = Ways(
     [np.sort(np.concatenate([CLOSE, 1 - CLOSE[:-1]])), *FINER],
     np.ldexp(1.0, np.arange(-1000, 1001, 4)),  # where the range has no end
@@ -247,15 +247,17 @@ class Springs:
             At least 0.
         """
         ranges = ranges if numbers is None else ranges[numbers]
-        search, largest = self._searches.get(name), None
-        if search is not None:
-            largest = search.largest(ORDERS.index(name), ranges, numbers, EVERY)
-        if largest is None:
+        search = self._searches.get(name)
+        found = search and search.largest(ORDERS.index(name), ranges, numbers, EVERY)
+        if found:
+            largest, is_finite = found
+        else:
             numbers = np.arange(len(self)) if numbers is None else numbers
             points = np.concatenate([end * EVERY[:, None] for end in ranges.T])
             values = self._each(name, points, numbers)
             largest = np.max(np.abs(values) if name == "tension" else values, axis=0, initial=0.0)
-        if not np.isfinite(largest).all():
+            is_finite = bool(np.isfinite(largest).all())
+        if not is_finite:
             bad = np.flatnonzero(~np.isfinite(largest))
             low, high = ranges[bad[0]]
             raise StabilityError(
@@ -296,7 +298,7 @@ class Springs:
             outside = ~(self._each("energy", r, numbers) <= energy)
             found.append(outside.any(axis=0))
             first = np.where(found[-1], np.argmax(outside, axis=0), len(r))
-            before = np.where(first > 0, r[first - 1, every], 0.0)
+            before = np.where(first > 0, r[first - 1, every], before)
             beyond = np.where(found[-1], r[np.minimum(first, len(r) - 1), every], before)
         return beyond, found[0]
 
