@@ -21,6 +21,7 @@ from tensegrity import check
 from tensegrity.branches.table import Event, Table
 from tensegrity.engine.pieces import threads
 from tensegrity.errors import TensegrityError
+from tensegrity.once import once
 from tensegrity.prisms.elastic_path import elastic_path
 from tensegrity.prisms.prism import Prism
 from tensegrity.prisms.rigid_path import rigid_path
@@ -29,7 +30,7 @@ from tensegrity.structures.path import structure_path
 from tensegrity.structures.structure import Structure
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
     from typing import Any
 
     from matplotlib.axes import Axes
@@ -183,7 +184,7 @@ def equilibrium_path(prism: Any, **given: Any) -> Any:
         If an argument does not belong to what is given, or is outside its bounds.
     """
     of = structure_path if isinstance(prism, Structure) else prism_path
-    known = set(inspect.signature(of).parameters) - {"prism", "structure"}
+    known = _options(of)
     wrong = sorted(set(given) - known)
     if wrong:
         raise TensegrityError(
@@ -193,6 +194,12 @@ def equilibrium_path(prism: Any, **given: Any) -> Any:
     if of is structure_path and "supports" not in given:
         raise TensegrityError("a path of a structure needs supports: held(...) or plates(...)")
     return of(prism, **given)
+
+
+@once
+def _options(of: Callable[..., Any]) -> set[str]:
+    """What a path is asked for besides what it is of."""
+    return set(inspect.signature(of).parameters) - {"prism", "structure"}
 
 
 def prism_path(
