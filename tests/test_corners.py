@@ -216,6 +216,23 @@ JUMPS = {
 }
 
 
+@pytest.mark.parametrize("exponent", [sp.Rational(3, 2), 1.5, sp.Rational(5, 2), k])
+def test_a_power_of_a_maximum_has_all_derivatives_beyond_its_corner(exponent):
+    """0 to a power below 0 is infinite, and that times 0 no number."""
+    given = {k: 1.75} if exponent is k else {}
+    spring = Potential(sp.Max(-r, 0) ** exponent, r, given)
+    at, n = np.array([-0.3, 0.0, 0.3]), float(given.get(k, exponent))
+    factor = 1.0
+    for name, step in (("tension", -1), ("stiffness", -1), ("stiffness_slope", -1)):
+        factor, n = step * factor * n, n - 1
+        found = getattr(spring, name)(at)
+        assert found[0] == pytest.approx(factor * 0.3**n, rel=1e-14)
+        assert np.all(found[1:] == 0)
+    chain = Chain(spring, 4)
+    run = simulate(chain, thrown(chain), 1.0, tol=1e-3)
+    assert run.energy_error < 1e-4
+
+
 @pytest.mark.parametrize(("energy", "place"), JUMPS.values(), ids=JUMPS)
 def test_a_tolerance_is_refused_where_a_force_jumps(energy, place):
     chain = Chain(Potential(energy, r, length=2.0), 4)

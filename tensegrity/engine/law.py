@@ -159,9 +159,18 @@ def to_casadi(expression: Any, symbols: Sequence[Any]) -> Callable[..., Any]:
     own = [sp.Dummy(f"x{k}") for k in range(len(symbols))]  # a symbol may be called exp
     renamed = dict(zip(symbols, own, strict=True))
 
+    def is_cut_power(one):
+        return one.is_Pow and isinstance(one.base, sp.Max) and 0 in one.base.args
+
+    def cut_power(one):  # whose derivatives, as a power of a maximum, are 0 times inf beyond
+        inside, *others = (x for x in one.base.args if x != 0)
+        if one.exp.is_integer or others:
+            return one
+        return sp.Piecewise((inside**one.exp, inside > 0), (0, True))
+
     def prepared(one):
-        one = sp.sympify(one).replace(sp.Piecewise, branches).replace(sp.sign, signum)
-        return one.xreplace(renamed)
+        one = sp.sympify(one).replace(is_cut_power, cut_power)
+        return one.replace(sp.Piecewise, branches).replace(sp.sign, signum).xreplace(renamed)
 
     if isinstance(expression, (list, tuple)):
         expression = [prepared(one) for one in expression]
