@@ -112,8 +112,8 @@ def test_a_spring_can_get_the_energy_of_its_lane_only():
 def test_lanes_of_beads_keep_the_step_of_beads():
     steel = Bead(4.76e-3, materials["steel"])
     beads = chain([steel] * 6, striker=Striker(steel, 0.5))
-    ensemble = Ensemble(beads, 2)
-    start = State(*(np.stack([x, x], axis=1) for x in (beads.start().u, beads.start().v)))
+    ensemble, start = Ensemble(beads, 9), beads.start()
+    start = State(*(np.stack([x] * 9, axis=1) for x in (start.u, start.v)))
     alone = simulate(beads, beads.start(), 1e-4)
     assert simulate(ensemble, start, 1e-4).dt == alone.dt
 

@@ -144,10 +144,10 @@ def test_lanes_of_one_spring_each_have_their_own():
 
 
 def test_a_lane_of_its_own_that_locks_is_named():
-    chains = [Chain(Prism(1.0, 0.7, p, 1.0).potential(), 12) for p in np.linspace(0.01, 0.08, 16)]
+    chains = [Chain(Prism(1.0, 0.7, p, 1.0).potential(), 12) for p in np.linspace(0.01, 0.08, 8)]
     several = Ensemble(chains)
-    start = several.at_rest({0: np.where(np.arange(16) == 13, 0.9, 0.01)})
-    with pytest.raises(LockingError, match="sites 0 and 1 of lane 13 got there at t"):
+    start = several.at_rest({0: np.where(np.arange(8) == 5, 0.9, 0.01)})
+    with pytest.raises(LockingError, match="sites 0 and 1 of lane 5 got there at t"):
         simulate(several, start, 5.0, tol=1e-4)
 
 
