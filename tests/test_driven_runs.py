@@ -177,7 +177,7 @@ def test_a_disk_that_is_full_leaves_the_rows_before(tmp_path, monkeypatch):
 PROGRAM = """
 import sys
 sys.path.insert(0, sys.argv[2])
-from tests.test_driven_runs import SCENES, started, simulate, Record
+from test_driven_runs import SCENES, started, simulate, Record
 scene = SCENES["network"]()
 record = Record(every=1, path=sys.argv[1], checkpoint=0.0)
 simulate(scene, started(scene), 30.0, method="rkn6", dt=0.02, record=record)
@@ -188,11 +188,12 @@ simulate(scene, started(scene), 30.0, method="rkn6", dt=0.02, record=record)
 def test_a_killed_run_goes_on_to_the_same_bits(tmp_path):
     scene = SCENES["network"]()
     whole = simulate(scene, started(scene), 30.0, method="rkn6", dt=0.02, record=Record(every=1))
-    root = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+    here = os.path.dirname(os.path.abspath(__file__))
     for k in range(5):
         path = tmp_path / f"{k}.npy"
-        process = subprocess.Popen([sys.executable, "-c", PROGRAM, str(path), root])
+        process = subprocess.Popen([sys.executable, "-c", PROGRAM, str(path), here])
         while not beside(path).exists():
+            assert process.poll() is None
             time.sleep(0.01)
         time.sleep(0.05 + 0.1 * k)
         process.send_signal(signal.SIGKILL)
