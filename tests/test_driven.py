@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import sympy as sp
 from scipy.integrate import solve_ivp
+from springs import series
 
 import granular
 from tensegrity import (
@@ -31,8 +32,8 @@ from tensegrity.engine import driven
 from tensegrity.engine.interpreted import Interpreted
 from tensegrity.engine.methods import METHODS
 
-T, R, K = sp.symbols("t r k")
-CUBIC = Potential(R**2 / 2 + R**4 / 4, R, length=1.0)
+T, R = sp.symbols("t r")
+CUBIC = series(0, 1 / 4, length=1.0)
 SHAKER = Drive(displacement=0.3 * sp.sin(1.3 * T))
 PULL = Drive(force=0.1 * sp.cos(T))
 SCENES = {
@@ -46,7 +47,7 @@ SCENES = {
 
 
 def linear(stiffness):
-    return Potential(K * R**2 / 2, R, {K: stiffness}, length=1.0)
+    return series(k=stiffness, length=1.0)
 
 
 def scene_of(name):

@@ -9,6 +9,7 @@ import time
 import numpy as np
 import pytest
 import sympy as sp
+from springs import series
 
 import granular
 from tensegrity import (
@@ -18,7 +19,6 @@ from tensegrity import (
     Ensemble,
     LockingError,
     Network,
-    Potential,
     Prism,
     Record,
     RecordError,
@@ -34,9 +34,8 @@ from tensegrity.runs import archive
 from tensegrity.runs.driven import March
 from tensegrity.runs.record import beside
 
-T, R, K = sp.symbols("t r k")
-CUBIC = Potential(R**2 / 2 + R**4 / 4, R, length=1.0)
-TUNABLE = Potential(K * (R**2 / 2 + R**4 / 4), R, {K: 1.0}, length=1.0)
+T = sp.Symbol("t")
+CUBIC = series(0, 1 / 4, length=1.0)
 PRISM = Prism(1.0, 0.8, 0.02, 1.0).potential()
 PRESTRAIN = 0.02 + 0.01 * sp.sin(T / 2) ** 2
 DRIVE = {0: Drive(displacement=0.3 * sp.sin(1.3 * T)), 4: Drive(force=0.1 * sp.cos(T))}
@@ -49,7 +48,7 @@ def plate(**changes):
     """A square lattice of 3 x 3, shaken in its middle, with dashpots and springs that change."""
     given = {"drive": {4: Drive(displacement=(0.1 * sp.sin(T), None))},
              "damping": Damping(bond=0.1), "tune": {"k": 1 + sp.sin(T) / 2}}  # fmt: skip
-    return Network(PLACES, BONDS, TUNABLE, mass=0.5, held=[0, 2], **given | changes)
+    return Network(PLACES, BONDS, CUBIC, mass=0.5, held=[0, 2], **given | changes)
 
 
 SCENES = {
@@ -178,7 +177,7 @@ def test_a_disk_that_is_full_leaves_the_rows_before(tmp_path, monkeypatch):
 PROGRAM = """
 import sys
 sys.path.insert(0, sys.argv[2])
-from tests.test_driven_runs import SCENES, started, simulate, Record
+from test_driven_runs import SCENES, started, simulate, Record
 scene = SCENES["network"]()
 record = Record(every=1, path=sys.argv[1], checkpoint=0.0)
 simulate(scene, started(scene), 30.0, method="rkn6", dt=0.02, record=record)
@@ -189,11 +188,12 @@ simulate(scene, started(scene), 30.0, method="rkn6", dt=0.02, record=record)
 def test_a_killed_run_goes_on_to_the_same_bits(tmp_path):
     scene = SCENES["network"]()
     whole = simulate(scene, started(scene), 30.0, method="rkn6", dt=0.02, record=Record(every=1))
-    root = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+    here = os.path.dirname(os.path.abspath(__file__))
     for k in range(5):
         path = tmp_path / f"{k}.npy"
-        process = subprocess.Popen([sys.executable, "-c", PROGRAM, str(path), root])
+        process = subprocess.Popen([sys.executable, "-c", PROGRAM, str(path), here])
         while not beside(path).exists():
+            assert process.poll() is None
             time.sleep(0.01)
         time.sleep(0.05 + 0.1 * k)
         process.send_signal(signal.SIGKILL)
@@ -210,8 +210,8 @@ def test_a_killed_run_goes_on_to_the_same_bits(tmp_path):
 def test_lanes_run_as_their_scenes_alone(how):
     """Some driven, some not; the step is that of the ensemble."""
     tune = {"k": 1 + sp.sin(T) / 2}
-    scenes = [Chain(TUNABLE, 8, drive=DRIVE, damping=DAMPING, tune=tune), Chain(TUNABLE, 8),
-              Chain(TUNABLE, 8, [*[1.0] * 7, 2.0], damping=Damping(0.5))]  # fmt: skip
+    scenes = [Chain(CUBIC, 8, drive=DRIVE, damping=DAMPING, tune=tune), Chain(CUBIC, 8),
+              Chain(CUBIC, 8, [*[1.0] * 7, 2.0], damping=Damping(0.5))]  # fmt: skip
     together = Ensemble(scenes)
     state = together.at_rest({3: [0.1, 0.2, 0.3]})
     record = Record(times=[0.0, 0.31, 1.0, 2.0])
@@ -331,9 +331,9 @@ def test_what_a_network_cannot_be_tuned_by_is_refused():
     with pytest.raises(TensegrityError, match="'colour' is no argument"):
         plate(tune={"colour": T})
     with pytest.raises(TensegrityError, match="one spring for all bonds, there are 2, and no"):
-        Network(PLACES, BONDS, [TUNABLE] * 19 + [CUBIC], tune={"k": 1 + T})
+        Network(PLACES, BONDS, [CUBIC] * 19 + [series(1.0, length=1.0)], tune={"k": 1 + T})
     with pytest.raises(TensegrityError, match="tune begins at k 2, the spring has 1"):
         plate(tune={"k": 2 + T})
-    chain = Chain(TUNABLE, 4, tune={"k": 1 + sp.sqrt(T)})
+    chain = Chain(CUBIC, 4, tune={"k": 1 + sp.sqrt(T)})
     with pytest.raises(TensegrityError, match=r"k sqrt\(t\) \+ 1 is .* at t = -"):
         simulate(chain, chain.at_rest(), 1.0, dt=0.1, method="processed6")

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-import sympy as sp
 from scenes import prism_chain
+from springs import series
 
 from granular import Bead, Striker, chain, materials, y_guide
 from tensegrity import (
@@ -11,7 +11,6 @@ from tensegrity import (
     ContactError,
     Ensemble,
     LockingError,
-    Potential,
     PowerLaw,
     Prism,
     Record,
@@ -76,8 +75,7 @@ def test_locking_is_told_with_its_lane():
 def test_every_lane_is_watched_at_both_ends_of_the_domain(monkeypatch, end):
     """A law that goes on beyond its domain, so that the range met alone can tell."""
     monkeypatch.setattr(lanes_room, "MOST", 8)
-    r = sp.Symbol("r")
-    spring = Potential(r**2 / 2, r, domain=(-0.1, 0.1))
+    spring = series(domain=(-0.1, 0.1))
     chain = Chain(spring, 6, ends=("free", "fixed"))
     for lanes, far in ((17, 0), (17, 7), (17, 16), (11, 9)):  # groups of 8 and 1, the last filled
         ensemble = Ensemble(chain, lanes)
@@ -114,8 +112,8 @@ def test_a_spring_can_get_the_energy_of_its_lane_only():
 def test_lanes_of_beads_keep_the_step_of_beads():
     steel = Bead(4.76e-3, materials["steel"])
     beads = chain([steel] * 6, striker=Striker(steel, 0.5))
-    ensemble = Ensemble(beads, 2)
-    start = State(*(np.stack([x, x], axis=1) for x in (beads.start().u, beads.start().v)))
+    ensemble, start = Ensemble(beads, 9), beads.start()
+    start = State(*(np.stack([x] * 9, axis=1) for x in (start.u, start.v)))
     alone = simulate(beads, beads.start(), 1e-4)
     assert simulate(ensemble, start, 1e-4).dt == alone.dt
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import sympy as sp
 from scenes import extended, interrupted, prism_chain, smooth_blow
+from springs import series
 
 from tensegrity import (
     Chain,
     LockingError,
     Network,
-    Potential,
     PowerLaw,
     Prism,
     Record,
@@ -162,8 +162,7 @@ def test_locking_is_told_of_the_spring_that_locks():
 
 def test_a_run_ends_inside_the_domain_whatever_the_method():
     """The last place of a step of rk4 is none of those where it looks at the forces."""
-    r = sp.Symbol("r")
-    chain = Chain(Potential(r**2 / 2, r, domain=(-0.1, math.inf)), 2)
+    chain = Chain(series(domain=(-0.1, math.inf)), 2)
     end = 0.3476190476
     with pytest.raises(LockingError, match="at t =") as caught:
         simulate(chain, chain.at_rest({0: 0.3}), end, dt=0.3, method="rk4")
@@ -193,7 +192,7 @@ def pulled(spring, energy):
 
 R = sp.Symbol("r")
 RIGID = Prism(1.0, 0.8, 0.02, 1.0).potential()
-PLAIN = Potential(R**2 / 2, R, domain=(-0.1, 0.1))  # a law that goes on beyond its domain
+PLAIN = series(domain=(-0.1, 0.1))  # a law that goes on beyond its domain
 
 
 @pytest.mark.parametrize("method", ["verlet", "rkn6", "rk4"])
@@ -290,8 +289,7 @@ def test_impossible_records_are_refused(bad):
 
 def fastest_mode(sites=200):
     """A linear chain with fixed ends in its fastest mode, and that mode's frequency."""
-    r = sp.Symbol("r")
-    chain = Chain(Potential(r**2 / 2, r), sites, ends=("fixed", "fixed"))
+    chain = Chain(series(), sites, ends=("fixed", "fixed"))
     numbers = np.arange(sites)
     state = chain.at_rest()
     state.u[1:-1] = (1e-3 * (-1.0) ** numbers * np.sin(np.pi * numbers / (sites - 1)))[1:-1]
@@ -332,8 +330,7 @@ def test_the_implicit_method_takes_steps_far_beyond_every_limit():
     The soft bonds are followed to the order of the method; for the others the step is 50 times
     what any explicit method here allows.
     """
-    r, k = sp.symbols("r k")
-    soft, stiff = (Potential(k * (r**2 / 2 + r**4 / 4), r, {k: x}) for x in (1.0, 1e6))
+    soft, stiff = (series(0, k / 4, k=k) for k in (1.0, 1e6))
     springs = [soft] * 6 + [stiff] + [soft] * 6
     chain = Chain(springs, 14)
     state = chain.at_rest({0: 0.4})
@@ -432,8 +429,7 @@ def test_tolerance_is_kept(tol):
 @pytest.mark.parametrize("periods", [3, 8, 16])
 def test_tolerance_where_all_checkpoints_could_fall_on_zeros(periods):
     """A two-mass oscillator is at u = 0 at every quarter of a whole number of periods."""
-    r = sp.Symbol("r")
-    chain = Chain(Potential(r**2 / 2, r), 2)
+    chain = Chain(series(), 2)
     t_end = periods * 2 * np.pi / np.sqrt(2)
     run = simulate(chain, chain.at_rest({0: 1.0, 1: -1.0}), t_end, tol=1e-6, record=Record(10**9))
     np.testing.assert_allclose(run.final.v, [1, -1], rtol=0, atol=1e-6)

@@ -2,6 +2,7 @@
 
 import ctypes
 import shutil
+from functools import cache
 
 import casadi as ca
 import numpy as np
@@ -23,16 +24,25 @@ pytestmark = pytest.mark.needs_compiler
 WITHOUT = ["", "-mno-avx512f", "-mno-avx"]  # what a processor may lack
 
 
-def packed(function, flags=()):
-    """A function of one argument as the compiled text of it does it, over an array (n, 8)."""
-    text = lanes.text(function, "made", "const pack *x, pack *y", [["x[g]"]], [["y[g]"]])
-    call = (
-        "void call(integer n, const real *x, real *y)\n{\n    pack a, b;\n"
-        "    for (integer i = 0; i < n; i += WIDE) {\n        a = load(x + i);\n"
-        "        made(1, &a, &b);\n        store(y + i, b);\n    }\n}\n"
-    )
-    parts = ("prelude.c", "#define DIM 1", "lanes.c", text, call)
-    found = library(joined(parts), flags)["call"]
+@cache
+def built(forms, flag):
+    """The compiled text of functions of one argument, all in one library."""
+    parts = ["prelude.c", "#define DIM 1", "lanes.c"]
+    for k, form in enumerate(forms):
+        parts.append(
+            lanes.text(made(form), f"made{k}", "const pack *x, pack *y", [["x[g]"]], [["y[g]"]])
+        )
+        parts.append(
+            f"void call{k}(integer n, const real *x, real *y)\n{{\n    pack a, b;\n"
+            "    for (integer i = 0; i < n; i += WIDE) {\n        a = load(x + i);\n"
+            f"        made{k}(1, &a, &b);\n        store(y + i, b);\n    }}\n}}\n"
+        )
+    return library(joined(parts), [flag] if flag else [])
+
+
+def packed(forms, number, flag=""):
+    """One of some functions of one argument as compiled text does it, over an array (n, 8)."""
+    found = built(tuple(forms), flag)[f"call{number}"]
     found.argtypes, found.restype = [ctypes.c_longlong, ctypes.c_void_p, ctypes.c_void_p], None
 
     def apply(x):
@@ -49,30 +59,31 @@ def made(form):
     return ca.Function("f", [x], [form(x)])
 
 
+ROOTS = [  # as they are compiled, in extended precision, and the units that they may be off
+    (ca.sqrt, np.sqrt, 1),
+    (lambda x: 1 / ca.sqrt(x), lambda x: 1 / np.sqrt(x), 1.5),
+    (lambda x: 3 / x, lambda x: 3 / x, 1),
+    (lambda x: x**1.5, lambda x: x * np.sqrt(x), 2),
+    (lambda x: x**0.25, lambda x: np.sqrt(np.sqrt(x)), 2),
+]
+
+
 @pytest.mark.needs_extended
 @pytest.mark.parametrize("flag", WITHOUT)
-@pytest.mark.parametrize(
-    ("form", "exact", "most"),
-    [
-        (ca.sqrt, np.sqrt, 1),
-        (lambda x: 1 / ca.sqrt(x), lambda x: 1 / np.sqrt(x), 1.5),
-        (lambda x: 3 / x, lambda x: 3 / x, 1),
-        (lambda x: x**1.5, lambda x: x * np.sqrt(x), 2),
-        (lambda x: x**0.25, lambda x: np.sqrt(np.sqrt(x)), 2),
-    ],
-)
-def test_roots_and_quotients_are_exact_to_a_unit_or_two(form, exact, most, flag):
+@pytest.mark.parametrize("number", range(len(ROOTS)))
+def test_roots_and_quotients_are_exact_to_a_unit_or_two(number, flag):
+    _, exact, most = ROOTS[number]
     random = np.random.default_rng(1)
     x = np.concatenate([random.uniform(0.25, 4, 80_000), 10.0 ** random.uniform(-99, 99, 80_000)])
     want = exact(x.astype(np.longdouble))
-    error = np.abs(packed(made(form), [flag] if flag else [])(x) - want)
+    error = np.abs(packed([form for form, *_ in ROOTS], number, flag)(x) - want)
     assert np.max(error / np.spacing(np.abs(want).astype(float))) < most
 
 
 @pytest.mark.parametrize("flag", WITHOUT)
 def test_the_root_of_nothing_is_nothing_and_below_there_is_none(flag):
     x = np.array([0.0, -1.0, 1e-320, 4.0, -0.0, 0.0, 1.0, 4.0])
-    y = packed(made(ca.sqrt), [flag] if flag else [])(x)
+    y = packed([form for form, *_ in ROOTS], 0, flag)(x)
     np.testing.assert_array_equal(y[[0, 3, 4]], [0, 2, 0])
     assert np.isnan(y[1])
     assert y[2] == pytest.approx(np.sqrt(1e-320), rel=1e-12)
@@ -90,12 +101,12 @@ FORMS = [
 
 
 @pytest.mark.parametrize("flag", WITHOUT[::2])
-@pytest.mark.parametrize("form", FORMS)
-def test_every_operation_does_what_casadi_does(form, flag):
-    function = made(form)
+@pytest.mark.parametrize("number", range(len(FORMS)))
+def test_every_operation_does_what_casadi_does(number, flag):
+    function = made(FORMS[number])
     x = np.concatenate([np.linspace(0.1, 4, 31), [1.0]])
     want = np.array(function(x.reshape(1, -1))).ravel()
-    found = packed(function, [flag] if flag else [])(x)
+    found = packed(FORMS, number, flag)(x)
     np.testing.assert_allclose(found, want, rtol=1e-14, atol=1e-15)
 
 

@@ -3,6 +3,7 @@
 import ast
 import subprocess
 import sys
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -34,21 +35,29 @@ ROOMS = [  # inside tensegrity: each may import what stands before it
 ABOVE = ["export", "__main__"]  # modules for users that no room uses
 
 
+@cache
+def nodes():
+    """Path, and every node of what stands there, of every module of ours: read once."""
+    paths = [p for package in PACKAGES for p in sorted((ROOT / package).rglob("*.py"))]
+    return [(path, list(ast.walk(ast.parse(path.read_text())))) for path in paths]
+
+
+@cache
 def imports():
     """(importing module, imported module of ours) for every import, wherever it stands."""
-    for package in PACKAGES:
-        for path in sorted((ROOT / package).rglob("*.py")):
-            name = ".".join(path.relative_to(ROOT).with_suffix("").parts)
-            for node in ast.walk(ast.parse(path.read_text())):
-                if isinstance(node, ast.Import):
-                    targets = [alias.name for alias in node.names]
-                elif isinstance(node, ast.ImportFrom) and node.module:
-                    targets = [f"{node.module}.{alias.name}" for alias in node.names]
-                else:
-                    targets = []
-                for target in targets:
-                    if target.split(".")[0] in PACKAGES:
-                        yield name.removesuffix(".__init__"), target
+    found = []
+    for path, inside in nodes():
+        name = ".".join(path.relative_to(ROOT).with_suffix("").parts)
+        for node in inside:
+            if isinstance(node, ast.Import):
+                targets = [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom) and node.module:
+                targets = [f"{node.module}.{alias.name}" for alias in node.names]
+            else:
+                targets = []
+            found += [(name.removesuffix(".__init__"), target) for target in targets
+                      if target.split(".")[0] in PACKAGES]  # fmt: skip
+    return found
 
 
 def test_packages_import_downward_only():
@@ -129,20 +138,19 @@ def test_private_names_stay_in_their_room():
     """What begins with an underscore is used where it is defined only; figures have files of
     their own that begin so."""
     rooms = {}
-    for package in PACKAGES:
-        for path in (ROOT / package).rglob("*.py"):
-            rooms.setdefault(room_of(path), []).append((path, ast.parse(path.read_text())))
+    for path, inside in nodes():
+        rooms.setdefault(room_of(path), []).append((path, inside))
     for modules in rooms.values():
-        nodes = [(path, node) for path, tree in modules for node in ast.walk(tree)]
         known = {f"{path.stem}" for path, _ in modules}
-        for _, node in nodes:
+        room = [(path, node) for path, inside in modules for node in inside]
+        for _, node in room:
             if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
                 known.add(node.name)
             elif isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store):
                 known.add(node.attr)
             elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
                 known.add(node.id)
-        for path, node in nodes:
+        for path, node in room:
             if isinstance(node, ast.Attribute):
                 used, own = [node.attr], getattr(node.value, "id", "") in ("self", "cls")
             elif isinstance(node, ast.ImportFrom):

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 import sympy as sp
 from networks import SPRING, extended, fork, patch, pushed
+from springs import series
 
 from derivations import geometry
 from tensegrity import (
     Chain,
     LockingError,
     Network,
-    Potential,
     PowerLaw,
     Prism,
     Record,
@@ -81,8 +81,7 @@ def test_a_straight_network_is_the_chain(name, dim):
 @pytest.mark.parametrize("dim", [2, 3])
 def test_forces_are_the_complex_step_gradient_of_the_plain_energy(dim, rng):
     """Energy of |x_j - x_i| - L typed plainly, against the acceleration that the loop uses."""
-    r = sp.Symbol("r")
-    spring = Potential(1.3 * r**2 / 2 - 0.4 * r**3 / 3, r)
+    spring = series(-0.4 / 3, k=1.3)
     x = rng.uniform(0, 3, (7, dim))
     bonds = [(0, 1), (2, 1), (2, 3), (4, 3), (5, 4), (6, 0), (6, 3), (5, 1)]
     mass = rng.uniform(0.5, 2, 7)
@@ -250,8 +249,7 @@ def test_a_spinning_bond_runs_though_its_energy_could_close_it(how):
     """Against the distance of both sites, an oscillator with the barrier of the spin."""
     from scipy.integrate import solve_ivp
 
-    r = sp.Symbol("r")
-    network = Network([(0, 0), (1, 0)], [(0, 1)], Potential(r**2 / 2, r, length=1.0))
+    network = Network([(0, 0), (1, 0)], [(0, 1)], series(length=1.0))
     state = network.at_rest({0: (0, -2.0), 1: (0, 2.0)})  # 4 J; the bond closes with 0.5 J
     run = simulate(network, state, 10.0, **how)
     spin = 4.0  # distance times velocity across it; each site has 1 kg, so the force counts twice
@@ -296,8 +294,7 @@ def test_a_ball_that_falls_from_rest_bounces_back_in_time(height):
 
 def test_steps_follow_what_loads_do_where_nothing_opens():
     """Pulled on a hardening spring from rest: the step is that for the elongations met."""
-    r = sp.Symbol("r")
-    spring = Potential(r**2 / 2 + 100 * r**4 / 4, r)
+    spring = series(0, 100 / 4)
     network = Network(
         [(0.0, 0.0), (1.0, 0.0)], [(0, 1)], spring, held=[0], loads=[(0.0, 0.0), (30.0, 0.0)]
     )
@@ -344,8 +341,7 @@ def test_a_bond_driven_to_the_end_of_its_domain_raises():
 
 def test_coinciding_sites_are_noticed():
     """Steps that end where two sites are at one place: no direction is left there."""
-    r = sp.Symbol("r")
-    network = Network([[0.0, 0.0], [1.0, 0.0]], [(0, 1)], Potential(1e-40 * r**2, r))
+    network = Network([[0.0, 0.0], [1.0, 0.0]], [(0, 1)], series(k=2e-40))
     with pytest.raises(StabilityError, match="sites 0 and 1, which came to the same place"):
         simulate(network, network.at_rest({0: (1.0, 0.0)}), 4.0, dt=2**-4)
 

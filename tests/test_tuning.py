@@ -7,6 +7,7 @@ import pytest
 import sympy as sp
 from scenes import smooth_blow
 from scipy.integrate import solve_ivp
+from springs import series
 
 from figures import _scenes
 from tensegrity import (
@@ -14,7 +15,6 @@ from tensegrity import (
     Ensemble,
     LockingError,
     Polynomial,
-    Potential,
     Prism,
     Record,
     ResolutionError,
@@ -30,8 +30,7 @@ ALL = Record(every=1)
 
 def stiffening(t):
     """A spring of k = 1 + sin(t)^2/2 with a cubic part."""
-    r, k = sp.symbols("r k")
-    return Potential(k * r**2 / 2 + r**4 / 4, r, {k: 1 + math.sin(t) ** 2 / 2}, length=1.0)
+    return series(0, 1 / 4, k=1 + math.sin(t) ** 2 / 2, length=1.0)
 
 
 def drawn_in(t):
@@ -163,8 +162,7 @@ def test_a_spring_may_use_the_stroke_that_it_has_at_that_instant():
     """The end comes nearer while the spring springs back from it."""
 
     def closing(t):
-        r, k = sp.symbols("r k")
-        return Potential(k * r**2 / 2, r, {k: 1.0}, 1.0, (-0.2 + 0.1 * t, 1.0))
+        return series(length=1.0, domain=(-0.2 + 0.1 * t, 1.0))
 
     chain = Chain(closing(0.0), 2)
     state = State(np.array([0.0, -0.14]), np.zeros(2))
@@ -177,8 +175,7 @@ def test_a_spring_may_use_the_stroke_that_it_has_at_that_instant():
 
 
 def test_motion_that_is_not_finite_is_unstable():
-    r = sp.Symbol("r")
-    soft = Potential(-(r**4), r)  # runs away in finite time
+    soft = series(0, -1, k=0.0)  # runs away in finite time
     chain = Chain(soft, 2)
     with (
         pytest.raises(StabilityError, match=r"no longer finite at t = \d"),
@@ -191,8 +188,7 @@ def test_the_stability_limit_is_watched_at_every_step():
     """The stiffest moment lies between the recorded instants, and what is recorded is no matter."""
 
     def squeezed(t):
-        r, k = sp.symbols("r k")
-        return Potential(k * r**2 / 2, r, {k: 1 + 30 * math.exp(-((t - 5) ** 2))}, length=1.0)
+        return series(k=1 + 30 * math.exp(-((t - 5) ** 2)), length=1.0)
 
     chain = Chain(squeezed(0.0), 6)
     texts = []
@@ -206,9 +202,8 @@ def test_the_stability_limit_is_watched_at_every_step():
 def test_a_short_change_between_the_nodes_of_a_series_is_not_lost():
     def pulse(width):
         def spring_at(t):
-            r, k = sp.symbols("r k")
             stiffness = 1 + 0.5 * math.exp(-(((t - 20.93 * width) / width) ** 2))
-            return Potential(k * r**2 / 2, r, {k: stiffness}, length=1.0)
+            return series(k=stiffness, length=1.0)
 
         return spring_at
 
@@ -221,10 +216,9 @@ def test_a_short_change_between_the_nodes_of_a_series_is_not_lost():
 
 
 def test_energy_error_is_no_less_than_zero_for_a_negative_energy():
-    r, k = sp.symbols("r k")
 
     def hanging(t):
-        return Potential(k * (r**4 / 4 - r**2 / 2), r, {k: 2 + math.sin(t)}, length=1.0)
+        return series(0, 1 / 2, k=-2 - math.sin(t), length=1.0)
 
     chain = Chain(hanging(0.0), 2)
     state = State(np.array([0.0, 0.9]), np.zeros(2))
@@ -283,9 +277,7 @@ def test_preload_and_prestrain_move_the_equilibrium_that_elongations_count_from(
 
 @pytest.mark.parametrize(("method", "order"), [("verlet", 2), ("rkn6", 6), ("processed6", 6)])
 def test_methods_keep_their_order_with_a_tuned_stiffness(method, order):
-    r, k = sp.symbols("r k")
-    spring = Potential(k * r**2 / 2 + r**4 / 4, r, {k: 1.0}, length=1.0)
-    chain = Chain(spring, 8, tune={"k": 1 + sp.sin(T) ** 2 / 2})
+    chain = Chain(stiffening(0.0), 8, tune={"k": 1 + sp.sin(T) ** 2 / 2})
     state = chain.at_rest({0: 0.5, 5: -0.3})
     u, v, work = reference(chain, state, 3.0)
     steps = np.array([12, 16, 24])

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import sympy as sp
+from springs import series
 
 from tensegrity import Chain, Potential, Prism, Record, State, TensegrityError, simulate
 from tensegrity.measure.observables import crest, speed, width
@@ -81,7 +82,7 @@ def test_width_needs_a_pulse_that_ends():
 
 
 def test_sound_speed_of_a_linear_chain_is_that_of_long_waves():
-    chain = Chain(Potential(3 * R**2 / 2, R), 400)
+    chain = Chain(series(k=3.0), 400)
     assert sound_speed(chain.springs[0], mass=0.75) == pytest.approx(2.0)
 
 
@@ -94,8 +95,7 @@ def fput_beta(beta, t_end):
     Returns the run, the instants and the share of the energy in mode 1, as its largest value
     within half a period around each instant (it oscillates with the mode).
     """
-    spring = Potential(R**2 / 2 + beta * R**4 / 4, R)
-    chain = Chain(spring, MASSES + 2, ends=("fixed", "fixed"))
+    chain = Chain(series(0, beta / 4), MASSES + 2, ends=("fixed", "fixed"))
     shape = np.sin(np.pi * np.arange(MASSES + 2) / (MASSES + 1))
     shape[[0, -1]] = 0
     start = State(shape, np.zeros_like(shape))
