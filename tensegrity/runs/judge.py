@@ -18,7 +18,10 @@ LEAST_ORDER = 0.5  # that is reckoned with
 FIRST_ORDER = 4.0  # least by which errors of the two coarsest runs are taken to fall from there
 TIGHT = 1e-10  # tolerances so far below the errors of first runs that these have to be told apart
 CORRECTED = 3  # order over the exponent that methods which correct openings have
-LEAST_FACTOR, FASTEST = 1.25, 6.0  # of the steps from one run to the next
+LEAST_FACTOR, FASTEST = 1.25, 8.0  # of the steps from one run to the next
+FASTEST_OPEN = 6.0  # the same where contacts open
+SURE, DOUBT = 3.0, 3.0  # a run so many times finer than the one before it has an error that the
+# order foretells less well where contacts open: estimates are so many times larger
 FAR, NEARER = 0.4, 0.45  # share of the steps below which a run tells of an error so uncertainly
 # that another is done, with at least so much
 
@@ -66,7 +69,7 @@ class Judge:
             return gap / max(share ** (-self.order / 2) - 1, 1.0) if not self.opens else gap
         order = self._seen(gaps)
         errors = [gap / (1 - share**order) * share**order for share, gap in gaps[-2:]]
-        return max(errors) if self.opens else errors[-1]
+        return max(errors) * _doubt(1 / gaps[-1][0]) if self.opens else errors[-1]
 
     def _seen(self, gaps):
         """Order by which errors fell, not more than what is trusted."""
@@ -86,9 +89,16 @@ class Judge:
         if len(gaps) > 1:
             order, estimate = self._seen(gaps), self.estimate(gaps)
         needed = (estimate / (self._aim * self._tol)) ** (1 / order)
-        if len(gaps) > 1 and share < FAR and not self.opens:  # errors may have fallen faster
+        if self.opens:
+            return min(max(needed * _doubt(needed) ** (1 / order), LEAST_FACTOR), FASTEST_OPEN)
+        if len(gaps) > 1 and share < FAR:  # errors may have fallen faster
             return max(math.sqrt(share), NEARER)
         return min(max(needed, LEAST_FACTOR), FASTEST)
+
+
+def _doubt(factor):
+    """Of the estimate of a run so many times finer than the one before it; contacts open."""
+    return DOUBT if factor > SURE else 1.0
 
 
 def first_factor(tol, opens):
