@@ -99,11 +99,9 @@ class Bound:
         self._arrays += [rows, steps]
         (step,) = (x for x, (name, _) in zip(rows, OPENINGS._fields_, strict=False) if name == "dt")
         self.taken.append((steps, "dt", step))
-        self._call = (
-            loop.advance_openings,
-            (ctypes.addressof(self._structure), ctypes.addressof(steps)),
-        )
-        self._show, self._openings = (loop.show_openings, ctypes.addressof(steps)), steps
+        advance, show = loop.openings
+        self._call = advance, (ctypes.addressof(self._structure), ctypes.addressof(steps))
+        self._show, self._openings = (show, ctypes.addressof(steps)), steps
 
     def show(self, u, v):
         """What makes copies of u and v what is looked at; None where they are that already."""

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 LONG = 500  # instructions from which a law is compiled apart from the loop
 
 
-def c_text(laws, loop="line", own=None, helpers=(), packed=(), extra=()):
+def c_text(laws, loop="line", own=None, helpers=(), packed=(), openings=False, extra=()):
     """C source of a loop over bonds of the given laws, numbered in their order.
 
     Parameters
@@ -34,6 +34,8 @@ def c_text(laws, loop="line", own=None, helpers=(), packed=(), extra=()):
         What the loop needs besides, and the C by which it is called.
     packed : sequence of str
         C of what the loop needs besides for several contacts side by side.
+    openings : bool, optional
+        Whether the steps of corrected methods are among it.
     extra : sequence of str
         Files, or C, behind the loop.
     """
@@ -84,7 +86,8 @@ def c_text(laws, loop="line", own=None, helpers=(), packed=(), extra=()):
     for number, kind in runs:
         long = int(is_long(laws[number]))
         parts += run_text(f"{loop}_law.c", number, kind, beside[number], IS_LONG=long)
-    parts += [f"{loop}.c", "steps.c", "openings.h", f"{loop}_openings.c", "openings.c"]
+    parts += [f"{loop}.c", "steps.c"]
+    parts += ["openings.h", f"{loop}_openings.c", "openings.c"] * openings
     parts += ["evaluate.c", *["values.c"] * (loop == "line" and own == (None,))]
     return joined([*parts, *extra])
 

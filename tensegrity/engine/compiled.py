@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from functools import cached_property
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from tensegrity.engine import geometry
 from tensegrity.engine.bonds import GROUP
 from tensegrity.engine.codegen import c_text
 from tensegrity.engine.kept import kept
-from tensegrity.engine.law import DERIVATIVES, evaluate, named
+from tensegrity.engine.law import DERIVATIVES, evaluate, facts, named
 from tensegrity.engine.native import library
 from tensegrity.once import once
 
@@ -41,24 +42,22 @@ class Compiled:
     name = "compiled"
     kind = "loop"  # what its text is kept under
     extra = ()  # behind the loop
+    corrects = True  # whether it may be asked for the steps of corrected methods
 
     def __init__(self, laws, own=None, dim=0, lanes=1, extended=False):
         self.laws, self.own, self.dim, self.lanes = laws, own or (None,) * len(laws), dim, lanes
         self.dtype = np.dtype(np.longdouble if extended else np.float64)
         self._most = max((len(law.parameters) for law in laws), default=0)
-        flags = ["-DEXTENDED"] * extended + [f"-DLANES={lanes}"] * (lanes > 1)
-        flags += [f"-DDIM={dim}"] * (dim > 0)
-        loop = "net" if dim else "line"
-        parts = named(self.kind, laws, loop, self.own, dim)
-        self.library = found = library(kept(parts, lambda: self._text(loop)), flags)
+        self._flags = ["-DEXTENDED"] * extended + [f"-DLANES={lanes}"] * (lanes > 1)
+        self._flags += [f"-DDIM={dim}"] * (dim > 0)
+        self._has_openings = self.corrects and any(facts(law)["cut"] for law in laws)
+        self.library = found = self._compiled(self._has_openings)
         address, number = ctypes.c_void_p, ctypes.c_longlong
         for name, arguments in (
             ("advance", [address, number]),
             *[("advance_together", [address, number])] * (dim > 0),
             ("advance_part", [address] + [number] * 3),
             ("advance_nystrom", [address] * 2 + [number]),
-            ("advance_openings", [address] * 2 + [number]),
-            ("show_openings", [address] * 2 + [number]),
             ("evaluate", [number] * 3 + [address] * 3),
             ("evaluate_own", [number] * 4 + [address] * 3),
             ("energies", [number] * 2 + [address] * 3),
@@ -66,12 +65,29 @@ class Compiled:
         ):
             function = found[name]
             function.argtypes, function.restype = arguments, None
-            setattr(self, name if name.startswith(("advance", "show")) else f"_{name}", function)
+            setattr(self, name if name.startswith("advance") else f"_{name}", function)
 
-    def _text(self, loop):
-        dim = self.dim
-        parts = (geometry.helpers(dim), geometry.side_by_side(dim)) if dim else ()
-        return c_text(self.laws, loop, self.own, *parts, extra=self.extra)
+    def _compiled(self, openings):
+        """The library, with the steps of corrected methods or without: compiling them takes as
+        long as the rest."""
+        laws, own, dim, loop = self.laws, self.own, self.dim, "net" if self.dim else "line"
+
+        def text():
+            parts = (geometry.helpers(dim), geometry.side_by_side(dim)) if dim else ()
+            return c_text(laws, loop, own, *parts, openings=openings, extra=self.extra)
+
+        parts = named(self.kind, laws, loop, own, dim, openings)
+        return library(kept(parts, text), self._flags)
+
+    @cached_property
+    def openings(self):
+        """Functions that advance by steps of corrected methods, and show what is looked at."""
+        found = self.library if self._has_openings else self._compiled(True)
+        functions = found.advance_openings, found.show_openings
+        for function in functions:
+            function.argtypes = [ctypes.c_void_p] * 2 + [ctypes.c_longlong]
+            function.restype = None
+        return functions
 
     @classmethod
     def of(cls, bonds, lanes=1, extended=False):

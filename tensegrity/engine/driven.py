@@ -158,7 +158,7 @@ class DrivenLoop(Compiled):
         As those of `Compiled`.
     """
 
-    kind = "driven"
+    kind, corrects = "driven", False
 
     def __init__(self, laws: Any, own: Any, dim: int) -> None:
         super().__init__(laws, own, dim)  # type: ignore[no-untyped-call]

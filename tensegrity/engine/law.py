@@ -264,7 +264,8 @@ def evaluate(law, order, parameters, r):
 @once
 def facts(law: Any) -> dict[str, Any]:
     """What is asked of a law besides its functions: names of its parameters, seconds that a
-    tension takes in a compiled loop, roughly: counted, not measured, and its instructions."""
+    tension takes in a compiled loop, roughly: counted, not measured, its instructions, and whether
+    any of them makes pieces of it."""
     return kept(named("facts", (law,)), lambda: _facts(law))
 
 
@@ -273,11 +274,13 @@ def _facts(law):
 
     slow = {ca.OP_SQRT: 16, ca.OP_DIV: 8, ca.OP_INV: 8}
     slow |= dict.fromkeys((ca.OP_EXP, ca.OP_LOG, ca.OP_POW, ca.OP_SIN, ca.OP_COS), 150)
+    cuts = {ca.OP_FMAX, ca.OP_FMIN, ca.OP_FABS, ca.OP_SIGN, ca.OP_LT, ca.OP_LE, ca.OP_IF_ELSE_ZERO}
     tension = functions(law)["tension"]
-    count = range(tension.n_instructions())
+    done = [tension.instruction_id(k) for k in range(tension.n_instructions())]
     return {
         "parameters": [str(parameter) for parameter in _given(law).parameters],
-        "cost": 4e-11 * sum(slow.get(tension.instruction_id(k), 1) for k in count),
+        "cost": 4e-11 * sum(slow.get(one, 1) for one in done),
+        "cut": any(one in cuts for one in done),
         "instructions": functions(law)["tail"].n_instructions(),
         "packed": lanes.gains(tension),
         "packed_energy": "energy" in law.compiled and lanes.gains(functions(law)["energy"]),
