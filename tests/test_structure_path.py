@@ -188,6 +188,14 @@ def test_structure_of_a_prism_goes_slack_where_the_prism_path_makes_contact():
     assert path.events[-1].load == pytest.approx(contact.load, rel=1e-10)
 
 
+def test_a_bar_held_by_slack_strings_alone_is_refused():
+    nodes = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.3, 0.3, 1]]
+    given = {"bars": [(0, 3)], "strings": [(1, 3), (2, 3)], "natural_lengths": [1.09, 2, 2]}
+    s = equilibrium(Structure(nodes, **given), supports=held([0, 1, 2])).structure
+    with pytest.raises(EquilibriumError, match="a motion is without stiffness at the start and"):
+        equilibrium_path(s, supports=held([0, 1, 2]), loads={3: (0.1, 0.2, -1.0)}, max_load=1.0)
+
+
 def test_unstressed_prism_whose_mechanism_has_no_stiffness_is_refused():
     s = Prism(1.0, 0.7, 0.0, 1.0, 5.0, 50.0).structure()
     with pytest.raises(EquilibriumError, match="give it some prestress"):
