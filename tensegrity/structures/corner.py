@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity.structures.equations import Piece
+from tensegrity.structures.solve import NOTHING
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -140,6 +141,9 @@ def _ray(
     size = SAME * (np.abs(longer).max(initial=0.0) + 1e-300)
     wanted = np.where(choice[corner], longer >= -size, longer <= size)
     if check and not wanted.all():
+        return None
+    sizes = np.linalg.svd(jacobian[:, :-1] * piece.scale[:-1], compute_uv=False)
+    if not sizes[-1] > NOTHING * sizes[0]:  # a motion has no stiffness beyond: any ray would do
         return None
     stiff = piece.tangent(u)
     if loading.pattern is None:

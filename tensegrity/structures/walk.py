@@ -47,7 +47,7 @@ ENDS = {
     "height": "the shortening asked for",
     "control": "the natural lengths asked for",
     "back": "back at the natural lengths of the start",
-    "nothing": "no equilibrium leaves this corner",
+    "nothing": "no equilibrium, or none that is determined, leaves this corner",
     "snap": "no stable branch leaves this bifurcation: the structure snaps",
     "pieces": f"{PIECES} pieces do not reach an end",
 }
@@ -183,17 +183,18 @@ class Walk:
         if reason == "leaves":
             return self._switched(piece, u, leaves)
         if strings and reason.startswith("string"):
-            return self._turned(piece, u, -1 if traced.tangent[-1, -1] < 0 else 1)
+            met = int(reason.split()[1])
+            return self._turned(piece, u, met, -1 if traced.tangent[-1, -1] < 0 else 1)
         word = "height" if reason == "height" else reason.split()[0]
         if self.of.pattern is None and word == "height":
             word = "control"
         self.end = ENDS.get(word, reason)
         return None
 
-    def _turned(self, piece: Piece, u: Array, arrived: int) -> Any:
-        """The piece that begins where strings are at natural length."""
+    def _turned(self, piece: Piece, u: Array, met: int, arrived: int) -> Any:
+        """The piece that begins where strings are at natural length, of which the path met one."""
         stretch = piece.stretch(u)
-        corner = self._at_corner(stretch)
+        corner = np.union1d(self._at_corner(stretch), [met])  # its own may be round-off above
         row = self.rows - 1
         loose = corner[piece.taut[corner]]
         tight = corner[~piece.taut[corner]]
