@@ -134,7 +134,7 @@ def _ray(
         rate = np.append(np.linalg.solve(jacobian[:, :-1], -jacobian[:, -1]), 1.0) * sense
     except np.linalg.LinAlgError:
         return None
-    if not np.isfinite(rate).all() or np.abs(rate[:-1] / piece.scale[:-1]).max() > 1e8:
+    if not np.isfinite(rate).all() or np.abs(rate / piece.scale).max() > 1e8 / piece.scale[-1]:
         return None
     numbers = np.searchsorted(piece.strings, corner)
     longer = np.array([piece.test_gradient(u, n) @ rate for n in numbers])
