@@ -145,6 +145,14 @@ def test_structure_that_its_loads_do_not_leave_at_rest_is_refused():
         control_path(s, {0: 1.0}, held([0]), loads={2: (0, -1.0)})
 
 
+def test_paths_along_which_nothing_or_anything_may_move_are_refused():
+    slack = Structure([[0, 0], [2, 0], [1, 0]], strings=[(0, 2), (1, 2)], natural_lengths=[1.5] * 2)
+    with pytest.raises(EquilibriumError, match="without stiffness at the start"):
+        control_path(slack, {0: 1.6}, GROUND)
+    with pytest.raises(EquilibriumError, match="leave no motion"):
+        control_path(arch(0.6, 1.0), {0: 1.0}, held([0, 1, 2]))
+
+
 def test_a_path_that_loses_its_stiffness_with_its_strings_ends_where_they_go_slack():
     line = [[0, 0], [2, 0], [1, 0]]
     s = Structure(line, strings=[(0, 2), (1, 2)], natural_lengths=[0.9, 0.9])

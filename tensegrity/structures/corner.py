@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity.structures.equations import Piece
-from tensegrity.structures.solve import NOTHING
+from tensegrity.structures.solve import NOTHING, least_part
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -142,9 +142,8 @@ def _ray(
     wanted = np.where(choice[corner], longer >= -size, longer <= size)
     if check and not wanted.all():
         return None
-    sizes = np.linalg.svd(jacobian[:, :-1] * piece.scale[:-1], compute_uv=False)
-    if not sizes[-1] > NOTHING * sizes[0]:  # a motion has no stiffness beyond: any ray would do
-        return None
+    if not least_part(jacobian[:, :-1] * piece.scale[:-1]) > NOTHING:
+        return None  # a motion has no stiffness beyond: any ray would do
     stiff = piece.tangent(u)
     if loading.pattern is None:
         step = 1e-6

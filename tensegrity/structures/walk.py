@@ -21,7 +21,7 @@ from tensegrity.errors import EquilibriumError
 from tensegrity.readonly import fixed
 from tensegrity.structures.corner import chosen, piece_stretch, rays
 from tensegrity.structures.equations import Loading, Piece
-from tensegrity.structures.solve import NEUTRAL, NOTHING
+from tensegrity.structures.solve import NEUTRAL, NOTHING, least_part
 from tensegrity.structures.structure_path import StructurePath
 from tensegrity.structures.switch import branches_off
 
@@ -112,12 +112,11 @@ class Walk:
 
     def _refuse_loose(self, piece: Piece, u: Array) -> None:
         """Refuse a start from which more than one branch leaves: equations of too low a rank."""
-        sizes = np.linalg.svd(piece.linearised(u)[1] * piece.scale, compute_uv=False)
-        if not sizes[-1] > NOTHING * sizes[0]:
+        left = least_part(piece.linearised(u)[1] * piece.scale)
+        if left <= NOTHING:
             raise EquilibriumError(
                 "a motion is without stiffness at the start and not driven (smallest singular "
-                f"value {sizes[-1] / sizes[0]:.3g} of the largest): no branch is determined; give "
-                "it some prestress"
+                f"value {left:.3g} of the largest): no branch is determined; give it some prestress"
             )
 
     def _at_corner(self, stretch: Array) -> Indices:
