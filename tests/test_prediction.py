@@ -277,6 +277,30 @@ def test_waves_start_from_rest_whatever_the_power_that_stiffens_the_spring(power
     assert gaps[0] / gaps[1] == pytest.approx(2, rel=0.03)  # the next order of the excess
 
 
+@pytest.mark.parametrize("power", [4, 6, 8, 10])
+@pytest.mark.parametrize("crest", [0.2, -1e-3, 1e-9])
+def test_small_waves_of_a_high_power_keep_the_speed_of_the_long_wave(power, crest):
+    r = sp.Symbol("r")
+    wave = solitary_wave(Potential(r**2 / 2 + r**power / power, r), amplitude=crest)
+    long_wave = abs(crest) ** (power - 2) / power
+    assert abs(wave.excess / long_wave - 1) < crest**2 + 1e-12
+
+
+@pytest.mark.parametrize(("below", "above"), [((3, 1), (3, 1)), ((3, 3), (3, 1)), ((5, 1), (4, 2))])
+def test_small_waves_of_a_spring_that_is_not_smooth_at_rest_are_those_of_their_side(below, above):
+    r = sp.Symbol("r")
+    forces = {-1: below, 1: above}  # V = r^2/2 + d |r|^n/n on each side
+    parts = [r**2 / 2 + d * (side * r) ** n / n for side, (n, d) in forces.items()]
+    spring = Potential(sp.Piecewise((parts[0], r < 0), (parts[1], True)), r)
+    for name, side in (("compression", -1), ("rarefaction", 1)):
+        family, (n, d) = predict(spring)[name], forces[side]
+        assert family.starts == "rest"
+        wanted = side * (1e-5 * n / d) ** (1 / (n - 2))
+        assert family.small_crest(1e-5) == pytest.approx(wanted, rel=1e-6)
+        wave = solitary_wave(spring, excess=1e-5, family=name)
+        assert wave.amplitude == pytest.approx(wanted, rel=1e-3)
+
+
 def test_a_force_that_softens_first_leaves_a_threshold_where_its_mean_is_back():
     assert predict(series(0, 0, 0, 0, 0, -1)).families == ()
     family = predict(series(0, 0, 0, -1, 0, 1))["compression"]

@@ -207,6 +207,13 @@ def test_two_states_of_self_stress_need_two_prestrains():
         s.prestressed(prestrain={m: 0.1 for m in range(1, 2 + count)})
 
 
+@pytest.mark.parametrize("size", [1e-300, 1e300])
+def test_plates_have_the_direction_of_their_normal_however_long_it_is(size, ball):
+    both = (plates([0, 4, 8], [3, 7, 11], normal=(0, x, x)) for x in (1.0, size))
+    one, other = (equilibrium(ball, {3: (0.1, 0, 0), 7: (-0.1, 0, 0)}, s) for s in both)
+    assert np.array_equal(one.positions, other.positions)
+
+
 NODES = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
 
 
@@ -224,6 +231,11 @@ NODES = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
         ({"positions": [[0, 0], [1, 0, 0]], "bars": [(0, 1)]}, "not made of numbers"),
         ({"positions": [[0.0], [1.0]], "bars": [(0, 1)]}, "must be \\(nodes, 2\\) or 3"),
         ({"positions": [[0, 0], [0, 0], [1, 0]], "bars": [(0, 1), (1, 2)]}, "length 0 m"),
+        (
+            {"positions": [[0, 0], [1e200, 0]], "bars": [(0, 1)]},
+            "length inf m, must be above 0 and",
+        ),
+        ({"bars": [(0, 1), (1, 2)], "platforms": [[0], []]}, "platform 1 has 0 nodes"),
         ({"bars": [(0, 1), (1, 2)], "natural_lengths": [1.0]}, "natural length has shape"),
         ({"bars": [(0, 1), (1, 2)], "natural_lengths": [1.0, -1.0]}, "natural length -1 m"),
         ({"bars": [(0, 1), (1, 2)], "mass": [1.0, 1.0, 0.0]}, "mass 0 kg"),
@@ -245,6 +257,8 @@ def test_supports_and_numbers_that_do_not_exist_are_refused(ball):
         (lambda: ball.prestressed(), "give force_densities or prestrain"),
         (lambda: ball.prestressed(force_densities=np.ones(30)), "are no self-stress"),
         (lambda: ball.prestressed(prestrain={6: 0.1, 7: 0.1}), "must be of 1"),
+        (lambda: ball.prestressed(prestrain={6: -0.1}), "strings do not push"),
+        (lambda: ball.prestressed(force_densities=-ball.densities), "strings do not push"),
         (lambda: equilibrium(ball, {12: (0, 0, 1)}), "loaded node 12"),
     ):
         with pytest.raises(TensegrityError, match=words):

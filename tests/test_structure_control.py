@@ -1,5 +1,7 @@
 """Paths on which natural lengths change, with and without loads that stay."""
 
+import warnings
+
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
@@ -13,6 +15,7 @@ from tensegrity import (
     equilibrium,
     held,
 )
+from tensegrity.structures import walk
 
 PRISM = Prism(1.0, 1.0, 0.1, 1.0, 5.0, 50.0)
 GROUND = held([0, 1])
@@ -140,3 +143,44 @@ def test_structure_that_its_loads_do_not_leave_at_rest_is_refused():
         control_path(s, {0: 1.0}, GROUND, loads={3: (0, -1.0)})
     with pytest.raises(EquilibriumError, match="do work"):
         control_path(s, {0: 1.0}, held([0]), loads={2: (0, -1.0)})
+
+
+def test_paths_along_which_nothing_or_anything_may_move_are_refused():
+    slack = Structure([[0, 0], [2, 0], [1, 0]], strings=[(0, 2), (1, 2)], natural_lengths=[1.5] * 2)
+    with pytest.raises(EquilibriumError, match="without stiffness at the start"):
+        control_path(slack, {0: 1.6}, GROUND)
+    with pytest.raises(EquilibriumError, match="leave no motion"):
+        control_path(arch(0.6, 1.0), {0: 1.0}, held([0, 1, 2]))
+
+
+def test_a_path_that_loses_its_stiffness_with_its_strings_ends_where_they_go_slack():
+    line = [[0, 0], [2, 0], [1, 0]]
+    s = Structure(line, strings=[(0, 2), (1, 2)], natural_lengths=[0.9, 0.9])
+    path = control_path(s, {0: 1.3}, GROUND)
+    assert "none that is determined" in path.end
+    assert path.control[-1] == pytest.approx(0.5, abs=1e-9)
+    assert [e.note for e in path.events] == ["strings 0, 1 slack"]
+
+
+def test_a_string_that_a_path_met_goes_slack_however_near_it_was_located(monkeypatch):
+    nodes = [[-1, 0], [1, 0], [0, 0.6], [0, 2]]
+    frame, ground = {"bars": [(0, 2), (1, 2)], "strings": [(3, 2)]}, held([0, 1, 3])
+    lengths = [1.166, 1.166, 1.3]
+    s = equilibrium(Structure(nodes, **frame, natural_lengths=lengths), supports=ground).structure
+    paths = []
+    for _ in range(2):
+        paths.append(control_path(s, {0: 1.4, 1: 1.4}, ground))
+        monkeypatch.setattr(walk, "CORNER", -1.0)  # as if round-off were larger
+    assert [e.note for e in paths[1].events] == ["string 2 slack"]
+    assert paths[1].tensions[-1, 2] == 0
+    assert paths[1].positions[-1] == pytest.approx(paths[0].positions[-1], rel=1e-10)
+
+
+def test_searches_for_events_that_run_off_are_silent():
+    nodes = [[0, 0, 0], [2, 0, 0], [1, 1.5, 0], [1, 0.5, 0.6]]
+    bars = [(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)]
+    s = Structure(nodes, bars=bars, k_bar=[10, 20, 5, 3, 1, 7])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        path = control_path(s, {3: 3.0})
+    assert path.end == "two bars meet"

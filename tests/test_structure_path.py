@@ -188,6 +188,23 @@ def test_structure_of_a_prism_goes_slack_where_the_prism_path_makes_contact():
     assert path.events[-1].load == pytest.approx(contact.load, rel=1e-10)
 
 
+@pytest.mark.parametrize("size", [1e-12, 1e-9, 1e9])
+def test_paths_are_those_of_the_unit_structure_at_any_size(size, ball):
+    small = ball.at(ball.positions * size, natural_lengths=ball.natural_lengths * size)
+    path = equilibrium_path(small, supports=PLATES, max_shortening=size)
+    assert path.end == "the shortening asked for"
+    (load,) = loads_at(ball, [1.0])
+    assert path.load[-1] / size == pytest.approx(load, rel=1e-12)
+
+
+def test_a_bar_held_by_slack_strings_alone_is_refused():
+    nodes = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.3, 0.3, 1]]
+    given = {"bars": [(0, 3)], "strings": [(1, 3), (2, 3)], "natural_lengths": [1.09, 2, 2]}
+    s = equilibrium(Structure(nodes, **given), supports=held([0, 1, 2])).structure
+    with pytest.raises(EquilibriumError, match="a motion is without stiffness at the start and"):
+        equilibrium_path(s, supports=held([0, 1, 2]), loads={3: (0.1, 0.2, -1.0)}, max_load=1.0)
+
+
 def test_unstressed_prism_whose_mechanism_has_no_stiffness_is_refused():
     s = Prism(1.0, 0.7, 0.0, 1.0, 5.0, 50.0).structure()
     with pytest.raises(EquilibriumError, match="give it some prestress"):

@@ -121,6 +121,7 @@ class ManyMachine:
         """The point of the branch next to z in the plane normal to `tangent`."""
         return self._corrected(z, tangent, z, 0.0, 1.0)[0]
 
+    @np.errstate(all="ignore")  # iterations that run off are told by what is not finite
     def _corrected(
         self, guess: Array, tangent: Array, start: Array, step: float, length: float
     ) -> Any:
@@ -167,6 +168,7 @@ class ManyMachine:
         point.data[: self.m] = z
         return point
 
+    @np.errstate(all="ignore")
     def polish(self, kind: str, z: Array, tangent: Array, p: Any) -> Array | None:
         """Newton's method on the equations with the test of an event; None where it fails.
 

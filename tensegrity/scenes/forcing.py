@@ -101,7 +101,7 @@ class Damping:
     ----------
     bond : float or array_like, (bonds,), optional
         Of the rate of elongation of each bond [N s/m], >= 0, also where a contact is open; contacts
-        with walls have none.
+        with walls of a network have none, those with the ends of a chain of beads are bonds.
     ground : float or array_like, (sites,), optional
         Of the velocity of each site [N s/m], >= 0.
     """

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity.structures.equations import Piece
+from tensegrity.structures.solve import NOTHING, least_part
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -133,7 +134,7 @@ def _ray(
         rate = np.append(np.linalg.solve(jacobian[:, :-1], -jacobian[:, -1]), 1.0) * sense
     except np.linalg.LinAlgError:
         return None
-    if not np.isfinite(rate).all() or np.abs(rate[:-1] / piece.scale[:-1]).max() > 1e8:
+    if not np.isfinite(rate).all() or np.abs(rate / piece.scale).max() > 1e8 / piece.scale[-1]:
         return None
     numbers = np.searchsorted(piece.strings, corner)
     longer = np.array([piece.test_gradient(u, n) @ rate for n in numbers])
@@ -141,6 +142,8 @@ def _ray(
     wanted = np.where(choice[corner], longer >= -size, longer <= size)
     if check and not wanted.all():
         return None
+    if not least_part(jacobian[:, :-1] * piece.scale[:-1]) > NOTHING:
+        return None  # a motion has no stiffness beyond: any ray would do
     stiff = piece.tangent(u)
     if loading.pattern is None:
         step = 1e-6

@@ -23,6 +23,8 @@ def platforms(given: Any, nodes: int) -> tuple[tuple[int, ...], ...]:
         groups = tuple(tuple(group) for group in given)
     except TypeError:
         raise TensegrityError(f"platforms {check.shown(given)} must list nodes of each") from None
+    if () in groups:
+        raise TensegrityError(f"platform {groups.index(())} has 0 nodes, must have at least 1")
     numbers = [check.whole("node of a platform", n, least=0) for group in groups for n in group]
     for number in numbers:
         if number >= nodes or numbers.count(number) > 1:

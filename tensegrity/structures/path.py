@@ -109,6 +109,8 @@ def control_path(
         raise TensegrityError("natural_lengths are those that the structure has: no path")
     dead = nodal(structure, loads)
     motions = _motions(structure, supports, dead)
+    if not motions.shape[1]:
+        raise EquilibriumError("the supports leave no motion that could follow natural lengths")
     loading = Loading(
         structure.members, structure.positions, motions, None, change,
         _plate(structure, supports), (math.inf, 1.0), dead,

@@ -33,6 +33,17 @@ def checked(structure: Any, force_densities: Any) -> Array:
     return q
 
 
+def refuse_pushing(structure: Any, q: Array) -> None:
+    """Refuse force densities that strings cannot have: slack, they would leave the rest alone."""
+    pushed = np.where(structure.is_string, q, 0.0)
+    worst = int(pushed.argmin())
+    if pushed[worst] < -SAME * np.abs(q).max():
+        raise EquilibriumError(
+            f"force density {q[worst]:.6g} N/m of {structure.name_of(worst)} must be at least 0: "
+            "strings do not push"
+        )
+
+
 def of_prestrain(structure: Any, prestrain: Any) -> Array:
     """Force densities of which some strings have given prestrains."""
     if not isinstance(prestrain, Mapping) or not prestrain:

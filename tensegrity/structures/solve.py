@@ -175,6 +175,14 @@ def _newton(
     return (move, good) if good else (np.zeros(free), False)
 
 
+def least_part(matrix: Array) -> float:
+    """The smallest singular value over the largest; nan where a number is not finite."""
+    if not np.isfinite(matrix).all():
+        return np.nan
+    sizes = np.linalg.svd(matrix, compute_uv=False)
+    return float(sizes[-1] / sizes[0]) if sizes[0] else 0.0
+
+
 def bordered(matrix: Any, rigid: Array, shift: float = 0.0) -> Any:
     """Solver of (matrix + shift) x = b among x orthogonal to rigid motions; sparse."""
     import scipy.sparse as sparse

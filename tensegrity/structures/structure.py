@@ -123,12 +123,13 @@ class Structure(ReadOnly):
         self.mass = given.each("mass", mass, nodes, "kg")
         self.platforms = given.platforms(platforms, nodes)
         lengths = self.lengths
-        short = np.flatnonzero(~(lengths > 1e-12 * np.ptp(places, axis=0).max()))
-        if short.size:
-            i, j = self.ends[short[0]].tolist()
+        least = 1e-12 * np.ptp(places, axis=0).max()
+        bad = np.flatnonzero(~((lengths > least) & (lengths < np.inf)))
+        if bad.size:
+            i, j = self.ends[bad[0]].tolist()
             raise TensegrityError(
-                f"{self.name_of(int(short[0]))} between nodes {i} and {j} has length "
-                f"{lengths[short[0]]:g} m, must be above 0"
+                f"{self.name_of(int(bad[0]))} between nodes {i} and {j} has length "
+                f"{lengths[bad[0]]:g} m, must be above 0 and finite"
             )
         if natural_lengths is None:
             self.natural_lengths = lengths
@@ -247,7 +248,7 @@ class Structure(ReadOnly):
         Raises
         ------
         EquilibriumError
-            If the shape has no self-stress, or these force densities are none.
+            If the shape has no self-stress, these force densities are none, or strings would push.
         """
         if (force_densities is None) == (prestrain is None):
             raise TensegrityError("give force_densities or prestrain, one of them")
@@ -255,6 +256,7 @@ class Structure(ReadOnly):
             q = prestress.checked(self, force_densities)
         else:
             q = prestress.of_prestrain(self, prestrain)
+        prestress.refuse_pushing(self, q)
         natural = self.lengths * (1 - q / self.stiffnesses)
         bad = np.flatnonzero(~(natural > 0))
         if bad.size:

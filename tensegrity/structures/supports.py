@@ -51,7 +51,8 @@ class Supports:
             return np.eye(dim)[-1]
         if len(self.normal) != dim:
             raise TensegrityError(f"normal has {len(self.normal)} components, must be {dim}")
-        return np.array(self.normal) / np.linalg.norm(self.normal)
+        normal = np.array(self.normal) / np.abs(self.normal).max()  # squares neither 0 nor inf
+        return normal / np.linalg.norm(normal)
 
     def motions(self, nodes: int, dim: int, platforms: Any = ()) -> Any:
         """Orthonormal motions that are left, sparse (nodes dim, motions); that of the plate last.

@@ -21,7 +21,7 @@ from tensegrity.errors import EquilibriumError
 from tensegrity.readonly import fixed
 from tensegrity.structures.corner import chosen, piece_stretch, rays
 from tensegrity.structures.equations import Loading, Piece
-from tensegrity.structures.solve import NEUTRAL
+from tensegrity.structures.solve import NEUTRAL, NOTHING, least_part
 from tensegrity.structures.structure_path import StructurePath
 from tensegrity.structures.switch import branches_off
 
@@ -47,7 +47,7 @@ ENDS = {
     "height": "the shortening asked for",
     "control": "the natural lengths asked for",
     "back": "back at the natural lengths of the start",
-    "nothing": "no equilibrium leaves this corner",
+    "nothing": "no equilibrium, or none that is determined, leaves this corner",
     "snap": "no stable branch leaves this bifurcation: the structure snaps",
     "pieces": f"{PIECES} pieces do not reach an end",
 }
@@ -98,6 +98,7 @@ class Walk:
                     "equilibrium leads away from it"
                 )
             taut, sense = ray.taut, ray.sense
+        self._refuse_loose(Piece(self.of, taut, corner, stretch), u)
         for _ in range(PIECES):
             piece = Piece(self.of, taut, corner, stretch)
             found = self._piece(piece, u, sense)
@@ -108,6 +109,15 @@ class Walk:
         else:
             self.end = ENDS["pieces"]
         return self._made()
+
+    def _refuse_loose(self, piece: Piece, u: Array) -> None:
+        """Refuse a start from which more than one branch leaves: equations of too low a rank."""
+        left = least_part(piece.linearised(u)[1] * piece.scale)
+        if left <= NOTHING:
+            raise EquilibriumError(
+                "a motion is without stiffness at the start and not driven (smallest singular "
+                f"value {left:.3g} of the largest): no branch is determined; give it some prestress"
+            )
 
     def _at_corner(self, stretch: Array) -> Indices:
         return np.flatnonzero(self.of.members.pulls_only & (np.abs(stretch) <= CORNER))
@@ -172,17 +182,18 @@ class Walk:
         if reason == "leaves":
             return self._switched(piece, u, leaves)
         if strings and reason.startswith("string"):
-            return self._turned(piece, u, -1 if traced.tangent[-1, -1] < 0 else 1)
+            met = int(reason.split()[1])
+            return self._turned(piece, u, met, -1 if traced.tangent[-1, -1] < 0 else 1)
         word = "height" if reason == "height" else reason.split()[0]
         if self.of.pattern is None and word == "height":
             word = "control"
         self.end = ENDS.get(word, reason)
         return None
 
-    def _turned(self, piece: Piece, u: Array, arrived: int) -> Any:
-        """The piece that begins where strings are at natural length."""
+    def _turned(self, piece: Piece, u: Array, met: int, arrived: int) -> Any:
+        """The piece that begins where strings are at natural length, of which the path met one."""
         stretch = piece.stretch(u)
-        corner = self._at_corner(stretch)
+        corner = np.union1d(self._at_corner(stretch), [met])  # its own may be round-off above
         row = self.rows - 1
         loose = corner[piece.taut[corner]]
         tight = corner[~piece.taut[corner]]

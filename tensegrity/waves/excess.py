@@ -18,12 +18,11 @@ from numpy.polynomial import chebyshev, legendre
 from tensegrity.errors import TensegrityError
 from tensegrity.springs.potential import Potential
 
-DEGREE = 24  # of the polynomial
+DEGREE = 25  # of the polynomial; odd, so that rest is no node
 FITTED = 1e-14  # of its largest coefficient, left in the last ones
 HALVINGS = 40  # of the range in which a polynomial is sought
 CHANGE = 0.5  # of V'' over V''(0), that makes the scale of a potential
 AT_REST = 1e-9  # of V''(0) times the scale: V'(0) that is round-off
-NEAR = 1e-2  # of the scale: where differences stand for derivatives
 ROUND_OFF = 1e-10  # of the largest force beyond the linear law: a derivative at rest that is none
 CLOSER = 16  # halvings of the polynomial's range in which the power next to rest is seen
 BINADES = 1000  # that are searched for the scale
@@ -63,6 +62,8 @@ class Excess:
             )
         self.core, self._means = self._fit()
         self.slope, self.bend = self._derivatives()
+        self._zeros = 0  # of V''' at rest, taken out of the polynomial
+        self._take_zeros_out()
 
     def _scale(self):
         if self.rest <= 0:
@@ -100,13 +101,21 @@ class Excess:
                 return core, means
         return 0.0, None
 
+    def _take_zeros_out(self):
+        """Where V''' = O(r^k) divide it by r^k: else its round-off is more than it near rest."""
+        power, other = self.growth(1)[0], self.growth(-1)[0]
+        if not self.core or power != other or not power.is_integer() or power == 2:
+            return
+        zeros = int(power) - 2
+        nodes = chebyshev.chebpts1(DEGREE + 1)
+        to_series = np.linalg.inv(chebyshev.chebvander(nodes, DEGREE))
+        slope = to_series @ (self.potential.stiffness_slope(self.core * nodes) / nodes**zeros)
+        if np.max(np.abs(slope[-3:])) <= FITTED * np.max(np.abs(slope)):
+            self._zeros, self._means = zeros, to_series @ _means(slope, nodes, zeros)
+
     def _derivatives(self):
-        if self._means is None and math.isinf(self.scale):
-            return math.nan, math.nan
         if self._means is None:  # V''' jumps, or is beyond all numbers
-            h = NEAR * self.scale
-            below, above = (float(self.potential.stiffness(x)) for x in (-h, h))
-            return (above - below) / (2 * h), (above - 2 * self.rest + below) / h**2
+            return math.nan, math.nan
         series = self._means[:, 1]  # of V' - V''(0) r over r^2
         values = (
             2 * chebyshev.chebval(0.0, series),
@@ -121,18 +130,24 @@ class Excess:
     def growth(self, side):
         """p and d [N/m^p] of V' = V''(0) r + side d |r|^p next to rest on one side; NaN where it
         is no power there."""
-        if self.slope or self.bend or not self.core:
+        if self.core and (self.slope or self.bend):
             return (2.0, side * self.slope / 2) if self.slope else (3.0, self.bend / 6)
-        sizes = self.core / 2.0 ** np.arange(CLOSER)
+        if math.isinf(self.scale):
+            return math.nan, math.nan
+        sizes = (self.core or self.scale) / 2.0 ** np.arange(CLOSER)
         with np.errstate(all="ignore"):
-            third = side * self.potential.stiffness_slope(side * sizes)
-            powers = np.round(np.log2(third[:-1] / third[1:]), 2)  # of V'''; NaN of other signs
+            if self.core:
+                gain = side * self.potential.stiffness_slope(side * sizes) * sizes
+            else:
+                gain = self.potential.stiffness(side * sizes) - self.rest
+                gain[np.abs(gain) < ROUND_OFF * self.rest] = math.nan
+            powers = np.round(np.log2(gain[:-1] / gain[1:]), 2)  # NaN of other signs
         same = np.flatnonzero(powers[:-1] == powers[1:])
         if not same.size:
             return math.nan, math.nan
         k = int(same[-1])
-        p = float(powers[k]) + 2
-        return p, float(third[k] / (p * (p - 1)) / sizes[k] ** (p - 2))
+        p = float(powers[k]) + 1
+        return p, float(gain[k] / (p * (p - 1 if self.core else 1)) / sizes[k] ** (p - 1))
 
     def stiffness(self, r):
         """V'' - V''(0) [N/m] at elongations r [m] of any shape."""
@@ -160,6 +175,7 @@ class Excess:
         near = np.abs(r) <= self.core
         inside = np.where(near, r, 0.0)
         value = chebyshev.chebval(inside / self.core, self._means[:, order])
+        value = value * (inside / self.core) ** self._zeros
         for _ in range(order + 1):
             value = value * inside
         value = np.array(value)
@@ -168,10 +184,12 @@ class Excess:
         return value
 
 
-def _means(slope, x):
-    """Means of the series `slope` from 0 to x with weights 1, 1 - t and (1 - t)^2/2; (n, 3)."""
-    t, weight = legendre.leggauss(DEGREE // 2 + 2)
-    t, weight = (1 + t) / 2, weight / 2
+def _means(slope, x, zeros=0):
+    """Means of the series `slope` from 0 to x with weights 1, 1 - t and (1 - t)^2/2, all times
+    t^zeros; (n, 3)."""
+    t, weight = legendre.leggauss(DEGREE // 2 + 2 + zeros)
+    t = (1 + t) / 2
+    weight = weight / 2 * t**zeros
     weights = np.array([weight, weight * (1 - t), weight * (1 - t) ** 2 / 2])
     return chebyshev.chebval(np.outer(x, t), slope) @ weights.T
 

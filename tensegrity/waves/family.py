@@ -59,7 +59,7 @@ class Family:
         self.name = next(name for name, s in SIGNS.items() if s == sign)
         self.end = sign * potential.domain[int(sign > 0)]
         self.beyond = excess(potential)
-        self.rest = self.beyond.rest
+        self.rest, self.power = self.beyond.rest, self.beyond.growth(sign)[0]
         self.sizes, self.gain, self.energy, self.stiffness = self._table()
         self.secant = self.rest + self.gain  # |V'|/a
         self.rises = rises(self.beyond, sign, self.sizes)
@@ -200,7 +200,8 @@ class Family:
             needed = _half_length(law, nu, ROUGH_TAIL)
             if needed > 1.2 * length:
                 length, decay = needed, -math.log(ROUGH_TAIL) / (needed - CORE)
-                profile = started(law, Grid(points, length), min(decay, 2.5), self._rough(size), nu)
+                decay, grid = min(decay, 2.5), Grid(points, length)
+                profile = started(law, grid, decay, self._rough(size), nu, self.power)
             else:
                 profile = profile.on(Grid(points, length))
             profile = solved(profile, amplitude_is(1.0), ROUGH)

@@ -102,21 +102,21 @@ class PredictedFamily:
     def small_crest(self, excess: float) -> float:
         """Crest [m] of a wave with c/cs - 1 = `excess`, to second order in it.
 
-        To leading order where V'''(0) = 0.  Raises `TensegrityError` where no waves start from
-        rest, or the sound speed is 0.
+        To leading order where V'''(0) is 0 or jumps.  Raises `TensegrityError` where no waves start
+        from rest, or the sound speed is 0.
         """
         excess = check.number("excess", excess, above=0)
         if excess >= 1:
             raise TensegrityError(f"excess {excess:g} must be below 1: the wave is not small")
         stiffness, slope, bend = self._rest
-        if self.starts != "rest" or not stiffness > 0 or math.isnan(slope):
+        power, growth = self._growth
+        if self.starts != "rest" or not stiffness > 0 or math.isnan(growth):
             raise TensegrityError(
                 f"no small wave: waves of {self.name} start at {self.starts} with stiffness "
-                f"{stiffness:g} N/m there, which must be above 0 and smooth"
+                f"{stiffness:g} N/m there, which must be above 0 and grow by a power"
             )
-        if slope:
+        if slope and not math.isnan(slope):
             return float(_form("small_crest")(stiffness, slope, bend, excess))
-        power, growth = self._growth
         size = float(_form("small_crest_of_power")(stiffness, excess, power, growth))
         return SIGNS[self.name.split()[0]] * size
 

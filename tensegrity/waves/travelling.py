@@ -261,13 +261,14 @@ def energy_is(energy):
     return condition
 
 
-def started(law, grid, decay, tension, nu):
+def started(law, grid, decay, tension, nu, power=2.0):
     """A rough profile with rho(0) = 1: a bump of given decay, swept until it hardly changes.
 
     `tension` is f, or a cheaper function close to it; `nu` a guess that stands where the sweeps
-    give none.
+    give none.  The bump is the long wave of a force beyond the linear one that goes like a power.
     """
-    rho = 1 / np.cosh(np.minimum(decay * grid.x / 2, 300)) ** 2
+    half = (power - 1) / 2 if power > 1 else 0.5
+    rho = np.cosh(np.minimum(half * decay * grid.x, 300)) ** (-1 / half)
     for _ in range(SWEEPS):
         new = grid.smooth(tension(rho))
         new = new / new[0]
