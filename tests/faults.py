@@ -726,7 +726,7 @@ FAULTS = (
     ),
     Fault(
         "tensegrity/runs/judge.py",
-        "        return max(errors) if self.opens else errors[-1]\n",
+        "        return max(errors) * _doubt(1 / gaps[-1][0]) if self.opens else errors[-1]\n",
         "        return min(errors) if self.opens else errors[-1] / 1e3\n",
         "tests/test_integrate.py::test_how_much_an_error_estimate_trusts_the_order",
     ),
