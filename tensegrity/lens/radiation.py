@@ -122,8 +122,8 @@ class Ends:
 
             if not rising(t[k - 1]) > 0 > rising(t[k + 1]):
                 raise TensegrityError(
-                    f"the pressure of the end at x = {place:g} m has no peak at {tuple(point.tolist())} m "
-                    f"within {most:.3g} s of {middle:.6g} s"
+                    f"the pressure of the end at x = {place:g} m has no peak at "
+                    f"{tuple(point.tolist())} m within {most:.3g} s of {middle:.6g} s"
                 )
             found.append(brentq(rising, t[k - 1], t[k + 1], xtol=1e-14 * t[k], rtol=1e-14))
         return np.array(found)
