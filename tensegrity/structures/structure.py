@@ -333,7 +333,8 @@ class Structure(ReadOnly):
         )
 
     def is_stable(self, supports: Supports | None = None) -> bool:
-        """Whether every motion that supports leave costs energy, rigid motions apart."""
+        """Whether every motion that supports leave costs energy, rigid motions apart; one that
+        neither takes nor gives energy does not."""
         freedom = self.freedom(supports)
         if freedom.motions.shape[1] == freedom.rigid.shape[1]:
             return True  # nothing can move

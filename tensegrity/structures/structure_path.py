@@ -34,8 +34,9 @@ class StructurePath(Table):
         Displacement in the direction of the load [m] and total load [N]; of a path of control
         the column is `control`, from 0 to 1.
     stable_load, stable_height : ndarray of bool, (rows,)
-        Stability against all motions that the supports leave, under given (dead) load and under
-        given shortening; of a path of control both under given natural lengths.
+        Whether none of the motions that the supports leave gives energy, under given (dead) load
+        and under given shortening; of a path of control both under given natural lengths.  One
+        that neither takes nor gives energy counts as stable here, not for `Structure.is_stable`.
     tensions : ndarray, (rows, members)
         [N]; columns "tension 0" and so on.
     slack : ndarray of bool, (rows, members)
