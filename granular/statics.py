@@ -85,9 +85,14 @@ def settle(scene: Assembly) -> Equilibrium:
             step = step / 2
         u, f = u + step, listed.forces(u + step)
     _refuse_falling(scene, u, f)
-    if not np.abs(f).sum() <= CARRIED * total:
-        _refuse(scene, u, f, int(np.argmax(np.abs(f).max(axis=1))))
-    return Equilibrium(u, float(np.abs(f).sum()), listed.carrying(u))
+    left = float(np.abs(f).sum())
+    if not left <= CARRIED * total:
+        worst = int(np.argmax(np.abs(f).max(axis=1)))
+        raise EquilibriumError(
+            f"{scene.name(worst)} finds no rest under the loads: of these {left:.3g} N are not "
+            f"carried, must be at most {CARRIED * total:.3g} N, {CARRIED:g} of them"
+        )
+    return Equilibrium(u, left, listed.carrying(u))
 
 
 class _Listed:
@@ -168,15 +173,12 @@ def _clipped(step: Array, radius: Array) -> Array:
 def _refuse_falling(scene: Assembly, u: Array, f: Array) -> None:
     way = np.sqrt(np.sum(u**2, axis=1)) / (FARTHEST * radii(scene))
     if not np.all(way < 1):
-        _refuse(scene, u, f, int(np.argmax(np.nan_to_num(way, nan=np.inf))))
-
-
-def _refuse(scene: Assembly, u: Array, f: Array, site: int) -> None:
-    raise EquilibriumError(
-        f"{scene.name(site)} finds no rest under the loads: it moved {np.linalg.norm(u[site]):.3g} "
-        f"m, must be below {FARTHEST * radii(scene)[site]:.3g} m, a tenth of its radius, and "
-        f"{np.linalg.norm(f[site]):.3g} N on it are not carried"
-    )
+        site = int(np.argmax(np.nan_to_num(way, nan=np.inf)))
+        raise EquilibriumError(
+            f"{scene.name(site)} finds no rest under the loads: it moved "
+            f"{np.linalg.norm(u[site]):.3g} m, must be below {FARTHEST * radii(scene)[site]:.3g} "
+            f"m, a tenth of its radius, and {np.linalg.norm(f[site]):.3g} N on it are not carried"
+        )
 
 
 def radii(scene: Assembly) -> Array:
