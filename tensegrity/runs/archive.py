@@ -151,7 +151,7 @@ def read(path, kind, make=dict):
     if not path.is_file():
         raise TensegrityError(f"there is no file {path}")
     try:
-        with np.load(path, allow_pickle=False) as arrays:
+        with open(path, "rb") as file, np.load(file, allow_pickle=False) as arrays:
             arrays = {name: arrays[name] for name in arrays.files}
         whole = json.loads(str(arrays.pop("text")[()]))
         if whole["format"] != FORMAT or whole["kind"] != kind:
