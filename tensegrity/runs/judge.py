@@ -19,7 +19,6 @@ FIRST_ORDER = 4.0  # least by which errors of the two coarsest runs are taken to
 TIGHT = 1e-10  # tolerances so far below the errors of first runs that these have to be told apart
 CORRECTED = 3  # order over the exponent that methods which correct openings have
 LEAST_FACTOR, FASTEST = 1.25, 8.0  # of the steps from one run to the next
-FASTEST_OPEN = 6.0  # the same where contacts open
 SURE, DOUBT = 3.0, 3.0  # a run so many times finer than the one before it has an error that the
 # order foretells less well where contacts open: estimates are so many times larger
 FAR, NEARER = 0.4, 0.45  # share of the steps below which a run tells of an error so uncertainly
@@ -90,7 +89,7 @@ class Judge:
             order, estimate = self._seen(gaps), self.estimate(gaps)
         needed = (estimate / (self._aim * self._tol)) ** (1 / order)
         if self.opens:
-            return min(max(needed * _doubt(needed) ** (1 / order), LEAST_FACTOR), FASTEST_OPEN)
+            return min(max(needed * _doubt(needed) ** (1 / order), LEAST_FACTOR), FASTEST)
         if len(gaps) > 1 and share < FAR:  # errors may have fallen faster
             return max(math.sqrt(share), NEARER)
         return min(max(needed, LEAST_FACTOR), FASTEST)
