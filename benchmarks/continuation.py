@@ -10,10 +10,11 @@ and gfortran are found.
 
 from __future__ import annotations
 
-import os
+import contextlib
 import shutil
 import tempfile
 import time
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -150,19 +151,19 @@ def best(call, rounds=ROUNDS):
 
 
 def many(count=MANY):
-    """CPU and wall seconds of a path with stability, in one call for many prisms, by threads."""
+    """{workers: CPU seconds here, wall seconds} of a path with stability, in one call for many
+    prisms: here alone, and by a pool of processes."""
     prisms = [Prism(1.0, 0.5, 0.4, 1.0, 2.0 + k / count, 20.0) for k in range(count)]
-    equilibrium_paths(prisms[:3])
-    given, found = os.environ.get("TENSEGRITY_THREADS"), {}
-    for threads in sorted({1, processors()}):
-        os.environ["TENSEGRITY_THREADS"] = str(threads)
-        for _ in range(3):
-            spent, began = time.process_time(), time.perf_counter()
-            equilibrium_paths(prisms)
-            now = (time.process_time() - spent) / count, (time.perf_counter() - began) / count
-            found[threads] = tuple(map(min, now, found.get(threads, now)))
-    os.environ.pop("TENSEGRITY_THREADS")
-    os.environ |= {"TENSEGRITY_THREADS": given} if given else {}
+    found = {}
+    for workers in sorted({1, processors()}):
+        with contextlib.ExitStack() as stack:
+            pool = workers > 1 and stack.enter_context(ProcessPoolExecutor(workers))
+            equilibrium_paths(prisms[:99], executor=pool or None)
+            for _ in range(3):
+                spent, began = time.process_time(), time.perf_counter()
+                equilibrium_paths(prisms, executor=pool or None)
+                now = (time.process_time() - spent) / count, (time.perf_counter() - began) / count
+                found[workers] = tuple(map(min, now, found.get(workers, now)))
     return found
 
 
@@ -235,9 +236,9 @@ def main():
         print(f"{name:>24}: {seconds * 1e3:8.3f} ms, {seconds / mine:6.2f} times this")
     if "auto-07p inside" not in found:
         print("auto-07p: not measured, it needs the programs auto-07p and gfortran")
-    for threads, (spent, wall) in many().items():
+    for workers, (spent, wall) in many().items():
         print(
-            f"{MANY} prisms in one call, {threads} thread(s), with stability: "
-            f"{spent * 1e3:.3f} ms CPU, {wall * 1e3:.3f} ms wall a path"
+            f"{MANY} prisms in one call, {workers} process(es), with stability: "
+            f"{spent * 1e3:.3f} ms CPU here, {wall * 1e3:.3f} ms wall a path"
         )
     print(*chart(found), sep="\n")

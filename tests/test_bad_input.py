@@ -153,7 +153,7 @@ CALLS = [
     (equilibrium_path, {"prism": ELASTIC, "min_height": 0.4, "max_load": 1.0, "max_height": 0.75,
                         "past_contact": False}),
     (equilibrium_paths, {"prisms": [ELASTIC, ELASTIC], "min_height": 0.4, "max_load": 1.0,
-                         "max_height": 0.75, "past_contact": False}),
+                         "max_height": 0.75, "past_contact": False, "executor": None}),
     (equilibrium_path, {"prism": TRUSS, "supports": held([0, 1]), "loads": {2: (0.0, -1.0)},
                         "max_load": 0.1, "branch": "stable", "max_shortening": 0.1}),
     (Structure, {"positions": [[0, 0], [1, 0], [0, 1]], "bars": [(0, 1)], "strings": [(1, 2)],

@@ -158,13 +158,15 @@ def test_a_builder_that_fails_is_asked_again():
 
 def test_paths_of_many_prisms_are_those_of_each_in_their_order():
     given = [*prisms(9), Prism(1.0, 0.7, 0.05, 1.0)] * 4
-    found = equilibrium_paths(given, max_height=0.75)
-    assert [path.prism for path in found] == given
-    for prism, path in zip(given, found, strict=True):
-        alone = equilibrium_path(prism, max_height=0.75)
-        assert str(path) == str(alone)
-        for name, column in alone.columns.items():
-            assert column.tobytes() == path.columns[name].tobytes()
+    with ThreadPoolExecutor(3) as workers:
+        several = [equilibrium_paths(given, max_height=0.75, executor=x) for x in (None, workers)]
+    for found in several:
+        assert [path.prism for path in found] == given
+        for prism, path in zip(given, found, strict=True):
+            alone = equilibrium_path(prism, max_height=0.75)
+            assert str(path) == str(alone)
+            for name, column in alone.columns.items():
+                assert column.tobytes() == path.columns[name].tobytes()
     assert equilibrium_paths([]) == []
 
 

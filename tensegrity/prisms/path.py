@@ -12,14 +12,13 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Iterable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor
 from typing import TYPE_CHECKING, overload
 
 import numpy as np
 
 from tensegrity import check
 from tensegrity.branches.table import Event, Table
-from tensegrity.engine.pieces import threads
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
 from tensegrity.prisms.elastic_path import elastic_path
@@ -40,7 +39,7 @@ if TYPE_CHECKING:
     from tensegrity.structures.supports import Supports
     from tensegrity.typing import Array, Flags
 
-PART = 16  # paths in a task of a thread
+PART = 16  # paths in a task of a worker
 COLUMNS = ("height", "twist", "base", "load", "shortening")
 LABELS = {
     "height": "height [m]",
@@ -247,14 +246,19 @@ def equilibrium_paths(
     max_load: float = math.inf,
     max_height: float | None = None,
     past_contact: bool = False,
+    executor: Executor | None = None,
 ) -> list[EquilibriumPath]:
-    """Equilibria of many prisms, from as many threads as there are processors.
+    """Equilibria of many prisms.
 
     Parameters
     ----------
     prisms : iterable of Prism
     min_height, max_load, max_height, past_contact : optional
         As in `equilibrium_path`, the same for all prisms.
+    executor : concurrent.futures.Executor, optional
+        Whose workers follow the paths, some at a time: a pool of processes, or others as of
+        `sweep`.  By default they are followed here: a path takes a quarter of a millisecond, most
+        of it where Python lets one thread work alone.
 
     Returns
     -------
@@ -265,7 +269,7 @@ def equilibrium_paths(
     ------
     TensegrityError
         As `equilibrium_path`, before any path is followed: if one of `prisms` is no Prism, or a
-        bound is outside its range for one of them.
+        bound is outside its range for one of them; or if `executor` is none.
 
     Examples
     --------
@@ -279,17 +283,19 @@ def equilibrium_paths(
     except TypeError:
         raise TensegrityError(f"prisms {check.shown(prisms)} must be several Prism") from None
     bounds = [_bounds(x, min_height, max_load, max_height, past_contact) for x in given]
+    if executor is not None:
+        check.kind("executor", executor, Executor)
     found = [_followed(*one) for one in bounds[:1]]  # what all of them need is made here
     parts = [bounds[k : k + PART] for k in range(1, len(bounds), PART)]
-    pool = ThreadPoolExecutor(threads())
-    try:
-        with progress(len(given), "path") as bar:
-            for part in pool.map(lambda part: [_followed(*one) for one in part], parts):
-                found += part
-                bar.update(len(part))
-    finally:
-        pool.shutdown(cancel_futures=True)
+    with progress(len(given), "path") as bar:
+        for part in (map if executor is None else executor.map)(_all_followed, parts):
+            found += part
+            bar.update(len(part))
     return found
+
+
+def _all_followed(bounds: list[Any]) -> list[EquilibriumPath]:
+    return [_followed(*one) for one in bounds]
 
 
 def _bounds(
