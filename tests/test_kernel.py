@@ -11,6 +11,7 @@ from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.interpreted import Interpreted
 from tensegrity.engine.kernel import bind
 from tensegrity.engine.methods import METHODS
+from tensegrity.engine.native import CompilerError
 
 
 def mixed_chain():
@@ -105,3 +106,21 @@ def test_numbers_below_the_smallest_normal_one_are_none_in_a_loop_and_some_outsi
     assert (sizes == 0).any()
     assert not ((sizes > 0) & (sizes < np.finfo(float).tiny)).any()
     assert np.array([1e-310]) * 0.5 > 0
+
+
+@pytest.mark.needs_compiler
+def test_corrected_steps_that_cannot_be_compiled_are_interpreted(monkeypatch):
+    """They are compiled when a law without corners is asked for them: the disk may be full then."""
+
+    def run():
+        chain = prism_chain(6)
+        return simulate(chain, smooth_blow(chain), 4.0, method="corrected6", dt=0.1)
+
+    def refused(self):
+        raise CompilerError("no space for corrected steps")
+
+    compiled = run()
+    monkeypatch.setattr(Compiled, "openings", property(refused))
+    with pytest.warns(RuntimeWarning, match="no space for corrected steps"):
+        interpreted = run()
+    np.testing.assert_allclose(interpreted.u, compiled.u, rtol=0, atol=1e-14)

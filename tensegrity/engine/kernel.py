@@ -74,7 +74,11 @@ def bind(u, v, bonds, method, dt, loop=None, divided=True):
     if count > 1:
         kind = pieces.BoundParts if bonds.dim else pieces.BoundPieces
         return kind(loop, u, v, bonds, method, dt, count)
-    return (BoundNet if bonds.dim else BoundLine)(loop, u, v, bonds, method, dt)
+    try:
+        return (BoundNet if bonds.dim else BoundLine)(loop, u, v, bonds, method, dt)
+    except CompilerError as error:  # of steps that are compiled when they are asked for
+        warn_slow(str(error))
+        return BoundInterpreted(u, v, bonds, method, dt)
 
 
 @once

@@ -96,7 +96,8 @@ class Judge:
 
 
 def _doubt(factor):
-    """Of the estimate of a run so many times finer than the one before it; contacts open."""
+    """By what to multiply the estimate of a run where contacts open, so many times finer than the
+    one before it."""
     return DOUBT if factor > SURE else 1.0
 
 
