@@ -40,7 +40,7 @@ def springs():
         "elastic prism, preload 0.15": softening.potential(preload=0.15),
         "$V' = r + r^2 - r^3$": force(1, -1),
         "$V' = r + r^3 - r^5$": force(0, 1, 0, -1),
-        "$V' = r + r^3 - 0.375\\,r^5$, gives way": force(0, 0.914, -0.01, -0.375),
+        "$V' = r + 0.914\\,r^3 - 0.01\\,r^4 - 0.375\\,r^5$": force(0, 0.914, -0.01, -0.375),
         "$V' = r + r^2 - 1.2\\,r^3 + 0.3\\,r^4$": force(1, -1.2, 0.3),
     }
 
