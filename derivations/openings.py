@@ -31,6 +31,7 @@ far = sp.Symbol("d", positive=True)  # from the end of a step to the event
 turning = sp.Symbol("omega", real=True)  # of the line of contact in a step
 place = sp.Symbol("q", positive=True)
 way = sp.Symbol("s")  # 1 where a contact closes, -1 where it opens
+own, force_now, force_slope = sp.symbols("kappa g g_t", positive=True)  # per step, squared; cubed
 zeta_n, zeta_up, zeta_down = sp.symbols("Z_0 Z_2 Z_3", real=True)
 SUMS = {0: zeta_n, 1: zeta_up, -1: zeta_down}
 """Sums over the kicks: of b_i zeta(-n - k, q_i) for k = 0, 1, and of b_i epsilon_i
@@ -123,6 +124,21 @@ def touch() -> sp.Expr:
     return strength * sp.powsimp(constant * length) * beta
 
 
+@cache
+def linear() -> tuple[sp.Expr, sp.Expr]:
+    """Integral of the overlap of a linear contact from its closing on, `far`, and that of it times
+    the time left: beside forces that grow linearly, kappa being k h^2 over the reduced mass."""
+    overlap = sp.Function("w")
+    motion = sp.Eq(overlap(since).diff(since, 2), force_now + force_slope * since
+                   - own * overlap(since))  # fmt: skip
+    starts = {overlap(0): 0, overlap(since).diff(since).subs(since, 0): rate}
+    found = sp.dsolve(motion, overlap(since), ics=starts).rhs
+    return tuple(
+        sp.simplify(sp.integrate(sp.expand(found * weight), (since, 0, far)))
+        for weight in (1, far - since)
+    )
+
+
 def rest() -> sp.Expr:
     """Integral over h of the force between an instant and an event that is `far` away."""
     parts = force()
@@ -174,6 +190,12 @@ def argument() -> list[Step]:
              sp.Eq(sp.Symbol("I"), rest(), evaluate=False)),
         Step("A contact that opens in the first step of a run had no kicks before it: there J is "
              "I less the sum of its kicks, d being the time since the begin."),
+        Step("Where n is 1 all zeta functions with whole numbers q vanish outside of the step, and "
+             "the motion is known: with g + g_t tau for all other forces, which the ends of the "
+             "step tell, the impulse of a closed contact is k over h times",
+             sp.Eq(sp.Symbol("W"), linear()[0], evaluate=False)),
+        Step("and its kicks are summed one by one. What is left then are forces of neighbours that "
+             "change with the contact's own impulse."),
         Step("Both bodies get these with opposite signs: momentum is kept. A contact that closes "
              "and opens within one step, for a part l of it, has the impulse, over h,", touch()),
         Step("and what the kicks made of it is known. What is left are the powers that come next: "

@@ -14,7 +14,6 @@ from granular import sensitivity
 from granular.contact import contact_of
 from granular.crystal import Crystal
 from tensegrity import Network, State, TensegrityError, check
-from tensegrity.scenes.scene import KINK_SHARE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -80,11 +79,6 @@ class Assembly(Crystal, Network):
                 known = f"bead {sites.index(site) + 1} of {part}"
                 return "the striker" if part == "striker" else known
         return f"site {site}"
-
-    @property
-    def step_share(self) -> float:  # type: ignore[override]
-        """Of the default step that a method takes for smooth springs."""
-        return KINK_SHARE / 3 if self.follows else KINK_SHARE
 
     def contact_forces(self, u: ArrayLike) -> Array:
         """Compressive force in each listed contact [N], those with walls last; (..., contacts)."""

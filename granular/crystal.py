@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity import Run, TensegrityError, check
-from tensegrity.scenes.scene import KINK_SHARE
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -31,17 +30,11 @@ class Crystal:
     parts : dict of str to tuple of int
         Sites of each part, in the paper's counting order.
     striker : Striker or None
-    step_share : float
-        Of a default step that `simulate` would choose for smooth springs.  Where a contact opens,
-        the force has a kink that a method of high order does not see.  With this share the energy
-        keeps to 1e-8 in the guides of seeds/001, to 1e-7 in other chains and guides of Hertz
-        contacts (end walls cost most), to 1e-6 where the exponent is 1.
     """
 
     beads: tuple[Bead, ...]
     parts: dict[str, tuple[int, ...]]
     striker: Striker | None
-    step_share = KINK_SHARE
     _made_of: dict[str, Any]
     if TYPE_CHECKING:  # what sensors and sums over parts ask of it besides
         sites: int

@@ -53,10 +53,11 @@ def half_sine(chain, state, t):
     return u, v
 
 
-def contacts(rng, low=1.0, high=3.0):
+def contacts(rng, exponent=None):
     """A row of open contacts of any exponent, some with gaps, some masses moving."""
     sites = int(rng.integers(2, 40))
-    exponent = float(rng.choice([1.0, 1.5, 2.0, 2.5, 3.0, np.round(rng.uniform(low, high), 2)]))
+    if exponent is None:
+        exponent = float(rng.choice([1.0, 1.5, 2.0, 2.5, 3.0, np.round(rng.uniform(1, 3), 2)]))
     chain = Chain(PowerLaw(rng.uniform(0.3, 3), exponent), sites, rng.uniform(0.3, 3, sites))
     gaps = rng.uniform(0, 0.3, sites - 1) * (rng.random(sites - 1) < 0.4)
     v = rng.normal(0, 1, sites) * (rng.random(sites) < 0.3)

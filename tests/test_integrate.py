@@ -401,6 +401,20 @@ def test_the_default_step_keeps_the_energy(speed):
     assert run.energy_error < 1e-6
 
 
+@pytest.mark.parametrize("part", [0.5, 0.7, 0.9])
+def test_the_default_step_is_refined_where_bonds_stiffen_beyond_what_was_expected(part):
+    """Three masses have more energy together than locks a bond: how much one gets is not known."""
+    spring = Prism(1.0, 0.9, 0.01, 1.0).potential()
+    v = np.zeros(12)
+    v[[0, 4, 8]] = np.sqrt(2 * part * float(spring.energy(spring.domain[0])))
+    chain, duration = Chain(spring, 12), 5 / np.sqrt(float(spring.stiffness(0.0)))
+    run = simulate(chain, State(np.zeros(12), v), duration)
+    stiffest = max(spring.stiffness(x) for x in run.met[0])
+    method = METHODS["rkn6"]
+    assert run.dt * 2 * np.sqrt(stiffest) < 2 * method.step * method.stability_limit
+    assert run.energy_error < 1e-9
+
+
 def test_a_chain_at_rest_in_a_vacuum_stays_at_rest():
     chain = Chain(PowerLaw(1.0, 1.5), 10)
     run = simulate(chain, chain.at_rest(), 5.0)

@@ -6,6 +6,7 @@ import mpmath
 import numpy as np
 import pytest
 import sympy as sp
+from random_scenes import contacts, half_sine
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -18,6 +19,7 @@ from tensegrity import (
     Potential,
     PowerLaw,
     Prism,
+    Record,
     Run,
     State,
     TensegrityError,
@@ -28,8 +30,9 @@ from tensegrity.engine.interpreted import BoundInterpreted
 from tensegrity.engine.kernel import bind
 from tensegrity.engine.methods import METHODS, Corrected, find
 from tensegrity.engine.openings import Openings, beta, hurwitz, zetas
+from tensegrity.engine.openings import moved as closed_motion
 
-EXPONENTS = (1.0, 1.5, 2.0, 2.5)
+EXPONENTS = (1.0, 1.5, 2.0, 2.5, 3.0)
 METHOD = METHODS["corrected6"]
 FLOOR = 2e-12  # errors below it are round-off
 ZETA = 4e-12  # a correction is far smaller than what it corrects: more digits would be lost
@@ -146,11 +149,14 @@ def test_correction_of_an_event_is_the_derived_one(n, opens):
     np.testing.assert_allclose(found, expected, rtol=1e-7)
 
 
-@pytest.mark.parametrize("opens", [True, False])
+@pytest.mark.parametrize(
+    ("opens", "start", "x"), [(True, 1, 1.3), (True, 0, 1.3), (False, 0, 0.7), (False, 0, -0.4)]
+)
 @pytest.mark.parametrize("n", EXPONENTS)
-def test_what_kicks_between_a_row_and_an_event_make_too_much_is_the_derived_one(n, opens):
+def test_what_kicks_of_one_step_make_too_much_is_the_derived_one(n, opens, start, x):
+    """Of the step with the event, of one before it or behind it: impulse, and its moment."""
     table = Openings(row(n, 2).loop_bonds, METHOD, 0.1)
-    w, x = np.array([0.004, -0.009, 0.001, -0.0004]) * (1 if opens else -1), 1.3 if opens else 0.7
+    w = np.array([0.004, -0.009, 0.001, -0.0004]) * (1 if opens else -1)
     curvature, swing = 2 * w[2] + 6 * w[3] * x, 0.0007
     numbers = {
         derived.exponent: n, derived.strength: 1, derived.curvature: curvature,
@@ -158,17 +164,58 @@ def test_what_kicks_between_a_row_and_an_event_make_too_much_is_the_derived_one(
     }  # fmt: skip
     parts = {k: part.subs(numbers) for k, part in derived.force().items()}
     nodes, weights, offsets = METHOD.rule
-    away = x - 1 - nodes if opens else nodes - x
+    away = x - start - nodes if opens else start + nodes - x
+    far = x - start if opens else start + 1 - x
+    there = [k for k in zip(away, weights, offsets, strict=True) if 0 < k[0] <= far + 1e-15]
     kicks = sum(
         b * sum(f * t ** (n + k) * (e if k < 0 else 1) for k, f in parts.items())
-        for t, b, e in zip(away, weights, offsets, strict=True)
-        if 0 < t <= 0.3 + 1e-15
+        for t, b, e in there
     )
-    expected = float(kicks - derived.rest().subs(numbers).subs(derived.far, 0.3))
-    assert table._between((0, 0), w, x, opens, swing) == pytest.approx(expected, rel=1e-9)
+    rest, near = derived.rest().subs(numbers), max(far - 1, 0)
+    expected = kicks - (rest.subs(derived.far, far) - rest.subs(derived.far, near))
+    moment = parts[0] * (
+        sum(b * t ** (n + 1) for t, b, _ in there) - (far ** (n + 2) - near ** (n + 2)) / (n + 2)
+    )
+    found = table._between((0, 0), w, x, opens, swing, start)
+    scale = float(rest.subs(derived.far, far))
+    assert found[0] == pytest.approx(float(expected), rel=1e-9, abs=1e-13 * scale)
+    sign = -1 if opens else 1
+    assert found[1] == pytest.approx(sign * float(moment), rel=1e-9, abs=1e-13 * scale)
+
+
+@pytest.mark.parametrize("stiffness", [1e-3, 0.2, 4.0])
+def test_motion_in_a_linear_contact_is_the_derived_one(stiffness):
+    numbers = {derived.own: sp.Float(stiffness, 40), derived.rate: sp.Rational(3, 10),
+               derived.force_now: sp.Rational(-1, 25), derived.force_slope: sp.Rational(1, 50),
+               derived.far: sp.Rational(7, 10)}  # fmt: skip
+    expected = [float(form.subs(numbers).evalf(30)) for form in derived.linear()]
+    found = closed_motion(stiffness, 0.3, -0.04, 0.02, 0.7)
+    np.testing.assert_allclose(found, expected, rtol=1e-14)
 
 
 # the order
+
+
+@pytest.mark.needs_compiler
+def test_a_linear_bounce_between_two_bodies_keeps_the_order_of_smooth_springs():
+    chain, state, t_end = Chain(PowerLaw(1.0, 1.0), 2, [1.0, 2.0]), State([0, 0.37], [1, 0]), 6.0
+    counts, errors = np.unique(np.geomspace(20, 80, 20).astype(int)), []
+    for steps in counts:
+        record = Record(every=1)
+        run = simulate(chain, state, t_end, method=METHOD, dt=t_end / steps, record=record)
+        exact = half_sine(chain, state, run.t)
+        errors.append(np.max(np.abs(np.subtract((run.u, run.v), exact))))
+    assert -np.polyfit(np.log(counts), np.log(errors), 1)[0] > 5.5
+
+
+@pytest.mark.needs_compiler
+@pytest.mark.parametrize("n", [1.0, 1.25, 1.5, 2.0, 2.5, 2.75, 3.0])
+def test_default_steps_keep_the_energy_of_opening_contacts_to_1e_8(n):
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        chain, state, t_end = contacts(rng, n)
+        run = simulate(chain, state, t_end, record=Record(every=1))
+        assert run.energy_error < 1e-8
 
 
 def moving(where, n):
@@ -188,7 +235,7 @@ def test_order_is_the_exponent_and_three_not_and_one(where, n):
     plain, others = order(scene, state, t_end, METHODS["rkn6"])
     assert found > float(derived.left().subs(derived.exponent, n)) - 0.55
     assert plain == pytest.approx(n + 1, abs=0.4)
-    assert np.median(errors / others) < 5e-3
+    assert np.median(errors / others) < (5e-3 if n < 3 else 0.5)  # that of smooth springs is left
 
 
 def all_along(scene, state, t_end, steps, engine=bind):
@@ -454,9 +501,11 @@ def test_corrected_steps_are_taken_where_contacts_can_open():
         return simulate(chain, chain.at_rest({0: 1e-3}), 0.5, **how).method
 
     assert chosen(PowerLaw(1.0, 1.5)) == "corrected6"
-    assert chosen(PowerLaw(1.0, 1.5), tol=1e-6) == "corrected6"
+    assert chosen(PowerLaw(1.0, 1.5), tol=0.99e-3) == "corrected6"
+    assert chosen(PowerLaw(1.0, 1.5), tol=1e-3) == "rkn6"
     assert chosen(PowerLaw(1.0, 1.5), dt=0.01) == "verlet"
-    assert chosen(PowerLaw(1.0, 3.0)) == "rkn6"
+    assert chosen(PowerLaw(1.0, 3.0)) == "corrected6"
+    assert chosen(PowerLaw(1.0, 3.2)) == "rkn6"
     assert chosen(Prism(1.0, 0.7, 0.1, 1.0).potential()) == "rkn6"
     assert Polynomial(Prism(1.0, 0.7, 0.1, 1.0).potential(), -1e-2, 1e-2).openings == ()
 

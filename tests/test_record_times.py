@@ -6,7 +6,16 @@ from networks import patch, pushed
 from scenes import prism_chain, smooth_blow
 
 from granular import Bead, Striker, materials, y_guide
-from tensegrity import Ensemble, LockingError, Record, TensegrityError, simulate
+from tensegrity import (
+    Chain,
+    Ensemble,
+    LockingError,
+    PowerLaw,
+    Record,
+    State,
+    TensegrityError,
+    simulate,
+)
 from tensegrity.engine.methods import METHODS
 from tensegrity.runs.tuning import simulate_tuned
 from tensegrity.runs.watch import Watch
@@ -52,6 +61,21 @@ def test_values_between_steps_have_the_order_and_the_accuracy_of_the_run(name, m
     order = METHODS[method].order
     assert order - 0.4 < fitted < order + 2, errors
     assert np.all(between < 3 * ends)
+
+
+@pytest.mark.needs_compiler
+@pytest.mark.parametrize("exponent", [1.0, 1.5, 2.3])
+@pytest.mark.parametrize("tol", [1e-5, 1e-9])
+def test_values_between_steps_keep_a_tolerance_where_contacts_open(exponent, tol):
+    """Just before an opening, and just behind a closing: the last kicks of a step do not tell."""
+    chain = Chain(PowerLaw(1.0, exponent), 2)
+    state, end, count = State([0.0, 0.2], [1.0, 0.0]), 5.0, 2000
+    run = simulate(chain, state, end, tol=tol, record=Record(interval=end / count))
+    dense = Record(every=8)
+    exact = simulate(chain, state, end, dt=end / (8 * count), method="corrected6", record=dense)
+    np.testing.assert_allclose(run.t, exact.t, rtol=1e-12)
+    for found, wanted in ((run.u, exact.u), (run.v, exact.v)):
+        assert np.abs(found - wanted).max() < tol * np.abs(wanted).max()
 
 
 @pytest.mark.parametrize("method", ALL)

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+import sympy as sp
 from springs import series
 
 from granular import Bead, chain, materials, y_guide
-from tensegrity import Chain, Prism, State, TensegrityError, simulate
+from tensegrity import Chain, Potential, Prism, State, TensegrityError, simulate
 
 STEEL = Bead(diameter=4.76e-3, material=materials["steel"])
 SOFT = Prism(1.0, 0.5, 0.4, 1.0, 2.0, 20.0)
@@ -33,6 +34,14 @@ def test_a_displacement_far_below_a_length_is_a_motion():
     stiffness = 2 * SOFT.axial_stiffness()
     run = simulate(scene, State([0, 1e-10, 0], np.zeros(3)), 20.0, tol=1e-4)
     assert abs(run.u[:, 1] - 1e-10 * np.cos(np.sqrt(stiffness) * run.t)).max() < 1e-14
+
+
+def test_a_displacement_above_round_off_is_a_motion_to_the_tolerance():
+    """Some 450 units of the last digit of the length beside it, and no fewer digits for that."""
+    r = sp.Symbol("r")
+    scene = Chain(Potential(r**2 / 2, r, length=1.0), 3, ends=("fixed", "fixed"))
+    run = simulate(scene, State([0, 1e-13, 0], np.zeros(3)), 20.0, tol=1e-10)
+    assert abs(run.u[:, 1] / 1e-13 - np.cos(np.sqrt(2) * run.t)).max() < 1e-10
 
 
 def test_a_scene_that_leaves_its_rest_by_round_off_is_no_answer():

@@ -20,7 +20,7 @@ OPENINGS = structure_of(  # as in openings.h
     "_Openings",
     "place side strength exponents betas tables nodes weights offsets dt "
     "before rate_before after rate_after u v end_u end_v end_a row",
-    "count bonds entries kicks degree known begins",
+    "count bonds entries kicks degree known begins alone",
 )
 
 
@@ -95,7 +95,7 @@ class Bound:
         ]
         address = [x.ctypes.data for x in rows]
         per_corner = count // corners
-        steps = OPENINGS(*address, count, per_corner, u.size, len(found.nodes), DEGREE, 0, 0)
+        steps = OPENINGS(*address, count, per_corner, u.size, len(found.nodes), DEGREE, 0, 0, 0)
         self._arrays += [rows, steps]
         (step,) = (x for x, (name, _) in zip(rows, OPENINGS._fields_, strict=False) if name == "dt")
         self.taken.append((steps, "dt", step))
@@ -127,6 +127,11 @@ class Bound:
         """Say that the next step is the first of a run."""
         if self._openings is not None:
             self._openings.begins = 1
+
+    def stand_alone(self):
+        """Say that steps have none before them and none behind."""
+        if self._openings is not None:
+            self._openings.alone = 1
 
     def advance_part(self, steps, opened, close):
         """Steps of a splitting whose first kick includes the last one of the steps before, if

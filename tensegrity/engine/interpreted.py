@@ -69,7 +69,7 @@ class BoundInterpreted:
             return ca.Function(name, [state], [ca.vertcat(x, y, *seen.values())])
 
         self._openings = self._last_step = None
-        self._begins = False
+        self._begins = self._alone = False
         if isinstance(method, Corrected):
             self._openings = Openings(bonds, method, dt)
             kicks, drifts = (
@@ -132,13 +132,17 @@ class BoundInterpreted:
         """Say that the next step is the first of a run."""
         self._begins = True
 
+    def stand_alone(self):
+        """Say that steps have none before them and none behind."""
+        self._alone = True
+
     def _advance_corrected(self, steps):
         """The same step by step, with a look at the contacts after each."""
         u, v = self._rows(self._u, self._v)
         overlaps = self._openings.overlaps(u, v)
         for _ in range(steps):
             self._take(self._repeat(np.concatenate([u.ravel(), v.ravel(), self._seen])))
-            given = u, v, self._at(u), overlaps, self._begins
+            given = u, v, self._at(u), overlaps, self._begins, self._alone
             before, overlaps = overlaps, self._openings.corrected(*given)
             self._last_step, self._begins = (before, overlaps), False
 

@@ -32,6 +32,11 @@ static int may_pass(const scene *c, const openings *o)
 
 static void remember(const scene *c, const openings *o) {} /* a line does not turn */
 
+static real mobility(const scene *c, const openings *o, integer contact, real x)
+{
+    return c->w[contact % o->bonds] + c->w[contact % o->bonds + LANES];
+}
+
 static real swing(const scene *c, const openings *o, integer b, real x) { return 0; }
 
 static void give(const scene *c, const openings *o, integer contact, real w, real x, real total,

@@ -91,6 +91,15 @@ static real line_at(const scene *c, const openings *o, integer contact, real x, 
     return length;
 }
 
+static real mobility(const scene *c, const openings *o, integer b, real x)
+{
+    const integer from = c->from[b % o->bonds], to = c->to[b % o->bonds];
+    real line[DIM], turn[DIM], sum = 0;
+    line_at(c, o, b, x, line, turn);
+    AXES(k) sum += line[k] * line[k] * (c->w[from + k] + c->w[to + k]);
+    return sum;
+}
+
 static real swing(const scene *c, const openings *o, integer b, real x)
 {
     real line[DIM], turn[DIM], square = 0;

@@ -2,13 +2,17 @@
 
    Behind `steps.c` and what the scene's own text says: overlaps(c, o, u, v, w, d), the overlap of
    each contact and its change in a step; may_pass(c, o), whether any can have passed zero, by
-   the elongations met; remember(c, o), the motion at the end of a step; swing(c, o, b, x), the
-   part of an overlap's change of rate that the turn of its line makes; give(c, o, b, w, x, total,
+   the elongations met; remember(c, o), the motion at the end of a step; mobility(c, o, b, x),
+   the change of an overlap's rate by an impulse of its contact; swing(c, o, b, x), the part of that
+   change which the turn of its line makes; give(c, o, b, w, x, total,
    moment, turning), which hands impulse and moment to the two rows of a contact. */
 
 #define SCAN 64
 #define ABREAST 16 /* summed side by side */
 #define LAST_STEP 1e-9
+#define NEAR 1.0
+#define SERIES 24
+#define ROUNDS 4
 
 static real cubic(const real *p, real x) { return p[0] + x * (p[1] + x * (p[2] + x * p[3])); }
 static real incline(const real *p, real x) { return p[1] + x * (2 * p[2] + x * 3 * p[3]); }
@@ -95,33 +99,29 @@ static real taken(const openings *o, integer b, crossing at, real x, int opens, 
     return -size * (at.rate * sums[0] + alpha * (at.curvature * sums[1] / 2 + at.pull * sums[2]));
 }
 
-/* The part of that error which kicks between the end of the step and an event make, or between its
-   `start`, 0, and one that opens. */
-static real between(const openings *o, integer b, crossing at, real x, int opens, real start)
-{
-    const real alpha = o->exponents[o->row[b]], far = opens ? x - start : 1 - x;
-    const real bend = alpha * at.curvature / (2 * at.rate), lead = alpha * at.pull / at.rate;
-    real sum = -far * raised(far, alpha - 1) * far * (1 / (alpha + 1) + bend * far / (alpha + 2));
-    for (integer i = 0; i < o->kicks; i++) {
-        const real away = opens ? x - start - o->nodes[i] : o->nodes[i] - x;
-        if (!(away > 0 && away <= far)) continue;
-        const real part = away + bend * away * away + lead * o->offsets[i];
-        sum += o->weights[i] * raised(away, alpha - 1) * part;
-    }
-    return at.rate * raised(at.rate, alpha - 1) * sum;
-}
-
-/* As `taken`, where a run began with a contact that opens in its first step: no kicks were before. */
-static real taken_at_first(const openings *o, integer b, crossing at, real x, real *moment)
+/* The part of that error which the kicks of one step make, that begins `start` steps behind the
+   begin of this one: of a force up to an event at x, or from there on, also where x is outside. */
+static real between(const openings *o, integer b, crossing at, real x, int opens, real start,
+                    real *moment)
 {
     const real alpha = o->exponents[o->row[b]], size = at.rate * raised(at.rate, alpha - 1);
-    real sum = -x * raised(x, alpha - 1) * x * x / (alpha + 2);
-    for (integer i = 0; i < o->kicks; i++) {
-        const real away = x - o->nodes[i];
-        if (away > 0) sum += o->weights[i] * raised(away, alpha - 1) * away * away;
+    const real bend = alpha * at.curvature / (2 * at.rate), lead = alpha * at.pull / at.rate;
+    const real far = opens ? x - start : 1 + start - x, ends[2] = {far, far > 1 ? far - 1 : 0};
+    real sum = 0, first = 0;
+    for (int k = 0; k < 2; k++) {
+        const real y = ends[k], power = (k ? 1 : -1) * y * y * raised(y, alpha - 1);
+        sum += power * (1 / (alpha + 1) + bend * y / (alpha + 2));
+        first += power * y / (alpha + 2);
     }
-    *moment = -size * sum;
-    return -between(o, b, at, x, 1, 0);
+    for (integer i = 0; i < o->kicks; i++) {
+        const real away = opens ? x - start - o->nodes[i] : start + o->nodes[i] - x;
+        if (!(away > 0 && away <= far)) continue;
+        const real part = o->weights[i] * raised(away, alpha - 1);
+        sum += part * (away + bend * away * away + lead * o->offsets[i]);
+        first += part * away * away;
+    }
+    *moment = (opens ? -1 : 1) * size * first;
+    return size * sum;
 }
 
 static void event(const scene *c, const openings *o, integer b, real w, const real *p, real x,
@@ -129,9 +129,9 @@ static void event(const scene *c, const openings *o, integer b, real w, const re
 {
     real moment;
     const crossing at = crossing_at(c, o, b, p, x);
-    const int first = opens && o->begins && at.rate > 0;
-    const real total = first ? taken_at_first(o, b, at, x, &moment)
-                             : taken(o, b, at, x, opens, &moment);
+    const int own = at.rate > 0 && (o->alone || (opens && o->begins)); /* no kicks beside these */
+    const real total = own ? -between(o, b, at, x, opens, 0, &moment)
+                           : taken(o, b, at, x, opens, &moment);
     const real strength = o->strength[b];
     give(c, o, b, w, x, strength * total, strength * moment, -strength * moment);
 }
@@ -166,14 +166,94 @@ static int is_felt(const scene *c, const openings *o, integer b, const real *p, 
     return felt && (cubic(p, turn) > 0) != closed;
 }
 
+/* The cubic through an overlap and its rate at the begin and at the end of the step. */
+static void path_of(const openings *o, integer b, real *p)
+{
+    const real w0 = o->before[b], w1 = o->after[b];
+    p[0] = w0, p[1] = o->rate_before[b];
+    p[2] = 3 * (w1 - w0) - 2 * p[1] - o->rate_after[b];
+    p[3] = 2 * (w0 - w1) + p[1] + o->rate_after[b];
+}
+
+/* An event up to NEAR steps before a step that stands alone, or behind it, with contact between. */
+static void beside(const scene *c, const openings *o, integer b, int behind)
+{
+    real p[4];
+    path_of(o, b, p);
+    const real from = behind, to = behind ? 1 + NEAR : -NEAR;
+    if (!(cubic(p, from) > 0 && cubic(p, to) < 0)) return;
+    event(c, o, b, o->after[b], p, root_between(p, from, to), behind);
+}
+
+/* Sum over the kicks of a step of an overlap, where it is positive, and that times the time left:
+   of a linear contact that pulls with `own`, beside forces g + slope t and the turn of its line. */
+static void kicked(const openings *o, real own, real w, real rate, real g, real slope, real turn,
+                   real *sums)
+{
+    sums[0] = sums[1] = 0;
+    for (integer i = 0; i < o->kicks; i++) {
+        const real at = o->nodes[i], inside = w + turn * at * at / 2;
+        const real part = inside > 0 ? o->weights[i] * inside : 0;
+        sums[0] += part, sums[1] += part * (1 - at);
+        rate += o->weights[i] * (g + slope * at) - own * part;
+        if (i + 1 < o->kicks) w += (o->nodes[i + 1] - at) * rate;
+    }
+}
+
+/* The same of the motion itself, for a time `far` from where it closes. */
+static void moved(real own, real rate, real g, real slope, real far, real *sums)
+{
+    real terms[SERIES] = {0, rate * far, g * far * far / 2};
+    sums[0] = sums[1] = 0;
+    for (int k = 1; k < SERIES; k++) {
+        if (k > 2) terms[k] = -own * far * far * terms[k - 2] / (k * (k - 1));
+        if (k == 3) terms[k] += slope * far * far * far / 6;
+        sums[0] += far * terms[k] / (k + 1), sums[1] += far * far * terms[k] / ((k + 1) * (k + 2));
+    }
+}
+
+/* A contact of exponent 1 that opened or closed: its kicks and its motion are those of a linear
+   spring beside forces that grow linearly, which the ends of the step tell. */
+static void linear(const scene *c, const openings *o, integer b, const real *p)
+{
+    const real w0 = o->before[b], w1 = o->after[b], d0 = p[1], d1 = o->rate_after[b];
+    const int opens = w0 > 0;
+    real x = root_between(p, 0, 1), path[4], kicks[2] = {0, 0}, motion[2], g = 0, slope = 0;
+    const real turn = swing(c, o, b, x), own = *o->dt * *o->dt * o->strength[b] * mobility(c, o, b, x);
+    for (int k = 0; k < ROUNDS; k++) {
+        const real way = w1 - w0 - d0 - turn / 2 + own * kicks[1];
+        const real change = d1 - d0 - turn + own * kicks[0];
+        slope = 6 * (change - 2 * way), g = change - slope / 2;
+        kicked(o, own, w0, d0, g, slope, turn, kicks);
+    }
+    real end = w1, end_rate = d1;
+    for (int k = 0; k < (opens ? ROUNDS : 1); k++) { /* from its open end on, backwards if it opens */
+        const real there = opens ? g + turn + slope : g + turn, grows = opens ? -slope : slope;
+        path[0] = opens ? end : w0, path[1] = opens ? -end_rate : d0;
+        path[2] = there / 2, path[3] = grows / 6;
+        if (!(path[0] <= 0 && cubic(path, 1) > 0)) return;
+        x = root_between(path, 0, 1);
+        moved(own, incline(path, x), there + grows * x, grows, 1 - x, motion);
+        if (!opens) break;
+        const real w = w0 - cubic(path, 1) + own * motion[1];
+        const real rate = d0 + incline(path, 1) - own * motion[0];
+        end += w + rate, end_rate += rate;
+    }
+    if (opens) x = 1 - x, motion[1] = motion[0] - motion[1];
+    const real total = o->strength[b] * (motion[0] - kicks[0]);
+    const real moment = o->strength[b] * (motion[1] - kicks[1]) - (1 - x) * total;
+    give(c, o, b, w1, x, total, moment, -moment);
+}
+
 /* What a step in which contact b opened or closed, if it did, is corrected by. */
 static void pass(const scene *c, const openings *o, integer b)
 {
     const real w0 = o->before[b], w1 = o->after[b];
-    const real d0 = o->rate_before[b], d1 = o->rate_after[b];
-    const real p[4] = {w0, d0, 3 * (w1 - w0) - 2 * d0 - d1, 2 * (w0 - w1) + d0 + d1};
+    real p[4];
+    path_of(o, b, p);
     if ((w0 > 0) != (w1 > 0)) {
-        event(c, o, b, w1, p, root_between(p, 0, 1), w0 > 0);
+        if (o->exponents[o->row[b]] == 1) linear(c, o, b, p);
+        else event(c, o, b, w1, p, root_between(p, 0, 1), w0 > 0);
         return;
     }
     const real rates[4] = {p[1], 2 * p[2], 3 * p[3], 0}, turn = root_between(rates, 0, 1);
@@ -201,13 +281,15 @@ static void pass_all(const scene *c, const openings *o)
     int met = 0;
     for (integer start = 0; start < o->count; start += SCAN) {
         const integer left = o->count - start, n = left < SCAN ? left : SCAN;
-        integer any = 0;
+        integer any = o->alone;
         EACH(n) any |= suspect(w0[start + i], d0[start + i], w1[start + i], d1[start + i]);
         if (!any) continue;
         if (!met) remember(c, o);
         met = 1;
         for (integer i = start; i < start + n; i++)
             if (suspect(w0[i], d0[i], w1[i], d1[i])) pass(c, o, i);
+        for (integer i = start; i < start + n && o->alone; i++)
+            for (int behind = 0; behind < 2; behind++) beside(c, o, i, behind);
     }
     if (met) overlaps(c, o, c->u, c->v, o->after, o->rate_after);
 }
@@ -222,7 +304,7 @@ void advance_openings(const scene *c, openings *o, integer steps)
         for (integer s = 0; s < c->stages; s++) stage(c, c->kicks[s], c->drifts[s]);
         if (c->closing) stage(c, c->kicks[c->stages], 0);
         if (!looking) {
-            if (!may_pass(c, o)) {
+            if (!o->alone && !may_pass(c, o)) {
                 o->begins = 0;
                 continue;
             }
@@ -252,7 +334,8 @@ static void show(const scene *c, const openings *o, integer b)
     const crossing at = crossing_at(c, o, b, p, x);
     if (!(at.rate > 0)) return;
     real moment;
-    const real total = taken(o, b, at, x, opens, &moment) + between(o, b, at, x, opens, 1);
+    const real all = taken(o, b, at, x, opens, &moment);
+    const real total = all + between(o, b, at, x, opens, opens, &moment);
     give(c, o, b, w1, 1, (opens ? 1 : -1) * o->strength[b] * total, 0, 0);
 }
 

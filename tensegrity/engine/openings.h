@@ -14,4 +14,5 @@ typedef struct {
     integer count, bonds, entries, kicks, degree; /* contacts, and those of one corner each */
     integer known; /* of the last step: 0 nothing, 1 where it began in u and v, 2 its overlaps */
     integer begins; /* whether the next step is the first of a run */
+    integer alone; /* whether steps have none before and none behind them: each ends as it is shown */
 } openings;

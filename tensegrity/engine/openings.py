@@ -15,9 +15,12 @@ import numpy as np
 from tensegrity.engine import forces
 from tensegrity.once import once
 
+NEAR = 1.0  # steps beside one that stands alone, whose events tell in it
+SERIES, ROUNDS = 24, 4  # terms of the motion in linear contacts; in which their forces are found
 DEGREE = 20  # of the polynomials for the zeta functions, which are as good as their sums
 TERMS, BERNOULLI = 8, (1 / 6, -1 / 30, 1 / 42, -1 / 30, 5 / 66, -691 / 2730, 7 / 6, -3617 / 510)
-LOWEST, HIGHEST = 1.0, 2.5  # exponents for which the order was seen
+LOWEST, HIGHEST = 1.0, 3.0  # exponents for which the order was seen
+TREATED = 3  # order over the exponent where contacts are corrected
 
 
 def hurwitz(s, q):
@@ -105,7 +108,7 @@ class Openings:
             return x
         return np.where((self.bonds.contacts.kind == 0)[:, None], x, 0.0)
 
-    def corrected(self, u, v, a, before, begins=False):
+    def corrected(self, u, v, a, before, begins=False, alone=False):
         """Correct u and v after a step, in place; returns the overlaps then.  Contacts are known
         by number of the corner, and of the bond.
 
@@ -117,36 +120,88 @@ class Openings:
             What `overlaps` said at its begin.
         begins : bool, optional
             Whether it is the first of a run: then no kicks were before.
+        alone : bool, optional
+            Whether no steps are before it and none behind.
         """
         (w0, d0), (w1, d1) = before, self.overlaps(u, v)
         passed = (w0 > 0) != (w1 > 0)
         turned = (w0 * d0 < 0) & (w1 * d1 > 0)
         near = 4 * np.minimum(np.abs(w0), np.abs(w1)) < np.abs(d0) + np.abs(d1)
-        hits = np.argwhere(passed | (turned & near))
-        if not hits.size:
-            return w1, d1
         there = u.copy(), v.copy()
-        for b in map(tuple, hits.tolist()):
+        for b in map(tuple, np.argwhere(passed | (turned & near) | alone).tolist()):
             line = self._line_of(b, *there, a)
-            for x, *push in self._pushes(b, line, w0[b], d0[b], w1[b], d1[b], begins):
+            for x, *push in self._pushes(b, line, w0[b], d0[b], w1[b], d1[b], begins, alone):
                 self._give(b, w1[b], x, *push, *line(x), u, v)
         return self.overlaps(u, v)
 
-    def _pushes(self, b, line, w0, d0, w1, d1, begins):
-        """For each event in a step: where, and the sums of `_event` or of `_touch`."""
+    def _pushes(self, b, line, w0, d0, w1, d1, begins, alone):
+        """For each event in a step, and beside one that stands alone: where, and the sums of
+        `_event` or of `_touch`."""
         p, swing = through(w0, d0, w1, d1), self._swing(b, line)
+        found = []  # place, and whether it opens
         if (w0 > 0) != (w1 > 0):
+            found = [(root(p, 0.0, 1.0), w0 > 0)]
+            if self.exponents[self.row[b]] == 1:
+                return self._linear(b, line, w0, d0, w1, d1, found[0][0])
+        elif w0 * d0 < 0 < w1 * d1:
+            turn = root((p[1], 2 * p[2], 3 * p[3], 0.0), 0.0, 1.0)
+            pull = 2 * p[2] + 6 * p[3] * turn - swing(turn)
+            felt = value(p, self.nodes) + pull * self.offsets > 0
+            if (value(p, turn) > 0) != (w0 > 0) and np.any(felt != (w0 > 0)):  # else it is left
+                found = [(root(p, 0.0, turn), True), (root(p, turn, 1.0), False)]
+                if not w0 > 0:
+                    (one, _), (other, _) = found
+                    return [self._touch(b, p, one, other, swing((one + other) / 2))]
+        if alone:
+            found += [
+                (root(p, *sorted((here, there))), opens)
+                for here, there, opens in ((0.0, -NEAR, False), (1.0, 1 + NEAR, True))
+                if value(p, here) > 0 > value(p, there)
+            ]
+        return [self._of_step(b, p, x, opens, swing(x), begins, alone) for x, opens in found]
+
+    def _linear(self, b, line, w0, d0, w1, d1, x):
+        """The same of a contact of exponent 1 that opened or closed: its kicks and its motion are
+        those of a linear spring beside forces that grow linearly, which the ends of the step tell.
+        """
+        opens, turn, along = w0 > 0, self._swing(b, line)(x), line(x)[0]
+        ends = [self._weights[row[b[1]]] for row in (self._first, self._second)]
+        own = self.dt**2 * self.strength[b] * float(np.sum(along**2 * sum(ends)))
+        kicks, motion, end, rate = np.zeros(2), np.zeros(2), w1, d1
+        for _ in range(ROUNDS):
+            way, change = w1 - w0 - d0 - turn / 2 + own * kicks[1], d1 - d0 - turn + own * kicks[0]
+            grows = 6 * (change - 2 * way)
+            kicks = self._kicked(own, w0, d0, change - grows / 2, grows, turn)
+        force, sign = change - grows / 2 + turn, 1
+        if opens:  # from its open end on, backwards
+            force, sign = force + grows, -1
+        for _ in range(ROUNDS):
+            w, change = (end, -rate) if opens else (w0, d0)
+            p = w, change, force / 2, sign * grows / 6
+            if not w <= 0 < value(p, 1.0):
+                return []
             x = root(p, 0.0, 1.0)
-            return [self._of_step(b, p, x, w0 > 0, swing(x), begins)]
-        turn = root((p[1], 2 * p[2], 3 * p[3], 0.0), 0.0, 1.0)
-        pull = 2 * p[2] + 6 * p[3] * turn - swing(turn)
-        felt = value(p, self.nodes) + pull * self.offsets > 0
-        if (value(p, turn) > 0) == (w0 > 0) or np.all(felt == (w0 > 0)):
-            return []  # what no kick felt is left
-        one, other = root(p, 0.0, turn), root(p, turn, 1.0)
-        if w0 > 0:
-            return [self._of_step(b, p, x, x == one, swing(x), begins) for x in (one, other)]
-        return [self._touch(b, p, one, other, swing((one + other) / 2))]
+            motion = moved(own, slope(p, x), force + sign * grows * x, sign * grows, 1 - x)
+            if not opens:
+                break
+            begin = w0 - value(p, 1.0) + own * motion[1], d0 + slope(p, 1.0) - own * motion[0]
+            end, rate = end + sum(begin), rate + begin[1]
+        if opens:
+            x, motion = 1 - x, (motion[0], motion[0] - motion[1])
+        total, shift = self.strength[b] * (np.array(motion) - kicks)
+        moment = shift - (1 - x) * total
+        return [(x, total, moment, -moment)]
+
+    def _kicked(self, own, w, rate, force, grows, turn):
+        """Sum over the kicks of a step of an overlap, where it is positive, and that times the time
+        left: of a linear contact that pulls with `own`."""
+        sums = np.zeros(2)
+        for at, ahead, weight in zip(self.nodes, [*self.nodes[1:], 1.0], self.weights, strict=True):
+            part = weight * max(w + turn * at**2 / 2, 0.0)
+            sums += part, part * (1 - at)
+            rate += weight * (force + grows * at) - own * part
+            w += (ahead - at) * rate
+        return sums
 
     def _line_of(self, b, u, v, a):
         """`_line` of contact b at a place of the step that ends with u, v and a."""
@@ -180,37 +235,33 @@ class Openings:
             line, rate = self._line_of(b, u, v, a), abs(slope(p, x))
             if rate > 0:
                 swing = self._swing(b, line)(x)
-                total = self._event(b, p, x, opens, swing)[1] + self._between(b, p, x, opens, swing)
+                total = self._event(b, p, x, opens, swing)[1]
+                total += self._between(b, p, x, opens, swing, int(opens))[0]
                 push = (total if opens else -total), 0.0, 0.0
                 self._give(b, w1[b], 1.0, *push, *line(1.0), u, v)
 
-    def _between(self, b, p, x, opens, swing, start=1):
-        """The part of the error that kicks between the end of the step and an event make, or
-        between its `start`, 0, and one that opens."""
+    def _between(self, b, p, x, opens, swing, start):
+        """The part of the error, and of its moment, that the kicks of one step make, which begins
+        `start` steps behind this one: of a force up to an event at x, or from there on."""
         alpha, rate = self.exponents[self.row[b]], abs(slope(p, x))
         curvature = 2 * p[2] + 6 * p[3] * x
-        away = x - start - self.nodes if opens else self.nodes - x
-        far = x - start if opens else 1 - x
-        these = (away > 0) & (away <= far)
+        away = x - start - self.nodes if opens else start + self.nodes - x
+        far = x - start if opens else 1 + start - x
+        these, ends = (away > 0) & (away <= far), np.array([max(far - 1, 0.0), far])
         away, weights, ahead = away[these], self.weights[these], self.offsets[these]
         bend, lead = (alpha * k / rate for k in (curvature / 2, curvature - swing))
         kicks = np.sum(weights * away ** (alpha - 1) * (away + bend * away**2 + lead * ahead))
-        exact = far ** (alpha + 1) * (1 / (alpha + 1) + bend * far / (alpha + 2))
-        return self.strength[b] * rate**alpha * (kicks - exact)
+        exact = np.diff(ends ** (alpha + 1) * (1 / (alpha + 1) + bend * ends / (alpha + 2)))
+        first = np.sum(weights * away ** (alpha + 1)) - np.diff(ends ** (alpha + 2)) / (alpha + 2)
+        size = self.strength[b] * rate**alpha
+        return size * (kicks - exact[0]), (-size if opens else size) * first[0]
 
-    def _of_step(self, b, p, x, opens, swing, begins):
-        """As `_event`, or, where a run began with a contact that opens in its first step, without
-        the kicks that were not before."""
-        rate = abs(slope(p, x))
-        if not (opens and begins and rate > 0):
+    def _of_step(self, b, p, x, opens, swing, begins, alone):
+        """As `_event`, or without kicks of steps that are not beside this one."""
+        if not ((alone or (opens and begins)) and abs(slope(p, x)) > 0):
             return self._event(b, p, x, opens, swing)
-        alpha, away = self.exponents[self.row[b]], x - self.nodes
-        these = away > 0
-        sums = np.sum(self.weights[these] * away[these] ** (alpha + 1)) - x ** (alpha + 2) / (
-            alpha + 2
-        )
-        moment = -self.strength[b] * rate**alpha * sums
-        return x, -self._between(b, p, x, opens, swing, 0), moment, -moment
+        total, moment = self._between(b, p, x, opens, swing, 0)
+        return x, -total, moment, -moment
 
     def _event(self, b, p, x, opens, swing=0.0):
         """Root, and the sums that impulse, moment and turning of the line take from it."""
@@ -283,6 +334,16 @@ class Openings:
         length = math.sqrt(apart @ apart)
         line = apart / length
         return line, (velocity - line * (line @ velocity)) / length, length
+
+
+def moved(own, rate, force, grows, far):
+    """The sums of `Openings._kicked` of the motion itself, for a time `far` from its closing."""
+    terms = [0.0, rate * far, force * far**2 / 2]
+    terms.append((grows * far**3 - own * far**2 * terms[1]) / 6)
+    for k in range(4, SERIES):
+        terms.append(-own * far**2 * terms[k - 2] / (k * (k - 1)))
+    k, terms = np.arange(1, SERIES), np.array(terms[1:])
+    return far * np.sum(terms / (k + 1)), far**2 * np.sum(terms / ((k + 1) * (k + 2)))
 
 
 def through(w0, d0, w1, d1):

@@ -43,7 +43,7 @@ def simulate(
     method : str or Method, optional
         Name of a method, `tensegrity.engine.methods.METHODS`, or a `Splitting` or `Nystrom` of
         `tensegrity.engine.methods` with rows of your own.  By default "rkn6"; "verlet" where `dt`
-        is given; else "corrected6" where contacts can open, of exponents from 1 to 2.5, or a force
+        is given; else "corrected6" where contacts can open, of exponents from 1 to 3, or a force
         has such corners, unless a `tol` is 1e-3 or looser; "processed6" where a `tol` is given,
         no contact can open and the run takes two thousand steps or more.
     dt : float, optional

@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 import math
+import sys
 
 from tensegrity import check
 from tensegrity.engine.methods import Corrected
-from tensegrity.engine.openings import is_treated
+from tensegrity.engine.openings import TREATED, is_treated
 from tensegrity.errors import TensegrityError
 from tensegrity.scenes.forcing import functions_of_time
 from tensegrity.springs.potential import Potential
 from tensegrity.springs.power_law import PowerLaw
 
+EPSILON = sys.float_info.epsilon
 COARSE = 1e-4  # usual error of the first run
 SLOWER = 0.5  # order that is trusted less than a method has
 LEAST_ORDER = 0.5  # that is reckoned with
 FIRST_ORDER = 4.0  # least by which errors of the two coarsest runs are taken to fall from there
 TIGHT = 1e-10  # tolerances so far below the errors of first runs that these have to be told apart
-CORRECTED = 3  # order over the exponent that methods which correct openings have
 LEAST_FACTOR, FASTEST = 1.25, 8.0  # of the steps from one run to the next
 SURE, DOUBT = 3.0, 3.0  # a run so many times finer than the one before it has an error that the
 # order foretells less well where contacts open: estimates are so many times larger
+GROWN = 250.0  # times which round-off was seen to grow, in rows of 20 to 40 contacts
 FAR, NEARER = 0.4, 0.45  # share of the steps below which a run tells of an error so uncertainly
 # that another is done, with at least so much
 
@@ -70,6 +72,15 @@ class Judge:
         errors = [gap / (1 - share**order) * share**order for share, gap in gaps[-2:]]
         return max(errors) * _doubt(1 / gaps[-1][0]) if self.opens else errors[-1]
 
+    def rounded(self, run, gap):
+        """What round-off adds: a walk at random of the last digits in all stages of the finest run.
+
+        Where contacts open it grows as neighbouring motions part: a run of so many steps that it
+        may pass the tolerance then has to agree with the one before it.
+        """
+        walk = EPSILON * math.sqrt(run.steps * self._problem.method.stages)
+        return gap / 2 if self.opens and GROWN * walk > self._tol else walk
+
     def _seen(self, gaps):
         """Order by which errors fell, not more than what is trusted."""
         (wide, above), (narrow, below) = gaps[-2:]
@@ -118,14 +129,17 @@ def order_left(problem, met):
     driven = functions_of_time(scene) if scene.is_driven else ()
     order = min((signal.leaves for signal in driven), default=math.inf)
     corrects = isinstance(problem.method, Corrected)
-    if scene.follows:
-        exponents = {corner[2] for _, corner in corners_met(scene, met)}
-    else:
-        exponents = scene.spring_table.exponents_within(met)
-    for exponent in exponents:
+    for exponent in exponents_met(scene, met):
         treated = corrects and is_treated(exponent)
-        order = min(order, exponent + (CORRECTED if treated else 1))
+        order = min(order, exponent + (TREATED if treated else 1))
     return order
+
+
+def exponents_met(scene, met):
+    """Exponents of the corners of forces between elongations met."""
+    if scene.follows:
+        return {corner[2] for _, corner in corners_met(scene, met)}
+    return scene.spring_table.exponents_within(met)
 
 
 def may_open(scene):

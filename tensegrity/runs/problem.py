@@ -52,10 +52,6 @@ class Problem:
         """Stability limit [s] at an angular frequency [rad/s]; inf where it is 0."""
         return self.method.stability_limit / omega if omega > 0 else math.inf
 
-    def fraction(self, share):
-        """What a default step is of the natural one, where the scene asks for a share of that."""
-        return self.method.step * max(share, self.method.opening_share)
-
     def natural_step(self, omega):
         """The step [s] that fractions are taken of, at an angular frequency [rad/s]."""
         return self.method.scale / omega if omega > 0 else math.inf

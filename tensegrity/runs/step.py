@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from tensegrity.errors import LockingError, RangeError, StabilityError
 from tensegrity.runs.driven import march
+from tensegrity.runs.judge import exponents_met
 from tensegrity.runs.problem import count
 from tensegrity.scenes.forcing import functions_of_time
 from tensegrity.scenes.signals import quickest
@@ -24,22 +27,28 @@ def fixed_step(problem, dt):
 def default_step(problem):
     """Run with a step from the expected frequencies.
 
-    What the energy at the start cannot tell, the run does: whether contacts opened, and how far
+    What the state at the start cannot tell, the run does: whether contacts opened, and how far
     loads drove them.  Where that asks for a finer step, it is run again.
     """
-    fraction = problem.fraction(problem.scene.step_share)
+    fraction = _fraction(problem, problem.scene.present_ranges(problem.state.u))
     return settled(
         problem, refined(problem, expected_steps(problem, fraction), MARGIN * fraction)[0]
     )
 
 
+def _fraction(problem, met):
+    """What a default step is of the natural one where springs meet these elongations."""
+    return problem.method.fraction(exponents_met(problem.scene, met))
+
+
 def settled(problem, run):
     """A run with an expected step, or another where it met what asks for a finer one."""
     scene = problem.scene
-    share = scene.finer_share(run.met) if run.complete and run.steps else None
-    if share is None:
+    if not (run.complete and run.steps):
         return run
-    fraction = problem.fraction(share)
+    if not (np.any(scene.loads) or exponents_met(scene, run.met)):
+        return run
+    fraction = _fraction(problem, run.met)
     omega = scene.frequency(run.met) if run.fastest is None else run.fastest
     steps = count(problem, fraction * problem.natural_step(omega))
     return run if steps <= run.steps else refined(problem, steps, MARGIN * fraction)[0]

@@ -24,7 +24,6 @@ FEWEST, MOST_KEPT = 16, 2_000_000  # instants; numbers in each of u and v of a r
 KEPT = 3  # runs that are compared with the last one, and it
 SHORT = 2000  # steps of what counts as a short run
 SECOND = 1e-6  # tolerances that the second run does not meet, as a rule
-EPSILON = float(np.finfo(float).eps)
 ROUND_OFF = 1e-14  # differences below this say nothing
 MARGINS = (0.05, 0.5)  # over the range met, on either side, by which a fit is wider
 STUCK = 4  # refinements in a row that bring nothing: round-off is reached
@@ -105,7 +104,7 @@ def converged(problem, first, error, tol):
             continue
         rungs = sorted([*rungs, found], key=lambda r: r.fineness)[-KEPT:]
         gaps = [(r.fineness / rungs[-1].fineness, r.gap(rungs[-1])) for r in rungs[:-1]]
-        estimate = judge.estimate(gaps) + rounded(problem, rungs[-1].run)
+        estimate = judge.estimate(gaps) + judge.rounded(rungs[-1].run, gaps[-1][1])
         if estimate <= judge.accept * tol or gaps[-1][1] < ROUND_OFF:
             return answer(problem, rungs[-1].run, estimate + error)
         stuck = stuck + 1 if gaps[-1][1] > smallest / 2 else 0
@@ -126,11 +125,6 @@ def next_rung(problem, rungs, factor, tol):
     fineness = max(math.ceil(finest * factor), int(finest) + 1 if factor > 1 else 1)
     likely = factor > 1 and (len(rungs) > 1 or tol > SECOND)
     return Rung.of(trial_of(problem, likely), fineness, rungs[0].instants)
-
-
-def rounded(problem, run):
-    """What a walk at random of the last digits comes to in all stages of a run."""
-    return EPSILON * math.sqrt(run.steps * problem.method.stages)
 
 
 def answer(problem, run, estimate):

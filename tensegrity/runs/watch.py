@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from tensegrity.engine.methods import Nystrom
+from tensegrity.engine.methods import Corrected, Nystrom
 from tensegrity.errors import LockingError, StabilityError
 from tensegrity.runs.book import Sound
 from tensegrity.runs.guard import Guard
@@ -109,6 +109,8 @@ class Watch:
             if rows is None:
                 continue
             loop = self._scene.bind(u, v, rows, part)
+            if isinstance(rows, Corrected):
+                loop.stand_alone()
             loop.advance(1)
             if not self._is_inside(self._met(loop, u), u, v):
                 raise self._error(t, loop, u)

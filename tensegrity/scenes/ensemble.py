@@ -114,9 +114,10 @@ class Ensemble(Scene):
         return self.scenes[0].wall_count
 
     @property
-    def step_share(self) -> float:
-        """The least of all scenes."""
-        return min(scene.step_share for scene in self.scenes)
+    def loads(self) -> Array:
+        """Constant forces on the sites of each [N], shape of u."""
+        loads = [np.broadcast_to(scene.loads, scene.shape) for scene in self.scenes]
+        return np.stack(loads, axis=-1)
 
     @cached_property
     def held(self) -> Sequence[int]:
@@ -232,15 +233,6 @@ class Ensemble(Scene):
             return self.scenes[0].frequency_of(stiffness)
         each = zip(self.scenes, stiffness.T, strict=True)
         return max(scene.frequency_of(k) for scene, k in each)
-
-    def finer_share(self, met: Array) -> float | None:
-        """Share of a default step for a second run: the least that a lane wants, or None."""
-        shares = []
-        for lane, scene in enumerate(self.scenes[:1] if self._same else self.scenes):
-            mine = np.zeros((len(scene.spring_table), 2))
-            mine[scene.spring_table.group] = met[self._group[:, lane]]
-            shares.append(scene.finer_share(mine))
-        return min((share for share in shares if share is not None), default=None)
 
     def extreme(self, spring: int, u: Array, side: int) -> str:
         """Where an elongation of that spring is lowest (side 0) or highest (1), in words."""

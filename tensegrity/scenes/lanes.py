@@ -106,6 +106,11 @@ class Lanes:
         for _, _, loop, _ in self._groups:
             loop.begin()
 
+    def stand_alone(self) -> None:
+        """Say that steps have none before them and none behind."""
+        for _, _, loop, _ in self._groups:
+            loop.stand_alone()
+
     def advance(self, steps: int) -> None:
         """Advance u and v by whole steps."""
         for part, arrays, loop, _ in self._groups:

@@ -37,7 +37,7 @@ from tensegrity.scenes.network_input import (
     touching,
     whole_pairs,
 )
-from tensegrity.scenes.scene import KINK_SHARE, Scene, State, velocities
+from tensegrity.scenes.scene import Scene, State, velocities
 from tensegrity.scenes.walls import Wall
 from tensegrity.springs.potential import Potential
 
@@ -229,11 +229,6 @@ class Network(Scene):
         """Whether contacts come and go, so that only those near are listed."""
         return self.law is not None
 
-    @property
-    def step_share(self) -> float:
-        """Of the default step that a method takes for smooth springs."""
-        return KINK_SHARE / 3 if self.follows else 1.0  # every contact opens
-
     def _with(self, **changed: Any) -> Self:
         """This network with other springs or contacts; what is computed from them is dropped."""
         other = copy(self)
@@ -313,25 +308,6 @@ class Network(Scene):
         found, pairs = np.full(len(self.spring_table), -np.inf), len(self.bonds)
         np.maximum.at(found, self.spring_table.group[:pairs], -self.lengths)
         return fixed(found)
-
-    def opened(self, ranges: Array) -> bool:
-        """Whether a contact both pushes and is open, or a string pulls and is slack, within given
-        ranges (springs, 2)."""
-        for spring, (low, high) in zip(self.spring_table.different, ranges, strict=True):
-            if low < 0 < high:
-                for slack, loaded in ((high, low), (low, high)):  # contacts push, strings pull
-                    none = not (spring.tension(slack) or spring.stiffness(slack))
-                    if none and spring.tension(loaded):
-                        return True
-        return False
-
-    def finer_share(self, met: Array) -> float | None:
-        """That of opening contacts; under loads, whose work was not known at first, the same."""
-        if self.follows:
-            return self.step_share
-        if self.opened(met):
-            return min(self.step_share, KINK_SHARE)
-        return self.step_share if np.any(self.loads) else None
 
     def extreme(self, spring: int, u: Array, side: int) -> str:
         """Where a contact of that spring is shortest (side 0) or longest (1), in words."""

@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 
 PER_SITE = 160  # bytes that a run takes for each site, its rows apart
 SMALLEST_MASS = 1e-300  # kg: its inverse is still a number
-KINK_SHARE = 1 / 16  # of a default step where contacts open: the force has a kink there
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,8 +126,6 @@ class Scene(ReadOnly):
 
     Attributes
     ----------
-    step_share : float
-        Of the default step that a method takes for smooth springs.
     closing : float or ndarray
         Elongation [m] at which the ends of a bond of each different spring meet, -inf where they
         cannot.
@@ -156,7 +153,6 @@ class Scene(ReadOnly):
         The energies of many states in one call, where they are compiled.
     """
 
-    step_share: float = 1.0
     closing: float | Array = -np.inf
     turns: bool = False
     follows: bool = False
@@ -320,13 +316,6 @@ class Scene(ReadOnly):
     def available_energy(self, state: State, energy: float | None = None) -> float:
         """What one spring could get of the energy [J], all of it; what `check` said, if known."""
         return self.energy(state) if energy is None else energy
-
-    def finer_share(self, met: Array) -> float | None:
-        """Share of a default step for a second run, from the elongations that the first met.
-
-        None where the first run stands.
-        """
-        return None
 
     @property
     def contact_bonds(self) -> Bonds:
