@@ -184,6 +184,21 @@ KINDS = {
     for f in (bounce, contacts, corners, preloaded, locking, elastic, mixed, lanes, guide, pack,
               slack, pieces)
 }  # fmt: skip
+EXPONENTS = 1.0, 1.25, 1.5, 1.75, 2.0, 2.25, 2.5, 2.75, 3.0
+
+
+def opening(seed):
+    """(Scene, state, duration) with contacts that open, or other corners, a tolerance from 1e-11 to
+    1e-3, and the generator that drew them; most are rows of contacts."""
+    rng = np.random.default_rng(seed)
+    others = bounce, preloaded, pack, slack, pieces, guide
+    if rng.random() < 0.8:
+        made = contacts(rng, float(rng.choice(EXPONENTS)))
+    else:
+        made = others[int(rng.integers(len(others)))](rng)
+    return made, 10 ** rng.uniform(-11, -3), rng
+
+
 TOLERANCES = 10.0 ** -np.arange(2, 11)
 LOOSEST = {"corners": 1e-6, "bounce": 1e-7, "contacts": 1e-8, "slack": 1e-7, "pieces": 1e-8}
 

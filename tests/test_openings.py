@@ -472,6 +472,26 @@ def test_the_loop_without_a_compiler_makes_the_same_corrections(make, n):
 
 
 @pytest.mark.needs_compiler
+@pytest.mark.parametrize("n", EXPONENTS)
+@pytest.mark.parametrize("make", [row, cluster])
+def test_steps_that_stand_alone_are_the_same_without_a_compiler(make, n):
+    scene = make(n)
+    state = blow(scene) if make is row else thrown(scene)
+    u, v = scene.arrays(state)
+    run = bind(u, v, scene.loop_bonds, METHOD, 0.07)
+    for _ in range(60):
+        run.advance(1)
+        found = []
+        for engine in (bind, BoundInterpreted):
+            copies = u.copy(), v.copy()
+            step = engine(*copies, scene.loop_bonds, METHOD, 0.043)
+            step.stand_alone()
+            step.advance(1)
+            found.append(np.stack([x[: scene.sites] for x in copies]))
+        np.testing.assert_allclose(*found, rtol=0, atol=1e-13)
+
+
+@pytest.mark.needs_compiler
 def test_lanes_are_corrected_like_chains_alone():
     chains = [Chain(PowerLaw(k, 1.5), 6) for k in np.linspace(0.7, 1.4, 8)]
     together = Ensemble(chains)

@@ -182,7 +182,8 @@ static void beside(const scene *c, const openings *o, integer b, int behind)
     path_of(o, b, p);
     const real from = behind, to = behind ? 1 + NEAR : -NEAR;
     if (!(cubic(p, from) > 0 && cubic(p, to) < 0)) return;
-    event(c, o, b, o->after[b], p, root_between(p, from, to), behind);
+    const real x = behind ? root_between(p, from, to) : root_between(p, to, from);
+    event(c, o, b, o->after[b], p, x, behind);
 }
 
 /* Sum over the kicks of a step of an overlap, where it is positive, and that times the time left:

@@ -20,7 +20,7 @@ LEAST_ORDER = 0.5  # that is reckoned with
 FIRST_ORDER = 4.0  # least by which errors of the two coarsest runs are taken to fall from there
 TIGHT = 1e-10  # tolerances so far below the errors of first runs that these have to be told apart
 LEAST_FACTOR, FASTEST = 1.25, 8.0  # of the steps from one run to the next
-SURE, DOUBT = 3.0, 3.0  # a run so many times finer than the one before it has an error that the
+SURE, DOUBT = 2.0, 3.0  # a run so many times finer than the one before it has an error that the
 # order foretells less well where contacts open: estimates are so many times larger
 GROWN = 250.0  # times which round-off was seen to grow, in rows of 20 to 40 contacts
 FAR, NEARER = 0.4, 0.45  # share of the steps below which a run tells of an error so uncertainly
