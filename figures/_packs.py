@@ -21,7 +21,7 @@ D = 9.53e-3  # m, of all beads
 STEEL, PTFE, GLASS = (Bead(D, materials[name]) for name in ("steel", "ptfe", "glass"))
 FAST, SLOW = 1.65, 1.0  # m/s: strikers in space and in the plane
 FINE, COARSE = 2e-7, 1e-7  # s: steps of rkn6 and of verlet
-ROW = 4e-7  # s between rows; peaks between them by a parabola
+ROW = 4e-7  # s between rows
 
 
 def cube(layers=17, bead=STEEL, sides="ptfe"):
@@ -60,15 +60,6 @@ def floor_of(scene, t_end, name="floor"):
     """Instants and the force on the floor [N] of a quick run."""
     run = quick(scene, t_end, Record(interval=ROW, sites=scene.touches_wall(name)))
     return run.t, wall_force(run, name)
-
-
-def highest(t, force):
-    """Instant and height of the highest row, by a parabola through it and its neighbours."""
-    k = int(np.clip(np.argmax(force), 1, len(t) - 2))
-    a, b, c = np.polyfit((t[k - 1 : k + 2] - t[k]) / ROW, force[k - 1 : k + 2], 2)
-    if not a < 0:
-        return float(t[k]), float(force[k])
-    return float(t[k] - ROW * b / (2 * a)), float(c - b**2 / (4 * a))
 
 
 def crests(t, force, least):

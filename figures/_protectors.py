@@ -15,7 +15,13 @@ import numpy as np
 
 from granular import Bead, Striker, chain, materials, simulate
 from granular.design import Choice, Order, Sizes, objective, peak_force, search
-from granular.observables import effective_number, energy_shares, participation_ratio, wall_force
+from granular.observables import (
+    effective_number,
+    energy_shares,
+    largest,
+    participation_ratio,
+    wall_force,
+)
 from tensegrity import Record, sweep
 
 STEEL = materials["steel"]
@@ -204,18 +210,18 @@ def measures(one):
         beads at the peak, and their mean while 5 to 95 % of the impulse arrive.
     """
     t, force = one["t"], one["force"]
-    top = int(np.argmax(force))
-    half = force >= force[top] / 2
-    ends = np.flatnonzero(~half)
-    before, after = ends[ends < top].max(initial=0), ends[ends > top].min(initial=len(t) - 1)
+    instant, peak = largest(t, force)
+    half = force >= peak / 2
+    top, ends = np.searchsorted(t, instant), np.flatnonzero(~half)
+    before, after = ends[ends < top].max(initial=0), ends[ends >= top].min(initial=len(t) - 1)
     impulse = np.concatenate([[0], np.cumsum((force[1:] + force[:-1]) / 2 * np.diff(t))])
     share = impulse / impulse[-1]
     arriving = (share > 0.05) & (share < 0.95)
     return {
-        "peak [N]": float(force[top]), "width [us]": 1e6 * float(t[after] - t[before]),
+        "peak [N]": peak, "width [us]": 1e6 * float(t[after] - t[before]),
         "above half [us]": 1e6 * float(np.sum(half) * (t[1] - t[0])),
         "impulse [mN s]": 1e3 * float(impulse[-1]),
-        "effective beads at the peak": float(one["effective"][top]),
+        "effective beads at the peak": float(np.interp(instant, t, one["effective"])),
         "mean while it arrives": float(one["effective"][arriving].mean()),
-        "by squares at the peak": float(one["participation"][top]),
+        "by squares at the peak": float(np.interp(instant, t, one["participation"])),
     }  # fmt: skip

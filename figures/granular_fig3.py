@@ -7,7 +7,7 @@ import numpy as np
 from figures import _guide
 from figures._guide import PTFE, STEEL, row
 from granular import diamond_guide
-from granular.observables import pulses
+from granular.observables import largest, pulses
 
 NAME = "granular_fig3"
 GROUP = "granular"
@@ -56,7 +56,7 @@ def table(tables):
             counts.append(len(found))
             heights.append(found.max())
         leading = [pulses(*_guide.curve(one, *s), LEVEL)[1][0] for s in SENSORS[1:]]
-        last = _guide.curve(one, *SENSORS[-1])[1].max()
+        last = largest(*_guide.curve(one, *SENSORS[-1]))[1]
         lines += [
             row("3", f"{name}: largest in a branch over largest in stem 1",
                 float(heights[1] / heights[0]), "about half"),

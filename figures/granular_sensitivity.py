@@ -13,7 +13,7 @@ import numpy as np
 from figures import _guide
 from figures._guide import PARYLENE, PTFE, STEEL, row
 from granular import diamond_guide, materials, sensor_force, simulate, y_guide
-from granular.observables import part_energies, peak
+from granular.observables import largest, part_energies, peak
 from tensegrity import Record
 
 NAME = "granular_sensitivity"
@@ -77,7 +77,7 @@ def _half(keywords):
     back = peak(run.t, stem, (instant + BEYOND, math.inf))[1]
     guide = y_guide(bead=STEEL, branches=(STEEL, PTFE), striker=_guide.light(0.585), **keywords)
     soft = _run(guide, 0.6e-3)
-    return incident / there, incident / back, sensor_force(soft, "branch 2", 7).max()
+    return incident / there, incident / back, largest(soft.t, sensor_force(soft, "branch 2", 7))[1]
 
 
 def _full(keywords, coated):
@@ -85,7 +85,7 @@ def _full(keywords, coated):
         bead=STEEL, branches=(STEEL, coated), striker=_guide.light(0.5), **keywords
     )
     run = _run(guide, FULL_END)
-    forces = [sensor_force(run, *s).max() for s in (("branch 2", 7), ("stem 2", 5))]
+    forces = [largest(run.t, sensor_force(run, *s))[1] for s in (("branch 2", 7), ("stem 2", 5))]
     held = part_energies(run)["branch 2"] / run.energy[0]
     return *forces, float(np.interp(AT, run.t, held))
 

@@ -8,7 +8,7 @@ from derivations import contact
 from figures._beads import bead
 from figures._guide import row
 from granular import Striker, chain, hertz, simulate
-from granular.observables import peak
+from granular.observables import largest, peak
 from tensegrity import PowerLaw, Record, solitary_wave
 from tensegrity.measure.observables import width
 
@@ -43,7 +43,7 @@ def data():
         "waves": {key: np.array([f[key] for f in found]) for key in found[0]},
         "shape": {
             "x [beads]": (run.t[inside] - instant) * rate,
-            "overlap over peak": np.maximum(shortening[inside], 0) / shortening.max(),
+            "overlap over peak": np.maximum(shortening[inside], 0) / largest(run.t, shortening)[1],
         },
         "theory": {
             "x [beads]": x,

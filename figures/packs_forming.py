@@ -11,8 +11,9 @@ import math
 import numpy as np
 
 from figures._disks import disks
-from figures._packs import STEEL, D, highest, row
+from figures._packs import STEEL, D, row
 from granular import pack, simulate, wall_force
+from granular.observables import largest
 from tensegrity import Record, Wall
 
 NAME = "packs_forming"
@@ -81,7 +82,7 @@ def data():
         }  # fmt: skip
         if name == "break shot":
             at = int(np.argmin(np.abs(run.t - 1.2e-3)))
-            peak = highest(run.t, wall_force(run, "right"))
+            peak = largest(run.t, wall_force(run, "right"))
             tables["numbers"] = {
                 "cue at 1.2 ms [m/s]": run.v[at, 15, :1], "apex at 1.2 ms [m/s]": run.v[at, 0, :1],
                 "wall peak at [s]": np.array([peak[0]]), "wall peak [N]": np.array([peak[1]]),

@@ -10,8 +10,9 @@ from __future__ import annotations
 import numpy as np
 
 from figures import _packs
-from figures._packs import FAST, GLASS, STEEL, D, highest, row
+from figures._packs import FAST, GLASS, STEEL, D, row
 from granular import Bead, pack, simulate, wall_force
+from granular.observables import largest
 from tensegrity import Record
 
 NAME = "packs_mitigation"
@@ -29,7 +30,7 @@ KNOWN = {5: -0.47953, 9: 0.11251, 13: 0.5334, 16: 0.6814, 17: 0.714445, 18: 0.69
 def efficiency(scene, bead=STEEL, layers=17):
     """1 - largest force on the floor over that of the striker straight on it."""
     end = LONGER if layers > 21 else END
-    return 1 - highest(*_packs.floor_of(scene, end))[1] / _packs.direct(bead, FAST)
+    return 1 - largest(*_packs.floor_of(scene, end))[1] / _packs.direct(bead, FAST)
 
 
 def tolerated(tolerance, seed):
@@ -41,7 +42,7 @@ def tolerated(tolerance, seed):
     state = scene.at_rest({scene.sites - 1: (0.0, 0.0, -FAST)})
     record = Record(interval=4 * _packs.ROW)
     run = simulate(scene, state, END, method="verlet", dt=2 * _packs.COARSE, record=record)
-    return 1 - wall_force(run, "floor").max() / _packs.direct(STEEL, FAST)
+    return 1 - largest(run.t, wall_force(run, "floor"))[1] / _packs.direct(STEEL, FAST)
 
 
 def data(tolerances=TOLERANCES, seeds=SEEDS):

@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 
 from figures import _packs
-from figures._packs import FAST, PTFE, SLOW, STEEL, highest, row
+from figures._packs import FAST, PTFE, SLOW, STEEL, row
 from granular import wall_force
-from granular.observables import energy_shares
+from granular.observables import energy_shares, largest
 from tensegrity import Record
 
 NAME = "packs_mixed"
@@ -65,7 +65,7 @@ def cubic(mix):
 def measured(scene, t_end, levels, name):
     """Peak on the floor, its instant, and trapping and redirection then."""
     run = _packs.quick(scene, t_end, Record(interval=INTERVAL))
-    instant, force = highest(run.t, wall_force(run, "floor"))
+    instant, force = largest(run.t, wall_force(run, "floor"))
     k = int(np.argmin(np.abs(run.t - instant)))
     shares = energy_shares(run)
     count = levels // 2
@@ -93,7 +93,7 @@ def data():
         speed = SLOW if name == "plane" else FAST
         lone = [
             np.nan if mix == "random" else
-            highest(*_packs.floor_of(_packs.column(beads(by_level(mix, levels)), speed), END[name],
+            largest(*_packs.floor_of(_packs.column(beads(by_level(mix, levels)), speed), END[name],
                                      name="end"))[1]
             for mix in KNOWN[name]
         ]  # fmt: skip

@@ -12,9 +12,9 @@ import math
 import numpy as np
 
 from figures import _motion, _packs
-from figures._packs import ROW, SLOW, STEEL, D, highest, row
+from figures._packs import ROW, SLOW, STEEL, D, row
 from granular import wall_force
-from granular.observables import energy_shares
+from granular.observables import energy_shares, largest
 from tensegrity import Record
 
 NAME = "packs_plane"
@@ -67,7 +67,7 @@ def data():
             f"{name}_floor": {"t [s]": run.t, "floor [N]": each.sum(axis=1)},
             f"{name}_beads": {
                 "x [m]": scene.positions[list(scene.parts["row 12"]), 0],
-                "peak [N]": np.array([highest(run.t, f)[1] for f in each.T]),
+                "peak [N]": np.array([largest(run.t, f)[1] for f in each.T]),
             },
             f"{name}_line": {
                 "t [s]": peaks[:, 0], "peak [N]": peaks[:, 1],
@@ -85,7 +85,7 @@ def data():
 def first(t, force):
     """Instant and height of the first crest above a fifth of the largest force."""
     k = _packs.crests(t, force, force.max() / 5)[0]
-    return highest(t[k - 2 : k + 3], force[k - 2 : k + 3])
+    return largest(t[k - 2 : k + 3], force[k - 2 : k + 3])
 
 
 def thinned(scene):
@@ -98,7 +98,7 @@ def table(tables):
     rows = []
     for name in HITS:
         t = tables[f"{name}_floor"]
-        instant, force = highest(t["t [s]"], t["floor [N]"])
+        instant, force = largest(t["t [s]"], t["floor [N]"])
         line, shares = tables[f"{name}_line"], tables[f"{name}_rows"]
         low = sum(shares[f"row {k}"] for k in range(7, 13))
         rows += [

@@ -9,8 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from figures import _packs
-from figures._packs import STEEL, D, highest, row
+from figures._packs import STEEL, D, row
 from granular import fcc_pack, materials, wall_force
+from granular.observables import largest
 from tensegrity import Record
 
 NAME = "packs_rest"
@@ -77,7 +78,7 @@ def table(tables):
         rows.append(row("rest", words, float(found / (beads + top) - 1), 0))
     t = tables["struck"]["t [s]"]
     for preload in PRELOADS:
-        instant, force = highest(t, tables["struck"][f"{preload:g} N"])
+        instant, force = largest(t, tables["struck"][f"{preload:g} N"])
         words = f"struck, {preload:g} N on each bead of row 1: further peak [N]"
         rows += [row("rest", words, force), row("rest", "  at [us]", 1e6 * instant)]
     return rows

@@ -61,7 +61,9 @@ def to_lammps(
     path : str or path
         Of the input; the data file is beside it, with .data added.  A run in that folder
         (`lmp -in NAME`) writes NAME.dump and NAME.last: number, position and velocity of every bead
-        at every `every`-th step and at the last; NAME.walls: the force of all beads on each wall.
+        at every `every`-th step and at the last; NAME.walls: the force of all beads on each wall,
+        the walls named in the first line as strings of JSON.  LAMMPS reads names of printable ASCII
+        characters without * and %.
     every : int, optional
         By default about 100 rows are written.
 
@@ -75,7 +77,8 @@ def to_lammps(
     TensegrityError
         What is no scene of beads, or one that LAMMPS is not told of here: contacts other than
         Hertz's, beads that pass through each other, walls with an end among contacts that come and
-        go; a state of another shape; a path that cannot be written.
+        go; more than 31 sets of beads of one type at a wall, all that LAMMPS has groups for; a
+        state of another shape; a path that cannot be written, or a name that LAMMPS cannot read.
     """
     path, beads = check.path("path", path), laid(scene, state)
     steps, dt, every = _steps(t_end, dt, every)

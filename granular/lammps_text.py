@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import math
+import re
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
     from granular.materials import Material
     from tensegrity.typing import Array
 
+GROUPS = 31  # of LAMMPS, besides "all"
 SKIN = 0.3  # of the smallest radius: room of the neighbour lists
 
 
@@ -61,19 +64,16 @@ class Laid:
     axes: int
 
     def types(self) -> tuple[list[int], list[Bead]]:
-        """The type of each bead from 1, and a bead of each: one for each material, where the
-        contact takes the bead's own radius."""
-        known: dict[Any, int] = {}
-        kinds: list[Bead] = []
-        found = []
-        for bead in self.beads:
-            plain = abs(bead.contact_radius / bead.radius - 1) < 1e-12
-            key = bead.material if plain else bead
-            if key not in known:
-                known[key] = len(kinds) + 1
-                kinds.append(bead)
-            found.append(known[key])
-        return found, kinds
+        """The type of each bead from 1, and a bead of each: one for each material and its radii.
+
+        Where all contacts take the beads' own radii, as LAMMPS does, one for each material.
+        """
+        own = all(math.isclose(b.contact_radius, b.radius, rel_tol=1e-12) for b in self.beads)
+        radii = [() if own else (bead.contact_radius, bead.radius) for bead in self.beads]
+        keys = [(bead.material, *x) for bead, x in zip(self.beads, radii, strict=True)]
+        kinds = dict(zip(keys[::-1], self.beads[::-1], strict=True))
+        numbers = {key: number for number, key in enumerate(dict.fromkeys(keys), 1)}
+        return [numbers[key] for key in keys], [kinds[key] for key in numbers]
 
     def data(self) -> str:
         """The data file: beads, velocities, loads."""
@@ -98,14 +98,14 @@ class Laid:
         """The input script; `name` is that of its file."""
         types, kinds = self.types()
         push = bool(self.loads.any())
-        sides = " ".join("s" * self.axes + "f" * (3 - self.axes))
+        sides = " ".join("m" * self.axes + "f" * (3 - self.axes))
         lines = [
             f"# {len(self.beads)} beads with Hertz contacts, velocity Verlet",
             "units si", "atom_style sphere", f"boundary {sides}", "comm_modify vel yes",
             f"neighbor {SKIN * min(b.radius for b in self.beads):.17g} bin",
             "neigh_modify every 1 delay 0 check yes",
             *["fix loads all property/atom d_lx d_ly d_lz"] * push,
-            f"read_data {name}.data" + " fix loads NULL Loads" * push,
+            f"read_data {_file(name, 'data')}" + " fix loads NULL Loads" * push,
             "pair_style granular",
         ]  # fmt: skip
         for i, one in enumerate(kinds, 1):
@@ -119,11 +119,11 @@ class Laid:
             lines.append("fix push all addforce v_lx v_ly v_lz")
         lines += self._walls(types, kinds, name, every)
         dump = "custom {} id x y z vx vy vz modify sort id format float %.17g"
-        last = dump.format(f"{name}.last")
+        last = dump.format(_file(name, "last"))
         return "\n".join(
             [
                 *lines,
-                f"dump rows all custom {every} {name}.dump id x y z vx vy vz",
+                f"dump rows all custom {every} {_file(name, 'dump')} id x y z vx vy vz",
                 "dump_modify rows sort id format float %.17g",
                 "thermo_style custom step", f"thermo {max(1, steps // 100)}",
                 f"run {steps}", f"write_dump all {last}", "",
@@ -133,26 +133,22 @@ class Laid:
     def _walls(self, types: list[int], kinds: list[Bead], name: str, every: int) -> list[str]:
         """Lines of the walls: a fix for each wall and type of bead, and their sums in a file."""
         lines, sums = [], []
-        of_type = np.array(types)
+        groups: dict[tuple[str, ...], str] = {}
+        index = {site: k for k, site in enumerate(self.sites)}
         for w, wall in enumerate(self.walls):
             point, normal = _numbers(wall.point), _numbers(wall.normal)
             lines.append(f"region plane{w} plane {point} {normal}")
             parts = []
             for kind, bead in enumerate(kinds, 1):
-                chosen = np.flatnonzero(of_type == kind) + 1
-                if wall.sites is not None:
-                    index = {site: k + 1 for k, site in enumerate(self.sites)}
-                    chosen = np.intersect1d(chosen, [index[site] for site in wall.sites])
-                if not len(chosen):
+                held = [index[site] for site in wall.sites or ()]
+                ids = [str(k + 1) for k in held if types[k] == kind]
+                said = [f"id {' '.join(ids[k : k + 50])}" for k in range(0, len(ids), 50)]
+                members = (f"type {kind}",) if wall.sites is None else tuple(said)
+                if not members:
                     continue
-                who = f"touch{w}x{kind}"
-                if wall.sites is None:
-                    lines.append(f"group {who} type {kind}")
-                else:
-                    lines += [
-                        f"group {who} id " + " ".join(map(str, chosen[k : k + 50]))
-                        for k in range(0, len(chosen), 50)
-                    ]
+                if members not in groups:
+                    lines += [f"group touch{len(groups)} {some}" for some in members]
+                who = groups.setdefault(members, f"touch{len(groups)}")
                 k = hertz(bead, wall.material).constant / math.sqrt(bead.radius)
                 lines.append(
                     f"fix wall{w}x{kind} {who} wall/gran/region granular hertz {k:.17g} 0 "
@@ -172,12 +168,29 @@ class Laid:
             lines.append(f"variable wall{w} equal -({total})")
             sums.append(f"v_wall{w}")
         if sums:
-            title = "step " + " ".join(repr(wall.name) for wall in self.walls)
+            title = " ".join(json.dumps(wall.name) for wall in self.walls).replace("'", "\\u0027")
             lines.append(
-                f"fix sums all ave/time {every} 1 {every} {' '.join(sums)} file {name}.walls "
-                f'format " %.17g" title1 "# {title}"'
+                f"fix sums all ave/time {every} 1 {every} {' '.join(sums)} "
+                f"file {_file(name, 'walls')} format \" %.17g\" title1 '# step {title}'"
+            )
+        if len(groups) > GROUPS:
+            raise TensegrityError(
+                f"{len(groups)} sets of beads of one type at a wall are more than the {GROUPS} "
+                "groups that LAMMPS has"
             )
         return lines
+
+
+def _file(name: str, ending: str) -> str:
+    """A file beside the input as one word of LAMMPS's language, in marks where it needs them."""
+    marks = [mark for mark in ('"', "'", '"""') if mark not in name]
+    if name == "none" or not marks or not re.fullmatch("[ -~]+", name) or set("*%") & set(name):
+        raise TensegrityError(
+            f"{check.shown(name)} cannot be the name of an input of LAMMPS, which is printable "
+            "ASCII without *, % or, beside an apostrophe, three quotation marks, and not none"
+        )
+    mark = "" if re.fullmatch(r"[\w.-]+", name) else marks[0]
+    return f"{mark}{name}.{ending}{mark}"
 
 
 def _numbers(row: Array) -> str:

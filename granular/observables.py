@@ -16,6 +16,7 @@ import numpy as np
 from granular.crystal import crystal_of, rows, whole
 from tensegrity import TensegrityError, check
 from tensegrity.measure.observables import passage
+from tensegrity.root import root
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -152,6 +153,39 @@ def peak(
     return instant, float(spline(instant))
 
 
+def largest(
+    t: ArrayLike, force: ArrayLike, between: tuple[float, float] = (-math.inf, math.inf)
+) -> tuple[float, float]:
+    """Instant [s] and height [N] of the largest force of a record, the rows' or one between them.
+
+    Parameters as for `peak`, and the same spline; where the first large peak is the largest, both
+    give the same.  At an end of that time it is the row's.
+
+    Raises
+    ------
+    TensegrityError
+        No row in that time; a record as for `pulses`.
+    """
+    t, force = _with_crests(*_record(t, force))
+    inside = _within(t, between)
+    if not inside.any():
+        raise TensegrityError(f"no instant of the record lies between {between} s")
+    top = int(np.argmax(force[inside]))
+    return float(t[inside][top]), float(force[inside][top])
+
+
+def _with_crests(t: Array, force: Array) -> tuple[Array, Array]:
+    """A record with the maxima between its rows, by a spline of fifth order, as further rows."""
+    from scipy.interpolate import make_interp_spline
+
+    spline = make_interp_spline(t, force, k=min(5, len(t) - 1))
+    slope = spline.derivative()
+    rate = slope(t)
+    rows = np.flatnonzero((rate[:-1] > 0) & (rate[1:] < 0))
+    instants = [root(slope, t[k], t[k + 1]) for k in rows.tolist()]
+    return np.insert(t, rows + 1, instants), np.insert(force, rows + 1, spline(instants))
+
+
 def speed(
     run: Run,
     part: str,
@@ -257,6 +291,7 @@ def sampled_peak(
 def pulses(t: ArrayLike, force: ArrayLike, level: float = LEVEL) -> tuple[Array, Array]:
     """Instants and heights of all peaks above a part of the largest; two arrays (pulses,).
 
+    Located between the rows as by `peak`.
     A peak counts if the force falls below three quarters of the lower of two neighbours between
     them; otherwise the higher stands for both.
 
@@ -269,7 +304,7 @@ def pulses(t: ArrayLike, force: ArrayLike, level: float = LEVEL) -> tuple[Array,
     from scipy.signal import find_peaks
 
     level = check.number("level", level, above=0, below=1)
-    t, force = _record(t, force)
+    t, force = _with_crests(*_record(t, force))
     top = force.max()
     padded = np.concatenate([[0.0], force, [0.0]])
     found, facts = find_peaks(padded, height=level * top, prominence=0)
@@ -331,14 +366,17 @@ def momentum(run: Run) -> Array:
 
 
 def overlaps(run: Run, part: str | None = None) -> tuple[float, float]:
-    """Largest and mean peak overlap of the contacts between beads of a part (all: None) [m]."""
+    """Largest and mean peak overlap of the contacts between beads of a part (all: None) [m].
+
+    Peaks between the rows too, as by `largest`.
+    """
     scene = crystal_of(run)
     u = rows(run, range(scene.sites))
     chosen = scene.contacts_within(part)
     if not chosen:
         raise TensegrityError(f"part {part!r} has no contact of two of its beads")
-    peaks = scene.overlaps(u)[:, chosen].max(axis=0)
-    return float(peaks.max()), float(np.mean(peaks))
+    peaks = [largest(run.t, overlap)[1] for overlap in scene.overlaps(u)[:, chosen].T]
+    return max(peaks), float(np.mean(peaks))
 
 
 def energy_shares(run: Run) -> Array:

@@ -369,6 +369,7 @@ CALLS = [
     (beads_observables.mean_force, {"run": BEADS_RUN, "part": "chain", "number": 2}),
     (beads_observables.density, {"run": BEADS_RUN, "sites": [1, 2]}),
     (beads_observables.peak, TIMES | {"between": (2e-5, 8e-5)}),
+    (beads_observables.largest, TIMES | {"between": (2e-5, 8e-5)}),
     (beads_observables.speed, {"run": BEADS_RUN, "part": "chain", "numbers": (1, 3),
                                "between": (0.0, 6e-5)}),
     (beads_observables.sampled, TIMES | {"interval": 3e-6, "phase": 0.0}),

@@ -335,6 +335,14 @@ def test_searches_reach_what_is_known():
     assert found.converged_in_time
 
 
+def test_the_peak_of_a_built_scene_is_that_of_the_chain_it_is():
+    beads = [BIG] * 20
+    force, time = wall_peak(before_a_wall, beads, 1e-3, 2e-7)
+    assert force == pytest.approx(peak_force(beads, dt=1e-7, **SHORT), rel=1e-6)
+    assert 0 < time < 1e-3
+    assert wall_peak(before_a_wall, beads, time - 2e-6, 2e-7)[0] == np.inf  # it rises still
+
+
 def test_a_built_scene_whose_wave_has_not_arrived_has_no_force():
     force, _ = wall_peak(before_a_wall, [BIG] * 20, 5e-5, 1e-6)
     assert force == np.inf

@@ -347,6 +347,19 @@ def test_a_spring_that_is_driven_into_its_end_says_where_and_when():
     assert run.work[-1] > 0
 
 
+@pytest.mark.parametrize("others", [0.0, 0.1])
+def test_a_dashpot_from_a_held_site_to_the_ground_changes_nothing(others):
+    runs = []
+    for held in (0.0, 1e6):
+        ground, bond = [held, *[others] * 6, held], 0.0 if others else 0.1
+        chain = Chain(CUBIC, 8, 1.0, ("fixed", "fixed"), damping=Damping(bond, ground))
+        runs.append(simulate(chain, chain.at_rest({3: 0.3}), 5.0))
+    free, rubbed = runs
+    assert free.dt == rubbed.dt
+    np.testing.assert_array_equal(free.u, rubbed.u)
+    assert free.loss[-1] == rubbed.loss[-1] > 0
+
+
 def test_beads_are_driven_through_the_builders():
     steel = granular.materials["steel"]
     bead = granular.Bead(0.005, steel)

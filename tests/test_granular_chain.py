@@ -11,6 +11,7 @@ from granular import Bead, Striker, bead_of_mass, chain, hertz, materials, power
 from granular.observables import (
     density,
     energy_shares,
+    largest,
     mean_force,
     momentum,
     overlaps,
@@ -167,6 +168,39 @@ def test_momentum_of_a_free_chain_stays_the_striker_s(steel):
     np.testing.assert_allclose(momentum(steel), start, rtol=1e-12)
 
 
+@pytest.mark.parametrize(("first", "second"), [(1.0, 0.9), (0.9, 1.0)])
+def test_the_largest_force_lies_between_the_rows(first, second):
+    t = np.linspace(0, 10, 101) + 0.0437
+    force = first / np.cosh(2 * (t - 3)) ** 4 + second / np.cosh(2 * (t - 7)) ** 4
+    instant, height = largest(t, force)
+    assert instant == pytest.approx(3 if first > second else 7, abs=2e-5)
+    assert height == pytest.approx(1, rel=2e-5)
+    assert force.max() < 0.995
+    assert largest(t, force, (0, 5)) == pytest.approx((3, first), rel=2e-5)
+    assert largest(t, force, (0, 2))[0] == t[t <= 2][-1]
+
+
+@pytest.mark.parametrize("rows", range(3, 9))
+def test_of_a_few_rows_the_parabola_they_lie_on_is_found(rows):
+    t = np.arange(float(rows))
+    assert largest(t, 3 - (t - 1.3) ** 2) == pytest.approx((1.3, 3.0), rel=1e-12)
+
+
+def test_heights_of_pulses_are_those_between_the_rows():
+    t = np.linspace(0, 10, 101) + 0.0437
+    force = 1 / np.cosh(2 * (t - 3)) ** 4 + 0.4 / np.cosh(2 * (t - 7)) ** 4
+    times, heights = pulses(t, force)
+    np.testing.assert_allclose(times, [3, 7], atol=2e-5)
+    np.testing.assert_allclose(heights, [1, 0.4], rtol=2e-5)
+
+
+def test_pulses_count_from_a_twentieth_of_the_largest():
+    t = np.linspace(0, 10, 4001)
+    heights = [1.0, 0.051, 0.049]
+    force = sum(h * np.exp(-((t - 3 * k - 1) ** 2) * 20) for k, h in enumerate(heights))
+    np.testing.assert_allclose(pulses(t, force)[1], heights[:2], rtol=1e-6)
+
+
 def test_pulses_above_a_fraction_are_counted():
     t = np.linspace(0, 10, 4001)
     heights = [1.0, 0.5, 0.2, 0.03]
@@ -180,11 +214,13 @@ def test_pulses_above_a_fraction_are_counted():
 @pytest.mark.parametrize(("dip", "count"), [(0.70, 2), (0.80, 1)])
 def test_neighbours_are_two_pulses_if_the_force_between_falls_below_three_quarters(dip, count):
     """Of the lower one, 0.8 here; otherwise the higher stands for both."""
-    t = np.arange(13.0)
-    force = np.interp(t, [0, 3, 6, 9, 12], [0, 1.0, 0.8 * dip, 0.8, 0])
+    t, knots = np.linspace(0, 12, 1201), [0, 1.0, 0.8 * dip, 0.8, 0]
+    stretch, share = np.minimum(t // 3, 3).astype(int), t / 3 - np.minimum(t // 3, 3)
+    smooth = (1 - np.cos(np.pi * share)) / 2
+    force = np.take(knots, stretch) * (1 - smooth) + np.take(knots, stretch + 1) * smooth
     times, heights = pulses(t, force)
-    assert times.tolist() == [3.0, 9.0][:count]
-    assert heights.tolist() == [1.0, 0.8][:count]
+    assert times == pytest.approx([3.0, 9.0][:count], abs=2e-3)
+    assert heights == pytest.approx([1.0, 0.8][:count], rel=1e-6)
 
 
 def test_distance_of_beads_of_unequal_diameters_is_that_of_their_centres():
@@ -265,8 +301,21 @@ def test_what_is_told_of_parts_does_not_depend_on_the_order_of_the_record():
 
 def test_peak_overlap_is_that_of_the_peak_force(steel):
     alpha = hertz(STEEL, STEEL).constant
-    largest = steel.scene.contact_forces(steel.u)[:, 1:].max()
-    assert overlaps(steel, "chain")[0] == pytest.approx((largest / alpha) ** (2 / 3), rel=1e-12)
+    forces = steel.scene.contact_forces(steel.u)[:, 1:]
+    peaks = np.array([largest(steel.t, force)[1] for force in forces.T])
+    found = (peaks.max() / alpha) ** (2 / 3), ((peaks / alpha) ** (2 / 3)).mean()
+    assert overlaps(steel, "chain") == pytest.approx(found, rel=1e-9)
+
+
+def test_peaks_read_off_rows_four_times_as_far_apart_are_the_same(steel):
+    from dataclasses import replace
+
+    few = replace(steel, t=steel.t[::4], u=steel.u[::4], v=steel.v[::4], energy=steel.energy[::4])
+    assert overlaps(few, "chain")[0] == pytest.approx(overlaps(steel, "chain")[0], rel=1e-5)
+    force = steel.scene.contact_forces(steel.u)[:, 100]
+    high = largest(steel.t, force)[1]
+    assert largest(few.t, force[::4])[1] == pytest.approx(high, rel=1e-5)
+    assert peak(few.t, force[::4])[1] == pytest.approx(high, rel=1e-5)
 
 
 def test_exponents_other_than_hertz_carry_waves_too():

@@ -8,6 +8,7 @@ import pytest
 
 from benchmarks import lammps as peer
 from figures import (
+    _protectors,
     chosen,
     granular_energy,
     granular_fig2,
@@ -33,6 +34,15 @@ def single():
 def lines(module, tables):
     """{quantity: here} of a picture's lines of the table."""
     return {line["quantity"]: line["here"] for line in module.table(tables)}
+
+
+@pytest.mark.parametrize("kind", ["uniform 10 mm", "stepped", "alternating"])
+def test_peaks_of_the_protectors_table_are_those_that_were_optimised(kind):
+    scene = _protectors.SCENES["T1"]
+    beads = scene.compared[kind]
+    found = _protectors.measures(_protectors.trace(beads, scene.t_end, 3.0))
+    (force,) = _protectors.forces([beads], scene.t_end)
+    assert found["peak [N]"] == pytest.approx(force, rel=2e-5)
 
 
 def test_the_group_holds_figures_2_to_6_and_one_dimension():

@@ -58,6 +58,22 @@ def test_bends_of_the_guide_are_150_and_120_degrees(full):
     assert angle(full, branch[-1], exit[0], exit[1]) == pytest.approx(150, abs=1e-10)
 
 
+@pytest.mark.parametrize("make", [y_layout, diamond_layout])
+def test_outer_walls_end_a_diameter_behind_the_last_beads_and_a_quarter_before_the_first(make):
+    layout = make(19, 23, THIRTY, D)
+    outer = [wall for wall in layout.walls if wall.name in ("upper wall", "lower wall")]
+    exits = ["stem 2"] * 2 if "stem 2" in layout.parts else ["branch 1", "branch 2"]
+    for side, last in zip(("upper", "lower"), exits, strict=True):
+        walls = [wall for wall in outer if wall.name.startswith(side)]
+        beads = layout.positions[[layout.parts[last][-1], layout.parts["stem 1"][0]]]
+        ends = {"upper": ("start", "end"), "lower": ("end", "start")}[side]
+        for bead, beyond, end in zip(beads, (1.0, 0.25), ends, strict=True):
+            wall = walls[-1] if beyond == 1 else walls[0]
+            outward = wall.along if end == "end" else -wall.along
+            place = np.subtract(getattr(wall, end), bead) @ outward
+            assert place == pytest.approx(beyond * D, rel=1e-12)
+
+
 def test_other_counts_do_not_close():
     with pytest.raises(TensegrityError, match="odd"):
         diamond_layout(19, 68, THIRTY, D)

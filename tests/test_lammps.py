@@ -1,9 +1,12 @@
 """The same scene in LAMMPS: files that say all of it, and runs that give the same answer."""
 
+import json
 import math
 import os
+import re
 import shutil
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -48,6 +51,14 @@ def scenes():
     oblique = {"offset": (-0.5, math.sqrt(0.75)), "direction": (0.5, -math.sqrt(0.75))}
     loads = {"gravity": 9.81, "preload": 1.0}
     soft = coated(STEEL, materials["parylene"], 50e-6)
+    sizes = [Bead(4e-3, WALL), Bead(8e-3, WALL, contact_radius=2.5e-3), Bead(9e-3, WALL),
+             Bead(6e-3, WALL, contact_radius=2.5e-3)]  # fmt: skip
+    small, big = sizes[:2]
+    apart = 2 * math.sqrt(small.radius * big.radius)
+    around = {
+        "floor": (Wall((0, 0), (0, 1)), WALL),
+        "left": (Wall((-small.radius, 0), (1, 0)), SOFT),
+    }
     return {
         "pack": cube(contacts="follow"),
         "plane": hexagonal_pack(
@@ -55,6 +66,10 @@ def scenes():
         ),
         "chain": chain([STEEL, PTFE] * 5, striker=Striker(STEEL, 0.5), end=WALL, **loads),
         "two walls": chain([STEEL, soft] * 5, start_wall=SOFT, end=WALL, preload=3.0),
+        "sizes": chain(sizes * 3, striker=Striker(STEEL, 0.5), end=SOFT),
+        "sizes in the plane": pack(
+            [(0.0, small.radius), (apart, big.radius)], [small, big], around, contacts="follow"
+        ),
         "free end": chain([STEEL, PTFE] * 5, striker=Striker(STEEL, 0.5), preload=2.0),
         "guide": y_guide(
             5, 6, bead=STEEL, branches=(STEEL, soft), end=WALL, striker=Striker(STEEL, 0.5), **loads
@@ -64,7 +79,8 @@ def scenes():
 
 def both(scene, t_end, dt, **options):
     """The run of LAMMPS and ours with the same rows."""
-    state = scene.start() if scene.striker else scene.at_rest({1: 0.5})
+    pushed = {1: 0.5 if len(scene.shape) == 1 else (-0.5, 0.0)}
+    state = scene.start() if scene.striker else scene.at_rest(pushed)
     theirs = run_lammps(scene, state, t_end, dt, **options)
     record = Record(times=theirs.t.tolist())
     return theirs, simulate(scene, state, t_end, method="verlet", dt=dt, record=record)
@@ -110,6 +126,160 @@ def test_833_beads_move_alike_to_1e_7_of_the_speed(ranks):
     theirs, ours = both(scene, 6e-4, 2e-8, ranks=ranks, every=3000)
     assert theirs.v.shape == (11, 834, 3)
     assert np.abs(theirs.v - ours.v).max() / 1.65 < 1e-7
+
+
+@dataclass
+class Read:
+    """What the files say, in LAMMPS's terms: types and radii of atoms; constants; groups."""
+
+    kind: dict
+    radius: dict
+    pairs: dict
+    groups: dict
+    walls: list  # (number of the plane, group, constant)
+    title: str
+
+
+def read(path):
+    """The files of an input, by the rules of LAMMPS's language that they use."""
+    data = path.with_name(path.name + ".data").read_text()
+    atoms = data.split("Atoms # sphere")[1].split("Velocities")[0].split("\n")
+    atoms = [line.split() for line in atoms if line]
+    kind = {int(a[0]): int(a[1]) for a in atoms}
+    found = Read(kind, {int(a[0]): float(a[2]) / 2 for a in atoms}, {}, {}, [], "")
+    assert f"{len(set(kind.values()))} atom types" in data
+    for line in path.read_text().splitlines():
+        match line.split():
+            case ["pair_coeff", i, j, "hertz", k, *_]:
+                found.pairs[int(i), int(j)] = found.pairs[int(j), int(i)] = float(k)
+            case ["group", name, "type", number]:
+                found.groups[name] = {atom for atom, k in kind.items() if k == int(number)}
+            case ["group", name, "id", *atoms]:
+                found.groups.setdefault(name, set()).update(map(int, atoms))
+            case ["fix", _, name, "wall/gran/region", _, _, k, *rest]:
+                found.walls.append((int(rest[-2].removeprefix("plane")), name, float(k)))
+            case ["fix", "sums", *_]:
+                found.title = re.search("title1 '# step (.*)'$", line)[1]
+    return found
+
+
+def contacts_of(scene):
+    """Every contact of a scene: atoms, or an atom and a wall, and the constant of its spring."""
+    sites = list(scene.beads_by_site())
+    atom = {site: k for k, site in enumerate(sites, 1)}
+    constants = [spring.parameters["stiffness"] for spring in scene.springs]
+    if hasattr(scene, "wall_contacts"):
+        pairs = [(atom[i], atom[j], None) for i, j in scene.bonds.tolist()]
+        pairs += [(atom[i], None, wall) for i, wall in scene.wall_contacts.tolist()]
+    else:
+        ends = [(atom.get(j), atom.get(j + 1)) for j in range(scene.sites - 1)]
+        walls = iter(range(2))
+        pairs = [(i or j, j if i else None, None if i and j else next(walls)) for i, j in ends]
+    return list(zip(pairs, constants, strict=True))
+
+
+@pytest.mark.parametrize("name", scenes())
+def test_files_give_every_contact_the_constant_of_its_spring(name, tmp_path):
+    scene = scenes()[name]
+    state = scene.start() if scene.striker else scene.at_rest()
+    told = read(to_lammps(scene, state, 1e-4, 1e-7, tmp_path / "in.beads"))
+    assert set(told.pairs) == {(i, j) for i in set(told.kind.values()) for j in told.kind.values()}
+    for (one, other, wall), constant in contacts_of(scene):
+        if other is None:
+            (k,) = [k for number, group, k in told.walls if number == wall and
+                    one in told.groups[group]]  # fmt: skip
+            radius = told.radius[one]
+        else:
+            k = told.pairs[told.kind[one], told.kind[other]]
+            radius = 1 / (1 / told.radius[one] + 1 / told.radius[other])
+        assert k * math.sqrt(radius) == pytest.approx(constant, rel=1e-11)
+
+
+def test_beads_whose_contacts_take_their_own_radii_are_of_one_type_for_each_material(tmp_path):
+    sizes = [Bead(d * 1e-3, m) for d in (4, 6, 9) for m in (WALL, SOFT)]
+    plain = read(to_lammps(line := chain(sizes), line.at_rest(), 1e-4, 1e-7, tmp_path / "plain"))
+    assert set(plain.kind.values()) == {1, 2}
+    sizes += [Bead(4e-3, WALL, contact_radius=3e-3)]
+    mixed = read(to_lammps(line := chain(sizes), line.at_rest(), 1e-4, 1e-7, tmp_path / "mixed"))
+    assert set(mixed.kind.values()) == set(range(1, 8))
+
+
+NAMES = {  # and the marks around them
+    "in.beads_2-a": "", "two words": '"', "of#three": '"', "a$b": '"', "${a}": '"', "it's": '"',
+    'a"b': "'", "it's \"b\"": '"""', " blanks ": '"', "a;b&": '"', "-x": "",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "mark"), NAMES.items())
+def test_a_name_of_a_file_is_one_word_of_the_input(name, mark, tmp_path):
+    scene = chain([STEEL, PTFE], end=WALL, striker=Striker(STEEL, 0.5))
+    text = to_lammps(scene, scene.start(), 1e-5, 1e-7, tmp_path / name).read_text()
+    for where, ending in (
+        ("read_data {}\n", "data"), ("dump rows all custom 1 {} id x", "dump"),
+        ("write_dump all custom {} id x", "last"), (" file {} ", "walls"),
+    ):  # fmt: skip
+        assert where.format(f"{mark}{name}.{ending}{mark}") in text
+
+
+@needs_lammps
+@pytest.mark.parametrize("name", NAMES)
+def test_lammps_finds_the_files_of_that_name(name, tmp_path):
+    scene = chain([STEEL, PTFE], end=WALL, striker=Striker(STEEL, 0.5))
+    theirs, ours = both(scene, 1e-5, 1e-7, path=tmp_path / name)
+    assert difference(theirs, ours) < 1e-8
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted(
+        [name, *(f"{name}.{ending}" for ending in ("data", "dump", "last", "walls"))]
+    )
+
+
+@pytest.mark.parametrize("name", ["a*b", "a%b", "größe", "a\nb", "none", 'a\'"""b', "a\x07b"])
+def test_a_name_that_lammps_cannot_read_is_refused_before_anything_is_written(name, tmp_path):
+    scene = chain([STEEL, PTFE], end=WALL, striker=Striker(STEEL, 0.5))
+    with pytest.raises(TensegrityError, match="cannot be the name of an input of LAMMPS"):
+        to_lammps(scene, scene.start(), 1e-5, 1e-7, tmp_path / name)
+    assert not list(tmp_path.iterdir())
+
+
+def named_walls():
+    names = ["the floor", "it's", 'a "b"', "#1 $x ${y}", "größe", "two\nlines", "all'of\"them"]
+    walls = {n: (Wall((0, -D / 2 - k * 1e-3), (0, 1)), WALL) for k, n in enumerate(names)}
+    return pack([(0.0, 0.0)], STEEL, walls, contacts="follow"), names
+
+
+def words(title):
+    return [json.loads(word) for word in re.findall(r'"(?:[^"\\]|\\.)*"', title)]
+
+
+def test_names_of_walls_can_be_read_back_from_the_title_of_their_forces(tmp_path):
+    scene, names = named_walls()
+    told = read(to_lammps(scene, scene.at_rest(), 1e-5, 1e-7, tmp_path / "in.beads"))
+    assert words(told.title) == names
+    assert "'" not in told.title
+    assert told.title.isascii()
+
+
+@needs_lammps
+def test_lammps_follows_a_single_bead_and_writes_the_forces_under_any_names_of_walls(tmp_path):
+    scene, names = named_walls()
+    run_lammps(scene, scene.at_rest(), 1e-5, 1e-7, path=tmp_path / "in.beads")
+    title = (tmp_path / "in.beads.walls").read_text().splitlines()[0]
+    assert words(title) == names
+
+
+def test_more_groups_of_beads_at_walls_than_lammps_has_are_refused(tmp_path):
+    def line(count):
+        sizes = [Bead(1e-3 * (1 + k / 50), WALL, contact_radius=1e-3) for k in range(count)]
+        walls = {
+            "floor": (Wall((0, -5e-3), (0, 1)), WALL),
+            "roof": (Wall((0, 5e-3), (0, -1)), WALL),
+        }
+        return pack([(1e-2 * k, 0.0) for k in range(count)], sizes, walls, contacts="follow")
+
+    most, more = line(31), line(32)
+    to_lammps(most, most.at_rest(), 1e-5, 1e-7, tmp_path / "most")
+    with pytest.raises(TensegrityError, match=r"32 sets of beads .* 31"):
+        to_lammps(more, more.at_rest(), 1e-5, 1e-7, tmp_path / "more")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["most", "most.data"]
 
 
 def test_files_say_all_of_a_scene_where_there_is_no_lammps(tmp_path):

@@ -1,6 +1,5 @@
 """The pictures of packs: their numbers are those of the reference."""
 
-import numpy as np
 import pytest
 
 from figures import _packs, chosen, packs_forming, packs_rest
@@ -8,13 +7,6 @@ from figures import _packs, chosen, packs_forming, packs_rest
 
 def numbers(rows):
     return {line["quantity"]: (line["here"], line["reference"]) for line in rows}
-
-
-def test_a_crest_between_rows_is_found_by_a_parabola():
-    t = _packs.ROW * np.arange(40)
-    instant, height = _packs.highest(t, 3 - ((t - 7.3 * _packs.ROW) / 1e-5) ** 2)
-    assert instant == pytest.approx(7.3 * _packs.ROW, rel=1e-9)
-    assert height == pytest.approx(3, rel=1e-12)
 
 
 def test_a_direct_hit_has_the_reference_s_force():

@@ -5,6 +5,7 @@ Numbers with many digits are references from independent codes.
 
 import numpy as np
 import pytest
+from scipy.optimize import lsq_linear
 from structures import cross, icosahedron, upright
 
 from tensegrity import (
@@ -20,6 +21,7 @@ from tensegrity import (
     held,
     plates,
 )
+from tensegrity.prisms.contact import distances
 from tensegrity.structures.corner import Ray, chosen
 
 PLATES = plates([0, 4, 8], [3, 7, 11])
@@ -243,6 +245,21 @@ def test_bars_of_some_thickness_touch_before_their_axes_meet():
     assert bar_contact(path, 1e-9 * touch.distance) is None or touch.shortening > 0
     finest = bar_contact(path[: touch_row(path, touch)], 8e-3)
     assert finest is None
+
+
+@pytest.mark.parametrize("askew", [0.0, 1e-9, 1e-7, 1e-5, 1.0])
+def test_distances_of_bars_are_the_least_of_all_points_of_both(askew, rng):
+    """Against bounded least squares for the places on both; parallel, nearly so, and not."""
+    x = rng.normal(size=(500, 4, 3))
+    x[:, 3] = x[:, 2] + (x[:, 1] - x[:, 0]) * rng.normal(size=(500, 1))
+    x[:, 3] += askew * rng.normal(size=(500, 3))
+    exact = [
+        lsq_linear(np.stack([b - a, c - d], axis=1), c - a, (0, 1), "bvls", tol=1e-15).fun
+        for a, b, c, d in x
+    ]
+    np.testing.assert_allclose(
+        distances(x, (0, 1, 2, 3)), np.linalg.norm(exact, axis=1), atol=1e-14
+    )
 
 
 def touch_row(path, touch):

@@ -413,6 +413,7 @@ def sensed(run: Run) -> Array:
     force = sensor_force(run, "stem 1", 3)
     assert_type(force, Array)
     assert_type(sensors.peak(run.t, force, between=(0.0, 1.0)), tuple[float, float])
+    assert_type(sensors.largest(run.t, force, between=(0.0, 1.0)), tuple[float, float])
     assert_type(sensors.sampled_peak(run.t, force), tuple[float, float])
     assert_type(sensors.sampled(run.t, force, interval=1e-6), tuple[Array, Array])
     assert_type(sensors.pulses(run.t, force), tuple[Array, Array])

@@ -6,11 +6,9 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import numpy as np
-
 from granular.beads import Bead
 from granular.design.objective import METHOD
-from granular.observables import wall_force
+from granular.observables import largest, wall_force
 from tensegrity import Record, TensegrityError, check, simulate
 
 EVERY = 2  # steps between the values that a spline goes through
@@ -20,8 +18,8 @@ Build = Callable[[Sequence[Bead]], tuple[Any, str]]
 def wall_peak(build: Build, beads: Sequence[Bead], t_end: float, dt: float) -> tuple[float, float]:
     """Largest force on a wall [N], between the steps too, and when [s].
 
-    The force is that of a cubic spline through values at every `EVERY`-th step.  A largest force
-    that is the last one, still rising, is inf: the wave has not arrived.
+    As `granular.observables.largest` finds it among values at every `EVERY`-th step.  A largest
+    force that is the last one, still rising, is inf: the wave has not arrived.
 
     Parameters
     ----------
@@ -31,19 +29,11 @@ def wall_peak(build: Build, beads: Sequence[Bead], t_end: float, dt: float) -> t
     t_end, dt : float
         [s].
     """
-    from scipy.interpolate import CubicSpline
-
     try:
         scene, name = build(beads)
     except (TypeError, ValueError) as error:
         raise TensegrityError(f"build {check.shown(build)} gives no scene: {error}") from error
     kept = Record(every=EVERY, sites=scene.touches_wall(name))
     run = simulate(scene, scene.start(), t_end, method=METHOD, dt=dt, record=kept)
-    force = CubicSpline(run.t, wall_force(run, name))
-    peaks = force.derivative().roots(discontinuity=False, extrapolate=False)
-    peaks = peaks[np.isfinite(peaks)]
-    heights = force(peaks)
-    if not len(peaks) or not heights.max() > 0 or force(t_end) > heights.max():
-        return math.inf, t_end
-    top = int(np.argmax(heights))
-    return float(heights[top]), float(peaks[top])
+    time, force = largest(run.t, wall_force(run, name))
+    return (force, time) if force > 0 and time < run.t[-1] else (math.inf, t_end)

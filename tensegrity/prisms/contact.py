@@ -89,8 +89,7 @@ def distances(x: Array, ends: tuple[int, int, int, int]) -> Array:
     found = np.full(len(x), np.inf)
     det = uu * vv - uv**2
     s = np.where(det > 1e-12 * uu * vv, (uv * vw - vv * uw) / np.where(det > 0, det, 1), 0.0)
-    inner = np.clip(s, 0, 1)
-    for part in (inner, np.zeros(len(x)), np.ones(len(x))):
+    for part in (np.clip(s, 0, 1), np.ones(len(x))):  # the other end, where they are parallel
         t = np.clip((uv * part + vw) / vv, 0, 1)
         s = np.clip((uv * t - uw) / uu, 0, 1)
         gap = w + s[:, None] * u - t[:, None] * v
