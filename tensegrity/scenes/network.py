@@ -39,6 +39,7 @@ from tensegrity.scenes.network_input import (
 )
 from tensegrity.scenes.scene import KINK_SHARE, Scene, State, velocities
 from tensegrity.scenes.walls import Wall
+from tensegrity.springs.corners import TAUT
 from tensegrity.springs.potential import Potential
 
 if TYPE_CHECKING:
@@ -319,9 +320,10 @@ class Network(Scene):
         ranges (springs, 2)."""
         for spring, (low, high) in zip(self.spring_table.different, ranges, strict=True):
             if low < 0 < high:
+                near = TAUT * (spring.length or 0.0)  # a string that round-off alone makes longer
                 for slack, loaded in ((high, low), (low, high)):  # contacts push, strings pull
                     none = not (spring.tension(slack) or spring.stiffness(slack))
-                    if none and spring.tension(loaded):
+                    if none and spring.tension(loaded) and not 0 < loaded <= near:
                         return True
         return False
 

@@ -9,8 +9,8 @@ from tensegrity import check
 from tensegrity.engine.law import Law
 from tensegrity.once import once
 from tensegrity.scenes.network import Network
+from tensegrity.springs.corners import TAUT
 from tensegrity.springs.potential import Potential, call
-from tensegrity.structures.members import TAUT
 
 if TYPE_CHECKING:
     from tensegrity.structures.members import Members
@@ -34,7 +34,7 @@ class StringSpring(_Member):
     """A string of a stiffness [N/m] > 0: tension(r) = stiffness max(r, 0).
 
     The elongation r [m] counts from its natural length [m] > 0.  The stiffness at r is that of a
-    taut string from -`TAUT` of this length on, see `tensegrity.structures.members`.
+    taut string from -`TAUT` of this length on, as in `tensegrity.structures.members`.
     """
 
     pulls_only = True

@@ -14,15 +14,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity.once import once
+from tensegrity.springs.corners import TAUT
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from typing import Any
 
     from tensegrity.typing import Array, Flags, Indices
-
-
-TAUT = 1e-10  # of its natural length, by which a string that counts as taut may be shorter
 
 
 @once
