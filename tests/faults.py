@@ -141,7 +141,7 @@ FAULTS = (
     ),
     Fault(
         "tensegrity/structures/dynamics.py",
-        "sp.Heaviside(r + TAUT * member.natural)",
+        "sp.Heaviside(r + margin)",
         "sp.Heaviside(r - SMALLEST)",
         "tests/test_structure_frames.py::test_modes_of_a_structure_are_those_of_its_network",
     ),

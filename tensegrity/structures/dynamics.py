@@ -24,7 +24,7 @@ class _Member(Potential):
 
     def __init__(self, stiffness: float, length: float) -> None:
         stiffness = check.number("stiffness", stiffness, above=0, unit="N/m")
-        values = [stiffness, length] if self.pulls_only else [stiffness]
+        values = [stiffness, TAUT * length] if self.pulls_only else [stiffness]
         self._set(_law(self.pulls_only), values, length, (-math.inf, math.inf))
         self.openings = ((0.0, stiffness, 1.0, 1.0),) if self.pulls_only else ()
         self.origin = call(type(self).__name__, stiffness=stiffness, length=length)
@@ -50,13 +50,12 @@ def _law(pulls_only: bool) -> Law:
 
     from derivations import member
 
-    r, pulled = sp.symbols("r pulled", real=True)
+    r, pulled, margin = sp.symbols("r pulled margin", real=True)
     stretched = member.energy(member.natural + r)
     if not pulls_only:
         return Law(stretched, r, (member.stiffness,))
-    pulls, taut = sp.Heaviside(r - SMALLEST), sp.Heaviside(r + TAUT * member.natural)
-    tension = sp.diff(stretched, r).subs(r, pulled)
-    known = (member.stiffness, member.natural)
+    pulls, taut = sp.Heaviside(r - SMALLEST), sp.Heaviside(r + margin)
+    tension, known = sp.diff(stretched, r).subs(r, pulled), (member.stiffness, margin)
     return Law(pulls * stretched, r, known, tension, ((pulled, pulls * r, taut),))
 
 
