@@ -8,6 +8,7 @@ from figures._limits import grid, prism_chain, slope
 from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.kernel import bind
 from tensegrity.engine.methods import METHODS
+from tensegrity.springs.corners import TAUT
 
 NAME = "limits_round_off"
 GROUP = "limits"
@@ -92,7 +93,13 @@ def text(tables):
         "wanders with a power of the number of steps, and the phase, and with it the elongations, "
         "with a higher one. Elongations are differences of displacements: a chain that drifts as "
         f"a whole, here at {DRIFT:g} m/s, loses digits as it moves away from its origin. Run in a "
-        f"frame in which the chain stays.\n\n{grid(head, rows)}"
+        f"frame in which the chain stays.\n\n{grid(head, rows)}\n\n"
+        "The stiffness of a string jumps at its natural length, where round-off would decide on "
+        f"it. One that is shorter by at most {TAUT:g} of it counts as taut in what is linearised: "
+        "stiffness, modes and stability of a structure and of its network, the strings that are "
+        "called slack, and the corners of paths. A motion that only shortens strings at rest may "
+        "cost less than that stiffness says. Forces and energies, and so motion, know no such "
+        "margin."
     )
 
 

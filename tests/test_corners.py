@@ -206,8 +206,8 @@ def test_a_tolerance_is_kept_where_forces_have_corners(energy):
 
 def test_contacts_and_strings_have_their_corner():
     assert PowerLaw(2.0, 1.5).openings == ((0.0, 2.0, 1.5, -1.0),)
-    assert StringSpring(3.0).openings == ((0.0, 3.0, 1.0, 1.0),)
-    assert BarSpring(3.0).smooth
+    assert StringSpring(3.0, 1.0).openings == ((0.0, 3.0, 1.0, 1.0),)
+    assert BarSpring(3.0, 1.0).smooth
 
 
 # jumps

@@ -117,6 +117,24 @@ def test_finite_chains_have_the_sines_of_their_ends(sites, ends):
                                    atol=1e-9)  # fmt: skip
 
 
+@pytest.mark.parametrize("sites", [40, 900])  # the whole matrix, and a sparse search
+def test_the_largest_entry_of_a_shape_is_above_zero(sites):
+    rng = np.random.default_rng(5)
+    springs = [linear(k) for k in rng.uniform(1, 3, sites - 1)]
+    for scene in (
+        Chain(springs, sites, rng.uniform(0.5, 2, sites)),
+        Network(np.arange(2.0 * sites).reshape(-1, 2) + rng.random((sites, 2)),
+                [(j, j + 1) for j in range(sites - 1)], springs),
+    ):  # fmt: skip
+        shapes = modes(scene, count=12).shapes.reshape(12, -1)
+        assert (shapes.max(axis=1) == np.abs(shapes).max(axis=1)).all()
+
+
+def test_the_slowest_wave_of_a_long_chain_is_not_taken_for_rigid_motion():
+    found = modes(Chain(linear(1.0), 100_000), count=2).frequencies
+    assert found == pytest.approx([0, 2 * math.sin(math.pi / 200_000)], rel=1e-6)
+
+
 def test_modes_about_a_compressed_state_are_those_of_its_stiffness():
     """Between held ends each spring is as long as any other; one site moved is no equilibrium."""
     toda = Potential(sp.exp(-R) + R - 1, R, length=1.0)

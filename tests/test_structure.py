@@ -265,6 +265,37 @@ def test_supports_and_numbers_that_do_not_exist_are_refused(ball):
             wrong()
 
 
+@pytest.mark.parametrize(
+    ("supports", "platforms"),
+    [
+        (held([0, 1], axes=[1]) + held([5]), ()),
+        (plates([0, 4, 8], [3, 7, 11]), ()),
+        (plates([0, 4, 8], [3, 7], normal=(1, -2, 0.5)) + held([0]), ()),
+        (held([0, 4]), ([1, 2, 3, 5], [6, 7])),
+    ],
+)
+def test_motions_that_supports_and_platforms_leave_are_orthonormal(supports, platforms):
+    motions = supports.motions(12, 3, platforms).toarray()
+    assert motions.T @ motions == pytest.approx(np.eye(motions.shape[1]), abs=1e-14)
+    by_node = motions.reshape(12, 3, -1)
+    assert not by_node[[n for n, axes in supports.holds if axes is None]].any()
+    across = by_node.transpose(0, 2, 1) @ supports.direction(3)
+    for group in (*platforms, supports.upper or [11]):
+        assert np.ptp(across[list(group)], axis=0).max() < 1e-15
+    assert np.abs(across[list(supports.lower)]).max(initial=0) < 1e-15
+
+
+def test_motions_without_stiffness_have_frequencies_that_are_zero_not_round_off(monkeypatch):
+    from tensegrity.structures import solve
+
+    loose = icosahedron(prestrain=None)
+    for dense in (solve.DENSE, 0):
+        monkeypatch.setattr(solve, "DENSE", dense)
+        found = loose.modes(3)
+        assert found.frequencies[0] == found.eigenvalues[0] == 0
+        assert (found.frequencies[1:] > 0.1).all()
+
+
 def test_natural_lengths_that_leave_all_slack_are_refused(ball):
     longer = ball.at(ball.positions, natural_lengths=np.where(ball.is_string, 3.0, 4.0))
     with pytest.raises(EquilibriumError, match="all members without stress"):

@@ -65,7 +65,7 @@ def lowest(
     -------
     tuple of two ndarrays, (rows, count)
         Eigenvalues in ascending order [N/m], and whether each mode keeps the symmetry of the
-        polygons.  Slack strings are absent: where bars meet, round-off decides which are.
+        polygons.  Slack strings are absent; where bars meet, those at their natural length count.
     """
     check.kind("prism", prism, Prism)
     supports = _held(support, prism.sides)

@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 import sys
 
+import numpy as np
+
 from tensegrity import check
 from tensegrity.engine.methods import Corrected
 from tensegrity.engine.openings import TREATED, is_treated
 from tensegrity.errors import TensegrityError
 from tensegrity.scenes.forcing import functions_of_time
+from tensegrity.springs.corners import TAUT
 from tensegrity.springs.potential import Potential
 from tensegrity.springs.power_law import PowerLaw
 
@@ -136,10 +139,11 @@ def order_left(problem, met):
 
 
 def exponents_met(scene, met):
-    """Exponents of the corners of forces between elongations met."""
+    """Exponents of the corners of forces between elongations met, or as near as round-off is."""
     if scene.follows:
         return {corner[2] for _, corner in corners_met(scene, met)}
-    return scene.spring_table.exponents_within(met)
+    near = [TAUT * (spring.length or 0.0) for spring in scene.spring_table.different]
+    return scene.spring_table.exponents_within(met + np.multiply.outer(near, (-1.0, 1.0)))
 
 
 def may_open(scene):

@@ -29,6 +29,7 @@ PURE = 1e-15  # coefficient of the next power [1/m] over that of a power that is
 MOST = 64  # borders of a law that are told apart
 LOOKS = range(-240, 81)  # powers of 2^(1/4) at which zeros are looked for, where they have no form
 Corner = tuple[float, float, float, float]
+TAUT = 1e-10  # of its natural length, by which a string that counts as taut may be shorter
 UNKNOWN: Corner = (math.nan, math.nan, math.nextafter(1.0, 0.0), math.nan)
 """A corner that may be anywhere: its exponent is taken as nearly 1, and is not corrected."""
 

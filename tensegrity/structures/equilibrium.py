@@ -51,7 +51,7 @@ class Equilibrium:
 
     @property
     def slack(self) -> Flags:
-        """Which members are slack strings, (members,)."""
+        """Which members are slack strings, (members,); see `Structure`."""
         return self.structure.slack
 
     @cached_property

@@ -1,7 +1,9 @@
 """All members of a structure at once: lengths, tensions, energy, gradient and tangent.
 
-The forms are those of `derivations.member`.  Members are rows; those that are taut, bars and
-strings not shorter than their natural length, have any force at all.
+The forms are those of `derivations.member`.  Members are rows.  A string pulls where it is longer
+than its natural length, to the last bit; its stiffness jumps there, so that round-off would decide
+on it: one that is shorter by less than `TAUT` of its natural length counts as taut, with the
+stiffness that it has as soon as it lengthens.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity.once import once
+from tensegrity.springs.corners import TAUT
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -67,40 +70,42 @@ class Members:
         d = positions[self.ends[:, 1]] - positions[self.ends[:, 0]]
         return d, np.sqrt(np.einsum("ij,ij->i", d, d))
 
-    def taut(self, lengths: Array) -> Flags:
-        """Which members have a force: bars, and strings not shorter than their natural length."""
-        return ~self.pulls_only | (lengths >= self.natural)
+    def taut(self, lengths: Array, within: float = TAUT) -> Flags:
+        """Which members count with their stiffness: bars, and strings not shorter than their
+        natural length by more than a part of it."""
+        return ~self.pulls_only | (lengths >= (1 - within) * self.natural)
+
+    def elongations(self, lengths: Array) -> Array:
+        """By which members have a force [m], (members,); 0 of strings not beyond their natural
+        length."""
+        return np.maximum(lengths - self.natural, np.where(self.pulls_only, 0.0, -np.inf))
 
     def tensions(self, positions: Array) -> Array:
         """[N], (members,); 0 of slack strings."""
-        _, lengths = self.apart(positions)
-        return np.where(self.taut(lengths), self.stiffness * (lengths - self.natural), 0.0)
+        return self.stiffness * self.elongations(self.apart(positions)[1])
 
     def energy(self, positions: Array) -> float:
         """Stored in all [J]."""
-        _, lengths = self.apart(positions)
-        stretched = np.where(self.taut(lengths), lengths - self.natural, 0.0)
-        return float(0.5 * np.sum(self.stiffness * stretched**2))
+        elongations = self.elongations(self.apart(positions)[1])
+        return float(0.5 * np.sum(self.stiffness * elongations**2))
 
     def gradient(self, positions: Array) -> Array:
         """Of the energy in the positions [N], (nodes, dim): minus the force on the nodes."""
         d, lengths = self.apart(positions)
-        density = self.stiffness * (lengths - self.natural) / lengths
-        density = np.where(self.taut(lengths), density, 0.0)
-        pull = density[:, None] * d
+        pull = (self.stiffness * self.elongations(lengths) / lengths)[:, None] * d
         result = np.zeros_like(positions)
         np.add.at(result, self.ends[:, 1], pull)
         np.subtract.at(result, self.ends[:, 0], pull)
         return result
 
-    def tangent(self, positions: Array) -> Any:
-        """Hessian of the energy [N/m], sparse (nodes dim, nodes dim)."""
+    def tangent(self, positions: Array, within: float = TAUT) -> Any:
+        """Hessian of the energy [N/m], sparse (nodes dim, nodes dim); `within` as of `taut`."""
         import scipy.sparse as sparse
 
         nodes, dim = positions.shape
         d, lengths = self.apart(positions)
-        density = self.stiffness * (lengths - self.natural) / lengths
-        blocks = member_blocks(d, lengths, density, self.stiffness, self.taut(lengths))
+        density = self.stiffness * self.elongations(lengths) / lengths
+        blocks = member_blocks(d, lengths, density, self.stiffness, self.taut(lengths, within))
         axes = np.arange(dim)
         first, second = (dim * self.ends[:, i, None] + axes for i in (0, 1))
         rows, columns, values = [], [], []

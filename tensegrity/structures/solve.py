@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity.errors import EquilibriumError
+from tensegrity.springs.corners import TAUT
 from tensegrity.structures.supports import Supports, left_over
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ ITERATIONS = 300
 SETTLED = 1e-13  # forces left, over the forces there are
 NEUTRAL = 1e-10  # eigenvalues below this part of the stiffness are zero
 NOTHING = 1e-13  # of the largest stiffness: where bounds of eigenvalues below 0 start
+ZERO = 64 * float(np.finfo(float).eps)  # of the largest stiffness over mass: round-off
 LOWER = 30.0  # factor of such bounds
 WORK = 1e-9  # of loads in rigid motions, over their size
 
@@ -117,7 +119,9 @@ def settle(members: Members, freedom: Freedom, positions: Array, loads: Array) -
         size = max(np.abs(pulls).max(), np.abs(loads).max(), 1e-12 * softest * span)
         if np.linalg.norm(gradient, np.inf) <= SETTLED * size:
             return x
-        tangent = freedom.reduced(members.tangent(x))
+        # from rest the same way in any frame, then what the energy has: else it converges slowly
+        within = TAUT if x is positions else 0.0
+        tangent = freedom.reduced(members.tangent(x, within))
         for _ in range(60):
             move, downhill = _newton(tangent, freedom, gradient, shift, softest)
             length = np.abs(move).max()
@@ -226,11 +230,12 @@ def lowest_eigenvalues(
     free = matrix.shape[0]
     rigid = np.linalg.qr(weights @ freedom.rigid)[0]
     count = min(count, free - rigid.shape[1])
+    nothing = ZERO * float((matrix.diagonal() / weights.diagonal()).max(initial=0.0))
     if free <= DENSE or count >= free // 4:
         inner = np.linalg.svd(rigid.T)[2][rigid.shape[1] :].T if rigid.size else np.eye(free)
         small, masses = inner.T @ matrix.toarray() @ inner, inner.T @ weights.toarray() @ inner
         values, vectors = eigh((small + small.T) / 2, masses, subset_by_index=[0, count - 1])
-        return values, motions @ (inner @ vectors)
+        return np.where(np.abs(values) <= nothing, 0.0, values), motions @ (inner @ vectors)
     least = (1.01 * floor - 1e-6 * float(matrix.diagonal().max())) / float(weights.diagonal().min())
     bound = -NOTHING * float(matrix.diagonal().max()) / float(weights.diagonal().max())
     start = np.cos(np.arange(free) ** 1.5)
@@ -244,7 +249,7 @@ def lowest_eigenvalues(
 
     bound, (rough, _) = above(bound, 1, 1e-3)
     _, (values, vectors) = above(min(bound, -float(rough[0])), count, 1e-13)
-    return values, motions @ vectors
+    return np.where(np.abs(values) <= nothing, 0.0, values), motions @ vectors
 
 
 def _inverse_above(

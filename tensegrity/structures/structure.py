@@ -42,7 +42,8 @@ class Modes:
     Attributes
     ----------
     eigenvalues : ndarray, (count,)
-        Of the tangent stiffness [N/m], the lowest first; one below 0 is an instability.
+        Of the tangent stiffness [N/m], the lowest first; one below 0 is an instability, and 0
+        where it is round-off.
     frequencies : ndarray, (count,)
         Angular frequencies of small motions [rad/s], the lowest first; below 0 the rate [1/s]
         at which an unstable motion grows.
@@ -85,6 +86,15 @@ class Structure(ReadOnly):
     TensegrityError
         If a member has no length or is given twice, a node is in no member, or a number is
         outside its bounds.
+
+    Notes
+    -----
+    The stiffness of a string jumps at its natural length.  There, and up to 1e-10 of it below, a
+    string counts as taut, with the stiffness that it has as soon as it lengthens: in `slack`,
+    `stiffness`, `modes`, `is_stable` and modes of the `network`; paths go by how they leave.  So
+    round-off decides on nothing, also that of positions some 1e5 sizes from the origin.  A motion
+    that only shortens such strings may cost less than this stiffness says.  Forces and energies
+    know no such margin.
     """
 
     def __init__(
@@ -184,7 +194,8 @@ class Structure(ReadOnly):
 
     @property
     def slack(self) -> Flags:
-        """Which members are slack strings, (members,)."""
+        """Which members are slack strings, shorter than their natural length by more than 1e-10
+        of it, (members,)."""
         return ~self.members.taut(self.lengths)
 
     # the shape alone
@@ -294,7 +305,8 @@ class Structure(ReadOnly):
     def stiffness(self) -> Any:
         """Tangent stiffness at the positions [N/m], SciPy sparse array (nodes dim, nodes dim).
 
-        Slack strings are absent; one at its natural length counts as taut.
+        Slack strings are absent; those at their natural length count as taut: see the notes of
+        the class.
         """
         return self.members.tangent(self.positions)
 
@@ -334,7 +346,7 @@ class Structure(ReadOnly):
 
     def is_stable(self, supports: Supports | None = None) -> bool:
         """Whether every motion that supports leave costs energy, rigid motions apart; one that
-        neither takes nor gives energy does not."""
+        neither takes nor gives energy does not.  Strings at their natural length count as taut."""
         freedom = self.freedom(supports)
         if freedom.motions.shape[1] == freedom.rigid.shape[1]:
             return True  # nothing can move

@@ -19,6 +19,7 @@ from tensegrity.branches.many import ManyProblem
 from tensegrity.branches.table import Event
 from tensegrity.errors import EquilibriumError
 from tensegrity.readonly import fixed
+from tensegrity.springs.corners import TAUT
 from tensegrity.structures.corner import chosen, piece_stretch, rays
 from tensegrity.structures.equations import Loading, Piece
 from tensegrity.structures.solve import NEUTRAL, NOTHING, least_part
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
 
 SETTINGS = Settings(tolerance=1e-8, largest=0.05, points=4000)
 FIRST = 300  # rows of a piece that are followed before it is looked whether the path leaves it
-CORNER = 1e-10  # stretch below which a string is at its natural length where a piece ends
+CORNER = TAUT  # stretch below which a string is at its natural length where a piece ends
 PIECES = 100
 AROUND = 12  # points around a bifurcation from which it is interpolated
 NOW = 1e-9  # of the size of the structure: bars that are nearer meet

@@ -34,7 +34,7 @@ DENSE = 600  # unknowns up to which the whole matrix is taken
 SHIFT = 1e-6  # of the largest entry of M^-1 K: how far below zero the sparse search starts
 AT_REST = 1e-6  # force left on a site of an equilibrium, over those that meet there
 MOVED = 1e-9  # the same over the largest stiffness times a length
-ZERO = 16 * float(np.finfo(float).eps)  # w^2 of a motion that costs nothing, per unknown
+ZERO = 64 * float(np.finfo(float).eps)  # w^2 of a motion that costs nothing, over the largest
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +156,7 @@ def _lowest(matrix: Any, count: int) -> tuple[Array, Array]:
         )
         order = np.argsort(squares)
         squares, vectors = squares[order], vectors[:, order]
-    nothing = ZERO * size * scale
+    nothing = ZERO * scale
     _refuse_unstable(float(squares[0]), nothing)
     return np.where(np.abs(squares) <= nothing, 0.0, squares), vectors
 
