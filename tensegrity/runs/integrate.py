@@ -49,7 +49,8 @@ def simulate(
     dt : float, optional
         Step [s]; the step used is the largest not above it that divides `t_end` evenly.  By
         default a small fraction of the stability limit, at the largest stiffness that any
-        bond can meet with the initial energy, or does meet.
+        bond can meet with the initial energy, or does meet; so small that the energy is kept to
+        1e-8 where contacts open, of exponents from 1 to 3.
     tol : float, optional
         Wanted bound of max(|du|/max|u|, |dv|/max|v|), maxima over the run, instead of `dt`: the
         step is refined until runs with different steps, compared all along, say it is met.
