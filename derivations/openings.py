@@ -126,17 +126,13 @@ def touch() -> sp.Expr:
 
 @cache
 def linear() -> tuple[sp.Expr, sp.Expr]:
-    """Integral of the overlap of a linear contact from its closing on, `far`, and that of it times
-    the time left: beside forces that grow linearly, kappa being k h^2 over the reduced mass."""
-    overlap = sp.Function("w")
-    motion = sp.Eq(overlap(since).diff(since, 2), force_now + force_slope * since
-                   - own * overlap(since))  # fmt: skip
-    starts = {overlap(0): 0, overlap(since).diff(since).subs(since, 0): rate}
-    found = sp.dsolve(motion, overlap(since), ics=starts).rhs
-    return tuple(
-        sp.simplify(sp.integrate(sp.expand(found * weight), (since, 0, far)))
-        for weight in (1, far - since)
-    )
+    """Integral of a linear contact's overlap for a time `far` from its closing, and that times the
+    time left; kappa is k h^2 over the reduced mass."""
+    w = sp.Function("w")(since)
+    motion = sp.Eq(w.diff(since, 2), force_now + force_slope * since - own * w)
+    found = sp.dsolve(motion, w, ics={w.subs(since, 0): 0, w.diff(since).subs(since, 0): rate}).rhs
+    weights = sp.Integer(1), far - since
+    return tuple(sp.simplify(sp.integrate(sp.expand(found * x), (since, 0, far))) for x in weights)
 
 
 def rest() -> sp.Expr:
@@ -192,10 +188,8 @@ def argument() -> list[Step]:
              "I less the sum of its kicks, d being the time since the begin."),
         Step("Where n is 1 all zeta functions with whole numbers q vanish outside of the step, and "
              "the motion is known: with g + g_t tau for all other forces, which the ends of the "
-             "step tell, the impulse of a closed contact is k over h times",
-             sp.Eq(sp.Symbol("W"), linear()[0], evaluate=False)),
-        Step("and its kicks are summed one by one. What is left then are forces of neighbours that "
-             "change with the contact's own impulse."),
+             "step tell, the impulse of a closed contact is k over h times", linear()[0]),
+        Step("and its kicks are summed one by one; forces of its neighbours are what is left."),
         Step("Both bodies get these with opposite signs: momentum is kept. A contact that closes "
              "and opens within one step, for a part l of it, has the impulse, over h,", touch()),
         Step("and what the kicks made of it is known. What is left are the powers that come next: "
