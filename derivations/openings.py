@@ -129,10 +129,10 @@ def linear() -> tuple[sp.Expr, sp.Expr]:
     """Integral of a linear contact's overlap for a time `far` from its closing, and that times the
     time left; kappa is k h^2 over the reduced mass."""
     w = sp.Function("w")(since)
-    motion = sp.Eq(w.diff(since, 2), force_now + force_slope * since - own * w)
+    motion = w.diff(since, 2) - force_now - force_slope * since + own * w
     found = sp.dsolve(motion, w, ics={w.subs(since, 0): 0, w.diff(since).subs(since, 0): rate}).rhs
-    weights = sp.Integer(1), far - since
-    return tuple(sp.simplify(sp.integrate(sp.expand(found * x), (since, 0, far))) for x in weights)
+    weighted = found, sp.expand(found * (far - since))
+    return tuple(sp.simplify(sp.integrate(x, (since, 0, far))) for x in weighted)
 
 
 def rest() -> sp.Expr:
@@ -144,8 +144,7 @@ def rest() -> sp.Expr:
 
 def left() -> sp.Expr:
     """Order of the steps with the correction, where they do not lose it for other reasons."""
-    first_left_out = max(k for k in SUMS) + 1
-    return exponent + 1 + first_left_out
+    return exponent + 2 + max(SUMS)
 
 
 def argument() -> list[Step]:
@@ -189,8 +188,8 @@ def argument() -> list[Step]:
         Step("Where n is 1 all zeta functions with whole numbers q vanish outside of the step, and "
              "the motion is known: with g + g_t tau for all other forces, which the ends of the "
              "step tell, the impulse of a closed contact is k over h times", linear()[0]),
-        Step("and its kicks are summed. Both bodies get these with opposite signs: momentum is kept. A "
-             "contact that closes and opens in a step, for a part l of it, has the impulse over h",
+        Step("and its kicks are summed. Both bodies get these with opposite signs: momentum is kept. "
+             "A contact that closes and opens in a step, l of it long, has the impulse, over h,",
              touch()),
         Step("and what the kicks made of it is known. What is left are the powers that come next: "
              "the jerk, and the force of the contact in the position at later kicks of the same "
