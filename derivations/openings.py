@@ -188,8 +188,8 @@ def argument() -> list[Step]:
         Step("Where n is 1 all zeta functions with whole numbers q vanish outside of the step, and "
              "the motion is known: with g + g_t tau for all other forces, which the ends of the "
              "step tell, the impulse of a closed contact is k over h times", linear()[0]),
-        Step("and its kicks are summed. Both bodies get these with opposite signs: momentum is kept. "
-             "A contact that closes and opens in a step, l of it long, has the impulse, over h,",
+        Step("and its kicks are summed. Both bodies get these with opposite signs. A contact that "
+             "closes and opens in a step, l of it long, has the impulse, over h,",
              touch()),
         Step("and what the kicks made of it is known. What is left are the powers that come next: "
              "the jerk, and the force of the contact in the position at later kicks of the same "
