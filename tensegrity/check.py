@@ -120,6 +120,11 @@ def vector(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.fl
     value = floats(name, value)
     if value.shape != shape:
         raise TensegrityError(f"{name} has shape {value.shape}, must be {shape}")
+    return finite(name, value)
+
+
+def finite(name: str, value: NDArray[Any]) -> NDArray[Any]:
+    """An array, if all its numbers are finite."""
     if not np.isfinite(value).all():
         where = int(np.flatnonzero(~np.isfinite(value.ravel()))[0])
         raise TensegrityError(f"{name} is {value.ravel()[where]} at index {where}, must be finite")
@@ -127,7 +132,7 @@ def vector(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.fl
 
 
 def rows(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """Numbers for all of something, or for many instants: an array (..., *shape).
+    """Finite numbers for all of something, or for many instants: an array (..., *shape).
 
     Floating numbers of any precision are kept as they are.
     """
@@ -135,6 +140,27 @@ def rows(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.floa
         value = floats(name, value)
     if value.shape[max(value.ndim - len(shape), 0) :] != shape:
         raise TensegrityError(f"{name} of shape {value.shape} must have shape (..., *{shape})")
+    return finite(name, value)
+
+
+def sequence(name: str, value: Any, of: str) -> tuple[Any, ...]:
+    """The parts of a sequence, a set or another iterable: not of text, nor of a 0-d array."""
+    try:
+        if not isinstance(value, (str, bytes)):
+            return tuple(value)
+    except TypeError:
+        pass
+    raise TensegrityError(f"{name} {shown(value)} must be a sequence of {of}")
+
+
+def axes(value: Any) -> Any:
+    """Matplotlib's axes, new ones where none are given."""
+    import matplotlib.pyplot as plt
+    from matplotlib.axes import Axes
+
+    if value is None:
+        return plt.subplots(figsize=(7, 4.5), layout="constrained")[1]
+    kind("axes", value, Axes)
     return value
 
 

@@ -88,7 +88,7 @@ def test_killed_at_random_moments_a_sweep_ends_with_the_same_results(tmp_path):
     ("call", "words"),
     [
         (lambda: sweep("abs", [1]), "function 'abs' cannot be called"),
-        (lambda: sweep(abs, 3), "cases 3 are not a sequence"),
+        (lambda: sweep(abs, 3), "cases 3 must be a sequence"),
         (lambda: sweep(abs, [1], executor="pool"), "not a concurrent.futures.Executor"),
         (lambda: sweep(abs, [1], checkpoint=3), "checkpoint 3 is not a path"),
     ],

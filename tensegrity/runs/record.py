@@ -85,9 +85,8 @@ class Record:
             interval = check.number("interval", self.interval, above=0, unit="s")
             object.__setattr__(self, "interval", interval)
         if self.sites is not None:
-            if isinstance(self.sites, str) or not hasattr(self.sites, "__iter__"):
-                raise TensegrityError(f"sites {self.sites!r} must be a sequence of site numbers")
-            kept = tuple(check.whole("site", s, least=0) for s in self.sites)
+            sites = check.sequence("sites", self.sites, "site numbers")
+            kept = tuple(check.whole("site", s, least=0) for s in sites)
             if not kept:
                 raise TensegrityError("sites is empty: nothing to record")
             object.__setattr__(self, "sites", kept)
@@ -222,8 +221,7 @@ def beside(path: str | os.PathLike[str]) -> Path:
 
 def _increasing(times):
     """Instants as a tuple of floats, from 0 on."""
-    if isinstance(times, str) or not hasattr(times, "__iter__"):
-        raise TensegrityError(f"times {times!r} must be a sequence of instants")
+    times = check.sequence("times", times, "instants")
     times = tuple(check.number("time to record", t, least=0, unit="s") for t in times)
     if not times:
         raise TensegrityError("times is empty: nothing to record")

@@ -90,9 +90,7 @@ def sweep(
     """
     if not callable(function):
         raise TensegrityError(f"function {check.shown(function)} cannot be called")
-    if isinstance(cases, (str, bytes)) or not isinstance(cases, Iterable):
-        raise TensegrityError(f"cases {check.shown(cases)} are not a sequence of cases")
-    cases = list(cases)
+    cases = check.sequence("cases", cases, "cases")
     ledger = _Ledger(checkpoint, function, cases)
     left = [k for k in range(len(cases)) if k not in ledger.results]
     with Crew(executor) as crew, progress(len(cases), "case", len(ledger.results)) as bar:

@@ -198,6 +198,7 @@ class Chain(Scene):
 
     def site_energy(self, u: Array, v: Array) -> Array:
         """Kinetic energy of each site and half that of its bonds [J]; (..., sites)."""
+        u, v = self._rows(u, v)
         half = self.bond_energy(u) / 2
         edge = np.zeros((*half.shape[:-1], 1))
         left, right = np.concatenate([edge, half], -1), np.concatenate([half, edge], -1)

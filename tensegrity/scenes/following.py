@@ -179,7 +179,7 @@ class FollowedLaw:
 
 def followed_law(contacts: str, law: Any, radius: Array | None) -> Any:
     """The law of contacts that are followed; None where they are fixed."""
-    if contacts not in ("fixed", "follow"):
+    if not isinstance(contacts, str) or contacts not in ("fixed", "follow"):
         raise TensegrityError(f"contacts {contacts!r} must be 'fixed' or 'follow'")
     if contacts == "follow" and radius is None:
         raise TensegrityError("contacts 'follow' need the radius of the sites")

@@ -399,7 +399,8 @@ class Network(Scene):
     def direction(self, u: Array) -> Array:
         """Unit vector of each bond, from its first site to its second; (..., bonds, dim)."""
         u = check.rows("displacements", u, self.shape)
-        return forces.elongations(self.contact_bonds, u)[1][..., : len(self.bonds), :]
+        along = forces.elongations(self.contact_bonds, u)[1][..., : len(self.bonds), :]
+        return check.finite("direction", along)
 
     def wall_gap(self, u: ArrayLike) -> Array:
         """Gap of each wall contact [m]: distance from the wall's plane less the radius."""
@@ -407,7 +408,8 @@ class Network(Scene):
 
     def stretch(self, u: ArrayLike) -> Array:
         """Elongation of each bond [m], and gap of each wall contact; (..., springs)."""
-        return forces.stretch(self.contact_bonds, check.rows("displacements", u, self.shape))
+        u = check.rows("displacements", u, self.shape)
+        return check.finite("elongation", forces.stretch(self.contact_bonds, u))
 
     def bond_energy(self, u: ArrayLike) -> Array:
         """Energy of each bond [J]; (..., bonds)."""
@@ -459,6 +461,7 @@ class Network(Scene):
 
     def site_energy(self, u: Array, v: Array) -> Array:
         """Energy of each site [J]: motion, half its bonds, walls, load; (..., sites)."""
+        u, v = self._rows(u, v)
         result = 0.5 * self.mass * np.sum(v**2, axis=-1) - np.sum(self.loads * u, axis=-1)
         bonds, walls = np.split(self._per_contact("energy", u), [len(self.bonds)], axis=-1)
         bonds = bonds / 2
