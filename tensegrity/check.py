@@ -131,8 +131,10 @@ def finite(name: str, value: NDArray[Any]) -> NDArray[Any]:
     return value
 
 
-def rows(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """Finite numbers for all of something, or for many instants: an array (..., *shape).
+def rows(
+    name: str, value: ArrayLike, shape: tuple[int, ...], are_finite: bool = True
+) -> NDArray[np.float64]:
+    """Numbers for all of something, or for many instants, finite as a rule: (..., *shape).
 
     Floating numbers of any precision are kept as they are.
     """
@@ -140,7 +142,7 @@ def rows(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.floa
         value = floats(name, value)
     if value.shape[max(value.ndim - len(shape), 0) :] != shape:
         raise TensegrityError(f"{name} of shape {value.shape} must have shape (..., *{shape})")
-    return finite(name, value)
+    return finite(name, value) if are_finite else value
 
 
 def sequence(name: str, value: Any, of: str) -> tuple[Any, ...]:

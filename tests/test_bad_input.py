@@ -107,7 +107,7 @@ INNER = {  # what runs, paths and searches ask of their objects, and nobody else
     "finer_share", "freedom", "frequency", "frequency_of", "from_keys", "from_law", "gauss_rows",
     "is_alike", "likely", "listed", "listings", "mutants", "name", "name_of", "needed",
     "nystrom_of", "opened", "palindrome", "places_of", "plan", "present_ranges", "projected",
-    "random", "repaired", "rows", "shift_from", "steps", "stiffest", "stiffness_within",
+    "random", "repaired", "rows", "shift_from", "steps", "stiffest", "stiffness_within", "stretch",
     "stored_by_site", "there_and_back", "walls_hold", "walls_named", "with_springs",
 }  # fmt: skip
 

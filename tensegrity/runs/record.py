@@ -140,7 +140,7 @@ class Record:
         kind = np.dtype(kind + [(name, float) for name in more])
         if self.path is None:
             return Rows(instants, kind)
-        return FileRows(self.path, instants, kind, count)
+        return FileRows(self.path, instants, kind, count, self.state_path)
 
     def columns(self, sites: int) -> Any:
         """Numbers of the recorded sites of a scene, or a slice of all."""

@@ -336,7 +336,7 @@ class Ensemble(Scene):
 
     def stretch(self, u: ArrayLike) -> Array:
         """Elongation of every spring [m]; (..., springs, lanes)."""
-        u = check.rows("displacements", u, self.shape)
+        u = check.rows("displacements", u, self.shape, are_finite=False)
         return self._each(lambda scene, k: scene.stretch(u[..., k]))
 
     def bond_energy(self, u: Array) -> Array:

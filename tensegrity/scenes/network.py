@@ -394,7 +394,7 @@ class Network(Scene):
 
     def elongation(self, u: ArrayLike) -> Array:
         """Elongation of each bond [m]; (..., bonds)."""
-        return self.stretch(u)[..., : len(self.bonds)]
+        return check.finite("elongation", self.stretch(u)[..., : len(self.bonds)])
 
     def direction(self, u: Array) -> Array:
         """Unit vector of each bond, from its first site to its second; (..., bonds, dim)."""
@@ -404,12 +404,12 @@ class Network(Scene):
 
     def wall_gap(self, u: ArrayLike) -> Array:
         """Gap of each wall contact [m]: distance from the wall's plane less the radius."""
-        return self.stretch(u)[..., len(self.bonds) :]
+        return check.finite("gap", self.stretch(u)[..., len(self.bonds) :])
 
     def stretch(self, u: ArrayLike) -> Array:
         """Elongation of each bond [m], and gap of each wall contact; (..., springs)."""
-        u = check.rows("displacements", u, self.shape)
-        return check.finite("elongation", forces.stretch(self.contact_bonds, u))
+        u = check.rows("displacements", u, self.shape, are_finite=False)
+        return forces.stretch(self.contact_bonds, u)
 
     def bond_energy(self, u: ArrayLike) -> Array:
         """Energy of each bond [J]; (..., bonds)."""
@@ -428,7 +428,7 @@ class Network(Scene):
         return -self._per_contact("tension", u)[..., len(self.bonds) :]
 
     def _per_contact(self, name: str, u: ArrayLike) -> Array:
-        return self.spring_table.evaluate(name, self.stretch(u))
+        return self.spring_table.evaluate(name, check.finite("elongation", self.stretch(u)))
 
     def energy(self, state: State) -> float:
         """Total energy [J], the potential of the loads included."""
