@@ -10,12 +10,14 @@ import time
 import numpy as np
 import pytest
 import sympy as sp
+from crafted import crafted
 from networks import patch, pushed
 from scenes import prism_chain, smooth_blow
 
 from granular import Bead, Striker, chain, materials, y_guide
 from tensegrity import (
     Chain,
+    Drive,
     Ensemble,
     LockingError,
     Potential,
@@ -68,6 +70,12 @@ def struck():
 def guide():
     fork = y_guide(5, 4, bead=STEEL, striker=Striker(STEEL, 0.5), end=materials["steel"])
     return fork, fork.start()
+
+
+def driven():
+    moved = prism_chain(5).springs[0]
+    one = Chain(moved, 5, drive={0: Drive(force=([0.0, 1.0, 2.0], [0.0, 0.1, 0.0]))})
+    return one, one.at_rest()
 
 
 CASES = {
@@ -380,3 +388,15 @@ def test_of_two_runs_that_begin_a_path_at_once_one_is_refused(tmp_path, monkeypa
     assert inner
     assert np.array_equal(np.load(path)["u"], run.u)
     assert [x.name for x in tmp_path.iterdir()] == ["run.npy"]
+
+
+@pytest.mark.parametrize("make", [blow, lanes, guide, driven])
+def test_a_state_whose_parts_do_not_fit_is_refused(tmp_path, make):
+    scene, state = make()
+    path = tmp_path / "run.npy"
+    simulate(scene, state, 5e-5, dt=1e-6, record=Record(every=1, path=path, checkpoint=0))
+    others = {"choice": ["all"], "done": [10**6], "count": [10**6], "allowed": [0.0, np.nan]}
+    for part, value in crafted(beside(path), "state", others):
+        with pytest.raises(TensegrityError, match=r"holds no state, or is damaged|record path"):
+            print(part, value, resume(path))
+    assert resume(path).complete
