@@ -112,6 +112,11 @@ class Clearance:
         inside = -self._by_wall("overhang", x, self.wall_contacts)
         return inside, self._by_wall("height", x, self.wall_contacts)
 
+    def behind(self, site: int, wall: int, x: Array) -> str:
+        """Where a site is that passed through a wall, in words."""
+        beyond = abs(float(self.walls[wall].height(x[site])))
+        return f"site {site} is behind wall {wall}, {beyond:.3g} m beyond its plane"
+
     def _by_wall(self, what: str, x: Array, pairs: Indices) -> Array:
         """Of each (site, wall) what `Pieces` say."""
         return getattr(self._pieces, what)(x[..., pairs[:, 0], :], pairs[:, 1])
@@ -198,7 +203,7 @@ class Clearance:
         if behind.any():
             worst = int(np.argmin(np.where(behind, height, math.inf)))
             site, wall = self.wall_contacts[worst].tolist()
-            return f"site {site} is behind wall {wall}, {abs(height[worst]):.3g} m beyond its plane"
+            return self.behind(site, wall, x)
         hold = self.hold(x)
         if len(hold) and hold.min() < 0:
             worst = int(np.argmin(hold))

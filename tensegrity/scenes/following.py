@@ -219,6 +219,9 @@ class Follower(Tracker):
         gaps = of.wall_gaps(x, self._pairs)
         if len(gaps) and gaps.min() <= 0:
             site, wall = self._pairs[int(np.argmin(gaps))].tolist()
-            raise ContactError(f"site {site} touches the end of wall {wall} at t = {t:.6g} s")
+            words = f"site {site} touches the end of wall {wall}"
+            if of.walls[wall].overhang(x[site]) < 0:
+                words = of.behind(site, wall, x)
+            raise ContactError(f"{words} at t = {t:.6g} s")
         self._list(u)
         self._look(u)
