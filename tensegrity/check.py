@@ -193,13 +193,29 @@ def free_memory() -> int:
         return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
 
 
+def text(value: object) -> str:
+    """`repr` of any value."""
+    try:
+        return repr(value)
+    except ValueError:  # an int of thousands of digits
+        return f"of type {type(value).__name__}"
+
+
 def shown(value: object) -> str:
     """`repr` of any value, shortened."""
-    try:
-        text = repr(value)
-    except ValueError:  # an int of thousands of digits
-        text = f"of type {type(value).__name__}"
-    return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
+    whole = text(value)
+    return whole if len(whole) <= LONGEST else f"{whole[: LONGEST - 3]}..."
+
+
+def differing(one: str, other: str) -> tuple[str, str]:
+    """Two texts, shortened to what is around the place where they begin to differ."""
+    pairs = enumerate(zip(one, other, strict=False))
+    alike = next((k for k, (a, b) in pairs if a != b), min(len(one), len(other)))
+    first = max(alike - LONGEST // 2, 0)
+    parts = ((x, x[first : first + LONGEST]) for x in (one, other))
+    dots = "..." if first else ""
+    left, right = (f"{dots}{part}{'...' * (not x.endswith(part))}" for x, part in parts)
+    return left, right
 
 
 def _scalar(value: Any) -> Any:

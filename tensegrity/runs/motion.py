@@ -105,8 +105,8 @@ class Motion:
         if self.dt > largest:
             error = StabilityError(
                 f"{self._problem.step_words(self.dt)} is beyond {largest:.6g} s for dashpots whose "
-                f"velocities decay at {rate:.6g} 1/s: {method.name} drifts by up to {longest:.3g} dt at a time, "
-                f"which must be at most {LARGEST_DAMPING:g} of that rate"
+                f"velocities decay at {rate:.6g} 1/s: {method.name} drifts by up to {longest:.3g} "
+                f"dt at a time, which must be at most {LARGEST_DAMPING:g} of that rate"
             )
             error.largest = largest
             raise error

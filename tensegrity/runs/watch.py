@@ -269,13 +269,14 @@ class Watch:
             if given < barrier:
                 return StabilityError(
                     f"{self._problem.step_words(self.dt)} is too coarse: the spring {where} "
-                    f"passed the end of its domain at t = {t:.6g} s, which takes {barrier:.6g} J, with "
-                    f"{given:.6g} J in the whole scene"
+                    f"passed the end of its domain at t = {t:.6g} s, which takes {barrier:.6g} J, "
+                    f"with {given:.6g} J in the whole scene"
                 )
             error = spring.beyond(met[row, side])
             return type(error)(f"{error}: the spring {where} got there at t = {t:.6g} s")
         return StabilityError(
             f"{self._problem.step_words(self.dt)} is beyond "
-            f"{self.allowed * self._guard.limit:.6g} s, {self.allowed:g} of the stability limit of {self._problem.method.name} at the "
-            f"stiffness met at t = {t:.6g} s {scene.stiffest(u, met)}"
+            f"{self.allowed * self._guard.limit:.6g} s, {self.allowed:g} of the stability limit of "
+            f"{self._problem.method.name} at the stiffness met at t = {t:.6g} s "
+            f"{scene.stiffest(u, met)}"
         )
