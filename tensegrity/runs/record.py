@@ -51,7 +51,8 @@ class Record:
         A new .npy file for the rows, which then need no memory but 48 bytes each for their
         numbers.  It is whole after every row, also if the process is killed:
         numpy.load(path, mmap_mode="r") gives a structured array with fields t, energy, u, v; and
-        work, loss of scenes that are driven, damped or tuned.
+        work, loss of scenes that are driven, damped or tuned.  Another run of the same path is
+        refused before it writes.
     checkpoint : float, optional
         With a path: after so many seconds of computing, and when a run ends, also by an error or
         by Ctrl-C, its whole state is kept in a file beside the rows, named as they with
