@@ -32,21 +32,21 @@ def cos_twist() -> sp.Expr:
 
 
 @cache
-def cross_length() -> sp.Expr:
+def cross_length(of: Polygon = TRIANGLE) -> sp.Expr:
     """s(h): the twist eliminated, on the branch 0 < phi < pi."""
-    squared = sp.expand_trig(prism.cross_length_squared(circumradius))
+    squared = of.expanded(prism.cross_length_squared(circumradius, of))
     sine = sp.sqrt(1 - cos_twist() ** 2)
     return sp.sqrt(squared.subs({sp.sin(twist): sine, sp.cos(twist): cos_twist()}))
 
 
-def potential_energy() -> sp.Expr:
+def potential_energy(of: Polygon = TRIANGLE) -> sp.Expr:
     """V(h) [J], of the cross strings alone."""
-    return prism.CROSS.energy(cross_length())
+    return prism.CROSS.energy(cross_length(of), of)
 
 
-def force(order: int = 1) -> sp.Expr:
+def force(order: int = 1, of: Polygon = TRIANGLE) -> sp.Expr:
     """d^order V / dh^order: 1 is the axial force [N], tension > 0; 2 the stiffness; 3 its slope."""
-    return sp.diff(potential_energy(), height, order)
+    return sp.diff(potential_energy(of), height, order)
 
 
 @cache

@@ -120,6 +120,7 @@ class Assembly(Crystal, Network):
 
     def bead_energies(self, u: Array, v: Array) -> Array:
         """Energy of each site [J], contacts with walls apart; (..., sites)."""
+        u, v = self._rows(u, v)
         held = self._each(u, lambda scene, rows: scene.stored_by_site(rows, walls=False))
         motion = 0.5 * self.mass * np.sum(v**2, axis=-1)
         return motion + held - np.sum(self.loads * u, axis=-1)
@@ -177,7 +178,7 @@ class Assembly(Crystal, Network):
         flat = u.reshape(-1, *self.shape)
         parts = [function(scene, flat[rows]) for rows, scene in self.listings(flat)]
         found = np.concatenate(parts) if parts else np.zeros((0, *self.shape[:1]))
-        return found.reshape(*u.shape[:-2], *found.shape[1:])
+        return found.reshape((*u.shape[:-2], *found.shape[1:]))
 
     def _refuse_followed(self, what: str) -> None:
         if self.follows:

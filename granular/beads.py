@@ -94,11 +94,11 @@ class Striker:
 
 def beads_of(given: Iterable[object], where: str = "") -> tuple[Bead, ...]:
     """Beads as a tuple, refused where one is none; `where` says of which design."""
-    found = tuple(given)
+    found = check.sequence(f"beads{where}", given, "Beads")
     for number, bead in enumerate(found):
         if not isinstance(bead, Bead):
             raise TensegrityError(f"bead {number}{where} is {check.shown(bead)}, not a Bead")
-    return found  # type: ignore[return-value]
+    return found
 
 
 def volume(diameter: float) -> float:

@@ -8,7 +8,7 @@ Source: seeds/000, part II, "Discrete element modeling" (the potentials W_i).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence, Sized
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -187,6 +187,7 @@ class BeadChain(Crystal, Chain):
 
     def walls_hold(self, u: Array) -> Array:
         """Energy of the contacts with the walls [J]; (...)."""
+        u = check.rows("displacements", u, self.shape)
         held = np.zeros(u.shape[:-1])
         for wall, _ in self._wall_sites.values():
             held += 2 * self.site_energy(u, np.zeros_like(u))[..., wall]
@@ -199,6 +200,7 @@ class BeadChain(Crystal, Chain):
         """
         constants = np.array([contact.constant for contact in self._contacts])
         powers = np.array([contact.exponent + 1 for contact in self._contacts])
+        u = check.rows("displacements", u, self.shape)
         stored = constants / powers * np.maximum(self.overlaps(u), 0.0) ** powers
         held = np.zeros(u.shape)
         held[..., :-1] += stored / 2
@@ -303,8 +305,6 @@ def chain(
 
 def _beads(beads: Sequence[Bead]) -> tuple[Bead, ...]:
     """A sequence of beads as a tuple."""
-    if isinstance(beads, Bead) or not isinstance(beads, Iterable):
-        raise TensegrityError(f"beads {check.shown(beads)} are not a sequence of Beads")
-    if isinstance(beads, Sized):
+    if isinstance(beads, Sequence):
         check.room(f"a chain of {len(beads)} beads", PER_BEAD * len(beads))
     return beads_of(beads)

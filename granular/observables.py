@@ -8,7 +8,6 @@ the forces of its contacts, each taken along the bead's displacement (derived in
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -105,9 +104,7 @@ def density(run: Run, sites: Sequence[int]) -> Array:
     """Sensor forces of several beads of a run of all sites [N], (T, beads)."""
     scene = crystal_of(run)
     u = rows(run, range(scene.sites))
-    if not isinstance(sites, Iterable):
-        raise TensegrityError(f"sites {check.shown(sites)} are not a sequence of sites")
-    sites = tuple(sites)
+    sites = check.sequence("sites", sites, "sites")
     if not sites:
         raise TensegrityError("sites is empty: nothing to read")
     for site in sites:
@@ -266,7 +263,10 @@ def sampled(
             f"rows {np.diff(t).max():.3g} s apart must be at most one interval, {interval:.3g} s"
         )
     times = np.arange(t[0] + phase, t[-1], interval)
-    return times, CubicSpline(t, force)(times)
+    try:
+        return times, CubicSpline(t, force)(times)
+    except ValueError as error:
+        raise TensegrityError(f"forces to {np.abs(force).max():g} N: {error}") from error
 
 
 def sampled_peak(

@@ -83,6 +83,8 @@ def settle(scene: Assembly) -> Equilibrium:
             if listed.energy(u + step) < here:
                 break
             step = step / 2
+        else:
+            break  # nothing lowers the energy any more: loads are beneath its round-off
         u, f = u + step, listed.forces(u + step)
     _refuse_falling(scene, u, f)
     left = float(np.abs(f).sum())

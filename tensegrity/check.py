@@ -120,14 +120,21 @@ def vector(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.fl
     value = floats(name, value)
     if value.shape != shape:
         raise TensegrityError(f"{name} has shape {value.shape}, must be {shape}")
+    return finite(name, value)
+
+
+def finite(name: str, value: NDArray[Any]) -> NDArray[Any]:
+    """An array, if all its numbers are finite."""
     if not np.isfinite(value).all():
         where = int(np.flatnonzero(~np.isfinite(value.ravel()))[0])
         raise TensegrityError(f"{name} is {value.ravel()[where]} at index {where}, must be finite")
     return value
 
 
-def rows(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """Numbers for all of something, or for many instants: an array (..., *shape).
+def rows(
+    name: str, value: ArrayLike, shape: tuple[int, ...], are_finite: bool = True
+) -> NDArray[np.float64]:
+    """Numbers for all of something, or for many instants, finite as a rule: (..., *shape).
 
     Floating numbers of any precision are kept as they are.
     """
@@ -135,6 +142,27 @@ def rows(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.floa
         value = floats(name, value)
     if value.shape[max(value.ndim - len(shape), 0) :] != shape:
         raise TensegrityError(f"{name} of shape {value.shape} must have shape (..., *{shape})")
+    return finite(name, value) if are_finite else value
+
+
+def sequence(name: str, value: Any, of: str) -> tuple[Any, ...]:
+    """The parts of a sequence, a set or another iterable: not of text, nor of a 0-d array."""
+    try:
+        if not isinstance(value, (str, bytes)):
+            return tuple(value)
+    except TypeError:
+        pass
+    raise TensegrityError(f"{name} {shown(value)} must be a sequence of {of}")
+
+
+def axes(value: Any) -> Any:
+    """Matplotlib's axes, new ones where none are given."""
+    import matplotlib.pyplot as plt
+    from matplotlib.axes import Axes
+
+    if value is None:
+        return plt.subplots(figsize=(7, 4.5), layout="constrained")[1]
+    kind("axes", value, Axes)
     return value
 
 
@@ -165,13 +193,29 @@ def free_memory() -> int:
         return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
 
 
+def text(value: object) -> str:
+    """`repr` of any value."""
+    try:
+        return repr(value)
+    except ValueError:  # an int of thousands of digits
+        return f"of type {type(value).__name__}"
+
+
 def shown(value: object) -> str:
     """`repr` of any value, shortened."""
-    try:
-        text = repr(value)
-    except ValueError:  # an int of thousands of digits
-        text = f"of type {type(value).__name__}"
-    return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
+    whole = text(value)
+    return whole if len(whole) <= LONGEST else f"{whole[: LONGEST - 3]}..."
+
+
+def differing(one: str, other: str) -> tuple[str, str]:
+    """Two texts, shortened to what is around the place where they begin to differ."""
+    pairs = enumerate(zip(one, other, strict=False))
+    alike = next((k for k, (a, b) in pairs if a != b), min(len(one), len(other)))
+    first = max(alike - LONGEST // 2, 0)
+    parts = ((x, x[first : first + LONGEST]) for x in (one, other))
+    dots = "..." if first else ""
+    left, right = (f"{dots}{part}{'...' * (not x.endswith(part))}" for x, part in parts)
+    return left, right
 
 
 def _scalar(value: Any) -> Any:

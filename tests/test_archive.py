@@ -1,12 +1,14 @@
 """Runs in files: what comes back is what was saved, and nothing in a file is believed blindly."""
 
 import json
+import math
 import subprocess
 import sys
-from dataclasses import fields
+from dataclasses import MISSING, fields
 
 import numpy as np
 import pytest
+from crafted import crafted
 from networks import fork, patch, pushed
 from test_resume import elastic, guide, lanes, struck, toda
 
@@ -14,6 +16,7 @@ from granular import Bead, Striker, diamond_guide, materials, power
 from tensegrity import (
     Chain,
     Network,
+    Polynomial,
     PowerLaw,
     Prism,
     Record,
@@ -21,6 +24,7 @@ from tensegrity import (
     State,
     TensegrityError,
     Wall,
+    column,
     simulate,
 )
 from tensegrity.runs import archive
@@ -59,6 +63,19 @@ def diamond():
     return scene, scene.start()
 
 
+def tower():
+    """A prism in all coordinates: strings that pull only, bars; one string is slack."""
+    prism = Prism(1.0, 0.7, 0.05, 1.0, 10.0, 100.0)
+    scene = column(prism, 2).network()
+    return scene, scene.at_rest({8: (0.0, 0.0, -0.05)})
+
+
+def fitted():
+    chain, state = elastic()
+    kinds = {spring: Polynomial(spring, -0.1, 0.05, 1e-8) for spring in set(chain.springs)}
+    return Chain([kinds[spring] for spring in chain.springs], 12, chain.mass), state
+
+
 SCENES = {
     "rigid prisms": (blow, 3.0),
     "elastic prisms, power laws, masses": (elastic, 3.0),
@@ -69,6 +86,8 @@ SCENES = {
     "beads": (struck, 3e-5),
     "guide": (guide, 3e-5),
     "diamond": (diamond, 3e-5),
+    "structure": (tower, 1.0),
+    "polynomials": (fitted, 2.0),
 }
 
 
@@ -234,13 +253,21 @@ def test_a_scene_of_beads_needs_its_package(tmp_path):
 def test_every_potential_of_the_toolkit_is_told_from_others():
     """What the file of a potential holds is enough to make an equal one."""
     rigid = Prism(1.0, 0.7, 0.01, 1.0).potential(0.02)
-    for spring in (rigid, PowerLaw(1.0, 1.5, 0.3, 0.1), elastic()[0].springs[0]):
+    square = Prism(1.0, 0.7, 0.01, 1.0, sides=4).potential()
+    kept = (rigid, square, PowerLaw(1.0, 1.5, 0.3, 0.1), elastic()[0].springs[0],
+            Polynomial(rigid, -0.02, 0.01), *tower()[0].springs[5:7])  # fmt: skip
+    for spring in kept:
         writer = archive._Writer()
         text = json.loads(json.dumps(writer.value(spring)))
         again = archive._Reader(writer.objects, writer.arrays).value(text)
         assert not writer.opaque
         assert again == spring
         assert type(again) is type(spring)
+        assert repr(again) == repr(spring)
+        assert again.values.tobytes() == spring.values.tobytes()
+        assert again.made_of == spring.made_of
+        if math.isinf(spring.domain[0]):
+            continue
         with pytest.raises(TensegrityError) as one:
             spring.tension(-5.0 if spring.domain[0] > -5 else np.nan)
         with pytest.raises(TensegrityError) as two:
@@ -257,3 +284,20 @@ def test_a_wall_comes_back_to_the_bit():
         writer = archive._Writer()
         again = archive._Reader(writer.objects, writer.arrays).value(writer.value(wall))
         assert np.array_equal(again.normal, wall.normal)
+
+
+@pytest.mark.parametrize("name", ["rigid prisms", "lanes", "walls", "guide"])
+def test_a_run_whose_parts_do_not_fit_is_refused(tmp_path, name):
+    make, t_end = SCENES[name]
+    scene, state = make()
+    run = simulate(scene, state, t_end, dt=t_end / 40, record=Record(every=5, sites=[1, 0]))
+    path = tmp_path / "run.npz"
+    run.save(path)
+    others = {"t": [-run.t, run.t[::-1]], "steps": [-1, 0.5], "sites": [(0,), ()], "dt": [np.nan]}
+    optional = {x.name for x in fields(Run) if x.default is not MISSING}
+    for part, value in crafted(path, "run", others):
+        if isinstance(value, str) and value == "left out" and part in optional:
+            continue
+        with pytest.raises(TensegrityError, match="holds no run, or is damaged"):
+            print(part, value, Run.load(path))
+    equal(run, Run.load(path))

@@ -11,7 +11,18 @@ import pytest
 import sympy as sp
 
 from granular import Bead, Contact, Material, Striker, chain, diamond_guide, materials, y_guide
-from tensegrity import Chain, Ensemble, PowerLaw, Record, State, TensegrityError, check, simulate
+from tensegrity import (
+    Chain,
+    Ensemble,
+    PowerLaw,
+    Prism,
+    Record,
+    State,
+    TensegrityError,
+    check,
+    column,
+    simulate,
+)
 
 
 @pytest.mark.parametrize(
@@ -111,6 +122,7 @@ def test_beads_whose_mass_is_no_number_are_refused():
 
 
 SPRING = PowerLaw(1.0, 1.5, preload=0.1)
+ELASTIC = Prism(1.0, 0.7, 0.01, 1.0, 10.0, 100.0)
 
 
 @pytest.mark.parametrize(
@@ -121,6 +133,7 @@ SPRING = PowerLaw(1.0, 1.5, preload=0.1)
         (lambda: y_guide(10**9, bead=Bead(0.005, STEEL)), "a guide with a stem of 10+ and"),
         (lambda: diamond_guide(5, 10**9 + 1, bead=Bead(0.005, STEEL)), "branches of 10+1 beads"),
         (lambda: chain(Many()), "a chain of 10+ beads would take"),
+        (lambda: column(ELASTIC, 10**12), "a column of 10+ prisms would take"),
     ],
 )
 def test_what_no_memory_holds_is_refused_before_it_is_taken(make, words):

@@ -13,9 +13,20 @@ from pathlib import Path
 import designs
 import numpy as np
 import pytest
-from designs import BIG, BLOW, CHOICE, ORDER, SIZES, SMALL, SOFT, STEEL, before_a_wall
+from designs import (
+    BIG,
+    BLOW,
+    CHOICE,
+    ORDER,
+    SIZES,
+    SMALL,
+    SOFT,
+    STEEL,
+    STRIKER,
+    before_a_wall,
+)
 
-from granular import materials
+from granular import Bead, Striker, materials
 from granular.design import Choice, Order, Sizes, finalists, peak_force, search
 from granular.design import searching as module
 from granular.design.methods import METHODS
@@ -134,6 +145,12 @@ def test_a_checkpoint_of_another_search_is_refused_with_the_difference(tmp_path)
     ):
         with pytest.raises(TensegrityError, match=words):
             search(ORDER, checkpoint=path, budget=64, **(SHORT | changed))
+    heavy = Bead(STRIKER.bead.diameter, STRIKER.bead.material, 2 * STRIKER.bead.mass)
+    with pytest.raises(
+        TensegrityError, match=r"striker is .*mass=(\S+),.*, here .*mass=(\S+),"
+    ) as e:
+        search(ORDER, checkpoint=path, budget=64, **(SHORT | {"striker": Striker(heavy, 0.5)}))
+    assert len(str(e.value)) < 400
     with pytest.raises(TensegrityError, match=r"its space is .Order"):
         search(CHOICE, checkpoint=path, budget=64, **SHORT)
     kept = archive.read(path, "search")

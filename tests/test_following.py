@@ -233,6 +233,13 @@ def test_a_run_in_one_call_that_passes_its_list_is_done_again(monkeypatch):
     assert run.v[-1, 1, 0] > 0.1  # it was met
 
 
+@pytest.mark.parametrize("extent", [None, (20 * D, 0)])
+def test_a_site_that_passes_through_a_wall_touches_no_end_of_it(extent):
+    scene = followed(np.array([[0.0, D]]), [Wall((0, 0), (0, 1), extent)])
+    with pytest.raises(ContactError, match=r"site 0 is behind wall 0, .* m beyond its plane at"):
+        simulate(scene, scene.at_rest({0: (0.0, -2e4)}), 1e-5, dt=1e-9)
+
+
 def test_a_run_in_one_call_sees_the_end_of_a_wall():
     wall = Wall((0, 0), (0, 1), (2 * D, 0))
     scene = followed(np.array([[2.1 * D, 0.52 * D]]), [wall])

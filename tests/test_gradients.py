@@ -191,6 +191,26 @@ def test_traces_and_numbers_of_them_are_differentiated_as_finite_differences_say
             assert mine(one) == pytest.approx(wanted, rel=3e-5, abs=1e-9), (name, one)
 
 
+@pytest.mark.parametrize("preload", [0.0, 0.0002])
+@pytest.mark.parametrize(("sides", "height"), [(4, 0.7), (6, 0.9), (5, 0.2)])
+def test_prisms_of_any_sides_are_differentiated_by_their_arguments(sides, height, preload):
+    """Beside triangles in one chain; the last one is flat before its bars meet."""
+    asked, size = o.displacement(2), 1e-6
+
+    def value(**changed):
+        given = {"base": 1.0, "height": height, "prestrain": 0.05, "k_cross": 1.0} | changed
+        other = Prism(**given, sides=sides).potential(preload)
+        triangle = Prism(1.0, 0.7, 0.02, 1.0).potential(preload)
+        chain = Chain([triangle, other, triangle], 4, ends=("free", "fixed"))
+        return gradient(asked, chain, chain.at_rest({0: 0.02}), 10.0, 0.1, "rkn6")
+
+    found = value()
+    for name, at in (("prestrain", 0.05), ("height", height), ("k_cross", 1.0)):
+        above, below = (value(**{name: at + h}).value for h in (size, -size))
+        wanted = (above - below) / (2 * size)
+        assert found.by(name)[1] == pytest.approx(wanted, rel=3e-5, abs=1e-9), name
+
+
 def test_masses_and_stiffnesses_in_proportion_change_nothing():
     """u and v depend on k/m only: sum k dJ/dk + sum m dJ/dm = 0."""
     chain = Chain(

@@ -333,8 +333,8 @@ def test_exponents_other_than_hertz_carry_waves_too():
         (lambda: chain([STEEL] * 3, striker=STEEL), "not a Striker"),
         (lambda: chain([STEEL] * 3, end="steel"), "not the Material"),
         (lambda: chain([STEEL] * 3, gravity=-9.8), "gravity -9.8 m/s.2 must be at least 0"),
-        (lambda: chain(5), "beads 5 are not a sequence of Beads"),
-        (lambda: chain(STEEL), "not a sequence of Beads"),
+        (lambda: chain(5), "beads 5 must be a sequence of Beads"),
+        (lambda: chain(STEEL), "must be a sequence of Beads"),
         (lambda: chain([STEEL] * 3, law=3), "law 3 is not a function"),
         (
             lambda: chain([STEEL] * 3, striker=Striker(STEEL, 0.1), gravity=9.81),

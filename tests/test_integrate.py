@@ -10,6 +10,7 @@ from springs import series
 
 from tensegrity import (
     Chain,
+    Damping,
     LockingError,
     Network,
     PowerLaw,
@@ -585,3 +586,13 @@ def test_a_stride_that_goes_wrong_is_done_again_with_care(monkeypatch):
     careful, same = error()
     assert words == careful
     assert np.array_equal(run.u, same.u)
+
+
+@pytest.mark.parametrize(("given", "used"), [(50.0, "10"), (7.0, "5")])
+@pytest.mark.parametrize("drive", [{}, {"damping": Damping(0.1)}])
+def test_a_step_that_is_refused_is_the_one_given(given, used, drive):
+    """Also where the one used is smaller, so as to divide the time evenly."""
+    one = Chain(prism_chain().springs[0], 5, **drive)
+    words = rf"dt {given:g} s, that is steps of {used} s, is beyond"
+    with pytest.raises(StabilityError, match=words):
+        simulate(one, one.at_rest({0: 0.01}), 10.0, dt=given)

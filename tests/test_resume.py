@@ -10,12 +10,14 @@ import time
 import numpy as np
 import pytest
 import sympy as sp
+from crafted import crafted
 from networks import patch, pushed
 from scenes import prism_chain, smooth_blow
 
 from granular import Bead, Striker, chain, materials, y_guide
 from tensegrity import (
     Chain,
+    Drive,
     Ensemble,
     LockingError,
     Potential,
@@ -68,6 +70,12 @@ def struck():
 def guide():
     fork = y_guide(5, 4, bead=STEEL, striker=Striker(STEEL, 0.5), end=materials["steel"])
     return fork, fork.start()
+
+
+def driven():
+    moved = prism_chain(5).springs[0]
+    one = Chain(moved, 5, drive={0: Drive(force=([0.0, 1.0, 2.0], [0.0, 0.1, 0.0]))})
+    return one, one.at_rest()
 
 
 CASES = {
@@ -321,3 +329,74 @@ def test_a_killed_run_is_resumed_to_the_same_bits(tmp_path):
 @pytest.mark.slow
 def test_twenty_kills_at_random_moments_lose_nothing(tmp_path):
     _kills(tmp_path, 2, 20)
+
+
+def test_any_damage_to_the_rows_is_refused_or_harmless(tmp_path):
+    scene, state = blow()
+    path = tmp_path / "run.npy"
+    whole = simulate(scene, state, 1.0, dt=0.1, record=Record(path=path, checkpoint=0, every=1))
+    kept, rng = path.read_bytes(), np.random.default_rng(4)
+    damage = [(place, byte) for place in range(140) for byte in b"\0\xff([{'\n9"]
+    damage += [(place, 255) for place in rng.integers(len(kept), size=40).tolist()]
+    for place, byte in damage:
+        path.write_bytes(kept[:place] + bytes([byte]) + kept[place + 1 :])
+        try:
+            run = resume(path)
+        except TensegrityError:
+            continue
+        assert np.array_equal(run.final.u, whole.final.u)
+
+
+def test_a_second_run_of_a_path_is_refused_before_it_writes(tmp_path, monkeypatch):
+    """Also one that looked before the first began; a process that is killed holds nothing."""
+    (scene, state), path = blow(), tmp_path / "run.npy"
+    here = os.path.dirname(__file__)
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([here, os.path.dirname(here)])}
+    running = subprocess.Popen([sys.executable, "-c", KILLED, str(path)], env=environment)
+    while not beside(path).exists():
+        time.sleep(0.002)
+    running.send_signal(signal.SIGSTOP)
+    try:
+        files = {x.name: x.read_bytes() for x in tmp_path.iterdir()}
+        with pytest.raises(RecordError, match=r"run\.npy is being written by another run"):
+            resume(path)
+        monkeypatch.setattr(Record, "check", lambda *given: None)
+        for record in (Record(path=path), Record(path=path, checkpoint=0)):
+            with pytest.raises(RecordError, match=r"record path .*run\.npy exists"):
+                simulate(scene, state, 1.0, dt=0.1, record=record)
+        monkeypatch.undo()
+        assert {x.name: x.read_bytes() for x in tmp_path.iterdir()} == files
+    finally:
+        running.kill()
+        running.wait()
+    assert resume(path).complete
+
+
+def test_of_two_runs_that_begin_a_path_at_once_one_is_refused(tmp_path, monkeypatch):
+    """The other begins between the look for the file and its own."""
+    (scene, state), path, write, inner = blow(), tmp_path / "run.npy", rows._write, []
+
+    def later(file, data, place):
+        if not inner:
+            inner.append(None)
+            with pytest.raises(RecordError, match=r"run\.npy is being written by another run"):
+                simulate(scene, state, 1.0, dt=0.1, record=Record(path=path))
+        write(file, data, place)
+
+    monkeypatch.setattr(rows, "_write", later)
+    run = simulate(scene, state, 1.0, dt=0.1, record=Record(path=path))
+    assert inner
+    assert np.array_equal(np.load(path)["u"], run.u)
+    assert [x.name for x in tmp_path.iterdir()] == ["run.npy"]
+
+
+@pytest.mark.parametrize("make", [blow, lanes, guide, driven])
+def test_a_state_whose_parts_do_not_fit_is_refused(tmp_path, make):
+    scene, state = make()
+    path = tmp_path / "run.npy"
+    simulate(scene, state, 5e-5, dt=1e-6, record=Record(every=1, path=path, checkpoint=0))
+    others = {"choice": ["all"], "done": [10**6], "count": [10**6], "allowed": [0.0, np.nan]}
+    for part, value in crafted(beside(path), "state", others):
+        with pytest.raises(TensegrityError, match=r"holds no state, or is damaged|record path"):
+            print(part, value, resume(path))
+    assert resume(path).complete

@@ -63,8 +63,18 @@ def test_a_sweep_goes_on_from_its_checkpoint(tmp_path):
     assert seen == [0, 1, 2, 2, 3, 4, 5]
     assert [one["value"] for one in found] == list(range(6))
     np.testing.assert_array_equal(found[4]["row"], np.arange(4))
-    with pytest.raises(TensegrityError, match="of another sweep: its cases"):
-        sweep(counted, range(7), checkpoint=path)
+    assert [one["value"] for one in sweep(counted, range(8), checkpoint=path)] == list(range(8))
+    assert seen[7:] == [6, 7]  # a longer list computes what is new
+    assert [one["value"] for one in sweep(counted, range(3), checkpoint=path)] == [0, 1, 2]
+    assert len(sweep(counted, range(8), checkpoint=path)) == 8
+    assert len(seen) == 9  # a shorter one loses nothing
+    long = "x" * 100
+    assert sweep(len, [long + "1", 5], checkpoint=tmp_path / "long.npz")[0] == 101
+    with pytest.raises(TensegrityError, match=r"its case 0 is .*xx1', here .*xx2'$") as caught:
+        sweep(len, [long + "2"], checkpoint=tmp_path / "long.npz")
+    assert len(str(caught.value)) < 400
+    with pytest.raises(TensegrityError, match="its case 2 is 2, here -2"):
+        sweep(counted, [0, 1, -2], checkpoint=path)
     with pytest.raises(TensegrityError, match="of another sweep: its function"):
         sweep(squared, range(6), checkpoint=path)
 
@@ -88,7 +98,7 @@ def test_killed_at_random_moments_a_sweep_ends_with_the_same_results(tmp_path):
     ("call", "words"),
     [
         (lambda: sweep("abs", [1]), "function 'abs' cannot be called"),
-        (lambda: sweep(abs, 3), "cases 3 are not a sequence"),
+        (lambda: sweep(abs, 3), "cases 3 must be a sequence"),
         (lambda: sweep(abs, [1], executor="pool"), "not a concurrent.futures.Executor"),
         (lambda: sweep(abs, [1], checkpoint=3), "checkpoint 3 is not a path"),
     ],

@@ -166,6 +166,17 @@ def search(
         return trail.best()
 
 
+def _parts(data: dict[str, Any]) -> tuple[dict[str, Any], Array, str, Any]:
+    """What a checkpoint holds: of what, forces, a digest of their designs, and ways downhill."""
+    check.kind("of", data["of"], dict)
+    forces = archive.array("forces", data["forces"], (None,), are_finite=False)
+    check.kind("digest", data["digest"], str)
+    counts, rows = data.get("counts", ()), data.get("rows", ())
+    if len(counts) != len(rows) or (len(counts) and np.sum(counts) != len(forces)):
+        raise TensegrityError(f"{len(rows)} ways of {np.sum(counts)} forces, of {len(forces)}")
+    return data["of"], forces, data["digest"], (counts, rows)
+
+
 class _Trail:
     """The designs of a search and what they are worth, in memory and in a file."""
 
@@ -189,10 +200,9 @@ class _Trail:
             "method": method, "seed": seed,
         }  # fmt: skip
         if self._path is not None and self._path.exists():
-            kept = archive.read(self._path, "search")
-            require_same(self._path, "search", kept["of"], self._of)
-            self._old, self._old_digest = kept["forces"], kept["digest"]
-            self._old_places = kept.get("counts", ()), kept.get("rows", ())
+            of, *old = archive.read(self._path, "search", _parts)
+            require_same(self._path, "search", of, self._of)
+            self._old, self._old_digest, self._old_places = old
 
     @property
     def kept(self) -> int:

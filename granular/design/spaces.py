@@ -51,7 +51,9 @@ class Kinds:
 
     def beads(self, row: Any) -> list[Bead]:
         """The beads of one row of genes."""
-        return [self.kinds[k] for k in row]
+        numbers = check.sequence("row", row, "numbers of kinds")
+        count = len(self.kinds)
+        return [self.kinds[check.whole("kind", k, least=0, below=count)] for k in numbers]
 
 
 @dataclass(frozen=True)
@@ -254,7 +256,7 @@ class Sizes:
 
     def beads(self, row: Array) -> list[Bead]:
         """The beads of one row of diameters."""
-        return [Bead(float(d), self.material) for d in row]
+        return [Bead(d, self.material) for d in check.sequence("row", row, "diameters")]
 
     @property
     def all_kinds(self) -> Designs:

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, overload
 
 import numpy as np
 
+from tensegrity import check
+from tensegrity.errors import TensegrityError
 from tensegrity.notebook import page
 
 if TYPE_CHECKING:
@@ -129,16 +131,24 @@ class Table:
         """Write the columns with 17 digits, one header line."""
         table = np.column_stack([np.asarray(c, dtype=float) for c in self.columns.values()])
         header = ",".join(self.columns)
-        np.savetxt(path, table, fmt="%.17g", delimiter=",", header=header, comments="")
+        try:
+            np.savetxt(
+                check.path("path", path), table, fmt="%.17g", delimiter=",", header=header,
+                comments="",
+            )  # fmt: skip
+        except OSError as error:
+            raise TensegrityError(f"{path} cannot be written: {error.strerror}") from error
 
     def plot(
         self, x: str, y: str, axes: Axes | None = None, labels: Mapping[str, str] | None = None
     ) -> Axes:
         """Draw one column against another with the events marked; returns the axes."""
-        if axes is None:
-            import matplotlib.pyplot as plt
-
-            axes = plt.figure().add_subplot()
+        for name in (x, y):
+            if not isinstance(name, str) or name not in self.columns:
+                raise TensegrityError(
+                    f"column {check.shown(name)} is not one of {', '.join(self.columns)}"
+                )
+        axes = check.axes(axes)
         axes.plot(self.columns[x], self.columns[y], "-", lw=1.5)
         for kind in dict.fromkeys(e.kind for e in self.events):
             found = [e.at for e in self.events if e.kind == kind]

@@ -252,9 +252,11 @@ def functions(law: Any) -> Any:
 
 def evaluate(law, order, parameters, r):
     """The order-th derivative of a law on CasADi's machine; see `Compiled.evaluate`."""
+    if not r.size:
+        return np.zeros(r.shape)
     function = functions(law)[DERIVATIVES[order]]
     p = np.asarray(parameters, dtype=float)[: len(law.parameters)]
-    if p.ndim == 2 and r.size:
+    if p.ndim == 2:
         p = np.tile(p, r.size // r.shape[-1])
     return np.array(function(r.reshape(1, -1), p.reshape(len(p), -1 if p.size else 1))).reshape(
         r.shape

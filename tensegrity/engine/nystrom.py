@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity.engine.schemes import GAIN, Method, row_of, tuple_of
+from tensegrity import check
+from tensegrity.engine.schemes import GAIN, Method, row_of
 
 if TYPE_CHECKING:
     from typing import Any
@@ -43,7 +44,7 @@ class Nystrom(Method):
     def __post_init__(self) -> None:
         super().__post_init__()
         self._set_rows("nodes", "positions", "velocities")
-        rows = tuple_of(f"matrix of {self.name!r}", self.matrix)
+        rows = check.sequence(f"matrix of {self.name!r}", self.matrix, "rows")
         self._set("matrix", tuple(row_of(f"matrix of {self.name!r}", row) for row in rows))
 
     def check(self) -> None:

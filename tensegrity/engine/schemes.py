@@ -227,7 +227,7 @@ class Processed(Splitting):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        rows = tuple_of(f"entry of {self.name!r}", self.entry)
+        rows = check.sequence(f"entry of {self.name!r}", self.entry, "rows")
         self._set("entry", tuple(row_of(f"entry of {self.name!r}", row) for row in rows))
 
     def check(self) -> None:
@@ -316,15 +316,9 @@ def palindrome(half: tuple[float, ...], odd: bool) -> tuple[float, ...]:
     return half + half[-2::-1] if odd else half + half[::-1]
 
 
-def tuple_of(name: str, values: Any) -> tuple[Any, ...]:
-    if isinstance(values, (str, bytes)) or not isinstance(values, Iterable):
-        raise TensegrityError(f"{name} {check.shown(values)} must be a sequence")
-    return tuple(values)
-
-
 def row_of(name: str, values: Any) -> tuple[float, ...]:
     """Coefficients as plain floats."""
-    return tuple(check.number(name, value) for value in tuple_of(name, values))
+    return tuple(check.number(name, x) for x in check.sequence(name, values, "numbers"))
 
 
 def mirrors(row: Sequence[float]) -> bool:

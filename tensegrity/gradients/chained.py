@@ -13,7 +13,7 @@ import numpy as np
 from tensegrity.engine.law import Law
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
-from tensegrity.prisms.closed import rigid_law
+from tensegrity.prisms.closed import polygon, rigid_law
 from tensegrity.prisms.condensed import ElasticPotential
 from tensegrity.springs.polynomial import Polynomial
 from tensegrity.springs.power_law import PowerLaw
@@ -52,7 +52,7 @@ def refuse(spring: Potential) -> None:
 
 def names(spring: Potential) -> tuple[str, ...]:
     """What a gradient can be asked for, by the arguments of this spring."""
-    if spring.law == _rigid():
+    if spring.law in _rigid():
         return PRISM
     if isinstance(spring, PowerLaw):
         preload = spring.values[1]
@@ -61,8 +61,9 @@ def names(spring: Potential) -> tuple[str, ...]:
 
 
 @once
-def _rigid() -> Law:
-    return rigid_law()
+def _rigid() -> tuple[Law, Law]:
+    """Of triangular prisms, and of those with any number of sides."""
+    return rigid_law(), rigid_law(any_sides=True)
 
 
 def slopes(springs: Sequence[Potential], name: str, most: int) -> Array:
@@ -75,10 +76,13 @@ def slopes(springs: Sequence[Potential], name: str, most: int) -> Array:
     """
     found = np.zeros((len(springs), most))
     mine = [k for k, spring in enumerate(springs) if name in names(spring)]
-    prisms = [k for k in mine if springs[k].law == _rigid()]
-    if prisms:
-        values = np.array([springs[k].values for k in prisms])
-        found[prisms, : values.shape[1]] = _of_prisms(values, name)
+    prisms: list[int] = []
+    for any_sides, law in enumerate(_rigid()):
+        some = [k for k in mine if springs[k].law == law]
+        if some:
+            values = np.array([springs[k].values for k in some])
+            found[some, : values.shape[1]] = _of_prisms(values, name, bool(any_sides))
+            prisms += some
     powers = [k for k in mine if isinstance(springs[k], PowerLaw)]
     if powers:
         found[powers, :3] = _of_power_laws([springs[k] for k in powers], name)
@@ -110,27 +114,31 @@ def _overlap_slopes() -> dict[str, Any]:
     return {k: sp.lambdify(symbols, sp.simplify(overlap.diff(x)), "numpy") for k, x in by.items()}
 
 
-def _of_prisms(values: Array, name: str) -> Array:
+def _of_prisms(values: Array, name: str, any_sides: bool) -> Array:
     """The loaded height moves with the others, so that the preload stays.
 
     The numbers of a prism are read from those of its law: no more is kept of it.
     """
     from derivations import rigid_elastic as derived
 
-    known = dict(zip(derived.PARAMETERS, values.T, strict=True))
+    of = polygon(any_sides)
+    known = dict(zip(derived.parameters_of(of), values.T, strict=True))
     loaded, preload = known[derived.length_at_rest], known[derived.preload]
     prestrain = np.sqrt(known[derived.squared_0]) / known[derived.natural] - 1
-    given = (np.sqrt(3 * known[derived.area]), loaded - known[derived.shift],
-             np.maximum(prestrain, 0), known[derived.stiffness], loaded, preload)  # fmt: skip
+    shape = (of.sides, of.sine, of.cosine)  # of a triangle numbers
+    sides = [known[x] if any_sides else np.full(loaded.shape, float(x)) for x in shape]
+    given = (2 * sides[1] * np.sqrt(known[derived.area]), loaded - known[derived.shift],
+             np.maximum(prestrain, 0), known[derived.stiffness], loaded, preload,
+             *sides)  # fmt: skip
     found = np.empty(values.shape)
     collapsed, carrying = known[derived.no_lock] != 0, preload > 0
     for kind in (False, True):
         mine = collapsed == kind
         if mine.any():
             own = [x[mine] for x in given]
-            direct, by_loaded = _prism_slopes(kind, name), _prism_slopes(kind, "loaded")
+            direct, by_loaded = (_prism_slopes(kind, x, any_sides) for x in (name, "loaded"))
             moved = np.full(int(mine.sum()), float(name == "height"))
-            load = [function(*own) for function in _load_slopes(name)]
+            load = [function(*own) for function in _load_slopes(name, any_sides)]
             moved = np.where(carrying[mine], -load[0] / load[1], moved)
             found[mine] = _columns(direct, own) + moved[:, None] * _columns(by_loaded, own)
     return found
@@ -147,12 +155,12 @@ def _prism_symbols() -> tuple[Any, dict[str, Any]]:
     by = {"prestrain": prism.prestrain, "height": prism.reference_height, "k_cross": prism.k_cross}
     by["loaded"] = derived.loaded_height
     symbols = (prism.base, prism.reference_height, prism.prestrain, prism.k_cross,
-               derived.loaded_height, derived.preload)  # fmt: skip
+               derived.loaded_height, derived.preload, *derived.SIDES)  # fmt: skip
     return symbols, by
 
 
 @once
-def _prism_slopes(collapses: bool, name: str) -> Any:
+def _prism_slopes(collapses: bool, name: str, any_sides: bool) -> Any:
     """Derivatives of the parameters by one argument, the others fixed."""
     import sympy as sp
 
@@ -160,15 +168,16 @@ def _prism_slopes(collapses: bool, name: str) -> Any:
     from derivations.rigid_parameters import parameter_expressions
 
     symbols, by = _prism_symbols()
-    forms = dict(parameter_expressions())
+    of = polygon(any_sides)
+    forms = dict(parameter_expressions(of))
     if collapses:  # as `Prism.potential` has it
         forms |= {derived.lock: derived.loaded_height, derived.far_lock: derived.loaded_height}
-        forms |= {derived.no_lock: -derived.locking_height_squared()}
+        forms |= {derived.no_lock: -derived.locking_height_squared(of)}
     return sp.lambdify(symbols, [sp.diff(x, by[name]) for x in forms.values()], "numpy", cse=True)
 
 
 @once
-def _load_slopes(name: str) -> tuple[Any, Any]:
+def _load_slopes(name: str, any_sides: bool) -> tuple[Any, Any]:
     """Derivatives of dU/dh at the loaded height, by one argument and by that height."""
     import sympy as sp
 
@@ -176,8 +185,9 @@ def _load_slopes(name: str) -> tuple[Any, Any]:
     from derivations.rigid_parameters import parameter_expressions
 
     symbols, by = _prism_symbols()
-    forms = parameter_expressions()
-    load = derived.force().subs({
+    of = polygon(any_sides)
+    forms = parameter_expressions(of)
+    load = derived.force(of=of).subs({
         derived.height: derived.loaded_height,
         derived.circumradius: sp.sqrt(forms[derived.area]),
         derived.bar: (forms[derived.far_stroke] + forms[derived.stroke]) / 2,

@@ -121,9 +121,8 @@ def energy(sites: Sequence[int] | None = None) -> Trace:
     """
     if sites is None:
         return Trace("energy", None)
-    if isinstance(sites, str) or not hasattr(sites, "__iter__"):
-        raise TensegrityError(f"sites {check.shown(sites)} must be a sequence of site numbers")
-    found = tuple(check.whole("site", s, least=0) for s in sites)
+    numbers = check.sequence("sites", sites, "site numbers")
+    found = tuple(check.whole("site", s, least=0) for s in numbers)
     if not found or len(set(found)) < len(found):
         raise TensegrityError(f"sites {check.shown(found)} must be some, each once")
     return Trace("energy", found)

@@ -358,7 +358,7 @@ class ElasticPotential(Potential):
         z = z + length * u * w * (w * self._rates[at - 1] - u * self._rates[at])
         return np.column_stack([np.sinh(z), rise])
 
-    def _evaluate(self, order: int, r: ArrayLike, closed: bool = False) -> Array:
+    def derivative(self, order: int, r: ArrayLike, closed: bool = False) -> Array:
         r = check.numbers("elongation", r, "m")
         low, high = self._domain
         # an end is a root: where a prism hardly prestressed makes contact, some ulps are open

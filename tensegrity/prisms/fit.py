@@ -257,11 +257,9 @@ def _unidentified(
 
 
 def _free(free: Any, prism: Prism) -> tuple[str, ...]:
-    if isinstance(free, str) or not hasattr(free, "__iter__"):
-        raise TensegrityError(f"free {check.shown(free)} must be a sequence of names")
-    names = tuple(free)
+    names = check.sequence("free", free, "names")
     for name in names:
-        if name not in NAMES or names.count(name) > 1:
+        if not isinstance(name, str) or name not in NAMES or names.count(name) > 1:
             raise TensegrityError(
                 f"free {check.shown(name)} must be one of {', '.join(NAMES)}, once"
             )

@@ -71,6 +71,11 @@ def assembled(
         return condition(x, *lengths, *softness, sine)
 
     high = most * (1 - 1e-16)
+    if not gap(0.0) * gap(high) < 0:
+        raise EquilibriumError(
+            f"bar {lengths[2]:g} m is too long beside cross {lengths[0]:g} m and base "
+            f"{lengths[1]:g} m: no numbers are near enough to the stress that strings take then"
+        )
     density = brentq(gap, 0.0, high, xtol=1e-300, rtol=1e-15)
     length, side, _ = stretched(density, *lengths, *softness, sine)
     squared = level(length, side, sine)

@@ -21,10 +21,13 @@ if TYPE_CHECKING:
 
     from tensegrity.typing import Array
 
+PER_SIDE = 1400  # bytes that a column takes for a side of each of its prisms
+
 
 def stacked(prism: Any, count: int, chirality: str, plates: bool) -> Structure:
     """See `tensegrity.column`."""
     count = check.whole("count", count, least=1)
+    check.room(f"a column of {count} prisms", PER_SIDE * prism.sides * count)
     plates = check.truth("plates", plates)
     if not isinstance(chirality, str) or chirality not in ("alternate", "same"):
         raise TensegrityError(f"chirality {check.shown(chirality)} must be 'alternate' or 'same'")

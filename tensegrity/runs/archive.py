@@ -30,11 +30,15 @@ from tensegrity.scenes.forcing import Damping, Drive
 from tensegrity.scenes.network import Network
 from tensegrity.scenes.scene import State
 from tensegrity.scenes.walls import Wall
+from tensegrity.springs.polynomial import Polynomial
 from tensegrity.springs.potential import Potential
 from tensegrity.springs.power_law import PowerLaw
+from tensegrity.structures.dynamics import BarSpring, StringSpring
 
 if TYPE_CHECKING:
     from typing import Any
+
+    from numpy.typing import NDArray
 
 FORMAT = "tensegrity 1"
 
@@ -164,6 +168,16 @@ def read(path, kind, make=dict):
         raise TensegrityError(f"{path} holds no {kind}, or is damaged: {error}") from error
 
 
+def array(
+    name: str, value: Any, shape: tuple[int | None, ...], are_finite: bool = True
+) -> NDArray[Any]:
+    """What a file holds, if it is an array of floats of that shape, None being any length."""
+    is_one = isinstance(value, np.ndarray) and value.dtype == float and value.ndim == len(shape)
+    if not is_one or any(n not in (None, m) for n, m in zip(shape, value.shape, strict=True)):
+        raise TensegrityError(f"{name} {check.shown(value)} is no array of floats {shape}")
+    return check.finite(name, value) if are_finite else value
+
+
 class UnknownKind(TensegrityError):
     """A file holds an object of a package that was not imported."""
 
@@ -227,6 +241,8 @@ class _Reader:
         if "dict" in x:
             return {key: self.value(one) for key, one in x["dict"]}
         if "printed" in x:
+            for text in (x["printed"], x["fingerprint"]):
+                check.kind("print-out", text, str)
             return Printed(x["printed"], x["fingerprint"])
         return self._object(x["object"])
 
@@ -278,17 +294,31 @@ def _rigid(x):
     if all(x.law != rigid_law(any_sides) for any_sides in (False, True)):
         return None
     parts = {"values": x.values, "length": x.length, "domain": x.domain, "ends": x.ends}
-    return parts | {"origin": x.origin}
+    return parts | {"origin": x.origin, "made_of": x.made_of}
 
 
-def _make_rigid(values, length, domain, ends, origin):
-    any_sides = len(values) > len(rigid_law().parameters)
-    return Potential.from_law(rigid_law(any_sides), values, length, domain, ends, origin)
+def _make_rigid(values, length, domain, ends, origin, made_of=None):
+    law = rigid_law(len(values) > len(rigid_law().parameters))
+    array("parameters", values, (len(law.parameters),))
+    for text in (*ends, origin):
+        check.kind("text of a potential", text, str)
+    if made_of is not None:
+        check.kind("prism", made_of[0], Prism)
+    return Potential.from_law(law, values, length, domain, ends, origin, made_of)
+
+
+def _polynomial(x):
+    parts = {"degree": x.degree, "values": x.values, "length": x.length, "domain": x.domain}
+    return parts | {"error_estimate": x.error_estimate}
 
 
 def _elastic(x):
     prism, preload = x.made_of
     return {"prism": prism, "preload": preload}
+
+
+def _member(x):
+    return {"stiffness": x.values[0], "length": x.length}
 
 
 def in_time(x: Any) -> dict[str, Any]:
@@ -318,6 +348,8 @@ def _wall(x):
 
 def _make_wall(point, normal, extent):
     wall = Wall(point, normal, extent)
+    if not np.allclose(wall.normal, normal, rtol=1e-15, atol=1e-15):
+        raise TensegrityError(f"wall normal {normal} must have length 1")
     object.__setattr__(wall, "normal", normal)  # a second division by its length can change bits
     return wall
 
@@ -352,6 +384,9 @@ register(Prism, _fields)
 register(PowerLaw, _power_law)
 register(Potential, _rigid, _make_rigid)
 register(ElasticPotential, _elastic)
+register(Polynomial, _polynomial, Polynomial.of_coefficients)
+register(StringSpring, _member)
+register(BarSpring, _member)
 register(Wall, _wall, _make_wall)
 register(Chain, _chain, _make_chain)
 register(Ensemble, _ensemble)

@@ -73,8 +73,6 @@ class Book:
         self._columns = record.columns(scene.sites)
         self._kept = tuple(np.arange(scene.sites)[self._columns].tolist())
         self._walls = watch.look()[1].shape
-        if record.state_path is not None and count is None:
-            record.state_path.unlink(missing_ok=True)  # that of a trial
         shape, room = (len(self._kept), *scene.shape[1:]), len(self._plan) + 1
         self._rows = record.rows(room, shape, self._walls, count)
 

@@ -91,8 +91,6 @@ class March:
         self._checks = apart * np.arange(checkpoints + 1) if checkpoints else np.zeros(0, int)
         sites, rest = np.arange(scene.sites)[self._columns], scene.shape[1:]
         self._sites, self._checked = tuple(sites.tolist()), 0
-        if record.state_path is not None and start is None:
-            record.state_path.unlink(missing_ok=True)  # that of a trial
         self._rows = record.rows(
             len(self._plan) + 1, (len(sites), *rest), (scene.wall_count, *rest),
             None if start is None else start.count, more=("work", "loss"),

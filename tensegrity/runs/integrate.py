@@ -98,7 +98,7 @@ def simulate(
     outlook = Outlook(scene, state, energy)
     problem = known(
         Problem, scene=scene, state=state, t_end=t_end, method=method, record=record,
-        choice=choice, outlook=outlook,
+        choice=choice, outlook=outlook, given=dt,
     )  # fmt: skip
     if dt is not None:
         run = fixed_step(problem, dt)

@@ -90,7 +90,7 @@ def refuse_start(problem, steps):
     limit = problem.largest_step(scene.frequency(present))
     if dt > limit:
         raise StabilityError(
-            f"dt {dt:.6g} s is beyond {limit:.6g} s, the stability limit of "
+            f"{problem.step_words(dt)} is beyond {limit:.6g} s, the stability limit of "
             f"{problem.method.name} in the initial state"
         )
 

@@ -104,9 +104,9 @@ class Motion:
         largest = LARGEST_DAMPING / longest / rate if rate else math.inf
         if self.dt > largest:
             error = StabilityError(
-                f"dt {self.dt:.6g} s is beyond {largest:.6g} s for dashpots whose velocities decay "
-                f"at {rate:.6g} 1/s: {method.name} drifts by up to {longest:.3g} dt at a time, "
-                f"which must be at most {LARGEST_DAMPING:g} of that rate"
+                f"{self._problem.step_words(self.dt)} is beyond {largest:.6g} s for dashpots whose "
+                f"velocities decay at {rate:.6g} 1/s: {method.name} drifts by up to {longest:.3g} "
+                f"dt at a time, which must be at most {LARGEST_DAMPING:g} of that rate"
             )
             error.largest = largest
             raise error
@@ -325,8 +325,9 @@ class Motion:
         limit = self._problem.largest_step(self._omega(met, t, end))
         if self.dt > self._allowed * limit:
             raise StabilityError(
-                f"dt {self.dt:.6g} s is beyond {self._allowed * limit:.6g} s, {self._allowed:g} of "
-                f"the stability limit of {self._problem.method.name} at the stiffness met at "
+                f"{self._problem.step_words(self.dt)} is beyond {self._allowed * limit:.6g} s, "
+                f"{self._allowed:g} of the stability limit of {self._problem.method.name} at the "
+                f"stiffness met at "
                 f"t = {end:.6g} s {self._scene.stiffest(u, met)}"
             )
 
@@ -342,8 +343,9 @@ class Motion:
         limit = self._problem.largest_step(omega)
         if self.dt > self._allowed * limit:
             raise StabilityError(
-                f"dt {self.dt:.6g} s is beyond {self._allowed * limit:.6g} s, {self._allowed:g} of "
-                f"the stability limit of {self._problem.method.name} in the initial state"
+                f"{self._problem.step_words(self.dt)} is beyond {self._allowed * limit:.6g} s, "
+                f"{self._allowed:g} of the stability limit of {self._problem.method.name} in the "
+                f"initial state"
             )
 
     def _omega(self, met: Array, t: float, end: float) -> float:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tensegrity import check
 from tensegrity.errors import TensegrityError
 
 if TYPE_CHECKING:
@@ -18,7 +19,6 @@ FAINTEST = 1e-4  # of the largest energy density: the lower end of the colours
 
 def energy_density(run: Recorded, axes: Axes | None = None) -> Axes:
     """Energy of each site against time, logarithmic colours; returns the axes."""
-    import matplotlib.pyplot as plt
     from matplotlib.colors import LogNorm
 
     scene = run.scene
@@ -26,7 +26,7 @@ def energy_density(run: Recorded, axes: Axes | None = None) -> Axes:
         raise TensegrityError(
             f"{len(run.sites)} of {scene.sites} sites recorded: record all to plot"
         )
-    axes = axes or plt.subplots(figsize=(7, 4.5), layout="constrained")[1]
+    axes = check.axes(axes)
     density = scene.site_energy(run.u, run.v)
     largest = density.max() or 1.0
     image = axes.pcolormesh(

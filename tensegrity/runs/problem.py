@@ -14,7 +14,7 @@ MOST_STEPS = 10**12
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What is to be run, the step apart.
+    """What is to be run, the step apart, of which `given` says what a user asked for [s].
 
     `surrogate` is the scene with springs that are fitted to those of `scene`: it is moved, while
     checks and recorded energies are those of `scene`.  `choice` says what chose the step: "dt",
@@ -33,6 +33,7 @@ class Problem:
     trial: bool = False
     rows: bool = True
     outlook: Outlook | None = None
+    given: float | None = None
 
     def __post_init__(self):
         if self.outlook is None:
@@ -51,6 +52,12 @@ class Problem:
     def largest_step(self, omega):
         """Stability limit [s] at an angular frequency [rad/s]; inf where it is 0."""
         return self.method.stability_limit / omega if omega > 0 else math.inf
+
+    def step_words(self, dt):
+        """A step as it was given, and what it became to divide the time evenly."""
+        if self.given is None or math.isclose(self.given, dt, rel_tol=1e-5):
+            return f"dt {dt:.6g} s"
+        return f"dt {self.given:.6g} s, that is steps of {dt:.6g} s,"
 
     def natural_step(self, omega):
         """The step [s] that fractions are taken of, at an angular frequency [rad/s]."""

@@ -51,7 +51,8 @@ class Record:
         A new .npy file for the rows, which then need no memory but 48 bytes each for their
         numbers.  It is whole after every row, also if the process is killed:
         numpy.load(path, mmap_mode="r") gives a structured array with fields t, energy, u, v; and
-        work, loss of scenes that are driven, damped or tuned.
+        work, loss of scenes that are driven, damped or tuned.  Another run of the same path is
+        refused before it writes.
     checkpoint : float, optional
         With a path: after so many seconds of computing, and when a run ends, also by an error or
         by Ctrl-C, its whole state is kept in a file beside the rows, named as they with
@@ -85,9 +86,8 @@ class Record:
             interval = check.number("interval", self.interval, above=0, unit="s")
             object.__setattr__(self, "interval", interval)
         if self.sites is not None:
-            if isinstance(self.sites, str) or not hasattr(self.sites, "__iter__"):
-                raise TensegrityError(f"sites {self.sites!r} must be a sequence of site numbers")
-            kept = tuple(check.whole("site", s, least=0) for s in self.sites)
+            sites = check.sequence("sites", self.sites, "site numbers")
+            kept = tuple(check.whole("site", s, least=0) for s in sites)
             if not kept:
                 raise TensegrityError("sites is empty: nothing to record")
             object.__setattr__(self, "sites", kept)
@@ -141,7 +141,7 @@ class Record:
         kind = np.dtype(kind + [(name, float) for name in more])
         if self.path is None:
             return Rows(instants, kind)
-        return FileRows(self.path, instants, kind, count)
+        return FileRows(self.path, instants, kind, count, self.state_path)
 
     def columns(self, sites: int) -> Any:
         """Numbers of the recorded sites of a scene, or a slice of all."""
@@ -222,8 +222,7 @@ def beside(path: str | os.PathLike[str]) -> Path:
 
 def _increasing(times):
     """Instants as a tuple of floats, from 0 on."""
-    if isinstance(times, str) or not hasattr(times, "__iter__"):
-        raise TensegrityError(f"times {times!r} must be a sequence of instants")
+    times = check.sequence("times", times, "instants")
     times = tuple(check.number("time to record", t, least=0, unit="s") for t in times)
     if not times:
         raise TensegrityError("times is empty: nothing to record")

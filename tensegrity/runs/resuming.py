@@ -5,22 +5,22 @@ from __future__ import annotations
 import os
 import time
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tensegrity import check
+from tensegrity.engine import methods
 from tensegrity.errors import TensegrityError
 from tensegrity.runs import archive
 from tensegrity.runs.book import Sound, Start
 from tensegrity.runs.problem import Problem
-from tensegrity.runs.record import beside
+from tensegrity.runs.record import Record, beside
 from tensegrity.runs.run import Run
 from tensegrity.runs.step import resumed
+from tensegrity.scenes.ensemble import Ensemble
+from tensegrity.scenes.scene import Scene
 
 if TYPE_CHECKING:
     from pathlib import Path
-    from typing import Any
-
-    from tensegrity.scenes.scene import Scene
 
 
 def resume(path: str | os.PathLike[str], scene: Scene | None = None) -> Run:
@@ -53,17 +53,64 @@ def resume(path: str | os.PathLike[str], scene: Scene | None = None) -> Run:
     """
     started = time.perf_counter()
     path = check.path("path", path)
-    data = archive.read(beside(path), "state")
-    scene = _same(data["scene"], scene, path)
+    whole = archive.read(beside(path), "state", lambda data: Broken(**data))
+    scene = _same(whole.scene, scene, path)
+    try:
+        start = whole.start(scene)
+    except TensegrityError as error:
+        raise TensegrityError(f"{beside(path)} holds no state, or is damaged: {error}") from error
     problem = Problem(
-        scene, data["state"], data["t_end"], data["method"], replace(data["record"], path=path),
-        choice=data["choice"],
+        scene, whole.state, whole.t_end, methods.find(whole.method),
+        replace(whole.record, path=path), choice=whole.choice,
     )  # fmt: skip
-    scene.check(problem.state)
-    sound = Sound(data["u"], data["v"], data["done"], data["seen"])
-    start = Start(sound, data["count"], data["met"])
-    run = resumed(problem, data["steps"], data["allowed"], start)
+    run = resumed(problem, whole.steps, whole.allowed, start)
     return replace(run, wall_time=time.perf_counter() - started)
+
+
+class Broken(NamedTuple):
+    """What the file of a run that was broken off holds."""
+
+    scene: Any
+    state: Any
+    t_end: Any
+    method: Any
+    record: Any
+    choice: Any
+    steps: Any
+    allowed: Any
+    done: Any
+    u: Any
+    v: Any
+    seen: Any
+    count: Any
+    met: Any
+
+    def start(self, scene: Any) -> Start:
+        """Where the run goes on, if all parts fit each other and the scene."""
+        check.kind("scene", scene, Scene)
+        scene.check(self.state)
+        check.number("t_end", self.t_end, least=0, unit="s")
+        methods.find(self.method)
+        check.kind("record", self.record, Record)
+        if not isinstance(self.choice, str) or self.choice not in ("dt", "tol", "default"):
+            raise TensegrityError(f"choice {check.shown(self.choice)} of a step is not known")
+        check.whole("steps", self.steps, least=0)
+        check.number("allowed", self.allowed, above=0)
+        check.whole("done", self.done, least=0, below=self.steps + 1)
+        check.whole("count", self.count, least=0)
+        shape = scene.arrays(self.state)[0].shape
+        count, springs = (4, len(scene.spring_table)) if scene.is_driven else (2, None)
+        if len(check.sequence("seen", self.seen, "arrays")) != count:
+            raise TensegrityError(f"seen has {len(self.seen)} arrays, must have {count}")
+        for x in (self.u, self.v, *self.seen[:2]):
+            archive.array("u or v", x, shape)
+        if scene.is_driven:
+            lanes = scene.shape[len(scene.shape) - isinstance(scene, Ensemble) :]
+            archive.array("work and loss", self.seen[2], (2, *lanes))
+            work = archive.array("sums", self.seen[3], (4, *lanes), are_finite=False)[:2]
+            check.finite("sums", work)  # behind them elongations, inf at first
+        archive.array("met", self.met, (springs, 2))
+        return Start(Sound(self.u, self.v, self.done, self.seen), self.count, self.met)
 
 
 def _same(kept: Any, given: Any, path: Path) -> Any:

@@ -1,7 +1,8 @@
 """Rows of a run, in memory or in a file that is whole after every row.
 
 A row counts once it is written in full: an interrupt, a full disk or a killed process in the
-midst of one leaves the rows before it, and the next attempt writes it anew.
+midst of one leaves the rows before it, and the next attempt writes it anew.  A file that is
+written to is locked by its open handle, so that the lock of a killed process goes with it.
 """
 
 from __future__ import annotations
@@ -9,9 +10,15 @@ from __future__ import annotations
 import io
 import os
 import shutil
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+try:
+    import fcntl
+except ImportError:  # Windows, where a second run is refused only once the file of rows is there
+    fcntl = None  # type: ignore[assignment]
 
 from tensegrity import check
 from tensegrity.errors import RecordError, TensegrityError
@@ -26,6 +33,7 @@ if TYPE_CHECKING:
 
 
 SMALL = 4_000_000  # bytes that are not asked for
+BEGUN: set[tuple[int, int]] = set()  # files of this process, which its later trials begin anew
 
 
 def need_memory(size):
@@ -81,10 +89,22 @@ class FileRows:
     count : int, optional
         Rows to go on after; the file has them, and what it has beyond stays readable until it
         is written over.  By default the file is begun.
+    state_path : Path, optional
+        Of the whole state of a trial, which goes when the file is begun.
+
+    Raises
+    ------
+    RecordError
+        Another run writes to the file, or has begun it, or it cannot be written.
     """
 
     def __init__(
-        self, path: Any, instants: int, kind: np.dtype[Any], count: int | None = None
+        self,
+        path: Any,
+        instants: int,
+        kind: np.dtype[Any],
+        count: int | None = None,
+        state_path: Any = None,
     ) -> None:
         self._path, self._kind, self.count = path, kind, count or 0
         missing = instants - self.count
@@ -95,25 +115,53 @@ class FileRows:
         self._size = len(self._header(0))
         try:
             if count is None:
-                self._file = self._begun()
+                self._begin(state_path)
             else:
-                self._file = os.open(path, os.O_RDWR | getattr(os, "O_BINARY", 0))
+                self._open(path)
         except OSError as error:
             raise self._refused(error) from error
+        BEGUN.add(_identity(os.fstat(self._file.fileno())))
 
-    def _begun(self):
+    def _begin(self, state_path):
         """A file of no rows, in its place once it is whole: nobody sees an empty one."""
+        self._refuse_begun()
         new = self._path.with_name(self._path.name + ".new")
-        flags = os.O_RDWR | os.O_CREAT | os.O_TRUNC | getattr(os, "O_BINARY", 0)
-        file = os.open(new, flags, 0o666)
+        self._open(new)
         try:
-            _write(file, self._header(0), 0)
+            self._refuse_begun()  # since, by a run that gave the lock free
+            if state_path is not None:
+                state_path.unlink(missing_ok=True)
+            self._file.truncate(0)
+            _write(self._file, self._header(0), 0)
             os.replace(new, self._path)
         except BaseException:
-            os.close(file)
             new.unlink(missing_ok=True)
+            self.close()
             raise
-        return file
+
+    def _refuse_begun(self):
+        if self._path.exists() and _identity(os.stat(self._path)) not in BEGUN:
+            raise RecordError(f"record path {self._path} exists: another run began it")
+
+    def _open(self, path):
+        """Open a file, if no other run has it open to write."""
+        flags = os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0)
+        self._file = io.FileIO(os.open(path, flags, 0o666), "r+")  # which closes itself if lost
+        try:
+            if fcntl is not None:
+                fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            self.close()
+            raise RecordError(f"record path {self._path} is being written by another run") from None
+        except OSError:  # a file system without locks
+            pass
+
+    def close(self):
+        """Close the file, and give it free: a process that was forked may have it open too."""
+        if fcntl is not None and not self._file.closed:
+            with suppress(OSError):
+                fcntl.flock(self._file, fcntl.LOCK_UN)
+        self._file.close()
 
     def _header(self, count):
         """NumPy pads the header so that a growing count always fits its place."""
@@ -154,13 +202,11 @@ class FileRows:
 
     def flush(self):
         """Wait until the disk has what was written."""
-        os.fsync(self._file)
+        os.fsync(self._file.fileno())
 
     def finished(self) -> NDArray[Any]:
         """The rows written so far, mapped from the file."""
-        if self._file is not None:
-            file, self._file = self._file, None
-            os.close(file)
+        self.close()
         return _mapped(self._path, self._kind, self.count)[: self.count]
 
 
@@ -168,11 +214,12 @@ def _mapped(path, kind, count):
     """Rows of a file that has at least `count` of that kind."""
     try:
         rows = np.lib.format.open_memmap(path, mode="r") if count else _read(path)
-    except (OSError, ValueError, EOFError) as error:
+    except Exception as error:  # what a damaged header makes of NumPy, and of Python's tokens
         raise TensegrityError(f"record path {path} holds no rows: {error}") from error
-    if rows.dtype != kind or len(rows) < count:
+    if rows.dtype != kind or rows.ndim != 1 or len(rows) < count:
         raise TensegrityError(
-            f"record path {path} holds {len(rows)} rows of another run, or fewer than {count}"
+            f"record path {path} holds an array {rows.shape} of another run, or fewer than {count} "
+            "rows"
         )
     return rows
 
@@ -181,9 +228,14 @@ def _read(path):
     return np.load(path, allow_pickle=False)  # no rows, perhaps, which cannot be mapped
 
 
+def _identity(status):
+    """What tells a file from others, whatever its name."""
+    return status.st_dev, status.st_ino
+
+
 def _write(file, data, place):
     """Write all of it: the system may take a part, and say why with the rest only."""
     view = memoryview(data)
     while view:
-        done = os.pwrite(file, view, place)
+        done = os.pwrite(file.fileno(), view, place)
         view, place = view[done:], place + done

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.notebook import page
 from tensegrity.runs import archive
-from tensegrity.scenes.scene import State
+from tensegrity.scenes.scene import Scene, State
 
 if TYPE_CHECKING:
     from os import PathLike
@@ -156,7 +157,35 @@ class Run:
             If there is no such file, or it is damaged or something else, or its scene is of a
             package that was not imported, such as `granular`.
         """
-        return archive.read(path, "run", lambda data: cls(**data))
+        return archive.read(path, "run", lambda data: cls(**data)._fitting())
+
+    def _fitting(self) -> Self:
+        """The run of a file, if its parts fit each other."""
+        check.kind("final", self.final, State)
+        shape = self.final.u.shape
+        if not isinstance(self.scene, archive.Printed):
+            check.kind("scene", self.scene, Scene)
+            if self.scene.shape != shape:
+                raise TensegrityError(f"final has shape {shape}, the scene {self.scene.shape}")
+        numbers = check.sequence("sites", self.sites, "numbers")
+        for site in numbers:
+            check.whole("site", site, least=0, below=shape[0])
+        t = archive.array("t", self.t, (None,))
+        if not (np.diff(t) > 0).all():
+            raise TensegrityError("t must increase")
+        rows, optional = (len(t), len(numbers), *shape[1:]), {"met": (None, 2)}
+        optional |= {"work": t.shape, "loss": t.shape, "impulse": (len(t), None, *shape[1:])}
+        for name, wanted in ({"u": rows, "v": rows, "energy": t.shape} | optional).items():
+            if name not in optional or getattr(self, name) is not None:
+                archive.array(name, getattr(self, name), wanted)
+        for name in ("dt", "wall_time", "error_estimate", "fastest"):
+            if name in ("dt", "wall_time") or getattr(self, name) is not None:
+                check.number(name, getattr(self, name), least=0, finite=name == "dt")
+        check.whole("steps", self.steps, least=0)
+        check.truth("complete", self.complete)
+        for name in ("method", "force"):
+            check.kind(name, getattr(self, name), str)
+        return self
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Space-time density of energy; needs all sites recorded. Returns the axes."""

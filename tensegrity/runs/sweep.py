@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from types import TracebackType
 
 AHEAD = 1024  # cases handed to an executor at a time
+NAMED = 1000  # characters of a case that a checkpoint keeps, to tell it from others
 WRITING = 0.1  # share of the time that a checkpoint may take
 
 
@@ -70,8 +71,9 @@ def sweep(
         they are computed here, one after the other.
     checkpoint : str or path, optional
         File in which results are kept as they come, written beside and renamed; with it the same
-        call goes on where it was broken off.  Results must be numbers, text, None, arrays, or
-        sequences and dicts of these; sequences come back as tuples.
+        call goes on where it was broken off, also with more cases behind or some left out there.
+        Results must be numbers, text, None, arrays, or sequences and dicts of these; sequences
+        come back as tuples.
 
     Returns
     -------
@@ -90,12 +92,10 @@ def sweep(
     """
     if not callable(function):
         raise TensegrityError(f"function {check.shown(function)} cannot be called")
-    if isinstance(cases, (str, bytes)) or not isinstance(cases, Iterable):
-        raise TensegrityError(f"cases {check.shown(cases)} are not a sequence of cases")
-    cases = list(cases)
+    cases = check.sequence("cases", cases, "cases")
     ledger = _Ledger(checkpoint, function, cases)
     left = [k for k in range(len(cases)) if k not in ledger.results]
-    with Crew(executor) as crew, progress(len(cases), "case", len(ledger.results)) as bar:
+    with Crew(executor) as crew, progress(len(cases), "case", len(cases) - len(left)) as bar:
         try:
             for number, result in crew.outcomes(function, [cases[k] for k in left]):
                 k = left[number]
@@ -116,14 +116,18 @@ class _Ledger:
         if self._path is None:
             return
         name = f"{getattr(function, '__module__', '')}.{getattr(function, '__qualname__', '')}"
+        self._of = {"function": name}
         try:
-            self._of = {"function": name, "cases": archive.fingerprint(tuple(cases))}
+            self._cases = [(archive.fingerprint(x), check.text(x)[:NAMED]) for x in cases]
         except TypeError as error:  # such as complex numbers
             raise TensegrityError(f"cases that no checkpoint can name: {error}") from error
         if self._path.exists():
-            kept = archive.read(self._path, "sweep")
-            require_same(self._path, "sweep", kept["of"], self._of)
-            self.results = dict(zip(kept["numbers"], kept["results"], strict=True))
+            of, known, self.results = archive.read(self._path, "sweep", _parts)
+            require_same(self._path, "sweep", of, self._of)
+            for k, (old, new) in enumerate(zip(known, self._cases, strict=False)):
+                if old[0] != new[0]:
+                    raise _other(self._path, "sweep", f"case {k}", old[1], new[1])
+            self._cases = max(known, self._cases, key=len)
 
     def add(self, number: int, result: Any) -> None:
         """Keep a result; write where that does not take much of the time."""
@@ -142,9 +146,18 @@ class _Ledger:
         began = time.monotonic()
         numbers = sorted(self.results)
         results = [self.results[k] for k in numbers]
-        keep(self._path, "sweep", {"of": self._of, "numbers": numbers, "results": results})
+        known = {"of": self._of, "cases": self._cases}
+        keep(self._path, "sweep", known | {"numbers": numbers, "results": results})
         self._fresh = False
         self._due = time.monotonic() + (time.monotonic() - began) / WRITING
+
+
+def _parts(data: dict[str, Any]) -> tuple[dict[str, Any], list[tuple[str, str]], dict[int, Any]]:
+    """What a checkpoint holds: of what, its cases, and results by their numbers."""
+    check.kind("of", data["of"], dict)
+    cases = [(str(known), str(text)) for known, text in data["cases"]]
+    numbers = [check.whole("number", k, least=0, below=len(cases)) for k in data["numbers"]]
+    return data["of"], cases, dict(zip(numbers, data["results"], strict=True))
 
 
 def _can_be_kept(result: Any) -> bool:
@@ -168,10 +181,14 @@ def require_same(path: Path, kind: str, there: dict[str, Any], here: dict[str, A
     """Refuse the checkpoint of something else, naming the difference."""
     for name, value in here.items():
         if there.get(name) != value:
-            was, now = check.shown(there.get(name)), check.shown(value)
-            raise TensegrityError(
-                f"checkpoint {path} is of another {kind}: its {name} is {was}, here {now}"
-            )
+            raise _other(path, kind, name, check.text(there.get(name)), check.text(value))
+
+
+def _other(path: Path, kind: str, name: str, was: str, now: str) -> TensegrityError:
+    was, now = check.differing(was, now)
+    return TensegrityError(
+        f"checkpoint {path} is of another {kind}: its {name} is {was}, here {now}"
+    )
 
 
 class Crew:

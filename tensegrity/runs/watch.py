@@ -266,18 +266,19 @@ class Watch:
         met, (low, high) = self._met(loop, after), self._guard.domains.T
         for row, side in np.argwhere(np.stack([met[:, 0] <= low, met[:, 1] >= high], axis=1)):
             spring, where = self._springs[row], scene.extreme(int(row), u, side)
-            barrier = float(spring.energy(spring.reach[side]))
+            barrier = float(spring.derivative(0, spring.reach[side], closed=True))
             given = self._problem.scene.available_energy(self._problem.state)
             if given < barrier:
                 return StabilityError(
-                    f"dt {self.dt:.6g} s is too coarse: the spring {where} passed the end of "
-                    f"its domain at t = {t:.6g} s, which takes {barrier:.6g} J, with "
-                    f"{given:.6g} J in the whole scene"
+                    f"{self._problem.step_words(self.dt)} is too coarse: the spring {where} "
+                    f"passed the end of its domain at t = {t:.6g} s, which takes {barrier:.6g} J, "
+                    f"with {given:.6g} J in the whole scene"
                 )
             error = spring.beyond(met[row, side])
             return type(error)(f"{error}: the spring {where} got there at t = {t:.6g} s")
         return StabilityError(
-            f"dt {self.dt:.6g} s is beyond {self.allowed * self._guard.limit:.6g} s, "
-            f"{self.allowed:g} of the stability limit of {self._problem.method.name} at the "
-            f"stiffness met at t = {t:.6g} s {scene.stiffest(u, met)}"
+            f"{self._problem.step_words(self.dt)} is beyond "
+            f"{self.allowed * self._guard.limit:.6g} s, {self.allowed:g} of the stability limit of "
+            f"{self._problem.method.name} at the stiffness met at t = {t:.6g} s "
+            f"{scene.stiffest(u, met)}"
         )

@@ -159,7 +159,11 @@ class Chain(Scene):
 
     def elongation(self, u: ArrayLike) -> Array:
         """r_j = u[j+1] - u[j] [m] along the last axis."""
-        u = check.rows("displacements", u, self.shape)
+        return check.finite("elongation", self.stretch(u))
+
+    def stretch(self, u: ArrayLike) -> Array:
+        """The same, nan where u is."""
+        u = check.rows("displacements", u, self.shape, are_finite=False)
         return u[..., 1:] - u[..., :-1]
 
     def bond_energy(self, u: ArrayLike) -> Array:
@@ -198,6 +202,7 @@ class Chain(Scene):
 
     def site_energy(self, u: Array, v: Array) -> Array:
         """Kinetic energy of each site and half that of its bonds [J]; (..., sites)."""
+        u, v = self._rows(u, v)
         half = self.bond_energy(u) / 2
         edge = np.zeros((*half.shape[:-1], 1))
         left, right = np.concatenate([edge, half], -1), np.concatenate([half, edge], -1)
@@ -248,13 +253,13 @@ class Chain(Scene):
     def extreme(self, spring: int, u: Array, side: int) -> str:
         """Where an elongation of that spring is lowest (side 0) or highest (1), in words."""
         bonds = np.flatnonzero(self.spring_table.group == spring)
-        r = self.elongation(u)[bonds]
+        r = self.stretch(u)[bonds]
         bond = int(bonds[np.argmax(r) if side else np.argmin(r)])
         return f"between sites {bond} and {bond + 1}"
 
     def stiffest(self, u: Array, ranges: Array) -> str:
         """Where the stretch is largest, in words."""
-        bond = int(np.argmax(np.abs(self.elongation(u))))
+        bond = int(np.argmax(np.abs(self.stretch(u))))
         return f"between sites {bond} and {bond + 1}"
 
     def __repr__(self) -> str:

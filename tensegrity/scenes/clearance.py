@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity.errors import ContactError
+from tensegrity.errors import ContactError, TensegrityError
 from tensegrity.scenes.walls import Pieces
 
 if TYPE_CHECKING:
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from tensegrity.scenes.walls import Wall
     from tensegrity.typing import Array, Indices
 
+FARTHEST = 1e100  # of a site [m]: its square is still a number
 TOUCH = 1e-9  # gap over the radius up to which spheres count as touching
 TOGETHER = 1_000_000  # distances of sites from walls that are computed at once
 NEAR = 0.1  # gap over the mean radius up to which spheres crowd each other
@@ -62,6 +63,9 @@ class Clearance:
         """Unlisted pairs of sites at places x with a gap below the skin; (n, 2)."""
         from scipy.spatial import cKDTree
 
+        if not np.abs(x).max(initial=0.0) < FARTHEST:
+            far = np.abs(x).max()
+            raise TensegrityError(f"a site is {far:g} m away, must be below {FARTHEST:g} m")
         reach = 2 * self.radius.max() + self.skin
         found = cKDTree(x).query_pairs(reach, output_type="ndarray").reshape(-1, 2)
         found = np.sort(found, axis=1)
@@ -107,6 +111,11 @@ class Clearance:
         """Way to the end and distance from the plane of each listed wall contact [m]."""
         inside = -self._by_wall("overhang", x, self.wall_contacts)
         return inside, self._by_wall("height", x, self.wall_contacts)
+
+    def behind(self, site: int, wall: int, x: Array) -> str:
+        """Where a site is that passed through a wall, in words."""
+        beyond = abs(float(self.walls[wall].height(x[site])))
+        return f"site {site} is behind wall {wall}, {beyond:.3g} m beyond its plane"
 
     def _by_wall(self, what: str, x: Array, pairs: Indices) -> Array:
         """Of each (site, wall) what `Pieces` say."""
@@ -194,7 +203,7 @@ class Clearance:
         if behind.any():
             worst = int(np.argmin(np.where(behind, height, math.inf)))
             site, wall = self.wall_contacts[worst].tolist()
-            return f"site {site} is behind wall {wall}, {abs(height[worst]):.3g} m beyond its plane"
+            return self.behind(site, wall, x)
         hold = self.hold(x)
         if len(hold) and hold.min() < 0:
             worst = int(np.argmin(hold))

@@ -328,19 +328,22 @@ class Ensemble(Scene):
 
     def stretch(self, u: ArrayLike) -> Array:
         """Elongation of every spring [m]; (..., springs, lanes)."""
-        u = check.rows("displacements", u, self.shape)
+        u = check.rows("displacements", u, self.shape, are_finite=False)
         return self._each(lambda scene, k: scene.stretch(u[..., k]))
 
     def bond_energy(self, u: Array) -> Array:
         """Energy of each bond [J]; (..., bonds, lanes)."""
+        u = check.rows("displacements", u, self.shape)
         return self._each(lambda scene, k: scene.bond_energy(u[..., k]))
 
     def bond_tension(self, u: Array) -> Array:
         """Tension of each bond [N]; (..., bonds, lanes)."""
+        u = check.rows("displacements", u, self.shape)
         return self._each(lambda scene, k: scene.bond_tension(u[..., k]))
 
     def site_energy(self, u: Array, v: Array) -> Array:
         """Energy of each site [J], as of each of the scenes; (..., sites, lanes)."""
+        u, v = self._rows(u, v)
         return self._each(lambda scene, k: scene.site_energy(u[..., k], v[..., k]))
 
     def lane_energy(self, u: Array, v: Array) -> Array:
@@ -349,6 +352,7 @@ class Ensemble(Scene):
 
     def energy(self, state: State) -> float:
         """Total energy of all lanes [J]."""
+        self._refuse_other(state)
         return float(self.energies(state.u[None], state.v[None])[0])
 
     def energies(self, u: Array, v: Array) -> Array:

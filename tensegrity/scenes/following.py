@@ -179,7 +179,7 @@ class FollowedLaw:
 
 def followed_law(contacts: str, law: Any, radius: Array | None) -> Any:
     """The law of contacts that are followed; None where they are fixed."""
-    if contacts not in ("fixed", "follow"):
+    if not isinstance(contacts, str) or contacts not in ("fixed", "follow"):
         raise TensegrityError(f"contacts {contacts!r} must be 'fixed' or 'follow'")
     if contacts == "follow" and radius is None:
         raise TensegrityError("contacts 'follow' need the radius of the sites")
@@ -219,6 +219,9 @@ class Follower(Tracker):
         gaps = of.wall_gaps(x, self._pairs)
         if len(gaps) and gaps.min() <= 0:
             site, wall = self._pairs[int(np.argmin(gaps))].tolist()
-            raise ContactError(f"site {site} touches the end of wall {wall} at t = {t:.6g} s")
+            words = f"site {site} touches the end of wall {wall}"
+            if of.walls[wall].overhang(x[site]) < 0:
+                words = of.behind(site, wall, x)
+            raise ContactError(f"{words} at t = {t:.6g} s")
         self._list(u)
         self._look(u)

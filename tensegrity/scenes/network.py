@@ -370,20 +370,22 @@ class Network(Scene):
 
     def elongation(self, u: ArrayLike) -> Array:
         """Elongation of each bond [m]; (..., bonds)."""
-        return self.stretch(u)[..., : len(self.bonds)]
+        return check.finite("elongation", self.stretch(u)[..., : len(self.bonds)])
 
     def direction(self, u: Array) -> Array:
         """Unit vector of each bond, from its first site to its second; (..., bonds, dim)."""
         u = check.rows("displacements", u, self.shape)
-        return forces.elongations(self.contact_bonds, u)[1][..., : len(self.bonds), :]
+        along = forces.elongations(self.contact_bonds, u)[1][..., : len(self.bonds), :]
+        return check.finite("direction", along)
 
     def wall_gap(self, u: ArrayLike) -> Array:
         """Gap of each wall contact [m]: distance from the wall's plane less the radius."""
-        return self.stretch(u)[..., len(self.bonds) :]
+        return check.finite("gap", self.stretch(u)[..., len(self.bonds) :])
 
     def stretch(self, u: ArrayLike) -> Array:
         """Elongation of each bond [m], and gap of each wall contact; (..., springs)."""
-        return forces.stretch(self.contact_bonds, check.rows("displacements", u, self.shape))
+        u = check.rows("displacements", u, self.shape, are_finite=False)
+        return forces.stretch(self.contact_bonds, u)
 
     def bond_energy(self, u: ArrayLike) -> Array:
         """Energy of each bond [J]; (..., bonds)."""
@@ -402,7 +404,7 @@ class Network(Scene):
         return -self._per_contact("tension", u)[..., len(self.bonds) :]
 
     def _per_contact(self, name: str, u: ArrayLike) -> Array:
-        return self.spring_table.evaluate(name, self.stretch(u))
+        return self.spring_table.evaluate(name, check.finite("elongation", self.stretch(u)))
 
     def energy(self, state: State) -> float:
         """Total energy [J], the potential of the loads included."""
@@ -435,6 +437,7 @@ class Network(Scene):
 
     def site_energy(self, u: Array, v: Array) -> Array:
         """Energy of each site [J]: motion, half its bonds, walls, load; (..., sites)."""
+        u, v = self._rows(u, v)
         result = 0.5 * self.mass * np.sum(v**2, axis=-1) - np.sum(self.loads * u, axis=-1)
         bonds, walls = np.split(self._per_contact("energy", u), [len(self.bonds)], axis=-1)
         bonds = bonds / 2

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +14,8 @@ from tensegrity.scenes.walls import Wall, floats
 from tensegrity.springs.potential import Potential
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from numpy.typing import ArrayLike
 
     from tensegrity.typing import Array, Indices
@@ -42,9 +44,8 @@ def per_site(name: str, value: ArrayLike, unit: str, sites: int) -> Array:
 
 def held_sites(held: Iterable[int], sites: int) -> list[int]:
     """Sites without motion, sorted."""
-    if not isinstance(held, Iterable):
-        raise TensegrityError(f"held {check.shown(held)} is not a sequence of sites")
-    return sorted({site_number("held site", site, sites) for site in held})
+    numbers = check.sequence("held", held, "sites")
+    return sorted({site_number("held site", site, sites) for site in numbers})
 
 
 def joined_pairs(bonds: ArrayLike, sites: int) -> Indices:
@@ -63,9 +64,7 @@ def joined_pairs(bonds: ArrayLike, sites: int) -> Indices:
 
 def plane_walls(walls: Iterable[Wall], dim: int) -> tuple[Wall, ...]:
     """Walls of as many coordinates as the sites."""
-    if not isinstance(walls, Iterable):
-        raise TensegrityError(f"walls {check.shown(walls)} are not a sequence of Walls")
-    walls = tuple(walls)
+    walls = check.sequence("walls", walls, "Walls")
     for number, wall in enumerate(walls):
         if not isinstance(wall, Wall):
             raise TensegrityError(f"wall {number} is {check.shown(wall)}, not a Wall")

@@ -381,6 +381,13 @@ class Scene(ReadOnly):
         if state.u.shape != self.shape:
             raise TensegrityError(f"state has shape {state.u.shape}, the {self._words}")
 
+    def _rows(self, u: ArrayLike, v: ArrayLike) -> tuple[Array, Array]:
+        """Displacements and velocities of one state or of many, checked."""
+        u, v = check.rows("displacements", u, self.shape), check.rows("velocities", v, self.shape)
+        if u.shape != v.shape:
+            raise TensegrityError(f"displacements have shape {u.shape}, velocities {v.shape}")
+        return u, v
+
 
 def velocities(given: Mapping[int, Any] | None) -> Iterable[tuple[int, Any]]:
     """Pairs of a site and its velocity, from a dict or None."""

@@ -158,7 +158,7 @@ class Springs:
         """Springs in sets that one call evaluates: several of one law, or one alone."""
         sets: dict[object, list[int]] = {}
         for k, spring in enumerate(self.different):
-            plain = type(spring)._evaluate is Potential._evaluate
+            plain = type(spring).derivative is Potential.derivative
             sets.setdefault(spring.law if plain else k, []).append(k)
         return tuple(fixed(np.array(numbers)) for numbers in sets.values())
 
@@ -358,7 +358,7 @@ class _Alike:
     def evaluate(self, name, r):
         """Energy [J], tension [N] or stiffness [N/m] at elongations r (..., bonds)."""
         if self._one is not None:
-            return getattr(self._one, name)(r)
+            return self._one.derivative(ORDERS.index(name), r, name == "energy")
         order = ORDERS.index(name)
         above = r >= self._low if order == 0 else r > self._low
         inside = above & (r <= self._high if order == 0 else r < self._high)

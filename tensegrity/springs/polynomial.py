@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from typing import Any
 
+    from numpy.typing import ArrayLike
+
 DEGREES = tuple(range(7, 48, 4))
 NODES = 96
 DENSE = 10  # points of the sample for each node
@@ -125,8 +127,28 @@ class Polynomial(Potential):
             if not spring.domain[0] <= r <= spring.domain[1]:
                 raise spring.beyond(r)
         self._fit(spring, low, high, error)
-        self.ends = ("the range of the polynomial ends",) * 2
-        self._spring = spring
+
+    @classmethod
+    def of_coefficients(
+        cls,
+        degree: int,
+        values: ArrayLike,
+        length: float | None,
+        domain: tuple[float, float],
+        error_estimate: float,
+    ) -> Polynomial:
+        """A polynomial from the numbers of one that was fitted."""
+        if degree not in DEGREES:
+            raise TensegrityError(f"degree {check.shown(degree)} must be one of {DEGREES}")
+        made = cls.__new__(cls)
+        count = len(PolynomialLaw(degree).parameters)
+        made._take(degree, check.vector("coefficients", values, (count,)), length, domain)
+        made.error_estimate = check.number("error_estimate", error_estimate, least=0)
+        return made
+
+    def _take(self, degree, values, length, domain):
+        self.degree, ends = degree, ("the range of the polynomial ends",) * 2
+        self._set(PolynomialLaw(degree), values, length, domain, ends)
 
     def _fit(self, spring, low, high, error):
         middle, half = low / 2 + high / 2, (high / 2 - low / 2) * (1 + 4 * UNIT)
@@ -141,9 +163,9 @@ class Polynomial(Potential):
             estimate = float(tails[degree + 1])
             if estimate <= error:
                 values = _parameters(coefficients[: degree + 1], middle, half, at_rest)
-                self._set(PolynomialLaw(degree), values, spring.length, (low, high))
+                self._take(degree, values, spring.length, (low, high))
                 gap = float(np.abs(self.tension(between) - exact).max()) / peak
-                self.degree, self.error_estimate = degree, max(estimate, gap)
+                self.error_estimate = max(estimate, gap)
                 if self.error_estimate <= error:
                     return
                 estimate = self.error_estimate

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array
 
 
+ORDERS = ("energy", "tension", "stiffness", "slope of the stiffness")
 VARIED = ("prestrain", "k_cross", "k_base", "k_bar", "preload")  # arguments of a prism that may
 
 
@@ -112,11 +113,12 @@ class Potential:
         self.law = law
         self.values = fixed(np.array(values, dtype=float))
         self._length = None if length is None else check.number("length", length, above=0, unit="m")
-        if not isinstance(domain, (tuple, list, np.ndarray)) or len(domain) != 2:
+        ends_of_it = check.sequence("domain", domain, "two elongations")
+        if len(ends_of_it) != 2:
             raise TensegrityError(
                 f"domain {check.shown(domain)} must be (lowest, highest) elongation"
             )
-        low, high = (check.number("domain end", x, finite=False) for x in domain)
+        low, high = (check.number("domain end", x, finite=False) for x in ends_of_it)
         if not low < 0 < high:
             raise TensegrityError(f"domain ({low:g}, {high:g}) m must contain 0 m inside")
         self._domain = low, high
@@ -218,7 +220,7 @@ class Potential:
 
     def energy(self, r: ArrayLike) -> Array:
         """Energy V [J] at elongations r [m] of any shape, the ends of the domain included."""
-        return self._evaluate(0, r, closed=True)
+        return self._known(0, r, closed=True)
 
     def tension(self, r: ArrayLike) -> Array:
         """Tension dV/dr at given elongations.
@@ -238,17 +240,27 @@ class Potential:
         LockingError
             If any r lies outside `domain`, or at an end of it.
         """
-        return self._evaluate(1, r)
+        return self._known(1, r)
 
     def stiffness(self, r: ArrayLike) -> Array:
         """Tangent stiffness d2V/dr2 [N/m] at elongations r [m] of any shape."""
-        return self._evaluate(2, r)
+        return self._known(2, r)
 
     def stiffness_slope(self, r: ArrayLike) -> Array:
         """Third derivative d3V/dr3 [N/m^2] at elongations r [m] of any shape."""
-        return self._evaluate(3, r)
+        return self._known(3, r)
 
-    def _evaluate(self, order: int, r: ArrayLike, closed: bool = False) -> Array:
+    def _known(self, order: int, r: ArrayLike, closed: bool = False) -> Array:
+        """A derivative of the energy, refused where the law gives no number."""
+        found = self.derivative(order, r, closed)
+        if np.isnan(found).any():
+            at = float(np.asarray(r, dtype=float)[np.isnan(found)].flat[0])
+            raise TensegrityError(f"{ORDERS[order]} at elongation {at:g} m is no number: it is nan")
+        return found
+
+    def derivative(self, order: int, r: ArrayLike, closed: bool = False) -> Array:
+        """The order-th derivative of the energy, nan where its law is beyond all numbers; at an
+        end of the domain if it counts as `closed`."""
         r = check.numbers("elongation", r, "m")
         low, high = self._domain
         inside = (r >= low) & (r <= high) if closed else (r > low) & (r < high)

@@ -24,6 +24,7 @@ class _Member(Potential):
 
     def __init__(self, stiffness: float, length: float) -> None:
         stiffness = check.number("stiffness", stiffness, above=0, unit="N/m")
+        length = check.number("length", length, above=0, unit="m")
         values = [stiffness, TAUT * length] if self.pulls_only else [stiffness]
         self._set(_law(self.pulls_only), values, length, (-math.inf, math.inf))
         self.openings = ((0.0, stiffness, 1.0, 1.0),) if self.pulls_only else ()

@@ -95,11 +95,11 @@ class StructurePath(Table):
         return "\n".join([*lines, f"  ends: {self.end}"])
 
     def plot(  # type: ignore[override]
-        self, x: str = "", y: str = "", axes: Axes | None = None
+        self, x: str | None = None, y: str | None = None, axes: Axes | None = None
     ) -> Axes:
         """Draw one column against another, events marked; returns the Matplotlib axes."""
         first, second = list(self.columns)[:2]
-        return super().plot(x or first, y or second, axes, LABELS)
+        return super().plot(first if x is None else x, second if y is None else y, axes, LABELS)
 
     def _draw(self, axes: Axes) -> Axes:
         return self.plot(axes=axes)

@@ -170,11 +170,8 @@ def plates(
 
 
 def _numbers(name: str, given: Sequence[int]) -> tuple[int, ...]:
-    try:
-        numbers = list(given)
-    except TypeError:
-        raise TensegrityError(f"{name}s {check.shown(given)} must be a sequence") from None
-    numbers = [check.whole(name, node, least=0) for node in numbers]
+    given = check.sequence(name, given, "whole numbers")
+    numbers = [check.whole(name, node, least=0) for node in given]
     twice = [n for n in numbers if numbers.count(n) > 1]
     if twice:
         raise TensegrityError(f"{name} {twice[0]} is given twice")

@@ -75,7 +75,7 @@ class Excess:
         top = 2.0**BINADES if math.isinf(end) else end / 2
         sizes = top * 2.0 ** -np.arange(2 * BINADES if math.isinf(end) else BINADES)[::-1]
         with np.errstate(all="ignore"):
-            change = np.abs(self.potential.stiffness(side * sizes) / self.rest - 1)
+            change = np.abs(self.potential.derivative(2, side * sizes) / self.rest - 1)
         change = np.where(np.isnan(change), math.inf, change)
         far = np.flatnonzero(change >= min(CHANGE, change.max() / 2))
         return float(sizes[far[0]]) if change.max() > AT_REST else math.inf
@@ -91,11 +91,11 @@ class Excess:
             if core >= min(map(abs, self.potential.domain)):
                 continue
             with np.errstate(all="ignore"):
-                slope = to_series @ self.potential.stiffness_slope(core * nodes)
+                slope = to_series @ self.potential.derivative(3, core * nodes)
                 if not np.max(np.abs(slope[-3:])) <= FITTED * np.max(np.abs(slope)):
                     continue
                 means = to_series @ _means(slope, nodes)
-                direct = self.potential.stiffness(core * nodes) - self.rest
+                direct = self.potential.derivative(2, core * nodes) - self.rest
             series = chebyshev.chebval(nodes, means[:, 0]) * core * nodes
             if np.max(np.abs(series - direct)) <= AT_REST * self.rest:  # else V'' jumps
                 return core, means
@@ -109,7 +109,7 @@ class Excess:
         zeros = int(power) - 2
         nodes = chebyshev.chebpts1(DEGREE + 1)
         to_series = np.linalg.inv(chebyshev.chebvander(nodes, DEGREE))
-        slope = to_series @ (self.potential.stiffness_slope(self.core * nodes) / nodes**zeros)
+        slope = to_series @ (self.potential.derivative(3, self.core * nodes) / nodes**zeros)
         if np.max(np.abs(slope[-3:])) <= FITTED * np.max(np.abs(slope)):
             self._zeros, self._means = zeros, to_series @ _means(slope, nodes, zeros)
 
@@ -137,9 +137,9 @@ class Excess:
         sizes = (self.core or self.scale) / 2.0 ** np.arange(CLOSER)
         with np.errstate(all="ignore"):
             if self.core:
-                gain = side * self.potential.stiffness_slope(side * sizes) * sizes
+                gain = side * self.potential.derivative(3, side * sizes) * sizes
             else:
-                gain = self.potential.stiffness(side * sizes) - self.rest
+                gain = self.potential.derivative(2, side * sizes) - self.rest
                 gain[np.abs(gain) < ROUND_OFF * self.rest] = math.nan
             powers = np.round(np.log2(gain[:-1] / gain[1:]), 2)  # NaN of other signs
         same = np.flatnonzero(powers[:-1] == powers[1:])
@@ -151,12 +151,12 @@ class Excess:
 
     def stiffness(self, r):
         """V'' - V''(0) [N/m] at elongations r [m] of any shape."""
-        return self._beyond(0, r, lambda r: self.potential.stiffness(r) - self.rest)
+        return self._beyond(0, r, lambda r: self.potential.derivative(2, r) - self.rest)
 
     def tension(self, r):
         """V' - V''(0) r [N] at elongations r [m] of any shape."""
         return self._beyond(
-            1, r, lambda r: self.potential.tension(r) - self._tension - self.rest * r
+            1, r, lambda r: self.potential.derivative(1, r) - self._tension - self.rest * r
         )
 
     def energy(self, r):
@@ -164,7 +164,7 @@ class Excess:
 
         def direct(r):
             loaded = self._energy + self._tension * r
-            return self.potential.energy(r) - loaded - self.rest * r * r / 2
+            return self.potential.derivative(0, r, closed=True) - loaded - self.rest * r * r / 2
 
         return self._beyond(2, r, direct)
 

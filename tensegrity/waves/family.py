@@ -118,7 +118,7 @@ class Family:
         r = self.sign * sizes
         with np.errstate(all="ignore"):
             gain = self.beyond.tension(r) / r
-            rows = np.array([sizes, gain, self.beyond.energy(r), self.potential.stiffness(r)])
+            rows = np.array([sizes, gain, self.beyond.energy(r), self.potential.derivative(2, r)])
             energy = (self.rest + gain) * sizes**2
             return rows, np.isfinite(rows).all(axis=0) & np.isfinite(energy) & (energy > SMALLEST)
 
