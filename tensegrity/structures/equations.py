@@ -178,6 +178,7 @@ class Piece:
         self.strings = np.flatnonzero(loading.members.pulls_only)
         self.offset = np.zeros(len(taut))
         self.offset[corner] = stretch[corner]
+        self.leaving = np.searchsorted(self.strings, corner)
         loaded = loading.pattern is not None
         names = [f"w{i}" for i in range(loading.free - loaded)]
         self.names = (*names, *(("load", "shortening") if loaded else ("control",)))

@@ -1,107 +1,147 @@
-"""The stable branch that leaves a bifurcation at which a path loses stability.
+"""The stable branch that leaves a bifurcation, or a corner that no stable ray leaves.
 
-A little beyond the bifurcation the energy is minimised at a given value of the last unknown, from
-starts along the modes that were lost.  A minimum belongs to a branch that leaves the bifurcation
-only if it comes nearer as the step beyond it shrinks; else the structure snaps.
+A little beyond the point the energy is minimised at a given value of the last unknown, from starts
+along every direction without stiffness, of every set of the strings at natural length there that
+may be taut.  A minimum belongs to a branch that leaves the point only if it comes nearer as the
+step beyond it shrinks; where there is none, the structure snaps.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tensegrity.branches.continuation import Settings
+from tensegrity.branches.many import ManyMachine
+from tensegrity.structures.corner import choices
 from tensegrity.structures.equations import Piece
 
 if TYPE_CHECKING:
-    from tensegrity.typing import Array
+    from tensegrity.structures.equations import Loading
+    from tensegrity.structures.members import Members
+    from tensegrity.typing import Array, Indices
 
-BEYOND = 1e-4  # first step beyond the bifurcation, over the size of the structure
-DIRECTIONS = 6  # of starts in the plane of two modes
+NEAR = 1e-4  # of the size of the structure: a branch is looked for here, a jump is none below
+BEYOND = 1e-7  # step beyond the point, over the size of the structure
+SOFT = 1e-6  # stiffness of a direction that counts as lost, over the largest
+DIRECTIONS = 6  # of starts for each direction without stiffness, where there are several
+AMPLITUDES = (0.1, 1.0)  # of starts, over the root of the step: a pitchfork opens as that does
 SHRUNK = 0.8  # of the distance after a step of a quarter: 1/2 at a pitchfork, 1/4 elsewhere
-ITERATIONS = 60
+ITERATIONS = 200
+SETTLED = 1e-6  # last move over the distance from the start of the path beyond, which corrects it
+ROUND_OFF = 1e-14  # of the largest eigenvalue
 FAR = 0.1  # of the size of the structure: a minimum farther away is no branch from here
+NONE = np.zeros(0, dtype=np.int64)
 
 
-def branches_off(piece: Piece, u: Array, tangent: Array) -> Array | None:
-    """A point of the stable branch a little beyond a bifurcation, or None."""
-    values, modes = np.linalg.eigh(tangent)
-    near = modes[:, np.abs(values) <= 1e-6 * np.abs(values).max()]
-    if not near.shape[1]:
-        near = modes[:, :1]
+def branches_off(piece: Piece, u: Array, corner: Indices = NONE) -> Array | None:
+    """A point of the stable branch a little beyond u, or None.
+
+    Parameters
+    ----------
+    piece : Piece
+        That led there.
+    u : ndarray
+        A bifurcation or a corner.
+    corner : ndarray of int, optional
+        Strings at natural length there.
+    """
+    across = (piece.of.motions @ piece.of.basis)[:, : piece.of.free - (piece.of.pattern is not None)]
+    starts = _directions(piece, u, corner, across.shape[1])
+    if len(starts) == 3:
+        opened = [_opened(piece, u, start) for start in starts[1:]]
+        if any(x is not None for x in opened):
+            return next(x for x in opened if x is not None)
     step = BEYOND * piece.scale[-1]
-    far, close = (_lowest(piece, u, near, step * part) for part in (1.0, 0.25))
-    if far is None or close is None:
+    found = [_lowest(piece.of, piece, u, starts, across, step * part) for part in (1.0, 0.25)]
+    if found[0] is None or found[1] is None:
         return None
-    count = tangent.shape[0]
-    away = [np.linalg.norm((x - u)[:count]) for x in (far, close)]
-    near_by = away[1] < SHRUNK * away[0] or away[0] <= BEYOND * piece.of.span
-    return far if near_by else None
+    far, close = (np.linalg.norm((x - u)[: across.shape[1]]) for x in found)
+    return found[0] if close < SHRUNK * far or far <= NEAR * piece.of.span else None
 
 
-def _lowest(piece: Piece, u: Array, modes: Array, step: float) -> Array | None:
-    """The minimum of lowest energy from starts along the modes, at the last unknown + step."""
-    best, least = None, np.inf
-    amplitude = np.sqrt(step * piece.scale[-1]) * piece.of.span / piece.scale[-1]
-    if modes.shape[1] == 1:
-        starts = [modes[:, 0], -modes[:, 0]]
-    else:
-        angles = 2 * np.pi / DIRECTIONS * np.arange(DIRECTIONS)
-        starts = [np.cos(a) * modes[:, 0] + np.sin(a) * modes[:, 1] for a in angles]
-    for start in starts:
-        x = u.copy()
-        x[-1] += step
-        x[: len(start)] += 0.3 * amplitude * start
-        settled = _settled(piece, x, len(start))
-        if settled and (best is None or settled[1] < least - 1e-9 * abs(least)):
-            best, least = settled
-    return best
+def _directions(piece: Piece, u: Array, corner: Indices, count: int) -> Array:
+    """Unit directions of least stiffness in both senses, (starts, count); the first is zero."""
+    rng, found = np.random.default_rng(0), [np.zeros((1, count))]
+    for taut in choices(piece.of, u, piece.taut, corner, 1):
+        tangent = Piece(piece.of, taut, NONE, np.zeros(0)).tangent(u)[:count, :count]
+        values, modes = np.linalg.eigh(tangent)
+        soft = modes[:, : max(1, int(np.sum(np.abs(values) <= SOFT * np.abs(values).max())))]
+        parts = rng.standard_normal((DIRECTIONS * soft.shape[1], soft.shape[1]))
+        parts = parts if soft.shape[1] > 1 else np.ones((1, 1))
+        mixed = parts / np.linalg.norm(parts, axis=1)[:, None] @ soft.T
+        found += [mixed, -mixed]
+    return np.concatenate(found)
 
 
-def _settled(piece: Piece, u: Array, count: int) -> tuple[Array, float] | None:
-    """The minimum of the energy over the first `count` unknowns, strings slack or taut as they
-    are; and that energy."""
-    members = piece.of.members
-    shift, begin = 0.0, u[:count].copy()
+def _opened(piece: Piece, u: Array, start: Array) -> Array | None:
+    """The point of the branch that leaves u along one mode, where that is `NEAR` (Keller 1977);
+    None where there is none, or none that is stable and beyond u."""
+    machine = ManyMachine(piece)
+    z, count = np.arcsinh(u / machine.scale), len(start)
+    normal = np.zeros(machine.m)
+    normal[:count] = start / (np.cosh(z) * machine.scale)[:count]
+    normal /= np.linalg.norm(normal)
+    point = machine.at(z + NEAR * normal, normal, None)
+    x = machine.unknowns(point.z)
+    if not (point.residual <= Settings.residual and x[-1] > u[-1]):
+        return None
+    same = (~piece.of.members.pulls_only | (piece.stretch(x) >= 0)) == piece.taut
+    values = np.linalg.eigvalsh(piece.tangent(x)[:count, :count])
+    return x if same.all() and values[0] > ROUND_OFF * values[-1] else None
 
-    def parts(u: Array) -> tuple[Array, float]:
-        d, lengths = piece.apart(u)
-        natural = piece.natural(u)
-        taut = ~members.pulls_only | (lengths >= natural)
-        pulls = np.where(taut, members.stiffness * (lengths - natural), 0.0)
-        gradient = piece.of.gain.T @ ((pulls / lengths)[:, None] * d).ravel() - piece.of.weight
-        stored = float(np.sum(pulls * pulls / members.stiffness) / 2)
-        return gradient, stored - float(piece.of.weight @ piece.of.coordinates(u))
 
-    gradient, energy = parts(u)
-    size = float(np.max(members.stiffness)) * piece.of.span
+def _lowest(
+    of: Loading, piece: Piece, u: Array, starts: Array, across: Array, step: float
+) -> Array | None:
+    """The minimum of lowest energy from the starts, at the last unknown + step."""
+    beyond = u.copy()
+    beyond[-1] += step
+    members = replace(of.members, natural=piece.natural(beyond))
+    begin, reach = of.at(beyond), np.sqrt(step / piece.scale[-1]) * of.span
+    found = []
+    for amplitude in AMPLITUDES:
+        for start in starts:
+            moved = across @ (amplitude * reach * start)
+            found.append(_settled(of, members, across, begin, begin + moved.reshape(begin.shape)))
+    settled = [one for one in found if one is not None]
+    if not settled:
+        return None
+    x = min(settled, key=lambda one: one[1])[0]
+    beyond[: across.shape[1]] = across.T @ (x - of.positions).ravel()
+    if of.pattern is not None:
+        beyond[-2] = (of.motions @ of.basis[:, -1]) @ (members.gradient(x) - of.dead).ravel()
+    return beyond
+
+
+def _settled(
+    of: Loading, members: Members, across: Array, begin: Array, x: Array
+) -> tuple[Array, float] | None:
+    """The minimum of the energy next to x over the motions `across`, and that energy.
+
+    Newton's method, mode by mode of the tangent, within a region that grows and shrinks; strings
+    are slack or taut as they are.
+    """
+    radius, energy = FAR * of.span, _energy(of, members, x)
     for _ in range(ITERATIONS):
-        lengths, natural = piece.apart(u)[1], piece.natural(u)
-        live = Piece(
-            piece.of, ~members.pulls_only | (lengths >= natural), np.zeros(0, dtype=np.int64),
-            np.zeros(len(lengths)),
-        )  # fmt: skip
-        stiff = live.tangent(u)[:count, :count]
-        if np.abs(gradient[:count]).max() <= 1e-14 * size:
-            if np.linalg.eigvalsh(stiff)[0] <= 0:
-                return None
-            if piece.of.pattern is not None:
-                along = piece.of.basis.T @ piece.of.along
-                u[-2] = gradient[-1] / along[-1]
-            return u, energy
-        values, vectors = np.linalg.eigh(stiff)
-        bent = np.maximum(np.abs(values), 1e-6 * np.abs(values).max()) + shift
-        move = -vectors @ ((vectors.T @ gradient[:count]) / bent)
-        move *= min(1.0, 0.05 * piece.of.span / np.abs(move).max())
-        new = u.copy()
-        new[:count] += move
-        after = parts(new)
-        if np.abs(new[:count] - begin).max() > FAR * piece.of.span:
+        values, modes = np.linalg.eigh(across.T @ (members.tangent(x) @ across))
+        slope = modes.T @ (across.T @ (members.gradient(x) - of.dead).ravel())
+        least = ROUND_OFF * np.abs(values).max()
+        move = np.clip(-slope / np.maximum(np.abs(values), least), -radius, radius)
+        new = x + (across @ (modes @ move)).reshape(x.shape)
+        after, away = _energy(of, members, new), np.abs(new - begin).max()
+        if away > FAR * of.span:
             return None
-        if after[1] <= energy + 1e-14 * abs(energy):
-            u, (gradient, energy), shift = new, after, shift / 8
-        else:
-            shift = max(4 * shift, 1e-6 * np.abs(values).max())
-            if shift > 1e6 * np.abs(values).max():
-                return None
+        if after > energy + ROUND_OFF * abs(energy):
+            radius = np.abs(move).max() / 4
+            continue
+        if np.abs(move).max() <= SETTLED * max(away, BEYOND * of.span):
+            return (new, after) if values[0] > least else None
+        x, energy, radius = new, after, 2 * radius
     return None
+
+
+def _energy(of: Loading, members: Members, x: Array) -> float:
+    return members.energy(x) - float(np.sum(of.dead * x))

@@ -31,12 +31,13 @@ if TYPE_CHECKING:
     from tensegrity.branches.continuation import Branch
     from tensegrity.structures.structure import Structure
     from tensegrity.structures.supports import Supports
-    from tensegrity.typing import Array, Indices
+    from tensegrity.typing import Array, Flags, Indices
 
 SETTINGS = Settings(tolerance=1e-8, largest=0.05, points=4000)
 FIRST = 300  # rows of a piece that are followed before it is looked whether the path leaves it
 CORNER = 1e-10  # stretch below which a string is at its natural length where a piece ends
 PIECES = 100
+ROUND_OFF = 1e-13  # eigenvalues above minus this part of the stiffness are not negative
 AROUND = 12  # points around a bifurcation from which it is interpolated
 NOW = 1e-9  # of the size of the structure: bars that are nearer meet
 ENDS = {
@@ -195,10 +196,9 @@ class Walk:
         stretch = piece.stretch(u)
         corner = np.union1d(self._at_corner(stretch), [met])  # its own may be round-off above
         row = self.rows - 1
-        loose = corner[piece.taut[corner]]
-        tight = corner[~piece.taut[corner]]
-        words = [f"{_listed(loose)} slack"] if len(loose) else []
-        words += [f"{_listed(tight)} taut again"] if len(tight) else []
+        met_by = piece.taut.copy()
+        met_by[corner] ^= True
+        words = [_changed(piece.taut, met_by)]
         x = self.of.at(u)
         volume, within = self.of.crossing(x)
         if ((np.abs(volume) <= NOW) & within & (np.abs(piece.volume) > NOW)).any():
@@ -221,12 +221,14 @@ class Walk:
 
     def _switched(self, piece: Piece, u: Array, leaves: Any) -> Any:
         """The stable branch that leaves a bifurcation."""
-        found = branches_off(piece, u, self._inner(piece, u))
+        found = branches_off(piece, u)
         if found is None:
             self.end = ENDS["snap"]
             return None
         stretch = piece_stretch(self.of, found, piece.taut)
         taut = ~self.of.members.pulls_only | (stretch >= 0)
+        if (taut != piece.taut).any():
+            self.events.append(("slack", self.rows - 1, u, piece, _changed(piece.taut, taut)))
         return found, taut, np.zeros(0, dtype=np.int64), 1
 
     # stability
@@ -239,17 +241,13 @@ class Walk:
     def _negative(self, piece: Piece, u: Array) -> tuple[int, int]:
         """Negative eigenvalues under given load, and where the last unknown is given."""
         stiff = piece.tangent(u)
-        bound = -NEUTRAL * float(self.of.members.stiffness.max())
-        if self.of.pattern is None:
-            count = int(np.sum(np.linalg.eigvalsh(stiff) < bound))
-            return count, count
-        scale = np.ones(len(stiff))  # the last motion is of 1 m of shortening: made as the others
-        scale[-1] = np.sqrt(self.of.along @ self.of.along)
-        stiff = stiff * scale[:, None] * scale
-        return (
-            int(np.sum(np.linalg.eigvalsh(stiff) < bound)),
-            int(np.sum(np.linalg.eigvalsh(stiff[:-1, :-1]) < bound)) if len(stiff) > 1 else 0,
-        )
+        scale = np.ones(len(stiff))
+        if self.of.pattern is not None:  # the last motion is of 1 m of shortening: as the others
+            scale[-1] = np.sqrt(self.of.along @ self.of.along)
+        whole, inner = stiff * scale[:, None] * scale, self._inner(piece, u)
+        bound = -ROUND_OFF * float(self.of.members.stiffness.max())
+        low, high = (int(np.sum(np.linalg.eigvalsh(k) < bound)) for k in (whole, inner))
+        return low, high
 
     def _bifurcation(
         self, machine: Any, traced: Branch, negative: Array, events: Any
@@ -283,7 +281,7 @@ class Walk:
         name = "turn" if self.of.pattern is not None else "fold"
         for kind, row, u in sorted(events, key=lambda e: e[1]):
             stable = kind == name and traced.tangent[row, -1] > 0 and negative[row, 1] == 0
-            if stable and branches_off(piece, u, self._inner(piece, u)) is not None:
+            if stable and branches_off(piece, u) is not None:
                 return row, u, 1
         return None
 
@@ -351,6 +349,12 @@ class Walk:
             carried = np.array([self.of.weight @ self.of.coordinates(u) for u in us])
             columns = {"control": np.array([u[-1] for u in us]), "work": stored - start - carried}
         return columns | {f"tension {m}": t for m, t in enumerate(tensions.T)}
+
+
+def _changed(before: Flags, after: Flags) -> str:
+    loose, tight = np.flatnonzero(before & ~after), np.flatnonzero(after & ~before)
+    words = [f"{_listed(loose)} slack"] if len(loose) else []
+    return ", ".join([*words, f"{_listed(tight)} taut again"] if len(tight) else words)
 
 
 def _listed(members: Indices) -> str:
