@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array, Indices
 
 
+CONSTANT = 1e-13  # part of a unit tangent below which an unknown does not change: no fold
 SECANT, REACH = 1e-4, 0.2  # first and largest step of a secant, in scaled unknowns
 
 
@@ -165,7 +166,9 @@ class ManyMachine:
         share = (step / (step + length)) ** 2 / 8
         error = float(np.abs(missed).max()) * share
         arc = float(np.linalg.norm(z - start)) * (1 + (1 - cosine) / 12)
-        tests = [*self.of.tests(self.unknowns(z)).tolist(), *new[self._stationary].tolist()]
+        parts = new[self._stationary]
+        parts[np.abs(parts) <= CONSTANT] = 0.0
+        tests = [*self.of.tests(self.unknowns(z)).tolist(), *parts.tolist()]
         data = np.concatenate([z, new])
         point = Point(m, data, float(np.abs(g).max()), arc, side, tests)
         return point, (error, float(np.linalg.norm(missed)), last, cosine)

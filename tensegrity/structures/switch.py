@@ -28,9 +28,10 @@ BEYOND = 1e-7  # step beyond the point, over the size of the structure
 SOFT = 1e-6  # stiffness of a direction that counts as lost, over the largest
 DIRECTIONS = 6  # of starts for each direction without stiffness, where there are several
 AMPLITUDES = (0.1, 1.0)  # of starts, over the root of the step: a pitchfork opens as that does
+SAME = 1e-3  # directions whose cosine is nearer to 1 are one
 SHRUNK = 0.8  # of the distance after a step of a quarter: 1/2 at a pitchfork, 1/4 elsewhere
 ITERATIONS = 200
-SETTLED = 1e-6  # last move over the distance from the start of the path beyond, which corrects it
+SETTLED = 1e-2  # last move over the distance from the point; the path corrects what is left
 ROUND_OFF = 1e-14  # of the largest eigenvalue
 FAR = 0.1  # of the size of the structure: a minimum farther away is no branch from here
 NONE = np.zeros(0, dtype=np.int64)
@@ -55,25 +56,28 @@ def branches_off(piece: Piece, u: Array, corner: Indices = NONE) -> Array | None
         if any(x is not None for x in opened):
             return next(x for x in opened if x is not None)
     step = BEYOND * piece.scale[-1]
-    found = [_lowest(piece.of, piece, u, starts, across, step * part) for part in (1.0, 0.25)]
-    if found[0] is None or found[1] is None:
-        return None
-    far, close = (np.linalg.norm((x - u)[: across.shape[1]]) for x in found)
-    return found[0] if close < SHRUNK * far or far <= NEAR * piece.of.span else None
+    found, away = None, []
+    for part in (0.25, 1.0):
+        found = _lowest(piece.of, piece, u, starts, across, step * part)
+        if found is None:
+            return None
+        away.append(np.linalg.norm((found - u)[: across.shape[1]]))
+    return found if away[0] < SHRUNK * away[1] or away[1] <= NEAR * piece.of.span else None
 
 
 def _directions(piece: Piece, u: Array, corner: Indices, count: int) -> Array:
-    """Unit directions of least stiffness in both senses, (starts, count); the first is zero."""
-    rng, found = np.random.default_rng(0), [np.zeros((1, count))]
+    """Unit directions without stiffness in both senses, (starts, count); the first is zero."""
+    rng, found = np.random.default_rng(0), [np.zeros(count)]
     for taut in choices(piece.of, u, piece.taut, corner, 1):
         tangent = Piece(piece.of, taut, NONE, np.zeros(0)).tangent(u)[:count, :count]
         values, modes = np.linalg.eigh(tangent)
-        soft = modes[:, : max(1, int(np.sum(np.abs(values) <= SOFT * np.abs(values).max())))]
-        parts = rng.standard_normal((DIRECTIONS * soft.shape[1], soft.shape[1]))
-        parts = parts if soft.shape[1] > 1 else np.ones((1, 1))
-        mixed = parts / np.linalg.norm(parts, axis=1)[:, None] @ soft.T
-        found += [mixed, -mixed]
-    return np.concatenate(found)
+        number = int(np.sum(values <= SOFT * piece.of.members.stiffness.max()))
+        number = max(number, int((taut == piece.taut).all()))
+        parts = rng.standard_normal((DIRECTIONS * number, number)) if number > 1 else np.eye(number)
+        for one in parts / np.linalg.norm(parts, axis=1, keepdims=True) @ modes[:, :number].T:
+            if np.abs(found @ one).max() < 1 - SAME:
+                found += [one, -one]
+    return np.array(found)
 
 
 def _opened(piece: Piece, u: Array, start: Array) -> Array | None:
@@ -109,7 +113,12 @@ def _lowest(
     settled = [one for one in found if one is not None]
     if not settled:
         return None
-    x = min(settled, key=lambda one: one[1])[0]
+    x, _, softest = min(settled, key=lambda one: one[1])
+    away = np.linalg.norm(x - begin)
+    for moved in (away / 2 * softest, -away / 2 * softest):
+        again = _settled(of, members, across, begin, x + (across @ moved).reshape(x.shape))
+        if again is None or np.linalg.norm(again[0] - x) > away / 10:
+            return None  # slack strings leave a set of equilibria: none is determined
     beyond[: across.shape[1]] = across.T @ (x - of.positions).ravel()
     if of.pattern is not None:
         beyond[-2] = (of.motions @ of.basis[:, -1]) @ (members.gradient(x) - of.dead).ravel()
@@ -118,8 +127,8 @@ def _lowest(
 
 def _settled(
     of: Loading, members: Members, across: Array, begin: Array, x: Array
-) -> tuple[Array, float] | None:
-    """The minimum of the energy next to x over the motions `across`, and that energy.
+) -> tuple[Array, float, Array] | None:
+    """The minimum of the energy next to x over the motions `across`, that energy and softest mode.
 
     Newton's method, mode by mode of the tangent, within a region that grows and shrinks; strings
     are slack or taut as they are.
@@ -129,7 +138,10 @@ def _settled(
         values, modes = np.linalg.eigh(across.T @ (members.tangent(x) @ across))
         slope = modes.T @ (across.T @ (members.gradient(x) - of.dead).ravel())
         least = ROUND_OFF * np.abs(values).max()
-        move = np.clip(-slope / np.maximum(np.abs(values), least), -radius, radius)
+        if not least > 0:
+            return None
+        step = -slope / np.maximum(np.abs(values), least)
+        move = np.clip(step, -radius, radius)
         new = x + (across @ (modes @ move)).reshape(x.shape)
         after, away = _energy(of, members, new), np.abs(new - begin).max()
         if away > FAR * of.span:
@@ -137,8 +149,8 @@ def _settled(
         if after > energy + ROUND_OFF * abs(energy):
             radius = np.abs(move).max() / 4
             continue
-        if np.abs(move).max() <= SETTLED * max(away, BEYOND * of.span):
-            return (new, after) if values[0] > least else None
+        if np.abs(step).max() <= SETTLED * max(away, BEYOND * of.span):
+            return (new, after, modes[:, 0]) if values[0] > least else None
         x, energy, radius = new, after, 2 * radius
     return None
 

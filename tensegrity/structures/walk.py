@@ -23,7 +23,7 @@ from tensegrity.structures.corner import chosen, piece_stretch, rays
 from tensegrity.structures.equations import Loading, Piece
 from tensegrity.structures.solve import NEUTRAL, NOTHING, least_part
 from tensegrity.structures.structure_path import StructurePath
-from tensegrity.structures.switch import branches_off
+from tensegrity.structures.switch import NONE, branches_off
 
 if TYPE_CHECKING:
     from typing import Any
@@ -38,6 +38,7 @@ FIRST = 300  # rows of a piece that are followed before it is looked whether the
 CORNER = 1e-10  # stretch below which a string is at its natural length where a piece ends
 PIECES = 100
 ROUND_OFF = 1e-13  # eigenvalues above minus this part of the stiffness are not negative
+NEARER = 0.1  # part of the interval between two rows that is interpolated again
 AROUND = 12  # points around a bifurcation from which it is interpolated
 NOW = 1e-9  # of the size of the structure: bars that are nearer meet
 ENDS = {
@@ -46,10 +47,11 @@ ENDS = {
     "flat": "the plates meet",
     "load": "the load asked for",
     "height": "the shortening asked for",
+    "other": "the shortening asked for, in the other sense",
     "control": "the natural lengths asked for",
     "back": "back at the natural lengths of the start",
     "nothing": "no equilibrium, or none that is determined, leaves this corner",
-    "snap": "no stable branch leaves this bifurcation: the structure snaps",
+    "snap": "no stable branch leaves this {}: the structure snaps",
     "pieces": f"{PIECES} pieces do not reach an end",
 }
 
@@ -186,8 +188,8 @@ class Walk:
             met = int(reason.split()[1])
             return self._turned(piece, u, met, -1 if traced.tangent[-1, -1] < 0 else 1)
         word = "height" if reason == "height" else reason.split()[0]
-        if self.of.pattern is None and word == "height":
-            word = "control"
+        if word == "height":
+            word = "control" if self.of.pattern is None else ("height" if u[-1] > 0 else "other")
         self.end = ENDS.get(word, reason)
         return None
 
@@ -208,6 +210,15 @@ class Walk:
             return None
         found = rays(self.of, u, piece.taut, corner, arrived)
         ray = chosen(found, self.branch, corner)
+        lost = ray is None or (ray.sense == arrived and not ray.stable)
+        if lost and arrived > 0 and self.branch == "stable" and self.parts[-1].negative[-1, 1] == 0:
+            beyond = branches_off(piece, u, corner)
+            if beyond is not None:
+                return self._beyond(piece, u, beyond)
+            if ray is not None:
+                self.events.append(("slack", row, u, piece, words[0]))
+                self.end = ENDS["snap"].format("corner")
+                return None
         if ray is not None and len(corner) > 1:
             kept = int(ray.taut[corner].sum())
             words.append(f"{kept} of {len(corner)} at the corner taut beyond it")
@@ -223,13 +234,17 @@ class Walk:
         """The stable branch that leaves a bifurcation."""
         found = branches_off(piece, u)
         if found is None:
-            self.end = ENDS["snap"]
+            self.end = ENDS["snap"].format("bifurcation")
             return None
+        return self._beyond(piece, u, found)
+
+    def _beyond(self, piece: Piece, u: Array, found: Array) -> Any:
+        """The piece that begins at a point found beyond u."""
         stretch = piece_stretch(self.of, found, piece.taut)
         taut = ~self.of.members.pulls_only | (stretch >= 0)
         if (taut != piece.taut).any():
             self.events.append(("slack", self.rows - 1, u, piece, _changed(piece.taut, taut)))
-        return found, taut, np.zeros(0, dtype=np.int64), 1
+        return found, taut, NONE, 1
 
     # stability
 
@@ -295,15 +310,19 @@ class Walk:
 
         after = self._negative(machine.of, machine.unknowns(ends[1].z))[1]
         number = below if after > below else below - 1
-        t = chebyshev.chebpts1(AROUND)
-        z = [machine.at(*between(ends[0], ends[1], (1 + part) / 2), None).z for part in t.tolist()]
-        us = [machine.unknowns(one) for one in z]
-        values = [np.linalg.eigvalsh(self._inner(machine.of, u))[number] for u in us]
-        roots = chebyshev.chebroots(chebyshev.chebfit(t, values, AROUND - 1))
-        real = roots.real[(np.abs(roots.imag) < 1e-6) & (np.abs(roots.real) <= 1 + 1e-6)]
-        if not real.size:
-            return np.asarray(us[int(np.argmin(np.abs(values)))])
-        return np.asarray(chebyshev.chebval(real.min(), chebyshev.chebfit(t, us, AROUND - 1)))
+        t, middle, half = chebyshev.chebpts1(AROUND), 0.5, 0.5
+        for _ in range(2):  # then nearer, where no other eigenvalue comes between
+            parts = (middle + half * t).tolist()
+            z = [machine.at(*between(ends[0], ends[1], part), None).z for part in parts]
+            us = [machine.unknowns(one) for one in z]
+            values = [np.linalg.eigvalsh(self._inner(machine.of, u))[number] for u in us]
+            roots = chebyshev.chebroots(chebyshev.chebfit(t, values, AROUND - 1))
+            real = roots.real[(np.abs(roots.imag) < 1e-6) & (np.abs(roots.real) <= 1 + 1e-6)]
+            if not real.size:
+                return np.asarray(us[int(np.argmin(np.abs(values)))])
+            found = chebyshev.chebval(real.min(), chebyshev.chebfit(t, us, AROUND - 1))
+            middle, half = middle + half * real.min(), NEARER * half
+        return np.asarray(found)
 
     def _contact(self, piece: Piece, events: Any) -> tuple[int, Array] | None:
         """The first place where bars meet within their lengths: (row, point)."""
