@@ -9,6 +9,7 @@ step beyond it shrinks; where there is none, the structure snaps.
 from __future__ import annotations
 
 from dataclasses import replace
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,6 +30,7 @@ SOFT = 1e-6  # stiffness of a direction that counts as lost, over the largest
 DIRECTIONS = 6  # of starts for each direction without stiffness, where there are several
 AMPLITUDES = (0.1, 1.0)  # of starts, over the root of the step: a pitchfork opens as that does
 SAME = 1e-3  # directions whose cosine is nearer to 1 are one
+OTHER = 4.0  # times as far as the nearest: minima of branches that leave with it
 SHRUNK = 0.8  # of the distance after a step of a quarter: 1/2 at a pitchfork, 1/4 elsewhere
 ITERATIONS = 200
 SETTLED = 1e-2  # last move over the distance from the point; the path corrects what is left
@@ -49,20 +51,20 @@ def branches_off(piece: Piece, u: Array, corner: Indices = NONE) -> Array | None
     corner : ndarray of int, optional
         Strings at natural length there.
     """
-    across = (piece.of.motions @ piece.of.basis)[:, : piece.of.free - (piece.of.pattern is not None)]
-    starts = _directions(piece, u, corner, across.shape[1])
-    if len(starts) == 3:
-        opened = [_opened(piece, u, start) for start in starts[1:]]
-        if any(x is not None for x in opened):
-            return next(x for x in opened if x is not None)
-    step = BEYOND * piece.scale[-1]
-    found, away = None, []
+    of, count = piece.of, piece.of.free - (piece.of.pattern is not None)
+    starts = _directions(piece, u, corner, count)
+    if len(starts) == 3 and not len(corner):
+        for start in starts[1:]:
+            x = _opened(piece, u, start)
+            if x is not None:
+                return x
+    away = []
     for part in (0.25, 1.0):
-        found = _lowest(piece.of, piece, u, starts, across, step * part)
-        if found is None:
+        x = _lowest(of, u, starts, (of.motions @ of.basis)[:, :count], part * BEYOND)
+        if x is None:
             return None
-        away.append(np.linalg.norm((found - u)[: across.shape[1]]))
-    return found if away[0] < SHRUNK * away[1] or away[1] <= NEAR * piece.of.span else None
+        away.append(np.linalg.norm((x - u)[:count]))
+    return x if away[0] < SHRUNK * away[1] or away[1] <= NEAR * of.span else None
 
 
 def _directions(piece: Piece, u: Array, corner: Indices, count: int) -> Array:
@@ -97,24 +99,23 @@ def _opened(piece: Piece, u: Array, start: Array) -> Array | None:
     return x if same.all() and values[0] > ROUND_OFF * values[-1] else None
 
 
-def _lowest(
-    of: Loading, piece: Piece, u: Array, starts: Array, across: Array, step: float
-) -> Array | None:
-    """The minimum of lowest energy from the starts, at the last unknown + step."""
+def _lowest(of: Loading, u: Array, starts: Array, across: Array, part: float) -> Array | None:
+    """The lowest of the nearest minima from the starts, a part of its size beyond u."""
     beyond = u.copy()
-    beyond[-1] += step
-    members = replace(of.members, natural=piece.natural(beyond))
-    begin, reach = of.at(beyond), np.sqrt(step / piece.scale[-1]) * of.span
-    found = []
+    beyond[-1] += part * (1.0 if of.pattern is None else of.span)
+    members = replace(of.members, natural=of.members.natural + beyond[-1] * of.change)
+    begin, found = of.at(beyond), []
     for amplitude in AMPLITUDES:
         for start in starts:
-            moved = across @ (amplitude * reach * start)
-            found.append(_settled(of, members, across, begin, begin + moved.reshape(begin.shape)))
-    settled = [one for one in found if one is not None]
-    if not settled:
+            moved = across @ (amplitude * np.sqrt(part) * of.span * start)
+            settled = _settled(of, members, across, begin, begin + moved.reshape(begin.shape))
+            found += [(np.linalg.norm(settled[0] - begin), *settled)] if settled else []
+    if not found:
         return None
-    x, _, softest = min(settled, key=lambda one: one[1])
-    away = np.linalg.norm(x - begin)
+    nearest = min(one[0] for one in found)
+    away, x, _, softest = min(
+        (one for one in found if one[0] <= OTHER * nearest), key=itemgetter(2)
+    )
     for moved in (away / 2 * softest, -away / 2 * softest):
         again = _settled(of, members, across, begin, x + (across @ moved).reshape(x.shape))
         if again is None or np.linalg.norm(again[0] - x) > away / 10:
@@ -133,7 +134,8 @@ def _settled(
     Newton's method, mode by mode of the tangent, within a region that grows and shrinks; strings
     are slack or taut as they are.
     """
-    radius, energy = FAR * of.span, _energy(of, members, x)
+    radius = max(np.abs(x - begin).max(), BEYOND * of.span)
+    energy = _energy(of, members, x)
     for _ in range(ITERATIONS):
         values, modes = np.linalg.eigh(across.T @ (members.tangent(x) @ across))
         slope = modes.T @ (across.T @ (members.gradient(x) - of.dead).ravel())

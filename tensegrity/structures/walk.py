@@ -39,7 +39,7 @@ CORNER = 1e-10  # stretch below which a string is at its natural length where a 
 PIECES = 100
 ROUND_OFF = 1e-13  # eigenvalues above minus this part of the stiffness are not negative
 NEARER = 0.1  # part of the interval between two rows that is interpolated again
-AROUND = 12  # points around a bifurcation from which it is interpolated
+AROUND, DEGREE = 12, 5  # points around a bifurcation, and polynomial through them
 NOW = 1e-9  # of the size of the structure: bars that are nearer meet
 ENDS = {
     "contact": "two bars meet",
@@ -129,16 +129,12 @@ class Walk:
         """Follow one piece; where and how the next begins, or None at the end of the path."""
         problem = ManyProblem(piece)
         stop = [name for name in piece.roots if not name.startswith("contact")]
-        try:
-            traced = trace(problem, u, (), replace(SETTINGS, points=points), sense, stop)
-            reason = traced.end
-        except ContinuationError as error:
-            if error.branch is None or len(error.branch) < 2:
-                self.end = f"the path could not be followed: {error}"
-                if not self.parts:
-                    raise EquilibriumError(self.end) from None
-                return None
-            traced, reason = error.branch, f"failed: {error}"
+        traced, reason = self._traced(problem, u, sense, points, stop)
+        if traced is None:
+            self.end = f"the path could not be followed: {reason}"
+            if not self.parts:
+                raise EquilibriumError(self.end)
+            return None
         rows = traced.z
         negative = np.array([self._negative(piece, x) for x in rows])
         events = [
@@ -192,6 +188,27 @@ class Walk:
             word = "control" if self.of.pattern is None else ("height" if u[-1] > 0 else "other")
         self.end = ENDS.get(word, reason)
         return None
+
+    def _traced(
+        self, problem: ManyProblem, u: Array, sense: int, points: int, stop: list[str]
+    ) -> tuple[Branch | None, str]:
+        """The piece from u, and why it ends: in a first step so short that strings that leave
+        their natural length there have not come back to it."""
+        piece, first = problem.equations, SETTINGS.first
+        while True:
+            settings = replace(SETTINGS, points=points, first=first)
+            try:
+                traced = trace(problem, u, (), settings, sense, stop)
+                reason = traced.end
+            except ContinuationError as error:
+                if error.branch is None or len(error.branch) < 2:
+                    return None, str(error)
+                traced, reason = error.branch, f"failed: {error}"
+            away = piece.tests(traced.z[1])[piece.leaving]
+            back = np.where(piece.taut[piece.strings[piece.leaving]], away < 0, away > 0)
+            first /= 100
+            if not back.any() or first < SETTINGS.smallest:
+                return traced, reason
 
     def _turned(self, piece: Piece, u: Array, met: int, arrived: int) -> Any:
         """The piece that begins where strings are at natural length, of which the path met one."""
@@ -310,19 +327,23 @@ class Walk:
 
         after = self._negative(machine.of, machine.unknowns(ends[1].z))[1]
         number = below if after > below else below - 1
-        t, middle, half = chebyshev.chebpts1(AROUND), 0.5, 0.5
+        turns = ends[0].tangent[-1] * ends[1].tangent[-1] < 0
+        middle, half = 0.5, 0.5
         for _ in range(2):  # then nearer, where no other eigenvalue comes between
-            parts = (middle + half * t).tolist()
-            z = [machine.at(*between(ends[0], ends[1], part), None).z for part in parts]
-            us = [machine.unknowns(one) for one in z]
+            parts = middle + half * chebyshev.chebpts1(AROUND)
+            z = [machine.at(*between(ends[0], ends[1], part), None).z for part in parts.tolist()]
+            us = np.array([machine.unknowns(one) for one in z])
             values = [np.linalg.eigvalsh(self._inner(machine.of, u))[number] for u in us]
-            roots = chebyshev.chebroots(chebyshev.chebfit(t, values, AROUND - 1))
-            real = roots.real[(np.abs(roots.imag) < 1e-6) & (np.abs(roots.real) <= 1 + 1e-6)]
+            place = parts if turns else us[:, -1]  # round-off moves solutions along the path too
+            place = (place - place[0]) / (place[-1] - place[0]) * 2 - 1
+            roots = chebyshev.chebroots(chebyshev.chebfit(place, values, DEGREE))
+            real = roots.real[(np.abs(roots.imag) < 1e-6) & (np.abs(roots.real) <= 1 + NEARER)]
             if not real.size:
                 return np.asarray(us[int(np.argmin(np.abs(values)))])
-            found = chebyshev.chebval(real.min(), chebyshev.chebfit(t, us, AROUND - 1))
-            middle, half = middle + half * real.min(), NEARER * half
-        return np.asarray(found)
+            fit = chebyshev.chebfit(place, np.column_stack([us, parts]), DEGREE)
+            *found, middle = chebyshev.chebval(real[np.argmin(np.abs(real))], fit)
+            half *= NEARER
+        return np.array(found)
 
     def _contact(self, piece: Piece, events: Any) -> tuple[int, Array] | None:
         """The first place where bars meet within their lengths: (row, point)."""
