@@ -33,7 +33,7 @@ SAME = 1e-3  # directions whose cosine is nearer to 1 are one
 OTHER = 4.0  # times as far as the nearest: minima of branches that leave with it
 SHRUNK = 0.8  # of the distance after a step of a quarter: 1/2 at a pitchfork, 1/4 elsewhere
 ITERATIONS = 200
-SETTLED = 1e-2  # last move over the distance from the point; the path corrects what is left
+SETTLED, CALM = 0.1, 3  # last moves over the distance from the point, and their number
 ROUND_OFF = 1e-14  # of the largest eigenvalue
 FAR = 0.1  # of the size of the structure: a minimum farther away is no branch from here
 NONE = np.zeros(0, dtype=np.int64)
@@ -135,7 +135,7 @@ def _settled(
     are slack or taut as they are.
     """
     radius = max(np.abs(x - begin).max(), BEYOND * of.span)
-    energy = _energy(of, members, x)
+    energy, calm = _energy(of, members, x), 0
     for _ in range(ITERATIONS):
         values, modes = np.linalg.eigh(across.T @ (members.tangent(x) @ across))
         slope = modes.T @ (across.T @ (members.gradient(x) - of.dead).ravel())
@@ -151,7 +151,8 @@ def _settled(
         if after > energy + ROUND_OFF * abs(energy):
             radius = np.abs(move).max() / 4
             continue
-        if np.abs(step).max() <= SETTLED * max(away, BEYOND * of.span):
+        calm = calm + 1 if np.abs(step).max() <= SETTLED * max(away, BEYOND * of.span) else 0
+        if calm == CALM:
             return (new, after, modes[:, 0]) if values[0] > least else None
         x, energy, radius = new, after, 2 * radius
     return None

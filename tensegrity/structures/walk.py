@@ -38,6 +38,7 @@ FIRST = 300  # rows of a piece that are followed before it is looked whether the
 CORNER = 1e-10  # stretch below which a string is at its natural length where a piece ends
 PIECES = 100
 ROUND_OFF = 1e-13  # eigenvalues above minus this part of the stiffness are not negative
+WIDE = 1e-3  # steps on which a bifurcation is located twice
 NEARER = 0.1  # part of the interval between two rows that is interpolated again
 AROUND, DEGREE = 12, 5  # points around a bifurcation, and polynomial through them
 NOW = 1e-9  # of the size of the structure: bars that are nearer meet
@@ -329,18 +330,19 @@ class Walk:
         number = below if after > below else below - 1
         turns = ends[0].tangent[-1] * ends[1].tangent[-1] < 0
         middle, half = 0.5, 0.5
-        for _ in range(2):  # then nearer, where no other eigenvalue comes between
+        for _ in range(1 + (ends[1].length > WIDE)):  # then nearer: eigenvalues cross elsewhere
             parts = middle + half * chebyshev.chebpts1(AROUND)
             z = [machine.at(*between(ends[0], ends[1], part), None).z for part in parts.tolist()]
             us = np.array([machine.unknowns(one) for one in z])
             values = [np.linalg.eigvalsh(self._inner(machine.of, u))[number] for u in us]
             place = parts if turns else us[:, -1]  # round-off moves solutions along the path too
             place = (place - place[0]) / (place[-1] - place[0]) * 2 - 1
-            roots = chebyshev.chebroots(chebyshev.chebfit(place, values, DEGREE))
+            weight = np.abs(values)  # the nearer, the more a solution moves along the lost mode
+            roots = chebyshev.chebroots(chebyshev.chebfit(place, values, DEGREE, w=weight))
             real = roots.real[(np.abs(roots.imag) < 1e-6) & (np.abs(roots.real) <= 1 + NEARER)]
             if not real.size:
                 return np.asarray(us[int(np.argmin(np.abs(values)))])
-            fit = chebyshev.chebfit(place, np.column_stack([us, parts]), DEGREE)
+            fit = chebyshev.chebfit(place, np.column_stack([us, parts]), DEGREE, w=weight)
             *found, middle = chebyshev.chebval(real[np.argmin(np.abs(real))], fit)
             half *= NEARER
         return np.array(found)
