@@ -241,3 +241,25 @@ def test_a_path_without_load_has_no_fold():
     assert np.abs(path.load[:3]).max() < 1e-15
     assert path.load[-1] > 0.1
     assert "fold" not in kinds(path)
+
+
+@pytest.mark.parametrize("bars", [3, 4, 5, 6])
+def test_an_apex_on_a_ring_of_bars_gives_way_sideways_and_snaps_on_three(bars):
+    """Two modes at once: on three bars the energy has a cubic term, on five and more it hardly
+    depends on the direction at first."""
+    angle = 2 * np.pi * np.arange(bars) / bars
+    base = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
+    s = Structure([*base, [0, 0, 3.0]], bars=[(n, bars) for n in range(bars)], k_bar=10.0)
+    given = {"supports": held(range(bars)), "loads": {bars: (0, 0, -1.0)}}
+    path = equilibrium_path(s, max_shortening=2.0, **given)
+    assert kinds(path) == ["bifurcation"]
+    assert ("snaps" in path.end) == (bars == 3)
+    assert path.stable_height.all()
+    energy, rng = Energy(path, **given), np.random.default_rng(0)
+    if bars == 3:
+        beyond = path.positions[-1] + 1e-6 * energy.force
+        apexes = [energy.relaxed(beyond, 0.03, rng)[1][-1] for _ in range(6)]
+        assert min(np.linalg.norm(x - beyond[-1]) for x in apexes) > 0.1
+        return
+    lowest = min(energy.relaxed(path.positions[-1], 1.0, rng)[0] for _ in range(12))
+    assert energy(path.positions[-1])[0] == pytest.approx(lowest, abs=1e-9)

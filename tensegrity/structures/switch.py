@@ -1,9 +1,11 @@
 """The stable branch that leaves a bifurcation, or a corner that no stable ray leaves.
 
-A little beyond the point the energy is minimised at a given value of the last unknown, from starts
-along every direction without stiffness, of every set of the strings at natural length there that
-may be taut.  A minimum belongs to a branch that leaves the point only if it comes nearer as the
-step beyond it shrinks; where there is none, the structure snaps.
+Where one mode is lost, its branch is looked for at a given amplitude (Keller 1977): so is found
+what lasts for less than any step.  Else, a little beyond the point, the energy is minimised at a
+given value of the last unknown, from starts along every direction without stiffness, of every set
+of the strings at natural length there that may be taut.  A minimum belongs to a branch that leaves
+the point only if it comes nearer as the step beyond it shrinks; where there is none, the structure
+snaps.  Minima that are not isolated to round-off (as on a ring of eight equal bars) are not found.
 """
 
 from __future__ import annotations
@@ -25,7 +27,7 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array, Indices
 
 NEAR = 1e-4  # of the size of the structure: a branch is looked for here, a jump is none below
-BEYOND = 1e-7  # step beyond the point, over the size of the structure
+BEYOND = (1e-7, 1e-5, 1e-3)  # steps beyond the point, over the size of the structure
 SOFT = 1e-6  # stiffness of a direction that counts as lost, over the largest
 DIRECTIONS = 6  # of starts for each direction without stiffness, where there are several
 AMPLITUDES = (0.1, 1.0)  # of starts, over the root of the step: a pitchfork opens as that does
@@ -33,7 +35,7 @@ SAME = 1e-3  # directions whose cosine is nearer to 1 are one
 OTHER = 4.0  # times as far as the nearest: minima of branches that leave with it
 SHRUNK = 0.8  # of the distance after a step of a quarter: 1/2 at a pitchfork, 1/4 elsewhere
 ITERATIONS = 200
-SETTLED, CALM = 0.1, 3  # last moves over the distance from the point, and their number
+SETTLED, CALM = (0.1, 1e-2, 1e-3), 3  # last moves there over the distance, and how many
 ROUND_OFF = 1e-14  # of the largest eigenvalue
 FAR = 0.1  # of the size of the structure: a minimum farther away is no branch from here
 NONE = np.zeros(0, dtype=np.int64)
@@ -58,13 +60,14 @@ def branches_off(piece: Piece, u: Array, corner: Indices = NONE) -> Array | None
             x = _opened(piece, u, start)
             if x is not None:
                 return x
-    away = []
-    for part in (0.25, 1.0):
-        x = _lowest(of, u, starts, (of.motions @ of.basis)[:, :count], part * BEYOND)
-        if x is None:
-            return None
-        away.append(np.linalg.norm((x - u)[:count]))
-    return x if away[0] < SHRUNK * away[1] or away[1] <= NEAR * of.span else None
+    across = (of.motions @ of.basis)[:, :count]
+    for step, least in zip(BEYOND, SETTLED, strict=True):
+        x, nearer = (_lowest(of, u, starts, across, part * step, least) for part in (1.0, 0.25))
+        if x is None or nearer is None:
+            continue
+        far, close = (np.linalg.norm((at - u)[:count]) for at in (x, nearer))
+        return x if close < SHRUNK * far or far <= NEAR * of.span else None
+    return None
 
 
 def _directions(piece: Piece, u: Array, corner: Indices, count: int) -> Array:
@@ -83,8 +86,8 @@ def _directions(piece: Piece, u: Array, corner: Indices, count: int) -> Array:
 
 
 def _opened(piece: Piece, u: Array, start: Array) -> Array | None:
-    """The point of the branch that leaves u along one mode, where that is `NEAR` (Keller 1977);
-    None where there is none, or none that is stable and beyond u."""
+    """The point of the branch that leaves u along one mode, at the amplitude `NEAR`; None where
+    there is none, or none that is stable and beyond u."""
     machine = ManyMachine(piece)
     z, count = np.arcsinh(u / machine.scale), len(start)
     normal = np.zeros(machine.m)
@@ -99,7 +102,9 @@ def _opened(piece: Piece, u: Array, start: Array) -> Array | None:
     return x if same.all() and values[0] > ROUND_OFF * values[-1] else None
 
 
-def _lowest(of: Loading, u: Array, starts: Array, across: Array, part: float) -> Array | None:
+def _lowest(
+    of: Loading, u: Array, starts: Array, across: Array, part: float, least: float
+) -> Array | None:
     """The lowest of the nearest minima from the starts, a part of its size beyond u."""
     beyond = u.copy()
     beyond[-1] += part * (1.0 if of.pattern is None else of.span)
@@ -108,7 +113,8 @@ def _lowest(of: Loading, u: Array, starts: Array, across: Array, part: float) ->
     for amplitude in AMPLITUDES:
         for start in starts:
             moved = across @ (amplitude * np.sqrt(part) * of.span * start)
-            settled = _settled(of, members, across, begin, begin + moved.reshape(begin.shape))
+            from_here = begin + moved.reshape(begin.shape)
+            settled = _settled(of, members, across, begin, from_here, least)
             found += [(np.linalg.norm(settled[0] - begin), *settled)] if settled else []
     if not found:
         return None
@@ -116,8 +122,9 @@ def _lowest(of: Loading, u: Array, starts: Array, across: Array, part: float) ->
     away, x, _, softest = min(
         (one for one in found if one[0] <= OTHER * nearest), key=itemgetter(2)
     )
-    for moved in (away / 2 * softest, -away / 2 * softest):
-        again = _settled(of, members, across, begin, x + (across @ moved).reshape(x.shape))
+    for moved in (away / 4 * softest, -away / 4 * softest):
+        from_here = x + (across @ moved).reshape(x.shape)
+        again = _settled(of, members, across, begin, from_here, least)
         if again is None or np.linalg.norm(again[0] - x) > away / 10:
             return None  # slack strings leave a set of equilibria: none is determined
     beyond[: across.shape[1]] = across.T @ (x - of.positions).ravel()
@@ -127,14 +134,15 @@ def _lowest(of: Loading, u: Array, starts: Array, across: Array, part: float) ->
 
 
 def _settled(
-    of: Loading, members: Members, across: Array, begin: Array, x: Array
+    of: Loading, members: Members, across: Array, begin: Array, x: Array, settled: float
 ) -> tuple[Array, float, Array] | None:
     """The minimum of the energy next to x over the motions `across`, that energy and softest mode.
 
     Newton's method, mode by mode of the tangent, within a region that grows and shrinks; strings
     are slack or taut as they are.
     """
-    radius = max(np.abs(x - begin).max(), BEYOND * of.span)
+    small = BEYOND[0] * of.span
+    radius = max(np.abs(x - begin).max(), small)
     energy, calm = _energy(of, members, x), 0
     for _ in range(ITERATIONS):
         values, modes = np.linalg.eigh(across.T @ (members.tangent(x) @ across))
@@ -151,7 +159,7 @@ def _settled(
         if after > energy + ROUND_OFF * abs(energy):
             radius = np.abs(move).max() / 4
             continue
-        calm = calm + 1 if np.abs(step).max() <= SETTLED * max(away, BEYOND * of.span) else 0
+        calm = calm + 1 if np.abs(step).max() <= settled * max(away, small) else 0
         if calm == CALM:
             return (new, after, modes[:, 0]) if values[0] > least else None
         x, energy, radius = new, after, 2 * radius
