@@ -328,7 +328,7 @@ class Walk:
 
         after = self._negative(machine.of, machine.unknowns(ends[1].z))[1]
         number = below if after > below else below - 1
-        turns = ends[0].tangent[-1] * ends[1].tangent[-1] < 0
+        turns = ends[0].tangent[-1] * ends[1].tangent[-1] <= 0
         middle, half = 0.5, 0.5
         for _ in range(1 + (ends[1].length > WIDE)):  # then nearer: eigenvalues cross elsewhere
             parts = middle + half * chebyshev.chebpts1(AROUND)
@@ -337,12 +337,11 @@ class Walk:
             values = [np.linalg.eigvalsh(self._inner(machine.of, u))[number] for u in us]
             place = parts if turns else us[:, -1]  # round-off moves solutions along the path too
             place = (place - place[0]) / (place[-1] - place[0]) * 2 - 1
-            weight = np.abs(values)  # the nearer, the more a solution moves along the lost mode
-            roots = chebyshev.chebroots(chebyshev.chebfit(place, values, DEGREE, w=weight))
+            roots = chebyshev.chebroots(chebyshev.chebfit(place, values, DEGREE))
             real = roots.real[(np.abs(roots.imag) < 1e-6) & (np.abs(roots.real) <= 1 + NEARER)]
             if not real.size:
                 return np.asarray(us[int(np.argmin(np.abs(values)))])
-            fit = chebyshev.chebfit(place, np.column_stack([us, parts]), DEGREE, w=weight)
+            fit = chebyshev.chebfit(place, np.column_stack([us, parts]), DEGREE)
             *found, middle = chebyshev.chebval(real[np.argmin(np.abs(real))], fit)
             half *= NEARER
         return np.array(found)
