@@ -184,6 +184,20 @@ FAULTS = (
         "test_growing_bars_bow_then_snap_at_a_slack_corner_of_their_closed_form",
     ),
     Fault(
+        "tensegrity/structures/switch.py",
+        "return x if close < SHRUNK * far or far <= NEAR * of.span else None",
+        "return x",
+        "tests/test_structure_snap.py::"
+        "test_a_structure_snaps_only_where_no_minimum_beyond_comes_near",
+    ),
+    Fault(
+        "tensegrity/structures/walk.py",
+        "if not back.any() or first < SETTINGS.smallest:",
+        "if True:",
+        "tests/test_structure_snap.py::"
+        "test_a_string_is_taut_again_however_soon_after_it_went_slack",
+    ),
+    Fault(
         "tensegrity/structures/equations.py",
         "(density[:, None] * d).ravel() - of.weight",
         "(density[:, None] * d).ravel() + of.weight",

@@ -49,6 +49,7 @@ class Machine:
         self.roots, self.folds = tuple(facts["roots"]), tuple(facts["folds"])
         self.tabulated, self.numbers = tuple(facts["values"]), facts["numbers"]
         self.kinds, self.m = (*self.roots, *self.folds), len(self.names)
+        self.vanishing = [*[ROOT_AT_START] * len(self.roots), *[FOLD_AT_START] * len(self.folds)]
         self.judged = 2 * self.m + len(self.tabulated)  # where the figures of a step begin
         self.size = self.judged + 3 + len(self.kinds)  # of a row in follow.c
         self._parts, self._scaled = parts, once(lambda: _Scaled(problem))

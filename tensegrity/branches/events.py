@@ -14,7 +14,6 @@ import numpy as np
 from tensegrity.branches.arclength import (
     ALIGNED,
     BISECTIONS,
-    FOLD_AT_START,
     NEAR,
     ROOT_AT_START,
     TINY,
@@ -28,7 +27,7 @@ def leave_start(machine, start, here, p, events):
     signs = list(start.tests)
     for i, kind in enumerate(machine.kinds):
         root = kind in machine.roots
-        if abs(start.tests[i]) <= (ROOT_AT_START if root else FOLD_AT_START):
+        if abs(start.tests[i]) <= machine.vanishing[i]:
             signs[i] = here.tests[i]
             if root or back.tests[i] * here.tests[i] < 0:
                 events.append((kind, 0, start))

@@ -14,14 +14,22 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from tensegrity.branches.arclength import ITERATIONS, POLISH, TINY, Point
+from tensegrity.branches.arclength import (
+    FOLD_AT_START,
+    ITERATIONS,
+    POLISH,
+    ROOT_AT_START,
+    TINY,
+    Point,
+)
 
 if TYPE_CHECKING:
     from typing import Any
 
-    from tensegrity.typing import Array
+    from tensegrity.typing import Array, Indices
 
 
+CONSTANT = 1e-13  # part of a unit tangent below which an unknown does not change: no fold
 SECANT, REACH = 1e-4, 0.2  # first and largest step of a secant, in scaled unknowns
 
 
@@ -32,6 +40,7 @@ class Equations(Protocol):
     scale: Array
     roots: tuple[str, ...]
     folds: dict[str, int]  # name and number of the unknown that is stationary there
+    leaving: Indices  # numbers of the roots that are known to vanish at the start
 
     def linearised(self, u: Array) -> tuple[Array, Array]:
         """Residual (m - 1,) over its size, and its Jacobian (m - 1, m)."""
@@ -93,6 +102,10 @@ class ManyMachine:
         self.scale = np.asarray(equations.scale, dtype=float)
         self.roots, self.folds = tuple(equations.roots), tuple(equations.folds)
         self.kinds = (*self.roots, *self.folds)
+        self.vanishing = np.repeat(
+            [ROOT_AT_START, FOLD_AT_START], [len(self.roots), len(self.folds)]
+        )
+        self.vanishing[equations.leaving] = np.inf
         self.names, self.numbers = tuple(equations.names), 0
         self.tabulated: tuple[str, ...] = ()
         self.judged, self.library = 2 * self.m, None  # LAPACK is: no loop of its own
@@ -153,7 +166,9 @@ class ManyMachine:
         share = (step / (step + length)) ** 2 / 8
         error = float(np.abs(missed).max()) * share
         arc = float(np.linalg.norm(z - start)) * (1 + (1 - cosine) / 12)
-        tests = [*self.of.tests(self.unknowns(z)).tolist(), *new[self._stationary].tolist()]
+        parts = new[self._stationary]
+        parts[np.abs(parts) <= CONSTANT] = 0.0
+        tests = [*self.of.tests(self.unknowns(z)).tolist(), *parts.tolist()]
         data = np.concatenate([z, new])
         point = Point(m, data, float(np.abs(g).max()), arc, side, tests)
         return point, (error, float(np.linalg.norm(missed)), last, cosine)

@@ -167,11 +167,15 @@ def equilibrium_path(prism: Any, **given: Any) -> Any:
     branch : {"stable", "symmetric"}, optional
         What is followed where strings go slack together, and where a path loses stability at
         given shortening: the branch of least energy, or that on which all of them do the same.
+        "stable" ends with "the structure snaps" where a search finds no stable branch: not along
+        any lost mode, nor among minima of the energy within 0.1 of the size of the structure at
+        shortenings 1e-7, 1e-5 and 1e-3 of it beyond, from starts along all directions without
+        stiffness, whichever strings at natural length are slack.  Jumps below 1e-4 are followed.
     loads : dict, optional
         {node: force (dim,)}: their directions and ratios; load and shortening belong to their
         sum of sizes.
     max_shortening : float, optional
-        Shortening at which to end [m].
+        Shortening at which to end [m]; in the other sense too, where a path turns back.
 
     Returns
     -------

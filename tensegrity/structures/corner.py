@@ -70,7 +70,7 @@ def rays(loading: Loading, u: Array, taut: Flags, corner: Indices, arrived: int 
     """
     found: list[Ray] = []
     for sense in (-1, 1) if arrived < 0 else (1, -1):
-        for choice in _choices(loading, u, taut, corner, sense):
+        for choice in choices(loading, u, taut, corner, sense):
             if sense == -arrived and (choice == taut).all():
                 continue
             ray = _ray(loading, u, choice, corner, sense)
@@ -95,7 +95,7 @@ def chosen(found: list[Ray], branch: str, corner: Indices) -> Ray | None:
     return next(r for r in lowest if r.slope <= least + SAME * max(abs(least), 1e-300))
 
 
-def _choices(
+def choices(
     loading: Loading, u: Array, taut: Flags, corner: Indices, sense: int
 ) -> Iterator[Flags]:
     """Which strings may be taut; where they are too many, those that iteration settles on."""
@@ -136,7 +136,7 @@ def _ray(
         return None
     if not np.isfinite(rate).all() or np.abs(rate / piece.scale).max() > 1e8 / piece.scale[-1]:
         return None
-    numbers = np.searchsorted(piece.strings, corner)
+    numbers = piece.leaving
     longer = np.array([piece.test_gradient(u, n) @ rate for n in numbers])
     size = SAME * (np.abs(longer).max(initial=0.0) + 1e-300)
     wanted = np.where(choice[corner], longer >= -size, longer <= size)

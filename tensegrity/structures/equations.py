@@ -47,7 +47,7 @@ class Loading:
     plate : tuple, optional
         Unit normal, nodes of the lower and the upper plate.
     limits : tuple of two float
-        Load [N] and shortening [m] (or control) at which to end.
+        Load [N] at which to end, and shortening [m] (or control) in either sense.
     dead : ndarray, (nodes, dim)
         Loads that stay [N].
     """
@@ -178,6 +178,7 @@ class Piece:
         self.strings = np.flatnonzero(loading.members.pulls_only)
         self.offset = np.zeros(len(taut))
         self.offset[corner] = stretch[corner]
+        self.leaving = np.searchsorted(self.strings, corner)
         loaded = loading.pattern is not None
         names = [f"w{i}" for i in range(loading.free - loaded)]
         self.names = (*names, *(("load", "shortening") if loaded else ("control",)))
@@ -268,9 +269,8 @@ class Piece:
                 parts.append((heights[up[0]] - inner) / of.span)
                 bottom = heights[low[0]] if low else -np.inf
                 parts.append(np.array([(heights[up[0]] - bottom) / of.span]))
-        values = (u[-2] / of.force, u[-1] / self.scale[-1])
-        sizes = (of.force, self.scale[-1])
-        parts.append(np.array([values[k] - of.limits[k] / sizes[k] for k in self.limits]))
+        ends = (u[-2] - of.limits[0]) / of.force, (u[-1] / of.limits[1]) ** 2 - 1
+        parts.append(np.array([ends[k] for k in self.limits]))
         parts.append(np.array([u[-1] - BACK] if of.pattern is None else []))
         return np.concatenate(parts)
 
@@ -288,9 +288,10 @@ class Piece:
                 row[-1] = -lengths[member] * of.change[member] / natural**2
             return row
         name, *rest = self.roots[number].split()
-        if name in ("load", "height"):
-            last = -2 if name == "load" else -1
-            row[last] = 1 / (of.force if name == "load" else self.scale[-1])
+        if name == "load":
+            row[-2] = 1 / of.force
+        elif name == "height":
+            row[-1] = 2 * u[-1] / of.limits[1] ** 2
         elif name == "back":
             row[-1] = 1.0
         elif name == "contact":

@@ -44,7 +44,8 @@ class StructurePath(Table):
         [m].
     events : tuple of Event
         Kinds "slack" (also where strings become taut again, see the note), "fold", "turn",
-        "bifurcation", "plate", "contact"; each has the columns as attributes.
+        "bifurcation", "plate", "contact"; each has the columns as attributes.  Strings that
+        reach their natural length at one point are one event.
     structure : Structure
         Where the path starts.
     end : str

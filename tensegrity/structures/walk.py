@@ -24,7 +24,7 @@ from tensegrity.structures.corner import chosen, piece_stretch, rays
 from tensegrity.structures.equations import Loading, Piece
 from tensegrity.structures.solve import NEUTRAL, NOTHING, least_part
 from tensegrity.structures.structure_path import StructurePath
-from tensegrity.structures.switch import branches_off
+from tensegrity.structures.switch import NONE, branches_off
 
 if TYPE_CHECKING:
     from typing import Any
@@ -32,13 +32,16 @@ if TYPE_CHECKING:
     from tensegrity.branches.continuation import Branch
     from tensegrity.structures.structure import Structure
     from tensegrity.structures.supports import Supports
-    from tensegrity.typing import Array, Indices
+    from tensegrity.typing import Array, Flags, Indices
 
 SETTINGS = Settings(tolerance=1e-8, largest=0.05, points=4000)
 FIRST = 300  # rows of a piece that are followed before it is looked whether the path leaves it
 CORNER = TAUT  # stretch below which a string is at its natural length where a piece ends
 PIECES = 100
-AROUND = 12  # points around a bifurcation from which it is interpolated
+ROUND_OFF = 1e-13  # eigenvalues above minus this part of the stiffness are not negative
+WIDE = 1e-3  # steps on which a bifurcation is located twice
+NEARER = 0.1  # part of the interval between two rows that is interpolated again
+AROUND, DEGREE = 12, 5  # points around a bifurcation, and polynomial through them
 NOW = 1e-9  # of the size of the structure: bars that are nearer meet
 ENDS = {
     "contact": "two bars meet",
@@ -46,10 +49,11 @@ ENDS = {
     "flat": "the plates meet",
     "load": "the load asked for",
     "height": "the shortening asked for",
+    "other": "the shortening asked for, in the other sense",
     "control": "the natural lengths asked for",
     "back": "back at the natural lengths of the start",
     "nothing": "no equilibrium, or none that is determined, leaves this corner",
-    "snap": "no stable branch leaves this bifurcation: the structure snaps",
+    "snap": "no stable branch leaves this {}: the structure snaps",
     "pieces": f"{PIECES} pieces do not reach an end",
 }
 
@@ -127,16 +131,12 @@ class Walk:
         """Follow one piece; where and how the next begins, or None at the end of the path."""
         problem = ManyProblem(piece)
         stop = [name for name in piece.roots if not name.startswith("contact")]
-        try:
-            traced = trace(problem, u, (), replace(SETTINGS, points=points), sense, stop)
-            reason = traced.end
-        except ContinuationError as error:
-            if error.branch is None or len(error.branch) < 2:
-                self.end = f"the path could not be followed: {error}"
-                if not self.parts:
-                    raise EquilibriumError(self.end) from None
-                return None
-            traced, reason = error.branch, f"failed: {error}"
+        traced, reason = self._traced(problem, u, sense, points, stop)
+        if traced is None:
+            self.end = f"the path could not be followed: {reason}"
+            if not self.parts:
+                raise EquilibriumError(self.end)
+            return None
         rows = traced.z
         negative = np.array([self._negative(piece, x) for x in rows])
         events = [
@@ -186,20 +186,40 @@ class Walk:
             met = int(reason.split()[1])
             return self._turned(piece, u, met, -1 if traced.tangent[-1, -1] < 0 else 1)
         word = "height" if reason == "height" else reason.split()[0]
-        if self.of.pattern is None and word == "height":
-            word = "control"
+        if word == "height":
+            word = "control" if self.of.pattern is None else ("height" if u[-1] > 0 else "other")
         self.end = ENDS.get(word, reason)
         return None
+
+    def _traced(
+        self, problem: ManyProblem, u: Array, sense: int, points: int, stop: list[str]
+    ) -> tuple[Branch | None, str]:
+        """The piece from u, and why it ends: in a first step so short that strings that leave
+        their natural length there have not come back to it."""
+        piece, first = problem.equations, SETTINGS.first
+        while True:
+            settings = replace(SETTINGS, points=points, first=first)
+            try:
+                traced = trace(problem, u, (), settings, sense, stop)
+                reason = traced.end
+            except ContinuationError as error:
+                if error.branch is None or len(error.branch) < 2:
+                    return None, str(error)
+                traced, reason = error.branch, f"failed: {error}"
+            away = piece.tests(traced.z[1])[piece.leaving]
+            back = np.where(piece.taut[piece.strings[piece.leaving]], away < 0, away > 0)
+            first /= 100
+            if not back.any() or first < SETTINGS.smallest:
+                return traced, reason
 
     def _turned(self, piece: Piece, u: Array, met: int, arrived: int) -> Any:
         """The piece that begins where strings are at natural length, of which the path met one."""
         stretch = piece.stretch(u)
         corner = np.union1d(self._at_corner(stretch), [met])  # its own may be round-off above
         row = self.rows - 1
-        loose = corner[piece.taut[corner]]
-        tight = corner[~piece.taut[corner]]
-        words = [f"{_listed(loose)} slack"] if len(loose) else []
-        words += [f"{_listed(tight)} taut again"] if len(tight) else []
+        met_by = piece.taut.copy()
+        met_by[corner] ^= True
+        words = [_changed(piece.taut, met_by)]
         x = self.of.at(u)
         volume, within = self.of.crossing(x)
         if ((np.abs(volume) <= NOW) & within & (np.abs(piece.volume) > NOW)).any():
@@ -209,6 +229,15 @@ class Walk:
             return None
         found = rays(self.of, u, piece.taut, corner, arrived)
         ray = chosen(found, self.branch, corner)
+        lost = ray is None or (ray.sense == arrived and not ray.stable)
+        if lost and arrived > 0 and self.branch == "stable" and self.parts[-1].negative[-1, 1] == 0:
+            beyond = branches_off(piece, u, corner)
+            if beyond is not None:
+                return self._beyond(piece, u, beyond)
+            if ray is not None:
+                self.events.append(("slack", row, u, piece, words[0]))
+                self.end = ENDS["snap"].format("corner")
+                return None
         if ray is not None and len(corner) > 1:
             kept = int(ray.taut[corner].sum())
             words.append(f"{kept} of {len(corner)} at the corner taut beyond it")
@@ -222,13 +251,19 @@ class Walk:
 
     def _switched(self, piece: Piece, u: Array, leaves: Any) -> Any:
         """The stable branch that leaves a bifurcation."""
-        found = branches_off(piece, u, self._inner(piece, u))
+        found = branches_off(piece, u)
         if found is None:
-            self.end = ENDS["snap"]
+            self.end = ENDS["snap"].format("bifurcation")
             return None
+        return self._beyond(piece, u, found)
+
+    def _beyond(self, piece: Piece, u: Array, found: Array) -> Any:
+        """The piece that begins at a point found beyond u."""
         stretch = piece_stretch(self.of, found, piece.taut)
         taut = ~self.of.members.pulls_only | (stretch >= 0)
-        return found, taut, np.zeros(0, dtype=np.int64), 1
+        if (taut != piece.taut).any():
+            self.events.append(("slack", self.rows - 1, u, piece, _changed(piece.taut, taut)))
+        return found, taut, NONE, 1
 
     # stability
 
@@ -240,17 +275,13 @@ class Walk:
     def _negative(self, piece: Piece, u: Array) -> tuple[int, int]:
         """Negative eigenvalues under given load, and where the last unknown is given."""
         stiff = piece.tangent(u)
-        bound = -NEUTRAL * float(self.of.members.stiffness.max())
-        if self.of.pattern is None:
-            count = int(np.sum(np.linalg.eigvalsh(stiff) < bound))
-            return count, count
-        scale = np.ones(len(stiff))  # the last motion is of 1 m of shortening: made as the others
-        scale[-1] = np.sqrt(self.of.along @ self.of.along)
-        stiff = stiff * scale[:, None] * scale
-        return (
-            int(np.sum(np.linalg.eigvalsh(stiff) < bound)),
-            int(np.sum(np.linalg.eigvalsh(stiff[:-1, :-1]) < bound)) if len(stiff) > 1 else 0,
-        )
+        scale = np.ones(len(stiff))
+        if self.of.pattern is not None:  # the last motion is of 1 m of shortening: as the others
+            scale[-1] = np.sqrt(self.of.along @ self.of.along)
+        whole, inner = stiff * scale[:, None] * scale, self._inner(piece, u)
+        bound = -ROUND_OFF * float(self.of.members.stiffness.max())
+        low, high = (int(np.sum(np.linalg.eigvalsh(k) < bound)) for k in (whole, inner))
+        return low, high
 
     def _bifurcation(
         self, machine: Any, traced: Branch, negative: Array, events: Any
@@ -284,7 +315,7 @@ class Walk:
         name = "turn" if self.of.pattern is not None else "fold"
         for kind, row, u in sorted(events, key=lambda e: e[1]):
             stable = kind == name and traced.tangent[row, -1] > 0 and negative[row, 1] == 0
-            if stable and branches_off(piece, u, self._inner(piece, u)) is not None:
+            if stable and branches_off(piece, u) is not None:
                 return row, u, 1
         return None
 
@@ -298,15 +329,23 @@ class Walk:
 
         after = self._negative(machine.of, machine.unknowns(ends[1].z))[1]
         number = below if after > below else below - 1
-        t = chebyshev.chebpts1(AROUND)
-        z = [machine.at(*between(ends[0], ends[1], (1 + part) / 2), None).z for part in t.tolist()]
-        us = [machine.unknowns(one) for one in z]
-        values = [np.linalg.eigvalsh(self._inner(machine.of, u))[number] for u in us]
-        roots = chebyshev.chebroots(chebyshev.chebfit(t, values, AROUND - 1))
-        real = roots.real[(np.abs(roots.imag) < 1e-6) & (np.abs(roots.real) <= 1 + 1e-6)]
-        if not real.size:
-            return np.asarray(us[int(np.argmin(np.abs(values)))])
-        return np.asarray(chebyshev.chebval(real.min(), chebyshev.chebfit(t, us, AROUND - 1)))
+        turns = ends[0].tangent[-1] * ends[1].tangent[-1] <= 0
+        middle, half = 0.5, 0.5
+        for _ in range(1 + (ends[1].length > WIDE)):  # then nearer: eigenvalues cross elsewhere
+            parts = middle + half * chebyshev.chebpts1(AROUND)
+            z = [machine.at(*between(ends[0], ends[1], part), None).z for part in parts.tolist()]
+            us = np.array([machine.unknowns(one) for one in z])
+            values = [np.linalg.eigvalsh(self._inner(machine.of, u))[number] for u in us]
+            place = parts if turns else us[:, -1]  # round-off moves solutions along the path too
+            place = (place - place[0]) / (place[-1] - place[0]) * 2 - 1
+            roots = chebyshev.chebroots(chebyshev.chebfit(place, values, DEGREE))
+            real = roots.real[(np.abs(roots.imag) < 1e-6) & (np.abs(roots.real) <= 1 + NEARER)]
+            if not real.size:
+                return np.asarray(us[int(np.argmin(np.abs(values)))])
+            fit = chebyshev.chebfit(place, np.column_stack([us, parts]), DEGREE)
+            *found, middle = chebyshev.chebval(real[np.argmin(np.abs(real))], fit)
+            half *= NEARER
+        return np.array(found)
 
     def _contact(self, piece: Piece, events: Any) -> tuple[int, Array] | None:
         """The first place where bars meet within their lengths: (row, point)."""
@@ -352,6 +391,12 @@ class Walk:
             carried = np.array([self.of.weight @ self.of.coordinates(u) for u in us])
             columns = {"control": np.array([u[-1] for u in us]), "work": stored - start - carried}
         return columns | {f"tension {m}": t for m, t in enumerate(tensions.T)}
+
+
+def _changed(before: Flags, after: Flags) -> str:
+    loose, tight = np.flatnonzero(before & ~after), np.flatnonzero(after & ~before)
+    words = [f"{_listed(loose)} slack"] if len(loose) else []
+    return ", ".join([*words, f"{_listed(tight)} taut again"] if len(tight) else words)
 
 
 def _listed(members: Indices) -> str:
