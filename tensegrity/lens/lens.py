@@ -311,7 +311,15 @@ class Lens:
         Returns
         -------
         ndarray, (*t.shape, *points.shape[:-1])
-            [Pa], of circular pistons by Rayleigh's integral.
+            [Pa], of circular pistons by Rayleigh's integral, each to about 1e-9 of the most that
+            it could make there, the smaller of rho c max|v| and rho A max|a|/(2 pi R).
+
+        Raises
+        ------
+        TensegrityError
+            Bad input.
+        ResolutionError
+            The pulse is over in less than a thousandth of sound's way across an end.
 
         Notes
         -----
