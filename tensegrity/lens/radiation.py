@@ -38,6 +38,7 @@ SLOW = 0.9  # ratio of two changes of an integral by which the next ones are tol
 CLOSE = 0.5  # near over far of a rim from which a point is close to it
 STEEPEST_MAP = 1 - 1e-10  # parameter m up to which SciPy's elliptic functions are exact
 SMALLEST = 1e-300
+SELF, RADII, ANGLES = 16, 2, 3  # nodes on an end: along a radius for itself; for the others
 LOOKS = 401  # instants among which a peak is looked for
 
 
@@ -176,11 +177,36 @@ class Ends:
             with np.errstate(divide="ignore", invalid="ignore"):
                 yield self.density * self.area * acceleration / (2 * np.pi * distance)
 
+    def energy(self) -> float:
+        """What the ends radiate until the last recorded instant [J]: the work of all pressures."""
+        from scipy.interpolate import make_interp_spline
+
+        t = np.linspace(0.0, self.t[-1], len(self.t) // 2)
+        power, curves = np.zeros(len(t)), self._curves()
+        for place, source in zip(self.places, curves, strict=True):
+            faces = [_face(self.radius, abs(end - place)) for end in self.places]
+            off, weights = (np.concatenate(x) for x in zip(*faces, strict=True))
+            on_faces = self._radiated(place, source, np.stack([place + off, 0 * off], -1), t)
+            ends = np.repeat(np.arange(len(curves)), [len(face[0]) for face in faces])
+            velocities = np.stack([curve(t) for curve in curves], axis=-1)
+            power += np.sum(on_faces * weights * velocities[:, ends], axis=1)
+        return float(self.area * make_interp_spline(t, power, k=5).integrate(0.0, t[-1]))
+
     def _curves(self) -> list[Any]:
         """Velocity of each end as a spline of fifth degree."""
         from scipy.interpolate import make_interp_spline
 
         return [make_interp_spline(self.t, v, k=5) for v in self.velocity.T]
+
+
+def _face(radius: float, apart: float) -> tuple[Array, Array]:
+    """Distances of nodes on a piston from a point `apart` of its centre, weights of their mean:
+    Gauss's in the square of the radius, equal angles."""
+    nodes, weights = np.polynomial.legendre.leggauss(SELF if apart == 0 else RADII)
+    angle = np.pi * (np.arange(1 if apart == 0 else ANGLES) + 0.5) / ANGLES
+    r = radius * np.sqrt((1 + nodes) / 2)
+    off = np.abs(apart + r[:, None] * np.exp(1j * angle)).ravel()
+    return off, np.repeat(weights / 2, len(angle)) / len(angle)
 
 
 def _outer(t: Array, points: Array) -> tuple[Array, Array]:
