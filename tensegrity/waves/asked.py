@@ -153,7 +153,8 @@ def _search(family, excess, start, asked, reached):
             new = (low + high) / 2 if math.isfinite(high - low) else here + step / 8
         before = (here, gap) if gap is not None else None
         size = min(size_at(new), largest)
-    raise TensegrityError(f"{asked}: no solitary wave of {family.name} found ({reason})")
+    error = ResolutionError if isinstance(reason, ResolutionError) else TensegrityError
+    raise error(f"{asked}: no solitary wave of {family.name} found ({reason})")
 
 
 def _beyond(family, asked, side, reached, profile, last):

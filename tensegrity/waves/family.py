@@ -45,6 +45,11 @@ CORE = 3.0  # sites in which a wave has fallen to its linear tail
 SLOWEST_DECAY = 6.0  # per site: faster tails are over within the core
 FLAT = 0.02  # distance to it, over its size, from which a wave is made from one farther away
 STROKE = 0.9995  # part of the stroke to the end of the domain that a wave is looked for in
+NEAREST = 2.0**-20  # of the stroke, left where the force at a wall is looked at
+AT_END = 2.0**-36  # of the stroke, left to a wave at the end of the domain where force is finite
+STEADY = 0.02  # exponent of the force at an end, or agreement of two, below which they are 0
+FIRST_LAG, LAGS = 1e-6, 4001  # part of the way on which V falls from a crest; places of a lag
+ROUND_OFF = 1e-13  # of a crest, next to which stored energies differ by more than round-off
 NODES = 6  # waves, the stroke left halved from one to the next, from which a limit is taken
 
 
@@ -243,19 +248,52 @@ class Family:
         """f of `Scaled`, interpolated."""
         return lambda rho: self.rough_tension(size * rho) / self.rough_tension(size)
 
+    def exponent_at_end(self, part):
+        """y V''/|V'| at y = `part` of the stroke from the end of the domain: n + 1 of V ~ y^-n, 0
+        of a finite force."""
+        y = part * self.end
+        r = self.sign * (self.end - y)
+        return float(y * self.potential.stiffness(r) / abs(self.potential.tension(r)))
+
+    @cached_property
+    def finite_at_end(self):
+        """Whether the force is finite at the end of the domain, be a wall just beyond it."""
+        nearest = self.exponent_at_end(AT_END)
+        return nearest < max(STEADY, self.exponent_at_end(NEAREST) / 2)
+
     def stiffness_at_end(self, closest):
-        """Limit of m c^2 [N/m] towards the end of the domain, by Neville's scheme in the root of
-        the stroke left."""
+        """Limit of m c^2 [N/m] towards the end of the domain: of the wave that gets there where the
+        force is finite, else by Neville's scheme in the root of the stroke left."""
         from scipy.interpolate import BarycentricInterpolator
 
-        left = closest * 2.0 ** np.arange(NODES)
+        finite = self.finite_at_end
+        left = np.array([AT_END]) if finite else closest * 2.0 ** np.arange(NODES)
         values = []
         for part in left.tolist():
             law = Scaled(self.potential, self.sign * self.end * (1 - part))
-            near = self.wave(abs(law.reference))
-            profile, _ = refined(near, amplitude_is(1.0))
+            try:
+                near = self.wave(abs(law.reference))
+                profile, _ = refined(near, amplitude_is(1.0))
+            except (NoWave, ResolutionError):
+                crest = math.nextafter(self.end, 0.0) if finite else abs(law.reference)
+                return self._collision(crest)
             values.append(profile.mu * law.secant)
-        return float(BarycentricInterpolator(np.sqrt(left), values)(0.0))
+        return values[0] if finite else float(BarycentricInterpolator(np.sqrt(left), values)(0.0))
+
+    def _collision(self, crest):
+        """m c^2 [N/m] of a wave much faster than sound, whose masses collide two by two.
+
+        Their relative velocity is c sigma, all of which energy 4 V/m is stored at the crest, and
+        sigma is the crest and what the bond lags behind free flight; see `derivations.softening`.
+        """
+        stored = 0.5 * self.rest * crest**2 + float(self.beyond.energy(self.sign * crest))
+        near = stored / abs(float(self.potential.tension(self.sign * crest)))  # where V has fallen
+        y = np.geomspace(max(FIRST_LAG * near, ROUND_OFF * crest), crest, LAGS)
+        size = crest - y
+        ratio = (0.5 * self.rest * size**2 + self.beyond.energy(self.sign * size)) / stored
+        lag = y * (1 / np.sqrt(1 - ratio) - 1)
+        sigma = crest + 2 * math.sqrt(y[0] * near) + float(np.trapezoid(lag, np.log(y)))
+        return 4 * stored / sigma**2
 
 
 def _unresolved(law):

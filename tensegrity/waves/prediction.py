@@ -18,7 +18,7 @@ from tensegrity.once import once
 from tensegrity.springs.potential import Potential
 from tensegrity.waves.asymptotics import sound_speed
 from tensegrity.waves.excess import excess
-from tensegrity.waves.family import SIGNS, Family
+from tensegrity.waves.family import NEAREST, SIGNS, STEADY, Family
 from tensegrity.waves.rises import rises_from_rest
 from tensegrity.waves.travelling import decay_rate
 
@@ -26,9 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 GROWTH = 1e-6  # relative rise of Q over the last factor of 2 in size, where it has no bound
-NEAREST = 2.0**-20  # of the stroke, left where the force at a wall is looked at
-CLOSER = 2.0**-10  # ... and where its exponent is taken again
-STEADY = 0.02  # agreement of the two
+FARTHER = 2.0**11  # times what is left there, where the exponent is taken again
 CLOSEST = 4e-3  # of the stroke, left to the largest wave of a family that ends at a wall
 
 
@@ -260,7 +258,8 @@ def _predicted(side: Family, mass: float) -> PredictedFamily:
         why.append(reason)
         last = sign * side.end
         if ends == "tent":
-            holds.append(Hypothesis("V ~ A y^-n at the end of the domain, n >= 0", wall[0], True))
+            power = not math.isnan(wall[0])
+            holds.append(Hypothesis("V ~ A y^-n at the end of the domain, n >= 0", wall[0], power))
     else:
         level = 2 * side.energy / side.sizes**2
         grows = level[-1] - np.interp(side.sizes[-1] / 2, side.sizes, level)
@@ -315,24 +314,22 @@ def _first_crest(side: Family) -> float:
 
 def _wall(side: Family) -> tuple[str, tuple[float, float], float, str]:
     """How a family ends with the domain: a kind, (n, A), m c^2 - V''(0), and words."""
-    stiffness, tension = side.potential.stiffness, side.potential.tension
-
-    def exponent(part: float) -> tuple[float, float, float]:
-        y = part * side.end
-        r = side.sign * (side.end - y)
-        return float(y * stiffness(r) / abs(tension(r))), r, y
-
-    (near, r, y), (far, _, _) = exponent(NEAREST), exponent(CLOSER * 2)
-    if near > 1 - STEADY:
+    near, nearest = side.exponent_at_end(NEAREST), NEAREST
+    while not math.isfinite(near):  # a wall so steep that its forces are beyond all numbers there
+        near, nearest = side.exponent_at_end(4 * nearest), 4 * nearest
+    if near > 1 - STEADY and not side.finite_at_end:
+        far = side.exponent_at_end(min(FARTHER * nearest, 0.5))
         n = near - 1 if abs(near - far) < STEADY * near else math.nan
-        n = round(n) if abs(n - round(n)) < STEADY / 4 else n
-        strength = float(abs(tension(r)) * y ** (n + 1) / n) if n > 0 else math.nan
-        return "tent", (float(n), strength), math.inf, (
+        n = float(np.round(n)) if abs(n - np.round(n)) < STEADY / 4 else n
+        y = nearest * side.end
+        force = abs(float(side.potential.tension(side.sign * (side.end - y))))
+        strength = force * y ** (n + 1) / n if n > 0 else math.nan
+        return "tent", (n, strength), math.inf, (
             "the energy has no bound at the end of the domain: fast waves tend to the tent"
         )  # fmt: skip
     above = side.stiffness_at_end(CLOSEST) - side.rest
-    kind = "largest speed" if near > STEADY else "end of the domain"
-    force = "unbounded" if near > STEADY else "finite"
+    kind = "end of the domain" if side.finite_at_end else "largest speed"
+    force = "finite" if side.finite_at_end else "unbounded"
     return kind, (math.nan, math.nan), above, (
         f"the domain ends at a finite energy and {force} force, so at a largest speed"
     )  # fmt: skip
