@@ -24,6 +24,7 @@ R = sp.Symbol("r")
 TODA = Potential(sp.exp(-R) + R - 1, R)
 PRISM = Prism(1.0, 0.7, 0.01, 1.0).potential()
 TOP = 2 / 3  # of the cubic force below
+OPENS = PowerLaw(1.0, 0.5, preload=1.0)  # at r = 1; 2V/r^2 is largest at 4/3
 
 
 def force(*coefficients):
@@ -248,6 +249,25 @@ def test_the_limit_is_passed_where_the_spring_gives_way_at_it():
     assert "FAILS" in str(family)
     wave = solitary_wave(spring, amplitude=0.9 * family.crests[1])
     assert wave.speed > family.speeds[1] * (1 + 1e-4)
+
+
+def test_a_front_at_a_constant_force_is_not_told_to_give_way():
+    """V'' is 0 there, not below."""
+    (family,) = predict(OPENS).families
+    assert family.crests == pytest.approx((0, 4 / 3), rel=1e-12)
+    assert family.speeds == pytest.approx((0.5**0.5, 0.75**0.5), rel=1e-12)
+    assert family.certain
+    assert "V'' < 0" not in str(family)
+    assert "V'' = 0 from there on: tops are flat" in family.why
+    # r + r^2 - c r^3 - r^4 with V'' = 0 at the top of 2V/r^2 alone, from both conditions
+    r, c, d = sp.symbols("r c d")
+    force = r + r**2 - c * r**3 - d * r**4
+    level = 2 * sp.integrate(force, r) / r**2
+    found = sp.solve([sp.diff(level, r).subs(r, 1), sp.diff(force, r).subs(r, 1)], [c, d])
+    once = series(1 / 3, -float(found[c]) / 4, -float(found[d]) / 5)
+    family = predict(once)["rarefaction"]
+    assert not family.certain
+    assert "V'' = 0 there: there is no rate" in family.why
 
 
 @pytest.mark.parametrize(

@@ -243,7 +243,10 @@ def _predicted(side: Family, mass: float) -> PredictedFamily:
     first = 0.0 if from_rest else _first_crest(side)
     why = [_start_in_words(side, from_rest)]
     holds = [] if math.isinf(rise.ceiling) else [
-        Hypothesis("V''(r*) > 0 where 2V/r^2 is largest", side.top_stiffness, side.flattens)
+        Hypothesis(
+            "V''(r*) > 0 where 2V/r^2 is largest, or V'' = 0 from there on", side.top_stiffness,
+            side.flattens or _plateau(side),
+        )
     ]  # fmt: skip
     rate, wall, last = math.nan, (math.nan, math.nan), sign * rise.top
     if math.isfinite(rise.ceiling):
@@ -252,7 +255,7 @@ def _predicted(side: Family, mass: float) -> PredictedFamily:
         if side.flattens:
             rate = decay_rate((side.rest + top) / side.top_stiffness - 1)
         else:
-            why.append("but V'' < 0 there: tops do not grow flat, speeds may pass the limit")
+            why.append(_unflattened(side))
     elif math.isfinite(side.end):
         ends, wall, top, reason = _wall(side)
         why.append(reason)
@@ -273,6 +276,20 @@ def _predicted(side: Family, mass: float) -> PredictedFamily:
         (first, last), rate, wall, tuple(holds), "; ".join(why), mass, smooth,
         side.beyond.growth(sign),
     )  # fmt: skip
+
+
+def _plateau(side: Family) -> bool:
+    """Whether the force is constant from where 2V/r^2 is largest on."""
+    return side.top_stiffness == side.stiffness_from_top(1.01) == 0
+
+
+def _unflattened(side: Family) -> str:
+    """What the tops of a family do whose front is at a state with V'' <= 0."""
+    if side.top_stiffness < 0:
+        return "but V'' < 0 there: tops do not grow flat, speeds may pass the limit"
+    if _plateau(side):
+        return "V'' = 0 from there on: tops are flat and as wide as their energy asks"
+    return "but V'' = 0 there: there is no rate at which tops grow flat"
 
 
 def _start_in_words(side: Family, from_rest: bool) -> str:

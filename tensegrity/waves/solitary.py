@@ -15,6 +15,7 @@ from tensegrity.springs.potential import Potential
 from tensegrity.waves.asked import with_energy, with_size, with_stiffness
 from tensegrity.waves.asymptotics import sound_speed
 from tensegrity.waves.family import SIGNS, STROKE, Family, refined
+from tensegrity.waves.pieces import beyond_corner, in_pieces
 from tensegrity.waves.travelling import NoWave
 from tensegrity.waves.wave import SolitaryWave, wave_of
 
@@ -81,24 +82,37 @@ def solitary_wave(
     sound = sound_speed(potential, mass)
     sign, number = _sign_and_number(potential, family, value if name == "amplitude" else None)
     side = Family(potential, sign, number or 0)
+    label = f"{name} {value:g}"
     if name == "amplitude":
-        if number is None:
-            side = side.with_crest(abs(value))
-        profile, condition = with_size(side, abs(value))
+        value = abs(value)
+        side = side.with_crest(value) if number is None else side
     elif name == "energy":
         value = check.number("energy", value, above=0, unit="J")
+    else:
+        name, value = "above", _above(name, value, sound, mass, side.rest)
+        side = side.with_level(value) if number is None else side
+    try:
+        return _smooth(side, mass, sound, name, value, label)
+    except TensegrityError:
+        if not beyond_corner(side, name, value):
+            raise
+    return in_pieces(side, mass, sound, name, value)
+
+
+def _smooth(side, mass, sound, name, value, label):
+    """The wave by Fourier's series."""
+    if name == "amplitude":
+        profile, condition = with_size(side, value)
+    elif name == "energy":
         profile, condition = with_energy(side, value)
     else:
-        above = _above(name, value, sound, mass, side.rest)
-        if number is None:
-            side = side.with_level(above)
-        profile, condition = with_stiffness(side, above, mass)
+        profile, condition = with_stiffness(side, value, mass)
     try:
         exact, residual = refined(profile, condition)
     except NoWave:
         near = wave_of(side.name, mass, sound, profile, profile.residual())
         raise TensegrityError(
-            f"no solitary wave of {side.name} with {name} {value:g}: the nearest one found has a "
+            f"no solitary wave of {side.name} with {label}: the nearest one found has a "
             f"crest of {near.amplitude:.6g} m, speed {near.speed:.6g} sites/s and energy "
             f"{near.energy:.6g} J, where the family ends"
         ) from None
