@@ -65,6 +65,11 @@ def solitary_wave(
         The wave exists, but not even the finest grid resolves it.
     LockingError
         The amplitude lies outside the domain of the potential.
+
+    Notes
+    -----
+    Where the crest is beyond a corner of the force, as where contacts open, the wave is solved in
+    pieces, see `tensegrity.waves.pieces`: seconds, not a tenth of one.
     """
     check.kind("potential", potential, Potential)
     mass = check.number("mass", mass, above=0, unit="kg")
