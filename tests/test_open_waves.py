@@ -8,7 +8,15 @@ import sympy as sp
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from tensegrity import Chain, Potential, PowerLaw, predict, simulate, solitary_wave
+from tensegrity import (
+    Chain,
+    Potential,
+    PowerLaw,
+    TensegrityError,
+    predict,
+    simulate,
+    solitary_wave,
+)
 
 R = sp.Symbol("r")
 OPENS = PowerLaw(1.0, 0.5, preload=1.0)  # at r = 1; 2V/r^2 is largest at 4/3
@@ -62,6 +70,19 @@ def test_a_wave_beyond_a_corner_of_the_force_runs_unchanged(spring):
     run = simulate(chain, start, 20 / wave.speed, tol=1e-7)
     assert np.abs(run.v[-1] - wanted.v).max() < 1e-6 * np.abs(wanted.v).max()
     assert np.ptp(run.u[-1] - wanted.u) < 1e-6 * abs(wave.shift)
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        ({"amplitude": 1.4}, r"crest 1\.4 m must be below 1\.33333 m in size, where 2V/r\^2 is"),
+        ({"speed": 0.87}, r"speed 0\.87 sites/s must be below speed 0\.866025 sites/s"),
+        ({"speed": 0.5**0.5}, r"must be above 0\.707107 sites/s, the sound speed: one as slow has"),
+    ],
+)
+def test_what_lies_beyond_a_plateau_of_the_force_is_refused_with_its_bound(asked, words):
+    with pytest.raises(TensegrityError, match=words):
+        solitary_wave(OPENS, **asked)
 
 
 @pytest.mark.slow

@@ -46,7 +46,7 @@ def with_stiffness(family, above, mass):
         return f"speed {math.sqrt((family.rest + above) / mass):.6g} sites/s"
 
     rise = family.rise
-    if above >= rise.ceiling and family.flattens:
+    if above >= rise.ceiling and family.top_stiffness >= 0:
         raise TensegrityError(
             f"{say(above)} must be below {say(rise.ceiling)}: the spring softens, and as "
             f"waves of {family.name} approach that speed their tops grow flat and endless"

@@ -166,7 +166,7 @@ def _above(name, value, sound, mass, rest):
         above = rest * (speed / sound - 1) * (speed / sound + 1) if sound else mass * speed * speed
     if name != "excess" and not speed > sound:
         raise TensegrityError(
-            f"speed {speed:g} must be above {sound:g} sites/s, the sound speed: a slower wave "
+            f"speed {speed:g} must be above {sound:g} sites/s, the sound speed: one as slow "
             "has no decaying tail"
         )
     stiffness = mass * speed * speed
