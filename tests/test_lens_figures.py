@@ -13,13 +13,6 @@ def test_peak_and_width_are_read_between_the_samples():
     assert _lens.half_width(t, 1 - np.abs(t) / 2) == pytest.approx(2.0, abs=1e-12)
 
 
-def test_focus_along_is_told_from_the_pressure_at_the_ends():
-    y = np.linspace(0.25, 40.0, 160)
-    along = {"y [m]": y, "peak [Pa]": 5 / y + np.exp(-(((y - 17.0) / 5) ** 2))}
-    place, _ = lens_focus.farthest(along)
-    assert 15.0 < place < 17.0
-
-
 def test_a_map_covers_the_box_row_by_row():
     points = lens_focus.grid((5, 3)).reshape(3, 5, 2)
     assert points[0, 0].tolist() == [-lens_focus.BOX[0], 0.0]
@@ -46,7 +39,9 @@ def test_the_focus_moves_across_and_along():
     for row in lens_moved.table(lens_moved.data()):
         if row["quantity"] == "arrivals over the pulse":
             assert row["value"] < 1e-3
-        elif row["quantity"] == "peak over the sum of single peaks":
-            assert row["value"] > 0.999
+        elif row["quantity"].startswith("alignment"):
+            assert -1e-9 < row["value"] < 1e-3
+        elif row["quantity"].startswith("largest along"):
+            assert row["value"] < float(row["reference"].removeprefix("< "))
         elif row["quantity"] == "largest across at x [m]":
             assert row["value"] == pytest.approx(float(row["reference"]), abs=0.05)

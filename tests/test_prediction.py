@@ -10,12 +10,21 @@ from springs import lennard_jones as two_powers
 from springs import series
 
 from derivations import softening as derived
-from tensegrity import Potential, PowerLaw, Prism, TensegrityError, predict, solitary_wave
+from tensegrity import (
+    Potential,
+    PowerLaw,
+    Prism,
+    ResolutionError,
+    TensegrityError,
+    predict,
+    solitary_wave,
+)
 
 R = sp.Symbol("r")
 TODA = Potential(sp.exp(-R) + R - 1, R)
 PRISM = Prism(1.0, 0.7, 0.01, 1.0).potential()
 TOP = 2 / 3  # of the cubic force below
+OPENS = PowerLaw(1.0, 0.5, preload=1.0)  # at r = 1; 2V/r^2 is largest at 4/3
 
 
 def force(*coefficients):
@@ -154,6 +163,54 @@ def test_fast_waves_at_a_wall_approach_the_corrected_tent_like_1_over_c(powers, 
     assert np.min(np.abs(left / tent - 1)) > 0.02  # without the delay it is far
 
 
+REST = sp.Integer(2) ** sp.Rational(1, 6)  # of 4 (d^-12 - d^-6), whose wall lies at -REST
+WELL = 4 * ((R + REST) ** -12 - (R + REST) ** -6)
+
+
+@pytest.mark.parametrize("end", [-0.3, -1.0, -1.1])
+def test_a_domain_that_ends_before_a_wall_has_the_speed_of_the_wave_that_gets_there(end):
+    whole = Potential(WELL, R, domain=(-float(REST), 5))
+    family = predict(Potential(WELL, R, domain=(end, 5)))["compression"]
+    assert family.ends == "end of the domain"
+    assert family.crests[1] == end
+    wave = solitary_wave(whole, amplitude=end)
+    assert family.speeds[1] == pytest.approx(wave.speed, rel=1e-7)
+
+
+@pytest.mark.parametrize("end", [-1.12, -1.1224, -1.12246, -1.12246204])
+def test_a_domain_that_ends_next_to_a_wall_has_the_speed_of_masses_that_collide(end):
+    """No grid resolves these waves; the wall's own limit, which knows where it is, agrees."""
+    family = predict(Potential(WELL, R, domain=(end, 5)))["compression"]
+    assert family.ends == "end of the domain"
+    assert "finite force" in family.why
+    wall = predict(Potential(WELL, R, domain=(-float(REST), 5)))["compression"]
+    left = float(REST + sp.Float(end, 30))
+    assert wall.wall_crest(family.speeds[1]) + float(REST) == pytest.approx(left, rel=2e-3)
+    with mpmath.workdps(50):
+        crest, place = -mpmath.mpf(end), mpmath.root(2, 6)
+
+        def stored(r):
+            return 4 * ((place - r) ** -12 - (place - r) ** -6) + 1
+
+        def lag(z):  # y = exp(z) from the crest
+            y = mpmath.exp(z)
+            return y * (1 / mpmath.sqrt(1 - stored(crest - y) / stored(crest)) - 1)
+
+        top = mpmath.log(crest)
+        lag = mpmath.quad(lag, [-90, -60, *range(-40, 0, 4), top])
+        speed = float(2 * mpmath.sqrt(stored(crest)) / (crest + lag))
+    assert family.speeds[1] == pytest.approx(speed, rel=1e-6)
+    with pytest.raises(ResolutionError, match="32768 points do not resolve"):
+        solitary_wave(Potential(WELL, R, domain=(-float(REST), 5)), amplitude=end)
+
+
+def test_a_wall_whose_forces_overflow_is_still_a_wall():
+    family = predict(Potential((1 + R) ** -24 + 24 * R, R, domain=(-1, 5)))["compression"]
+    assert (family.ends, family.wall) == ("tent", pytest.approx((24, 1), rel=1e-9))
+    log = predict(Potential(R - sp.log(1 + R), R, domain=(-1 + 1e-9, 5)))["compression"]
+    assert log.ends == "end of the domain"
+
+
 def test_lennard_jones_waves_are_those_of_other_codes():
     fast = solitary_wave(lennard_jones(12, 6), speed_ratio=2.0)
     assert fast.amplitude == pytest.approx(-0.15667893262865, rel=1e-13)
@@ -192,6 +249,25 @@ def test_the_limit_is_passed_where_the_spring_gives_way_at_it():
     assert "FAILS" in str(family)
     wave = solitary_wave(spring, amplitude=0.9 * family.crests[1])
     assert wave.speed > family.speeds[1] * (1 + 1e-4)
+
+
+def test_a_front_at_a_constant_force_is_not_told_to_give_way():
+    """V'' is 0 there, not below."""
+    (family,) = predict(OPENS).families
+    assert family.crests == pytest.approx((0, 4 / 3), rel=1e-12)
+    assert family.speeds == pytest.approx((0.5**0.5, 0.75**0.5), rel=1e-12)
+    assert family.certain
+    assert "V'' < 0" not in str(family)
+    assert "V'' = 0 from there on: tops are flat" in family.why
+    # r + r^2 - c r^3 - r^4 with V'' = 0 at the top of 2V/r^2 alone, from both conditions
+    r, c, d = sp.symbols("r c d")
+    force = r + r**2 - c * r**3 - d * r**4
+    level = 2 * sp.integrate(force, r) / r**2
+    found = sp.solve([sp.diff(level, r).subs(r, 1), sp.diff(force, r).subs(r, 1)], [c, d])
+    once = series(1 / 3, -float(found[c]) / 4, -float(found[d]) / 5)
+    family = predict(once)["rarefaction"]
+    assert not family.certain
+    assert "V'' = 0 there: there is no rate" in family.why
 
 
 @pytest.mark.parametrize(

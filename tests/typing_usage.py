@@ -294,6 +294,7 @@ def waves(spring: Potential, chain: Chain) -> State:
     assert_type(lens.chain_prestrains, Array)
     assert_type(lens.run(), Run)
     assert_type(lens.pressure(lens.focus, lens.focus_time), Array)
+    assert_type(lens.focusing().gain, float)
     lens.run(record="x")  # type: ignore[arg-type]
     assert_type(predict(spring)["compression"].speeds, tuple[float, float])
     assert_type(wave.excess, float)

@@ -19,6 +19,7 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+from tensegrity.lens.focusing import Focusing, focusing
 from tensegrity.lens.radiation import Ends
 from tensegrity.lens.struck import Arrivals, Struck, reach, wider
 from tensegrity.prisms.prism import Prism
@@ -101,6 +102,7 @@ class Lens:
     --------
     >>> lens = Lens(Prism(base=1.0, height=0.8, prestrain=0.01, k_cross=1.0), chains=5)
     >>> p = lens.pressure(lens.focus, lens.focus_time)
+    >>> print(lens.focusing())
     """
 
     prism: Prism
@@ -311,7 +313,15 @@ class Lens:
         Returns
         -------
         ndarray, (*t.shape, *points.shape[:-1])
-            [Pa], of circular pistons by Rayleigh's integral.
+            [Pa], of circular pistons by Rayleigh's integral, each to about 1e-9 of the most that
+            it could make there, the smaller of rho c max|v| and rho A max|a|/(2 pi R).
+
+        Raises
+        ------
+        TensegrityError
+            Bad input.
+        ResolutionError
+            The pulse is over in less than a thousandth of sound's way across an end.
 
         Notes
         -----
@@ -338,6 +348,13 @@ class Lens:
         """`pressures` of ends taken as points: rho A a(t - R/c)/(2 pi R), from afar [Pa]."""
         places, instants, ends = self._asked(points, t, prestrains)
         return np.stack(list(ends.as_points(places, instants)))
+
+    def focusing(self) -> Focusing:
+        """How well it focuses: alignment, gain, largest pressure, energy.  Takes some seconds."""
+        until = AFTERWARDS * float(self.arrivals.max())
+        ends = _ends(self, tuple(self.chain_prestrains.tolist()), until)
+        blows = self.chains * self.mass * self.velocity**2 / 2
+        return focusing(self, ends.energy() / blows)
 
     def _asked(
         self, points: ArrayLike, t: ArrayLike, prestrains: ArrayLike | None

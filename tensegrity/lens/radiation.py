@@ -6,8 +6,12 @@ p = rho/(2 pi) int a(t - R/c)/R dS over the piston.  The integral over R, at a f
 the point's foot on the plane, can be done, and what is left runs along the rim:
 p = rho c [v(t - y/c) where the foot is on the piston, - (1/pi) int_0^pi v(t - R/c) dtheta/dpsi
 dpsi], the plane wave and the wave of the rim.  A piston that is small against the distance and
-the pulse is a point: p = rho A a(t - R/c)/(2 pi R).  Rayleigh, The Theory of Sound, 278; the wave
-of the rim: Tupholme, Mathematika 16, 209 (1969), Stepanishen, J. Acoust. Soc. Am. 49, 1629 (1971).
+the pulse is a point: p = rho A a(t - R/c)/(2 pi R).
+The integral along the rim is taken by the trapezoidal rule of a period, which converges
+exponentially; its nodes lie denser where the rim is near and are doubled until an estimate of its
+error is small, however short the pulse is on sound's way across an end.
+Rayleigh, The Theory of Sound, 278; the wave of the rim: Tupholme, Mathematika 16, 209 (1969),
+Stepanishen, J. Acoust. Soc. Am. 49, 1629 (1971).
 """
 
 from __future__ import annotations
@@ -18,15 +22,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity.errors import TensegrityError
+from tensegrity.errors import ResolutionError, TensegrityError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
     from typing import Any
 
     from tensegrity.typing import Array
 
-NODES = 16  # along half a rim
+TOLERANCE = 1e-9  # of the pressure that an end's fastest or steepest motion could make at most
+ROUND_OFF = 2e-15  # of velocities, and of what they change by in the last digits of instants
+FEWEST, MOST = 4, 2**18  # nodes along half a rim; per change of the velocity on sound's way
+SLOWEST = 1024  # such changes on the way from a centre to its rim, at most
+SLOW = 0.9  # ratio of two changes of an integral by which the next ones are told, at most
+CLOSE = 0.5  # near over far of a rim from which a point is close to it
+STEEPEST_MAP = 1 - 1e-10  # parameter m up to which SciPy's elliptic functions are exact
+SMALLEST = 1e-300
+SELF, RADII, ANGLES = 16, 2, 3  # nodes on an end: along a radius for itself; for the others
 LOOKS = 401  # instants among which a peak is looked for
 
 
@@ -75,23 +87,51 @@ class Ends:
 
     def _radiated(self, place: float, curve: Any, points: Array, t: Array) -> Array:
         """What a piston makes there of which `curve` is the velocity: its pressure."""
-        times, (x, y) = _outer(t, points)
-        angle = np.pi * (np.arange(NODES) + 0.5) / NODES  # midpoints: exponential convergence
+        from scipy.special import ellipj, ellipkm1
+
+        times, (x, y) = t.reshape(-1, 1), points.reshape(-1, 2).T
         off = np.abs(x - place)  # of the foot from the centre
         near, far = np.minimum(off, self.radius), np.maximum(off, self.radius)
-        ratio, inside = near / far, off < self.radius
+        ratio, inside, nearest = near / far, off < self.radius, np.hypot(y, far - near)
 
         def at(distance: Array) -> Array:
             return _since_start(curve, times - distance / self.speed)
 
-        nearest = at(np.hypot(y, far - near))  # taken off all: what is left is small and smooth
-        total = np.where(inside, at(y) - nearest, 0.0)
-        for psi in angle:
-            squared = 1 + ratio**2 - 2 * ratio * math.cos(psi)
-            rim = np.hypot(y, far * np.sqrt(squared))
-            weight = np.where(inside, 1.0, ratio**2) - ratio * math.cos(psi)
-            total -= (at(rim) - nearest) * weight / squared / NODES
-        return np.asarray(self.density * self.speed * total)
+        # taken off all: what is left is small and, as 1/squared has its pole at y, smooth
+        taken = at(np.where(ratio > CLOSE, y, nearest))
+        gap = (1 - ratio) ** 2
+        # the integrand's branch points in psi are those of the nodes' map, an elliptic function
+        m = np.minimum(4 * ratio / (4 * ratio + gap + (y / far) ** 2), STEEPEST_MAP)
+        quarter = ellipkm1(1 - m)
+
+        def rim(part: float, k: Any) -> Array:
+            _, cn, dn, _ = ellipj(part * quarter[k], m[k])  # cn = sin(psi/2)
+            squared = gap[k] + 4 * ratio[k] * cn**2
+            weight = np.where(inside[k], 1.0, ratio[k] ** 2) - ratio[k] * (1 - 2 * cn**2)
+            weight *= 2 / np.pi * quarter[k] * dn / np.maximum(squared, SMALLEST)
+            return (at(np.hypot(y[k], far[k] * np.sqrt(squared))) - taken[:, k]) * weight
+
+        fastest, steepest = (float(np.abs(f(self.t)).max()) for f in (curve, curve.derivative()))
+        with np.errstate(divide="ignore"):
+            afar = self.area * steepest / (2 * np.pi * self.speed * nearest)
+        least = TOLERANCE * np.minimum(fastest, afar)
+        least += ROUND_OFF * (fastest + steepest * np.abs(times).max(initial=0.0))
+        nodes = FEWEST * quarter * self._changes(fastest, steepest)
+        total = np.where(inside, at(y) - taken, 0.0) - _mean(rim, least, nodes)
+        whole = self.density * self.speed * total
+        return np.asarray(whole.reshape((*t.shape, *points.shape[:-1])))
+
+    def _changes(self, fastest: float, steepest: float) -> float:
+        """How often a velocity can change while sound goes from a centre to its rim, at least 1."""
+        way = self.radius / self.speed
+        changes = max(steepest * way / max(fastest, SMALLEST), 1.0)
+        if changes > SLOWEST:
+            raise ResolutionError(
+                f"host_speed {self.speed:g} m/s: on the {way:.3g} s of sound's way from the centre "
+                f"of an end to its rim its velocity changes {changes:.3g} times, must be at most "
+                f"{SLOWEST}"
+            )
+        return changes
 
     def peaks(self, point: Array, around: Array, within: Array) -> Array:
         """When the pressure of each end alone is largest at a point [s]; (ends,).
@@ -137,6 +177,21 @@ class Ends:
             with np.errstate(divide="ignore", invalid="ignore"):
                 yield self.density * self.area * acceleration / (2 * np.pi * distance)
 
+    def energy(self) -> float:
+        """What the ends radiate until the last recorded instant [J]: the work of all pressures."""
+        from scipy.interpolate import make_interp_spline
+
+        t = np.linspace(0.0, self.t[-1], len(self.t) // 2)
+        power, curves = np.zeros(len(t)), self._curves()
+        for place, source in zip(self.places, curves, strict=True):
+            faces = [_face(self.radius, abs(end - place)) for end in self.places]
+            off, weights = (np.concatenate(x) for x in zip(*faces, strict=True))
+            on_faces = self._radiated(place, source, np.stack([place + off, 0 * off], -1), t)
+            ends = np.repeat(np.arange(len(curves)), [len(face[0]) for face in faces])
+            velocities = np.stack([curve(t) for curve in curves], axis=-1)
+            power += np.sum(on_faces * weights * velocities[:, ends], axis=1)
+        return float(self.area * make_interp_spline(t, power, k=5).integrate(0.0, t[-1]))
+
     def _curves(self) -> list[Any]:
         """Velocity of each end as a spline of fifth degree."""
         from scipy.interpolate import make_interp_spline
@@ -144,9 +199,62 @@ class Ends:
         return [make_interp_spline(self.t, v, k=5) for v in self.velocity.T]
 
 
+def _face(radius: float, apart: float) -> tuple[Array, Array]:
+    """Distances of nodes on a piston from a point `apart` of its centre, weights of their mean:
+    Gauss's in the square of the radius, equal angles."""
+    nodes, weights = np.polynomial.legendre.leggauss(SELF if apart == 0 else RADII)
+    angle = np.pi * (np.arange(1 if apart == 0 else ANGLES) + 0.5) / ANGLES
+    r = radius * np.sqrt((1 + nodes) / 2)
+    off = np.abs(apart + r[:, None] * np.exp(1j * angle)).ravel()
+    return off, np.repeat(weights / 2, len(angle)) / len(angle)
+
+
 def _outer(t: Array, points: Array) -> tuple[Array, Array]:
     """Instants that broadcast against points, and coordinates x, y."""
     return t.reshape((*t.shape, *[1] * (points.ndim - 1))), np.moveaxis(points, -1, 0)
+
+
+def _mean(rim: Callable[[float, Any], Array], least: Array, fewest: Array) -> Array:
+    """Mean over a period of an even function of an angle by the trapezoidal rule.
+
+    Nodes are doubled, those before taken over, until what all further doublings would change, a
+    geometric series by the last two changes, is at most `least` at each point.
+
+    Parameters
+    ----------
+    rim : callable
+        Of a part of half the period and numbers of points: values (T, their count).
+    least : ndarray, (points,)
+        Error of each point's mean that is small enough at all T.
+    fewest : ndarray, (points,)
+        Nodes along half the period that each point needs at least.
+
+    Raises
+    ------
+    ResolutionError
+        `MOST` nodes do not suffice.
+    """
+    k, nodes = np.arange(len(least)), math.ceil(fewest.min(initial=MOST))
+    total = (rim(0.0, k) + rim(1.0, k)) / 2
+    for j in range(1, nodes):
+        total += rim(j / nodes, k)
+    mean, change = total / nodes, np.zeros(len(least))
+    while k.size:
+        nodes *= 2
+        if nodes > MOST:
+            raise ResolutionError(
+                f"{MOST} nodes along a rim leave an error of {(change[k] / least[k]).max():.2g} "
+                "times that allowed, must be 1: a point lies too close to the rim"
+            )
+        for j in range(1, nodes, 2):
+            total[:, k] += rim(j / nodes, k)
+        new = total[:, k] / nodes
+        before, change[k] = change[k], np.abs(new - mean[:, k]).max(axis=0, initial=0.0)
+        mean[:, k] = new
+        ratio = np.minimum(change[k] / np.maximum(before, SMALLEST), SLOW)
+        left = change[k] * ratio / (1 - ratio)  # as of a geometric series
+        k = k[(left > least[k]) | (nodes < fewest[k])]
+    return mean
 
 
 def _since_start(curve: Any, t: Array) -> Array:

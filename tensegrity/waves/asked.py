@@ -46,7 +46,7 @@ def with_stiffness(family, above, mass):
         return f"speed {math.sqrt((family.rest + above) / mass):.6g} sites/s"
 
     rise = family.rise
-    if above >= rise.ceiling and family.flattens:
+    if above >= rise.ceiling and family.top_stiffness >= 0:
         raise TensegrityError(
             f"{say(above)} must be below {say(rise.ceiling)}: the spring softens, and as "
             f"waves of {family.name} approach that speed their tops grow flat and endless"
@@ -153,7 +153,8 @@ def _search(family, excess, start, asked, reached):
             new = (low + high) / 2 if math.isfinite(high - low) else here + step / 8
         before = (here, gap) if gap is not None else None
         size = min(size_at(new), largest)
-    raise TensegrityError(f"{asked}: no solitary wave of {family.name} found ({reason})")
+    error = ResolutionError if isinstance(reason, ResolutionError) else TensegrityError
+    raise error(f"{asked}: no solitary wave of {family.name} found ({reason})")
 
 
 def _beyond(family, asked, side, reached, profile, last):

@@ -45,6 +45,12 @@ CORE = 3.0  # sites in which a wave has fallen to its linear tail
 SLOWEST_DECAY = 6.0  # per site: faster tails are over within the core
 FLAT = 0.02  # distance to it, over its size, from which a wave is made from one farther away
 STROKE = 0.9995  # part of the stroke to the end of the domain that a wave is looked for in
+NO_STIFFNESS = 1e-12  # of m c^2 at a front: a stiffness there that is round-off
+NEAREST = 2.0**-20  # of the stroke, left where the force at a wall is looked at
+AT_END = 2.0**-36  # of the stroke, left to a wave at the end of the domain where force is finite
+STEADY = 0.02  # exponent of the force at an end, or agreement of two, below which they are 0
+FIRST_LAG, LAGS = 1e-6, 4001  # part of the way on which V falls from a crest; places of a lag
+ROUND_OFF = 1e-13  # of a crest, next to which stored energies differ by more than round-off
 NODES = 6  # waves, the stroke left halved from one to the next, from which a limit is taken
 
 
@@ -71,7 +77,7 @@ class Family:
             )
         self.rise = self.rises[number]
         self.name += f" {number + 1}" if number else ""
-        self.long_wave = self._long_wave()
+        self.long_wave = self._long_wave(self.sizes, self.gain, self.energy)
 
     def with_crest(self, size):
         """The family of this sign, or the last one, to which a crest of that size [m] belongs."""
@@ -122,15 +128,16 @@ class Family:
             energy = (self.rest + gain) * sizes**2
             return rows, np.isfinite(rows).all(axis=0) & np.isfinite(energy) & (energy > SMALLEST)
 
-    def _long_wave(self):
-        """m c^2 - V''(0) [N/m] of the long-wave equation, at `sizes` a.
+    def _long_wave(self, size, gain, energy):
+        """m c^2 - V''(0) [N/m] of the long-wave equation, at crests of some sizes a, by |V'|/a -
+        V''(0) and V - V''(0) a^2/2.
 
         The equation m c^2 r = T + T''/12, T = V'(r), has the integral
         T'^2/24 = m c^2 (r T - V) - T^2/2, which vanishes at the crest.
         """
-        unit = self.rest + np.abs(self.gain)
-        gain, rest = self.gain / unit, self.rest / unit
-        energy = 2 * self.energy / self.sizes / self.sizes / unit
+        unit = self.rest + np.abs(gain)
+        gain, rest = gain / unit, self.rest / unit
+        energy = 2 * energy / size / size / unit
         twice = rest + 2 * gain - energy  # 2 (r T - V)/a^2: not positive where the spring gives way
         good = (twice > 0) & (gain > 0)
         above = (rest * energy + gain**2) / np.where(good, twice, 1.0)
@@ -170,7 +177,8 @@ class Family:
 
     def _rise(self, size):
         """m c^2 - V''(0) [N/m] of the long-wave equation; not positive where there is no wave."""
-        return float(np.interp(math.log(size), np.log(self.sizes), self.long_wave))
+        r = self.sign * size
+        return float(self._long_wave(size, self.beyond.tension(r) / r, self.beyond.energy(r)))
 
     def wave(self, size):
         """The wave of that size, roughly resolved."""
@@ -181,10 +189,10 @@ class Family:
                 "to round-off"
             )
         if size >= self.rise.top:
+            flat = f", and as waves of {self.name} approach that, their tops grow flat and endless"
             raise NoWave(
-                f"crest {self.sign * size:g} m must be below {self.rise.top:g} m in size: the "
-                f"spring softens, and as waves of {self.name} approach that their tops grow flat "
-                "and endless"
+                f"crest {self.sign * size:g} m must be below {self.rise.top:g} m in size, where "
+                f"2V/r^2 is largest: the spring softens{flat if self.top_stiffness >= 0 else ''}"
             )
         law = Scaled(self.potential, self.sign * size)
         if size > (1 - FLAT) * self.rise.top and self.flattens:
@@ -197,7 +205,7 @@ class Family:
                     f"no solitary wave of {self.name} with a crest of {self.sign * size:g} m: it "
                     "would be slower than sound"
                 )
-            needed = _half_length(law, nu, ROUGH_TAIL)
+            needed = half_length(law, nu, ROUGH_TAIL)
             if needed > 1.2 * length:
                 length, decay = needed, -math.log(ROUGH_TAIL) / (needed - CORE)
                 decay, grid = min(decay, 2.5), Grid(points, length)
@@ -222,7 +230,12 @@ class Family:
 
     @property
     def top_stiffness(self):
-        return float(self.potential.stiffness(self.sign * self.rise.top))
+        return self.stiffness_from_top(1.0)
+
+    def stiffness_from_top(self, part):
+        """V'' at `part` of the size at which 2V/r^2 is largest [N/m]; 0 where it is round-off."""
+        found = float(self.potential.stiffness(self.sign * part * self.rise.top))
+        return found if abs(found) > NO_STIFFNESS * (self.rest + self.rise.ceiling) else 0.0
 
     @cached_property
     def _flat(self):
@@ -243,19 +256,58 @@ class Family:
         """f of `Scaled`, interpolated."""
         return lambda rho: self.rough_tension(size * rho) / self.rough_tension(size)
 
+    def exponent_at_end(self, part):
+        """y V''/|V'| at y = `part` of the stroke from the end of the domain: n + 1 of V ~ y^-n, 0
+        of a finite force."""
+        y = part * self.end
+        r = self.sign * (self.end - y)
+        return float(y * self.potential.derivative(2, r) / abs(self.potential.derivative(1, r)))
+
+    @property
+    def corner(self):
+        """Size of elongation at the first corner of the force on this side [m]; inf without."""
+        places = [self.sign * place for place, *_ in self.potential.openings]
+        return min((place for place in places if place > 0), default=math.inf)
+
+    @cached_property
+    def finite_at_end(self):
+        """Whether the force is finite at the end of the domain, be a wall just beyond it."""
+        nearest = self.exponent_at_end(AT_END)
+        return nearest < max(STEADY, self.exponent_at_end(NEAREST) / 2)
+
     def stiffness_at_end(self, closest):
-        """Limit of m c^2 [N/m] towards the end of the domain, by Neville's scheme in the root of
-        the stroke left."""
+        """Limit of m c^2 [N/m] towards the end of the domain: of the wave that gets there where the
+        force is finite, else by Neville's scheme in the root of the stroke left."""
         from scipy.interpolate import BarycentricInterpolator
 
-        left = closest * 2.0 ** np.arange(NODES)
+        finite = self.finite_at_end
+        left = np.array([AT_END]) if finite else closest * 2.0 ** np.arange(NODES)
         values = []
         for part in left.tolist():
             law = Scaled(self.potential, self.sign * self.end * (1 - part))
-            near = self.wave(abs(law.reference))
-            profile, _ = refined(near, amplitude_is(1.0))
+            try:
+                near = self.wave(abs(law.reference))
+                profile, _ = refined(near, amplitude_is(1.0))
+            except (NoWave, ResolutionError):
+                crest = math.nextafter(self.end, 0.0) if finite else abs(law.reference)
+                return self._collision(crest)
             values.append(profile.mu * law.secant)
-        return float(BarycentricInterpolator(np.sqrt(left), values)(0.0))
+        return values[0] if finite else float(BarycentricInterpolator(np.sqrt(left), values)(0.0))
+
+    def _collision(self, crest):
+        """m c^2 [N/m] of a wave much faster than sound, whose masses collide two by two.
+
+        Their relative velocity is c sigma, all of which energy 4 V/m is stored at the crest, and
+        sigma is the crest and what the bond lags behind free flight; see `derivations.softening`.
+        """
+        stored = 0.5 * self.rest * crest**2 + float(self.beyond.energy(self.sign * crest))
+        near = stored / abs(float(self.potential.tension(self.sign * crest)))  # where V has fallen
+        y = np.geomspace(max(FIRST_LAG * near, ROUND_OFF * crest), crest, LAGS)
+        size = crest - y
+        ratio = (0.5 * self.rest * size**2 + self.beyond.energy(self.sign * size)) / stored
+        lag = y * (1 / np.sqrt(1 - ratio) - 1)
+        sigma = crest + 2 * math.sqrt(y[0] * near) + float(np.trapezoid(lag, np.log(y)))
+        return 4 * stored / sigma**2
 
 
 def _unresolved(law):
@@ -263,7 +315,7 @@ def _unresolved(law):
     return ResolutionError(f"{MOST_POINTS} points do not resolve {crest}")
 
 
-def _half_length(law, nu, tail):
+def half_length(law, nu, tail=TAIL):
     """Sites from the crest to where `tail` of it is left."""
     gain = nu / law.rest if law.rest > 0 else math.inf
     return CORE - math.log(tail) / min(decay_rate(gain), SLOWEST_DECAY)
@@ -272,7 +324,7 @@ def _half_length(law, nu, tail):
 def refined(profile, condition):
     """Solve on longer and finer grids until tail and residual are round-off."""
     law = profile.law
-    length = _half_length(law, profile.nu, TAIL)
+    length = half_length(law, profile.nu)
     density = profile.grid.points / profile.grid.half_length
     previous, tail = math.inf, math.inf
     while (points := _even(length * density)) <= MOST_POINTS:

@@ -18,7 +18,7 @@ from tensegrity.once import once
 from tensegrity.springs.potential import Potential
 from tensegrity.waves.asymptotics import sound_speed
 from tensegrity.waves.excess import excess
-from tensegrity.waves.family import SIGNS, Family
+from tensegrity.waves.family import NEAREST, SIGNS, STEADY, Family
 from tensegrity.waves.rises import rises_from_rest
 from tensegrity.waves.travelling import decay_rate
 
@@ -26,9 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 GROWTH = 1e-6  # relative rise of Q over the last factor of 2 in size, where it has no bound
-NEAREST = 2.0**-20  # of the stroke, left where the force at a wall is looked at
-CLOSER = 2.0**-10  # ... and where its exponent is taken again
-STEADY = 0.02  # agreement of the two
+FARTHER = 2.0**11  # times what is left there, where the exponent is taken again
 CLOSEST = 4e-3  # of the stroke, left to the largest wave of a family that ends at a wall
 
 
@@ -245,7 +243,10 @@ def _predicted(side: Family, mass: float) -> PredictedFamily:
     first = 0.0 if from_rest else _first_crest(side)
     why = [_start_in_words(side, from_rest)]
     holds = [] if math.isinf(rise.ceiling) else [
-        Hypothesis("V''(r*) > 0 where 2V/r^2 is largest", side.top_stiffness, side.flattens)
+        Hypothesis(
+            "V''(r*) > 0 where 2V/r^2 is largest, or V'' = 0 from there on", side.top_stiffness,
+            side.flattens or _plateau(side),
+        )
     ]  # fmt: skip
     rate, wall, last = math.nan, (math.nan, math.nan), sign * rise.top
     if math.isfinite(rise.ceiling):
@@ -254,13 +255,14 @@ def _predicted(side: Family, mass: float) -> PredictedFamily:
         if side.flattens:
             rate = decay_rate((side.rest + top) / side.top_stiffness - 1)
         else:
-            why.append("but V'' < 0 there: tops do not grow flat, speeds may pass the limit")
+            why.append(_unflattened(side))
     elif math.isfinite(side.end):
         ends, wall, top, reason = _wall(side)
         why.append(reason)
         last = sign * side.end
         if ends == "tent":
-            holds.append(Hypothesis("V ~ A y^-n at the end of the domain, n >= 0", wall[0], True))
+            power = not math.isnan(wall[0])
+            holds.append(Hypothesis("V ~ A y^-n at the end of the domain, n >= 0", wall[0], power))
     else:
         level = 2 * side.energy / side.sizes**2
         grows = level[-1] - np.interp(side.sizes[-1] / 2, side.sizes, level)
@@ -274,6 +276,20 @@ def _predicted(side: Family, mass: float) -> PredictedFamily:
         (first, last), rate, wall, tuple(holds), "; ".join(why), mass, smooth,
         side.beyond.growth(sign),
     )  # fmt: skip
+
+
+def _plateau(side: Family) -> bool:
+    """Whether the force is constant from where 2V/r^2 is largest on."""
+    return side.top_stiffness == side.stiffness_from_top(1.01) == 0
+
+
+def _unflattened(side: Family) -> str:
+    """What the tops of a family do whose front is at a state with V'' <= 0."""
+    if side.top_stiffness < 0:
+        return "but V'' < 0 there: tops do not grow flat, speeds may pass the limit"
+    if _plateau(side):
+        return "V'' = 0 from there on: tops are flat and as wide as their energy asks"
+    return "but V'' = 0 there: there is no rate at which tops grow flat"
 
 
 def _start_in_words(side: Family, from_rest: bool) -> str:
@@ -315,24 +331,22 @@ def _first_crest(side: Family) -> float:
 
 def _wall(side: Family) -> tuple[str, tuple[float, float], float, str]:
     """How a family ends with the domain: a kind, (n, A), m c^2 - V''(0), and words."""
-    stiffness, tension = side.potential.stiffness, side.potential.tension
-
-    def exponent(part: float) -> tuple[float, float, float]:
-        y = part * side.end
-        r = side.sign * (side.end - y)
-        return float(y * stiffness(r) / abs(tension(r))), r, y
-
-    (near, r, y), (far, _, _) = exponent(NEAREST), exponent(CLOSER * 2)
-    if near > 1 - STEADY:
+    near, nearest = side.exponent_at_end(NEAREST), NEAREST
+    while not math.isfinite(near):  # a wall so steep that its forces are beyond all numbers there
+        near, nearest = side.exponent_at_end(4 * nearest), 4 * nearest
+    if near > 1 - STEADY and not side.finite_at_end:
+        far = side.exponent_at_end(min(FARTHER * nearest, 0.5))
         n = near - 1 if abs(near - far) < STEADY * near else math.nan
-        n = round(n) if abs(n - round(n)) < STEADY / 4 else n
-        strength = float(abs(tension(r)) * y ** (n + 1) / n) if n > 0 else math.nan
-        return "tent", (float(n), strength), math.inf, (
+        n = float(np.round(n)) if abs(n - np.round(n)) < STEADY / 4 else n
+        y = nearest * side.end
+        force = abs(float(side.potential.tension(side.sign * (side.end - y))))
+        strength = force * y ** (n + 1) / n if n > 0 else math.nan
+        return "tent", (n, strength), math.inf, (
             "the energy has no bound at the end of the domain: fast waves tend to the tent"
         )  # fmt: skip
     above = side.stiffness_at_end(CLOSEST) - side.rest
-    kind = "largest speed" if near > STEADY else "end of the domain"
-    force = "unbounded" if near > STEADY else "finite"
+    kind = "end of the domain" if side.finite_at_end else "largest speed"
+    force = "finite" if side.finite_at_end else "unbounded"
     return kind, (math.nan, math.nan), above, (
         f"the domain ends at a finite energy and {force} force, so at a largest speed"
     )  # fmt: skip

@@ -15,6 +15,7 @@ from tensegrity.springs.potential import Potential
 from tensegrity.waves.asked import with_energy, with_size, with_stiffness
 from tensegrity.waves.asymptotics import sound_speed
 from tensegrity.waves.family import SIGNS, STROKE, Family, refined
+from tensegrity.waves.pieces import beyond_corner, in_pieces
 from tensegrity.waves.travelling import NoWave
 from tensegrity.waves.wave import SolitaryWave, wave_of
 
@@ -64,6 +65,11 @@ def solitary_wave(
         The wave exists, but not even the finest grid resolves it.
     LockingError
         The amplitude lies outside the domain of the potential.
+
+    Notes
+    -----
+    Where the crest is beyond a corner of the force, as where contacts open, the wave is solved in
+    pieces, see `tensegrity.waves.pieces`: seconds, not a tenth of one.
     """
     check.kind("potential", potential, Potential)
     mass = check.number("mass", mass, above=0, unit="kg")
@@ -81,24 +87,37 @@ def solitary_wave(
     sound = sound_speed(potential, mass)
     sign, number = _sign_and_number(potential, family, value if name == "amplitude" else None)
     side = Family(potential, sign, number or 0)
+    label = f"{name} {value:g}"
     if name == "amplitude":
-        if number is None:
-            side = side.with_crest(abs(value))
-        profile, condition = with_size(side, abs(value))
+        value = abs(value)
+        side = side.with_crest(value) if number is None else side
     elif name == "energy":
         value = check.number("energy", value, above=0, unit="J")
+    else:
+        name, value = "above", _above(name, value, sound, mass, side.rest)
+        side = side.with_level(value) if number is None else side
+    try:
+        return _smooth(side, mass, sound, name, value, label)
+    except TensegrityError:
+        if not beyond_corner(side, name, value):
+            raise
+    return in_pieces(side, mass, sound, name, value)
+
+
+def _smooth(side, mass, sound, name, value, label):
+    """The wave by Fourier's series."""
+    if name == "amplitude":
+        profile, condition = with_size(side, value)
+    elif name == "energy":
         profile, condition = with_energy(side, value)
     else:
-        above = _above(name, value, sound, mass, side.rest)
-        if number is None:
-            side = side.with_level(above)
-        profile, condition = with_stiffness(side, above, mass)
+        profile, condition = with_stiffness(side, value, mass)
     try:
         exact, residual = refined(profile, condition)
     except NoWave:
         near = wave_of(side.name, mass, sound, profile, profile.residual())
         raise TensegrityError(
-            f"no solitary wave of {side.name} with {name} {value:g}: the nearest one found has a "
+            f"no solitary wave of {side.name} with {label}: the nearest one found has a "
             f"crest of {near.amplitude:.6g} m, speed {near.speed:.6g} sites/s and energy "
             f"{near.energy:.6g} J, where the family ends"
         ) from None
@@ -147,7 +166,7 @@ def _above(name, value, sound, mass, rest):
         above = rest * (speed / sound - 1) * (speed / sound + 1) if sound else mass * speed * speed
     if name != "excess" and not speed > sound:
         raise TensegrityError(
-            f"speed {speed:g} must be above {sound:g} sites/s, the sound speed: a slower wave "
+            f"speed {speed:g} must be above {sound:g} sites/s, the sound speed: one as slow "
             "has no decaying tail"
         )
     stiffness = mass * speed * speed
