@@ -180,6 +180,8 @@ CALLS = [
     (bar_contact, {"path": equilibrium_path(ELASTIC), "diameter": 0.01}),
     (fit, {"shortening": [0.0, 0.01, 0.02, 0.03], "load": [0.0, 0.001, 0.002, 0.003],
            "prism": ELASTIC, "free": ("prestrain",), "offset": False, "noise": 0.1}),
+    (fit([0.0, 0.01, 0.02, 0.03], [0.0, 0.001, 0.002, 0.003], ELASTIC, noise=0.1).intervals,
+     {"level": 0.9}),
     (Potential, {"energy": R**2, "elongation": R, "parameters": {}, "length": 1.0,
                  "domain": (-1.0, 1.0)}),
     (lambda **k: Potential(sp.Symbol("k") * R**2, R, k), {"k": 1.0}),
