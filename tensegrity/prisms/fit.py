@@ -43,7 +43,7 @@ LIKELY = 3.0  # times a given noise: what noise may explain
 CONTRADICTED = 1e4  # times a given noise: more than a fit may leave
 STEPS = 200  # to an interval's end, at most: three to five where a parameter is identified
 ENDED = 1e-4  # of the way to an interval's end, where it is found
-FAINT = 0.01  # of the noise: what a factor e in a parameter must change to be felt
+FAINT = 0.05  # of the noise: what a factor e in a parameter must change to be felt
 FINEST = 1e-5  # of the residuals: the least change of their size that round-off resolves
 BORDER = 0.1  # of the noise: by how much residuals of a fit may miss the least
 
@@ -395,9 +395,9 @@ def _end(at: _Misfit, k: int, side: int, width: float) -> float:
             inside, low = z, new
         small = ENDED * max(low, first)
         if high - low <= small:
-            if low - held <= 20 * small:
+            if low - held <= 50 * small:
                 return side * low
-            held, high, new = low, math.inf, low + 10 * small  # beyond may have settled elsewhere
+            held, high, new = low, math.inf, low + 100 * small  # beyond may have settled elsewhere
             continue
         rate = side * float(slopes[:, k] @ r)  # of half of what is left squared
         aim = min(new + (width - left) * left / rate if rate > 0 else math.inf, low + 1.0)
@@ -410,7 +410,7 @@ def _settled(at: _Misfit, free: Any, z: Array, gain: float) -> tuple[Array, Arra
 
     Levenberg's method, no change of an unknown above 1.
     """
-    (r, slopes), damping = at(z), math.sqrt(gain)
+    (r, slopes), damping = at(z), 0.1 * math.sqrt(gain)
     for _ in range(STEPS):
         move = _step(slopes, free, r, damping)
         if r @ r - np.sum((r + slopes @ move) ** 2) <= gain:
