@@ -19,8 +19,9 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import EquilibriumError, TensegrityError
-from tensegrity.prisms.curve import FARTHEST, NAMES, Curve, loads
+from tensegrity.prisms.curve import NAMES, loads
 from tensegrity.prisms.prism import Prism
+from tensegrity.prisms.profile import OFF, RESOLVED, Misfit, intervals
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -33,19 +34,11 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array
 
 LARGE = 0.3  # relative standard error from which a parameter counts as not identified
-FEW = 5e-3  # of the height, the size of offsets
-OFF = 1e3  # misfit of parameters that have no such curve, over the largest load
 SAME = 1e-9  # of the largest load: two ways to the loads agree
-RESOLVED = 1e-12  # of the largest load: the least noise that computed loads can resolve
 POOR = 0.5  # of the loads' squares left by a curve that is not theirs
 FOREIGN = 10  # times the loads of the given prism: in another unit
 LIKELY = 3.0  # times a given noise: what noise may explain
 CONTRADICTED = 1e4  # times a given noise: more than a fit may leave
-STEPS = 200  # to an interval's end, at most: three to five where a parameter is identified
-ENDED = 1e-4  # of the way to an interval's end, where it is found
-FAINT = 0.05  # of the noise: what a factor e in a parameter must change to be felt
-FINEST = 1e-5  # of the residuals: the least change of their size that round-off resolves
-BORDER = 0.1  # of the noise: by how much residuals of a fit may miss the least
 
 
 @dataclass(frozen=True)
@@ -116,38 +109,23 @@ class Fit:
         Returns
         -------
         dict of str to (float, float)
-            Of each of `names` the lowest and the highest value, in its units.  Where the curve
-            sets no bound an interval is open: to 0 or inf, of the offset to -inf or inf.  It ends
-            where no prism beyond has equilibria at all points, too.
+            Of each of `names` the lowest and the highest value, in its units, of the range about
+            the estimate.  Where the curve sets no bound it is open: to 0 or inf, of the offset to
+            -inf or inf.  It ends where no prism beyond has equilibria at all points, too.
 
         Raises
         ------
         TensegrityError
-            If the level is outside its bounds, or an end was not found.
+            If the level is outside its bounds.
+        EquilibriumError
+            If the fit itself lies where prisms with equilibria at all points end, so that its
+            residuals are not least; or if an end was not found.
         """
         level = check.number("level", level, above=0, below=1)
-        at = _Misfit(self.prism, self.shortening + self.offset, self.load, self.names)
-        noise = max(self.noise / at.size, RESOLVED)
-        r, slopes = at(np.zeros(len(self.names)))
-        move = _step(slopes, slice(None), r)
-        better = r + slopes @ move / max(1.0, np.abs(move).max())
-        if r @ r - better @ better > (BORDER * noise) ** 2:
-            raise EquilibriumError(
-                "the fit lies at the border of prisms with equilibria at all these points, where "
-                "the residuals are not least: no intervals"
-            )
-        width = max(self._quantile(level) * noise, FINEST * float(np.linalg.norm(r)))
-        shift = at.theta(_felt(at, FAINT * noise))
-        centre, offset = at.curve.made(shift), self.offset + float(shift[-1])
-        at, found = _Misfit(centre, self.shortening + offset, self.load, self.names), {}
-        for k, name in enumerate(self.names):
-            low, high = (_end(at, k, side, width) for side in (-1, 1))
-            if name == "offset":
-                found[name] = offset + at.weights[k] * low, offset + at.weights[k] * high
-            else:
-                value = getattr(centre, name)
-                found[name] = value * math.exp(low), value * math.exp(high)
-        return found
+        return intervals(
+            self.prism, self.offset, self.shortening, self.load, self.names, self.noise,
+            self._quantile(level),
+        )  # fmt: skip
 
     def _quantile(self, level: float) -> float:
         """Standard errors to either side that a probability spans."""
@@ -222,11 +200,11 @@ def fit(
     ------
     TensegrityError
         If there are fewer points than unknowns, or points beyond contact of this prism; if the
-        noise is below what arithmetic resolves.
+        noise is below 1e-12 of the largest load, or the residuals are above 10,000 times it.
     EquilibriumError
-        If no prism near the given one has such a curve: signs or units that differ, for example.
-        The best may leave half of the loads' squares unless noise explains it, and no more than
-        10,000 times a given noise.
+        If no prism near the given one has equilibria at all points; or if loads oppose those of
+        the given prism, or are 10 times larger or smaller, and the best fit, too, leaves over half
+        of their squares and 3 times a given noise: in another sign or unit, most likely.
     """
     x, y = _points(shortening, load)
     check.kind("prism", prism, Prism, ": where the fit starts")
@@ -248,7 +226,7 @@ def fit(
         raise TensegrityError("all points have one shortening: no curve")
     if not y.any():
         raise TensegrityError("all loads are 0 N: no curve")
-    at = _Misfit(prism, x, y, names)
+    at = Misfit(prism, x, y, names)
     z = _least(at, noise)
     misfit, slopes = at(z)
     degrees = len(x) - count if noise is None else math.inf
@@ -270,7 +248,7 @@ def fit(
     )  # fmt: skip
 
 
-def _least(at: _Misfit, noise: float | None) -> Array:
+def _least(at: Misfit, noise: float | None) -> Array:
     """The unknowns with the least misfit, where that is a fit."""
     from scipy.optimize import least_squares
 
@@ -304,41 +282,6 @@ def _least(at: _Misfit, noise: float | None) -> Array:
     return z
 
 
-class _Misfit:
-    """Computed less measured loads over the largest, and their derivatives.
-
-    Of changes of the logarithms of parameters, and of the offset over `FEW` heights: the unknowns
-    `names`, counted from the prism's own.
-    """
-
-    def __init__(self, prism: Prism, x: Array, y: Array, names: tuple[str, ...]) -> None:
-        self.curve, self.names = Curve(prism, x), names
-        self.x, self.y, self.size = x, y, float(np.abs(y).max())
-        self.places = [(*NAMES, "offset").index(name) for name in names]
-        self.weights = [FEW * prism.height if name == "offset" else 1.0 for name in names]
-        self._last: tuple[bytes, tuple[Array, Array]] = b"", (y, y)
-
-    def theta(self, z: Array) -> Array:
-        """The unknowns of `Curve`."""
-        theta = np.zeros(len(NAMES) + 1)
-        theta[self.places] = z * self.weights
-        return theta
-
-    def __call__(self, z: Array) -> tuple[Array, Array]:
-        """The misfits, (points,), all `OFF` where there is no such curve; (points, unknowns)."""
-        key = z.tobytes()
-        if key != self._last[0]:  # SciPy wants one after the other
-            try:
-                computed, slopes = self.curve(self.theta(z))
-            except TensegrityError:
-                found = np.full(len(self.y), OFF), np.zeros((len(self.y), len(z)))
-            else:
-                slopes = slopes[:, self.places] * self.weights / self.size
-                found = (computed - self.y) / self.size, slopes
-            self._last = key, found
-        return self._last[1]
-
-
 def _unlike(start: Array, x: Array, y: Array) -> str:
     """What is wrong with the signs or units of points, next to the loads of the given prism."""
     known = f"{start.min():.4g} to {start.max():.4g} N"
@@ -355,82 +298,6 @@ def _unlike(start: Array, x: Array, y: Array) -> str:
         f": the largest load, {y[worst]:.4g} N at index {worst}, is far from those of the given "
         f"prism, {known}; loads must be in N, shortening in m"
     )
-
-
-def _felt(at: _Misfit, change: float) -> Array:
-    """Unknowns as good as the best ones, none so extreme that the misfit does not feel it."""
-    z = np.zeros(len(at.places))
-    r, slopes = at(z)
-    for move in (*np.eye(len(z)), *-np.eye(len(z))):
-        while (felt := np.linalg.norm(slopes @ move)) < change:
-            new, there = at(z + move)
-            if np.linalg.norm(there @ move) <= felt or new @ new > r @ r + change**2:
-                break
-            z, slopes = z + move, there
-    return z
-
-
-def _end(at: _Misfit, k: int, side: int, width: float) -> float:
-    """Where the misfit, least in all unknowns but one, leaves the least of all by width^2.
-
-    Newton's method between brackets on the root of what it leaves: almost linear in the one.
-    """
-    inside, low, high = np.zeros(len(at.places)), 0.0, math.inf
-    r, slopes = at(inside)
-    least, others, held = r @ r, np.arange(len(inside)) != k, -math.inf
-    alone = slopes[:, k] + slopes @ _step(slopes, others, slopes[:, k])
-    new = first = min(width / max(float(np.linalg.norm(alone)), width), 1.0)
-    for _ in range(STEPS):
-        z = inside.copy()
-        z[k] = side * new
-        z, r, slopes = _settled(at, others, z, ENDED * width**2)
-        left = math.inf if r[0] == OFF else math.sqrt(max(float(r @ r - least), 0.0))
-        if abs(left - width) <= ENDED * width:
-            return float(z[k])
-        if left > width:
-            high = new
-        elif new > FARTHEST / 2:
-            return side * math.inf
-        else:
-            inside, low = z, new
-        small = ENDED * max(low, first)
-        if high - low <= small:
-            if low - held <= 50 * small:
-                return side * low
-            held, high, new = low, math.inf, low + 100 * small  # beyond may have settled elsewhere
-            continue
-        rate = side * float(slopes[:, k] @ r)  # of half of what is left squared
-        aim = min(new + (width - left) * left / rate if rate > 0 else math.inf, low + 1.0)
-        new = aim if low < aim < high else (low + min(high, low + 2.0)) / 2
-    raise EquilibriumError(f"no end of the interval of {at.names[k]} found in {STEPS} steps")
-
-
-def _settled(at: _Misfit, free: Any, z: Array, gain: float) -> tuple[Array, Array, Array]:
-    """Where the misfit is least in some unknowns, to `gain` of its square; misfit, derivatives.
-
-    Levenberg's method, no change of an unknown above 1.
-    """
-    (r, slopes), damping = at(z), 0.1 * math.sqrt(gain)
-    for _ in range(STEPS):
-        move = _step(slopes, free, r, damping)
-        if r @ r - np.sum((r + slopes @ move) ** 2) <= gain:
-            break
-        new, there = at(z + move) if np.abs(move).max() <= 1.0 else (r, slopes)
-        if new @ new < r @ r:
-            z, r, slopes, damping = z + move, new, there, damping / 10
-        else:
-            damping *= 10
-    return z, r, slopes
-
-
-def _step(slopes: Array, free: Any, r: Array, damping: float = 0.0) -> Array:
-    """Change of some unknowns that makes misfits least, were they linear; short by damping."""
-    move = np.zeros(slopes.shape[1])
-    some = slopes[:, free]
-    rows = np.vstack([some, damping * np.eye(some.shape[1])])
-    wanted = np.concatenate([-r, np.zeros(some.shape[1])])
-    move[free] = np.linalg.lstsq(rows, wanted, rcond=1e-9)[0]
-    return move
 
 
 def _unidentified(
