@@ -55,7 +55,7 @@ EXTREME = ("1e308", "1e30", "1e-30", "5e-324", "10**12", "half", "0-d")
 SECONDS = 20  # that a call may take
 LONGEST = 500  # characters of a message
 SEARCHES = (  # take long with these: see their tests
-    ts.solitary_wave, ts.Lens, ts.fit, largest_speed, limit_load, design.peak_force, design.search,
+    ts.solitary_wave, ts.Lens, largest_speed, limit_load, design.peak_force, design.search,
     granular.fcc_pack, granular.hexagonal_pack,
 )  # fmt: skip
 MADE_BY_OTHERS = {"BeadChain", "EquilibriumPath", "Pack", "Run", "SolitaryWave", "StructurePath"}

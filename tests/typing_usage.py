@@ -165,6 +165,10 @@ def structures() -> Structure:
     assert_type(member_stiffness(1e9, 1e-6, 0.1), float)
     result = fit([0.0, 1e-3], [0.0, 1.0], prism, free=("prestrain",), offset=False, noise=0.1)
     assert_type(result.prism, Prism)
+    assert_type(result.band(), Array)
+    assert_type(result.intervals(level=0.9), dict[str, tuple[float, float]])
+    assert_type(fit("curve.csv", None, prism).degrees, float)
+    fit("curve.csv")  # type: ignore[call-arg]
     assert_type(s.network(), Network)
     Structure([[0, 0], [1, 0]], bars=3)  # type: ignore[arg-type]
     control_path(s, [0.1])  # type: ignore[arg-type]

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 NAMES = ("prestrain", "k_cross", "k_base", "k_bar")
 ENDS = ("contact", "unloaded", "flat")  # what is positive on the branch of the reference
+FARTHEST = 60.0  # change of a logarithm: by half of it all is as if it were 0 or infinite
 ITERATIONS = 10
 ROUND_OFF = 1e-11
 SETTLED = 1e-14  # the last move of Newton's method, or a small one that is round-off
@@ -80,6 +81,8 @@ class Curve:
         `theta` has changes of the logarithms of the parameters `NAMES` and the offset [m] that is
         added to the shortenings.
         """
+        if np.abs(theta[:-1]).max() > FARTHEST:
+            raise TensegrityError(f"parameters change by more than a factor e^{FARTHEST:g}")
         inner = self._inner + np.einsum("ijk,k->ij", self._rates, theta - self._at)
         found = self._solved(theta, inner)
         if found is None:
@@ -131,12 +134,13 @@ def _functions(rigid_base: bool, any_sides: bool) -> tuple[Any, Any]:
     for place, change in ((1, prestrain), (2, cross - k_base), (3, cross - k_bar)):
         moved[place] = p[place] * ca.exp(change)
     z = ca.vertcat(v, -(x + offset) / base)
+    natural = of.values["base"] - of.p[2] * of.roots["unloaded"]  # of base strings; none below 0
     g, load, *inside = (
         ca.substitute(form, ca.vertcat(of.z, of.p), ca.vertcat(z, moved))
-        for form in (of.residual, of.values["load"], *(of.roots[name] for name in ENDS))
+        for form in (of.residual, of.values["load"], natural, *(of.roots[name] for name in ENDS))
     )
     if rigid_base:
-        inside[1] = -inside[1]  # there it is the bars' tension
+        inside[2] = -inside[2]  # there it is the bars' tension
     load = load * k_cross * ca.exp(cross) * base
     matrix = ca.jacobian(g, v)
     at_rest = ca.substitute(ca.det(matrix), ca.vertcat(v, x, theta), ca.DM.zeros(v.numel() + 6))

@@ -3,8 +3,9 @@
 Model: the equilibrium path of the elastic prism, read at a shortening that may be offset; errors
 of the loads independent and of one size.  Least squares on the logarithms of what is positive, by
 SciPy, with the exact derivatives of `tensegrity.prisms.curve`; standard errors from the Jacobian
-at the solution (Gauss-Newton covariance).  Source:
-seeds/000, part III, "Experimental validation of the constitutive response".
+at the solution (Gauss-Newton covariance), intervals by profile likelihood.  Sources:
+seeds/000, part III, "Experimental validation of the constitutive response"; Bates & Watts,
+Nonlinear Regression Analysis and Its Applications, 1988, chapter 6.
 """
 
 from __future__ import annotations
@@ -18,8 +19,9 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import EquilibriumError, TensegrityError
-from tensegrity.prisms.curve import NAMES, Curve, loads
+from tensegrity.prisms.curve import NAMES, loads
 from tensegrity.prisms.prism import Prism
+from tensegrity.prisms.profile import OFF, RESOLVED, Misfit, intervals
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -32,9 +34,11 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array
 
 LARGE = 0.3  # relative standard error from which a parameter counts as not identified
-FEW = 5e-3  # of the height, the size of offsets
-OFF = 1e3  # misfit of parameters that have no such curve, over the largest load
 SAME = 1e-9  # of the largest load: two ways to the loads agree
+POOR = 0.5  # of the loads' squares left by a curve that is not theirs
+FOREIGN = 10  # times the loads of the given prism: in another unit
+LIKELY = 3.0  # times a given noise: what noise may explain
+CONTRADICTED = 1e4  # times a given noise: more than a fit may leave
 
 
 @dataclass(frozen=True)
@@ -58,6 +62,8 @@ class Fit:
         Measured less computed load [N].
     noise : float
         Standard deviation of the loads [N]: as given, or that of the residuals.
+    degrees : float
+        Degrees of freedom behind the noise: points less parameters; inf where it is given.
     unidentified : tuple of str
         Parameters that this curve does not determine, and why, in words.
     """
@@ -71,6 +77,7 @@ class Fit:
     offset: float
     residuals: Array
     noise: float
+    degrees: float
     unidentified: tuple[str, ...]
     shortening: Array
     load: Array
@@ -85,6 +92,47 @@ class Fit:
         """Standard error of the computed loads [N], (points,)."""
         inside = np.einsum("ij,jk,ik->i", self.jacobian, self.covariance, self.jacobian)
         return np.asarray(np.sqrt(np.maximum(inside, 0.0)))
+
+    def intervals(self, level: float = 0.95) -> dict[str, tuple[float, float]]:
+        """Intervals that contain a parameter of the measured prism with some probability.
+
+        By profile likelihood: the values of one parameter at which the squares of the residuals,
+        least in all other parameters, exceed the least of all by at most (t noise)^2.  t is the
+        quantile of Student's distribution of `degrees` degrees of freedom: the normal one where
+        the noise is given.
+
+        Parameters
+        ----------
+        level : float, optional
+            The probability, above 0 and below 1.
+
+        Returns
+        -------
+        dict of str to (float, float)
+            Of each of `names` the lowest and the highest value, in its units, of the range about
+            the estimate.  Where the curve sets no bound it is open: to 0 or inf, of the offset to
+            -inf or inf.  It ends where no prism beyond has equilibria at all points, too.
+
+        Raises
+        ------
+        TensegrityError
+            If the level is outside its bounds.
+        EquilibriumError
+            If the fit itself lies where prisms with equilibria at all points end, so that its
+            residuals are not least; or if an end was not found.
+        """
+        level = check.number("level", level, above=0, below=1)
+        return intervals(
+            self.prism, self.offset, self.shortening, self.load, self.names, self.noise,
+            self._quantile(level),
+        )  # fmt: skip
+
+    def _quantile(self, level: float) -> float:
+        """Standard errors to either side that a probability spans."""
+        from scipy.special import ndtri, stdtrit
+
+        tail = (1 - level) / 2
+        return -float(ndtri(tail) if math.isinf(self.degrees) else stdtrit(self.degrees, tail))
 
     def __str__(self) -> str:
         lines = [f"{self.prism}"]
@@ -109,7 +157,8 @@ class Fit:
 
             axes = plt.figure().add_subplot()
         order = np.argsort(self.shortening)
-        x, y, w = self.shortening[order], self.computed()[order], 1.96 * self.band()[order]
+        x, y = self.shortening[order], self.computed()[order]
+        w = self._quantile(0.95) * self.band()[order]
         axes.plot(self.shortening, self.load, "o", ms=3, color="0.4", label="points")
         axes.plot(x, y, "-", color="C0", label="fitted prism")
         axes.fill_between(x, y - w, y + w, color="C0", alpha=0.25, label="95 % band")
@@ -120,8 +169,8 @@ class Fit:
 
 def fit(
     shortening: ArrayLike | str | PathLike[str],
-    load: ArrayLike | None = None,
-    prism: Prism | None = None,
+    load: ArrayLike | None,
+    prism: Prism,
     free: Sequence[str] = ("prestrain", "k_base"),
     offset: bool = True,
     noise: float | None = None,
@@ -132,8 +181,8 @@ def fit(
     ----------
     shortening : array_like (points,) or path
         [m], compression > 0; or a CSV file of two columns, shortening and load, one header line.
-    load : array_like (points,), optional
-        [N], compression > 0; None with a file.
+    load : array_like (points,), or None with a file
+        [N], compression > 0.
     prism : Prism
         Where to start; what is not free stays as it is.  With elastic bases or bars.
     free : sequence of str, optional
@@ -150,22 +199,24 @@ def fit(
     Raises
     ------
     TensegrityError
-        If there are fewer points than unknowns, or points beyond contact of this prism.
+        If there are fewer points than unknowns, or points beyond contact of this prism; if the
+        noise is below 1e-12 of the largest load, or the residuals are above 10,000 times it.
+    EquilibriumError
+        If no prism near the given one has equilibria at all points; or if loads oppose those of
+        the given prism, or are 10 times larger or smaller, and the best fit, too, leaves over half
+        of their squares and 3 times a given noise: in another sign or unit, most likely.
     """
-    from scipy.optimize import least_squares
-
     x, y = _points(shortening, load)
-    if not isinstance(prism, Prism):
-        raise TensegrityError(f"prism {check.shown(prism)} is not a Prism: where the fit starts")
+    check.kind("prism", prism, Prism, ": where the fit starts")
     if prism.is_rigid:
         raise TensegrityError("k_base inf and k_bar inf: the prism must have elastic members")
-    offset = check.truth("offset", offset)
-    names = _free(free, prism)
+    free = _free(free, prism)
+    names = (*free, "offset") if check.truth("offset", offset) else free
     if noise is not None:
         noise = check.number("noise", noise, above=0, unit="N")
         if noise > 1e100:
             raise TensegrityError(f"noise {noise:g} N must be at most 1e100 N")
-    count = len(names) + offset
+    count = len(names)
     if len(x) < count + (noise is None):
         raise TensegrityError(
             f"{len(x)} points are fewer than {count + (noise is None)}: {count} unknowns"
@@ -173,61 +224,80 @@ def fit(
         )
     if np.ptp(x) <= 0:
         raise TensegrityError("all points have one shortening: no curve")
-    scale = FEW * prism.height
-    size = max(float(np.abs(y).max()), 1e-300)
-    curve = Curve(prism, x)
-    places = [NAMES.index(name) for name in names] + [len(NAMES)] * offset
-    weights = np.ones(count)
-    known: dict[bytes, tuple[Array, Array]] = {}  # the last: SciPy asks twice
+    if not y.any():
+        raise TensegrityError("all loads are 0 N: no curve")
+    at = Misfit(prism, x, y, names)
+    z = _least(at, noise)
+    misfit, slopes = at(z)
+    degrees = len(x) - count if noise is None else math.inf
+    spread = noise or at.size * float(np.sqrt(misfit @ misfit / degrees))
+    _, sizes, right = np.linalg.svd(slopes, full_matrices=False)
+    large = np.maximum(sizes, 1e-14 * sizes[0])
+    one = (right.T / large**2) @ right  # covariance for a noise of the largest load
+    alone, part = np.sqrt(np.diag(one)), spread / at.size
+    best, shift = at.curve.made(at.theta(z)), float(at.theta(z)[-1])
+    values = {n: float(getattr(best, n)) for n in free}
+    errors = {n: float(values[n] * part * d) for n, d in zip(free, alone, strict=False)}
     if offset:
-        weights[-1] = scale
-
-    def at(z: Array) -> tuple[Array, Array]:
-        """Misfits and their derivatives, over the largest load."""
-        key = z.tobytes()
-        if key in known:
-            return known[key]
-        known.clear()
-        theta = np.zeros(len(NAMES) + 1)
-        theta[places] = z * weights
-        try:
-            computed, slopes = curve(theta)
-        except TensegrityError:
-            known[key] = np.full(len(x), OFF), np.zeros((len(x), count))
-        else:
-            known[key] = (computed - y) / size, slopes[:, places] * weights / size
-        return known[key]
-
-    found = least_squares(
-        lambda z: at(z)[0], np.zeros(count), lambda z: at(z)[1], method="lm",
-        xtol=1e-12, ftol=1e-12,
-    )  # fmt: skip
-    theta = np.zeros(len(NAMES) + 1)
-    theta[places] = found.x * weights
-    best, shift = curve.made(theta), float(theta[-1])
-    if np.abs(found.fun).max() >= OFF or (
-        np.abs(loads(best, x + shift) - y - found.fun * size).max() > SAME * size
-    ):
-        raise EquilibriumError("no prism near the given one has equilibria at all these points")
-    jacobian = at(found.x)[1] * size
-    residuals = -found.fun * size
-    spread = noise
-    if spread is None:
-        spread = float(np.sqrt(np.sum(residuals**2) / (len(x) - count)))
-    _, sizes, right = np.linalg.svd(jacobian, full_matrices=False)
-    kept = np.maximum(sizes, 1e-14 * sizes[0])
-    covariance = spread**2 * (right.T / kept**2) @ right
-    deviation = np.sqrt(np.diag(covariance))
-    values = {n: float(getattr(best, n)) for n in names}
-    errors = {n: float(values[n] * d) for n, d in zip(names, deviation, strict=False)}
-    if offset:
-        values["offset"], errors["offset"] = shift, float(deviation[-1] * scale)
-    everything = (*names, "offset") if offset else names
+        values["offset"], errors["offset"] = shift, float(part * alone[-1] * at.weights[-1])
     return Fit(
-        best, everything, values, errors, covariance / np.outer(deviation, deviation),
-        float(sizes[0] / kept[-1]), shift, residuals, float(spread),
-        _unidentified(best, names, deviation, x + shift, spread), x, y, covariance, jacobian,
+        best, names, values, errors, one / np.outer(alone, alone), float(sizes[0] / large[-1]),
+        shift, -misfit * at.size, spread, degrees,
+        _unidentified(best, free, part * alone, x + shift, spread), x, y, part**2 * one,
+        slopes * at.size,
     )  # fmt: skip
+
+
+def _least(at: Misfit, noise: float | None) -> Array:
+    """The unknowns with the least misfit, where that is a fit."""
+    from scipy.optimize import least_squares
+
+    z = np.zeros(len(at.places))
+    words = _unlike(at.curve(at.theta(z))[0], at.x, at.y)
+    if np.abs(at(z)[0]).max() >= OFF:
+        raise EquilibriumError(f"no prism near the given one has this curve{words}")
+    z = least_squares(
+        lambda z: at(z)[0], z, lambda z: at(z)[1], method="lm", xtol=1e-12, ftol=1e-12
+    ).x
+    misfit, theta = at(z)[0], at.theta(z)
+    try:
+        traced = loads(at.curve.made(theta), at.x + theta[-1])
+        same = np.abs((traced - at.y) / at.size - misfit).max() <= SAME
+    except TensegrityError:
+        same = False
+    if not same:
+        raise EquilibriumError(
+            f"no prism near the given one has equilibria at all these points{words}"
+        )
+    left = at.size * float(np.sqrt(np.mean(misfit**2)))
+    poor = misfit @ misfit > POOR * np.sum((at.y / at.size) ** 2)
+    if words and poor and not (noise and left <= LIKELY * noise):
+        raise EquilibriumError(f"no prism near the given one has this curve{words}")
+    least = max(left / CONTRADICTED, RESOLVED * at.size)
+    if noise and noise < least:
+        raise TensegrityError(
+            f"noise {noise:g} N must be at least {least:g} N: loads of {at.size:g} N less those "
+            f"of the best prism leave {left:g} N"
+        )
+    return z
+
+
+def _unlike(start: Array, x: Array, y: Array) -> str:
+    """What is wrong with the signs or units of points, next to the loads of the given prism."""
+    known = f"{start.min():.4g} to {start.max():.4g} N"
+    if (start / np.abs(start).max()) @ (y / np.abs(y).max()) < 0:
+        return (
+            f": loads {y.min():.4g} to {y.max():.4g} N oppose those of the given prism, {known} "
+            f"at shortening {x.min():.4g} to {x.max():.4g} m; compression must count as positive "
+            "in load and shortening"
+        )
+    worst = int(np.argmax(np.abs(y)))
+    if 1 / FOREIGN < abs(y[worst]) / np.abs(start).max() < FOREIGN:
+        return ""
+    return (
+        f": the largest load, {y[worst]:.4g} N at index {worst}, is far from those of the given "
+        f"prism, {known}; loads must be in N, shortening in m"
+    )
 
 
 def _unidentified(
@@ -237,7 +307,7 @@ def _unidentified(
     words = []
     for name, error in zip(names, deviation, strict=False):
         if error > LARGE:
-            words.append(f"{name}: its standard error is {100 * error:.0f} % of it")
+            words.append(f"{name}: its standard error is {100 * error:.3g} % of it")
     loose = [n for n, error in zip(names, deviation, strict=False) if error > LARGE]
     if {"prestrain", "k_cross"} <= {*loose}:
         force = prism.k_cross * prism.prestrain / (1 + prism.prestrain)
