@@ -326,3 +326,11 @@ def test_of_several_stable_rays_the_lowest_is_followed():
         assert chosen(found, "stable", corner) is low
     assert chosen([unstable], "stable", corner) is unstable
     assert chosen([], "stable", corner) is None
+
+
+def test_a_smooth_path_takes_few_points():
+    """The predictor is of third order: one of second order takes 91."""
+    structure = Prism(1.0, 0.7, 0.1, 1.0, 5.0, 50.0).structure(mass=1.0)
+    path = equilibrium_path(structure, supports=plates([0, 1, 2], [3, 4, 5]), max_shortening=0.2)
+    assert path.shortening[-1] == pytest.approx(0.2, rel=1e-12)
+    assert len(path) < 50
