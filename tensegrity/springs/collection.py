@@ -357,9 +357,11 @@ class _Alike:
 
     def evaluate(self, name, r):
         """Energy [J], tension [N] or stiffness [N/m] at elongations r (..., bonds)."""
-        if self._one is not None:
-            return self._one.derivative(ORDERS.index(name), r, name == "energy")
         order = ORDERS.index(name)
+        if self._one is not None:
+            if getattr(type(self._one), name) is not getattr(Potential, name):
+                return getattr(self._one, name)(r)
+            return self._one.derivative(order, r, order == 0)
         above = r >= self._low if order == 0 else r > self._low
         inside = above & (r <= self._high if order == 0 else r < self._high)
         if not inside.all():

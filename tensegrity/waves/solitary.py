@@ -209,7 +209,7 @@ def _sign(potential, family, amplitude):
     if family:
         return SIGNS[family]
     resists = float(potential.stiffness(0.0)) > 0
-    return 1 if resists and float(potential.stiffness_slope(0.0)) > 0 else -1
+    return 1 if resists and float(potential.derivative(3, 0.0)) > 0 else -1
 
 
 def largest_speed(

@@ -1,0 +1,216 @@
+"""Results of runs and gradients as they are: `python tests/golden.py` writes them to golden.npz.
+
+What stays the same while the machinery changes is held against this file by `test_golden`: to the
+bit on the machine, the compiler and the NumPy that made it, else to `ROUND_OFF`.  It is written
+anew only where a result is meant to change, and the commit says which and why.
+"""
+
+import platform
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import sympy as sp
+from random_scenes import KINDS
+from structures import icosahedron
+
+from granular import Bead, Striker, chain, hexagonal_pack, materials
+from tensegrity import (
+    Chain,
+    Damping,
+    Drive,
+    Ensemble,
+    Network,
+    PowerLaw,
+    Prism,
+    Record,
+    TensegrityError,
+    gradient,
+    objective,
+    resume,
+    simulate,
+)
+from tensegrity.engine.native import described
+from tensegrity.runs.tuning import simulate_tuned
+
+PATH = Path(__file__).with_name("golden.npz")
+ROUND_OFF = 1e-8  # of the largest of each array: digits that other instructions leave
+ROWS = 5  # of a run that are kept
+RUNS = (  # step and method; record
+    ({}, {}),
+    ({"tol": 1e-6}, {"every": 7}),
+    ({"tol": 1e-9}, {"interval": 0.11}),
+    ({"dt": 1 / 200}, {"every": 3, "sites": [0, 1]}),
+    ({"dt": 1 / 400, "method": "rkn6"}, {"times": [0.1, 0.37, 0.9]}),
+    ({"dt": 1 / 300, "method": "corrected6"}, {"interval": 0.23}),
+    ({"dt": 1 / 500, "method": "rk4"}, {}),
+)
+STEEL = Bead(4.76e-3, materials["steel"])
+T = sp.Symbol("t")
+
+
+def driven():
+    """A prism chain shaken at one end, with dashpots, whose prestrain changes."""
+    spring = Prism(1.0, 0.8, 0.02, 1.0).potential()
+    scene = Chain(
+        spring, 20, drive={0: Drive(displacement=0.01 * (1 - sp.cos(T)))},
+        damping=Damping(bond=0.01, ground=0.002), tune={"prestrain": 0.02 + 0.001 * T},
+    )  # fmt: skip
+    return scene, scene.at_rest(), 10.0
+
+
+def gas():
+    """Discs whose contacts come and go."""
+    at = np.array([(1.5 * i, 1.4 * j) for i in range(4) for j in range(3)], dtype=float)
+    law = PowerLaw(1e3, 1.5)
+    scene = Network(at, (), law, contacts="follow", law=law, radius=0.5)
+    v = 2 * np.stack([np.cos(2.4 * np.arange(12)), np.sin(2.4 * np.arange(12))], axis=1)
+    return scene, scene.at_rest(dict(enumerate(v))), 0.6
+
+
+def structure():
+    """An icosahedron whose strings go slack."""
+    scene = icosahedron(0.02).network()
+    return scene, scene.at_rest({0: (0.3, 0.1, -0.2), 7: (-0.2, 0.2, 0.1)}), 4.0
+
+
+def beads():
+    """A chain of different beads, struck, before a wall."""
+    row = [STEEL, Bead(6e-3, materials["ptfe"])] * 5
+    scene = chain(row, striker=Striker(STEEL, 0.5), end=materials["steel"])
+    return scene, scene.start(), 2e-4
+
+
+def plane_pack():
+    """A hexagonal pack, struck from above."""
+    scene = hexagonal_pack(
+        4, 6, bead=STEEL, floor=materials["steel"], sides=materials["ptfe"],
+        striker=Striker(STEEL, 1.0),
+    )  # fmt: skip
+    return scene, scene.start(), 1e-4
+
+
+def different():
+    """Chains side by side with springs and masses of their own."""
+    chains = [Chain(PowerLaw(k, 1.5, preload=0.1), 12, k) for k in (1.0, 1.3, 1.7)]
+    scene = Ensemble(chains)
+    return scene, scene.at_rest({0: [0.1, 0.2, 0.3]}), 12.0
+
+
+OWN = {f.__name__: f for f in (driven, gas, structure, beads, plane_pack, different)}
+SCENES = {name: lambda f=f: f(np.random.default_rng(3)) for name, f in KINDS.items()} | OWN
+
+
+def told(run):
+    """Numbers of a run: a few rows, and sums over all."""
+    rows = np.unique(np.linspace(0, len(run.t) - 1, ROWS).astype(int))
+    found = {"t": run.t[rows], "u": run.u[rows], "v": run.v[rows], "energy": run.energy[rows]}
+    found |= {"final_u": run.final.u, "final_v": run.final.v}
+    for name in ("steps", "error_estimate", "met", "work"):
+        if getattr(run, name, None) is not None:
+            found[name] = getattr(run, name)
+    return found | {"sum_u": run.u.sum(axis=0), "sum_energy": run.energy.sum()}
+
+
+def of_run(scene, step, record):
+    """One run, its times and steps in units of its duration."""
+    scene, state, t_end = SCENES[scene]()
+    step, record = dict(step), dict(record)
+    if "dt" in step:
+        step["dt"] *= t_end
+    for name in ("interval", "times"):
+        if name in record:
+            record[name] = np.multiply(record[name], t_end).tolist()
+    return told(simulate(scene, state, t_end, **step, record=Record(**record)))
+
+
+def of_file():
+    """A run to a file, broken off by its own end and gone on with."""
+    scene, state, t_end = SCENES["locking"]()
+    with tempfile.TemporaryDirectory() as folder:
+        record = Record(every=2, path=f"{folder}/rows.npy", checkpoint=0)
+        simulate(scene, state, t_end, dt=t_end / 300, method="rkn6", record=record)
+        return told(resume(record.path))
+
+
+def of_gradient(scene, method):
+    """Value and derivatives of a site's last displacement."""
+    scene, state, t_end = SCENES[scene]()
+    trace = objective.displacement(1)
+    found = gradient(trace, scene, state, t_end, dt=t_end / 900, method=method)
+    numbers = {name: getattr(found, name) for name in ("value", "mass", "u", "v")}
+    return numbers | dict(found.parameters)
+
+
+def of_tuned():
+    """Springs given at each instant."""
+
+    def spring_at(t):
+        return Prism(1.0, 0.8, 0.02 + 0.002 * np.tanh((t - 10) / 4), 1.0).potential()
+
+    scene = Chain(spring_at(0.0), 30)
+    return told(simulate_tuned(scene, scene.at_rest({0: 0.03}), 20.0, spring_at, dt=0.1))
+
+
+def of_error(scene, how):
+    """What a call is refused with."""
+    scene, state, t_end = SCENES[scene]()
+    try:
+        simulate(scene, state, t_end, **how(t_end))
+    except TensegrityError as error:
+        return {"text": f"{type(error).__name__}: {error}"}
+    return {"text": "no error"}
+
+
+ERRORS = {
+    "both": lambda t: {"dt": 0.1, "tol": 1e-6},
+    "coarse": lambda t: {"dt": t},
+    "method": lambda t: {"method": "euler"},
+    "late": lambda t: {"record": Record(times=[2 * t])},
+    "site": lambda t: {"record": Record(sites=[10**6])},
+    "tight": lambda t: {"tol": 1e-20},
+}
+
+
+def cases():
+    """{name: function that gives its numbers}."""
+    found = {}
+    for k, scene in enumerate(SCENES):
+        for n in range(4):
+            step, record = RUNS[(k + 2 * n) % len(RUNS)]
+            what = ", ".join(map(str, (*step.items(), *record.items())))
+            found[f"{scene}: {what}"] = lambda s=scene, a=step, b=record: of_run(s, a, b)
+    for scene in ("locking", "contacts", "pack"):
+        for method in ("verlet", "rkn6"):
+            found[f"gradient {scene} {method}"] = lambda s=scene, m=method: of_gradient(s, m)
+    for scene in ("locking", "contacts", "guide"):
+        for name, how in ERRORS.items():
+            found[f"error {scene} {name}"] = lambda s=scene, h=how: of_error(s, h)
+    return found | {"file": of_file, "tuned": of_tuned}
+
+
+def machine():
+    """Processor, its vector instructions, compiler and NumPy."""
+    path = Path("/proc/cpuinfo")
+    lines = [line.split(":", 1) for line in path.read_text().splitlines()] if path.exists() else []
+    about = {line[0].strip(): line[1].split() for line in lines if len(line) == 2}
+    name = " ".join(about.get("model name", [platform.processor()]))
+    vectors = sorted(x for x in about.get("flags", []) if x.startswith(("avx", "fma")))
+    return f"{name} ({' '.join(vectors)}); {described()}; NumPy {np.__version__}"
+
+
+def results(case):
+    """Numbers of a case, or what it was refused with."""
+    try:
+        found = case()
+    except TensegrityError as error:
+        found = {"text": f"{type(error).__name__}: {error}"}
+    return {name: np.asarray(value) for name, value in found.items()}
+
+
+if __name__ == "__main__":
+    kept = {"machine": np.array(machine())}
+    for name, case in cases().items():
+        kept |= {f"{name}|{field}": value for field, value in results(case).items()}
+    np.savez_compressed(PATH, **kept)
+    print(f"{len(cases())} cases, {PATH.stat().st_size / 1e6:.2f} MB, {machine()}")
