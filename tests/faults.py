@@ -376,7 +376,7 @@ FAULTS = (
         "tensegrity/engine/walk.c",
         "if (done == 0 && at > 0 && w->begins) *w->begins = 1;",
         "",
-        "tests/test_openings.py::test_a_run_that_begins_just_before_an_opening_has_the_order"
+        "tests/test_openings.py::test_a_run_that_begins_just_beside_an_event_has_the_order"
         "[1-0.05]",
     ),
     Fault(
