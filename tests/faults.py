@@ -376,8 +376,21 @@ FAULTS = (
         "tensegrity/engine/walk.c",
         "if (done == 0 && at > 0 && w->begins) *w->begins = 1;",
         "",
-        "tests/test_openings.py::test_a_run_that_begins_just_before_an_opening_has_the_order"
-        "[1-0.05]",
+        "tests/test_openings.py::test_a_run_that_begins_just_beside_an_event_has_the_order"
+        "[before an opening-1-0.05]",
+    ),
+    Fault(
+        "tensegrity/engine/openings.c",
+        "total += between(o, b, at, x, opens, -1, &before);",
+        "",
+        "tests/test_openings.py::test_a_run_that_begins_just_beside_an_event_has_the_order"
+        "[after closings-1-0.05]",
+    ),
+    Fault(
+        "tensegrity/engine/compiled.py",
+        "springs = np.repeat(springs[:, None], self.lanes, axis=1)",
+        "pass",
+        "tests/test_ensemble.py::test_lanes_move_as_chains_alone[unequal-rkn6]",
     ),
     Fault(
         "tensegrity/engine/openings.c",

@@ -38,8 +38,13 @@ def mixed():
     return Chain(springs, 20, mass=np.linspace(1, 2, 20), ends=("free", "fixed"))
 
 
+def unequal():
+    springs = [PowerLaw(k, 1.5, 0.1) for k in np.linspace(1, 3, 11)]
+    return Chain(springs, 12)
+
+
 @pytest.mark.parametrize("method", ["verlet", "rkn6", "processed6", "rk4", "gauss4"])
-@pytest.mark.parametrize("scene", [lambda: prism_chain(30), mixed])
+@pytest.mark.parametrize("scene", [lambda: prism_chain(30), mixed, unequal])
 def test_lanes_move_as_chains_alone(scene, method):
     chain = scene()
     ensemble = Ensemble(chain, len(SPEEDS))

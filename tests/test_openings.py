@@ -282,11 +282,14 @@ def test_rows_without_a_compiler_are_shown_the_same(make):
     assert np.max(np.abs(raw - fast)) > 1e-11
 
 
+def following(scene, state):
+    """The state at any instant."""
+    return lambda t: simulate(scene, state, t, method="corrected6", dt=2e-3).final
+
+
 def before_an_opening(scene, state, contact):
     """The instant at which a closed contact opens for the first time, and runs up to any other."""
-
-    def at(t):
-        return simulate(scene, state, t, method="corrected6", dt=2e-3).final
+    at = following(scene, state)
 
     def overlap(t):
         return -float(scene.elongation(at(t).u)[contact])
@@ -305,12 +308,17 @@ def pressed(scene):
 @pytest.mark.needs_compiler
 @pytest.mark.parametrize("part", [0.05, 0.4])
 @pytest.mark.parametrize("dim", [1, 3])
-def test_a_run_that_begins_just_before_an_opening_has_the_order(dim, part):
+@pytest.mark.parametrize("event", ["before an opening", "after closings"])
+def test_a_run_that_begins_just_beside_an_event_has_the_order(event, dim, part):
     """No kicks were before its first step: the sum over all of them is not what that lacks."""
     n, length = 1.5, 3.2
     scene = cluster(n, 3) if dim == 3 else row(n, 3, mass=[1.0, 1.3, 0.8])
-    opening, at = before_an_opening(scene, pressed(scene), 0)
-    counts, errors = np.array([8, 16, 32]), []
+    if event == "before an opening":
+        opening, at = before_an_opening(scene, pressed(scene), 0)
+    else:  # all touch at first
+        opening, part = 0.0, -part
+        at = following(scene, thrown(scene) if dim == 3 else scene.at_rest({0: 1.0, 1: -0.3}))
+    counts, errors = np.array([8, 16, 48]), []
     for count in counts.tolist():
         dt = length / count
         start, exact = at(opening - part * dt), at(opening - part * dt + length)

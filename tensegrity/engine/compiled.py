@@ -149,6 +149,8 @@ class Compiled:
             shared[k] = bonds.parameters[springs.flat[0]]
             places[k] = at
             if runs.own[k]:
+                if self.lanes > 1 and springs.ndim == 1:  # the same in all lanes
+                    springs = np.repeat(springs[:, None], self.lanes, axis=1)
                 rows = bonds.parameters[:, list(self.own[law])][springs]  # (places[, lanes], own)
                 own.append(np.moveaxis(rows, -1, 0).ravel())
                 at += own[-1].size

@@ -127,11 +127,15 @@ static real between(const openings *o, integer b, crossing at, real x, int opens
 static void event(const scene *c, const openings *o, integer b, real w, const real *p, real x,
                   int opens)
 {
-    real moment;
+    real moment, before;
     const crossing at = crossing_at(c, o, b, p, x);
     const int own = at.rate > 0 && (o->alone || (opens && o->begins)); /* no kicks beside these */
-    const real total = own ? -between(o, b, at, x, opens, 0, &moment)
-                           : taken(o, b, at, x, opens, &moment);
+    real total = own ? -between(o, b, at, x, opens, 0, &moment)
+                     : taken(o, b, at, x, opens, &moment);
+    if (!own && x < 0 && at.rate > 0) { /* there are no kicks before a run begins */
+        total += between(o, b, at, x, opens, -1, &before);
+        moment -= before;
+    }
     const real strength = o->strength[b];
     give(c, o, b, w, x, strength * total, strength * moment, -strength * moment);
 }
@@ -175,7 +179,8 @@ static void path_of(const openings *o, integer b, real *p)
     p[3] = 2 * (w0 - w1) + p[1] + o->rate_after[b];
 }
 
-/* An event up to NEAR steps before a step that stands alone, or behind it, with contact between. */
+/* An event up to NEAR steps before a step that stands alone, or is the first, or behind one that
+   stands alone, with contact between. */
 static void beside(const scene *c, const openings *o, integer b, int behind)
 {
     real p[4];
@@ -282,15 +287,15 @@ static void pass_all(const scene *c, const openings *o)
     int met = 0;
     for (integer start = 0; start < o->count; start += SCAN) {
         const integer left = o->count - start, n = left < SCAN ? left : SCAN;
-        integer any = o->alone;
+        integer any = o->alone | o->begins;
         EACH(n) any |= suspect(w0[start + i], d0[start + i], w1[start + i], d1[start + i]);
         if (!any) continue;
         if (!met) remember(c, o);
         met = 1;
         for (integer i = start; i < start + n; i++)
             if (suspect(w0[i], d0[i], w1[i], d1[i])) pass(c, o, i);
-        for (integer i = start; i < start + n && o->alone; i++)
-            for (int behind = 0; behind < 2; behind++) beside(c, o, i, behind);
+        for (integer i = start; i < start + n && (o->alone | o->begins); i++)
+            for (int behind = 0; behind <= (o->alone != 0); behind++) beside(c, o, i, behind);
     }
     if (met) overlaps(c, o, c->u, c->v, o->after, o->rate_after);
 }
@@ -305,10 +310,7 @@ void advance_openings(const scene *c, openings *o, integer steps)
         for (integer s = 0; s < c->stages; s++) stage(c, c->kicks[s], c->drifts[s]);
         if (c->closing) stage(c, c->kicks[c->stages], 0);
         if (!looking) {
-            if (!o->alone && !may_pass(c, o)) {
-                o->begins = 0;
-                continue;
-            }
+            if (!o->alone && !o->begins && !may_pass(c, o)) continue;
             overlaps(c, o, o->u, o->v, o->before, o->rate_before);
             looking = 1;
         }

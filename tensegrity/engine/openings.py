@@ -128,7 +128,7 @@ class Openings:
         turned = (w0 * d0 < 0) & (w1 * d1 > 0)
         near = 4 * np.minimum(np.abs(w0), np.abs(w1)) < np.abs(d0) + np.abs(d1)
         there = u.copy(), v.copy()
-        for b in map(tuple, np.argwhere(passed | (turned & near) | alone).tolist()):
+        for b in map(tuple, np.argwhere(passed | (turned & near) | alone | begins).tolist()):
             line = self._line_of(b, *there, a)
             for x, *push in self._pushes(b, line, w0[b], d0[b], w1[b], d1[b], begins, alone):
                 self._give(b, w1[b], x, *push, *line(x), u, v)
@@ -152,12 +152,12 @@ class Openings:
                 if not w0 > 0:
                     (one, _), (other, _) = found
                     return [self._touch(b, p, one, other, swing((one + other) / 2))]
-        if alone:
-            found += [
-                (root(p, *sorted((here, there))), opens)
-                for here, there, opens in ((0.0, -NEAR, False), (1.0, 1 + NEAR, True))
-                if value(p, here) > 0 > value(p, there)
-            ]
+        beside = [(0.0, -NEAR, False)] * (alone or begins) + [(1.0, 1 + NEAR, True)] * alone
+        found += [
+            (root(p, *sorted((here, there))), opens)
+            for here, there, opens in beside
+            if value(p, here) > 0 > value(p, there)
+        ]
         return [self._of_step(b, p, x, opens, swing(x), begins, alone) for x, opens in found]
 
     def _linear(self, b, line, w0, d0, w1, d1, x):
@@ -258,10 +258,15 @@ class Openings:
 
     def _of_step(self, b, p, x, opens, swing, begins, alone):
         """As `_event`, or without kicks of steps that are not beside this one."""
-        if not ((alone or (opens and begins)) and abs(slope(p, x)) > 0):
-            return self._event(b, p, x, opens, swing)
-        total, moment = self._between(b, p, x, opens, swing, 0)
-        return x, -total, moment, -moment
+        passes = abs(slope(p, x)) > 0
+        if passes and (alone or (opens and begins)):
+            total, moment = self._between(b, p, x, opens, swing, 0)
+            return x, -total, moment, -moment
+        x, total, moment, _ = self._event(b, p, x, opens, swing)
+        if passes and x < 0:  # there are no kicks before a run begins
+            kicks, before = self._between(b, p, x, opens, swing, -1)
+            total, moment = total + kicks, moment - before
+        return x, total, moment, -moment
 
     def _event(self, b, p, x, opens, swing=0.0):
         """Root, and the sums that impulse, moment and turning of the line take from it."""
