@@ -156,7 +156,8 @@ def largest(
     """Instant [s] and height [N] of the largest force of a record, the rows' or one between them.
 
     Parameters as for `peak`, and the same spline; where the first large peak is the largest, both
-    give the same.  At an end of that time it is the row's.
+    give the same.  At an end of that time it is the row's.  A pulse wants ten rows and more: the
+    spline overshoots a step.
 
     Raises
     ------

@@ -25,7 +25,8 @@ TIGHT = 1e-10  # tolerances so far below the errors of first runs that these hav
 LEAST_FACTOR, FASTEST = 1.25, 8.0  # of the steps from one run to the next
 SURE, DOUBT = 2.0, 3.0  # a run so many times finer than the one before it has an error that the
 # order foretells less well where contacts open: estimates are so many times larger
-GROWN = 250.0  # times which round-off was seen to grow, in rows of 20 to 40 contacts
+GROWN, UNEQUAL = 250.0, 1 / 3  # times which round-off was seen to grow in rows of 20 to 40 like
+# masses, and by which power of their ratio more
 FAR, NEARER = 0.4, 0.45  # share of the steps below which a run tells of an error so uncertainly
 # that another is done, with at least so much
 
@@ -78,11 +79,13 @@ class Judge:
     def rounded(self, run, gap):
         """What round-off adds: a walk at random of the last digits in all stages of the finest run.
 
-        Where contacts open it grows as neighbouring motions part: a run of so many steps that it
-        may pass the tolerance then has to agree with the one before it.
+        Where contacts open it grows as neighbouring motions part, more so beside light masses: a
+        run of so many steps that it may pass the tolerance then has to agree with the one before.
         """
         walk = EPSILON * math.sqrt(run.steps * self._problem.method.stages)
-        return gap / 2 if self.opens and GROWN * walk > self._tol else walk
+        mass = self._problem.scene.mass
+        grown = GROWN * walk * float(np.max(mass) / np.min(mass)) ** UNEQUAL
+        return gap / 2 if self.opens and grown > self._tol else walk
 
     def _seen(self, gaps):
         """Order by which errors fell, not more than what is trusted."""
