@@ -97,3 +97,11 @@ def test_preloaded_power_laws_below_1_have_the_waves_that_are_predicted(exponent
     assert family.speeds[0] < wave.speed < family.speeds[1] * (1 + 1e-11)
     near = solitary_wave(spring, amplitude=0.999 * opens)
     assert near.speed < wave.speed
+
+
+@pytest.mark.parametrize("crest", [0.6, 0.8, 0.97])
+def test_waves_whose_crest_is_before_the_corner_are_found_by_energy_too(crest):
+    """The search along the family meets crests beyond it, which are not resolved."""
+    spring = PowerLaw(1.0, 0.79, preload=1.0)
+    wave = solitary_wave(spring, amplitude=crest)
+    assert solitary_wave(spring, energy=wave.energy).amplitude == pytest.approx(crest, rel=1e-13)

@@ -25,9 +25,11 @@ FEW = 5e-3  # of the height, the size of offsets
 OFF = 1e3  # misfit of parameters that have no such curve, over the largest load
 RESOLVED = 1e-12  # of the largest load: the least noise that computed loads can resolve
 STEPS = 200  # to an interval's end, at most: three to five where a parameter is identified
+SETTLED = 1000  # to the least misfit, at most
 ENDED = 1e-4  # of the way to an interval's end, where it is found
 FAINT = 0.05  # of the noise: what a factor e in a parameter must change to be felt
 FINEST = 1e-5  # of the residuals: the least change of their size that round-off resolves
+STUCK = 1e-6  # of what a step must gain: where not even that is found
 BORDER = 0.1  # of the noise: by how much residuals of a fit may miss the least
 
 
@@ -151,18 +153,22 @@ def _end(at: Misfit, k: int, side: int, width: float) -> float:
 def _settled(at: Misfit, free: Any, z: Array, gain: float) -> tuple[Array, Array, Array]:
     """Where the misfit is least in some unknowns, to `gain` of its square; misfit, derivatives.
 
-    Levenberg's method, no change of an unknown above 1.
+    Levenberg's method, no change of an unknown above 1.  Damped steps that gain nothing may be too
+    short: it ends where one not damped does not either, or where none is short enough.
     """
-    (r, slopes), damping = at(z), 0.1 * math.sqrt(gain)
-    for _ in range(STEPS):
-        move = _step(slopes, free, r, damping)
-        if r @ r - np.sum((r + slopes @ move) ** 2) <= gain:
+    (r, slopes), least = at(z), 0.1 * math.sqrt(gain)
+    damping = least
+    for _ in range(SETTLED):
+        whole, move = (_step(slopes, free, r, part) for part in (least, damping))
+        whole /= max(1.0, np.abs(whole).max())
+        gains = [r @ r - np.sum((r + slopes @ step) ** 2) for step in (whole, move)]
+        if gains[0] <= gain or gains[1] <= STUCK * gain:
             break
         new, there = at(z + move) if np.abs(move).max() <= 1.0 else (r, slopes)
         if new @ new < r @ r:
-            z, r, slopes, damping = z + move, new, there, damping / 10
+            z, r, slopes, damping = z + move, new, there, max(damping / 3, least)
         else:
-            damping *= 10
+            damping *= 2  # by more, steps along a bent valley come to be far too short
     return z, r, slopes
 
 

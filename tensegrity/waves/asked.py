@@ -100,8 +100,8 @@ def _start(family, enough):
 
 
 def _last(family):
-    """Size of the largest wave that is looked for [m]."""
-    return min(family.sizes[-1], FRONT * min(family.end, family.rise.top))
+    """Size of the largest wave that is looked for [m]: crests beyond corners, see `pieces`."""
+    return min(family.sizes[-1], FRONT * min(family.end, family.rise.top), family.corner)
 
 
 def _search(family, excess, start, asked, reached):
