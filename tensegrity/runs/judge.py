@@ -83,8 +83,10 @@ class Judge:
         run of so many steps that it may pass the tolerance then has to agree with the one before.
         """
         walk = EPSILON * math.sqrt(run.steps * self._problem.method.stages)
-        mass = self._problem.scene.mass
-        grown = GROWN * walk * float(np.max(mass) / np.min(mass)) ** UNEQUAL
+        mobility = np.asarray(self._problem.scene.inverse_mass)
+        mobility = mobility[mobility > 0]  # held sites have none
+        unequal = float(mobility.max() / mobility.min()) if mobility.size else 1.0
+        grown = GROWN * walk * unequal**UNEQUAL
         return gap / 2 if self.opens and grown > self._tol else walk
 
     def _seen(self, gaps):
