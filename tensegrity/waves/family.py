@@ -253,8 +253,13 @@ class Family:
         raise _unresolved(law)
 
     def _rough(self, size):
-        """f of `Scaled`, interpolated."""
-        return lambda rho: self.rough_tension(size * rho) / self.rough_tension(size)
+        """f of `Scaled`, interpolated; not finite far off, where an iteration may run."""
+
+        @np.errstate(over="ignore", invalid="ignore")
+        def f(rho):
+            return self.rough_tension(size * rho) / self.rough_tension(size)
+
+        return f
 
     def exponent_at_end(self, part):
         """y V''/|V'| at y = `part` of the stroke from the end of the domain: n + 1 of V ~ y^-n, 0
