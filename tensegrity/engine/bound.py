@@ -6,10 +6,10 @@ import ctypes
 
 import numpy as np
 
+from tensegrity.engine import march
 from tensegrity.engine.compiled import structure_of
 from tensegrity.engine.methods import Corrected, Splitting
 from tensegrity.engine.openings import DEGREE, Openings
-from tensegrity.engine.walk import Part
 
 NYSTROM = structure_of(  # as in steps.c
     "_Nystrom",
@@ -29,51 +29,76 @@ class Bound:
 
     Attributes
     ----------
+    u, v : ndarray
+        What is advanced; v lacks the closing kick of the last step.
+    shown : tuple of ndarray
+        Copies of u and v at the end of `go`, as the state there.
     springs : int
         Different ones.
     range : ndarray, (springs, 2)
         Smallest and largest elongation of each since `forget_range`.
     travel : float
         Bound on how far any coordinate of a site moved since then [m]; networks only.
-    taken : list of (Structure, str, ndarray)
-        What depends on the step, and is proportional to it: field of a structure, and its array.
-    kept : list of (Structure, str, ndarray)
-        Likewise where elongations are kept, all in a row, and behind them the way travelled.
     """
 
-    _show = _openings = None
+    _openings = None
 
     def _set_steps(self, loop, structure, arrays, bonds, method, dt, moving, places=None):
-        """Keep what the structure points to, and prepare the call of a method's steps."""
+        """Keep what the structure points to, and prepare the functions of a method's steps."""
         self._structure, self._arrays = structure, arrays
-        address = ctypes.addressof(structure)
-        steps = ("kicks", self._kicks), ("drifts", self._drifts)
-        self.taken = [(structure, name, array) for name, array in steps]
-        if isinstance(method, Splitting):
-            self._call = loop.advance, (address,)
-            self._part = loop.advance_part, address
-            return
+        self.u, self.v = arrays[:2]
+        self.shown = np.empty_like(self.u), np.empty_like(self.v)
+        self._of_step, functions, second = [], (loop.advance, loop.show), None
+        self._scale_with_step(self._kicks)
+        self._scale_with_step(self._drifts)
         if isinstance(method, Corrected):
-            self._set_openings(loop, bonds, method, dt, places)
-            return
-        u, dt = arrays[0], np.array([dt], dtype=loop.dtype)
+            functions = loop.openings
+            second = self._openings = self._set_openings(loop, bonds, method, places)
+        elif not isinstance(method, Splitting):
+            functions = loop.advance_nystrom, None
+            second = self._set_nystrom(loop, method, moving)
+        self.functions = functions
+        self.addresses = ctypes.addressof(structure), second and ctypes.addressof(second)
+        self._loop = self.loop_of(functions, self.addresses)
+        self.set_step(dt)
+
+    def loop_of(self, functions, addresses, sums=None):
+        """What `march.c` takes: functions that advance and show, and what they take."""
+        arrays = self.u, self.v, *self.shown, *[sums] * (sums is not None)
+        return march.Loop(
+            *(one and march.pointer(one) for one in functions), *addresses,
+            *(x.ctypes.data for x in arrays), *[None] * (sums is None), self.u.size, 2,
+        )  # fmt: skip
+
+    def _scale_with_step(self, array, power=1):
+        """Let numbers, of a step of 1 s, go with the power of a step."""
+        self._of_step.append((array, array.copy(), power))
+
+    def set_step(self, dt):
+        """Go on with steps of another length [s]."""
+        for array, of_one, power in self._of_step:
+            np.multiply(of_one, array.dtype.type(dt) ** power, out=array)
+
+    def _set_nystrom(self, loop, method, moving):
+        """Prepare the steps of a method that sums accelerations."""
+        u = self.u
         rows = [
-            np.multiply(method.nodes, dt),
-            np.multiply(method.velocities, dt),
-            np.multiply(method.matrix, dt**2),
-            np.multiply(method.positions, dt**2),
-            dt,
+            *(loop.numbers(x) for x in (method.nodes, method.velocities)),
+            *(loop.numbers(x) for x in (method.matrix, method.positions)),
+            np.ones(1, dtype=loop.dtype),
             np.zeros(u.size, dtype=loop.dtype),
             np.zeros((method.stages, u.size), dtype=loop.dtype),
             self._travel,
         ]
+        for array, power in zip(rows, (1, 1, 2, 2, 1), strict=False):
+            self._scale_with_step(array, power)
         steps = NYSTROM(*(x.ctypes.data for x in rows), method.stages, u.size, moving)
         self._arrays += [rows, steps]
-        self._call = loop.advance_nystrom, (address, ctypes.addressof(steps))
+        return steps
 
-    def _set_openings(self, loop, bonds, method, dt, places):
+    def _set_openings(self, loop, bonds, method, places):
         """Prepare the steps of a corrected method; `places` are those of the loop's contacts."""
-        found, u = Openings(bonds, method, dt), self._arrays[0]
+        found, u = Openings(bonds, method, 1.0), self.u
         of_bonds = [found.place, found.side, found.strength, found.row]
         if places is not None:
             real = places >= 0
@@ -84,103 +109,79 @@ class Bound:
             of_bonds = [np.broadcast_to(x.reshape(*shape[:2], -1), shape) for x in of_bonds]
         *numbers, row = of_bonds
         count, corners = row.size, len(row)
+        step = np.ones(1, dtype=loop.dtype)
         rows = [
             *(loop.numbers(x) for x in numbers),
             *(loop.numbers(x) for x in (found.exponents, found.betas, found.tables)),
             *(loop.numbers(x) for x in method.rule),
-            np.array([dt], dtype=loop.dtype),
+            step,
             *np.zeros((4, count), dtype=loop.dtype),
             *np.zeros((5, u.size), dtype=loop.dtype),
             np.ascontiguousarray(row, dtype=np.int64),
         ]
-        address = [x.ctypes.data for x in rows]
-        per_corner = count // corners
-        steps = OPENINGS(*address, count, per_corner, u.size, len(found.nodes), DEGREE, 0, 0, 0)
+        self._scale_with_step(step)
+        counts = count, count // corners, u.size, len(found.nodes), DEGREE, 0, 0, 0
+        steps = OPENINGS(*(x.ctypes.data for x in rows), *counts)
         self._arrays += [rows, steps]
-        (step,) = (x for x, (name, _) in zip(rows, OPENINGS._fields_, strict=False) if name == "dt")
-        self.taken.append((steps, "dt", step))
-        advance, show = loop.openings
-        self._call = advance, (ctypes.addressof(self._structure), ctypes.addressof(steps))
-        self._show, self._openings = (show, ctypes.addressof(steps)), steps
+        return steps
 
-    def show(self, u, v):
-        """What makes copies of u and v what is looked at; None where they are that already."""
-        known = self._show
-        return None if known is None else _Shown(known, self._structure, self.kept, u, v, self)
+    def go(self, done, end, wanted=()):
+        """Advance from step `done` of a run to `end`, which is shown, and take what is `Wanted`.
 
-    def advance(self, steps):
-        """Advance u and v by whole steps."""
-        function, addresses = self._call
-        function(*addresses, steps)
+        Returns whether that had to stop before.
+        """
+        return march.go(self._loop, done, end, wanted, *self.sizes)
+
+    @property
+    def sizes(self):
+        """Numbers of u that sites have, and walls behind them."""
+        return self.u.size, 0
+
+    def advance(self, steps, opened=False):
+        """Advance u and v by whole steps, in place; `opened` says whether others came before, where
+        that matters to a method."""
+        advance, show = self.functions
+        corrects = self._openings is not None
+        advance(*self.addresses, steps, opened and corrects)
+        if show is not None and not corrects:
+            show(*self.addresses, self.u.ctypes.data, self.v.ctypes.data)
+
+    def advance_open(self, steps, opened):
+        """Steps without the closing kick of the last, which begin with that of the step before if
+        `opened`."""
+        self.functions[0](*self.addresses, steps, opened)
+
+    def show(self):
+        """Make `shown` the state after the last step of `advance_open`."""
+        for copy, array in zip(self.shown, (self.u, self.v), strict=True):
+            copy[...] = array
+        function = self.functions[1]
+        if function is not None:
+            function(*self.addresses, *(x.ctypes.data for x in self.shown))
 
     @property
     def address(self):
         """Where the structure is that the loop takes."""
-        return ctypes.addressof(self._structure)
-
-    def parts(self):
-        """What `walk` needs to advance them with others."""
-        begins = self._openings and ctypes.addressof(self._openings) + OPENINGS.begins.offset
-        return [Part(..., *self._call, *self._arrays[:2], begins)]
-
-    def begin(self):
-        """Say that the next step is the first of a run."""
-        if self._openings is not None:
-            self._openings.begins = 1
+        return self.addresses[0]
 
     def stand_alone(self):
         """Say that steps have none before them and none behind."""
         if self._openings is not None:
             self._openings.alone = 1
 
-    def advance_part(self, steps, opened, close):
-        """Steps of a splitting whose first kick includes the last one of the steps before, if
-        `opened`, and whose own last kick is left out, unless `close`."""
-        function, address = self._part
-        function(address, steps, opened, close)
-
     @property
     def travel(self):
         return float(self._travel[0])
 
-    @property
-    def travel_at(self):
-        """Address of that number."""
-        return self._travel.ctypes.data
 
-
-class _Shown:
-    """What is looked at after steps of a corrected method, from copies of u and v; as `Bound`."""
-
-    taken, travel, _openings = (), 0.0, None
-
-    def __init__(self, call, structure, kept, u, v, of):
-        self._arrays, self._of = (u, v), of  # whose other arrays these are
-        self._structure = type(structure).from_buffer_copy(structure)
-        self._structure.u, self._structure.v = u.ctypes.data, v.ctypes.data
-        self.kept = [(self._structure, name, array) for _, name, array in kept]
-        function, openings = call
-        self._call = function, (ctypes.addressof(self._structure), openings)
-
-    def forget_range(self):
-        """There is none: no step is done."""
-
-    @property
-    def range(self):
-        """No elongation met."""
-        return np.tile([np.inf, -np.inf], (len(self._of.range), 1))
-
-    advance, parts = Bound.advance, Bound.parts
-
-
-def kicks_and_drifts(method, dt, dtype):
-    """Kicks and drifts times dt, number of stages, and whether a kick closes the step."""
+def rows_of(method, dtype):
+    """Kicks and drifts of a step of 1 s, number of stages, and whether a kick closes the step."""
     if isinstance(method, Corrected):
         method = method.base
     if not isinstance(method, Splitting):
         return np.zeros(1, dtype), np.zeros(1, dtype), 0, 0
-    kicks = np.multiply(method.kicks, dt, dtype=dtype)
-    return kicks, np.multiply(method.drifts, dt, dtype=dtype), method.stages, int(kicks[-1] != 0)
+    kicks, drifts = (np.array(x, dtype=dtype) for x in (method.kicks, method.drifts))
+    return kicks, drifts, method.stages, int(kicks[-1] != 0)
 
 
 def integers(array):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tensegrity.engine.bonds import BLOCK, by_spring
-from tensegrity.engine.bound import Bound, integers, kicks_and_drifts
+from tensegrity.engine.bound import Bound, rows_of
 from tensegrity.engine.compiled import structure_of
 
 _LINE = structure_of(  # as in line.h
@@ -45,12 +45,11 @@ class BoundLine(Bound):
         self._range = np.empty(size, dtype=loop.dtype)
         self._travel = np.zeros(1, dtype=loop.dtype)
         self.springs = len(bonds.law)
-        self._kicks, self._drifts, *counts = kicks_and_drifts(method, dt, loop.dtype)
+        self._kicks, self._drifts, *counts = rows_of(method, loop.dtype)
         arrays = [
             u, v, weights, shared, own, self._kicks, self._drifts, self._range, *where,
         ]  # fmt: skip
         structure = _LINE(*(x.ctypes.data for x in arrays), count, *counts)
-        self.kept = [(structure, "range", self._range)]
         self._set_steps(loop, structure, arrays, bonds, method, dt, u.size)
         self.forget_range()
 
@@ -98,10 +97,6 @@ class BoundLine(Bound):
     def forget_range(self):
         """Start anew to record elongations."""
         self._range[self._low], self._range[self._high] = np.inf, -np.inf
-
-    def places(self):
-        """The spring of each range that is kept, and where in `kept` its ends are."""
-        return tuple(integers(x) for x in (self._kept, self._low, self._high))
 
     @property
     def range(self):

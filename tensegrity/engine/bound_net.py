@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from tensegrity.engine.bonds import GROUP, WALL, by_spring
-from tensegrity.engine.bound import Bound, integers, kicks_and_drifts
+from tensegrity.engine.bound import Bound, integers, rows_of
 from tensegrity.engine.compiled import structure_of
 from tensegrity.engine.slices import slices
 
@@ -42,7 +42,7 @@ class BoundNet(Bound):
         count, sites = len(runs.source), len(contacts.load)
         self._set_ranges(bonds, entries, pieces, loop.dtype)
         self._travel = np.zeros(1, dtype=loop.dtype)
-        self._kicks, self._drifts, *counts = kicks_and_drifts(method, dt, loop.dtype)
+        self._kicks, self._drifts, *counts = rows_of(method, loop.dtype)
         arrays = [
             u, v, *weights, self._kicks, self._drifts, self._travel, *before,
             np.zeros((2, u.size) if pieces > 1 else 0, dtype=loop.dtype), *behind,
@@ -65,8 +65,7 @@ class BoundNet(Bound):
             for k, (a, b) in enumerate(pairwise(cuts))
         ]
         whole = structure(0, 0, found.tiles, found.tiles, 0, 1)
-        kept = ("low", self._low), ("high", self._high), ("travel", self._travel)
-        self.kept = [(whole, *one) for one in kept]
+        self.sizes = dim * sites, dim * (contacts.rows - 1 - sites)
         self._set_steps(loop, whole, arrays, bonds, method, dt, dim * sites, runs.source)
         self.forget_range()
 
@@ -102,9 +101,9 @@ class BoundNet(Bound):
         )  # fmt: skip
         return found, entries, arrays
 
-    def part(self, number, steps):
-        """Advance one of the pieces by whole steps, at the same time as all others."""
-        self._loop.advance_together(ctypes.addressof(self._pieces[number]), steps)
+    def part(self, number, steps, opened):
+        """Advance one of the pieces, at the same time as all others; as `advance_open`."""
+        self._loop.advance_together(ctypes.addressof(self._pieces[number]), steps, opened)
 
     def _set_ranges(self, bonds, entries, pieces, dtype):
         """Places of the elongations met: of the runs for each piece, then of entries told apart."""
@@ -126,11 +125,6 @@ class BoundNet(Bound):
         """Start anew to record elongations and the way travelled."""
         self._low[:], self._high[:] = np.inf, -np.inf
         self._travel[:] = 0
-
-    def places(self):
-        """The spring of each range that is kept, and where in `kept` its ends are."""
-        each = np.arange(self._low.size, dtype=np.int64)
-        return integers(self._group), each, each + self._low.size
 
     @property
     def range(self):

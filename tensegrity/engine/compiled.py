@@ -54,10 +54,10 @@ class Compiled:
         self.library = found = self._compiled(self._has_openings)
         address, number = ctypes.c_void_p, ctypes.c_longlong
         for name, arguments in (
-            ("advance", [address, number]),
-            *[("advance_together", [address, number])] * (dim > 0),
-            ("advance_part", [address] + [number] * 3),
-            ("advance_nystrom", [address] * 2 + [number]),
+            ("advance", [address] * 2 + [number] * 2),
+            ("show", [address] * 4),
+            *[("advance_together", [address, number, number])] * (dim > 0),
+            ("advance_nystrom", [address] * 2 + [number] * 2),
             ("evaluate", [number] * 3 + [address] * 3),
             ("evaluate_own", [number] * 4 + [address] * 3),
             ("energies", [number] * 2 + [address] * 3),
@@ -65,7 +65,7 @@ class Compiled:
         ):
             function = found[name]
             function.argtypes, function.restype = arguments, None
-            setattr(self, name if name.startswith("advance") else f"_{name}", function)
+            setattr(self, name if name.startswith(("advance", "show")) else f"_{name}", function)
 
     def _compiled(self, openings):
         """The library, with the steps of corrected methods or without: compiling them takes as
@@ -84,9 +84,9 @@ class Compiled:
         """Functions that advance by steps of corrected methods, and show what is looked at."""
         found = self.library if self._has_openings else self._compiled(True)
         functions = found.advance_openings, found.show_openings
-        for function in functions:
-            function.argtypes = [ctypes.c_void_p] * 2 + [ctypes.c_longlong]
-            function.restype = None
+        address, number = ctypes.c_void_p, ctypes.c_longlong
+        for function, rest in zip(functions, ([number] * 2, [address] * 2), strict=True):
+            function.argtypes = [address] * 2 + rest
         return functions
 
     @classmethod

@@ -35,12 +35,12 @@ typedef struct {
     const real *mass, *ground, *bond; /* (entries), 0 where prescribed; (entries); (bonds) */
     const integer *moved, *forced;   /* entries of u */
     real *term, *next, *pull, *given; /* scratch: (entries) twice, (entries + 1), (moved, degree) */
-    real *sums;                      /* work, loss, elongations met, (2) each */
+    real *sums, *shown;              /* work, loss, elongations met, (2): so far, of what is shown */
     const integer *ends;             /* (joined, 2) where the rows of bonds with dashpots begin */
     const real *apart;               /* (joined, DIM + 2) their geometry D, g, L */
     real *room;                      /* scratch: (levels + 3, 2 entries + 1) */
     real *stretch;                   /* scratch: (bonds) elongations, in the order of the loop */
-    integer entries, moving, forcing, damped, degree, joined, levels, bonds;
+    integer entries, moving, forcing, damped, degree, joined, levels, bonds, stage;
 } drive;
 
 /* Drifts: without dashpots, without those in bonds, with those of a chain, of a network. */
@@ -327,51 +327,31 @@ static int driven_stage(scene *c, const drive *d, integer s, integer i, real a, 
     return 0;
 }
 
-/* `steps` steps from kick number s on, which is counted on; 0, or 1 if a spring locked. */
-static int driven_steps(scene *c, const drive *d, integer *s, integer steps, integer opened)
+/* As the functions of `steps.c`, from kick number d->stage on, which is counted on; 1 where a spring
+   locked at it. */
+integer advance_driven(const scene *given, drive *d, integer steps, integer opened)
 {
-    const real closing = c->closing ? c->kicks[c->stages] : 0;
+    FLUSH
+    scene here = *given;
+    const real closing = here.closing ? here.kicks[here.stages] : 0;
     for (integer k = 0; k < steps; k++)
-        for (integer i = 0; i < c->stages; i++, ++*s) {
+        for (integer i = 0; i < here.stages; i++, d->stage++) {
             const real before = (k > 0 || opened) && i == 0 ? closing : 0;
-            if (driven_stage(c, d, *s, i, c->kicks[i] + before, c->drifts[i])) return 1;
+            if (driven_stage(&here, d, d->stage, i, here.kicks[i] + before, here.drifts[i])) return 1;
         }
     return 0;
 }
 
-/* As advance_part; returns the number of the kick at which a spring locked, or -1. */
-integer advance_driven(const scene *given, const drive *d, integer steps, integer opened,
-                       integer close)
+/* Sums of what is shown are apart; elongations that its kick meets count. */
+integer show_driven(const scene *given, drive *d, real *u, real *v)
 {
     FLUSH
-    scene here = *given;
-    integer s = 0;
-    if (driven_steps(&here, d, &s, steps, opened)) return s;
-    if (here.closing && close && driven_stage(&here, d, s, 0, here.kicks[here.stages], 0)) return s;
-    return -1;
-}
-
-/* Go on to each of `count` steps `at`, and keep there the first `sites` numbers of u and of v, the
-   `more` of v behind them, work and loss, from a copy in `out` that gets the closing kick. */
-integer rows_driven(const scene *given, const drive *d, const scene *out, const integer *at,
-                    integer count, integer opened, integer size, integer sites, integer more,
-                    real *rows_u, real *rows_v, real *rows_more, real *rows_sums)
-{
-    FLUSH
-    scene here = *given, copy = *out;
-    integer s = 0, done = 0;
-    for (integer k = 0; k < count; k++) {
-        if (driven_steps(&here, d, &s, at[k] - done, opened || done)) return s;
-        done = at[k];
-        EACH(size) copy.u[i] = here.u[i], copy.v[i] = here.v[i];
-        real sums[4] = {d->sums[0], d->sums[1], d->sums[2], d->sums[3]};
-        drive alone = *d;
-        alone.sums = sums;
-        if (copy.closing && driven_stage(&copy, &alone, s, 0, copy.kicks[copy.stages], 0)) return s;
-        d->sums[2] = sums[2], d->sums[3] = sums[3];
-        EACH(sites) rows_u[k * sites + i] = copy.u[i], rows_v[k * sites + i] = copy.v[i];
-        EACH(more) rows_more[k * more + i] = copy.v[sites + i];
-        rows_sums[2 * k] = sums[0], rows_sums[2 * k + 1] = sums[1];
-    }
-    return -1;
+    scene copy = *given;
+    drive alone = *d;
+    copy.u = u, copy.v = v, alone.sums = d->shown;
+    for (int i = 0; i < 4; i++) d->shown[i] = d->sums[i];
+    const integer locked = copy.closing
+        && driven_stage(&copy, &alone, d->stage, 0, copy.kicks[copy.stages], 0);
+    d->sums[2] = d->shown[2], d->sums[3] = d->shown[3];
+    return locked;
 }

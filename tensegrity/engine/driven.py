@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity.engine import lanes
+from tensegrity.engine import lanes, march
 from tensegrity.engine.bound_line import BoundLine
 from tensegrity.engine.bound_net import BoundNet
 from tensegrity.engine.codegen import is_long
@@ -31,13 +31,13 @@ if TYPE_CHECKING:
     from typing import Any
 
     from tensegrity.engine.methods import Splitting
-    from tensegrity.typing import Array, Indices
+    from tensegrity.typing import Array
 
 _DRIVE = structure_of(  # as in driven.c
     "_Drive",
     "moved_u moved_v force force_rate shared domain heavy series rubbed decay glide mass ground "
-    "bond moved forced term next pull given sums ends apart room stretch",
-    "entries moving forcing damped degree joined levels bonds",
+    "bond moved forced term next pull given sums shown ends apart room stretch",
+    "entries moving forcing damped degree joined levels bonds stage",
 )
 
 
@@ -50,6 +50,7 @@ class BoundDriven(Bound):
         super().__init__(forcing, u, v, method, dt)
         kind = BoundNet if loop.dim else BoundLine
         self._bound, self._loop = kind(loop, u, v, forcing.bonds, method, dt), loop
+        self.sizes, self.shown = self._bound.sizes, self._bound.shown
         entries, degree = len(forcing.mass), self.schedule.degree
         fixed = {
             "decay": self._decay, "glide": self._glide, "mass": forcing.mass,
@@ -58,6 +59,7 @@ class BoundDriven(Bound):
             "moved": forcing.moved.astype(np.int64), "forced": forcing.forced.astype(np.int64),
             "term": np.zeros(entries), "next": np.zeros(entries), "pull": np.zeros(entries + 1),
             "given": np.zeros((len(forcing.moved) + 1, degree)), "sums": self.sums,
+            "shown": self.shown_sums,
             "stretch": np.zeros(len(forcing.bonds.group)),
         }  # fmt: skip
         if forcing.damped == TURNING:
@@ -73,64 +75,47 @@ class BoundDriven(Bound):
             setattr(self._drive, name, x.ctypes.data)
         counts = (
             entries, len(forcing.moved), len(forcing.forced), forcing.damped, degree,
-            len(forcing.joined), self.schedule.levels, len(forcing.bonds.group),
+            len(forcing.joined), self.schedule.levels, len(forcing.bonds.group), 0,
         )  # fmt: skip
         for (name, _), count in zip(_DRIVE._fields_[-len(counts) :], counts, strict=True):
             setattr(self._drive, name, count)
+        addresses = self._bound.address, ctypes.addressof(self._drive)
+        self._march = self._bound.loop_of(
+            (loop.advance_driven, loop.show_driven), addresses, self.shown_sums
+        )
 
-    def advance(
-        self, first: int, steps: int, opened: bool, close: bool, origin: float = 0.0
-    ) -> None:
-        """Whole steps from step `first` after `origin` [s] on; a first kick includes the last one
-        of the steps before if `opened`, and the own last one is left out unless `close`.
+    def go(self, done: int, end: int, wanted: Any = ()) -> None:
+        """As `Bound.go`; velocities of what is moved are 0, and sums lack what masses and forces of
+        drivers store.
 
         Raises
         ------
         Locked
             A spring that changes met an end of its domain; u and v are of no use then.
         """
-        rows = self.schedule.rows(first, max(steps, 1), origin)
+        self._advance(done, end - done, lambda: march.go(self._march, done, end, wanted, *self.sizes))
+
+    def short(self, t: float) -> None:
+        """One step alone that begins at t [s], in place, and closed."""
+        function, addresses = self._loop, (self._bound.address, ctypes.addressof(self._drive))
+
+        def step() -> Any:
+            u, v = (x.ctypes.data for x in (self.u, self.v))
+            stopped = function.advance_driven(*addresses, 1, False)
+            return stopped or function.show_driven(*addresses, u, v)
+
+        self._advance(0, 1, step, t)
+        self.sums[:] = self.shown_sums
+
+    def _advance(self, first: int, steps: int, do: Any, origin: float = 0.0) -> None:
+        """Do steps from number `first` after `origin` [s] on."""
+        rows = self.schedule.rows(first, steps, origin)
         for name, x in rows.items():
             setattr(self._drive, name, x.ctypes.data)
-        stage = self._loop.advance_driven(
-            self._bound.address, ctypes.addressof(self._drive), steps, opened, close
-        )
-        if stage >= 0:
-            times = self.schedule.times(first, max(steps, 1), origin)
-            raise Locked(float(times[stage]), self.sums[2:].copy())
-
-    def go(
-        self, out: BoundDriven, first: int, at: Indices, opened: bool, sites: int, walls: int
-    ) -> tuple[Array, Array, Array, Array]:
-        """Go on from step `first` with a row at each of so many steps from there, by copies in
-        `out`.
-
-        Returns
-        -------
-        u, v, impulse, sums : ndarray
-            (rows, sites[, dim]) twice, (rows, walls[, dim]), (rows, 2); v of what is moved is 0.
-
-        Raises
-        ------
-        Locked
-        """
-        rows, count = self.schedule.rows(first, int(at[-1])), len(at)
-        for name, x in rows.items():
-            setattr(self._drive, name, x.ctypes.data)
-        shape = self._u.shape[1:]
-        per = int(np.prod(shape))
-        u, v = np.empty((2, count, sites, *shape))
-        more, sums = np.empty((count, walls, *shape)), np.empty((count, 2))
-        at = np.ascontiguousarray(at, dtype=np.int64)
-        stage = self._loop.rows_driven(
-            self._bound.address, ctypes.addressof(self._drive), out._bound.address,
-            at.ctypes.data, count, opened, self._u.size, sites * per, walls * per,
-            *(x.ctypes.data for x in (u, v, more, sums)),
-        )  # fmt: skip
-        if stage >= 0:
-            times = self.schedule.times(first, int(at[-1]))
-            raise Locked(float(times[stage]), self.sums[2:].copy())
-        return u, v, more, sums
+        self._drive.stage = 0
+        if do():
+            times = self.schedule.times(first, steps, origin)
+            raise Locked(float(times[self._drive.stage]), self.sums[2:].copy())
 
     def forget(self) -> None:
         super().forget()
@@ -164,8 +149,8 @@ class DrivenLoop(Compiled):
         super().__init__(laws, own, dim)  # type: ignore[no-untyped-call]
         address, number = ctypes.c_void_p, ctypes.c_longlong
         for name, arguments in (
-            ("advance_driven", [address] * 2 + [number] * 3),
-            ("rows_driven", [address] * 4 + [number] * 5 + [address] * 4),
+            ("advance_driven", [address] * 2 + [number] * 2),
+            ("show_driven", [address] * 4),
         ):
             function = self.library[name]
             function.argtypes, function.restype = arguments, number

@@ -166,13 +166,13 @@ static void stage(const scene *c, real a, real b)
     meet(c);
 }
 
-void advance(const scene *c, integer steps); /* in steps.c */
+integer advance(const scene *c, const void *none, integer steps, integer opened); /* in steps.c */
 
 /* The same by one of several threads. */
-void advance_together(const scene *c, integer steps)
+void advance_together(const scene *c, integer steps, integer opened)
 {
     copy(c, c->u, common(c, 1));
     meet(c), meet(c);
-    advance(c, steps);
+    advance(c, 0, steps, opened);
     copy(c, common(c, 0), c->u);
 }

@@ -301,9 +301,10 @@ static void pass_all(const scene *c, const openings *o)
 }
 
 /* Nothing is looked at as long as the elongations met say that every contact stayed on its side. */
-void advance_openings(const scene *c, openings *o, integer steps)
+integer advance_openings(const scene *c, openings *o, integer steps, integer opened)
 {
     FLUSH
+    o->begins = !opened;
     int looking = 0;
     for (integer k = 0; k < steps; k++) {
         if (!looking) EACH(o->entries) o->u[i] = c->u[i], o->v[i] = c->v[i];
@@ -323,6 +324,7 @@ void advance_openings(const scene *c, openings *o, integer steps)
         o->rate_before = o->rate_after, o->rate_after = swap;
     }
     if (steps > 0) o->known = 1 + looking;
+    return 0;
 }
 
 /* What the velocities at the end of a step have too much because contact b just closed, or lack
@@ -349,10 +351,13 @@ static inline integer is_shown(real w0, real w1, real d1)
 }
 
 /* Copies of u and v after the last step of `advance_openings`, as they are looked at. */
-void show_openings(const scene *c, openings *o, integer steps)
+integer show_openings(const scene *given, openings *o, real *u, real *v)
 {
     FLUSH
-    if (!o->known || !steps) return;
+    scene copy = *given;
+    const scene *c = &copy;
+    copy.u = u, copy.v = v;
+    if (!o->known) return 0;
     if (o->known == 1) {
         overlaps(c, o, o->u, o->v, o->after, o->rate_after);
         overlaps(c, o, c->u, c->v, o->before, o->rate_before);
@@ -370,4 +375,5 @@ void show_openings(const scene *c, openings *o, integer steps)
         for (integer i = start; i < start + n; i++)
             if (is_shown(w0[i], w1[i], d1[i])) show(c, o, i);
     }
+    return 0;
 }

@@ -19,8 +19,10 @@ from threading import Event, Lock
 import numpy as np
 
 from tensegrity import check
+from tensegrity.engine import march
 from tensegrity.engine.bound_line import BoundLine
 from tensegrity.engine.bound_net import BoundNet
+from tensegrity.engine.march import STEPS
 from tensegrity.errors import TensegrityError
 
 BLOCK = 64  # as in line.h
@@ -80,7 +82,58 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_forget_threads)
 
 
-class BoundPieces:
+class Threaded:
+    """A scene advanced in place on several threads; as `Bound`, which `_whole` is of all of it.
+
+    What `march.c` calls to advance is a function of Python, which hands out the work.
+    """
+
+    def __init__(self, whole, count) -> None:
+        self._whole, self._pool, self._count = whole, _pool(count), count
+        self.u, self.v, self.shown, self.sizes = whole.u, whole.v, whole.shown, whole.sizes
+        self.set_step, self.forget_range, self.show = whole.set_step, whole.forget_range, whole.show
+        self._failure = None
+        self._called = STEPS(self._called_by_march)
+        functions = self._called, whole.functions[1]
+        self._loop = whole.loop_of(functions, whole.addresses)
+
+    @property
+    def range(self):
+        """Smallest and largest elongation of each different spring since `forget_range`."""
+        return self._whole.range
+
+    @property
+    def travel(self):
+        """Bound on how far any coordinate of a site moved since then [m]."""
+        return self._whole.travel
+
+    def stand_alone(self):
+        """As `Bound.stand_alone`: splittings do so anyway."""
+
+    def go(self, done, end, wanted=()):
+        """As `Bound.go`."""
+        stopped = march.go(self._loop, done, end, wanted, *self.sizes)
+        failure, self._failure = self._failure, None
+        if failure is not None:
+            raise failure
+        return stopped
+
+    def advance(self, steps):
+        """Advance u and v by whole steps."""
+        self.advance_open(steps, False)
+        self.show()
+        self.u[...], self.v[...] = self.shown
+
+    def _called_by_march(self, scene, method, steps, opened):
+        try:
+            self.advance_open(steps, bool(opened))
+        except BaseException as error:  # which C cannot hand on
+            self._failure = error
+            return 1
+        return 0
+
+
+class BoundPieces(Threaded):
     """A chain advanced in place, piece by piece.
 
     Parameters
@@ -95,10 +148,8 @@ class BoundPieces:
         Threads.
     """
 
-    travel = 0.0  # only networks look for contacts
-
     def __init__(self, loop, u, v, bonds, method, dt, count) -> None:
-        self._pool = _pool(count)
+        super().__init__(BoundLine(loop, u, v, bonds, method, dt), count)
         self._together = (HALO - 2) // method.stages  # steps between two exchanges
         total = len(bonds.group)
         pieces = count * -(-total // (count * PIECE))
@@ -108,30 +159,35 @@ class BoundPieces:
             for start, stop in zip(ends, [*ends[1:], total], strict=True)
         ]
 
+    def set_step(self, dt):
+        """As `Bound.set_step`."""
+        for bound in (self._whole, *(piece.loop for piece in self._pieces)):
+            bound.set_step(dt)
+
     def forget_range(self):
         """Start anew to record elongations."""
-        for piece in self._pieces:
-            piece.loop.forget_range()
+        for bound in (self._whole, *(piece.loop for piece in self._pieces)):
+            bound.forget_range()
 
     @property
     def range(self):
         """Smallest and largest elongation of each different spring since `forget_range`."""
-        each = np.array([piece.loop.range for piece in self._pieces])
+        each = np.array([self._whole.range, *(piece.loop.range for piece in self._pieces)])
         return np.stack([each[..., 0].min(axis=0), each[..., 1].max(axis=0)], axis=1)
 
-    def advance(self, steps):
-        """Advance u and v by whole steps."""
+    def advance_open(self, steps, opened):
+        """As `Bound.advance_open`."""
         done = 0
         while done < steps:
             part = min(self._together, steps - done)
             for piece in self._pieces:
-                piece.order = part, done > 0, done + part == steps
+                piece.order = part, done > 0 or opened
             for work in (_Piece.advance, _Piece.give):  # all take before any gives
                 list(self._pool.map(work, self._pieces))
             done += part
 
 
-class BoundParts:
+class BoundParts(Threaded):
     """A network advanced in place, a piece on each thread; as `BoundNet`.
 
     The threads wait for each other in every stage, so all must run at once: one network has the
@@ -139,31 +195,19 @@ class BoundParts:
     """
 
     def __init__(self, loop, u, v, bonds, method, dt, count) -> None:
-        self._pool, self._count = _pool(count), count
-        self._whole = BoundNet(loop, u, v, bonds, method, dt, count)
-        self.forget_range = self._whole.forget_range
+        super().__init__(BoundNet(loop, u, v, bonds, method, dt, count), count)
 
-    @property
-    def range(self):
-        """Smallest and largest elongation of each different spring since `forget_range`."""
-        return self._whole.range
-
-    @property
-    def travel(self):
-        """Bound on how far any coordinate of a site moved since then [m]."""
-        return self._whole.travel
-
-    def advance(self, steps):
-        """Advance u and v by whole steps."""
+    def advance_open(self, steps, opened):
+        """As `Bound.advance_open`."""
         if not _alone.acquire(blocking=False):
-            self._whole.advance(steps)
+            self._whole.advance_open(steps, opened)
             return
         begin, turns, complete = Event(), [], []
 
         def turn(number):
             begin.wait()
             if complete:  # else the others will not come
-                self._whole.part(number, steps)
+                self._whole.part(number, steps, opened)
 
         try:
             turns += [self._pool.submit(turn, k) for k in range(self._count)]
@@ -196,13 +240,13 @@ class _Piece:
         self.loop = BoundLine(loop, *self._local, weights, method, dt, part, mine)
         self._mine = slice(start, stop + (stop == total))
         self._inner = slice(start - low, self._mine.stop - low)
-        self.order = 0, False, True  # arguments of `advance_part`
+        self.order = 0, False  # arguments of `advance_open`
 
     def advance(self):
         """Take what the neighbours gave, and do some steps."""
         for local, whole in zip(self._local, self._globals, strict=True):
             local[:] = whole[self._sites]
-        self.loop.advance_part(*self.order)
+        self.loop.advance_open(*self.order)
 
     def give(self):
         """Hand out the part that is right."""

@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
+from tensegrity.engine import march
 from tensegrity.engine.bonds import WALL, by_spring
 from tensegrity.engine.pulled import Pulled
 from tensegrity.engine.reverse_layout import PACK
@@ -90,7 +91,7 @@ class Back:
         counts = len(layout.run_law), n, entries, layout.sites * max(dim, 1), totals.objectives
         counts += layout.most, method.stages, int(self._kicks[-1] != 0), filled, room
         self._structure = _SCENE(*(x.ctypes.data for x in self._arrays), *counts)
-        self._address = ctypes.addressof(self._structure)
+        self.address = ctypes.addressof(self._structure)
 
     def retune(self, bonds):
         """Begin anew with the masses and parameters of other bonds, in the same runs of a line.
@@ -128,7 +129,7 @@ class Back:
         """
         if self.layout.library is not None:
             given = None if seeds is None else seeds.address
-            self.layout.library.reverse(self._address, steps, opened, close, last, given)
+            self.layout.library.reverse(self.address, steps, opened, close, last, given)
             return
         kicks, drifts = self._kicks, self._drifts
         if close and kicks[-1]:
@@ -143,7 +144,7 @@ class Back:
     def sow(self, seeds, k):
         """Add what objectives have to do with the state after step number k."""
         if self.layout.library is not None:
-            self.layout.library.sow(self._address, seeds.address, k)
+            self.layout.library.sow(self.address, seeds.address, k)
         elif seeds.begin <= k <= seeds.end:
             row, of_u = seeds.rows[:, k - seeds.begin], seeds.of_u
             for array, mine in ((self.ub, slice(of_u)), (self.vb, slice(of_u, None))):
@@ -178,10 +179,6 @@ class Back:
         """Start anew to record elongations and the way travelled."""
         self._low[:], self._high[:], self._travel[:] = np.inf, -np.inf, 0
 
-    def advance(self, steps):
-        """Do whole steps, each move rounded to whole units of the grid."""
-        self.layout.library.advance(self._address, steps)
-
     @property
     def range(self):
         """Smallest and largest elongation of each different spring since `forget_range`."""
@@ -193,10 +190,57 @@ class Back:
         """Bound on how far any coordinate of a site moved since then [m]."""
         return float(self._travel[0])
 
-    def sample(self, steps, places, of_u, rows):
-        """Do steps one by one, keeping entries of u and v after each."""
-        lib = self.layout.library
-        _sample(lib, lib.advance, self._address, steps, (self.u, self.v, places), of_u, rows)
+
+class OnGrid:
+    """A scene whose moves are rounded to whole units of a grid, so that steps can be undone to the
+    last bit; as `bound.Bound`, without rows behind the sites.
+
+    Parameters
+    ----------
+    layout : Layout
+    u, v : ndarray, (rows[, dim])
+    method : Splitting
+    dt : float
+        [s]
+    grid : (float, float)
+        What rounds moves of u and of v.
+    """
+
+    def __init__(self, layout, u, v, method, dt, grid):
+        self._back = back = Back(layout, method, dt, Totals(layout, 0), grid)
+        self.u, self.v, self._sites = u, v, layout.sites
+        self.shown, self._shown = (u.copy(), v.copy()), (np.zeros_like(back.u), np.zeros_like(back.v))
+        self.forget_range = back.forget_range
+        arrays = back.u, back.v, *self._shown
+        functions = layout.library.advance, layout.library.show
+        self._loop = march.Loop(
+            *map(march.pointer, functions), back.address, None,
+            *(x.ctypes.data for x in arrays), None, back.u.size, 0,
+        )  # fmt: skip
+
+    def go(self, done, end, wanted=()):
+        """As `Bound.go`."""
+        back, sites = self._back, self._sites
+        back.set(self.u[:sites], self.v[:sites])
+        stopped = march.go(self._loop, done, end, wanted, sites * max(back.layout.dim, 1), 0)
+        self.u[:sites], self.v[:sites] = back.state()
+        for array, shown in zip(self.shown, self._shown, strict=True):
+            array[:sites] = shown[:sites]
+        return stopped
+
+    def advance_open(self, steps, opened):
+        """As `Bound.advance_open`."""
+        self.go(int(opened), int(opened) + steps)
+
+    @property
+    def range(self):
+        """Smallest and largest elongation of each different spring since `forget_range`."""
+        return self._back.range
+
+    @property
+    def travel(self):
+        """Bound on how far any coordinate of a site moved since then [m]."""
+        return self._back.travel
 
 
 class Totals:
@@ -242,23 +286,3 @@ class Seeds:
         addresses = self.rows.ctypes.data, self.places.ctypes.data
         self._structure = _SEEDS(*addresses, len(self.places), of_u, begin, self.end)
         self.address = ctypes.addressof(self._structure)
-
-
-def sampled(bound, steps, u, v, places, of_u, rows, lib):
-    """Do steps with a bound loop one by one, keeping entries of u and v after each in `rows`."""
-    if hasattr(bound, "sample"):
-        bound.sample(steps, places, of_u, rows)
-        return
-    function, arguments = getattr(bound, "_call", (None, ()))  # of C, and what it is called with
-    if len(arguments) != 1 or lib is None:
-        for row in rows:
-            bound.advance(1)
-            row[:of_u], row[of_u:] = u.ravel()[places[:of_u]], v.ravel()[places[of_u:]]
-        return
-    _sample(lib, function, *arguments, steps, (u, v, places), of_u, rows)
-
-
-def _sample(lib, function, loop, steps, arrays, of_u, rows):
-    step = ctypes.cast(function, ctypes.c_void_p).value, loop
-    addresses = (x.ctypes.data for x in arrays)
-    lib.sampled(*step, steps, *addresses, len(arrays[2]), of_u, rows.ctypes.data)

@@ -80,26 +80,26 @@ static void stage(const scene *c, real a, real b)
     *c->travel += largest;
 }
 
-void advance(const scene *c, integer steps)
+/* As in `steps.c`. */
+integer advance(const scene *c, const void *none, integer steps, integer opened)
 {
     FLUSH
     const real closing = c->closing ? c->kicks[c->stages] : 0;
     for (integer k = 0; k < steps; k++)
         for (integer i = 0; i < c->stages; i++)
-            stage(c, c->kicks[i] + (k > 0 && i == 0 ? closing : 0), c->drifts[i]);
-    if (steps > 0 && c->closing) stage(c, closing, 0);
+            stage(c, c->kicks[i] + ((k > 0 || opened) && i == 0 ? closing : 0), c->drifts[i]);
+    return 0;
+}
+
+integer show(const scene *c, const void *none, real *u, real *v)
+{
+    FLUSH
+    scene copy = *c;
+    copy.u = u, copy.v = v;
+    if (c->closing) stage(&copy, c->kicks[c->stages], 0);
+    return 0;
 }
 #endif
-
-/* Steps one by one by a loop's own function, keeping the entries asked for after each. */
-void sampled(void (*step)(const void *, integer), const void *loop, integer steps, const real *u,
-             const real *v, const integer *places, integer count, integer of_u, real *rows)
-{
-    for (integer k = 0; k < steps; k++, rows += count) {
-        step(loop, 1);
-        for (integer j = 0; j < count; j++) rows[j] = j < of_u ? u[places[j]] : v[places[j]];
-    }
-}
 
 #define EVALUATE_CASE(K, OWN)                                                               \
     if (law == K && !OWN) rows_##K##_##OWN(n, apart, r, f, k, d, p, p);

@@ -3,20 +3,30 @@
    Included behind a loop that defines `scene`, stage(scene, a, b): a kick by a and a drift by b,
    and acceleration(scene, u, a). */
 
-/* `steps` steps of a splitting; the closing kick of a step and the first of the next are one.  A
-   part of a run may be `opened` by the closing kick of the part before, and leave its own to the
-   next. */
-void advance_part(const scene *c, integer steps, integer opened, integer close)
+/* Every method has a function that advances a scene by whole steps, and one that shows what copies
+   of u and v are in the scene's own variables; both say whether they had to stop, which only some
+   methods do.
+
+   Of a splitting the closing kick of a step and the first of the next are one: steps go without
+   their last one, and begin with that of the step before if they are `opened`. */
+integer advance(const scene *c, const void *none, integer steps, integer opened)
 {
     FLUSH
-    real closing = c->closing ? c->kicks[c->stages] : 0;
+    const real closing = c->closing ? c->kicks[c->stages] : 0;
     for (integer k = 0; k < steps; k++)
         for (integer i = 0; i < c->stages; i++)
             stage(c, c->kicks[i] + ((k > 0 || opened) && i == 0 ? closing : 0), c->drifts[i]);
-    if (steps > 0 && c->closing && close) stage(c, closing, 0);
+    return 0;
 }
 
-void advance(const scene *c, integer steps) { advance_part(c, steps, 0, 1); }
+integer show(const scene *c, const void *none, real *u, real *v)
+{
+    FLUSH
+    scene copy = *c;
+    copy.u = u, copy.v = v;
+    if (c->closing) stage(&copy, c->kicks[c->stages], 0);
+    return 0;
+}
 
 /* Explicit Runge-Kutta-Nystrom steps for u'' = acceleration(u). */
 typedef struct {
@@ -38,7 +48,7 @@ static void combine(const nystrom *t, const real *coefficients, integer stages)
     }
 }
 
-void advance_nystrom(const scene *c, const nystrom *t, integer steps)
+integer advance_nystrom(const scene *c, const nystrom *t, integer steps, integer opened)
 {
     FLUSH
     const integer n = t->count;
@@ -62,4 +72,5 @@ void advance_nystrom(const scene *c, const nystrom *t, integer steps)
             EACH(n) v[i] += b * slope[i];
         }
     }
+    return 0;
 }

@@ -252,9 +252,10 @@ class Bound:
     """
 
     def __init__(self, forcing: Forcing, u: Array, v: Array, method: Splitting, dt: float) -> None:
-        self._forcing, self._u, self.v = forcing, u, v
+        self._forcing, self.u, self.v = forcing, u, v
         self.schedule = Schedule(forcing, method, dt)
         self.sums = np.array([0.0, 0.0, np.inf, -np.inf])
+        self.shown_sums = self.sums.copy()
         drifts, weights = self.schedule.drifts, 1 / np.where(forcing.mass, forcing.mass, 1.0)
         self._decay = np.exp(-drifts[:, None] * forcing.ground * weights)
         rates = forcing.ground * weights * np.ones_like(drifts)[:, None]

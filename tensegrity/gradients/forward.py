@@ -1,26 +1,21 @@
-"""The run whose derivatives are wanted: `simulate`'s own, with samples taken after each step.
-
-The scene is lent arrays one entry longer, in which the loop counts its steps: a run that goes back
-to an earlier state goes back to its number too, and writes the samples from there on anew.
-"""
+"""The run whose derivatives are wanted: a march, of which samples and states are observed."""
 
 from __future__ import annotations
 
-from contextlib import contextmanager
-from copy import copy
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity.engine import reverse
-from tensegrity.runs.integrate import simulate
-from tensegrity.runs.loops import parts
+from tensegrity.engine.march import Wanted
+from tensegrity.engine.reverse import OnGrid
+from tensegrity.runs.march import march
+from tensegrity.runs.problem import Problem
 from tensegrity.runs.record import Record
 from tensegrity.scenes.scene import State
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Sequence
     from typing import Any
 
     from tensegrity.engine.methods import Splitting
@@ -79,174 +74,68 @@ class Forward:
     ) -> None:
         self.scene, self.method, self.dt, self.steps = scene, method, dt, steps
         self.view, self.layout, self._grid, self._apart = view, layout, grid, apart
-        self._first, self._others, self._close = parts(method)
         self._begin, self._end = window
         self.rows = np.empty((self._end - self._begin + 1, len(view.places)))
-        last = 0.0 if self._close is None or method.processor else self._close.kicks[0] * dt
-        self.closing = np.where(np.arange(self._begin, self._end + 1) > 0, last, 0.0)
+        at = np.arange(self._begin, self._end + 1)
+        self.closing = np.where(at > 0, method.kicks[-1] * dt, 0.0)
         self.states: dict[int, tuple[Array, Array]] = {}
         self.start = state
-        self._out: Any = None
 
     def run(self, t_end: float) -> Run:
         """Do it."""
-        scene, state = self.scene, self.start
-        lent = copy(scene)
-        own = {"arrays": self._arrays, "bind": self._bind, "at_once": False}
-        lent.__dict__.update({**scene.__dict__, **own})
         record = Record(every=max(1, -(-self.steps // ROWS)))
-        dt = t_end / max(self.steps, 1) or self.dt
-        run = simulate(lent, state, t_end, method=self.method, dt=dt, record=record)
-        run = replace(run, scene=scene)
-        if not self.steps:
-            self.states[0] = state.u, state.v
-        if self._grid is not None:
-            run = replace(run, impulse=None)
-        processed = self.method.processor is not None
-        if processed or not self.steps:
-            if self._begin == 0:
-                self.rows[0] = self._picked(state.u, state.v)
-            if self._end == self.steps:
-                self.rows[-1] = self._picked(run.final.u, run.final.v)
-        elif self._begin == self.steps:
-            self.rows[-1] = self._picked(*self.states[self.steps])
-        return run
+        bind = None if self._grid is None else self._bind
+        problem = Problem(self.scene, self.start, t_end, self.method, record, bind=bind)
+        found = march(problem, self.steps, observers=(_Picks(self), _States(self)))
+        run = found.run()
+        return run if self._grid is None else replace(run, impulse=None)
 
-    def _picked(self, u: Array, v: Array) -> Array:
-        """Samples of a state of all sites."""
-        places, of_u = self.view.places, self.view.of_u
-        return np.concatenate([u.ravel()[places[:of_u]], v.ravel()[places[of_u:]]])
-
-    def _arrays(self, state: State) -> tuple[Array, Array]:
-        u, v = self.scene.arrays(state)
-        longer = np.zeros((1, *u.shape[1:]))
-        return np.concatenate([u, longer]), np.concatenate([v, longer])
-
-    def _bind(self, u: Array, v: Array, method: Any, dt: float) -> Any:
-        counted = method in (self._first, self._others) and dt == self.dt
-        inner = self.bound(u[:-1], v[:-1], method, dt)
-        return _Sampling(self, inner, u, v) if counted else inner
-
-    def bound(self, u: Array, v: Array, method: Any, dt: float) -> Any:
-        """The scene's own loop, or that on a grid, for its rows u and v."""
-        if self._grid is None:
-            return self.scene.bind(u, v, method, dt)
-        return _OnGrid(self.layout, u, v, method, dt, self._grid)
-
-    def keep(self, k: int, u: Array, v: Array) -> None:
-        """Keep the state after step number k, if it is one to be kept."""
-        if k % self._apart == 0 or k == self.steps:
-            sites = self.scene.sites
-            self.states[k] = u[:sites].copy(), v[:sites].copy()
-
-    def first_row(self, u: Array, v: Array) -> None:
-        """Sample the state before the first step."""
-        if self._begin == 0 and self.method.processor is None:
-            self.rows[0] = self._picked(u, v)
-
-    def advance(self, inner: Any, u: Array, v: Array, k: int, steps: int) -> int:
-        """Do steps behind number k, with samples; the number reached."""
-        stop = k + steps
-        while k < stop:
-            to = min(stop, (k // self._apart + 1) * self._apart)
-            sampled = self._begin < self.steps and self._begin <= k + 1 and k < self._end
-            if not sampled and k + 1 < self._begin < self.steps:
-                to = min(to, self._begin - 1)
-            if sampled:
-                to = min(to, self._end)
-                self._sample(inner, u, v, k, to - k)
-            else:
-                inner.advance(to - k)
-            k = to
-            self.keep(k, u, v)
-        return k
-
-    def _sample(self, inner: Any, u: Array, v: Array, k: int, steps: int) -> None:
-        first = k + 1 - self._begin
-        rows = self.rows[first : first + steps]
-        if self.method.processor is None:
-            places, of_u = self.view.places, self.view.of_u
-            reverse.sampled(inner, steps, u, v, places, of_u, rows, self.layout.library)
-            return
-        for row in rows:
-            inner.advance(1)
-            row[:] = self._picked(*self.led_out(u, v))
-
-    def led_out(self, u: Array, v: Array) -> tuple[Array, Array]:
-        """The state of the sites that the loop's own variables of a processed method stand for."""
-        if self._out is None:
-            self._out = u.copy(), v.copy()
-            leave = self.method.processor[1]  # type: ignore[index]
-            ways = [way for way in (self._close, leave) if way is not None]
-            x, y = self._out
-            self._ways = [self.bound(x, y, way, self.dt) for way in ways]
-        self._out[0][:], self._out[1][:] = u, v
-        for way in self._ways:
-            way.advance(1)
-        x, y = self._out
-        return x[: self.scene.sites], y[: self.scene.sites]
+    def _bind(self, u: Array, v: Array, method: Splitting, dt: float) -> OnGrid:
+        assert self._grid is not None
+        return OnGrid(self.layout, u, v, method, dt, self._grid)
 
     def again(self, k: int, steps: int) -> tuple[Array, Array]:
         """u and v of the sites some steps after a state that was kept, by the same loop."""
-        state = State(*self.states[k])
-        u, v = self.scene.arrays(state)
-        for method, many in ((self._first, int(k == 0)), (self._others, steps - (k == 0))):
-            if many:
-                self.bound(u, v, method, self.dt).advance(many)
+        u, v = self.scene.arrays(State(*self.states[k]))
+        bind = self.scene.bind if self._grid is None else self._bind
+        bind(u, v, self.method, self.dt).advance_open(steps, k > 0)
         return u[: self.scene.sites].copy(), v[: self.scene.sites].copy()
 
 
-class _Around:
-    """What a bound loop tells of the one inside it."""
+class _Picks:
+    """What is sampled, after each step of the window."""
 
-    _inner: Any
+    def __init__(self, forward: Forward) -> None:
+        self._forward, self._next, self._stop = forward, forward._begin, forward._begin
 
-    def forget_range(self) -> None:
-        self._inner.forget_range()
+    def wanted(self, end: int) -> Sequence[Wanted]:
+        """As of `runs.observers.Samples`."""
+        of, first = self._forward, self._next
+        self._stop = max(first, min(end, of._end) + 1)
+        rows = of.rows[first - of._begin : self._stop - of._begin]
+        at, view = np.arange(first, self._stop), of.view
+        return [Wanted(at, rows, places=view.places, of_u=view.of_u)] if len(at) else ()
 
-    @property
-    def range(self) -> Array:
-        return self._inner.range
-
-    @property
-    def travel(self) -> float:
-        return self._inner.travel
-
-
-class _Sampling(_Around):
-    """A bound loop that counts its steps and keeps samples."""
-
-    def __init__(self, forward: Forward, inner: Any, u: Array, v: Array) -> None:
-        self._forward, self._inner, self._u, self._v = forward, inner, u, v
-        self._count = u.reshape(-1)[-1:]
-
-    def advance(self, steps: int) -> None:
-        k, u, v = int(self._count[0]), self._u[:-1], self._v[:-1]
-        if k == 0:
-            self._forward.keep(0, u, v)
-            self._forward.first_row(u, v)
-        self._count[0] = self._forward.advance(self._inner, u, v, k, steps)
+    def take(self, motion: Any) -> None:
+        """Count what was got."""
+        self._next = self._stop
 
 
-class _OnGrid(_Around):
-    """The loop of a layout on rows of a scene: sites, and behind them what it leaves alone."""
+class _States:
+    """Evenly spaced states as the loop has them, the first and the last among them."""
 
-    def __init__(self, layout: Any, u: Array, v: Array, method: Any, dt: float, grid: Any) -> None:
-        self._inner = reverse.Back(layout, method, dt, reverse.Totals(layout, 0), grid)
-        self._u, self._v = u, v
+    def __init__(self, forward: Forward) -> None:
+        self._forward, steps = forward, forward.steps
+        self._at = np.unique(np.append(np.arange(0, steps + 1, forward._apart), steps))
 
-    def advance(self, steps: int) -> None:
-        with self._moved():
-            self._inner.advance(steps)
+    def wanted(self, end: int) -> Sequence[Wanted]:
+        """As of `runs.observers.Samples`."""
+        at = self._at[len(self._forward.states) : np.searchsorted(self._at, end, side="right")]
+        u, v = np.empty((2, len(at), *self._forward.scene.shape))
+        self._got = Wanted(at, u, v, raw=True)
+        return [self._got] if len(at) else ()
 
-    def sample(self, steps: int, places: Array, of_u: int, rows: Array) -> None:
-        """Steps one by one, with samples."""
-        with self._moved():
-            self._inner.sample(steps, places, of_u, rows)
-
-    @contextmanager
-    def _moved(self) -> Iterator[None]:
-        sites = self._inner.layout.sites
-        self._inner.set(self._u[:sites], self._v[:sites])
-        yield
-        self._u[:sites], self._v[:sites] = self._inner.state()
+    def take(self, motion: Any) -> None:
+        """Keep what was got."""
+        states = zip(self._got.at.tolist(), self._got.u, self._got.v, strict=True)
+        self._forward.states |= {k: (u, v) for k, u, v in states}

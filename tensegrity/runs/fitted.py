@@ -13,10 +13,10 @@ import numpy as np
 
 from tensegrity.engine.codegen import cost
 from tensegrity.errors import LockingError, RangeError, StabilityError, TensegrityError
-from tensegrity.runs.driven import march
 from tensegrity.runs.judge import COARSE
+from tensegrity.runs.march import march
 from tensegrity.runs.run import changed
-from tensegrity.runs.rung import Rung, trial_of
+from tensegrity.runs.trial import Trial, trial_of
 from tensegrity.springs.polynomial import DEGREES, Polynomial, PolynomialLaw
 
 FORCE_SHARE = 0.1  # of a tolerance that fitted forces may take up
@@ -32,29 +32,29 @@ def with_polynomials(problem, coarse, tol, margin):
     Parameters
     ----------
     problem : Problem
-    coarse : Rung
+    coarse : Trial
         With the exact forces.
     tol, margin : float
 
     Returns
     -------
-    None, or problem, the same coarse run with fitted forces, in a list, and the largest difference
-    that they make there
+    None, or problem, the same coarse run with fitted forces, and the largest difference that they
+    make there
 
     Raises
     ------
     RangeError
         If that run leaves the range.
     """
-    scene, run = problem.scene, coarse.run
+    scene = problem.scene
     springs = scene.spring_table.different
-    ranges = [_widened(spring, *met, margin) for spring, met in zip(springs, run.met, strict=True)]
+    ranges = [_widened(spring, *met, margin) for spring, met in zip(springs, coarse.met, strict=True)]
     error, least = max(FIRST_ERROR * tol, LEAST_ERROR), 0.0
     for _ in range(FITS):
         try:
             fits = [Polynomial(s, *r, error) for s, r in zip(springs, ranges, strict=True)]
             fitted = changed(problem, surrogate=scene.with_springs(fits))
-            there, seen = march(trial_of(fitted), run.steps, 1.0, coarse.instants)
+            there = march(trial_of(fitted), coarse.steps, 1.0, coarse.instants)
         except RangeError:
             raise
         except (LockingError, StabilityError):
@@ -63,12 +63,12 @@ def with_polynomials(problem, coarse, tol, margin):
             least = error
             error *= 10
             continue
-        found = Rung(there, coarse.instants, seen)
+        found = Trial(there, coarse.instants)
         if not there.complete:
-            return fitted, [found], 0.0
+            return fitted, found, 0.0
         gap = coarse.gap(found)
         if gap <= FORCE_SHARE * tol:
-            return fitted, [found], gap
+            return fitted, found, gap
         error *= FORCE_SHARE * tol / gap / 3
         if error <= least:
             return None

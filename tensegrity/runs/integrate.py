@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from tensegrity import check
 from tensegrity.engine import methods
 from tensegrity.errors import TensegrityError
+from tensegrity.runs.observers import watching
 from tensegrity.runs.problem import Problem
 from tensegrity.runs.record import Record
 from tensegrity.runs.run import Run, changed, known
@@ -17,6 +18,7 @@ from tensegrity.runs.tolerance import ROUND_OFF, to_tolerance
 from tensegrity.scenes.scene import Scene
 
 if TYPE_CHECKING:
+    from tensegrity.runs.observers import Observe
     from tensegrity.scenes.scene import Scene, State
 
 
@@ -29,6 +31,7 @@ def simulate(
     dt: float | None = None,
     tol: float | None = None,
     record: Record | None = None,
+    observe: Observe | None = None,
 ) -> Run:
     """Advance a scene in time.
 
@@ -57,12 +60,20 @@ def simulate(
         Refused where a spring's force jumps at an elongation that is met: steps have an error of
         first order there, whatever the method.
     record : Record, optional
+    observe : callable, (callable, Record), or a sequence of these, optional
+        f(t, u, v) is called once at each instant that `record` keeps, in order, or at those of a
+        Record of its own (`every`, `times` or `interval`), with read-only copies of u [m] and v
+        [m/s] of all sites.  What it returns ends the run there if it is true.  An exception in it
+        ends the run too, with a warning, and as by Ctrl-C what was recorded is returned.  No
+        observer changes a bit of the run.  Without `dt` the step is found first, and f is called
+        in one more run, which is the one that is returned.
 
     Returns
     -------
     Run
         Also after Ctrl-C, with `complete` False and what was recorded until then; with `tol`
         that may be a trial with a coarser step, kept in memory and at about 500 instants.
+        `stopped` says which observer ended it, and when.
 
     Raises
     ------
@@ -84,27 +95,20 @@ def simulate(
     tol = None if tol is None else check.number("tol", tol, least=ROUND_OFF)
     if dt is not None and tol is not None:
         raise TensegrityError(f"dt {dt!r} s and tol {tol!r} exclude each other: give one")
-    free, method = method is None, _default(scene, dt, tol) if method is None else method
-    method = methods.find(method)
-    if method.processor is not None and scene.clearance is not None:
-        raise TensegrityError(
-            f"method {method.name!r} runs no scene whose sites have a radius: contacts are looked "
-            "for in the scene's own variables, its steps have others"
-        )
+    method = methods.find(_default(scene, dt, tol) if method is None else method)
     record = Record() if record is None else record
     check.kind("record", record, Record)
     record.check(scene.sites, t_end)
     choice = "dt" if dt is not None else "default" if tol is None else "tol"
     outlook = Outlook(scene, state, energy)
     problem = known(
-        Problem, scene=scene, state=state, t_end=t_end, method=method, record=record,
+        Problem, observe=tuple(watching(observe, record, scene, t_end)), scene=scene, state=state, t_end=t_end, method=method, record=record,
         choice=choice, outlook=outlook, given=dt,
     )  # fmt: skip
     if dt is not None:
         run = fixed_step(problem, dt)
     elif tol is not None:
-        short = methods.METHODS["rkn6"] if free and method.processor is not None else None
-        run = to_tolerance(problem, tol, short)
+        run = to_tolerance(problem, tol)
     else:
         run = default_step(problem)
     return changed(run, wall_time=time.perf_counter() - started)

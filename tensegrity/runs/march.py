@@ -1,163 +1,261 @@
-"""One run with one step: at once where it is short, else the compiled loop, block by block."""
+"""The march: one function that advances any scene by attempts, and serves those who observe it.
+
+An attempt is so many steps in one call of the compiled loop.  Where it cannot stand, it is made
+again with half as many, down to the step in which something went wrong.
+"""
 
 from __future__ import annotations
 
+import math
 import time
+from contextlib import nullcontext
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from tensegrity.errors import ContactError, LockingError, RecordError, StabilityError
 from tensegrity.progress import progress
-from tensegrity.runs.book import Book, Checks, Kept
-from tensegrity.runs.guard import Guard
-from tensegrity.runs.watch import Watch
-from tensegrity.runs.whole import two, whole
+from tensegrity.runs.batch import motion_of
+from tensegrity.runs.observers import Samples, Watched
+from tensegrity.runs.recorder import Recorder
 
-BLOCK = 2_000_000  # bonds x stages x steps in one call of the loop: about 5 ms
-STRIDE = 4  # blocks in one call with its rows: an interrupt waits no longer
-WHOLE = 4  # such calls in one, where all of a run is done at once
-FEWEST = 100  # steps in one call: the pieces of a long chain work apart for some tens
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import Any
+
+    from tensegrity.runs.motion import Point
+    from tensegrity.runs.problem import Problem
+    from tensegrity.runs.run import Run
+    from tensegrity.typing import Array
+
+BLOCK = 8_000_000  # bonds x stages x steps of an attempt, some 20 ms: an interrupt waits no longer
+FIRST = 4  # times as many in the first attempt, which all of a short run is
+ROOM = 8_000_000  # numbers in u at all steps of an attempt, which somebody may want
+WRONG = ContactError, LockingError, StabilityError
+FEWEST = 400  # steps of an attempt: the pieces of a long chain work apart for some tens
 
 
-def together(problem):
-    """Steps that go in one block."""
-    return max(FEWEST, BLOCK // (problem.scene.cost * problem.method.stages))
+class Start(NamedTuple):
+    """Where a run goes on that was broken off: what it had reached, and the rows it had."""
+
+    point: Point
+    count: int  # type: ignore[assignment]
 
 
-def march(problem, steps, allowed, checkpoints=0, start=None):
-    """Run with one step, watching that it stays below `allowed` of the stability limit.
+class Stop(NamedTuple):
+    """Where an observer ended a run, and why; u, v, impulse and sums there."""
+
+    t: float
+    step: int
+    state: tuple[Any, ...]
+    words: str
+
+
+class Marched:
+    """What a march reached.
+
+    Attributes
+    ----------
+    problem : Problem
+    samples : (ndarray, ndarray), (instants + 1, *shape) each
+        u and v at evenly spaced instants.
+    complete : bool
+    stop : Stop or None
+        Where an observer ended it.
+    """
+
+    def __init__(self, problem: Problem, motion: Any, recorder: Any, samples: Samples) -> None:
+        self.problem, self.motion, self.recorder = problem, motion, recorder
+        self._samples, self.complete = samples, False
+        self.stop: Stop | None = None
+
+    @property
+    def samples(self) -> tuple[Array, Array]:
+        return self._samples.rows
+
+    @property
+    def steps(self) -> int:
+        """That were done."""
+        return self.motion.done
+
+    @property
+    def met(self) -> Array:
+        """Smallest and largest elongation of each spring [m], 0 included; (springs, 2)."""
+        return self.motion.point.met
+
+    @property
+    def fastest(self) -> float:
+        """Bound on the largest angular frequency over these [rad/s]."""
+        return self.motion.fastest
+
+    @property
+    def has_rows(self) -> bool:
+        """Whether rows were kept."""
+        return self.recorder is not None
+
+    def run(self) -> Run:
+        """The run; of a march without rows where it ended."""
+        if self.recorder is None:
+            self.recorder = Recorder(self.problem, self.motion, self.steps)
+            self.end()
+        if self.stop is not None:
+            step, state, words = self.stop[1:]
+            return self.recorder.run(step, [x.copy() for x in state[:2]], False, words)
+        return self.recorder.run(self.steps, self._state()[:2], self.complete)
+
+    def _state(self) -> tuple[Any, ...]:
+        """u, v, impulse and sums at the end."""
+        scene, (u, v, *sums) = self.problem.scene, self.motion.point.shown
+        sites, walls = scene.sites, scene.wall_count
+        impulse = v[sites : sites + walls] if walls else None
+        return *(np.ascontiguousarray(x[:sites]) for x in (u, v)), impulse, *(sums or [None])
+
+    def end(self) -> None:
+        """Record where it ended."""
+        if self.stop is not None:
+            self.recorder.end(self.stop.t, self.stop.state)
+        else:
+            self.recorder.end(self.steps * self.motion.dt, self._state())
+
+
+def march(
+    problem: Problem, steps: int, allowed: float = 1.0, instants: int = 0, start: Any = None,
+    observers: Sequence[Any] = (),
+) -> Marched:  # fmt: skip
+    """Advance a scene with one step, which stays below `allowed` of the stability limit.
 
     Parameters
     ----------
     problem : Problem
     steps : int
-    allowed : float
-    checkpoints : int, optional
+    allowed : float, optional
+    instants : int, optional
+        Evenly spaced ones, a divisor of the steps, at which u and v are kept for comparison.
     start : Start, optional
         Where a run that was broken off goes on.
+    observers : sequence, optional
+        Others that want states: `wanted(end)` and `take(motion)` as of `Samples`.
 
     Returns
     -------
-    run : Run
-        Or `Whole`, of a trial.
-    checks : tuple of ndarray
-        u and v of all sites at `checkpoints` + 1 evenly spaced instants, which `steps` is a
-        multiple of.
+    Marched
+        Not complete after Ctrl-C, or where an observer of `problem.observe` ended it.
+
+    Raises
+    ------
+    LockingError, StabilityError, ContactError, RecordError
+        Why it could not go on; with `.run`, the part done, where rows are kept.
     """
-    stopped = False
-    if start is None:
-        try:
-            found = whole(problem, steps, WHOLE * STRIDE * together(problem), allowed, checkpoints)
-            if found is not None:
-                return found if problem.trial else found.run(), found.seen
-        except KeyboardInterrupt:
-            stopped = True
-        refuse_start(problem, steps)
-    return _march(problem, steps, allowed, checkpoints, start, stopped)
-
-
-def march_twice(problem, steps, checkpoints):
-    """Two runs of a trial in one call, or None where each has to be done with care.
-
-    Parameters
-    ----------
-    problem : Problem
-        That keeps rows does so of the second run.
-    steps : (int, int)
-        Of the one and of the other.
-    checkpoints : int
-
-    Returns
-    -------
-    list of (Whole or Run, tuple of ndarray)
-        As of `march`; the first alone, not complete, where it was interrupted.
-    """
+    dt = problem.t_end / steps if steps else 0.0
+    motion = motion_of(problem, dt, allowed, start and start.point)
+    if start is None and problem.choice == "dt" and steps:
+        motion.refuse_start()
+    recorder = Recorder(problem, motion, steps, start and start.count) if problem.rows else None
+    samples = Samples(problem.scene.shape, steps, instants)
+    users = [Watched(*pair, problem, motion, steps) for pair in problem.observe]
+    reached = Marched(problem, motion, recorder, samples)
+    failure: Any = None
     try:
-        found = two(problem, steps, WHOLE * STRIDE * together(problem), checkpoints)
-    except KeyboardInterrupt:
-        return [_march(problem, steps[0], 1.0, checkpoints, None, True)]
-    return found and [(run, run.seen) for run in found]
-
-
-def refuse_start(problem, steps):
-    """Refuse a step that was given and is not stable as the run begins."""
-    if problem.choice != "dt" or not steps:
-        return
-    scene, dt = problem.scene.listed(problem.state.u), problem.t_end / steps
-    present = scene.present_ranges(problem.state.u)
-    if Guard(problem, scene, dt, 1.0).is_known(present):
-        return
-    limit = problem.largest_step(scene.frequency(present))
-    if dt > limit:
-        raise StabilityError(
-            f"{problem.step_words(dt)} is beyond {limit:.6g} s, the stability limit of "
-            f"{problem.method.name} in the initial state"
-        )
-
-
-def _march(problem, steps, allowed, checkpoints, start, stopped):
-    """The same with care, or not at all where it was stopped before."""
-    scene, seconds = problem.scene, problem.record.checkpoint
-    watch = Watch(problem, problem.t_end / steps if steps else 0.0, allowed, start)
-    book = Book(problem, watch, steps, start and start.count)
-    checks = Checks(scene.shape, steps, checkpoints)
-    largest = together(problem)
-    since, failure, careful = time.monotonic(), None, 0
-    book.keep_state()
-    try:
-        with progress(steps, "step") as bar:
-            while True:
-                if stopped:
-                    raise KeyboardInterrupt
-                done = watch.sound.done
-                bar.update(done - bar.n)
-                book.catch_up()
-                checks.catch_up(watch)
-                if done == steps:
-                    break
-                if seconds is not None and time.monotonic() - since > seconds:
-                    book.keep_state()
-                    since = time.monotonic()
-                if done >= careful and _stride(
-                    watch, book, checks, min(steps - done, STRIDE * largest)
-                ):
-                    continue
-                careful = max(careful, min(steps, done + STRIDE * largest))
-                stop = min(book.stop(), checks.stop())
-                watch.advance(min(stop - done, largest))
-        book.keep_state()
-        return book.run(complete=True), checks.rows
+        _go(reached, steps, users, [samples, *observers])
     except KeyboardInterrupt:
         pass
-    except (ContactError, LockingError, StabilityError, RecordError) as error:
+    except (*WRONG, RecordError) as error:
         failure = error
-    run, failure = book.broken_off(failure)
+    if not reached.complete and recorder is not None:
+        failure = _break_off(reached, failure)
+    motion.release()
     if failure is None:
-        return run, checks.rows
-    failure.run = run
+        return reached
+    if recorder is not None:
+        failure.run = reached.run()
     raise failure
 
 
-def _stride(watch, book, checks, steps):
-    """Do steps with their rows in one call, at most `steps`; whether any was done."""
-    if not (steps > 0 and book.can_wait() and watch.strides()):
-        return False
+def _go(reached: Marched, steps: int, users: Any, others: Any) -> None:
+    problem, motion, recorder = reached.problem, reached.motion, reached.recorder
+    work = problem.scene.cost * problem.method.stages
+    largest = max(FEWEST, BLOCK // work)
+    room = max(1, ROOM // math.prod(problem.scene.shape))
+    seconds = problem.record.checkpoint if recorder is not None else None
+    since, first = time.monotonic(), min(FIRST * largest, room)
+    observers = [*others, *users, *[recorder] * (recorder is not None)]
+    if seconds is not None:
+        recorder.keep_state(motion)
+    with progress(steps, "step", motion.done) if steps > first else nullcontext() as bar:
+        most = first
+        while True:
+            _attempt(motion, min(steps - motion.done, most), observers)
+            most = min(largest, room)
+            motion.accept()
+            _serve(reached, users, others)
+            if bar is not None:
+                bar.update(motion.done - bar.n)
+            reached.complete = reached.stop is None and motion.done == steps
+            due = seconds is not None and time.monotonic() - since > seconds
+            if reached.complete or reached.stop is not None or due:
+                if recorder is not None and reached.stop is None:
+                    recorder.keep_state(motion)
+                since = time.monotonic()
+            if reached.complete or reached.stop is not None:
+                return
+
+
+def _attempt(motion: Any, steps: int, observers: Any) -> None:
+    """Do at most so many steps, which stand."""
+    steps = min(steps, motion.most)
     while True:
-        steps = min(steps, watch.most())
-        end = watch.sound.done + steps
-        rows, seen = book.ahead(end), checks.ahead(end)
-        if rows is None:
-            return False
-        if watch.stride(end, book.room(rows) if not len(seen) else _room(watch, rows, seen)):
-            return True
-        if steps <= max(watch.most(), 1):  # not for want of a look for new contacts
-            return False
+        end = motion.done + steps
+        wanted = [one for observer in observers for one in observer.wanted(end)]
+        if motion.attempt(end, wanted):
+            return
+        if steps <= 1:
+            error = motion.error()
+            motion.restore()
+            raise error
+        motion.restore()
+        steps = max(1, min(steps // 2, motion.most))
 
 
-def _room(watch, rows, seen):
-    """Room for rows and what is compared, in one order."""
-    dense = len(rows) and len(rows) == rows[-1] - rows[0] + 1
-    at = rows if dense and rows[0] <= seen[0] and seen[-1] <= rows[-1] else np.union1d(rows, seen)
-    state, impulse = watch.look()
-    each = state.u.shape, state.v.shape, impulse.shape
-    return Kept(at, *(np.empty((len(at), *shape)) for shape in each))
+def _serve(reached: Marched, users: Any, others: Any) -> None:
+    """Let observers take what stands."""
+    motion, recorder = reached.motion, reached.recorder
+    for one in others:
+        one.take(motion)
+    while users and reached.stop is None:
+        due = [(one.time(one.count), k) for k, one in enumerate(users) if one.due(motion)]
+        if not due:
+            break
+        t, number = min(due)
+        user, k = users[number], users[number].count
+        words = user.ends(motion, k)
+        if words:
+            reached.stop = Stop(t, user.step(k), user.last, words)
+    if recorder is not None:
+        recorder.take(motion, math.inf if reached.stop is None else reached.stop.t)
+        if reached.stop is not None:
+            reached.end()
+
+
+def _break_off(reached: Marched, failure: Any) -> Any:
+    """Keep what a march that did not end well has reached; what it failed by."""
+    motion, recorder = reached.motion, reached.recorder
+    if isinstance(failure, RecordError) or reached.stop is not None:
+        return failure
+    motion.restore()
+    try:
+        try:
+            _catch_up(motion, recorder)
+        except WRONG:  # what is due is what failed
+            return failure
+        recorder.keep_state(motion)
+        reached.end()
+    except RecordError as error:
+        return error
+    return failure
+
+
+def _catch_up(motion: Any, recorder: Recorder) -> None:
+    """Record what stands and is due."""
+    if recorder.is_due_here(motion):
+        motion.attempt(motion.done, recorder.wanted(motion.done))
+    recorder.take(motion)

@@ -18,9 +18,10 @@ class Problem:
 
     `surrogate` is the scene with springs that are fitted to those of `scene`: it is moved, while
     checks and recorded energies are those of `scene`.  `choice` says what chose the step: "dt",
-    "tol" or "default".  Of a `trial` that
-    ends well the energies of rows that hold all sites are left out, NaN, and where nothing has to
-    be done with care its `rows` may be too.  The `outlook` is that of the scene and the state.
+    "tol" or "default".  Of a trial `rows` may be left out.  The `outlook` is that of the scene and
+    the state.  `observe` are pairs of a user's function
+    and a record that says when it is called, `tuning` are springs in time that the scene does not say itself, and `bind` is what
+    binds arrays u, v to a method and a step [s], if that is not the scene.
     """
 
     scene: object
@@ -30,10 +31,12 @@ class Problem:
     record: object
     surrogate: object = None
     choice: str = "dt"
-    trial: bool = False
     rows: bool = True
     outlook: Outlook | None = None
     given: float | None = None
+    observe: tuple = ()
+    tuning: object = None
+    bind: object = None
 
     def __post_init__(self):
         if self.outlook is None:
@@ -43,6 +46,11 @@ class Problem:
     def moved(self):
         """The scene that the loop advances."""
         return self.scene if self.surrogate is None else self.surrogate
+
+    @property
+    def is_forced(self):
+        """Whether time counts."""
+        return self.scene.is_driven or self.tuning is not None
 
     @property
     def force(self):

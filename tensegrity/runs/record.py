@@ -6,6 +6,7 @@ import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -105,6 +106,11 @@ class Record:
         return self.path is None and self.times is None and self.interval is None
 
     @property
+    def instants(self) -> Record:
+        """The same instants of all sites, in memory."""
+        return Record(every=self.every, times=self.times, interval=self.interval)
+
+    @property
     def state_path(self) -> Path | None:
         """The file of the whole state, or None."""
         return None if self.checkpoint is None else beside(self.path)  # type: ignore[arg-type]
@@ -201,17 +207,13 @@ class Plan:
     part: Array
     t: NDArray[Any]
 
+    @cached_property
+    def due(self) -> Indices:
+        """Steps that have to be done for each."""
+        return self.step + (self.part > 0)
+
     def __len__(self) -> int:
         return len(self.step)
-
-    def is_due(self, row: int, done: int) -> bool:
-        """Whether a row can be recorded after so many steps."""
-        return row < len(self) and self.step[row] + (self.part[row] > 0) <= done
-
-    def stop(self, row: int, done: int) -> int:
-        """The step at which to stop next for a row: before its step, and then behind it."""
-        step = int(self.step[row])
-        return step + (done == step)
 
 
 def beside(path: str | os.PathLike[str]) -> Path:

@@ -11,7 +11,8 @@ from tensegrity import check
 from tensegrity.engine import methods
 from tensegrity.errors import TensegrityError
 from tensegrity.runs import archive
-from tensegrity.runs.book import Sound, Start
+from tensegrity.runs.march import Start
+from tensegrity.runs.motion import Point
 from tensegrity.runs.problem import Problem
 from tensegrity.runs.record import Record, beside
 from tensegrity.runs.run import Run
@@ -110,7 +111,8 @@ class Broken(NamedTuple):
             work = archive.array("sums", self.seen[3], (4, *lanes), are_finite=False)[:2]
             check.finite("sums", work)  # behind them elongations, inf at first
         archive.array("met", self.met, (springs, 2))
-        return Start(Sound(self.u, self.v, self.done, self.seen), self.count, self.met)
+        seen, sums = (self.seen[:3], self.seen[3]) if scene.is_driven else (self.seen, None)
+        return Start(Point(self.done, self.u, self.v, seen, self.met, sums), self.count)
 
 
 def _same(kept: Any, given: Any, path: Path) -> Any:

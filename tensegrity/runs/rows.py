@@ -66,11 +66,12 @@ class Rows:
         }
         self.count = 0
 
-    def add(self, t: float, energy: float, u: Array, v: Array, *more: ArrayLike) -> None:
-        """Append a row."""
-        for rows, value in zip(self.arrays.values(), (t, energy, u, v, *more), strict=False):
-            rows[self.count] = value
-        self.count += 1
+    def extend(self, *columns: Array) -> None:
+        """Append rows: t, energy, u, v, and what is kept besides."""
+        stop = self.count + len(columns[0])
+        for rows, values in zip(self.arrays.values(), columns, strict=True):
+            rows[self.count : stop] = values
+        self.count = stop
 
     def finished(self) -> Mapping[str, NDArray[Any]]:
         """The rows written so far: arrays t, energy, u, v."""
@@ -191,6 +192,11 @@ class FileRows:
         except OSError as error:
             raise self._refused(error) from error
         self.count += 1
+
+    def extend(self, *columns: Array) -> None:
+        """Append rows, each whole before the next; as `add`."""
+        for row in zip(*columns, strict=True):
+            self.add(*row)
 
     def _show(self, count):
         try:

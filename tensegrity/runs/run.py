@@ -80,6 +80,8 @@ class Run:
         where the scene is driven, damped or tuned.
     loss : ndarray, (T,), or None
         Taken by dashpots since the start [J], likewise.  Energy - work + loss is constant.
+    stopped : str or None
+        Which observer ended the run, and when.
     """
 
     scene: Any = field(repr=False)
@@ -101,6 +103,7 @@ class Run:
     impulse: Array | None = None
     work: Array | None = None
     loss: Array | None = None
+    stopped: str | None = None
 
     @property
     def energy_error(self) -> float:
@@ -183,7 +186,7 @@ class Run:
                 check.number(name, getattr(self, name), least=0, finite=name == "dt")
         check.whole("steps", self.steps, least=0)
         check.truth("complete", self.complete)
-        for name in ("method", "force"):
+        for name in ("method", "force", *["stopped"] * (self.stopped is not None)):
             check.kind(name, getattr(self, name), str)
         return self
 
@@ -196,9 +199,10 @@ class Run:
     def __str__(self) -> str:
         estimate = "" if self.error_estimate is None else f", estimated {self.error_estimate:.1e}"
         end = f"{self.t[-1]:.6g}" if len(self.t) else "0"
+        ended = "" if self.complete else f" ({self.stopped or 'incomplete'})"
         return (
             f"{self.method}, dt = {self.dt:.4g} s, {self.steps} steps to t = {end} s"
-            f"{'' if self.complete else ' (incomplete)'}\n"
+            f"{ended}\n"
             f"force: {self.force}\n"
             f"{len(self.t)} instants of {len(self.sites)} sites recorded\n"
             f"error: energy {self.energy_error:.1e}{estimate}\n"
@@ -212,7 +216,7 @@ class Run:
             "method": self.method,
             "step": f"{self.dt:.4g} s, {self.steps} steps",
             "end": f"{self.t[-1] if len(self.t) else 0:.6g} s"
-            + ("" if self.complete else " (incomplete)"),
+            + ("" if self.complete else f" ({self.stopped or 'incomplete'})"),
             "recorded": f"{len(self.t)} instants of {len(self.sites)} sites",
             "force": self.force,
             "energy error": f"{self.energy_error:.1e}",

@@ -6,10 +6,11 @@ import math
 
 import numpy as np
 
-from tensegrity.errors import LockingError, RangeError, StabilityError
-from tensegrity.runs.driven import march
+from tensegrity.errors import ContactError, LockingError, RangeError, StabilityError
 from tensegrity.runs.judge import exponents_met
+from tensegrity.runs.march import march
 from tensegrity.runs.problem import count
+from tensegrity.runs.run import changed
 from tensegrity.scenes.forcing import functions_of_time
 from tensegrity.scenes.signals import quickest
 
@@ -21,7 +22,7 @@ CHECKPOINTS = 17  # least number of steps that are chosen here
 
 def fixed_step(problem, dt):
     """Run with a given step."""
-    return march(problem, count(problem, dt), allowed=1.0)[0]
+    return march(problem, count(problem, dt)).run()
 
 
 def default_step(problem):
@@ -31,9 +32,11 @@ def default_step(problem):
     loads drove them.  Where that asks for a finer step, it is run again.
     """
     fraction = _fraction(problem, problem.scene.present_ranges(problem.state.u))
-    return settled(
-        problem, refined(problem, expected_steps(problem, fraction), MARGIN * fraction)[0]
-    )
+    alone = changed(problem, observe=(), rows=not problem.observe)
+    found = settled(alone, refined(alone, expected_steps(problem, fraction), MARGIN * fraction))
+    if problem.observe and found.complete:
+        return march(problem, found.steps).run()
+    return found.run()
 
 
 def _fraction(problem, met):
@@ -41,17 +44,17 @@ def _fraction(problem, met):
     return problem.method.fraction(exponents_met(problem.scene, met))
 
 
-def settled(problem, run):
-    """A run with an expected step, or another where it met what asks for a finer one."""
+def settled(problem, found):
+    """A march with an expected step, or another where it met what asks for a finer one."""
     scene = problem.scene
-    if not (run.complete and run.steps):
-        return run
-    if not (np.any(scene.loads) or exponents_met(scene, run.met)):
-        return run
-    fraction = _fraction(problem, run.met)
-    omega = scene.frequency(run.met) if run.fastest is None else run.fastest
+    if not (found.complete and found.steps):
+        return found
+    if not (np.any(scene.loads) or exponents_met(scene, found.met)):
+        return found
+    fraction = _fraction(problem, found.met)
+    omega = found.fastest if scene.follows else scene.frequency(found.met)
     steps = count(problem, fraction * problem.natural_step(omega))
-    return run if steps <= run.steps else refined(problem, steps, MARGIN * fraction)[0]
+    return found if steps <= found.steps else refined(problem, steps, MARGIN * fraction)
 
 
 def expected_steps(problem, fraction):
@@ -73,12 +76,12 @@ def steps_at(problem, fraction, omega, least):
 def resumed(problem, steps, allowed, start):
     """Go on with a run that was broken off, from a `book.Start`."""
     if problem.choice == "dt":
-        return march(problem, steps, allowed, start=start)[0]
-    run = refined(problem, steps, allowed, start=start)[0]
-    return settled(problem, run) if problem.choice == "default" else run
+        return march(problem, steps, allowed, start=start).run()
+    found = refined(problem, steps, allowed, start=start)
+    return (settled(problem, found) if problem.choice == "default" else found).run()
 
 
-def refined(problem, steps, allowed, checkpoints=0, start=None):
+def refined(problem, steps, allowed, instants=0, start=None):
     """March with a step chosen here: refine it where the run met a larger stiffness than expected.
 
     Returns what `march` returns; a spring that still reaches the end of its domain after
@@ -89,12 +92,15 @@ def refined(problem, steps, allowed, checkpoints=0, start=None):
         least, most = DRIVEN, MOST_DRIVEN
     for number in range(most):
         try:
-            return march(problem, steps, allowed, checkpoints, start)
-        except (StabilityError, LockingError) as error:
-            if problem.surrogate is not None and isinstance(error, RangeError):
-                raise  # another range helps, another step does not
-            if number >= least and isinstance(error, LockingError):
-                raise
+            return march(problem, steps, allowed, instants, start)
+        except (ContactError, LockingError, StabilityError) as error:
+            ranged = problem.surrogate is not None and isinstance(error, RangeError)
+            if ranged or isinstance(error, ContactError) or (
+                number >= least and isinstance(error, LockingError)
+            ):  # another range helps, or nothing: another step does not
+                if ranged or problem.rows:
+                    raise
+                break
             known = getattr(error, "largest", math.inf)
             steps, start = max(2 * steps, count(problem, known)), None
-    return march(problem, steps, 1.0, checkpoints)
+    return march(changed(problem, rows=True), steps, 1.0, instants)

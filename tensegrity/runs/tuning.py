@@ -4,7 +4,7 @@ The springs of a chain depend on time: `spring_at(t)` gives the Potential of all
 instant, such as prisms whose cross strings are drawn in.  Whoever changes them does work on the
 chain at the rate dV/dt at given elongation, summed over the bonds.
 
-The run is that of `tensegrity.runs.driven`.  Total energy minus work is what stays constant, and so
+The run is that of `tensegrity.runs.march`.  Total energy minus work is what stays constant, and so
 checks it.  The parameters of the springs are Chebyshev series in time, fitted to round-off and
 compared with `spring_at` between the nodes.  Where an argument of the springs follows an expression
 of time, `Chain(..., tune={...})` takes it, `simulate` runs it to a tolerance, and elastic prisms
@@ -23,7 +23,7 @@ from tensegrity import check
 from tensegrity.engine import methods
 from tensegrity.errors import ResolutionError, TensegrityError
 from tensegrity.prisms.condensed import ElasticPotential
-from tensegrity.runs.driven import March
+from tensegrity.runs.march import march
 from tensegrity.runs.problem import Problem, count
 from tensegrity.runs.record import Record
 from tensegrity.scenes.chain import Chain
@@ -161,8 +161,8 @@ def simulate_tuned(
     if not callable(spring_at):
         raise TensegrityError(f"spring_at {spring_at!r} is not a function of time")
     springs = _Springs(chain, spring_at, t_end)
-    problem = Problem(chain, state, t_end, method, record)
-    run, _ = March(problem, count(problem, dt), 1.0, tuning=springs).run()
+    problem = Problem(chain, state, t_end, method, record, tuning=springs)
+    run = march(problem, count(problem, dt)).run()
     last = Chain(spring_at(t_end), chain.sites, chain.mass, chain.ends)
     work = np.zeros(len(run.t)) if run.work is None else run.work
     return TunedRun(run.t, run.u, run.v, run.energy, work, run.final, last, run.dt, run.sites)

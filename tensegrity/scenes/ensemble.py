@@ -17,7 +17,8 @@ import numpy as np
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import fixed
-from tensegrity.scenes.lanes import Clearances, bound, filled
+from tensegrity.engine import kernel
+from tensegrity.scenes.lanes import MOST, Part, filled, parts, side_by_side
 from tensegrity.scenes.scene import PER_SITE, Scene, State, known_state, velocities
 from tensegrity.springs.collection import Springs
 
@@ -199,33 +200,44 @@ class Ensemble(Scene):
             np.maximum.at(found, self._group[:, lane], each[scene.spring_table.group])
         return found
 
-    @cached_property
-    def clearance(self) -> Any:
-        """What watches over contacts that are not listed, in all lanes."""
-        if self.scenes[0].clearance is None:
-            return None
-        return Clearances([scene.clearance for scene in self.scenes])
-
     def arrays(self, state: State) -> tuple[Array, Array]:
         """u and v as the loop advances them; lanes stand last."""
         each = [scene.arrays(self.lane(state, k)) for k, scene in enumerate(self.scenes)]
         u, v = (np.ascontiguousarray(np.stack(x, axis=-1)) for x in zip(*each, strict=True))
         return u, v
 
-    @property
-    def in_turn(self) -> tuple[Scene, ...]:
-        """The scenes, where they are networks."""
-        return self.scenes if self.scenes[0].loop_bonds.contacts is not None else ()
+    def parts(self, method: Method) -> list[Part]:
+        """The lanes that run in one loop, each time."""
+        return self._parts if method.explicit else self._parts_in_turn
 
     @cached_property
-    def filled(self) -> Ensemble:
-        """These scenes, and the last one as often as one compiled loop lacks lanes."""
-        more = 0 if self.turns else filled(self.lanes) - self.lanes
-        return Ensemble([*self.scenes, *self.scenes[-1:] * more]) if more else self
+    def _parts(self) -> list[Part]:
+        return parts(self, True)
+
+    @cached_property
+    def _parts_in_turn(self) -> list[Part]:
+        return parts(self, False)
+
+    def of(self, first: int, count: int) -> Ensemble:
+        """Some lanes, and the last one as often as one compiled loop lacks lanes."""
+        scenes = self.scenes[first : first + count]
+        width = filled(count)
+        if count == self.lanes == width:
+            return self
+        if self._same:
+            return Ensemble(scenes[0], width)
+        return Ensemble([*scenes, *scenes[-1:] * (width - count)])
+
+    @cached_property
+    def _bonds(self) -> Any:
+        return side_by_side(self)
 
     def bind(self, u: Array, v: Array, method: Method, dt: float) -> Any:
-        """These scenes in the loop, advancing the arrays of `arrays` in place."""
-        return bound(self, u, v, method, dt)
+        """These scenes in one loop, advancing the arrays of `arrays` in place, where they run side
+        by side and there is one for so many."""
+        if self._bonds is None or filled(self.lanes) != self.lanes or self.lanes > MOST:
+            raise TensegrityError(f"no loop takes {self.lanes} lanes of {self.scenes[0]!r} at once")
+        return kernel.bind(u, v, self._bonds, method, dt)
 
     def frequency_of(self, stiffness: Array) -> float:
         """Bound on the largest angular frequency [rad/s] of any lane."""

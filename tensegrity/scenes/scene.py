@@ -145,10 +145,6 @@ class Scene(ReadOnly):
         Dashpots.
     tune : dict of str to expression
         Arguments of the springs that depend on time.
-    at_once : bool
-        Whether a whole run may be one call of its loops: not where somebody follows these.
-    in_turn : tuple of Scene
-        Scenes that run one after the other, of an ensemble of networks.
     energies_at_once : Energies or None
         The energies of many states in one call, where they are compiled.
     """
@@ -162,9 +158,7 @@ class Scene(ReadOnly):
     drive: Mapping[int, Drive] = FixedDict()
     damping: Damping | None = None
     tune: Mapping[str, Any] = FixedDict()
-    at_once: bool = True
     energies_at_once: Any = None
-    in_turn: tuple[Scene, ...] = ()
     sites: int
     dim: int
     mass: Array
@@ -298,11 +292,6 @@ class Scene(ReadOnly):
 
     def listed(self, u: Array) -> Scene:
         """The scene with the contacts that may act near displacements u: here it has them all."""
-        return self
-
-    @property
-    def filled(self) -> Scene:
-        """The scene, with idle lanes where a compiled loop takes no other number of them."""
         return self
 
     def likely(self, u: Array) -> Scene:

@@ -1,4 +1,4 @@
-"""Runs with different steps, seen at the same instants, and how far they are apart."""
+"""Runs with different steps, compared at the same instants."""
 
 from __future__ import annotations
 
@@ -6,56 +6,72 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tensegrity.engine import walk
 from tensegrity.runs.record import Record
 from tensegrity.runs.run import changed
 from tensegrity.runs.step import refined
-from tensegrity.runs.whole import Whole
 
 
 @dataclass(frozen=True)
-class Rung:
+class Trial:
     """One of the runs that are compared.
 
     Attributes
     ----------
-    run : Run or Whole
+    march : Marched
     instants : int
-    seen : tuple of ndarray, (instants + 1, *shape)
-        u and v at evenly spaced instants, which all rungs have in common.
+        Evenly spaced ones, besides the first, which all trials have in common.
     """
 
-    run: object
+    march: object
     instants: int
-    seen: tuple
 
     @classmethod
     def of(cls, problem, steps, instants):
         """With so many steps from one instant to the next, or more where those are too coarse."""
-        run, seen = refined(problem, steps * instants, 1.0, instants)
-        return cls(run, instants, seen)
+        return cls(refined(problem, steps * instants, 1.0, instants), instants)
+
+    @property
+    def steps(self):
+        """That were done."""
+        return self.march.steps
+
+    @property
+    def complete(self):
+        """Whether it was not interrupted."""
+        return self.march.complete
+
+    @property
+    def met(self):
+        """Smallest and largest elongation of each spring [m]; (springs, 2)."""
+        return self.march.met
+
+    @property
+    def samples(self):
+        """u and v at the instants; (instants + 1, *shape) each."""
+        return self.march.samples
+
+    def run(self):
+        """The run itself."""
+        return self.march.run()
 
     @property
     def fineness(self):
         """Steps from one instant to the next."""
-        return self.run.steps / self.instants
+        return self.steps / self.instants
 
     def gap(self, finer):
         """Largest difference from a finer one in u and in v, over the largest value there."""
-        if isinstance(finer.run, Whole) and finer.run.coarser and finer.run.coarser[0] is self.run:
-            return finer.run.coarser[1]
-        at_once = isinstance(self.run, Whole) and isinstance(finer.run, Whole)
-        of = walk.largest_gap if at_once else largest_gap
-        return of(self.seen, finer.seen)
+        return largest_gap(self.samples, finer.samples)
 
 
 def trial_of(problem, rows=False):
-    """A problem whose run is a trial: with rows only where they cost nothing more, whose energies
-    may come when it turns out to be the answer."""
+    """A problem whose run is a trial, with rows only where they cost nothing more: it may turn out
+    to be the answer."""
     record = problem.record
     if not record.is_plain:
         record = Record(sites=record.sites)
-    return changed(problem, record=record, trial=True, rows=rows and problem.record.is_plain)
+    rows = rows and problem.record.is_plain and not problem.observe
+    return changed(problem, record=record, rows=rows, observe=())
 
 
 def largest_gap(coarse, fine):

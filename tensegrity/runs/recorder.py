@@ -1,0 +1,142 @@
+"""What is kept of a run: rows at the instants of its record, and its whole state."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tensegrity.errors import RecordError
+from tensegrity.runs import archive
+from tensegrity.runs.observers import Instants
+from tensegrity.runs.run import Run, known
+from tensegrity.scenes.scene import known_state
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from tensegrity.typing import Array
+
+AT_ONCE = 4_000_000  # numbers in u of rows whose energies are computed at once
+
+
+class Recorder(Instants):
+    """Rows of a run, in memory or in a file.
+
+    The rows alone say how far it is, so that it can be interrupted anywhere.
+
+    Parameters
+    ----------
+    problem : Problem
+    motion : Motion
+    steps : int
+    count : int, optional
+        Rows that the file has already, where a run goes on.
+    """
+
+    def __init__(self, problem: Any, motion: Any, steps: int, count: int | None = None) -> None:
+        record, scene = problem.record, problem.scene
+        self._problem, self._motion, self._steps = problem, motion, steps
+        self._columns, rest = record.columns(scene.sites), scene.shape[1:]
+        self._sites = tuple(range(scene.sites)) if record.sites is None else tuple(record.sites)
+        self._in_place = record.is_plain and record.sites is None
+        self._rows: Any = None
+        super().__init__(record, problem, motion, steps)
+        self._rows = record.rows(
+            len(self._plan) + 1, (len(self._sites), *rest), (scene.wall_count, *rest), count,
+            ("work", "loss") if problem.is_forced else (),
+        )  # fmt: skip
+
+    @property
+    def count(self) -> int:  # type: ignore[override]
+        """Rows that were written."""
+        return 0 if self._rows is None else self._rows.count
+
+    def _room(self, here: slice) -> tuple[Any, ...]:
+        u, v, impulse, sums = super()._room(here if not self._in_place else slice(0, 0))
+        if not self._in_place:
+            return u, v, impulse, sums
+        arrays, count = self._rows.arrays, here.stop - here.start
+        if sums is not None:
+            sums = np.empty((count, *sums.shape[1:]))
+        impulse = None if impulse is None else arrays["impulse"][here]
+        return arrays["u"][here], arrays["v"][here], impulse, sums
+
+    def take(self, motion: Any, last: float = math.inf) -> None:
+        """Record what stands and is due, up to an instant [s]."""
+        due = self.due(motion)
+        stop = int(np.searchsorted(self._plan.t[: due.stop], last, side="right"))
+        while self.count < stop:
+            first = self.count
+            if self._plan.part[first] > 0:
+                self._extend(self._plan.t[first : first + 1], *self._single(motion, first))
+                continue
+            between = np.flatnonzero(self._plan.part[first:stop])
+            end = first + int(between[0]) if len(between) else stop
+            here = slice(first - self._first, end - self._first)
+            states = (None if x is None else x[here] for x in self._states[1:5])
+            self._extend(self._plan.t[first:end], *states)
+
+    def _single(self, motion: Any, k: int) -> Any:
+        return (None if x is None else x[None] for x in self.state(motion, k))
+
+    def _extend(self, t: Array, u: Any, v: Any, impulse: Any, sums: Any) -> None:
+        """Append rows."""
+        more = [] if impulse is None else [impulse]
+        if sums is not None:
+            more += [sums[:, k].reshape(len(t), -1).sum(axis=1) for k in (0, 1)]  # of all lanes
+        energy = np.nan if self._in_place else self._motion.energies(t, u, v)
+        self._rows.extend(t, energy, u[:, self._columns], v[:, self._columns], *more)
+
+    def end(self, t: float, shown: Any) -> None:
+        """Record where the run ended, u, v, impulse and sums, if that is not the last row."""
+        if not self.count or self._plan.t[self.count - 1] != t:
+            self._extend(np.array([t]), *(None if x is None else x[None] for x in shown))
+
+    def is_due_here(self, motion: Any) -> bool:
+        """Whether the next row is that of the state that was reached."""
+        due = self.due(motion)
+        return bool(due) and self._plan.step[due.start] == motion.done
+
+    def keep_state(self, motion: Any) -> None:
+        """Write the whole state beside the rows, where that is asked for."""
+        problem, path = self._problem, self._problem.record.state_path
+        if path is None or (self.due(motion) and not self.is_due_here(motion)):
+            return  # what is due is lost without its attempt
+        point = motion.point
+        sums = () if point.sums is None else (point.sums,)
+        try:
+            self._rows.flush()
+            archive.write(path, "state", {
+                "scene": problem.scene, "state": problem.state, "t_end": problem.t_end,
+                "method": problem.method, "record": problem.record, "choice": problem.choice,
+                "steps": self._steps, "allowed": motion.allowed, "done": point.done,
+                "u": point.u, "v": point.v, "seen": (*point.shown, *sums), "count": self.count,
+                "met": point.met,
+            })  # fmt: skip
+        except OSError as error:
+            raise RecordError(f"state path {path}: {error.strerror}") from error
+
+    def run(self, done: int, final: Any, complete: bool, stopped: str | None = None) -> Run:
+        """The run so far: steps done, and u and v of all sites at its end."""
+        table, problem, motion = self._rows.finished(), self._problem, self._motion
+        scene, forced = problem.scene, problem.is_forced
+        return known(
+            Run, scene=scene, t=table["t"], u=table["u"], v=table["v"],
+            energy=self._energies(table) if self._in_place else table["energy"],
+            final=known_state(*final), method=problem.method.name, dt=motion.dt, steps=done,
+            sites=self._sites, complete=complete, stopped=stopped, force=problem.force,
+            impulse=table["impulse"] if scene.wall_count else None, met=motion.point.met,
+            fastest=motion.fastest if scene.follows else None,
+            work=table["work"] if forced else None, loss=table["loss"] if forced else None,
+        )  # fmt: skip
+
+    def _energies(self, table: Any) -> Array:
+        """Of rows that hold all sites."""
+        t, u, v = (table[name] for name in ("t", "u", "v"))
+        most = max(1, AT_ONCE // (u[:1].size or 1))
+        if len(t) <= most or self._problem.scene.follows:  # one list of contacts for many rows
+            return self._motion.energies(t, u, v)
+        parts = (slice(k, k + most) for k in range(0, len(t), most))
+        return np.concatenate([self._motion.energies(t[x], u[x], v[x]) for x in parts])
