@@ -205,7 +205,7 @@ class Library:
         address, number = ctypes.c_void_p, ctypes.c_longlong
         calls = {
             "sow": [address, address, number],
-            "reverse": [address] + [number] * 4 + [address],
+            "reverse": [address] + [number] * 3 + [address],
             "sampled": [address] * 2 + [number] + [address] * 3 + [number] * 2 + [address],
             "evaluate": [number, number, number, *[address] * 5],
         }

@@ -15,9 +15,9 @@ typedef struct {
 } task;
 
 typedef struct {
-    task begin, step, close, leave; /* `function` 0 where a method has no such part */
-    integer *begins;                /* told where the first step of a run is to come; or 0 */
-    integer size;                   /* numbers in u */
+    task begin, step, close; /* `function` 0 where a method has no such part */
+    integer *begins;         /* told where the first step of a run is to come; or 0 */
+    integer size;            /* numbers in u */
 } walk;
 
 static void bring(double *to, const double *from, integer n)
@@ -43,11 +43,10 @@ static const task *copied(const task *t, const task *from, integer size)
     return t;
 }
 
-/* What is looked at: in the scene's own variables, with closing kicks. */
+/* What is looked at: with closing kicks. */
 static const task *shown(const walk *w)
 {
-    const integer size = w->size;
-    return copied(&w->leave, copied(&w->close, &w->step, size), size);
+    return copied(&w->close, &w->step, w->size);
 }
 
 /* Go from step `done` to another, the first step by its own loop; the step that was reached. */
@@ -96,7 +95,6 @@ typedef struct {
 /* All that a run of a scene takes besides its start, its step and its rows. */
 typedef struct {
     walk walk;
-    task enter;                    /* into the variables of the method's steps */
     const double *coefficients;    /* of all parts, for a step of 1 */
     double *steps;                 /* where these parts take them from */
     const double *blank;           /* no elongation met */
@@ -195,7 +193,6 @@ static integer ran(const plan *p, const double *u, const double *v, course c, do
     memcpy(w->step.v, v, state * sizeof *v);
     if (c.every) look(p, w->step.u, w->step.v, c.rows_u, c.rows_v, more ? c.extra : 0);
     if (c.apart) look(p, w->step.u, w->step.v, c.seen_u, c.seen_v, 0);
-    if (p->enter.function) carry_out(&p->enter, 1);
     const task *seen = &w->step;
     const double *first_u = c.rows_u, *first_v = c.rows_v;
     const integer every = c.every ? c.every : c.steps, apart = c.apart ? c.apart : c.steps;

@@ -24,7 +24,7 @@ class _Task(ctypes.Structure):
 
 
 class _Walk(ctypes.Structure):
-    _fields_ = [(name, _Task) for name in ("begin", "step", "close", "leave")]
+    _fields_ = [(name, _Task) for name in ("begin", "step", "close")]
     _fields_ += [("begins", _ADDRESS), ("size", _NUMBER)]
 
 
@@ -35,7 +35,7 @@ class _Told(ctypes.Structure):
 
 
 class _Plan(ctypes.Structure):
-    _fields_ = [("walk", _Walk), ("enter", _Task)]
+    _fields_ = [("walk", _Walk)]
     _fields_ += [(x, _ADDRESS) for x in ("coefficients", "steps", "blank", "met", "travel")]
     _fields_ += [(x, _ADDRESS) for x in ("spring", "low", "high", "ranges", "gaps")]
     _fields_ += [(x, _NUMBER) for x in ("taken", "kept", "state", "more", "places", "springs")]
@@ -136,28 +136,28 @@ class Part:
 
 
 class Walk:
-    """Bound loops of one scene and method: those of a first step, of all others, of a closing
-    kick and of the way out of a method's variables, where it has them.
+    """Bound loops of one scene and method: those of a first step, of all others, and of a closing
+    kick, where it has them.
 
     Parameters
     ----------
     u, v : ndarray
         What is advanced.
-    begin, step, close, leave : bound scenes or None
+    begin, step, close : bound scenes or None
     """
 
-    def __init__(self, u: Array, v: Array, begin: Any, step: Any, close: Any, leave: Any) -> None:
+    def __init__(self, u: Array, v: Array, begin: Any, step: Any, close: Any) -> None:
         self._u, self._v, (self._go, *_) = u, v, _compiled()
-        loops = [loop and loop.parts() for loop in (begin, step, close, leave)]
+        loops = [loop and loop.parts() for loop in (begin, step, close)]
         empty = [None] * len(loops[1])
         self._parts = list(zip(*(parts or empty for parts in loops), strict=True))
         self._walks = [
             _Walk(
-                *(_Task() if part is None else part.task for part in four),
-                four[1].begins,
-                four[1].u.size,
+                *(_Task() if part is None else part.task for part in three),
+                three[1].begins,
+                three[1].u.size,
             )
-            for four in self._parts
+            for three in self._parts
         ]
 
     def go(
@@ -186,8 +186,8 @@ class Walk:
             Rows behind the sites.
         impulse : ndarray, (count, walls[, dim][, lanes]), optional
         """
-        for four, walk in zip(self._parts, self._walks, strict=True):
-            part = four[1]
+        for three, walk in zip(self._parts, self._walks, strict=True):
+            part = three[1]
             whole = part.u is self._u
             if not whole:
                 part.u[...], part.v[...] = self._u[part.place], self._v[part.place]
@@ -211,8 +211,8 @@ class Walk:
     def seen(self) -> tuple[Array, Array]:
         """Copies of u and v as they are looked at, where the last call ended."""
         u, v = self._u.copy(), self._v.copy()
-        for four in self._parts:
-            part = next(one for one in four[::-1] if one is not None and one is not four[0])
+        for three in self._parts:
+            part = next(one for one in three[::-1] if one is not None and one is not three[0])
             u[part.place], v[part.place] = part.u, part.v
         return u, v
 
@@ -226,7 +226,7 @@ class Plan:
         Numbers in u of a state, and behind it in that of walls.
     energies : Energies or None
         Of the scene.
-    enter, begin, step, close, leave : BoundLine or BoundNet, or None
+    begin, step, close : BoundLine or BoundNet, or None
         As of `Walk`; bound with a step of 1, on arrays that nobody else takes.
 
     Attributes
@@ -242,13 +242,11 @@ class Plan:
         state: int,
         walls: int,
         energies: Any,
-        enter: Any,
         begin: Any,
         step: Any,
         close: Any,
-        leave: Any,
     ) -> None:
-        loops = [loop for loop in (step, enter, begin, close, leave) if loop is not None]
+        loops = [loop for loop in (step, begin, close) if loop is not None]
         taken = [one for loop in loops for one in loop.taken]
         self._coefficients = np.concatenate([array for _, _, array in taken])
         steps, place = np.empty_like(self._coefficients), 0
@@ -260,14 +258,13 @@ class Plan:
                 setattr(structure, name, array.ctypes.data)
         step.forget_range()
         blank = np.concatenate([array for _, name, array in step.kept if name != "travel"])
-        tasks = [loop and loop.parts()[0].task for loop in (begin, step, close, leave, enter)]
-        *walk, first = (task or _Task() for task in tasks)
+        walk = [loop.parts()[0].task if loop else _Task() for loop in (begin, step, close)]
         (part,) = step.parts()
         places, self._ranges = step.places(), np.empty((2, 2, step.springs, 2))
         self.met, self.met_or_rest = tuple(self._ranges[:, 0]), tuple(self._ranges[:, 1])
         self._gaps = np.empty((2, 2))
         self._plan = _Plan(
-            _Walk(*walk, part.begins, part.u.size), first,
+            _Walk(*walk, part.begins, part.u.size),
             self._coefficients.ctypes.data, steps.ctypes.data, blank.ctypes.data,
             step.kept[0][2].ctypes.data, step.travel_at,
             *(x.ctypes.data for x in (*places, self._ranges, self._gaps)),

@@ -82,11 +82,10 @@ class Forward:
         self._first, self._others, self._close = parts(method)
         self._begin, self._end = window
         self.rows = np.empty((self._end - self._begin + 1, len(view.places)))
-        last = 0.0 if self._close is None or method.processor else self._close.kicks[0] * dt
+        last = 0.0 if self._close is None else self._close.kicks[0] * dt
         self.closing = np.where(np.arange(self._begin, self._end + 1) > 0, last, 0.0)
         self.states: dict[int, tuple[Array, Array]] = {}
         self.start = state
-        self._out: Any = None
 
     def run(self, t_end: float) -> Run:
         """Do it."""
@@ -102,13 +101,7 @@ class Forward:
             self.states[0] = state.u, state.v
         if self._grid is not None:
             run = replace(run, impulse=None)
-        processed = self.method.processor is not None
-        if processed or not self.steps:
-            if self._begin == 0:
-                self.rows[0] = self._picked(state.u, state.v)
-            if self._end == self.steps:
-                self.rows[-1] = self._picked(run.final.u, run.final.v)
-        elif self._begin == self.steps:
+        if self._begin == self.steps:
             self.rows[-1] = self._picked(*self.states[self.steps])
         return run
 
@@ -141,7 +134,7 @@ class Forward:
 
     def first_row(self, u: Array, v: Array) -> None:
         """Sample the state before the first step."""
-        if self._begin == 0 and self.method.processor is None:
+        if self._begin == 0:
             self.rows[0] = self._picked(u, v)
 
     def advance(self, inner: Any, u: Array, v: Array, k: int, steps: int) -> int:
@@ -164,27 +157,8 @@ class Forward:
     def _sample(self, inner: Any, u: Array, v: Array, k: int, steps: int) -> None:
         first = k + 1 - self._begin
         rows = self.rows[first : first + steps]
-        if self.method.processor is None:
-            places, of_u = self.view.places, self.view.of_u
-            reverse.sampled(inner, steps, u, v, places, of_u, rows, self.layout.library)
-            return
-        for row in rows:
-            inner.advance(1)
-            row[:] = self._picked(*self.led_out(u, v))
-
-    def led_out(self, u: Array, v: Array) -> tuple[Array, Array]:
-        """The state of the sites that the loop's own variables of a processed method stand for."""
-        if self._out is None:
-            self._out = u.copy(), v.copy()
-            leave = self.method.processor[1]  # type: ignore[index]
-            ways = [way for way in (self._close, leave) if way is not None]
-            x, y = self._out
-            self._ways = [self.bound(x, y, way, self.dt) for way in ways]
-        self._out[0][:], self._out[1][:] = u, v
-        for way in self._ways:
-            way.advance(1)
-        x, y = self._out
-        return x[: self.scene.sites], y[: self.scene.sites]
+        places, of_u = self.view.places, self.view.of_u
+        reverse.sampled(inner, steps, u, v, places, of_u, rows, self.layout.library)
 
     def again(self, k: int, steps: int) -> tuple[Array, Array]:
         """u and v of the sites some steps after a state that was kept, by the same loop."""

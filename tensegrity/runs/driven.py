@@ -50,7 +50,7 @@ def march(
     if not isinstance(method, Splitting):
         raise TensegrityError(
             f"method {method.name!r} is no splitting of kicks and drifts, which driven, damped and "
-            "tuned scenes need: verlet, rkn6, processed6"
+            "tuned scenes need, such as verlet and rkn6"
         )
     return March(problem, steps, allowed, checkpoints, start).run()
 

@@ -44,8 +44,7 @@ def simulate(
         Name of a method, `tensegrity.engine.methods.METHODS`, or a `Splitting` or `Nystrom` of
         `tensegrity.engine.methods` with rows of your own.  By default "rkn6"; "verlet" where `dt`
         is given; else "corrected6" where contacts can open, of exponents from 1 to 3, or a force
-        has such corners, unless a `tol` is 1e-3 or looser; "processed6" where a `tol` is given,
-        no contact can open and the run takes two thousand steps or more.
+        has such corners, unless a `tol` is 1e-3 or looser.
     dt : float, optional
         Step [s]; the step used is the largest not above it that divides `t_end` evenly.  By
         default a small fraction of the stability limit, at the largest stiffness that any
@@ -84,13 +83,9 @@ def simulate(
     tol = None if tol is None else check.number("tol", tol, least=ROUND_OFF)
     if dt is not None and tol is not None:
         raise TensegrityError(f"dt {dt!r} s and tol {tol!r} exclude each other: give one")
-    free, method = method is None, _default(scene, dt, tol) if method is None else method
+    if method is None:
+        method = methods.default(dt, tol, not scene.is_driven and scene.opens)
     method = methods.find(method)
-    if method.processor is not None and scene.clearance is not None:
-        raise TensegrityError(
-            f"method {method.name!r} runs no scene whose sites have a radius: contacts are looked "
-            "for in the scene's own variables, its steps have others"
-        )
     record = Record() if record is None else record
     check.kind("record", record, Record)
     record.check(scene.sites, t_end)
@@ -103,14 +98,7 @@ def simulate(
     if dt is not None:
         run = fixed_step(problem, dt)
     elif tol is not None:
-        short = methods.METHODS["rkn6"] if free and method.processor is not None else None
-        run = to_tolerance(problem, tol, short)
+        run = to_tolerance(problem, tol)
     else:
         run = default_step(problem)
     return changed(run, wall_time=time.perf_counter() - started)
-
-
-def _default(scene, dt, tol):
-    if scene.is_driven:
-        return methods.default(dt, tol, smooth=False)
-    return methods.default(dt, tol, scene.smooth and scene.clearance is None, scene.opens)

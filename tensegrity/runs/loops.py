@@ -2,8 +2,7 @@
 
 The closing kick of a splitting's step and the first of the next are one.  So a run keeps its
 velocities before the closing kick, and what is looked at is a copy that got it; where a method
-has a processor, a copy that was led out of its variables as well; where it corrects openings, a
-copy without what it did for kicks to come.
+corrects openings, a copy without what it did for kicks to come.
 """
 
 from __future__ import annotations
@@ -38,7 +37,6 @@ class Loop:
     u, v : ndarray
         As `scene.arrays` gives them; advanced in place.
     method : Method
-        Without its processor.
     dt : float
         [s]
     begun : bool
@@ -98,12 +96,9 @@ class Loop:
             np.minimum(self.range[:, 0], loop.range[:, 0], out=self.range[:, 0])
             np.maximum(self.range[:, 1], loop.range[:, 1], out=self.range[:, 1])
 
-    def walk(self, leave=None):
-        """The same steps with their rows in one call, or None where some are not compiled.
-
-        `leave` is a loop that leads a copy out of the method's variables.
-        """
-        loops = self._first, self._others, self._close, leave
+    def walk(self):
+        """The same steps with their rows in one call, or None where some are not compiled."""
+        loops = self._first, self._others, self._close
         if any(loop is not None and getattr(loop, "parts", None) is None for loop in loops):
             return None
         return Walk(self._u, self._v, *loops)

@@ -1,8 +1,8 @@
 """Motion in which time counts, step by step: a scene that is driven, damped or tuned.
 
-The loop does not close its steps where a run is looked at: a copy gets the closing kick, and is
-led out of the method's variables where it has others.  An attempt at a block of steps starts from
-what was reached; where it left a domain, or what the step allows, nothing of it stands.
+The loop does not close its steps where a run is looked at: a copy gets the closing kick.  An
+attempt at a block of steps starts from what was reached; where it left a domain, or what the step
+allows, nothing of it stands.
 """
 
 from __future__ import annotations
@@ -89,18 +89,16 @@ class Motion:
 
     def _springs(self) -> Tuned:
         """Those that change, prepared once for all runs of one length."""
-        scene, t_end, rows = self._scene, self._problem.t_end, self._problem.method.processor or ()
-        longest = max((np.abs(np.cumsum(one.drifts)).max() for one in rows), default=0.0)
-        known, key = scene.remembered.tuned, (t_end, self.dt * longest)
-        if key not in known:
-            known[key] = Tuned(scene.spring_table.different[0], scene.tune, *key)
-        return known[key]
+        scene, t_end = self._scene, self._problem.t_end
+        known = scene.remembered.tuned
+        if t_end not in known:
+            known[t_end] = Tuned(scene.spring_table.different[0], scene.tune, t_end)
+        return known[t_end]
 
     def _limit_damping(self) -> None:
         """Refuse a step in a drift of which velocities would decay, or grow back, too much."""
         method, rate = self._problem.method, self.forcing.decay
-        rows = [method, *(method.processor or ())]
-        longest = max(abs(b) for one in rows for b in one.drifts)
+        longest = max(map(abs, method.drifts))
         largest = LARGEST_DAMPING / longest / rate if rate else math.inf
         if self.dt > largest:
             error = StabilityError(
@@ -118,18 +116,11 @@ class Motion:
         self._first_v = self.forcing.motion(np.zeros(1), 1)[0] if len(self.forcing.moved) else 0.0
         v[self.forcing.moved] = 0.0
         self._first_force = self._pulled(self._u)
-        enter, leave = method.processor or (None, None)
         self._loop = driven.bind(self.forcing, self._u, self._v, method, self.dt)
         self.width = self._loop.schedule.width()
         self._out = np.empty_like(self._u), np.empty_like(self._v)
         self._close = driven.bind(self.forcing, *self._out, method, self.dt)
-        self._leave = leave and driven.bind(self.forcing, *self._out, leave, self.dt)
         seen = self._told(self._u.copy(), self._v.copy(), np.zeros(2), 0.0)
-        if enter is not None and self.dt:
-            first = driven.bind(self.forcing, self._u, self._v, enter, self.dt)
-            first.advance(0, 1, False, True)
-            self._loop.sums[:] = first.sums
-            self._loop.forget()
         self.point = self._reached(0, seen, np.zeros((len(scene.spring_table), 2)))
 
     def _reached(self, done: int, seen: Any, met: Array, before: Any = None) -> Reached:
@@ -154,13 +145,7 @@ class Motion:
         self._close.forget()
         if done:
             self._close.advance(done, 0, True, True)
-        sums = self._close.sums[:2]
-        if self._leave is not None:
-            self._leave.sums[:2] = sums
-            self._leave.forget()
-            self._leave.advance(0, 1, False, True, t)
-            sums = self._leave.sums[:2]
-        return self._told(u.copy(), v.copy(), sums, t)
+        return self._told(u.copy(), v.copy(), self._close.sums[:2], t)
 
     def _told(self, u: Array, v: Array, sums: Array, t: float) -> tuple[Array, Array, Array]:
         sites, sums = self._scene.sites, sums[None, :2].copy()
@@ -195,25 +180,18 @@ class Motion:
         u, v, sums = (x.copy() for x in before)
         t, method = (self.point.done - 1) * self.dt, self._problem.method
         _, _, told = self._told(u.copy(), v.copy(), np.zeros(2), t)
-        work = sums - told  # as the loop sums them
         v.reshape(-1)[self.forcing.moved] = 0.0
-        enter, leave = method.processor or (None, None)
-        at = t
-        for rows in (enter, method, leave):
-            if rows is None:
-                continue
-            loop = driven.bind(self.forcing, u, v, rows, part)
-            loop.sums[:2] = work
-            loop.advance(0, 1, False, True, at)
-            work, at = loop.sums[:2], t + part if rows is method else at
-        return self._told(u, v, work, t + part)
+        loop = driven.bind(self.forcing, u, v, method, part)
+        loop.sums[:2] = sums - told  # as the loop sums them
+        loop.advance(0, 1, False, True, t)
+        return self._told(u, v, loop.sums[:2], t + part)
 
     # steps
 
     @property
     def strides(self) -> bool:
         """Whether steps can be done with their rows in one call."""
-        return self._leave is None and isinstance(self._loop, driven.BoundDriven)
+        return isinstance(self._loop, driven.BoundDriven)
 
     def restore(self) -> None:
         """Go back to what was reached."""

@@ -9,7 +9,7 @@ import numpy as np
 from tensegrity.errors import RangeError, TensegrityError
 from tensegrity.runs.driven import march
 from tensegrity.runs.fitted import may_fit, with_polynomials
-from tensegrity.runs.judge import COARSE, Judge, first_factor, may_jump, may_open, refuse_jumps
+from tensegrity.runs.judge import Judge, first_factor, may_jump, may_open, refuse_jumps
 from tensegrity.runs.march import march_twice
 from tensegrity.runs.rest import resting, rests
 from tensegrity.runs.run import Run, changed
@@ -22,29 +22,27 @@ AT_FIRST = 13  # of a smooth run that is compared with others, at 7 instants the
 DENSE = 2  # first steps between two instants at which runs are compared, where nothing opens
 FEWEST, MOST_KEPT = 16, 2_000_000  # instants; numbers in each of u and v of a run at them
 KEPT = 3  # runs that are compared with the last one, and it
-SHORT = 2000  # steps of what counts as a short run
 SECOND = 1e-6  # tolerances that the second run does not meet, as a rule
 ROUND_OFF = 1e-14  # differences below this say nothing
 MARGINS = (0.05, 0.5)  # over the range met, on either side, by which a fit is wider
 STUCK = 4  # refinements in a row that bring nothing: round-off is reached
 
 
-def to_tolerance(problem, tol, short=None):
+def to_tolerance(problem, tol):
     """As `_to_tolerance`; what goes wrong in a trial tells of the energies that it had."""
     try:
-        return _to_tolerance(problem, tol, short)
+        return _to_tolerance(problem, tol)
     except TensegrityError as error:
         if getattr(error, "run", None) is not None:
             error.run = with_energies(error.run)
         raise
 
 
-def _to_tolerance(problem, tol, short):
+def _to_tolerance(problem, tol):
     """Refine the step until runs with different steps say that the tolerance is met.
 
     All runs have steps of which a whole number goes between the same instants, at which they are
-    compared: those of the first run's steps, at the stability limit, or every second.  A `short`
-    run is done by the method given so.
+    compared: those of the first run's steps, at the stability limit, or every second.
     """
     if not problem.t_end:
         return march(problem, 0, 1.0)[0]
@@ -52,9 +50,6 @@ def _to_tolerance(problem, tol, short):
         refuse_jumps(problem, problem.scene.present_ranges(problem.state.u), tol)
     apart, fewest = (DENSE, AT_FIRST) if problem.scene.smooth else (1, CHECKPOINTS)
     least = steps_at(problem, TRIAL, problem.outlook.first_frequency, fewest)
-    if short is not None and least * (COARSE / tol) ** (1 / short.order) < SHORT:
-        problem = changed(problem, method=short)
-        least = steps_at(problem, TRIAL, problem.outlook.first_frequency, fewest)
     instants = min(math.ceil(least / apart), max(FEWEST, MOST_KEPT // problem.state.u.size))
     fineness = math.ceil(least / instants)
     fits = may_fit(problem, fineness * instants, tol)

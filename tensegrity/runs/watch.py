@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from tensegrity.engine.methods import Corrected, Nystrom
-from tensegrity.errors import LockingError, StabilityError
+from tensegrity.errors import StabilityError
 from tensegrity.runs.book import Sound
 from tensegrity.runs.guard import Guard
 from tensegrity.runs.loops import Loop
@@ -69,30 +69,9 @@ class Watch:
         return max(self._fastest, self._scene.fastest(within))
 
     def _begin(self):
-        """Enter the variables of the method's steps."""
-        scene, dt, method = self._scene, self.dt, self._problem.method
-        enter, self._leave = method.processor or (None, None)
-        begun = self.sound.done > 0
-        if enter is not None and not begun:
-            loop = scene.bind(self._u, self._v, enter, dt)
-            loop.advance(1)
-            self._check_processor(loop, self._u, self._v, 0.0)
-            self.sound = self.sound._replace(u=self._u.copy(), v=self._v.copy())
-        if self._leave is not None:
-            self._out = np.empty_like(self._u), np.empty_like(self._v)
-            self._leave = scene.bind(*self._out, self._leave, dt)
-        self._loop = Loop(scene, self._u, self._v, method, dt, begun)
-
-    def _check_processor(self, loop, u, v, t):
-        if not self._is_sound(loop, u, v):
-            error = self._error(t, loop, u)
-            if isinstance(error, LockingError):
-                raise error
-            raise StabilityError(
-                f"dt {self.dt:.6g} s is too coarse for the processor of "
-                f"{self._problem.method.name} at t = {t:.6g} s"
-            )
-        self._see(loop)
+        """Bind the contacts that are listed."""
+        method, begun = self._problem.method, self.sound.done > 0
+        self._loop = Loop(self._scene, self._u, self._v, method, self.dt, begun)
 
     def look(self):
         """The last sound state, and the impulse given to each wall by then."""
@@ -102,18 +81,12 @@ class Watch:
         """The same a time `part` [s] after the step before the last one, by a shorter step of the
         method on a copy."""
         u, v = (x.copy() for x in self.sound.before)
-        method = self._problem.method
-        enter, leave = method.processor or (None, None)
-        t = (self.sound.done - 1) * self.dt + part
-        for rows in (enter, method, leave):
-            if rows is None:
-                continue
-            loop = self._scene.bind(u, v, rows, part)
-            if isinstance(rows, Corrected):
-                loop.stand_alone()
-            loop.advance(1)
-            if not self._is_inside(self._met(loop, u), u, v):
-                raise self._error(t, loop, u)
+        loop = self._scene.bind(u, v, self._problem.method, part)
+        if isinstance(self._problem.method, Corrected):
+            loop.stand_alone()
+        loop.advance(1)
+        if not self._is_inside(self._met(loop, u), u, v):
+            raise self._error((self.sound.done - 1) * self.dt + part, loop, u)
         return self._parted(u, v)
 
     def _parted(self, u, v):
@@ -164,7 +137,7 @@ class Watch:
         if self._loop is None:
             self._begin()
         if self._walk is None:
-            self._walk = self._loop.walk(self._leave) or False
+            self._walk = self._loop.walk() or False
         return self._walk is not False
 
     def most(self):
@@ -179,9 +152,7 @@ class Watch:
         before, steps, at = self.sound, end - self.sound.done, kept.at
         if not len(at) or at[-1] < end:
             at = np.append(at, end)
-        loops = [self._loop] + [self._leave] * (self._leave is not None)
-        for loop in loops:
-            loop.forget_range()
+        self._loop.forget_range()
         at, sites = np.ascontiguousarray(at, dtype=np.int64), self._problem.scene.sites
         self._walk.go(
             before.done, at, len(at) == len(kept.at), sites, kept.u, kept.v,
@@ -189,16 +160,13 @@ class Watch:
         )  # fmt: skip
         self._loop.walked(before.done > 0)
         seen = self._walk.seen()
-        sound = self._is_sound(self._loop, *seen) and (
-            self._leave is None or self._is_sound(self._leave, *seen)
-        )
+        sound = self._is_sound(self._loop, *seen)
         if not (sound and (self._tracker is None or self._is_clear(before.done, steps))):
             self._u[:], self._v[:] = before.u, before.v
             return False
         at_step = None if steps > 1 else before.seen
         self.sound = Sound(self._u.copy(), self._v.copy(), end, seen, at_step, kept)
-        for loop in loops:
-            self._see(loop)
+        self._see(self._loop)
         if self._tracker is not None and self._tracker.is_new():
             self._list_anew()
         return True
@@ -212,12 +180,6 @@ class Watch:
 
     def _keep(self, steps):
         seen, done = self._looked, self.sound.done + steps
-        if self._leave is not None:
-            self._out[0][:], self._out[1][:] = seen
-            self._leave.forget_range()
-            self._leave.advance(1)
-            self._check_processor(self._leave, *self._out, done * self.dt)
-            seen = self._out[0].copy(), self._out[1].copy()
         before = self.sound.seen if steps == 1 else None
         self.sound = Sound(self._u.copy(), self._v.copy(), done, seen, before)
         self._see(self._loop)

@@ -190,16 +190,14 @@ def prepared(scene, method):
     rest = np.zeros(scene.shape)
     moved = scene.arrays(known_state(rest, rest))
     first, others, close = parts(method)
-    enter, leave = method.processor or (None, None)
-    each = (enter, True), (first if close else None, True), (others, True)
     loops = []
-    for rows, here in (*each, (close, False), (leave, False)):
+    for rows, here in ((first if close else None, True), (others, True), (close, False)):
         u, v = moved if here else (np.empty_like(x) for x in moved)
         loops.append(rows and scene.bind(u, v, rows, 1.0))
         if rows and type(loops[-1]) not in (BoundLine, BoundNet):
             return None
     if isinstance(method, Corrected):
-        loops[3] = loops[2].show(*(np.empty_like(x) for x in moved))
+        loops[2] = loops[1].show(*(np.empty_like(x) for x in moved))
     return Plan(rest.size, scene.wall_count * scene.dim, scene.energies_at_once, *loops)
 
 
