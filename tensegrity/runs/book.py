@@ -31,8 +31,8 @@ class Kept(NamedTuple):
 class Sound(NamedTuple):
     """Arrays of the loop after so many steps, known to be right; never changed.
 
-    `seen` stands for them in the scene's own variables, with closing kicks; `before` is that of
-    the step before, where the last block was one step; `kept` what was kept on the way.
+    `seen` is them with closing kicks; `before` is that of the step before, where the last block
+    was one step; `kept` what was kept on the way.
     """
 
     u: np.ndarray
