@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tensegrity.engine.methods import Splitting, palindrome, there_and_back
+from tensegrity.engine.methods import Splitting, palindrome
 
 GRADIENT = 1.9
 
@@ -141,14 +141,13 @@ SPLITTINGS = {
 
 @dataclass(frozen=True)
 class GradientSplitting:
-    """A palindrome of kicks b with gradients c, and drifts; perhaps with a processor's entry."""
+    """A palindrome of kicks b with gradients c, and drifts."""
 
     order: int
     kicks: tuple[float, ...]
     gradients: tuple[float, ...]
     drifts: tuple[float, ...]
     limit: float  # about, of dt omega
-    entry: tuple = ()
 
     @property
     def evaluations(self):
@@ -164,27 +163,6 @@ def evaluations(kicks):
 GRADIENTS = {
     # S. A. Chin, Phys. Lett. A 226, 344 (1997)
     "chin 4a": GradientSplitting(4, (1 / 6, 2 / 3, 1 / 6), (0, 1 / 36, 0), (0.5, 0.5), 3.4),
-    # M. Takahashi, M. Imada, J. Phys. Soc. Jpn. 53, 3765 (1984), the processor found here
-    "takahashi-imada 4": GradientSplitting(
-        4, (0.0, 1.0, 0.0), (0, 1 / 12, 0), (0.5, 0.5), 2.5,
-        there_and_back(
-            (0.21859016885465551, -0.36192330688505375, 0.16342533586377178,
-             -0.12784873170938274, 0.1077565338760093),
-            (0.13002729897983914, -0.3094814293488043, -0.25507445261887673,
-             0.43452858298784186),
-        ),
-    ),
-    # found here: three kicks, one of them with a gradient, processed
-    "processed gradient 4": GradientSplitting(
-        4, palindrome((0.26326375018877807,), True), (0, 0.021009260402434008, 0), (0.5, 0.5),
-        3.2,
-        there_and_back(
-            (-0.08353550355292406, -0.4876235058970872, 0.1529626023317186,
-             -0.0042352646288086665, 0.4224316717471013),
-            (-0.07326270596435253, -0.08130441331368093, 0.15621832516615353,
-             -0.0016512058881200727),
-        ),
-    ),
     # found here: nine kicks, the middle one with a gradient
     "gradient 6": GradientSplitting(
         6,
@@ -207,23 +185,14 @@ def run_gradient(chain, state, method, dt, steps):
     def pull(tension):
         return w * np.diff(tension, prepend=0.0, append=0.0)
 
-    def step(kicks, gradients, drifts):
-        for b, c, d in zip(kicks, gradients, (*drifts, 0.0), strict=True):
+    for _ in range(steps):
+        rows = zip(method.kicks, method.gradients, (*method.drifts, 0.0), strict=True)
+        for b, c, d in rows:
             if b or c:
                 r = np.diff(u)
                 a = pull(spring.tension(r))
-                v[:] += b * dt * a
+                v += b * dt * a
             if c:
-                v[:] += c * dt**3 * pull(spring.stiffness(r) * np.diff(a))
-            u[:] += d * dt * v
-
-    entry = (
-        [method.entry[0], (0,) * len(method.entry[0]), method.entry[1]] if method.entry else None
-    )
-    if entry:
-        step(*entry)
-    for _ in range(steps):
-        step(method.kicks, method.gradients, method.drifts)
-    if entry:
-        step(*(row[::-1] for row in entry))
+                v += c * dt**3 * pull(spring.stiffness(r) * np.diff(a))
+            u += d * dt * v
     return u, v

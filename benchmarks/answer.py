@@ -37,7 +37,7 @@ REFERENCE = 300.0  # evaluations of the forces per unit of 1/omega
 KINKS = 400.0  # times that where contacts open
 ROUNDS, LONG = 5, 0.5  # calls that take longer than so many seconds are timed once
 ROWS = 500
-BARE = ("verlet", "rkn6", "processed6")
+BARE = ("verlet", "rkn6")
 MOST_BARE = 4.0  # seconds of one bare run
 GOALS = {1e-3: 6.0, 1e-9: 3.0}
 CALLS, ROW_COUNTS, ROW_SITES = 300, (200, 4200), (16, 256)
@@ -86,22 +86,13 @@ def looks(scene, state, method, t_end, steps, engine=None):
     if engine is not None:
         u, v = u.astype(engine.dtype), v.astype(engine.dtype)
     dt, found = t_end / steps, [(u.copy(), v.copy())]
-    enter, leave = method.processor or (None, None)
-
-    def bound(rows, *arrays):
-        if engine is None:
-            return scene.bind(*arrays, rows, dt)
-        return bind(*arrays, scene.loop_bonds, rows, dt, engine)
-
-    if enter is not None:
-        bound(enter, u, v).advance(1)
-    loop = bound(method, u, v)
+    if engine is None:
+        loop = scene.bind(u, v, method, dt)
+    else:
+        loop = bind(u, v, scene.loop_bonds, method, dt, engine)
     for _ in range(INSTANTS):
         loop.advance(steps // INSTANTS)
-        seen = u.copy(), v.copy()
-        if leave is not None:
-            bound(leave, *seen).advance(1)
-        found.append(seen)
+        found.append((u.copy(), v.copy()))
     return tuple(np.stack(x)[:, : scene.sites] for x in zip(*found, strict=True))
 
 
@@ -150,8 +141,6 @@ def bare(case, exact):
     scale, rows = t_end * omega(*case.run), []
     for name in BARE:
         method = METHODS[name]
-        if method.processor and (case.kinks or scene.clearance is not None):
-            continue
         steps, reached = 1.05 * scale / method.stability_limit, math.inf
         while True:
             n = whole(steps)
@@ -175,19 +164,10 @@ def bare(case, exact):
 def _bare_seconds(case, method, steps):
     scene, state, t_end = case.run
     dt, best = t_end / steps, math.inf
-    enter, leave = method.processor or (None, None)
     for _ in range(3):
-        u, v = scene.arrays(state)
-        loops = [scene.bind(u, v, rows, dt) for rows in (enter, method, leave) if rows is not None]
-        counts = (1, steps, 1) if method.processor else (steps,)
-        for loop in loops:
-            loop.forget_range()
-
-        def run(loops=loops, counts=counts):
-            for loop, count in zip(loops, counts, strict=True):
-                loop.advance(count)
-
-        best = min(best, clock(run)[0])
+        loop = scene.bind(*scene.arrays(state), method, dt)
+        loop.forget_range()
+        best = min(best, clock(partial(loop.advance, steps))[0])
     return best
 
 

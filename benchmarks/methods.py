@@ -1,8 +1,8 @@
 """Force evaluations per unit of time that each method needs for an error: which ones to keep.
 
 Two smooth scenes on 128 prisms, a blow and a solitary wave; error of the last state against
-Blanes and Moan's method in extended precision with far smaller steps.  What a processor takes is
-counted.  Evaluations, not seconds: `python -m benchmarks work-precision` has these.
+Blanes and Moan's method in extended precision with far smaller steps.  Evaluations, not seconds:
+`python -m benchmarks work-precision` has these.
 """
 
 from __future__ import annotations
@@ -44,20 +44,14 @@ def omega(chain, state, t_end):
 
 
 def final(chain, state, method, dt, steps, engine=None):
-    """u and v after a run, its processor included."""
+    """u and v after a run."""
     if engine is None:
         u, v = chain.arrays(state)
+        loop = chain.bind(u, v, method, dt)
     else:
         u, v = state.u.astype(engine.dtype), state.v.astype(engine.dtype)
-    enter, leave = method.processor or (None, None)
-    for rows, times in ((enter, 1), (method, steps), (leave, 1)):
-        if rows is None:
-            continue
-        if engine is None:
-            loop = chain.bind(u, v, rows, dt)
-        else:
-            loop = bind(u, v, chain.loop_bonds, rows, dt, engine)
-        loop.advance(times)
+        loop = bind(u, v, chain.loop_bonds, method, dt, engine)
+    loop.advance(steps)
     return u[: chain.sites], v[: chain.sites]
 
 
@@ -68,17 +62,15 @@ def gap(found, exact):
 
 
 def candidates():
-    """{name: (order, evaluations per step, those of a processor, stability limit, runner)}."""
+    """{name: (order, evaluations per step, stability limit, runner)}."""
     found = {}
     for name, method in (METHODS | SPLITTINGS).items():
         if not method.explicit:
             continue
         per_step = evaluations(method.kicks) if hasattr(method, "kicks") else method.stages
-        extra = 2 * method.processor[0].stages if method.processor else 0
-        found[name] = method.order, per_step, extra, method.stability_limit, method
+        found[name] = method.order, per_step, method.stability_limit, method
     for name, method in GRADIENTS.items():
-        extra = 2 * len(method.entry[1]) if method.entry else 0
-        found[name] = method.order, method.evaluations, extra, method.limit, method
+        found[name] = method.order, method.evaluations, method.limit, method
     return found
 
 
@@ -91,7 +83,7 @@ def measure(scene, levels=LEVELS):
     steps = int(REFERENCE * scale / METHODS["rkn6"].stages)
     exact = final(chain, state, METHODS["rkn6"], t_end / steps, steps, engine)
     found = {}
-    for name, (_, per_step, extra, limit, method) in candidates().items():
+    for name, (_, per_step, limit, method) in candidates().items():
         counts, errors, steps = [], [], int(1.02 * scale / limit) + 1
         most = scale * (MOST / 5 if name in GRADIENTS else MOST)
         while per_step * steps < most and (not errors or min(errors) > levels[-1] / 2):
@@ -101,7 +93,7 @@ def measure(scene, levels=LEVELS):
                 error = gap(run(chain, state, method, dt, steps), exact)
             except TensegrityError:  # a spring beyond its domain
                 error = np.inf
-            counts.append((per_step * steps + extra) / t_end)
+            counts.append(per_step * steps / t_end)
             errors.append(error)
             if len(errors) > 8 and errors[-1] > min(errors[:-4]):
                 break  # round-off
@@ -128,8 +120,7 @@ def needed(counts, errors, level):
 
 KEPT_FOR = {
     "verlet": "rough looks, and the widest use",
-    "rkn6": "contacts that open, and networks",
-    "processed6": "smooth chains",
+    "rkn6": "smooth scenes, and networks",
     "rk4": "results that were made with it",
 }
 CLEARLY = 0.97  # of another's cost
@@ -194,7 +185,7 @@ def main():
         for name, row in several.items():
             print(f"{name:>22}" + "".join("        -" if np.isnan(x) else f"{x:9.3g}" for x in row))
     print()
-    for name, (order, per_step, _, limit, _) in candidates().items():
+    for name, (order, per_step, limit, _) in candidates().items():
         print(
             f"{name:>22}: order {order}, {per_step:4.3g} evaluations a step, stable to "
             f"dt omega {limit:.3f}; {verdict(name, costs)}"

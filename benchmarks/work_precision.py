@@ -5,7 +5,7 @@ that open, steel).  The error of the last state is taken against Blanes and Moan
 steps far smaller, in extended precision where the scene is smooth; how good that is, a run with
 twice its step tells.  All contestants of a scene take turns; times are those of the processor, the
 least of several rounds.  "simulate" is the whole call with a tolerance, its rows and energies; the
-other runs of ours are the prepared loop alone, with its processor, at a step that nobody tells it;
+other runs of ours are the prepared loop alone, at a step that nobody tells it;
 a peer's run is its own call.  Compile times are told apart.  The chart shows the call, and as a
 thin line beside it the loops that were best, of all methods; the table has each.
 Peers get the prism's force as one would type it; of the softening prism, whose force solves
@@ -147,8 +147,6 @@ def ours(scene, exact):
     chain, state, t_end = scene.run
     scale = t_end * omega(*scene.run)
     for name, method in METHODS.items():
-        if method.processor and chain.clearance is not None:
-            continue
         limit = method.stability_limit if method.explicit else 4.0
         steps, most = math.ceil(1.1 * scale / limit), MOST / (1 if method.explicit else 150)
         smallest = np.inf
@@ -214,7 +212,7 @@ def ensemble():
     scale = ENSEMBLE_END * omega(*alone[-1])
 
     def entries():
-        method = METHODS["processed6"]
+        method = METHODS["rkn6"]
         for k in range(12):
             steps = math.ceil(1.1 * scale / method.stability_limit * 1.5**k)
             fits = {"": spring}
@@ -222,7 +220,7 @@ def ensemble():
             if error < 0.1:
                 fits[" +p"] = _fit(alone[-1], float(np.clip(FIT * error, 2e-14, 1e-3)))
             for mark, law in fits.items():
-                yield Entry(f"processed6{mark}", f"{steps} steps", advanced(law, method, steps))
+                yield Entry(f"rkn6{mark}", f"{steps} steps", advanced(law, method, steps))
             if error < LEVELS[-1] / 3:
                 return
 

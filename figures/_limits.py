@@ -21,18 +21,8 @@ def prism_chain(sites):
 def moved(chain, state, method, dt, steps):
     """Displacements and velocities after some steps of the bare loop, which refuses nothing."""
     u, v = chain.arrays(state)
-    advance(chain, u, v, METHODS[method], dt, steps)
+    chain.bind(u, v, METHODS[method], dt).advance(steps)
     return u, v
-
-
-def advance(chain, u, v, method, dt, steps):
-    """The same in place, into and out of a method's own variables where it has such."""
-    passes = [(method, steps)]
-    if method.processor is not None:
-        enter, leave = method.processor
-        passes = [(enter, 1), *passes, (leave, 1)]
-    for rows, count in passes:
-        chain.bind(u, v, rows, dt).advance(count)
 
 
 def gap(one, other):

@@ -50,21 +50,13 @@ def net(positions, bonds, lengths, tension, parameters, inverse_mass, walls=(), 
 def run(acceleration, u, v, method, dt, steps):
     """u and v after every step; (steps + 1, ...) each."""
     method = METHODS[method]
-    enter, leave = method.processor or (None, None)
-
-    def do(rows, u, v):
-        for kick, drift in zip(rows.kicks, (*rows.drifts, 0.0), strict=True):
+    found = [(u, v)]
+    for _ in range(steps):
+        for kick, drift in zip(method.kicks, (*method.drifts, 0.0), strict=True):
             if kick:
                 v = v + kick * dt * acceleration(u)
             u = u + drift * dt * v
-        return u, v
-
-    found = [(u, v)]
-    if enter:
-        u, v = do(enter, u, v)
-    for _ in range(steps):
-        u, v = do(method, u, v)
-        found.append(do(leave, u, v) if leave else (u, v))
+        found.append((u, v))
     return tuple(np.array(x) for x in zip(*found, strict=True))
 
 

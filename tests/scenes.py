@@ -37,18 +37,10 @@ def interrupted(monkeypatch, at):
 
 def extended(chain, state, method, dt, steps):
     """u and v after some steps of the same generated text, compiled in long double."""
-    method = METHODS[method]
     u, v = state.u.astype(np.longdouble), state.v.astype(np.longdouble)
     engine = Compiled.of(chain.loop_bonds, extended=True)
-    for rows, times in passes(method, steps):
-        bind(u, v, chain.loop_bonds, rows, dt, engine).advance(times)
+    bind(u, v, chain.loop_bonds, METHODS[method], dt, engine).advance(steps)
     return u, v
-
-
-def passes(method, steps):
-    """What a run of some steps does: pairs of a method and the number of its steps."""
-    enter, leave = method.processor or (None, None)
-    return [(rows, n) for rows, n in ((enter, 1), (method, steps), (leave, 1)) if rows]
 
 
 def plain_forces(chain, u):

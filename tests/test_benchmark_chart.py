@@ -88,7 +88,7 @@ def test_chart_of_work_and_precision_writes_picture_and_table_whole(tmp_path):
 
 
 def test_tried_methods_have_the_order_they_are_tried_for():
-    """On the oscillator, whose step matrix must have the right powers; processors apart."""
+    """On the oscillator, whose step matrix must have the right powers."""
     for name, method in SPLITTINGS.items():
         errors = []
         for z in (0.5, 0.25):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from benchmarks._candidates import SPLITTINGS
 from figures import chosen, gradients_pack, gradients_protector
 from tensegrity import gradient
 from tensegrity import objective as o
@@ -20,7 +21,7 @@ def test_prestrains_found_bring_the_peak_18_times_below_the_best_uniform_chain()
     assert peaks[0] == pytest.approx(peaks[1], rel=one.MOVED)
     chain = one.chain(one.FOUND)
     start, load = chain.at_rest({0: one.SPEED}), o.peak(o.load(wall=0))
-    other = gradient(load, chain, start, one.WINDOW, 0.1, "processed6", wanted=())
+    other = gradient(load, chain, start, one.WINDOW, 0.1, SPLITTINGS["kahan-li 6"], wanted=())
     assert other.value == pytest.approx(peaks[1], rel=one.MOVED)
     top = one.asked(one.FOUND, o.peak(o.load(wall=0)), wanted=("prestrain",))
     assert top.digits >= one.DIGITS

@@ -16,7 +16,7 @@ from tensegrity import objective as o
 from tensegrity.engine import reverse_text
 
 REFERENCES = json.loads((Path(__file__).parent / "gradients.json").read_text())["scenes"]
-METHODS = ("verlet", "rkn6", "processed6")
+METHODS = ("verlet", "rkn6")
 R, K, A = sp.symbols("r k a")
 ENERGY = K * R**2 / 2 + A * R**3 / 3 + R**4 / 4
 ARGUMENTS = {"alpha": "stiffness"}

@@ -12,7 +12,6 @@ from tensegrity import (
     Chain,
     Damping,
     LockingError,
-    Network,
     PowerLaw,
     Prism,
     Record,
@@ -32,8 +31,7 @@ REVERSIBLE = [name for name, method in METHODS.items() if method.reversible]
 SYMPLECTIC = [name for name, method in METHODS.items() if method.symplectic]
 DURATION = 24.0
 REFINEMENTS = [("verlet", (400, 800, 1600)), ("rkn6", (60, 90, 135)),
-               ("processed6", (90, 120, 160)), ("rk4", (900, 1300, 1800)),
-               ("gauss4", (80, 110, 150))]  # fmt: skip
+               ("rk4", (900, 1300, 1800)), ("gauss4", (80, 110, 150))]  # fmt: skip
 
 
 def fitted_order(errors, dts):
@@ -105,11 +103,11 @@ def test_time_reversal_returns_to_the_start(name):
     np.testing.assert_allclose(back.final.v, -start.v, rtol=0, atol=1e-13)
 
 
-def test_looks_at_a_processed_run_do_not_change_it():
-    """Each recorded row is where a run that ends there ends; the first is what was given."""
+def test_each_recorded_row_is_where_a_run_that_ends_there_ends():
+    """And the first is what was given."""
     chain = prism_chain(20)
     start = smooth_blow(chain)
-    options = {"method": "processed6", "dt": 0.25}
+    options = {"method": "rkn6", "dt": 0.25}
     run = simulate(chain, start, 4.0, record=Record(every=4), **options)
     assert np.array_equal(run.u[0], start.u)
     assert np.array_equal(run.v[0], start.v)
@@ -118,38 +116,6 @@ def test_looks_at_a_processed_run_do_not_change_it():
         np.testing.assert_allclose(run.u[row], ended.final.u, rtol=0, atol=1e-15)
         np.testing.assert_allclose(run.v[row], ended.final.v, rtol=0, atol=1e-15)
         assert run.energy[row] == pytest.approx(run.energy[0], rel=1e-6)
-
-
-@pytest.mark.needs_extended
-def test_processing_pays_on_smooth_springs():
-    """At equal evaluations of the forces, the processor's included, a third of the error."""
-    chain = prism_chain(64)
-    state = smooth_blow(chain)
-    exact, _ = extended(chain, state, "rkn6", 2 * DURATION / 4000, 4000)
-    errors = []
-    for name, extra in (("rkn6", 0), ("processed6", 24)):
-        steps = (2200 - extra) // METHODS[name].stages
-        u, _ = extended(chain, state, name, 2 * DURATION / steps, steps)
-        errors.append(float(np.max(np.abs(u - exact))))
-    assert errors[1] < errors[0] / 3
-
-
-def test_a_processor_that_leaves_the_domain_ends_the_run_before_it_begins():
-    chain = prism_chain(8)
-    state = chain.at_rest({0: 0.05})  # not enough energy to lock
-    with pytest.raises(StabilityError, match="too coarse for the processor of processed6") as one:
-        simulate(chain, state, 50.0, method="processed6", dt=1.2)
-    run = one.value.run
-    assert run.steps == 0
-    assert np.array_equal(run.t, [0.0])
-    assert np.array_equal(run.v[0], state.v)
-
-
-def test_a_processed_run_that_locks_says_so():
-    chain = prism_chain(8)
-    state = chain.at_rest({0: 0.4})
-    with pytest.raises(LockingError, match="got there at t ="):
-        simulate(chain, state, 50.0, method="processed6", tol=1e-6)
 
 
 def test_locking_is_told_of_the_spring_that_locks():
@@ -355,12 +321,6 @@ def test_an_implicit_step_that_cannot_be_solved_ends_the_run():
     assert not caught.value.run.complete
 
 
-def test_a_processed_method_runs_no_scene_whose_contacts_are_watched():
-    network = Network([[0.0, 0.0], [1.0, 0.0]], [(0, 1)], PowerLaw(1.0, 1.5), radius=0.5)
-    with pytest.raises(TensegrityError, match="'processed6' runs no scene whose sites have a rad"):
-        simulate(network, network.at_rest(), 1.0, method="processed6")
-
-
 def test_a_step_that_becomes_too_coarse_is_noticed_with_time_and_site():
     """At rest V'' = 0 and every step seems fine; the blow itself makes the contact stiff."""
     chain = Chain(PowerLaw(1.0, 3.0), 10)
@@ -531,12 +491,6 @@ def test_how_much_an_error_estimate_trusts_the_order():
     assert 1 < after(6.0) < 3
     assert after(9.0) == pytest.approx((4**9 - 1) / (4**order - 1))
     assert 1 < after(2.0) < 4
-
-
-def test_a_long_smooth_run_takes_the_method_with_a_processor():
-    chain = prism_chain(8)
-    run = simulate(chain, smooth_blow(chain), 400.0, tol=1e-8, record=Record(every=10**6))
-    assert run.method == "processed6"
 
 
 def test_contacts_that_open_are_trusted_with_the_order_they_leave():

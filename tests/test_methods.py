@@ -1,13 +1,12 @@
 """The coefficients of the methods, apart from any chain."""
 
-from dataclasses import replace
 from math import factorial
 
 import numpy as np
 import pytest
 from networks import patch, pushed
 from numpy.polynomial import Polynomial
-from scenes import passes, prism_chain, smooth_blow
+from scenes import prism_chain, smooth_blow
 
 from tensegrity import simulate
 from tensegrity.engine import plain
@@ -32,19 +31,10 @@ def step_matrix(method):
     z = Polynomial([0, 1])
     method = getattr(method, "base", method)  # what is corrected is no smooth force
     x, v = [Polynomial([1]), Polynomial([0])], [Polynomial([0]), Polynomial([1])]
-    if method.processor:
-        for rows, _ in passes(method, 1):
-            x, v = turned(rows, x, v, z)
-        return x, v
     if not method.symplectic:
         pairs = [rotated(method, *start, z) for start in zip(x, v, strict=True)]
         return tuple(zip(*pairs, strict=True))
-    return turned(method, x, v, z)
-
-
-def turned(rows, x, v, z):
-    """What kicks and drifts make of the dependence of x and v on the initial ones."""
-    for kick, drift in zip(rows.kicks, (*rows.drifts, 0.0), strict=True):
+    for kick, drift in zip(method.kicks, (*method.drifts, 0.0), strict=True):
         v = [b - kick * z * a for a, b in zip(x, v, strict=True)]
         x = [a + drift * z * b for a, b in zip(x, v, strict=True)]
     return x, v
@@ -116,9 +106,10 @@ def test_limit_of_verlet_is_two():
 
 def test_names():
     assert find("rkn6").order == 6
-    assert default(None, None, True) == default(None, 1e-6, False) == "rkn6"
-    assert default(0.1, None, True) == "verlet"
-    assert default(None, 1e-2, True) == default(None, 1e-3, True) == "processed6"
+    assert default(None, None, False) == default(None, 1e-6, False) == "rkn6"
+    assert default(None, None, True) == default(None, 1e-6, True) == "corrected6"
+    assert default(None, 1e-2, True) == default(None, 1e-3, True) == "rkn6"
+    assert default(0.1, None, True) == default(0.1, None, False) == "verlet"
     with pytest.raises(TensegrityError, match="method 'euler'"):
         find("euler")
 
@@ -211,8 +202,6 @@ def test_rows_become_tuples_of_plain_floats():
         (lambda: midpoint(positions=(1, 0)), r"sum of the positions is 1, must be 0\.5"),
         (lambda: midpoint(nodes=(0, 1)), r"velocities times nodes is 1, must be 0\.5"),
         (lambda: midpoint(matrix=3), "matrix of 'midpoint' 3 must be a sequence"),
-        (lambda: replace(METHODS["processed6"], entry=((1.0,), ())), r"rows of \[1, 0\]"),
-        (lambda: replace(METHODS["processed6"], entry=3), "entry of 'processed6' 3 must be"),
         (lambda: Method("bare", 2, 0.1), "is not one of verlet, "),
         (lambda: [], r"method \[\] is not one of"),
         (lambda: METHODS, "is not one of"),

@@ -80,7 +80,6 @@ def driven():
 
 CASES = {
     "verlet": (blow, 8.0, {"dt": 0.1}),
-    "processed6": (blow, 8.0, {"dt": 0.25, "method": "processed6"}),
     "gauss4": (blow, 4.0, {"dt": 0.25, "method": "gauss4"}),
     "rk4": (blow, 4.0, {"dt": 0.1, "method": "rk4"}),
     "default step": (blow, 8.0, {}),

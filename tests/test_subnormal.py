@@ -40,7 +40,7 @@ SCENES = {
     "driven": Chain(SPRING, 4, drive=REST, damping=Damping(bond=0.1)),
 }
 WAYS = [
-    *(("chain", method) for method in ("verlet", "rkn6", "processed6", "rk4")),
+    *(("chain", method) for method in ("verlet", "rkn6", "rk4")),
     *(("network", method) for method in ("verlet", "rk4")),
     *(("contacts", method) for method in ("verlet", "corrected6")),
     ("damped", "verlet"),

@@ -275,7 +275,7 @@ def test_preload_and_prestrain_move_the_equilibrium_that_elongations_count_from(
     assert np.abs(acceleration).max() > 1e-4
 
 
-@pytest.mark.parametrize(("method", "order"), [("verlet", 2), ("rkn6", 6), ("processed6", 6)])
+@pytest.mark.parametrize(("method", "order"), [("verlet", 2), ("rkn6", 6)])
 def test_methods_keep_their_order_with_a_tuned_stiffness(method, order):
     chain = Chain(stiffening(0.0), 8, tune={"k": 1 + sp.sin(T) ** 2 / 2})
     state = chain.at_rest({0: 0.5, 5: -0.3})

@@ -68,14 +68,12 @@ UNUSED = {  # rows of coefficients, and what others return
     "Corrected",
     "Gauss",
     "Nystrom",
-    "Processed",
     "Pulse",
     "default",
     "forms",
     "gauss_rows",
     "nystrom_of",
     "palindrome",
-    "there_and_back",
 }
 
 

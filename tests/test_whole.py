@@ -65,7 +65,7 @@ def both(monkeypatch, call):
 
 
 @pytest.mark.parametrize("record", [None, Record(every=7), Record(every=5, sites=[3, 1])])
-@pytest.mark.parametrize("method", ["verlet", "rkn6", "processed6", "corrected6"])
+@pytest.mark.parametrize("method", ["verlet", "rkn6", "corrected6"])
 @pytest.mark.parametrize("name", SCENES)
 def test_a_run_at_once_has_the_bits_of_a_careful_one(monkeypatch, name, method, record):
     scene, state = SCENES[name]()
@@ -205,7 +205,7 @@ def test_what_touches_at_the_end_of_a_step_is_found_by_a_look_after_each():
         assert beads.clearance.is_kept(near, u, np.full(2, last)) is False
 
 
-@pytest.mark.parametrize("method", ["rkn6", "processed6"])
+@pytest.mark.parametrize("method", ["verlet", "rkn6"])
 @pytest.mark.parametrize("name", SCENES)
 def test_two_runs_in_one_call_are_those_of_two_calls(name, method):
     scene, state = SCENES[name]()

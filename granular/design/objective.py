@@ -270,7 +270,7 @@ class _Moving:
         if not hasattr(self, "_walk"):
             begin, step, _ = loops.parts(METHOD)
             self._loops = [kernel.bind(self._u, self._v, bonds, m, self.dt) for m in (begin, step)]
-            self._walk = Walk(self._u, self._v, self._loops[0], self._loops[1], None, None)
+            self._walk = Walk(self._u, self._v, self._loops[0], self._loops[1], None)
             self._kick = METHOD.kicks[-1] * self.dt  # nothing was left at the start
         for loop in self._loops:
             loop.retune(bonds)

@@ -8,7 +8,6 @@ What runs where:
 | lanes of one scene, or of several | side by side in one loop | in turn |
 | threads | pieces of long chains | pieces of large ones, by splittings |
 | walls, loads | no: a network on a line has them | yes |
-| "processed6" | yes | where sites have no radius, so that no contact can form |
 | "corrected6" | yes, lanes too, on one thread | yes |
 | implicit steps | yes, banded | yes, sparse |
 | fitted forces | yes | yes |

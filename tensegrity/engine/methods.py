@@ -17,10 +17,8 @@ from tensegrity.engine.nystrom import Gauss, Nystrom, gauss_rows, nystrom_of
 from tensegrity.engine.schemes import (
     Corrected,
     Method,
-    Processed,
     Splitting,
     palindrome,
-    there_and_back,
 )
 from tensegrity.errors import TensegrityError
 
@@ -30,14 +28,12 @@ __all__ = [
     "Gauss",
     "Method",
     "Nystrom",
-    "Processed",
     "Splitting",
     "default",
     "find",
     "gauss_rows",
     "nystrom_of",
     "palindrome",
-    "there_and_back",
 ]
 
 _BLANES_MOAN_KICKS = palindrome(
@@ -59,44 +55,6 @@ _BLANES_MOAN_DRIFTS = palindrome(
         0.357208872795928,
     ),
     odd=True,
-)
-
-
-_KERNEL_KICKS = palindrome(
-    (
-        0.11622889655878751,
-        0.16411612123409744,
-        0.2010987789763164,
-        -0.03731535289759017,
-    ),
-    odd=True,
-)
-_KERNEL_DRIFTS = palindrome(
-    (
-        0.2001071043568385,
-        0.17607573745201222,
-        0.2954944223860612,
-    ),
-    odd=False,
-)
-_ENTRY = there_and_back(
-    kicks=(
-        0.3846400304648697,
-        -0.43605479986672124,
-        0.07565091778891464,
-        -0.011614836506709629,
-        0.14963336163881982,
-        -0.0012439736569434608,
-        -0.16101069986223182,
-    ),
-    drifts=(
-        0.014784495484724299,
-        -0.0946213058154778,
-        -0.20440295053226323,
-        0.3641786132389647,
-        0.4904231911847777,
-        -0.5703620435607111,
-    ),
 )
 
 _HALF, _SIXTH = Fraction(1, 2), Fraction(1, 6)
@@ -127,18 +85,6 @@ METHODS = {
             when_not="errors below about 1e-3 are wanted: a method of higher order is cheaper",
         ),
         _RKN6,
-        Processed(
-            name="processed6",
-            order=6,
-            kicks=_KERNEL_KICKS,
-            drifts=_KERNEL_DRIFTS,
-            entry=_ENTRY,
-            step=0.15,
-            reference="own coefficients; the idea: S. Blanes, F. Casas, J. Ros, SIAM J. Sci. "
-            "Comput. 21, 711 (1999)",
-            when_not="contacts open, where rkn6 is cheaper; or every step of a long chain is "
-            "recorded, since each record costs 12 more evaluations of the forces",
-        ),
         Nystrom(
             name="rk4",
             order=4,
@@ -185,14 +131,12 @@ def find(method: str | Method) -> Method:
     return method
 
 
-def default(dt: float | None, tol: float | None, smooth: bool, opens: bool = False) -> str:
+def default(dt: float | None, tol: float | None, opens: bool) -> str:
     """Name of the method used where none is asked for.
 
-    `smooth` where no contact can open; `opens` where one can whose opening is corrected: not worth
-    its time where a `LOOSE` tolerance is met by steps that are stable.
+    `opens` where a contact can open, and its opening is corrected: not worth its time where a
+    `LOOSE` tolerance is met by steps that are stable.
     """
     if dt is not None:
         return "verlet"
-    if opens:
-        return "corrected6" if tol is None or tol < LOOSE else "rkn6"
-    return "processed6" if tol is not None and smooth else "rkn6"
+    return "corrected6" if opens and (tol is None or tol < LOOSE) else "rkn6"

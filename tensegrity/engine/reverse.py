@@ -114,7 +114,7 @@ class Back:
         """Copies of u and v, (sites[, dim])."""
         return self.u[: self.layout.sites].copy(), self.v[: self.layout.sites].copy()
 
-    def reverse(self, steps, last, seeds=None, opened=True, close=False):
+    def reverse(self, steps, last, seeds=None, opened=True):
         """Undo steps.
 
         Parameters
@@ -123,17 +123,15 @@ class Back:
             How many, and the number of the last of them.
         seeds : Seeds, optional
             What objectives have to do with the states between, that before the steps included.
-        opened, close : bool, optional
-            Whether the first of them has the closing kick of the step before in it, and whether
-            the last has its own.
+        opened : bool, optional
+            Whether the first of them has the closing kick of the step before in it; the last
+            has not its own.
         """
         if self.layout.library is not None:
             given = None if seeds is None else seeds.address
-            self.layout.library.reverse(self.address, steps, opened, close, last, given)
+            self.layout.library.reverse(self.address, steps, opened, last, given)
             return
         kicks, drifts = self._kicks, self._drifts
-        if close and kicks[-1]:
-            self._stage(kicks[-1], 0.0)
         for k in range(steps - 1, -1, -1):
             for i in range(len(drifts) - 1, -1, -1):
                 merged = (k > 0 or opened) and i == 0

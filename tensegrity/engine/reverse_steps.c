@@ -40,13 +40,12 @@ void sow(const scene *c, const seeds *s, integer k)
     }
 }
 
-/* Undo `steps` steps, the last of them number `last`, as `advance_part` did them. */
-void reverse(const scene *c, integer steps, integer opened, integer close, integer last,
-             const seeds *s)
+/* Undo `steps` steps, the last of them number `last`, as `advance_part` did them but for its
+   closing kick. */
+void reverse(const scene *c, integer steps, integer opened, integer last, const seeds *s)
 {
     FLUSH
     const real closing = c->closing ? c->kicks[c->stages] : 0;
-    if (c->closing && close) reverse_stage(c, closing, 0);
     for (integer k = steps - 1; k >= 0; k--) {
         for (integer i = c->stages - 1; i >= 0; i--)
             reverse_stage(c, c->kicks[i] + ((k > 0 || opened) && i == 0 ? closing : 0),

@@ -205,12 +205,11 @@ class Library:
         address, number = ctypes.c_void_p, ctypes.c_longlong
         calls = {
             "sow": [address, address, number],
-            "reverse": [address] + [number] * 4 + [address],
-            "sampled": [address] * 2 + [number] + [address] * 3 + [number] * 2 + [address],
+            "reverse": [address] + [number] * 3 + [address],
             "evaluate": [number, number, number, *[address] * 5],
         }
         if exact:
-            calls["advance"] = [address, number]
+            calls |= {"advance": [address] * 2 + [number] * 2, "show": [address] * 4}
         for name, arguments in calls.items():
             function = found[name]
             function.argtypes, function.restype = arguments, None

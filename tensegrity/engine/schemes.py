@@ -65,7 +65,6 @@ class Method:
 
     explicit = True
     reversible = True
-    processor: ClassVar[tuple[Splitting, Splitting] | None] = None
     keeps: ClassVar[str] = "not for scenes that are driven, damped or tuned"
     if TYPE_CHECKING:  # what each kind of method brings
         symplectic: ClassVar[bool]
@@ -211,43 +210,6 @@ class Splitting(Method):
 
 
 @dataclass(frozen=True)
-class Processed(Splitting):
-    """A palindrome whose steps are of the order said in other variables only.
-
-    The rows of its processor lead into these variables before the first step; the same rows
-    backwards lead out, once wherever the motion is looked at.  A run from one state to another is
-    a palindrome as a whole.
-
-    Attributes
-    ----------
-    entry : (kicks, drifts)
-    """
-
-    entry: tuple[tuple[float, ...], tuple[float, ...]]
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        rows = check.sequence(f"entry of {self.name!r}", self.entry, "rows")
-        self._set("entry", tuple(row_of(f"entry of {self.name!r}", row) for row in rows))
-
-    def check(self) -> None:
-        """Refuse rows as `Splitting` does, and an entry that is no pair of such rows."""
-        super().check()
-        lengths = [len(row) for row in self.entry]
-        self._require(
-            len(lengths) == 2 and 2 <= lengths[0] == lengths[1] + 1 <= MOST_STAGES,
-            f"rows of {lengths} in the entry must be kicks and drifts, one kick more",
-        )
-
-    @cached_property
-    def processor(self) -> tuple[Splitting, Splitting]:  # type: ignore[override]
-        """Splittings that lead into the variables of the steps, and out."""
-        rows = self.entry, tuple(row[::-1] for row in self.entry)
-        common = self.name, self.order, self.step
-        return tuple(Splitting(*common, *pair) for pair in rows)  # type: ignore[return-value]
-
-
-@dataclass(frozen=True)
 class Corrected(Method):
     """A splitting whose error where contacts open or close is known, and taken off.
 
@@ -261,7 +223,6 @@ class Corrected(Method):
     Attributes
     ----------
     base : Splitting
-        Without a processor.
     """
 
     base: Splitting
@@ -272,9 +233,8 @@ class Corrected(Method):
         check.kind(f"base of {self.name!r}", self.base, Splitting)
 
     def check(self) -> None:
-        """Refuse what the base refuses, and a base in other variables than the scene's."""
+        """Refuse what the base refuses."""
         self.base.check()
-        self._require(self.base.processor is None, "its base has a processor, must have none")
 
     def _kinked(self, exponent: float) -> float:
         """So that the energy is kept to `KEPT`, by its error in steps of the full fraction."""
@@ -323,11 +283,3 @@ def row_of(name: str, values: Any) -> tuple[float, ...]:
 
 def mirrors(row: Sequence[float]) -> bool:
     return all(abs(a - b) <= EXACT for a, b in zip(row, row[::-1], strict=True))
-
-
-def there_and_back(
-    kicks: tuple[float, ...], drifts: tuple[float, ...]
-) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Rows of a step followed by the same step with its time reversed in sign."""
-    back = (-kick for kick in kicks[1:])
-    return (*kicks[:-1], kicks[-1] - kicks[0], *back), (*drifts, *(-drift for drift in drifts))

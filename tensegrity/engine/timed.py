@@ -162,9 +162,7 @@ class Schedule:
     def __init__(self, forcing: Forcing, method: Splitting, dt: float) -> None:
         self._forcing, self._dt = forcing, dt
         self.kicks, self.drifts = (np.multiply(x, dt) for x in (method.kicks, method.drifts))
-        self._within = np.concatenate([[0.0], np.cumsum(self.drifts)])
-        self._whole = round(sum(method.drifts)) == 1  # not so where it leads to other variables
-        self._within[-1] = dt * self._whole
+        self._within = np.concatenate([[0.0], np.cumsum(self.drifts)[:-1]])
         self.degree, self.levels = self._terms(), -(-method.order // 2)
         nodes = (1 - np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)) / 2
         self._nodes, self._solve = nodes, np.linalg.inv(np.vander(nodes, increasing=True))
@@ -183,9 +181,7 @@ class Schedule:
     def times(self, first: int, steps: int, origin: float = 0.0) -> Array:
         """Instants of the kicks, and of the end [s]; (steps stages + 1,)."""
         starts = origin + self._dt * np.arange(first, first + steps + 1)
-        each = starts[:-1, None] + self._within[:-1]
-        last = starts[-1] if self._whole else origin + self._within[-1]
-        return np.append(each.ravel(), last)
+        return np.append((starts[:-1, None] + self._within).ravel(), starts[-1])
 
     def width(self) -> int:
         """Numbers that a step takes."""

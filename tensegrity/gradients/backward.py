@@ -17,10 +17,7 @@ from tensegrity.engine.reverse_layout import Layout
 from tensegrity.progress import progress
 
 if TYPE_CHECKING:
-    from typing import Any
-
     from tensegrity.gradients.forward import Forward
-    from tensegrity.runs.run import Run
     from tensegrity.typing import Array
 
 LIMIT = 1e-9  # of the largest |u| and |v|: how far off a state may be that is returned to
@@ -34,7 +31,6 @@ class Backward:
     ----------
     forward : Forward
         That was run.
-    run : Run
     rows : ndarray, (objectives, steps of the window, places)
         Derivatives by the samples.
     apart : int or None
@@ -49,7 +45,7 @@ class Backward:
         Largest difference of a state returned to from that of the run [m, m/s].
     """
 
-    def __init__(self, forward: Forward, run: Run, rows: Array, apart: int | None) -> None:
+    def __init__(self, forward: Forward, rows: Array, apart: int | None) -> None:
         self._forward, self._apart = forward, apart
         self._layout: Layout = forward.layout
         self.totals = Totals(self._layout, len(rows))
@@ -57,42 +53,22 @@ class Backward:
         kept = list(forward.states.values())
         self._scales = [max(float(np.abs(x[k]).max()) for x in kept) for k in (0, 1)]
         self._seeds = Seeds(rows, forward.view.places, forward.view.of_u, forward._begin)
-        method = forward.method
-        if method.processor is not None:
-            self._seeds_out, self._seeds = self._seeds, None  # type: ignore[assignment]
-        self._main = self._back(method)
-        self._go(run)
+        grid = forward._grid or (0.0, 0.0)
+        self._main = Back(self._layout, forward.method, forward.dt, self.totals, grid)
+        self._go()
         sites = self._layout.sites
         self.u, self.v = self._main.ub[:, :sites], self._main.vb[:, :sites]
 
-    def _back(self, method: Any) -> Back:
-        forward = self._forward
-        return Back(self._layout, method, forward.dt, self.totals, forward._grid or (0.0, 0.0))
-
-    def _go(self, run: Run) -> None:
+    def _go(self) -> None:
         forward, main = self._forward, self._main
         last = forward.steps
         main.set(*forward.states[last])
-        if forward.method.processor is not None and last:
-            self._ways = [self._back(x) for x in (forward.method.processor[1], forward._close) if x]
-            self._lead_out(last, run.final.u, run.final.v)
-        elif self._seeds is not None:
-            main.sow(self._seeds, last)
-        else:
-            main.sow(self._seeds_out, last)
+        main.sow(self._seeds, last)
         self._most = max(1, WORK // (forward.scene.cost * forward.method.stages))
         with progress(last, "step") as self._bar:
             stops = sorted(forward.states, reverse=True)
             for b, a in pairwise(stops):
                 self._carry(a, b)
-        if forward.method.processor is not None and last:
-            enter = self._back(forward.method.processor[0])
-            self._pass(main, enter)
-            enter.reverse(1, 1, opened=False, close=True)
-            self._judge(enter, forward.start.u, forward.start.v)
-            self._pass(enter, main)
-            if self._seeds_out.begin == 0:
-                main.sow(self._seeds_out, 0)
 
     def _carry(self, a: int, b: int) -> None:
         """From the state after step b to that after step a, both known."""
@@ -130,40 +106,11 @@ class Backward:
     def _steps(self, a: int, b: int) -> None:
         """Undo the steps from b to a."""
         k, main = b, self._main
-        processed = self._forward.method.processor is not None
-        wanted = processed and self._seeds_out.begin < self._forward.steps
         while k > a:
-            many = 1 if wanted and k > self._seeds_out.begin else min(k - a, self._most)
+            many = min(k - a, self._most)
             main.reverse(many, k, self._seeds, opened=k - many > 0)
             k -= many
-            if wanted and self._seeds_out.begin <= k <= self._seeds_out.end and k > 0:
-                u, v = self._forward.led_out(*self._whole(*main.state()))
-                self._lead_out(k, u, v)
             self._bar.update(min(many, self._bar.total - self._bar.n))
-
-    def _whole(self, u: Array, v: Array) -> tuple[Array, Array]:
-        """Arrays as the scene's loop takes them."""
-        from tensegrity.scenes.scene import State
-
-        return self._forward.scene.arrays(State(u, v))
-
-    def _lead_out(self, k: int, u: Array, v: Array) -> None:
-        """Carry derivatives by the state u, v of the scene after step k to the loop's variables."""
-        leave, main = self._ways[0], self._main
-        leave.ub[:], leave.vb[:] = 0, 0
-        leave.set(u, v)
-        leave.sow(self._seeds_out, k)
-        leave.reverse(1, 1, opened=False, close=True)
-        for close in self._ways[1:]:
-            self._pass(leave, close)
-            close.reverse(1, 1, opened=False)
-            leave = close
-        main.ub += leave.ub
-        main.vb += leave.vb
-
-    def _pass(self, one: Back, other: Back) -> None:
-        other.set(*one.state())
-        other.ub[:], other.vb[:] = one.ub, one.vb
 
     def _miss(self, back: Back, u: Array, v: Array) -> float:
         """Distance from a state of the run, in its largest displacement and velocity."""

@@ -71,7 +71,7 @@ def gradient(
     dt : float
         Step [s], as for `simulate`.
     method : str or Method, optional
-        A splitting: "verlet", "rkn6", "processed6", or one of your own.
+        A splitting: "verlet", "rkn6", or one of your own.
     wanted : sequence of str, optional
         What `by` will be asked for; by default all that it can be.  Fewer cost less.
     exact : bool, optional
@@ -127,13 +127,12 @@ def gradient(
 
 def _splitting(method: str | Method) -> Splitting:
     found: Any = methods.find(method)
-    if type(found) not in (Splitting, methods.Processed):
+    if type(found) is not Splitting:
         reason = "its stages are none that can be undone one by one"
         if isinstance(found, (Splitting, methods.Corrected)):
             reason = "it has more than kicks and drifts, whose adjoint alone is derived here"
         raise TensegrityError(
-            f"method {found.name!r} has no gradient, because {reason}: take verlet, rkn6 or "
-            "processed6"
+            f"method {found.name!r} has no gradient, because {reason}: take verlet or rkn6"
         )
     return found
 
@@ -235,7 +234,7 @@ def _one(
         whole[:, inside] = slope
         by_rows[k], rest = read.back(one.traces, whole)
         explicit.append(rest)
-    back = Backward(forward, run, by_rows, checkpoints)
+    back = Backward(forward, by_rows, checkpoints)
     largest = tuple(max(float(np.abs(s[k]).max()) for s in forward.states.values()) for k in (0, 1))
     return [
         _gradient(scene, run, layout, names, back, k, values[k], explicit[k], largest)

@@ -250,7 +250,10 @@ class _Reader:
         if number not in self._made:
             package, name, parts = self._objects[number]
             if name not in KINDS:
-                raise UnknownKind(f"nothing here knows a {name}: import {package} first")
+                raise UnknownKind(
+                    f"nothing here knows a {name}: import {package} first, or take the version "
+                    "that wrote it"
+                )
             values = {key: self.value(one) for key, one in parts.items()}
             self._made[number] = KINDS[name].make(**values)
         return self._made[number]
@@ -392,6 +395,6 @@ register(Chain, _chain, _make_chain)
 register(Ensemble, _ensemble)
 register(Network, _network, _make_network)
 for _method in (
-    methods.Splitting, methods.Processed, methods.Corrected, methods.Nystrom, methods.Gauss,
+    methods.Splitting, methods.Corrected, methods.Nystrom, methods.Gauss,
 ):  # fmt: skip
     register(_method, _fields)

@@ -40,7 +40,7 @@ class ForcedMotion(Motion):
         if scene.tune:
             known, key = scene.remembered.tuned, problem.t_end
             if key not in known:
-                known[key] = Tuned(scene.spring_table.different[0], scene.tune, key, 0.0)
+                known[key] = Tuned(scene.spring_table.different[0], scene.tune, key)
             self.tuning = known[key]
         self.forcing = forcing_of(scene, problem.t_end, self.tuning)
         self._limit_damping(problem, dt)

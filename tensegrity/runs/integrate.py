@@ -47,8 +47,7 @@ def simulate(
         Name of a method, `tensegrity.engine.methods.METHODS`, or a `Splitting` or `Nystrom` of
         `tensegrity.engine.methods` with rows of your own.  By default "rkn6"; "verlet" where `dt`
         is given; else "corrected6" where contacts can open, of exponents from 1 to 3, or a force
-        has such corners, unless a `tol` is 1e-3 or looser; "processed6" where a `tol` is given,
-        no contact can open and the run takes two thousand steps or more.
+        has such corners, unless a `tol` is 1e-3 or looser.
     dt : float, optional
         Step [s]; the step used is the largest not above it that divides `t_end` evenly.  By
         default a small fraction of the stability limit, at the largest stiffness that any
@@ -95,7 +94,9 @@ def simulate(
     tol = None if tol is None else check.number("tol", tol, least=ROUND_OFF)
     if dt is not None and tol is not None:
         raise TensegrityError(f"dt {dt!r} s and tol {tol!r} exclude each other: give one")
-    method = methods.find(_default(scene, dt, tol) if method is None else method)
+    if method is None:
+        method = methods.default(dt, tol, not scene.is_driven and scene.opens)
+    method = methods.find(method)
     record = Record() if record is None else record
     check.kind("record", record, Record)
     record.check(scene.sites, t_end)
@@ -112,9 +113,3 @@ def simulate(
     else:
         run = default_step(problem)
     return changed(run, wall_time=time.perf_counter() - started)
-
-
-def _default(scene, dt, tol):
-    if scene.is_driven:
-        return methods.default(dt, tol, smooth=False)
-    return methods.default(dt, tol, scene.smooth and scene.clearance is None, scene.opens)

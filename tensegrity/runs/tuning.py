@@ -119,7 +119,7 @@ def simulate_tuned(
     dt : float
         Step [s]; the step used is the largest not above it that divides `t_end` evenly.
     method : str or Splitting
-        A splitting method without a processor.
+        A splitting method.
     record : Record, optional
 
     Raises
@@ -144,11 +144,6 @@ def simulate_tuned(
     method = methods.find(method)
     if not isinstance(method, methods.Splitting):
         raise TensegrityError(f"method {method.name!r} is not a splitting of kicks and drifts")
-    if method.processor is not None:
-        raise TensegrityError(
-            f"method {method.name!r} looks at springs before t = 0 and after the end, of which "
-            "spring_at says nothing: verlet and rkn6 do not"
-        )
     if t_end / dt > MOST_STEPS:
         raise TensegrityError(
             f"dt {dt:g} s takes {t_end / dt:.3g} steps to {t_end:g} s, must be at most "

@@ -103,7 +103,7 @@ class Remembered:
         self.plans: dict[Method, list[Any]] = {}
         self.ranges: list[tuple[Array, Array, float]] = []
         self.reached: dict[float, Any] = {}
-        self.tuned: dict[tuple[float, float], Any] = {}
+        self.tuned: dict[float, Any] = {}
 
 
 def known_state(u: Array, v: Array) -> State:

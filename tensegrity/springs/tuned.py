@@ -156,15 +156,10 @@ class Tuned(InTime):
         Of each argument that changes.
     t_end : float
         [s]
-    around : float, optional
-        Before 0 and after `t_end` springs are asked for as well, so long [s].
     """
 
-    def __init__(
-        self, spring: Potential, signals: Mapping[str, Any], t_end: float, around: float = 0.0
-    ) -> None:
+    def __init__(self, spring: Potential, signals: Mapping[str, Any], t_end: float) -> None:
         self._given, self._signals, self._t_end = spring, dict(signals), t_end
-        self._around = around
         self._first = self._spring(self._arguments(np.array([0.0]), 0)[0])
         box = self._box()
         self.law, self.series, self._low, self._half = self._fit(*box)
@@ -188,7 +183,7 @@ class Tuned(InTime):
             far = np.unique([values.argmin(axis=0), values.argmax(axis=0)])
             bad = [k for k in far if self._refused(values[k])]
             if not bad or end == 0:
-                return self._wider(end, values.min(axis=0), values.max(axis=0))
+                return values.min(axis=0), values.max(axis=0)
             good, wrong = 0.0, float(t[bad[0]])
             for _ in range(HALVINGS):
                 middle = (good + wrong) / 2
@@ -198,22 +193,6 @@ class Tuned(InTime):
                     good = middle
             self.reason = self._refused(self._arguments(np.array([wrong]), 0)[0])
             self.until = good
-
-    def _wider(self, end: float, low: Array, high: Array) -> tuple[Array, Array]:
-        """Also for the instants around the run."""
-        if not self._around:
-            return low, high
-        t = np.concatenate([np.linspace(-self._around, 0, 65), np.linspace(0, self._around, 65)])
-        t[65:] += end
-        values = self._arguments(t if end == self._t_end else t[:65], 0)
-        low, high = np.minimum(low, values.min(axis=0)), np.maximum(high, values.max(axis=0))
-        for corner in (low, high):
-            if (error := self._refused(corner)) is not None:
-                raise TensegrityError(
-                    f"the method needs springs up to {self._around:.3g} s before 0 and after the "
-                    f"end: {error}"
-                )
-        return low, high
 
     def _refused(self, arguments: Array) -> TensegrityError | None:
         """Why there is no spring with such arguments, or None."""
