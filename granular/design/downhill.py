@@ -27,7 +27,7 @@ from tensegrity.engine import kernel, reverse
 from tensegrity.engine.bonds import Bonds
 from tensegrity.engine.methods import METHODS
 from tensegrity.engine.reverse_layout import Layout
-from tensegrity.runs.loops import parts
+from tensegrity.engine.march import Wanted
 
 if TYPE_CHECKING:
     from typing import Any
@@ -68,7 +68,7 @@ class Pass:
     ) -> None:
         self._space, self._striker, self._wall = space, striker, wall
         self._steps, self._dt = steps, t_end / steps
-        self._method = parts(METHODS["verlet"])[1]  # at the start nothing pushes: no kick is left
+        self._method = METHODS["verlet"]
         count = space.count + 1
         law = PowerLaw(1.0, objective.EXPONENT).law
         self._rows = np.empty((steps, 1))  # displacement of the last bead after each step
@@ -111,10 +111,8 @@ class Pass:
             self._loop.retune(self._now)
         self._u[:], self._v[:] = 0, 0
         self._v[0] = self._striker.speed
-        reverse.sampled(
-            self._loop, self._steps, self._u, self._v, self._place, 1, self._rows,
-            self._layout.library,
-        )  # fmt: skip
+        at = np.arange(self._steps) + 1
+        self._loop.go(0, self._steps, [Wanted(at, self._rows, places=self._place, of_u=1)])
         force = self._table[-1, 0] * np.maximum(self._rows[:, 0], 0) ** objective.EXPONENT
         if not force.any():
             raise NotArrived(

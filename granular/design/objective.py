@@ -33,8 +33,7 @@ from tensegrity.engine import kernel
 from tensegrity.engine.bonds import Bonds
 from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.methods import METHODS
-from tensegrity.engine.walk import Walk
-from tensegrity.runs import loops
+from tensegrity.engine.march import Wanted
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -267,13 +266,10 @@ class _Moving:
     def _ready(self) -> None:
         """Bind the loops, or give them the new numbers."""
         bonds, self._done = self._bonds(), 0
-        if not hasattr(self, "_walk"):
-            begin, step, _ = loops.parts(METHOD)
-            self._loops = [kernel.bind(self._u, self._v, bonds, m, self.dt) for m in (begin, step)]
-            self._walk = Walk(self._u, self._v, self._loops[0], self._loops[1], None)
+        if not hasattr(self, "_loop"):
+            self._loop = kernel.bind(self._u, self._v, bonds, METHOD, self.dt)
             self._kick = METHOD.kicks[-1] * self.dt  # nothing was left at the start
-        for loop in self._loops:
-            loop.retune(bonds)
+        self._loop.retune(bonds)
 
     def follow(self, steps: int) -> tuple[Array, Array]:
         """Displacement and velocity of the last bead before and after each of the next steps."""
@@ -288,8 +284,9 @@ class _Moving:
 
     def _advance(self, steps: int, u: Array, v: Array) -> None:
         """Keep the first rows after each of so many steps."""
-        self._walk.go(self._done, self._done + np.arange(1, steps + 1), True, 3, u, v)
-        self._done += steps
+        end = self._done + steps
+        self._loop.go(self._done, end, [Wanted(np.arange(self._done, end) + 1, u, v, raw=True)])
+        self._done = end
 
 
 class _MovingInTurn(_Moving):

@@ -33,6 +33,8 @@ class Bound:
         What is advanced; v lacks the closing kick of the last step.
     shown : tuple of ndarray
         Copies of u and v at the end of `go`, as the state there.
+    sizes : (int, int)
+        Numbers of u that sites have, and walls behind them.
     springs : int
         Different ones.
     range : ndarray, (springs, 2)
@@ -43,10 +45,11 @@ class Bound:
 
     _openings = None
 
-    def _set_steps(self, loop, structure, arrays, bonds, method, dt, moving, places=None):
+    def _set_steps(self, loop, structure, arrays, bonds, method, dt, moving, walls=0, places=None):
         """Keep what the structure points to, and prepare the functions of a method's steps."""
         self._structure, self._arrays = structure, arrays
         self.u, self.v = arrays[:2]
+        self.sizes = moving, walls
         self.shown = np.empty_like(self.u), np.empty_like(self.v)
         self._of_step, functions, second = [], (loop.advance, loop.show), None
         self._scale_with_step(self._kicks)
@@ -64,10 +67,11 @@ class Bound:
 
     def loop_of(self, functions, addresses, sums=None):
         """What `march.c` takes: functions that advance and show, and what they take."""
-        arrays = self.u, self.v, *self.shown, *[sums] * (sums is not None)
+        arrays = self.u, self.v, *self.shown
         return march.Loop(
             *(one and march.pointer(one) for one in functions), *addresses,
-            *(x.ctypes.data for x in arrays), *[None] * (sums is None), self.u.size, 2,
+            *(x.ctypes.data for x in arrays), None if sums is None else sums.ctypes.data,
+            self._travel.ctypes.data, self.u.size, 2,
         )  # fmt: skip
 
     def _scale_with_step(self, array, power=1):
@@ -128,14 +132,9 @@ class Bound:
     def go(self, done, end, wanted=()):
         """Advance from step `done` of a run to `end`, which is shown, and take what is `Wanted`.
 
-        Returns whether that had to stop before.
+        Returns what `march.go` does.
         """
         return march.go(self._loop, done, end, wanted, *self.sizes)
-
-    @property
-    def sizes(self):
-        """Numbers of u that sites have, and walls behind them."""
-        return self.u.size, 0
 
     def advance(self, steps, opened=False):
         """Advance u and v by whole steps, in place; `opened` says whether others came before, where

@@ -65,8 +65,8 @@ class BoundNet(Bound):
             for k, (a, b) in enumerate(pairwise(cuts))
         ]
         whole = structure(0, 0, found.tiles, found.tiles, 0, 1)
-        self.sizes = dim * sites, dim * (contacts.rows - 1 - sites)
-        self._set_steps(loop, whole, arrays, bonds, method, dt, dim * sites, runs.source)
+        walls = dim * (contacts.rows - 1 - sites)
+        self._set_steps(loop, whole, arrays, bonds, method, dt, dim * sites, walls, runs.source)
         self.forget_range()
 
     def _lay(self, loop, bonds):

@@ -84,7 +84,7 @@ class BoundDriven(Bound):
             (loop.advance_driven, loop.show_driven), addresses, self.shown_sums
         )
 
-    def go(self, done: int, end: int, wanted: Any = ()) -> None:
+    def go(self, done: int, end: int, wanted: Any = ()) -> int:
         """As `Bound.go`; velocities of what is moved are 0, and sums lack what masses and forces of
         drivers store.
 
@@ -93,7 +93,9 @@ class BoundDriven(Bound):
         Locked
             A spring that changes met an end of its domain; u and v are of no use then.
         """
-        self._advance(done, end - done, lambda: march.go(self._march, done, end, wanted, *self.sizes))
+        return self._advance(
+            done, end - done, lambda: march.go(self._march, done, end, wanted, *self.sizes)
+        )
 
     def short(self, t: float) -> None:
         """One step alone that begins at t [s], in place, and closed."""
@@ -107,28 +109,30 @@ class BoundDriven(Bound):
         self._advance(0, 1, step, t)
         self.sums[:] = self.shown_sums
 
-    def _advance(self, first: int, steps: int, do: Any, origin: float = 0.0) -> None:
+    def _advance(self, first: int, steps: int, do: Any, origin: float = 0.0) -> int:
         """Do steps from number `first` after `origin` [s] on."""
         rows = self.schedule.rows(first, steps, origin)
         for name, x in rows.items():
             setattr(self._drive, name, x.ctypes.data)
         self._drive.stage = 0
-        if do():
+        found = do()
+        if found == march.STOPPED:
             times = self.schedule.times(first, steps, origin)
             raise Locked(float(times[self._drive.stage]), self.sums[2:].copy())
+        return found
 
-    def forget(self) -> None:
-        super().forget()
+    def forget_range(self) -> None:
+        super().forget_range()
         self._bound.forget_range()  # type: ignore[no-untyped-call]
 
     @property
     def travel(self) -> float:
-        """Bound on how far any coordinate of a site moved since `forget` [m]; of networks."""
+        """Bound on how far any coordinate of a site moved since `forget_range` [m]; of networks."""
         return self._bound.travel
 
     @property
     def range(self) -> Array:
-        """Smallest and largest elongation of each spring since `forget`; (springs, 2)."""
+        """Smallest and largest elongation of each spring since `forget_range`; (springs, 2)."""
         return self._bound.range if self._forcing.tuning is None else self.sums[2:][None].copy()
 
 

@@ -16,56 +16,80 @@ typedef struct {
     void *scene, *method;
     const double *u, *v;
     double *shown_u, *shown_v;
-    const double *sums; /* (sum_count) of what is shown: work, loss */
-    integer size;       /* numbers in u */
+    const double *sums;   /* (sum_count) of what is shown: work, loss */
+    const double *travel; /* bound on how far any coordinate of a site moved */
+    integer size;         /* numbers in u */
     integer sum_count;
 } loop;
 
 /* States after the steps `at`, increasing: the first `size` numbers of u and v, `walls` of v from
-   `behind` on, and sums; as the loop has them if `raw`.  Or, where there are `places`, these entries
+   `behind` on, sums, and the way travelled by then; as the loop has them if `raw`.  Or, where there are `places`, these entries
    of u, `of_u` of them, and then of v, as the loop has them. */
 typedef struct {
     const integer *at, *places;
-    double *u, *v, *impulse, *sums;
+    double *u, *v, *impulse, *sums, *travel;
     integer count, raw, size, behind, walls, entries, of_u;
 } wanted;
 
+enum { WELL, STOPPED, ENDLESS };
+
 static void copy(double *to, const double *from, integer n) { memcpy(to, from, n * sizeof *to); }
 
-static void take(const loop *l, wanted *w, int is_shown)
+/* Copies of u and v, as the state. */
+static integer shown(const loop *l, double *u, double *v)
+{
+    copy(u, l->u, l->size);
+    copy(v, l->v, l->size);
+    return l->show && l->show(l->scene, l->method, u, v);
+}
+
+static void take(const loop *l, wanted *w)
 {
     if (w->places)
         for (integer j = 0; j < w->entries; j++)
             *w->u++ = j < w->of_u ? l->u[w->places[j]] : l->v[w->places[j]];
     else {
-        const double *v = is_shown && !w->raw ? l->shown_v : l->v;
-        copy(w->u, is_shown && !w->raw ? l->shown_u : l->u, w->size);
+        const double *u = w->raw ? l->u : l->shown_u, *v = w->raw ? l->v : l->shown_v;
+        copy(w->u, u, w->size);
         copy(w->v, v, w->size);
         w->u += w->size, w->v += w->size;
         if (w->walls) copy(w->impulse, v + w->behind, w->walls), w->impulse += w->walls;
         if (w->sums) copy(w->sums, l->sums, l->sum_count), w->sums += l->sum_count;
+        if (w->travel) *w->travel++ = *l->travel;
     }
     w->at++, w->count--;
 }
 
-/* Go from step `done` to `end`, which is shown; whether the loop had to stop. */
-integer go(const loop *l, integer done, integer end, wanted *each, integer count)
+static int is_finite(const double *x, integer n)
+{
+    double none[8] = {0}, all = 0; /* apart, so that additions do not wait for each other */
+    for (integer i = 0; i < n; i++) none[i % 8] += 0 * x[i];
+    for (int k = 0; k < 8; k++) all += none[k];
+    return all == 0;
+}
+
+/* Go from step `done` to `end`, which is shown; whether all is well, the loop had to stop, or the
+   first `sites` numbers are not finite. */
+integer go(const loop *l, integer done, integer end, wanted *each, integer count, integer sites)
 {
     while (done < end) {
-        integer next = end, is_seen = 0;
+        integer next = end, seen = 0, last = 0;
         for (integer k = 0; k < count; k++)
             if (each[k].count && *each[k].at < next) next = *each[k].at;
-        if (l->advance(l->scene, l->method, next - done, done > 0)) return 1;
+        if (l->advance(l->scene, l->method, next - done, done > 0)) return STOPPED;
         done = next;
         for (integer k = 0; k < count; k++)
-            is_seen |= each[k].count && *each[k].at == done && !each[k].raw;
-        if (is_seen || done == end) {
-            copy(l->shown_u, l->u, l->size);
-            copy(l->shown_v, l->v, l->size);
-            if (l->show && l->show(l->scene, l->method, l->shown_u, l->shown_v)) return 1;
-        }
+            if (each[k].count && *each[k].at == done && !each[k].raw) seen++, last = k;
+        wanted *only = each + last;
+        const int alone = seen == 1 && done < end && only->size == l->size && !only->sums
+            && (only->count == 1 || only->at[1] > done);
+        if (alone) { /* straight to its place */
+            if (shown(l, only->u, only->v)) return STOPPED;
+            only->u += l->size, only->v += l->size, only->at++, only->count--;
+        } else if (seen || done == end)
+            if (shown(l, l->shown_u, l->shown_v)) return STOPPED;
         for (integer k = 0; k < count; k++)
-            while (each[k].count && *each[k].at == done) take(l, each + k, is_seen);
+            while (each[k].count && *each[k].at == done) take(l, each + k);
     }
-    return 0;
+    return is_finite(l->shown_u, sites) && is_finite(l->shown_v, sites) ? WELL : ENDLESS;
 }

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array, Indices
 
 _ADDRESS, _NUMBER = ctypes.c_void_p, ctypes.c_longlong
+STOPPED, ENDLESS = 1, 2  # what `go` returns, if not 0
 STEPS = ctypes.CFUNCTYPE(_NUMBER, _ADDRESS, _ADDRESS, _NUMBER, _NUMBER)  # as `advance` there
 
 
@@ -25,14 +26,14 @@ class Loop(ctypes.Structure):
     """A bound loop, as `march.c` takes it."""
 
     _fields_ = [
-        *((name, _ADDRESS) for name in "advance show scene method u v shown_u shown_v sums".split()),
+        *((name, _ADDRESS) for name in "advance show scene method u v shown_u shown_v sums travel".split()),
         *((name, _NUMBER) for name in ("size", "sum_count")),
     ]
 
 
 class _Wanted(ctypes.Structure):
     _fields_ = [
-        *((name, _ADDRESS) for name in "at places u v impulse sums".split()),
+        *((name, _ADDRESS) for name in "at places u v impulse sums travel".split()),
         *((name, _NUMBER) for name in "count raw size behind walls entries of_u".split()),
     ]
 
@@ -50,6 +51,8 @@ class Wanted(NamedTuple):
         For what walls got.
     sums : ndarray, (count, 2), or None
         For work and loss [J], where time counts.
+    travel : ndarray, (count,), or None
+        For bounds on how far any coordinate of a site moved by then [m]; of networks.
     raw : bool
         Whether states are wanted as the loop has them, before the closing kick.
     places : ndarray of int64, or None
@@ -63,6 +66,7 @@ class Wanted(NamedTuple):
     v: Any = None
     impulse: Any = None
     sums: Any = None
+    travel: Any = None
     raw: bool = False
     places: Any = None
     of_u: int = 0
@@ -72,26 +76,34 @@ class Wanted(NamedTuple):
         """All arrays that states go to."""
         return [x for x in self[1:5] if x is not None]
 
+    def with_travel(self) -> Wanted:
+        """The same, and the way travelled by each state."""
+        if self.raw or self.places is not None:
+            return self
+        return self._replace(travel=np.empty(len(self.at)))
+
     def like(self, lanes: tuple[int, ...]) -> Wanted:
         """Room for the same, of other lanes."""
         room = (None if x is None else np.empty((*x.shape[:-1], *lanes)) for x in self[1:5])
-        return Wanted(self.at, *room, *self[5:])
+        return Wanted(self.at, *room, None, *self[6:])
 
     def after(self, skipped: int) -> Wanted:
         """Without the first ones."""
-        rows = (None if x is None else x[skipped:] for x in self[:5])
-        return Wanted(*rows, *self[5:])
+        rows = (None if x is None else x[skipped:] for x in self[:6])
+        return Wanted(*rows, *self[6:])
 
 
 @once
 def _compiled() -> Any:
     found = library(joined(["march.c"])).go
-    found.argtypes = [_ADDRESS, _NUMBER, _NUMBER, _ADDRESS, _NUMBER]
+    found.argtypes = [_ADDRESS, _NUMBER, _NUMBER, _ADDRESS, _NUMBER, _NUMBER]
     found.restype = _NUMBER
     return found
 
 
-def go(loop: Loop, done: int, end: int, wanted: Sequence[Wanted], sites: int, walls: int) -> bool:
+def go(
+    loop: Loop, done: int, end: int, wanted: Sequence[Wanted], sites: int, walls: int
+) -> int:
     """Advance from step `done` to `end`, and take what is wanted after `done`.
 
     Parameters
@@ -105,25 +117,29 @@ def go(loop: Loop, done: int, end: int, wanted: Sequence[Wanted], sites: int, wa
 
     Returns
     -------
-    bool
-        Whether the loop had to stop before.
+    int
+        0, or `STOPPED` where the loop had to stop before, `ENDLESS` where it is not finite.
     """
-    each = (_Wanted * len(wanted))()
-    for told, one in zip(each, wanted, strict=True):
-        told.at, told.count, told.raw = address(one.at), len(one.at), one.raw or one.v is None
-        told.u = address(one.u)
-        if one.places is not None:
-            told.places, told.entries, told.of_u = address(one.places), len(one.places), one.of_u
-            continue
-        told.v, told.size, told.behind = address(one.v), one.u[:1].size, sites
-        if one.impulse is not None:
-            told.impulse, told.walls = address(one.impulse), walls
-        if one.sums is not None:
-            told.sums = address(one.sums)
-    found = _compiled()(
-        ctypes.addressof(loop), done, end, ctypes.addressof(each), len(wanted)
+    each = (_Wanted * len(wanted))(*(_told(one, sites, walls) for one in wanted))
+    return _compiled()(
+        ctypes.addressof(loop), done, end, ctypes.addressof(each), len(wanted), sites
     )
-    return bool(found)
+
+
+def _told(one: Wanted, sites: int, walls: int) -> _Wanted:
+    """As `march.c` takes it."""
+    at, u, v, impulse, sums, travel, raw, places, of_u = one
+    if places is not None:
+        return _Wanted(
+            address(at), address(places), address(u), *[None] * 4, len(at), True, 0, 0, 0,
+            len(places), of_u,
+        )  # fmt: skip
+    return _Wanted(
+        address(at), None, address(u), address(v), None if impulse is None else address(impulse),
+        None if sums is None else address(sums), None if travel is None else address(travel),
+        len(at), raw, u[:1].size, sites,
+        0 if impulse is None else walls,
+    )  # fmt: skip
 
 
 def pointer(function: Any) -> Any:

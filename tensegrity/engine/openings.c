@@ -329,7 +329,7 @@ integer advance_openings(const scene *c, openings *o, integer steps, integer ope
 
 /* What the velocities at the end of a step have too much because contact b just closed, or lack
    because it will open soon: an event is corrected for all kicks before and behind it at once. */
-static void show(const scene *c, const openings *o, integer b)
+static void show_event(const scene *c, const openings *o, integer b)
 {
     const real w0 = o->after[b], w1 = o->before[b], d0 = o->rate_after[b], d1 = o->rate_before[b];
     const real p[4] = {w0, d0, 3 * (w1 - w0) - 2 * d0 - d1, 2 * (w0 - w1) + d0 + d1};
@@ -373,7 +373,7 @@ integer show_openings(const scene *given, openings *o, real *u, real *v)
         if (!met) remember(c, o);
         met = 1;
         for (integer i = start; i < start + n; i++)
-            if (is_shown(w0[i], w1[i], d1[i])) show(c, o, i);
+            if (is_shown(w0[i], w1[i], d1[i])) show_event(c, o, i);
     }
     return 0;
 }

@@ -213,7 +213,7 @@ class OnGrid:
         functions = layout.library.advance, layout.library.show
         self._loop = march.Loop(
             *map(march.pointer, functions), back.address, None,
-            *(x.ctypes.data for x in arrays), None, back.u.size, 0,
+            *(x.ctypes.data for x in arrays), None, None, back.u.size, 0,
         )  # fmt: skip
 
     def go(self, done, end, wanted=()):

@@ -259,6 +259,6 @@ class Bound:
         np.divide(-np.expm1(-drifts[:, None] * rates), rates, out=glide, where=rates != 0)
         self._glide = np.ascontiguousarray(glide)
 
-    def forget(self) -> None:
+    def forget_range(self) -> None:
         """Start anew to record elongations; work and loss stay."""
         self.sums[2:] = np.inf, -np.inf

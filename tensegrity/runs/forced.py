@@ -33,7 +33,7 @@ class ForcedMotion(Motion):
         if not isinstance(method, Splitting):
             raise TensegrityError(
                 f"method {method.name!r} is no splitting of kicks and drifts, which driven, damped "
-                "and tuned scenes need: verlet, rkn6"
+                "and tuned scenes need, such as verlet and rkn6"
             )
         check_start(scene, problem.state.u)
         self.tuning = problem.tuning
@@ -95,18 +95,19 @@ class ForcedMotion(Motion):
         if self._is_late(end):
             return False
         try:
-            self._bound.go(self.point.done, end, wanted)
+            stopped = self._bound.go(self.point.done, end, wanted)
         except Locked as locked:
             self._locked = locked
             return False
         for one in wanted:
             if len(one.at) and not one.raw:
-                self._tell(one.at * self.dt, one.u, one.v, one.sums)
+                sums = np.zeros((len(one.at), 2)) if one.sums is None else one.sums
+                self._tell(one.at * self.dt, one.u, one.v, sums)
         sites, t = self._sites, np.array([end * self.dt])
         u, v = self._bound.shown
         self._sums = self._bound.shown_sums[None, :2].copy()
         self._tell(t, u[None, :sites], v[None, :sites], self._sums)
-        return True
+        return not stopped
 
     def _is_late(self, end: int) -> bool:
         """Whether there are no springs from some instant before on."""

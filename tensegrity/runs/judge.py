@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from functools import cached_property
 
 import numpy as np
 
@@ -83,11 +84,15 @@ class Judge:
         run of so many steps that it may pass the tolerance then has to agree with the one before.
         """
         walk = EPSILON * math.sqrt(run.steps * self._problem.method.stages)
+        return gap / 2 if self.opens and self._grown * walk > self._tol else walk
+
+    @cached_property
+    def _grown(self):
+        """Times which round-off grows where contacts open."""
         mobility = np.asarray(self._problem.scene.inverse_mass)
         mobility = mobility[mobility > 0]  # held sites have none
         unequal = float(mobility.max() / mobility.min()) if mobility.size else 1.0
-        grown = GROWN * walk * unequal**UNEQUAL
-        return gap / 2 if self.opens and grown > self._tol else walk
+        return GROWN * unequal**UNEQUAL
 
     def _seen(self, gaps):
         """Order by which errors fell, not more than what is trusted."""

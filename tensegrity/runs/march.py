@@ -148,8 +148,6 @@ def march(
     """
     dt = problem.t_end / steps if steps else 0.0
     motion = motion_of(problem, dt, allowed, start and start.point)
-    if start is None and problem.choice == "dt" and steps:
-        motion.refuse_start()
     recorder = Recorder(problem, motion, steps, start and start.count) if problem.rows else None
     samples = Samples(problem.scene.shape, steps, instants)
     users = [Watched(*pair, problem, motion, steps) for pair in problem.observe]
@@ -184,7 +182,7 @@ def _go(reached: Marched, steps: int, users: Any, others: Any) -> None:
     with progress(steps, "step", motion.done) if steps > first else nullcontext() as bar:
         most = first
         while True:
-            _attempt(motion, min(steps - motion.done, most), observers)
+            _attempt(motion, min(steps - motion.done, most), observers, problem.choice == "dt")
             most = min(largest, room)
             motion.accept()
             _serve(reached, users, others)
@@ -200,14 +198,16 @@ def _go(reached: Marched, steps: int, users: Any, others: Any) -> None:
                 return
 
 
-def _attempt(motion: Any, steps: int, observers: Any) -> None:
-    """Do at most so many steps, which stand."""
+def _attempt(motion: Any, steps: int, observers: Any, is_given: bool) -> None:
+    """Do at most so many steps, which stand; `is_given` says whether a user gave their length."""
     steps = min(steps, motion.most)
     while True:
         end = motion.done + steps
         wanted = [one for observer in observers for one in observer.wanted(end)]
         if motion.attempt(end, wanted):
             return
+        if motion.done == 0 and is_given:
+            motion.refuse_start()
         if steps <= 1:
             error = motion.error()
             motion.restore()

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from tensegrity.engine.march import Wanted
 from tensegrity.engine.methods import Corrected, Splitting
 from tensegrity.errors import LockingError, StabilityError
 from tensegrity.runs.guard import Guard
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array
 
 SPARE = 4  # prepared loops that a scene keeps for each method: one for each thread at work
+LOOKED = 4_000_000  # numbers in u at all steps of an attempt that is looked at after each
 LARGEST = 200_000  # numbers in u of a scene that keeps them
 
 
@@ -89,6 +91,9 @@ class Motion:
             self.point = self.point._replace(met=start.met)
         near = problem.moved.clearance
         self._tracker = near and near.tracker(self.point.shown[0][: self._sites])
+        self._samples_do = not problem.moved.follows or near.may_last(
+            problem.state.v, problem.t_end
+        )
         self.restore()
 
     def _prepare(self, scene: Any) -> None:
@@ -161,17 +166,16 @@ class Motion:
         steps, bound = end - self.point.done, self._bound
         bound.forget_range()
         self._reached = None
-        if not self._go(end, [self._first(one) for one in wanted]):
+        wanted = [self._first(one) for one in wanted]
+        if self._tracker is not None:
+            wanted = [one.with_travel() for one in wanted]
+        finite = self._go(end, wanted)
+        self._range_met = met = self._range(finite)
+        if not (finite and self._allows(met, end)):
             return False
-        met, (u, v) = self._range(), (x[: self._sites] for x in bound.shown)
-        self._range_met = met
-        if not (np.isfinite(u).all() and np.isfinite(v).all() and self._allows(met, end)):
+        if self._tracker is not None and not self._is_clear(steps, end, wanted):
             return False
-        if self._tracker is not None and not self._is_clear(steps, end):
-            return False
-        low, high = self.point.met.T
-        met = np.stack([np.minimum(low, met[:, 0]), np.maximum(high, met[:, 1])], axis=1)
-        self._reached = self._point(end, met)
+        self._reached = self._point(end, widened(self.point.met, met))
         return True
 
     def accept(self) -> None:
@@ -180,19 +184,21 @@ class Motion:
         self.point = self._reached
         if self._tracker is None or not steps:
             return
-        travel = self._bound.travel
+        travel, u = self._bound.travel, self.point.u[: self._sites]
         if self._tracker.share(travel) < 1:
-            self._tracker.accept(self.point.u[: self._sites], travel)
+            self._tracker.accept(u, travel)
+        elif steps > 1:
+            self._tracker.look(u)
         share = self._tracker.share(travel)
         self.most = max(1, int(min(CAUTION * steps / share, MOST_STEPS))) if share else MOST_STEPS
 
     def _go(self, end: int, wanted: Any) -> bool:
-        """Advance the loop; whether it got there."""
+        """Advance the loop; whether that is finite."""
         return not self._bound.go(self.point.done, end, wanted)
 
     def _first(self, wanted: Any) -> Any:
         """Take what is wanted of what was reached; the rest."""
-        here = int(np.searchsorted(wanted.at, self.point.done, side="right"))
+        here = int(wanted.at.searchsorted(self.point.done, side="right"))
         if not here:
             return wanted
         sites = self._sites
@@ -213,29 +219,54 @@ class Motion:
         bound = self._bound
         return Point(end, bound.u.copy(), bound.v.copy(), tuple(x.copy() for x in bound.shown), met)
 
-    def _range(self) -> Array:
+    def _range(self, finite: bool) -> Array:
         """Elongations met; a method that evaluates forces elsewhere ends at others."""
         met, method = self._bound.range, self._problem.method
         u = self._bound.shown[0][: self._sites]
-        if isinstance(method, (Splitting, Corrected)) or not np.isfinite(u).all():
+        if isinstance(method, (Splitting, Corrected)) or not finite:
             return met
         here = self._listed.present_ranges(u)
-        low, high = np.minimum(met[:, 0], here[:, 0]), np.maximum(met, here)[:, 1]
-        return np.stack([low, high], axis=1)
+        return widened(met, here)
 
     def _allows(self, met: Array, end: int) -> bool:
         return self._guard.is_inside(met) and self._guard.allows(met)
 
-    def _is_clear(self, steps: int, end: int) -> bool:
-        """Whether no unlisted contact can have formed."""
+    def _is_clear(self, steps: int, end: int, wanted: Any) -> bool:
+        """Whether no unlisted contact can have formed, as the way travelled says, or states on the
+        way, or at last those after all steps."""
         share = self._tracker.share(self._bound.travel)
         if share < 1:
             return True
-        if steps > 1:
-            self.most = max(1, min(steps // 2, int(CAUTION * steps / share)))
+        if steps == 1:
+            self._tracker.judge(self._bound.u[: self._sites], end * self.dt)
+            return True
+        if self._samples_do and (self._keeps(end, wanted) or self._keeps_each(end)):
+            return True
+        self.most = max(1, min(steps // 2, int(CAUTION * steps / share)))
+        return False
+
+    def _keeps(self, end: int, wanted: Any, each: bool = False) -> bool:
+        """Whether that which has most states on the way says that nothing unlisted touched."""
+        found = max((one for one in wanted if one.travel is not None), key=lambda one: len(one.at), default=None)
+        if found is None or not len(found.at):
             return False
-        self._tracker.judge(self._bound.u[: self._sites], end * self.dt)
-        return True
+        first, last = (x.shown[0][None, : self._sites] for x in (self.point, self._bound))
+        rows, travel = [first, found.u], found.travel
+        if found.at[-1] < end:
+            rows, travel = [*rows, last], np.append(travel, self._bound.travel)
+        return self._tracker.keeps(np.concatenate(rows), np.diff(travel, prepend=0.0), each)
+
+    def _keeps_each(self, end: int) -> bool:
+        """The same by all states on the way, once more, which is not taken apart."""
+        done, shape = self.point.done, self._listed.shape
+        if (end - done) * math.prod(shape) > LOOKED:
+            return False
+        rows = np.empty((2, end - done, *shape))
+        every = Wanted(done + 1 + np.arange(end - done), *rows).with_travel()
+        self.restore()
+        self._bound.forget_range()
+        self._go(end, [every])
+        return self._keeps(end, [every], each=True)
 
     def _list_anew(self) -> None:
         """Go on with the contacts that may form from here on."""
@@ -340,3 +371,10 @@ class Motion:
             f"{self._listed.stiffest(u, met)}"
         )
 
+
+def widened(ranges: Array, others: Array) -> Array:
+    """The least ranges (springs, 2) that hold both."""
+    found = np.empty(ranges.shape)
+    np.minimum(ranges[:, 0], others[:, 0], out=found[:, 0])
+    np.maximum(ranges[:, 1], others[:, 1], out=found[:, 1])
+    return found

@@ -54,7 +54,7 @@ class Instants:
     def wanted(self, end: int) -> Sequence[Wanted]:
         """States of an attempt to go on to step `end`."""
         self._first = first = self.count
-        stop = int(np.searchsorted(self._plan.due, end, side="right"))
+        stop = int(self._plan.due.searchsorted(end, side="right"))
         self._states = Wanted(self._plan.step[first:stop], *self._room(slice(first, stop)))
         return [self._states] if stop > first else ()
 
@@ -70,7 +70,7 @@ class Instants:
 
     def due(self, motion: Any) -> range:
         """Numbers of the instants whose states stand and were not taken."""
-        return range(self.count, int(np.searchsorted(self._plan.due, motion.done, side="right")))
+        return range(self.count, int(self._plan.due.searchsorted(motion.done, side="right")))
 
     def time(self, k: int) -> float:
         """Of an instant [s]."""
@@ -105,7 +105,7 @@ class Samples:
 
     def wanted(self, end: int) -> Sequence[Wanted]:
         """As of `Instants`."""
-        self._stop = int(np.searchsorted(self._at, end, side="right"))
+        self._stop = int(self._at.searchsorted(end, side="right"))
         here = slice(self._count, self._stop)
         return [Wanted(self._at[here], *self._all[:, here])] if here.stop > here.start else ()
 

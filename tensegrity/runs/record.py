@@ -6,10 +6,10 @@ import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from tensegrity.errors import TensegrityError
 from tensegrity.runs.rows import FileRows, Rows, need_memory
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from typing import Any
 
     from numpy.typing import NDArray
@@ -129,24 +130,16 @@ class Record:
             raise TensegrityError(f"record path {self.path}: there is no folder {self.path.parent}")
 
     def rows(
-        self,
-        instants: int,
-        shape: int | tuple[int, ...],
-        walls: tuple[int, ...] = (0,),
-        count: int | None = None,
-        more: Sequence[str] = (),
+        self, instants: int, shapes: Mapping[str, tuple[int, ...]], count: int | None = None
     ) -> Rows | FileRows:
         """Room for that many rows, in memory or in the file.
 
-        `shape` is that of u: (sites[, dim]); `walls` that of the impulses: (walls[, dim]); `count`
-        that of the rows which the file has already, where a run goes on; `more` are names of
-        numbers behind them.
+        `shapes` are those of the numbers in a row, by name; `count` is that of the rows which the
+        file has already, where a run goes on.
         """
-        kind = [("t", float), ("energy", float), ("u", float, shape), ("v", float, shape)]
-        kind += [("impulse", float, walls)] * bool(walls[0])
-        kind = np.dtype(kind + [(name, float) for name in more])
         if self.path is None:
-            return Rows(instants, kind)
+            return Rows(instants, shapes)
+        kind = np.dtype([(name, float, shape) for name, shape in shapes.items()])
         return FileRows(self.path, instants, kind, count, self.state_path)
 
     def columns(self, sites: int) -> Any:
@@ -162,16 +155,12 @@ class Record:
         for name in ("times", "interval", "checkpoint"):
             if getattr(self, name) is not None:
                 raise TensegrityError(f"{name} of a record is for `simulate` only: give every")
-        every = self.every or max(1, -(-total // INSTANTS))
-        need_memory(PER_INSTANT * (total // every + 2))
-        kept = np.arange(0, total + 1, every)
-        return kept if kept[-1] == total else np.append(kept, total)
+        return self.plan(total, 0.0).step
 
     def plan(self, total: int, t_end: float) -> Plan:
         """The instants of a run of `total` steps to `t_end`."""
         if self.times is None and self.interval is None:
-            whole = Record(every=self.every).steps(total)
-            return Plan(whole, np.broadcast_to(0.0, whole.shape), whole * (t_end / (total or 1)))
+            return _evenly(self.every or max(1, -(-total // INSTANTS)), total, t_end)
         t = np.array([]) if self.times is None else np.array(self.times)
         if self.interval is not None:
             count = t_end / self.interval * (1 + ROUND_OFF)
@@ -180,17 +169,16 @@ class Record:
             t[-1] = t_end if t_end - t[-1] <= ROUND_OFF * t_end else t[-1]
             t = t if t[-1] == t_end else np.append(t, t_end)
         if not total:
-            return Plan(np.zeros(len(t), dtype=int), np.zeros(len(t)), t)
+            return Plan(np.zeros(len(t), dtype=int), np.zeros(len(t)), t, np.zeros(len(t), dtype=int))
         dt = t_end / total
         nearest = np.rint(t / dt)
         there = np.abs(t - nearest * dt) <= ROUND_OFF * t
         whole = np.where(there, nearest, np.floor(t / dt))
         part = np.where(there, 0.0, t - whole * dt)
-        return Plan(whole.astype(int), part, t)
+        return Plan(whole.astype(int), part, t, whole.astype(int) + (part > 0))
 
 
-@dataclass(frozen=True)
-class Plan:
+class Plan(NamedTuple):
     """The instants to record, in the steps of a run.
 
     Attributes
@@ -201,19 +189,23 @@ class Plan:
         Time from there to the instant [s].
     t : ndarray, (instants,)
         [s]
+    due : ndarray of int, (instants,)
+        Steps that have to be done for each.
     """
 
     step: Indices
     part: Array
     t: NDArray[Any]
+    due: Indices
 
-    @cached_property
-    def due(self) -> Indices:
-        """Steps that have to be done for each."""
-        return self.step + (self.part > 0)
 
-    def __len__(self) -> int:
-        return len(self.step)
+@lru_cache(maxsize=64)  # of runs that are compared with each other, and again
+def _evenly(every: int, total: int, t_end: float) -> Plan:
+    """Every so many steps, and the last one."""
+    need_memory(PER_INSTANT * (total // every + 2))
+    step = np.arange(0, total + every, every) if total else np.zeros(1, dtype=int)
+    step[-1] = total
+    return Plan(step, np.zeros(len(step)), step * (t_end / (total or 1)), step)
 
 
 def beside(path: str | os.PathLike[str]) -> Path:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity.errors import RecordError
+from tensegrity.once import once
 from tensegrity.runs import archive
 from tensegrity.runs.observers import Instants
 from tensegrity.runs.run import Run, known
@@ -19,6 +20,11 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array
 
 AT_ONCE = 4_000_000  # numbers in u of rows whose energies are computed at once
+
+
+@once
+def _all(sites: int) -> tuple[int, ...]:
+    return tuple(range(sites))
 
 
 class Recorder(Instants):
@@ -39,14 +45,17 @@ class Recorder(Instants):
         record, scene = problem.record, problem.scene
         self._problem, self._motion, self._steps = problem, motion, steps
         self._columns, rest = record.columns(scene.sites), scene.shape[1:]
-        self._sites = tuple(range(scene.sites)) if record.sites is None else tuple(record.sites)
+        self._sites = _all(scene.sites) if record.sites is None else tuple(record.sites)
         self._in_place = record.is_plain and record.sites is None
         self._rows: Any = None
         super().__init__(record, problem, motion, steps)
-        self._rows = record.rows(
-            len(self._plan) + 1, (len(self._sites), *rest), (scene.wall_count, *rest), count,
-            ("work", "loss") if problem.is_forced else (),
-        )  # fmt: skip
+        of_sites: Any = len(self._sites), *rest
+        shapes = {"t": (), "energy": (), "u": of_sites, "v": of_sites}
+        if scene.wall_count:
+            shapes["impulse"] = scene.wall_count, *rest
+        if problem.is_forced:
+            shapes |= {"work": (), "loss": ()}
+        self._rows = record.rows(len(self._plan.t) + 1, shapes, count)
 
     @property
     def count(self) -> int:  # type: ignore[override]
@@ -65,29 +74,37 @@ class Recorder(Instants):
 
     def take(self, motion: Any, last: float = math.inf) -> None:
         """Record what stands and is due, up to an instant [s]."""
-        due = self.due(motion)
-        stop = int(np.searchsorted(self._plan.t[: due.stop], last, side="right"))
+        stop = self.due(motion).stop
+        if stop == self.count:
+            return
+        if last < math.inf:
+            stop = int(self._plan.t[:stop].searchsorted(last, side="right"))
         while self.count < stop:
             first = self.count
             if self._plan.part[first] > 0:
                 self._extend(self._plan.t[first : first + 1], *self._single(motion, first))
                 continue
-            between = np.flatnonzero(self._plan.part[first:stop])
+            between = [] if self._in_place else np.flatnonzero(self._plan.part[first:stop])
             end = first + int(between[0]) if len(between) else stop
             here = slice(first - self._first, end - self._first)
-            states = (None if x is None else x[here] for x in self._states[1:5])
+            states = [None if x is None else x[here] for x in self._states[1:5]]
+            if self._in_place:
+                states[:3] = [None] * 3  # they are in their rows
             self._extend(self._plan.t[first:end], *states)
 
     def _single(self, motion: Any, k: int) -> Any:
         return (None if x is None else x[None] for x in self.state(motion, k))
 
     def _extend(self, t: Array, u: Any, v: Any, impulse: Any, sums: Any) -> None:
-        """Append rows."""
-        more = [] if impulse is None else [impulse]
+        """Append rows; of those that are in their place already only the times, and sums."""
+        states = u, v
+        more = [impulse] * bool(self._scene.wall_count)
         if sums is not None:
             more += [sums[:, k].reshape(len(t), -1).sum(axis=1) for k in (0, 1)]  # of all lanes
-        energy = np.nan if self._in_place else self._motion.energies(t, u, v)
-        self._rows.extend(t, energy, u[:, self._columns], v[:, self._columns], *more)
+        if u is not None:
+            u, v = u[:, self._columns], v[:, self._columns]
+        energy = None if self._in_place else self._motion.energies(t, *states)
+        self._rows.extend(t, energy, u, v, *more)
 
     def end(self, t: float, shown: Any) -> None:
         """Record where the run ended, u, v, impulse and sums, if that is not the last row."""

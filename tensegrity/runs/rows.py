@@ -8,6 +8,7 @@ written to is locked by its open handle, so that the lock of a killed process go
 from __future__ import annotations
 
 import io
+import math
 import os
 import shutil
 from contextlib import suppress
@@ -50,27 +51,20 @@ def _refuse_more(size, room, what):
         )
 
 
-def _row(kind, *fields):
-    """The fields that rows of this kind have: impulses where there are walls."""
-    return fields[: len(kind.names)]
-
-
 class Rows:
     """Rows in memory: time, energy, and u and v of the kept sites, each in an array of its own."""
 
-    def __init__(self, instants: int, kind: np.dtype[Any]) -> None:
-        need_memory(instants * kind.itemsize)
-        fields = {} if kind.names is None else {name: kind[name] for name in kind.names}
-        self.arrays = {
-            name: np.zeros((instants, *field.shape), field.base) for name, field in fields.items()
-        }
+    def __init__(self, instants: int, shapes: Mapping[str, tuple[int, ...]]) -> None:
+        need_memory(8 * instants * sum(map(math.prod, shapes.values())))
+        self.arrays = {name: np.empty((instants, *shape)) for name, shape in shapes.items()}
         self.count = 0
 
-    def extend(self, *columns: Array) -> None:
-        """Append rows: t, energy, u, v, and what is kept besides."""
-        stop = self.count + len(columns[0])
+    def extend(self, *columns: ArrayLike | None) -> None:
+        """Append rows, each of the numbers in a column; None for those that are there already."""
+        stop = self.count + len(columns[0])  # type: ignore[arg-type]
         for rows, values in zip(self.arrays.values(), columns, strict=True):
-            rows[self.count : stop] = values
+            if values is not None:
+                rows[self.count : stop] = values
         self.count = stop
 
     def finished(self) -> Mapping[str, NDArray[Any]]:
@@ -183,7 +177,7 @@ class FileRows:
         RecordError
             If either cannot be written; the rows before stay as they are.
         """
-        self._row[0] = _row(self._kind, t, energy, u, v, *more)
+        self._row[0] = t, energy, u, v, *more
         try:
             place = self._size + self.count * self._kind.itemsize
             _write(self._file, self._row.tobytes(), place)

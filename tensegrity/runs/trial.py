@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-import numpy as np
+from functools import cached_property
 
 from tensegrity.runs.record import Record
 from tensegrity.runs.run import changed
 from tensegrity.runs.step import refined
 
 
-@dataclass(frozen=True)
 class Trial:
     """One of the runs that are compared.
 
@@ -20,48 +17,35 @@ class Trial:
     march : Marched
     instants : int
         Evenly spaced ones, besides the first, which all trials have in common.
+    steps : int
+        That were done.
+    complete : bool
+        Whether it was not interrupted.
+    met : ndarray, (springs, 2)
+        Smallest and largest elongation of each spring [m].
+    samples : (ndarray, ndarray), (instants + 1, *shape) each
+        u and v at the instants.
+    fineness : float
+        Steps from one instant to the next.
     """
 
-    march: object
-    instants: int
+    def __init__(self, march, instants):
+        self.march, self.instants, self.run = march, instants, march.run
+        self.steps, self.complete, self.met = march.steps, march.complete, march.met
+        self.samples, self.fineness = march.samples, march.steps / instants
 
     @classmethod
     def of(cls, problem, steps, instants):
         """With so many steps from one instant to the next, or more where those are too coarse."""
         return cls(refined(problem, steps * instants, 1.0, instants), instants)
 
-    @property
-    def steps(self):
-        """That were done."""
-        return self.march.steps
-
-    @property
-    def complete(self):
-        """Whether it was not interrupted."""
-        return self.march.complete
-
-    @property
-    def met(self):
-        """Smallest and largest elongation of each spring [m]; (springs, 2)."""
-        return self.march.met
-
-    @property
-    def samples(self):
-        """u and v at the instants; (instants + 1, *shape) each."""
-        return self.march.samples
-
-    def run(self):
-        """The run itself."""
-        return self.march.run()
-
-    @property
-    def fineness(self):
-        """Steps from one instant to the next."""
-        return self.steps / self.instants
+    @cached_property
+    def _sizes(self):
+        return [_largest(x) for x in self.samples]
 
     def gap(self, finer):
         """Largest difference from a finer one in u and in v, over the largest value there."""
-        return largest_gap(self.samples, finer.samples)
+        return largest_gap(self.samples, finer.samples, finer._sizes)
 
 
 def trial_of(problem, rows=False):
@@ -74,10 +58,12 @@ def trial_of(problem, rows=False):
     return changed(problem, record=record, rows=rows, observe=())
 
 
-def largest_gap(coarse, fine):
+def largest_gap(coarse, fine, sizes):
     """Largest difference of two runs in u and in v, each over its own largest value in the run."""
-    parts = []
-    for one, other in zip(coarse, fine, strict=True):
-        largest, gap = np.max(np.abs(other)), np.max(np.abs(one - other))
-        parts.append(gap / largest if largest else gap)
-    return float(max(parts))
+    gaps = [_largest(one - other) for one, other in zip(coarse, fine, strict=True)]
+    return max(gap / size if size else gap for gap, size in zip(gaps, sizes, strict=True))
+
+
+def _largest(array):
+    """Largest size of a number."""
+    return max(float(array.max()), -float(array.min()))

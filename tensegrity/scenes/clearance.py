@@ -146,41 +146,17 @@ class Clearance:
             found = np.asarray(np.minimum(found, np.min(ways, axis=-1, initial=math.inf)))
         return found
 
-    def _room_at(self, u: Array, near: tuple[Indices, Indices]) -> float:
+    def room_at(self, u: Array, near: tuple[Indices, Indices]) -> float:
         """The room at displacements where so much is `watched`; the last answer is kept."""
         known = self._known_room
         if known is None or known[0] is not near:
             known = self._known_room = near, float(self.room(self.positions + u, 0.0, *near))
         return known[1]
 
-    def is_kept(
-        self, near: tuple[Indices, Indices], u: Array, travel: Array, each: bool = False
-    ) -> bool:
-        """Whether nothing unlisted can have touched between instants of a run.
-
-        Parameters
-        ----------
-        near : tuple of ndarray of int
-            What is `watched` at the first.
-        u : ndarray, (instants + 1, sites, dim)
-        travel : ndarray, (instants,)
-            Bound on how far any coordinate of a site moved from each to the next [m].
-        each : bool, optional
-            Whether the instants are all steps: then nothing touches in one at whose end nothing
-            does, as `Tracker.judge` has it.
-        """
-        moved = np.sqrt(np.max(np.sum((u - u[0]) ** 2, axis=-1), axis=-1))
-        ways = math.sqrt(self.dim) * travel
-        if np.all(ways + moved[:-1] < self._room_at(u[0], near)):  # no room shrinks faster
-            return True
-        room = self.room(self.positions + u, moved, *near)
-        kept = ways < room[:-1]
-        return bool(np.all(kept | (room[1:] > 0) if each else kept))
-
     def check(self, u: Array) -> None:
         """Refuse displacements at which something unlisted touches."""
         near, touch = self.watched(u), TOUCH * self.skin
-        if self._room_at(u, near) > touch:
+        if self.room_at(u, near) > touch:
             return
         complaint = self.complaint(self.positions + u, *near, touch)
         if complaint:
@@ -231,20 +207,44 @@ class Tracker:
     def __init__(self, clearance: Clearance, u: Array) -> None:
         self._of = clearance
         self._list(u)
-        self._look(u)
+        self._left = self._room = clearance.room_at(u, self._near)
 
     def _list(self, u: Array) -> None:
         self._listed_at = u.copy()
-        self._pairs, self._walls = self._of.watched(u)
+        self._near = self._pairs, self._walls = self._of.watched(u)
 
-    def _look(self, u: Array) -> None:
+    def look(self, u: Array) -> None:
         """Find how far every site may move until something could be wrong."""
-        of, x = self._of, self._of.positions + u
-        moved = np.sqrt(np.max(np.sum((u - self._listed_at) ** 2, axis=1), initial=0.0))
+        of, moved = self._of, self._moved(u)
         if moved > of.skin / 4:
             self._list(u)
             moved = 0.0
-        self._left = self._room = float(of.room(x, moved, self._pairs, self._walls))
+        self._left = self._room = float(of.room(of.positions + u, moved, self._pairs, self._walls))
+
+    def _moved(self, u: Array) -> Any:
+        """How far any site went since the list was made [m]."""
+        return np.sqrt(np.max(np.sum((u - self._listed_at) ** 2, axis=-1), axis=-1, initial=0.0))
+
+    def keeps(self, u: Array, travel: Array, each: bool = False) -> bool:
+        """Whether nothing unlisted can have touched between instants of a run.
+
+        Parameters
+        ----------
+        u : ndarray, (instants + 1, sites, dim)
+            The first where it was looked last.
+        travel : ndarray, (instants,)
+            Bound on how far any coordinate of a site moved from each to the next [m].
+        each : bool, optional
+            Whether the instants are all steps: then nothing touches in one at whose end nothing
+            does, as `judge` has it.
+        """
+        of, ways = self._of, math.sqrt(self._of.dim) * travel
+        moved = np.sqrt(np.max(np.sum((u - u[0]) ** 2, axis=-1), axis=-1))
+        if np.all(ways + moved[:-1] < self._left):  # no room shrinks faster
+            return True
+        room = of.room(of.positions + u, self._moved(u), self._pairs, self._walls)
+        kept = ways < room[:-1]
+        return bool(np.all(kept | (room[1:] > 0) if each else kept))
 
     def share(self, travel: float) -> float:
         """The way that sites went, over the way they may go; `travel` bounds each coordinate."""
@@ -255,7 +255,7 @@ class Tracker:
         """Go on from displacements that are known to be sound; look again if it is time to."""
         self._left -= math.sqrt(self._of.dim) * travel
         if self._left < self._room / 2:
-            self._look(u)
+            self.look(u)
 
     def is_new(self) -> bool:
         """Whether contacts have to be listed anew since this was asked: they never are here."""
@@ -266,4 +266,4 @@ class Tracker:
         complaint = self._of.complaint(self._of.positions + u, self._pairs, self._walls)
         if complaint:
             raise ContactError(f"{complaint} at t = {t:.6g} s")
-        self._look(u)
+        self.look(u)

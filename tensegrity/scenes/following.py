@@ -224,4 +224,4 @@ class Follower(Tracker):
                 words = of.behind(site, wall, x)
             raise ContactError(f"{words} at t = {t:.6g} s")
         self._list(u)
-        self._look(u)
+        self.look(u)
