@@ -7,7 +7,6 @@ from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.kernel import bind
 from tensegrity.engine.methods import METHODS
 from tensegrity.runs import march
-from tensegrity.runs.watch import Watch
 
 
 def prism_chain(sites=64, ends=("free", "free")):
@@ -20,18 +19,27 @@ def smooth_blow(chain, speed=0.03):
     return chain.at_rest(dict.fromkeys(range(4), speed))
 
 
-def interrupted(monkeypatch, at):
-    """Ctrl-C comes with the march's advance of that number; the list of all, as it grows."""
-    calls, advance = [], Watch.advance
+def short_attempts(monkeypatch, steps=1):
+    """Let a march attempt so many steps at a time."""
+    monkeypatch.setattr(march, "BLOCK", 0)
+    monkeypatch.setattr(march, "FEWEST", steps)
+    monkeypatch.setattr(march, "FIRST", 1)
 
-    def counted(self, steps):
-        calls.append(steps)
-        if len(calls) == at:
-            raise KeyboardInterrupt
-        advance(self, steps)
 
-    monkeypatch.setattr(march, "STRIDE", 0)
-    monkeypatch.setattr(Watch, "advance", counted)
+def interrupted(monkeypatch, at, steps=1, error=KeyboardInterrupt, counts=lambda motion: True):
+    """Ctrl-C, or an error, comes with the attempt of that number, each of so many steps, of those
+    that count; the list of all, as it grows."""
+    calls, attempt = [], march._attempt
+
+    def counted(motion, *rest):
+        if counts(motion):
+            calls.append(motion.done)
+            if len(calls) == at:
+                raise error
+        return attempt(motion, *rest)
+
+    short_attempts(monkeypatch, steps)
+    monkeypatch.setattr(march, "_attempt", counted)
     return calls
 
 

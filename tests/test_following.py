@@ -6,6 +6,7 @@ import pickle
 
 import numpy as np
 import pytest
+from scenes import short_attempts
 
 from granular import Bead, hertz, materials
 from tensegrity import (
@@ -20,8 +21,7 @@ from tensegrity import (
     resume,
     simulate,
 )
-from tensegrity.runs import march, whole
-from tensegrity.runs.watch import Watch
+from tensegrity.runs.motion import Motion
 
 D = 9.53e-3
 STEEL = Bead(D, materials["steel"])
@@ -179,10 +179,10 @@ def test_the_end_of_a_wall_is_no_contact():
 
 
 def both(monkeypatch, call):
-    """What a call gives in few calls of the loop, and block by block, with care."""
+    """What a call gives in few attempts, and in short ones."""
     few = call()
     with monkeypatch.context() as m:
-        m.setattr(march, "STRIDE", 0)
+        short_attempts(m, 5)
         return few, call()
 
 
@@ -190,17 +190,14 @@ def both(monkeypatch, call):
     ("method", "record"),
     [("verlet", Record(every=7)), ("rkn6", None), ("corrected6", Record(every=5, sites=[15, 3]))],
 )
-def test_a_followed_run_in_strides_has_the_bits_of_a_careful_one(monkeypatch, method, record):
-    """Lists are made anew between strides, whose rows come in one call."""
+def test_a_followed_run_has_the_bits_of_one_in_short_attempts(monkeypatch, method, record):
+    """Lists are made anew between attempts."""
     scene = followed(rack(0.3), box(WIDTH, HEIGHT))
-    state, lists, strides = scene.at_rest({15: (5.0, 0.0)}), [], []
-    anew, stride = Watch._list_anew, Watch.stride
-    monkeypatch.setattr(Watch, "_list_anew", lambda w: lists.append(w.sound.done) or anew(w))
-    monkeypatch.setattr(Watch, "stride", lambda w, *a: strides.append(1) or stride(w, *a))
+    state, lists, prepare = scene.at_rest({15: (5.0, 0.0)}), [], Motion._prepare
+    monkeypatch.setattr(Motion, "_prepare", lambda m, s: lists.append(s) or prepare(m, s))
     given = {"dt": 1e-6, "method": method, "record": record}
     one, other = both(monkeypatch, lambda: simulate(scene, state, 4e-3, **given))
     assert len(lists) > 4
-    assert len(strides) > 2
     for field in ("t", "u", "v", "impulse"):
         assert getattr(one, field).tobytes() == getattr(other, field).tobytes(), field
     assert one.final.u.tobytes() == other.final.u.tobytes()
@@ -208,28 +205,23 @@ def test_a_followed_run_in_strides_has_the_bits_of_a_careful_one(monkeypatch, me
 
 
 @pytest.mark.parametrize("record", [None, Record(every=7)])
-def test_a_short_followed_run_is_one_call(monkeypatch, record):
+def test_a_short_followed_run_has_the_bits_of_short_attempts(monkeypatch, record):
     scene = followed(rack(), box(WIDTH, HEIGHT))
-    state, made = scene.at_rest({3: (1.0, 0.3), 15: (1.0, 0.0)}), []
-    monkeypatch.setattr(march, "whole", lambda *a: made.append(whole.whole(*a)) or made[-1])
+    state = scene.at_rest({3: (1.0, 0.3), 15: (1.0, 0.0)})
     given = {"dt": 2e-7, "method": "verlet", "record": record}
     one, other = both(monkeypatch, lambda: simulate(scene, state, 2e-4, **given))
-    assert [x is None for x in made] == [False, True]
     for field in ("t", "u", "v", "energy", "impulse", "met"):
         assert np.array_equal(getattr(one, field), getattr(other, field)), field
     assert one.fastest == other.fastest
     assert np.abs(one.v[-1, :15]).max() > 0.1
 
 
-def test_a_run_in_one_call_that_passes_its_list_is_done_again(monkeypatch):
+def test_an_attempt_that_passes_its_list_is_made_again():
     """A bead that is driven out of what was listed: its speed at the start does not tell."""
     loads = np.zeros((2, 2))
     loads[0, 0] = 4.0
     scene = followed(np.array([[0.0, 0.0], [2.2, 0.0]]) * D, (), loads=loads)
-    made = []
-    monkeypatch.setattr(march, "whole", lambda *a: made.append(whole.whole(*a)) or made[-1])
     run = simulate(scene, scene.at_rest(), 6e-3, dt=1e-5, method="verlet")
-    assert made == [None]
     assert run.v[-1, 1, 0] > 0.1  # it was met
 
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 import sympy as sp
-from scenes import extended, interrupted, prism_chain, smooth_blow
+from scenes import extended, interrupted, prism_chain, short_attempts, smooth_blow
 from springs import series
 
 from tensegrity import (
@@ -21,10 +21,8 @@ from tensegrity import (
     simulate,
 )
 from tensegrity.engine.methods import METHODS
-from tensegrity.runs import march
 from tensegrity.runs.judge import SLOWER, Judge, order_left
 from tensegrity.runs.problem import Problem
-from tensegrity.runs.watch import Watch
 
 EXPLICIT = [name for name, method in METHODS.items() if method.explicit]
 REVERSIBLE = [name for name, method in METHODS.items() if method.reversible]
@@ -452,7 +450,7 @@ def test_numbers_that_overflow_are_refused():
 
 def test_interrupt_returns_what_was_done(monkeypatch):
     chain = prism_chain()
-    interrupted(monkeypatch, 8)
+    interrupted(monkeypatch, 8, steps=2)
     run = simulate(chain, smooth_blow(chain), 10.0, dt=0.1, record=Record(every=2))
     assert not run.complete
     assert run.steps == 14
@@ -500,35 +498,22 @@ def test_contacts_that_open_are_trusted_with_the_order_they_leave():
     assert order_left(problem, np.array([[-1.0, 1.0]])) == 2.5
 
 
-@pytest.mark.needs_compiler
 @pytest.mark.parametrize("at", [1, 2, 3, 4])
-def test_interrupt_between_strides_keeps_their_rows(monkeypatch, at):
-    chain, calls = prism_chain(), []
-    stride = Watch.stride
-
-    def interrupted(self, end, kept):
-        calls.append(end)
-        if len(calls) == at:
-            raise KeyboardInterrupt
-        return stride(self, end, kept)
-
+def test_interrupt_between_attempts_keeps_their_rows(monkeypatch, at):
+    chain = prism_chain()
     whole = simulate(chain, smooth_blow(chain), 40.0, dt=0.1, record=Record(every=7))
-    monkeypatch.setattr(march, "BLOCK", 1)  # the fewest steps that go together
-    monkeypatch.setattr(march, "STRIDE", 1)
-    monkeypatch.setattr(march, "WHOLE", 0)  # a run that is done at once has no strides
-    monkeypatch.setattr(Watch, "stride", interrupted)
+    interrupted(monkeypatch, at, steps=60)
     run = simulate(chain, smooth_blow(chain), 40.0, dt=0.1, record=Record(every=7))
     assert not run.complete
-    assert run.steps == (at - 1) * march.FEWEST
+    assert run.steps == (at - 1) * 60
     rows = run.steps // 7 + 1
     for name in ("t", "u", "v", "energy"):
         assert np.array_equal(getattr(run, name)[:rows], getattr(whole, name)[:rows])
     assert np.array_equal(run.u[-1], run.final.u)
 
 
-@pytest.mark.needs_compiler
-def test_a_stride_that_goes_wrong_is_done_again_with_care(monkeypatch):
-    """The same error at the same time and site, whether rows were kept in one call or not."""
+def test_an_attempt_that_goes_wrong_is_made_again_in_short_ones(monkeypatch):
+    """The same error at the same time and site, however the run was divided."""
     chain = prism_chain()
 
     def error():
@@ -536,9 +521,9 @@ def test_a_stride_that_goes_wrong_is_done_again_with_care(monkeypatch):
             simulate(chain, chain.at_rest({0: 0.3}), 9.0, dt=0.001)
         return str(caught.value), caught.value.run
 
-    (words, run), _ = error(), monkeypatch.setattr(march, "STRIDE", 0)
-    careful, same = error()
-    assert words == careful
+    (words, run), _ = error(), short_attempts(monkeypatch, 3)
+    short, same = error()
+    assert words == short
     assert np.array_equal(run.u, same.u)
 
 

@@ -12,7 +12,7 @@ import pytest
 import sympy as sp
 from crafted import crafted
 from networks import patch, pushed
-from scenes import prism_chain, smooth_blow
+from scenes import interrupted, prism_chain, short_attempts, smooth_blow
 
 from granular import Bead, Striker, chain, materials, y_guide
 from tensegrity import (
@@ -31,7 +31,6 @@ from tensegrity import (
 )
 from tensegrity.runs import rows, step
 from tensegrity.runs.record import beside
-from tensegrity.runs.watch import Watch
 
 STEEL = Bead(4.76e-3, materials["steel"])
 
@@ -103,18 +102,8 @@ def same(run, whole):
 
 
 def interrupt(monkeypatch, at, error=KeyboardInterrupt):
-    """Stop the run whose `at`-th block of steps of a march is asked for."""
-    advance, calls = Watch.advance, []
-
-    def broken(self, steps):
-        if not self._problem.record.path:
-            return advance(self, steps)
-        calls.append(steps)
-        if len(calls) == at:
-            raise error
-        return advance(self, steps)
-
-    monkeypatch.setattr(Watch, "advance", broken)
+    """Stop the run to a file with its `at`-th attempt."""
+    interrupted(monkeypatch, at, 4, error, lambda motion: motion.problem.record.path)
 
 
 @pytest.mark.parametrize("at", [1, 2, 9])
@@ -177,6 +166,7 @@ def test_a_state_that_cannot_be_written_leaves_the_one_before(tmp_path, monkeypa
             raise OSError(28, "No space left on device")
         replace(one, two)
 
+    short_attempts(monkeypatch, 8)
     monkeypatch.setattr("tensegrity.runs.archive.os.replace", full)
     with pytest.raises(RecordError, match=r"run\.npy\.state\.npz: No space left") as caught:
         simulate(scene, state, 8.0, dt=0.1, record=Record(every=2, path=path, checkpoint=0.0))

@@ -62,7 +62,7 @@ class Bound:
             second = self._set_nystrom(loop, method, moving)
         self.functions = functions
         self.addresses = ctypes.addressof(structure), second and ctypes.addressof(second)
-        self._loop = self.loop_of(functions, self.addresses)
+        self._march = self.loop_of(functions, self.addresses)
         self.set_step(dt)
 
     def loop_of(self, functions, addresses, sums=None):
@@ -134,7 +134,7 @@ class Bound:
 
         Returns what `march.go` does.
         """
-        return march.go(self._loop, done, end, wanted, *self.sizes)
+        return march.go(self._march, done, end, wanted, *self.sizes)
 
     def advance(self, steps, opened=False):
         """Advance u and v by whole steps, in place; `opened` says whether others came before, where

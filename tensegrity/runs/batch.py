@@ -34,7 +34,8 @@ class BatchMotion:
     """Of the scenes of an ensemble, in its parts, as if they were one; see `Motion`."""
 
     def __init__(self, problem: Any, dt: float, allowed: float, start: Any = None) -> None:
-        self.scene, self.dt, self.allowed, self._failed = problem.scene, dt, allowed, 0
+        self.problem, self.scene, self._failed = problem, problem.scene, 0
+        self.dt, self.allowed = dt, allowed
         self._parts, self._springs = [], len(problem.moved.spring_table)
         each = problem.scene.parts(problem.method), problem.moved.parts(problem.method)
         self._lanes = [part.lanes for part in each[0]]
@@ -59,9 +60,8 @@ class BatchMotion:
             raise self._of_lane(number, error) from error
 
     def _of_lane(self, number: int, error: Any) -> Any:
-        lanes = self._lanes[number]
-        words = f"lane {lanes[0]}" if len(lanes) == 1 else f"lanes {lanes[0]} to {lanes[-1]}"
-        return type(error)(f"{words}: {error}")
+        lanes = self._lanes[number]  # several tell themselves
+        return type(error)(f"lane {lanes[0]}: {error}") if len(lanes) == 1 else error
 
     def _beside(self, arrays: Any) -> Array:
         """Arrays of the parts in one, without idle lanes."""

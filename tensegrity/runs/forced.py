@@ -64,14 +64,14 @@ class ForcedMotion(Motion):
             raise error
 
     def _bind(self, scene: Any) -> Any:
-        u, v = scene.arrays(self._problem.state)
-        return driven.bind(self.forcing, u, v, self._problem.method, self.dt)
+        u, v = scene.arrays(self.problem.state)
+        return driven.bind(self.forcing, u, v, self.problem.method, self.dt)
 
     def release(self) -> None:
         """The loop is of this run alone."""
 
     def _beginning(self) -> Point:
-        u, v = self._listed.arrays(self._problem.state)
+        u, v = self._listed.arrays(self.problem.state)
         v.reshape(-1)[self.forcing.moved] = 0.0
         forced, start_at = self.forcing.forced, np.zeros(1)
         self._first_force = 0.0  # sum of prescribed forces times displacements [J]
@@ -132,7 +132,7 @@ class ForcedMotion(Motion):
     def _allows(self, met: Array, end: int) -> bool:
         if self.tuning is None:
             return super()._allows(met, end)
-        self._limit = self._problem.largest_step(self._omega(*met[0], end))
+        self._limit = self.problem.largest_step(self._omega(*met[0], end))
         return self.dt <= self.allowed * self._limit
 
     def _omega(self, low: float, high: float, end: int) -> float:
@@ -152,7 +152,9 @@ class ForcedMotion(Motion):
         return scene.frequency_of(np.full(len(scene.springs), max(largest, 0.0)))
 
     def first_frequency(self) -> float:
-        """Bound on the angular frequency at the start [rad/s]."""
+        """As of `Motion`."""
+        if self.tuning is None:
+            return super().first_frequency()
         r = self.scene.stretch(self.point.shown[0][: self._sites])
         return self._omega(float(r.min()), float(r.max()), self.point.done)
 
@@ -170,7 +172,7 @@ class ForcedMotion(Motion):
 
     def between(self, step: int, part: float, u: Array, v: Array, impulse: Any, sums: Any) -> None:
         """As of `Motion`."""
-        rows, t = self._listed.arrays(self._problem.state), step * self.dt
+        rows, t = self._listed.arrays(self.problem.state), step * self.dt
         told = np.zeros((1, 2))
         self._tell(np.array([t]), u[None].copy(), v[None].copy(), told)
         sites = self._sites
@@ -181,7 +183,7 @@ class ForcedMotion(Motion):
         if impulse is not None:
             rows[1][walls] = impulse
         rows[1].reshape(-1)[self.forcing.moved] = 0.0
-        bound = driven.bind(self.forcing, *rows, self._problem.method, part)
+        bound = driven.bind(self.forcing, *rows, self.problem.method, part)
         bound.sums[:2] = sums - told[0]  # as the loop sums them
         bound.short(t)
         u[...], v[...] = rows[0][:sites], rows[1][:sites]

@@ -43,12 +43,13 @@ class Start(NamedTuple):
 
 
 class Stop(NamedTuple):
-    """Where an observer ended a run, and why; u, v, impulse and sums there."""
+    """Where a run ended before its last step, and which observer wanted that; u, v, impulse and sums
+    there."""
 
     t: float
     step: int
     state: tuple[Any, ...]
-    words: str
+    words: str | None
 
 
 class Marched:
@@ -61,7 +62,7 @@ class Marched:
         u and v at evenly spaced instants.
     complete : bool
     stop : Stop or None
-        Where an observer ended it.
+        Where it ended, if not behind the last step that was done.
     """
 
     def __init__(self, problem: Problem, motion: Any, recorder: Any, samples: Samples) -> None:
@@ -95,6 +96,12 @@ class Marched:
 
     def run(self) -> Run:
         """The run; of a march without rows where it ended."""
+        try:
+            return self._run()
+        except KeyboardInterrupt:  # all is done
+            return self._run()
+
+    def _run(self) -> Run:
         if self.recorder is None:
             self.recorder = Recorder(self.problem, self.motion, self.steps)
             self.end()
@@ -109,6 +116,10 @@ class Marched:
         sites, walls = scene.sites, scene.wall_count
         impulse = v[sites : sites + walls] if walls else None
         return *(np.ascontiguousarray(x[:sites]) for x in (u, v)), impulse, *(sums or [None])
+
+    def back(self, last: Any) -> None:
+        """Let it end with its last row: time, step and state, if known."""
+        self.stop = last and Stop(*last, None)
 
     def end(self) -> None:
         """Record where it ended."""
@@ -155,11 +166,13 @@ def march(
     failure: Any = None
     try:
         _go(reached, steps, users, [samples, *observers])
+        motion.release()
+        return reached
     except KeyboardInterrupt:
-        pass
+        reached.complete = False
     except (*WRONG, RecordError) as error:
         failure = error
-    if not reached.complete and recorder is not None:
+    if recorder is not None:
         failure = _break_off(reached, failure)
     motion.release()
     if failure is None:
@@ -239,17 +252,21 @@ def _serve(reached: Marched, users: Any, others: Any) -> None:
 def _break_off(reached: Marched, failure: Any) -> Any:
     """Keep what a march that did not end well has reached; what it failed by."""
     motion, recorder = reached.motion, reached.recorder
-    if isinstance(failure, RecordError) or reached.stop is not None:
+    if reached.stop is not None:
         return failure
     motion.restore()
     try:
+        if isinstance(failure, RecordError):
+            raise failure
         try:
             _catch_up(motion, recorder)
         except WRONG:  # what is due is what failed
+            reached.back(recorder.last())
             return failure
         recorder.keep_state(motion)
         reached.end()
     except RecordError as error:
+        reached.back(recorder.last())
         return error
     return failure
 

@@ -78,7 +78,7 @@ class Motion:
     """
 
     def __init__(self, problem: Any, dt: float, allowed: float, start: Any = None) -> None:
-        self._problem, self.dt, self.allowed = problem, dt, allowed
+        self.problem, self.dt, self.allowed = problem, dt, allowed
         self.scene, self._fastest, self.most = problem.scene, 0.0, MOST_STEPS
         self._sites = problem.scene.sites
         u = problem.state.u if start is None else start.shown[0][: self._sites]
@@ -99,32 +99,32 @@ class Motion:
     def _prepare(self, scene: Any) -> None:
         """Take the contacts that a scene lists, with no range of theirs known to be allowed."""
         self._listed, self._short = scene, None
-        self._guard = Guard(self._problem, scene, self.dt, self.allowed)
+        self._guard = Guard(self.problem, scene, self.dt, self.allowed)
         self._bound = self._bind(scene)
 
     def _bind(self, scene: Any) -> Any:
         """A loop of the scene: one that was prepared before, if there is one that nobody uses."""
-        method = self._problem.method
+        method = self.problem.method
         spare = scene.remembered.plans.setdefault(method, [])
         try:
-            bound = spare.pop() if self._problem.bind is None else None
+            bound = spare.pop() if self.problem.bind is None else None
         except IndexError:
             bound = None
         if bound is None:
-            u, v = scene.arrays(self._problem.state)
-            return (self._problem.bind or scene.bind)(u, v, method, self.dt)
+            u, v = scene.arrays(self.problem.state)
+            return (self.problem.bind or scene.bind)(u, v, method, self.dt)
         bound.set_step(self.dt)
         return bound
 
     def release(self) -> None:
         """Leave the loop to the next run."""
-        spare = self._listed.remembered.plans.setdefault(self._problem.method, [])
+        spare = self._listed.remembered.plans.setdefault(self.problem.method, [])
         small = math.prod(self._listed.shape) <= LARGEST
-        if self._problem.bind is None and small and len(spare) < SPARE:
+        if self.problem.bind is None and small and len(spare) < SPARE:
             spare.append(self._bound)
 
     def _beginning(self) -> Point:
-        u, v = self._listed.arrays(self._problem.state)
+        u, v = self._listed.arrays(self.problem.state)
         return Point(0, u, v, (u, v), np.zeros((len(self._listed.spring_table), 2)))
 
     def restore(self) -> None:
@@ -133,11 +133,11 @@ class Motion:
 
     def refuse_start(self) -> None:
         """Refuse a step that is not stable as the run begins."""
-        limit = self._problem.largest_step(self.first_frequency())
+        limit = self.problem.largest_step(self.first_frequency())
         if self.dt > limit:
             raise StabilityError(
-                f"{self._problem.step_words(self.dt)} is beyond {limit:.6g} s, the stability limit "
-                f"of {self._problem.method.name} in the initial state"
+                f"{self.problem.step_words(self.dt)} is beyond {limit:.6g} s, the stability limit "
+                f"of {self.problem.method.name} in the initial state"
             )
 
     def first_frequency(self) -> float:
@@ -221,7 +221,7 @@ class Motion:
 
     def _range(self, finite: bool) -> Array:
         """Elongations met; a method that evaluates forces elsewhere ends at others."""
-        met, method = self._bound.range, self._problem.method
+        met, method = self._bound.range, self.problem.method
         u = self._bound.shown[0][: self._sites]
         if isinstance(method, (Splitting, Corrected)) or not finite:
             return met
@@ -272,15 +272,16 @@ class Motion:
         """Go on with the contacts that may form from here on."""
         if self._tracker is None or not self._tracker.is_new():
             return
-        listed = self._problem.moved.listed(self._tracker.at)
+        listed = self.problem.moved.listed(self._tracker.at)
         if listed is self._listed:
             return
         self._fastest = self.fastest
         met = dict(zip(self._listed.spring_table.kinds, self.point.met, strict=True))
         self._prepare(listed)
-        kinds = listed.spring_table.kinds
-        none = np.zeros(2)
-        self.point = self.point._replace(met=np.array([met.get(kind, none) for kind in kinds]))
+        found = np.zeros((len(listed.spring_table), 2))
+        for row, kind in enumerate(listed.spring_table.kinds):
+            found[row] = met.get(kind, 0.0)
+        self.point = self.point._replace(met=found)
         self.restore()
 
     # what was reached
@@ -322,8 +323,8 @@ class Motion:
 
     def _shorter(self, part: float) -> Any:
         if self._short is None:
-            arrays = self._listed.arrays(self._problem.state)
-            self._short = (self._problem.bind or self._listed.bind)(*arrays, self._problem.method, part)
+            arrays = self._listed.arrays(self.problem.state)
+            self._short = (self.problem.bind or self._listed.bind)(*arrays, self.problem.method, part)
             self._short.stand_alone()
         self._short.set_step(part)
         return self._short
@@ -349,7 +350,7 @@ class Motion:
             if barrier is not None:
                 barrier, given = barrier
                 return StabilityError(
-                    f"{self._problem.step_words(self.dt)} is too coarse: the spring {where} "
+                    f"{self.problem.step_words(self.dt)} is too coarse: the spring {where} "
                     f"passed the end of its domain at t = {t:.6g} s, which takes {barrier:.6g} J, "
                     f"with {given:.6g} J in the whole scene"
                 )
@@ -360,14 +361,14 @@ class Motion:
     def _barrier(self, spring: Any, side: int) -> Any:
         """The energy at the end of a spring's domain, if the scene has less, and what it has."""
         barrier = float(spring.derivative(0, spring.reach[side], closed=True))
-        given = self._problem.scene.available_energy(self._problem.state)
+        given = self.problem.scene.available_energy(self.problem.state)
         return (barrier, given) if given < barrier else None
 
     def _too_coarse(self, t: float, u: Array, met: Array) -> StabilityError:
         return StabilityError(
-            f"{self._problem.step_words(self.dt)} is beyond "
+            f"{self.problem.step_words(self.dt)} is beyond "
             f"{self.allowed * self._guard.limit:.6g} s, {self.allowed:g} of the stability limit of "
-            f"{self._problem.method.name} at the stiffness met at t = {t:.6g} s "
+            f"{self.problem.method.name} at the stiffness met at t = {t:.6g} s "
             f"{self._listed.stiffest(u, met)}"
         )
 

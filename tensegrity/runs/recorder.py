@@ -48,6 +48,7 @@ class Recorder(Instants):
         self._sites = _all(scene.sites) if record.sites is None else tuple(record.sites)
         self._in_place = record.is_plain and record.sites is None
         self._rows: Any = None
+        self._latest: Any = 0, None  # number of a row, and the states from there on
         super().__init__(record, problem, motion, steps)
         of_sites: Any = len(self._sites), *rest
         shapes = {"t": (), "energy": (), "u": of_sites, "v": of_sites}
@@ -97,7 +98,7 @@ class Recorder(Instants):
 
     def _extend(self, t: Array, u: Any, v: Any, impulse: Any, sums: Any) -> None:
         """Append rows; of those that are in their place already only the times, and sums."""
-        states = u, v
+        self._latest, states = (self.count, u, v, impulse, sums), (u, v)
         more = [impulse] * bool(self._scene.wall_count)
         if sums is not None:
             more += [sums[:, k].reshape(len(t), -1).sum(axis=1) for k in (0, 1)]  # of all lanes
@@ -115,6 +116,14 @@ class Recorder(Instants):
         """Whether the next row is that of the state that was reached."""
         due = self.due(motion)
         return bool(due) and self._plan.step[due.start] == motion.done
+
+    def last(self) -> Any:
+        """Time, step and state of the row that was written last, where it is known."""
+        (first, *states), k = self._latest, self.count - 1
+        if states[0] is None or not 0 <= k - first < len(states[0]):
+            return None
+        state = tuple(None if x is None else x[k - first] for x in states)
+        return self.time(k), int(self._plan.step[k]), state
 
     def keep_state(self, motion: Any) -> None:
         """Write the whole state beside the rows, where that is asked for."""

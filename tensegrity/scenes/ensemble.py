@@ -56,6 +56,8 @@ class Ensemble(Scene):
     (40, 8)
     """
 
+    _first = 0  # number of the first lane, of a part of another one
+
     def __init__(self, scenes: Scene | Sequence[Scene], lanes: int | None = None) -> None:
         if isinstance(scenes, Scene) and lanes is not None:
             lanes = check.whole("lanes", lanes, least=1)
@@ -224,9 +226,10 @@ class Ensemble(Scene):
         width = filled(count)
         if count == self.lanes == width:
             return self
-        if self._same:
-            return Ensemble(scenes[0], width)
-        return Ensemble([*scenes, *scenes[-1:] * (width - count)])
+        more = scenes[-1:] * (width - count)
+        found = Ensemble(scenes[0], width) if self._same else Ensemble([*scenes, *more])
+        found.__dict__["_first"] = first
+        return found
 
     @cached_property
     def _bonds(self) -> Any:
@@ -255,7 +258,7 @@ class Ensemble(Scene):
         scene = self.scenes[lane]
         bond = np.flatnonzero(mine[:, lane])[0]
         where = scene.extreme(int(scene.spring_table.group[bond]), u[..., lane], side)
-        return f"{where} of lane {lane}"
+        return f"{where} of lane {self._first + lane}"
 
     def stiffest(self, u: Array, ranges: Array) -> str:
         """Where the stretch is largest, in words."""
@@ -264,7 +267,7 @@ class Ensemble(Scene):
         scene = self.scenes[lane]
         mine = np.zeros((len(scene.spring_table), 2))
         mine[scene.spring_table.group] = ranges[self._group[:, 0 if self._same else lane]]
-        return f"{scene.stiffest(u[..., lane], mine)} of lane {lane}"
+        return f"{scene.stiffest(u[..., lane], mine)} of lane {self._first + lane}"
 
     # states
 

@@ -1,13 +1,11 @@
-"""Runs in one call of the loop: the bits of careful ones, and what sends them back to these."""
+"""One march: the same bits however it is divided into attempts, and whoever observes it."""
 
-import dataclasses
-import math
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from networks import SPRING, patch, pushed
-from scenes import prism_chain, smooth_blow
+from scenes import prism_chain, short_attempts, smooth_blow
 from springs import series
 
 from granular import Bead, Striker, materials, y_guide
@@ -21,14 +19,11 @@ from tensegrity import (
     Record,
     simulate,
 )
-from tensegrity.engine.methods import METHODS
-from tensegrity.engine.walk import largest_gap
 from tensegrity.errors import LockingError, StabilityError
-from tensegrity.runs import march, rung, whole
-from tensegrity.runs.problem import Problem
+from tensegrity.runs import trial
+from tensegrity.scenes.clearance import Clearance
 from tensegrity.scenes.scene import State
 
-pytestmark = pytest.mark.needs_compiler
 FIELDS = ("t", "u", "v", "energy", "met", "impulse")
 
 
@@ -56,24 +51,21 @@ SCENES = {
 }
 
 
-def both(monkeypatch, call):
-    """What a call gives at once, and with care."""
+def both(monkeypatch, call, steps=7):
+    """What a call gives in one attempt, and in short ones."""
     at_once = call()
     with monkeypatch.context() as m:
-        m.setattr(march, "STRIDE", 0)
+        short_attempts(m, steps)
         return at_once, call()
 
 
 @pytest.mark.parametrize("record", [None, Record(every=7), Record(every=5, sites=[3, 1])])
 @pytest.mark.parametrize("method", ["verlet", "rkn6", "corrected6"])
 @pytest.mark.parametrize("name", SCENES)
-def test_a_run_at_once_has_the_bits_of_a_careful_one(monkeypatch, name, method, record):
+def test_a_run_in_one_attempt_has_the_bits_of_short_ones(monkeypatch, name, method, record):
     scene, state = SCENES[name]()
     given = {"dt": 0.1, "method": method, "record": record}
-    made = []
-    monkeypatch.setattr(march, "whole", lambda *a: made.append(whole.whole(*a)) or made[-1])
     one, other = both(monkeypatch, lambda: simulate(scene, state, 4.0, **given))
-    assert [x is None for x in made] == [False, True]
     for field in FIELDS:
         found = getattr(one, field), getattr(other, field)
         assert np.array_equal(*found) or found == (None, None), field
@@ -85,7 +77,7 @@ def test_a_run_at_once_has_the_bits_of_a_careful_one(monkeypatch, name, method, 
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_a_tolerance_is_met_by_the_same_run_with_care(monkeypatch, name):
+def test_a_tolerance_is_met_by_the_same_run_in_short_attempts(monkeypatch, name):
     scene, state = SCENES[name]()
     one, other = both(monkeypatch, lambda: simulate(scene, state, 6.0, tol=1e-6))
     assert (one.steps, one.method) == (other.steps, other.method)
@@ -115,7 +107,7 @@ def test_an_elongation_out_of_its_domain_has_no_energy():
         chain.energies(u, np.zeros((2, 8)))
 
 
-def test_what_is_too_stiff_for_the_step_is_told_as_with_care(monkeypatch):
+def test_what_is_too_stiff_for_the_step_is_told_as_in_short_attempts(monkeypatch):
     """A spring that stiffens: stable at first, not where the run goes, which is finite."""
     chain = Chain(series(0, 50), 6)
 
@@ -129,7 +121,7 @@ def test_what_is_too_stiff_for_the_step_is_told_as_with_care(monkeypatch):
 
 
 @pytest.mark.filterwarnings("ignore:.*encountered:RuntimeWarning")
-def test_a_run_that_overflows_is_told_as_with_care(monkeypatch):
+def test_a_run_that_overflows_is_told_as_in_short_attempts(monkeypatch):
     """Two bodies that never meet go out of what a number can say; no elongation shows it."""
     chain = Chain(PowerLaw(1.0, 1.5), 2)
     state = State([0.0, 1.0], [1e150, 1e150])
@@ -159,18 +151,6 @@ def test_contacts_that_are_not_listed_are_found_between_instants(monkeypatch):
     assert "sites 2 and 3" in one
 
 
-def test_a_bead_that_stays_near_others_is_run_at_once(monkeypatch):
-    network = Network([[0.0, 0.0], [1.0, 0.0], [1.0, 1.3]], [(0, 1)], SPRING, radius=0.5)
-    made = []
-    monkeypatch.setattr(march, "two", lambda *a: made.append(whole.two(*a)) or made[-1])
-    one, other = both(
-        monkeypatch,
-        lambda: simulate(network, network.at_rest({0: (0.1, 0.0)}), 2.0, tol=1e-4),
-    )
-    assert made[0] is not None
-    assert np.array_equal(one.u, other.u)
-
-
 def forked(half_angle=0.4):
     """A guide so narrow that beads of its branches are near what they are not listed to touch."""
     steel = Bead(4.76e-3, materials["steel"], mass=0.45e-3)
@@ -181,83 +161,23 @@ def forked(half_angle=0.4):
 
 
 def test_beads_too_near_others_to_be_sure_of_are_looked_at_after_each_step(monkeypatch):
-    scene, made = forked(), []
-    looked = whole._is_clear_at_each
-    monkeypatch.setattr(whole, "_is_clear_at_each", lambda *a: made.append(looked(*a)) or made[-1])
+    scene = forked()
     one, other = both(monkeypatch, lambda: simulate(scene, scene.start(), 1e-4, tol=1e-4))
-    assert len(made) >= 2
-    assert all(made)
     for name in FIELDS:
         assert np.array_equal(getattr(one, name), getattr(other, name)), name
 
 
 def test_what_touches_at_the_end_of_a_step_is_found_by_a_look_after_each():
     """Gaps of the way gone in one step, and less: kept as long as none is closed."""
-    beads = Network(
-        [[0.0, 0], [3.0, 0]], [], SPRING, radius=1.0, mass=1.0,
-    )  # fmt: skip
-    near = np.array([[0, 1]]), np.zeros((0, 2), dtype=int)
+    none = np.zeros((0, 2), dtype=int)
+    beads = Clearance(np.array([[0.0, 0], [3.0, 0]]), np.ones(2), none, (), none)
+    beads.skin = 10.0  # all of the way is watched
     for last, kept in ((0.999, True), (1.0, False), (1.001, False)):
         u = np.zeros((3, 2, 2))
         u[1, 0, 0], u[2, 0, 0] = last / 2, last
-        beads.clearance.skin = 10.0  # all of the way is watched
-        assert beads.clearance.is_kept(near, u, np.full(2, last), each=True) is kept
-        assert beads.clearance.is_kept(near, u, np.full(2, last)) is False
-
-
-@pytest.mark.parametrize("method", ["verlet", "rkn6"])
-@pytest.mark.parametrize("name", SCENES)
-def test_two_runs_in_one_call_are_those_of_two_calls(name, method):
-    scene, state = SCENES[name]()
-    problem = Problem(scene, state, 4.0, METHODS[method], Record(), trial=True)
-    found = whole.two(problem, (44, 66), 1000, 22)
-    for run, steps in zip(found, (44, 66), strict=True):
-        one = dataclasses.replace(problem, rows=steps == 66)
-        alone = whole.whole(one, steps, 1000, instants=22)
-        assert run.steps == steps
-        assert np.array_equal(run.met, alone.met)
-        assert np.array_equal(run.seen, alone.seen)
-    assert found[1].coarser == (found[0], rung.largest_gap(found[0].seen, found[1].seen))
-    assert np.array_equal(found[1].run().u, alone.run().u)
-    assert np.array_equal(found[1].run().energy, scene.energies(alone.run().u, alone.run().v))
-    assert not found[0].has_rows
-
-
-def test_two_runs_go_in_one_call_unless_one_is_too_stiff_for_its_step(monkeypatch):
-    scene, state = SCENES["chain"]()
-    problem = Problem(scene, state, 4.0, METHODS["rkn6"], Record(), trial=True)
-    coarse = math.ceil(4.0 * scene.frequency_of(scene.bond_stiffness(state.u)) / 3.5)
-    assert whole.two(problem, (2, 2 * coarse), 1000, 1) is None
-    made = []
-    monkeypatch.setattr(march, "two", lambda *a: made.append(whole.two(*a)) or made[-1])
-    run = simulate(scene, state, 4.0, tol=1e-3)
-    assert [one.steps for one in made[0]][1] == run.steps
-    assert len(made) == 1
-
-
-def test_an_interrupt_in_a_call_of_two_runs_leaves_what_was_recorded(monkeypatch):
-    def stopped(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(march, "two", stopped)
-    scene, state = SCENES["chain"]()
-    run = simulate(scene, state, 4.0, tol=1e-3)
-    assert not run.complete
-    assert run.t.tolist() == [0.0]
-    assert np.array_equal(run.u[0], state.u)
-
-
-@pytest.mark.parametrize("count", [1, 7, 16, 50])
-def test_the_largest_gap_is_that_of_u_or_of_v(count):
-    rng = np.random.default_rng(count)
-    for k in range(2 * count):
-        one = rng.normal(0, 1, (2, count))
-        other = one.copy()
-        other.flat[k] += 3.0
-        wanted = max(np.max(np.abs(one - other), axis=1) / np.max(np.abs(other), axis=1))
-        assert largest_gap(one, other) == pytest.approx(wanted)
-        assert largest_gap(one, other) == rung.largest_gap(one, other)
-    assert largest_gap(np.ones((2, count)), np.zeros((2, count))) == 1.0
+        tracker = beads.tracker(u[0])
+        assert tracker.keeps(u, np.full(2, last), each=True) is kept
+        assert tracker.keeps(u, np.full(2, last)) is False
 
 
 def test_a_run_between_tells_what_far_coarser_ones_cannot(monkeypatch):
@@ -265,9 +185,9 @@ def test_a_run_between_tells_what_far_coarser_ones_cannot(monkeypatch):
     prism = Prism(1.0, 0.7, 0.01, 1.0).potential()
     chain, steps = Chain(prism, 60), []
     energy = 0.9 * float(prism.energy(prism.domain[0]))
-    refined = rung.refined
+    refined = trial.refined
     monkeypatch.setattr(
-        rung, "refined", lambda p, n, *rest: steps.append(n) or refined(p, n, *rest)
+        trial, "refined", lambda p, n, *rest: steps.append(n) or refined(p, n, *rest)
     )
     run = simulate(chain, chain.at_rest({30: np.sqrt(2 * energy)}), 40.0, tol=1e-9)
     assert any(later < sooner for sooner, later in pairwise(steps))
