@@ -38,6 +38,7 @@ class BatchMotion:
         self.dt, self.allowed = dt, allowed
         self._parts, self._springs = [], len(problem.moved.spring_table)
         each = problem.scene.parts(problem.method), problem.moved.parts(problem.method)
+        kind = ForcedMotion if problem.is_forced else Motion
         self._lanes = [part.lanes for part in each[0]]
         self._places = [part.places for part in each[1]]
         for number, (part, moved) in enumerate(zip(*each, strict=True)):
@@ -50,7 +51,7 @@ class BatchMotion:
                 start.done, part.of(start.u), part.of(start.v), tuple(map(part.of, start.shown)),
                 start.met, None if start.sums is None else part.of(start.sums),
             )  # fmt: skip
-            self._parts.append(self._said(number, motion_of, mine, dt, allowed, begins))
+            self._parts.append(self._said(number, kind, mine, dt, allowed, begins))
 
     def _said(self, number: int, do: Any, *given: Any) -> Any:
         """What a function gives; an error of it tells the lane."""

@@ -44,8 +44,11 @@ class ForcedMotion(Motion):
             self.tuning = known[key]
         self.forcing = forcing_of(scene, problem.t_end, self.tuning)
         self._limit_damping(problem, dt)
-        start_at, moved = np.zeros(1), self.forcing.moved
-        self._first_v = self.forcing.motion(start_at, 1)[0] if len(moved) else 0.0
+        begin, forced, self._first_force = np.zeros(1), self.forcing.forced, 0.0
+        self._first_v = self.forcing.motion(begin, 1)[0] if len(self.forcing.moved) else 0.0
+        if len(forced):  # sum of prescribed forces times displacements [J]
+            pulls = self.forcing.force(begin, 0)[0] * problem.state.u.reshape(-1)[forced]
+            self._first_force = float(np.sum(pulls))
         super().__init__(problem, dt, allowed, start)
         self.most = max(1, NUMBERS // self._bound.schedule.width())
 
@@ -73,14 +76,9 @@ class ForcedMotion(Motion):
     def _beginning(self) -> Point:
         u, v = self._listed.arrays(self.problem.state)
         v.reshape(-1)[self.forcing.moved] = 0.0
-        forced, start_at = self.forcing.forced, np.zeros(1)
-        self._first_force = 0.0  # sum of prescribed forces times displacements [J]
-        if len(forced):
-            force = self.forcing.force(start_at, 0)[0]
-            self._first_force = float(np.sum(force * u.reshape(-1)[forced]))
         shown, sums = (u.copy(), v.copy()), np.zeros((1, 2))
         sites = self._sites
-        self._tell(start_at, shown[0][None, :sites], shown[1][None, :sites], sums)
+        self._tell(np.zeros(1), shown[0][None, :sites], shown[1][None, :sites], sums)
         met = np.zeros((len(self._listed.spring_table), 2))
         return Point(0, u, v, (*shown, sums[0]), met, np.array([0.0, 0.0, np.inf, -np.inf]))
 
