@@ -25,7 +25,6 @@ from figures._solitons import MISFIT, pulses
 from tensegrity import Ensemble, Prism, State, TensegrityError, sweep
 from tensegrity.engine.methods import METHODS
 from tensegrity.prisms.condensed import ElasticPotential
-from tensegrity.runs.loops import Loop
 from tensegrity.springs.polynomial import PolynomialLaw
 from tensegrity.springs.potential import Potential
 from tensegrity.waves.family import Family
@@ -195,12 +194,12 @@ def followed(lanes):
     scene = Ensemble([x.chain for x in begun])
     state = State(*(np.stack([getattr(x.state, n) for x in begun], axis=1) for n in ("u", "v")))
     steps = math.ceil(max(x.stiffest for x in filled) / STEP / ROWS)
-    loop = Loop(scene, *scene.arrays(state), METHODS["verlet"], 1 / (ROWS * steps), False)
+    loop = scene.bind(*scene.arrays(state), METHODS["verlet"], 1 / (ROWS * steps))
     alive, found, rows = np.ones(LANES, dtype=bool), {}, []
     for row in range(ROWS):
         loop.forget_range()
-        loop.advance(steps, row > 0)
-        rows.append(loop.look())
+        loop.go(row * steps, (row + 1) * steps)
+        rows.append(tuple(x.copy() for x in loop.shown))
         inside = _inside(scene, loop.range)
         for k in np.flatnonzero(alive & ~inside):
             worth = BARRED * (1 - row / ROWS) / 2
