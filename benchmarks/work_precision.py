@@ -150,7 +150,7 @@ def ours(scene, exact):
         if method.processor and chain.clearance is not None:
             continue
         limit = method.stability_limit if method.explicit else 4.0
-        steps, most = math.ceil(1.1 * scale / limit), MOST / (1 if method.explicit else 150)
+        steps, most = math.ceil(1.1 * scale / limit), MOST / (1 if method.explicit else 10)
         smallest = np.inf
         while steps * method.stages < most * scale and smallest > LEVELS[-1] / 3:
 

@@ -6,15 +6,23 @@ import ctypes
 
 import numpy as np
 
+from tensegrity.engine import implicit
 from tensegrity.engine.compiled import structure_of
-from tensegrity.engine.methods import Corrected, Splitting
+from tensegrity.engine.methods import Corrected, Midpoint, Splitting
 from tensegrity.engine.openings import DEGREE, Openings
 from tensegrity.engine.walk import Part
+from tensegrity.errors import StabilityError
 
 NYSTROM = structure_of(  # as in steps.c
     "_Nystrom",
     "nodes velocities matrix positions dt place slopes travel",
     "stages count moving",
+)
+IMPLICIT = structure_of(  # as in implicit.c
+    "_Implicit",
+    "geometry parameters load dt straight moved update root force right place slope band travel "
+    "law from to at",
+    "bonds entries count width iterations",
 )
 OPENINGS = structure_of(  # as in openings.h
     "_Openings",
@@ -55,6 +63,18 @@ class Bound:
             return
         if isinstance(method, Corrected):
             self._set_openings(loop, bonds, method, dt, places)
+            return
+        if isinstance(method, Midpoint):
+            fields = implicit.fields(loop, arrays[0], bonds, dt) | {"travel": self._travel}
+            steps = IMPLICIT(
+                **{k: x if isinstance(x, int) else x.ctypes.data for k, x in fields.items()}
+            )
+            self._arrays += [fields, steps]
+            self._call = loop.implicit, (address, ctypes.addressof(steps))
+            self._unsolved = (
+                f"dt {dt:.6g} s is too large for {method.name}: its equations were not solved in "
+                f"{implicit.ITERATIONS} iterations; the springs change too much within a step"
+            )
             return
         u, dt = arrays[0], np.array([dt], dtype=loop.dtype)
         rows = [
@@ -111,7 +131,8 @@ class Bound:
     def advance(self, steps):
         """Advance u and v by whole steps."""
         function, addresses = self._call
-        function(*addresses, steps)
+        if function(*addresses, steps):
+            raise StabilityError(self._unsolved)
 
     @property
     def address(self):
