@@ -1,10 +1,13 @@
-"""Interleaved timing: all rivals in turn, several rounds, the best of each."""
+"""Interleaved timing: all rivals in turn, several rounds, the best of each; and what came of it."""
 
 from __future__ import annotations
 
+import math
+import re
 import time
 
 ROUNDS = 7
+RATIOS = {}  # {"table/row/column": our time over that of another in the same run}
 
 
 def best(rivals, rounds=ROUNDS):
@@ -23,10 +26,26 @@ def best(rivals, rounds=ROUNDS):
     return times
 
 
-def table(title, columns, rows):
-    """Print rows of text and numbers under a title."""
+def record(table, row, column, ours, theirs):
+    """Keep a ratio for `python -m benchmarks --save`: less is better; no absolute times.
+
+    The table's name ends before a comma or a bracket, beyond which titles say what was measured.
+    """
+    if math.isfinite(ours / theirs):
+        RATIOS[f"{re.split(r', | [(]', table)[0]}/{row}/{column}"] = float(ours / theirs)
+
+
+def table(title, columns, rows, ours=(), theirs=()):
+    """Print rows of text and numbers under a title.
+
+    Columns named in `ours` hold our times over those of others, in `theirs` the inverse: recorded.
+    """
     print(f"\n{title}")
     print("".join(f"{c:>{28 if i == 0 else 12}}" for i, c in enumerate(columns)))
     for row in rows:
         cells = (f"{x:>12}" if isinstance(x, str) else f"{x:>12.3g}" for x in row[1:])
         print(f"{row[0]:>28}" + "".join(cells))
+        for column in (*ours, *theirs):
+            x = row[columns.index(column)]
+            if not isinstance(x, str):
+                record(title, row[0], column, *((x, 1.0) if column in ours else (1.0, x)))

@@ -21,7 +21,7 @@ from functools import partial
 import numpy as np
 
 from benchmarks import _peers
-from benchmarks._timing import table
+from benchmarks._timing import record, table
 from benchmarks.methods import EXTENDED, omega, scenes
 from benchmarks.work_precision import all_scenes
 from tensegrity import Chain, PowerLaw, Prism, Record, TensegrityError, simulate
@@ -256,7 +256,8 @@ def answers(name, case):
         found.append((tol, seconds / best, *rivals))
     heads = ["tol", "call [ms]", "true error", "estimate", "steps", "method", "bare [ms]", "by",
              "call/bare", "heyoka/call", "DOP853/call"]  # fmt: skip
-    table(f"{name} ({scene.sites} sites), reference good to {known:.0e}", heads, lines)
+    table(f"{name} ({scene.sites} sites), reference good to {known:.0e}", heads, lines,
+          ["call/bare"], ["heyoka/call", "DOP853/call"])  # fmt: skip
     return found
 
 
@@ -334,5 +335,7 @@ def _main(names):
     ]
     heads = ["", "target", "call", "its steps", "beside them"]
     table("fixed cost of a call [us]", heads, calls)
+    for name, _, call, steps, _ in calls:
+        record("fixed cost of a call", name, "call over its steps", call, steps)
     rows = [(f"{n} sites", f"<= {2 + 0.005 * n:.3g}", 1e6 * s) for n, s in row_cost().items()]
     table("a recorded row [us]", ["", "target", "measured"], rows)

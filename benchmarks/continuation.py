@@ -21,6 +21,7 @@ import numpy as np
 
 from benchmarks import _auto
 from benchmarks._charts import FOLDER, charted
+from benchmarks._timing import record
 from tensegrity import Prism, equilibrium_paths
 from tensegrity.branches.continuation import Settings, trace
 from tensegrity.engine.pieces import processors
@@ -233,6 +234,7 @@ def main():
     print(f"\nat an interpolated error of at most {EQUAL:g} of the largest load")
     for name, rows in found.items():
         seconds = at_equal_error(rows)
+        record("equal error", name, "this over it", mine, seconds)
         print(f"{name:>24}: {seconds * 1e3:8.3f} ms, {seconds / mine:6.2f} times this")
     if "auto-07p inside" not in found:
         print("auto-07p: not measured, it needs the programs auto-07p and gfortran")

@@ -131,17 +131,19 @@ def main():
         ("equal prisms, a network on a line", "equal prisms", "<= 1.05"),
     ]
     rows = [(a, *(cost[n][a] / cost[n][b] for n in SIZES), aim) for a, b, aim in pairs]
-    table("over the equal ones", ["", *map(str, SIZES), "target"], rows)
+    sizes = [str(n) for n in SIZES]
+    table("over the equal ones", ["", *sizes, "target"], rows, ours=sizes)
     lanes = times(laned(), LANES * (LANED - 1), WORK // (LANES * LANED))
     rows = [
         ("own Hertz contacts and masses", lanes["own Hertz contacts and masses"]
          / lanes["equal Hertz contacts"], "<= 1.25"),
         ("own prisms and masses", lanes["own prisms and masses"] / lanes["equal prisms"], "<= 3"),
     ]  # fmt: skip
-    table(f"{LANES} lanes of {LANED} sites, over equal ones", ["", "ratio", "target"], rows)
+    heads = ["", "ratio", "target"]
+    table(f"{LANES} lanes of {LANED} sites, over equal ones", heads, rows, ours=["ratio"])
     call = tapered()
     rows = [("tapered over uniform", call["tapered"] / call["uniform"], "<= 1.6")]
-    table(f"a step of {TAPERED} beads by the default call", ["", "ratio", "target"], rows)
+    table(f"a step of {TAPERED} beads by the default call", heads, rows, ours=["ratio"])
     before = os.environ.get(BEFORE)
     if not before:
         print(f"no earlier revision to compare with: set {BEFORE}")
@@ -149,6 +151,5 @@ def main():
     rows = [
         (str(n), ratio, "same" if same else "NO") for n, (ratio, same) in against(before).items()
     ]
-    table(
-        "uniform prisms, time over that of the earlier revision", ["sites", "<= 1.03", "bits"], rows
-    )
+    heads = ["sites", "<= 1.03", "bits"]
+    table("uniform prisms, time over that of the earlier revision", heads, rows, ours=["<= 1.03"])

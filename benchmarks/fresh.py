@@ -16,6 +16,8 @@ import sys
 import tempfile
 from pathlib import Path
 
+from benchmarks._timing import record
+
 ROUNDS = 5
 ROOT = Path(__file__).parent.parent
 
@@ -77,6 +79,8 @@ def main():
     print(f"{'':>20}{'cold':>9}{'warm':>9}{'beyond numpy':>14}  imported")
     for name, (warm, cold, late) in found.items():
         imported = ", ".join(late) or "-"
+        record("CPU seconds", name, "cold over import numpy", cold, base)
+        record("CPU seconds", name, "warm over import numpy", warm, base)
         print(f"{name:>20}{cold:9.3f}{warm:9.3f}{warm - base:14.3f}  {imported}")
 
 

@@ -262,17 +262,18 @@ def main():
     found = [
         (n, *(cost[s][n] / cost[s]["here"] for s in cost), aims[n]) for n in names if n in aims
     ]
-    table("times the loop here", ["", *cost, "target"], found)
+    table("times the loop here", ["", *cost, "target"], found, theirs=list(cost))
     memory = zip(*(streamed(name) for name in PACKS), strict=True)
     found = [(one[0], one[1], other[1]) for one, other in memory]
     table("what passes through memory", ["", *PACKS], found)
     table("833 beads, a call of 2,000 steps", ["", "CPU ms"], rows())
     guide = half_guide(module)
     found = [(n, t, t / guide["here"]) for n, t in guide.items()]
-    table("half guide, LAMMPS >= 8 times", ["", "ns", "times"], found)
+    table("half guide, LAMMPS >= 8 times", ["", "ns", "times"], found, theirs=["times"])
     ratio, same = threads()
     found = [(f"{THREADS} threads, 50,653 beads", ratio, ">= 1.7", "same" if same else "NO")]
-    table("one thread over several, wall clock", ["", "ratio", "target", "bits"], found)
+    heads = ["", "ratio", "target", "bits"]
+    table("one thread over several, wall clock", heads, found, theirs=["ratio"])
 
 
 def _features():

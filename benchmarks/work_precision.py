@@ -148,7 +148,7 @@ def ours(scene, exact):
     scale = t_end * omega(*scene.run)
     for name, method in METHODS.items():
         limit = method.stability_limit if method.explicit else 4.0
-        steps, most = math.ceil(1.1 * scale / limit), MOST / (1 if method.explicit else 150)
+        steps, most = math.ceil(1.1 * scale / limit), MOST / (1 if method.explicit else 10)
         smallest = np.inf
         while steps * method.stages < most * scale and smallest > LEVELS[-1] / 3:
 

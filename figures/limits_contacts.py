@@ -48,16 +48,11 @@ def events(exponent=HERTZ):
     return int(np.sum(np.diff(closed, axis=0)))
 
 
-def affordable(method):
-    """Numbers of steps that a method is tried with: half as many where steps are implicit."""
-    return COUNTS if METHODS[method].explicit else COUNTS[COUNTS < 350][::2]
-
-
 def errors(name, method, reference, exponent=HERTZ):
     """Errors of the end against steps."""
-    start, counts = scene(name, exponent), affordable(method)
-    found = [gap(moved(*start, method, DURATION / n, n), reference) for n in counts.tolist()]
-    return {"steps": counts, "error": np.array(found)}
+    start = scene(name, exponent)
+    found = [gap(moved(*start, method, DURATION / n, n), reference) for n in COUNTS.tolist()]
+    return {"steps": COUNTS, "error": np.array(found)}
 
 
 def order(table):

@@ -117,8 +117,8 @@ def text(tables):
         f"error of {ERROR:.0e} the steps of explicit methods, bound by stability, grow with a "
         "power of the ratio of stiffnesses; those of an implicit one do not.\n\n"
         f"{grid(head, rows)}\n\n"
-        "But a step of it is Newton's method in NumPy: what it costs in time is on the right of "
-        "the picture, and printed."
+        "But a step of it solves its equations by Newton's method: what it costs in time is on the "
+        "right of the picture, and printed."
     )
 
 

@@ -3,6 +3,8 @@
 It prints versions, the compiler, the cache folder and the number of threads, then a few numbers
 that are known otherwise: a derived stiffness, an exact wave that travels, two beads that meet, a
 path of equilibria.  The exit code is 0 where all are right, else 1.
+
+`python -m tensegrity --clean` empties the cache folder instead.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tensegrity.engine.kept import cache_folder
+from tensegrity.engine.kept import cache_folder, trim
 from tensegrity.engine.native import CompilerError, described, library
 from tensegrity.engine.pieces import threads
 from tensegrity.errors import TensegrityError
@@ -113,14 +115,18 @@ def installed() -> str:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Print what is installed and the self-test.
+    """Print what is installed and the self-test, or empty the cache.
 
     Returns
     -------
     int
         0 where every number is right, 1 where one is not.
     """
-    ArgumentParser(prog="python -m tensegrity", description=__doc__).parse_args(arguments)
+    parser = ArgumentParser(prog="python -m tensegrity", description=__doc__)
+    parser.add_argument("--clean", action="store_true", help="empty the cache of compiled kernels")
+    if parser.parse_args(arguments).clean:
+        print(f"{trim(0, age=0.0) / 1e6:.1f} MB freed in {cache_folder()}")
+        return 0
     print(installed())
     started, failed = time.perf_counter(), 0
     for check in CHECKS:

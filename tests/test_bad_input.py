@@ -60,16 +60,16 @@ SEARCHES = (  # take long with these: see their tests
 )  # fmt: skip
 MADE_BY_OTHERS = {"BeadChain", "EquilibriumPath", "Pack", "Run", "SolitaryWave", "StructurePath"}
 INNER = {  # what runs, paths and searches ask of their objects, and nobody else
-    "Best", "Budget", "Corrected", "Gauss", "Method", "Modes", "Nystrom", "Objective", "Prediction",
-    "Pulse", "Splitting", "Trace", "TunedRun", "argument", "arrays", "at",
-    "available_energy", "beyond", "bind", "by_beads", "check", "children", "columns", "contacts_at",
-    "contacts_within", "cosines", "default", "derivative", "designs", "each", "energies", "extreme",
-    "fastest", "finer_share", "freedom", "frequency", "frequency_of", "from_keys", "from_law",
-    "gauss_rows", "is_alike", "likely", "listed", "listings", "mutants", "name", "name_of",
-    "needed", "nystrom_of", "of_coefficients", "opened", "palindrome", "places_of", "plan",
-    "present_ranges", "projected", "random", "repaired", "rows", "shift_from", "steps", "stiffest",
-    "stiffness_within", "stored_by_site", "stretch", "walls_hold", "walls_named",
-    "with_springs",
+    "Best", "Budget", "Corrected", "Method", "Midpoint", "Modes", "Nystrom", "Objective",
+    "Prediction", "Pulse", "Splitting", "Trace", "TunedRun", "argument", "arrays",
+    "at", "available_energy", "beyond", "bind", "by_beads", "check", "children", "columns",
+    "contacts_at", "contacts_within", "cosines", "default", "derivative", "designs", "each",
+    "energies", "extreme", "fastest", "finer_share", "freedom", "frequency", "frequency_of",
+    "from_keys", "from_law", "is_alike", "likely", "listed", "listings", "mutants", "name",
+    "name_of", "needed", "nystrom_of", "of_coefficients", "opened", "palindrome", "places_of",
+    "plan", "present_ranges", "projected", "random", "repaired", "rows", "shift_from", "steps",
+    "stiffest", "stiffness_within", "stored_by_site", "stretch", "walls_hold",
+    "walls_named", "with_springs",
 }  # fmt: skip
 
 R, TIME = sp.symbols("r t")
@@ -227,6 +227,7 @@ CALLS = [  # where other arguments are needed, or several in one call
               "count": 1}),
     (in_a_run(methods.Splitting), ROWS | SPLIT),
     (in_a_run(methods.Nystrom), ROWS | NYSTROM),
+    (in_a_run(methods.Midpoint), ROWS),
     (in_a_run(methods.Corrected), ROWS | {"base": methods.METHODS["verlet"]}),
     (observables.passage, {"t": X}),
     (observables.pulses, {"state": RUN.final}),

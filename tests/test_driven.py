@@ -422,7 +422,7 @@ def test_bad_input_says_what_and_why():
     refused("site 0 is held", {"drive": {0: SHAKER}, "ends": ("fixed", "free")})
     refused("has 2 components, must have 1", moved((T, T)))
     refused("'rk4' is no splitting", {"drive": {0: SHAKER}}, method="rk4")
-    refused("'gauss4' is no splitting", {"drive": {0: SHAKER}}, method="gauss4")
+    refused("'midpoint' is no splitting", {"drive": {0: SHAKER}}, method="midpoint")
     refused("'corrected6' is no splitting", {"drive": {0: SHAKER}}, method="corrected6")
     refused(r"dt 0.5 s is beyond 0.\d+ s for dashpots", {"damping": Damping(ground=20.0)}, dt=0.5,
             error=StabilityError)  # fmt: skip

@@ -34,7 +34,7 @@ def refused(match, **other):
     ("match", "other"),
     [
         ("cannot be undone|none that can be undone", {"method": "rk4"}),
-        ("none that can be undone", {"method": "gauss4"}),
+        ("none that can be undone", {"method": "midpoint"}),
         ("more than kicks and drifts", {"method": "corrected6"}),
         ("choose dt first", {"tol": 1e-6}),
         ("choose dt first", {"dt": None}),

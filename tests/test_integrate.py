@@ -29,7 +29,8 @@ REVERSIBLE = [name for name, method in METHODS.items() if method.reversible]
 SYMPLECTIC = [name for name, method in METHODS.items() if method.symplectic]
 DURATION = 24.0
 REFINEMENTS = [("verlet", (400, 800, 1600)), ("rkn6", (60, 90, 135)),
-               ("rk4", (900, 1300, 1800)), ("gauss4", (80, 110, 150))]  # fmt: skip
+               ("rk4", (900, 1300, 1800)),
+               ("midpoint", (400, 800, 1600))]  # fmt: skip
 
 
 def fitted_order(errors, dts):

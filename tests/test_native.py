@@ -13,7 +13,9 @@ from pathlib import Path
 
 import pytest
 
-from tensegrity.engine import native
+from tensegrity.__main__ import main
+from tensegrity.engine import kept, native
+from tensegrity.errors import TensegrityError
 
 pytestmark = pytest.mark.needs_compiler
 TEXT = "double answer(void) { return 42; }"
@@ -30,7 +32,7 @@ def cache(tmp_path, monkeypatch):
 
 def left(folder):
     """What compilers have left; texts that are kept beside it are files of JSON."""
-    return [e for e in folder.iterdir() if e.suffix != ".json"]
+    return [e for e in folder.iterdir() if e.suffix != ".json" and e.name != kept.LOCKS]
 
 
 def entries(folder):
@@ -344,3 +346,99 @@ def test_a_full_disk_is_told_as_what_the_compiler_lacks(cache, monkeypatch):
     with pytest.raises(native.CompilerError, match="takes no kernel: No space left"):
         native.library(TEXT)
     assert not list(cache.glob("build-*"))
+
+
+def aged(folder, seconds):
+    """All that is in the folder, as if it had been used so long ago."""
+    for entry in folder.iterdir():
+        os.utime(entry, (time.time() - seconds,) * 2)
+
+
+def compile_elsewhere(texts, then=""):
+    """A process that loads kernels, says so, and ends at the end of its input."""
+    code = f"import sys\nfrom test_native import answer\nfor t in {texts}: answer(t)\n{then}"
+    return subprocess.Popen(
+        [sys.executable, "-c", code + "\nprint(1, flush=True)\nsys.stdin.read()"],
+        env=_environment(),
+        text=True,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+    )
+
+
+TEXTS = [TEXT.replace("42", str(number)) for number in range(3)]
+
+
+def test_what_was_used_longest_ago_goes_when_something_new_is_compiled(cache, monkeypatch):
+    compile_elsewhere(TEXTS).communicate()
+    old, used, new = sorted(entries(cache), key=lambda entry: entry.stat().st_mtime)
+    aged(cache, 2 * kept.YOUNG)
+    compile_elsewhere(TEXTS[1:2]).communicate()  # it is found, which counts as a use
+    os.utime(old, (1, 1))
+    size = sum(size for _, size, _ in kept._found())
+    monkeypatch.setattr(native, "size_limit", lambda: size + 100)
+    answer()
+    assert not old.exists()
+    assert used.exists()
+    assert new.exists()
+    monkeypatch.setattr(native, "size_limit", lambda: 0)
+    answer(TEXT.replace("42", "43"))
+    assert not new.exists()
+    assert used.exists()  # young
+
+
+def test_nothing_is_removed_below_the_limit_or_by_a_mere_load(cache, monkeypatch):
+    compile_elsewhere(TEXTS).communicate()
+    aged(cache, 2 * kept.YOUNG)
+    answer()
+    assert len(entries(cache)) == 4
+    monkeypatch.setenv("TENSEGRITY_CACHE_MB", "0")
+    aged(cache, 2 * kept.YOUNG)
+    answer()
+    assert len(entries(cache)) == 4
+
+
+def test_what_another_process_has_loaded_is_not_removed_before_that_ends(cache):
+    process = compile_elsewhere(TEXTS[:1])
+    assert process.stdout.readline() == "1\n"
+    (entry,) = entries(cache)
+    kept.trim(0, age=0.0)
+    assert native._intact(entry)
+    process.communicate()
+    kept.trim(0, age=0.0)
+    assert left(cache) == []
+
+
+def test_what_a_killed_process_left_half_written_goes_when_it_is_old(cache):
+    unfinished = kept.cache_folder() / "build-killed"
+    unfinished.mkdir()
+    (unfinished / native.LIBRARY).write_text("half")
+    kept.trim(0, age=0.0)
+    assert len(left(cache)) == 1
+    aged(cache, 2 * kept.YOUNG)
+    kept.trim(0)
+    assert left(cache) == []
+
+
+def test_the_cache_is_emptied_by_hand(cache, capsys):
+    compile_elsewhere(TEXTS).communicate()
+    size = sum(size for _, size, _ in kept._found())
+    assert main(["--clean"]) == 0
+    assert capsys.readouterr().out == f"{size / 1e6:.1f} MB freed in {cache}\n"
+    assert [entry.name for entry in cache.iterdir()] == [kept.LOCKS]
+    assert answer(TEXTS[0]) == 0
+
+
+@pytest.mark.parametrize("given", ["-1", "1.5", "some", "\u0663"])
+def test_a_size_that_is_no_whole_number_is_refused(cache, monkeypatch, given):
+    monkeypatch.setenv("TENSEGRITY_CACHE_MB", given)
+    with pytest.raises(TensegrityError, match=r"TENSEGRITY_CACHE_MB .* must be a whole number"):
+        native.library(TEXT)
+
+
+def test_processes_that_make_room_at_once_do_not_disturb_each_other(cache, monkeypatch):
+    """With neither size nor age to spare, each loads what others remove and make."""
+    monkeypatch.setenv("TENSEGRITY_CACHE_MB", "0")
+    then = "from tensegrity.engine import kept; kept.trim(0, age=0.0)\n"
+    started = [compile_elsewhere(TEXTS[k:] + TEXTS[:k], then) for k in range(3)]
+    assert [process.communicate()[0] for process in started] == ["1\n"] * 3

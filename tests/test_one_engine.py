@@ -83,7 +83,7 @@ def test_ranges_of_many_equal_bonds_are_those_of_all(bonds):
 
 
 @pytest.mark.needs_compiler
-@pytest.mark.parametrize("method", ["verlet", "rkn6", "rk4", "gauss4"])
+@pytest.mark.parametrize("method", ["verlet", "rkn6", "rk4"])
 @pytest.mark.parametrize("scene", [*SCENES, patch])
 def test_engines_agree_whoever_owns_the_parameters(scene, method):
     scene, method = scene(), METHODS[method]
@@ -111,7 +111,7 @@ def test_few_short_runs_keep_common_parameters_and_many_get_their_own():
     assert 0 < len(own) < len(names) / 2  # most do not depend on the prestrain
 
 
-@pytest.mark.parametrize("method", ["verlet", "rkn6", "gauss4"])
+@pytest.mark.parametrize("method", ["verlet", "rkn6", "midpoint"])
 def test_lanes_have_masses_and_springs_of_their_own(method):
     def chain(k):
         springs = [PowerLaw(k * (1 + j / 41.7), 1.5, preload=0.2) for j in range(19)]
@@ -198,7 +198,7 @@ def test_a_chain_written_as_a_network_is_the_same_loop(scene, method):
     np.testing.assert_allclose(two.energy, one.energy, rtol=1e-13)
 
 
-@pytest.mark.parametrize("method", ["verlet", "rkn6", "rk4", "gauss4"])
+@pytest.mark.parametrize("method", ["verlet", "rkn6", "rk4", "midpoint"])
 def test_bonds_in_any_order_on_a_line_pull_as_in_a_chain(method):
     """The bonds backwards, every other one from right to left: the general loop."""
     chain = tapered(30)
@@ -324,12 +324,13 @@ def braced(rows=4):
     return patch(rows, spring=spring)
 
 
-@pytest.mark.parametrize("method", ["verlet", "rkn6", "gauss4", "rk4"])
+@pytest.mark.parametrize("method", ["verlet", "rkn6", "midpoint", "rk4"])
 def test_every_method_keeps_its_order_in_a_network(method):
     network = patch(3)
     state, t_end = pushed(network), 2.0
     exact = simulate(network, state, t_end, method="rkn6", dt=0.002).final
-    steps = {"verlet": (40, 80, 160), "gauss4": (8, 16, 32), "rk4": (20, 40, 80)}
+    steps = {"verlet": (40, 80, 160), "rk4": (20, 40, 80)}
+    steps["midpoint"] = steps["verlet"]
     errors, counts = [], steps.get(method, (5, 8, 12))
     for count in counts:
         final = simulate(network, state, t_end, method=method, dt=t_end / count).final

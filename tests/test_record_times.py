@@ -21,7 +21,7 @@ from tensegrity.runs.tuning import simulate_tuned
 from tensegrity.runs.motion import Motion
 
 TIMES = (0.0, 0.137, 0.31, 1.2345, 1.2346, 3.3, 4.0)
-ALL = ["verlet", "rkn6", "rk4", "gauss4"]
+ALL = ["verlet", "rkn6", "rk4", "midpoint"]
 
 
 def lanes():

@@ -79,7 +79,7 @@ def driven():
 
 CASES = {
     "verlet": (blow, 8.0, {"dt": 0.1}),
-    "gauss4": (blow, 4.0, {"dt": 0.25, "method": "gauss4"}),
+    "midpoint": (blow, 4.0, {"dt": 0.25, "method": "midpoint"}),
     "rk4": (blow, 4.0, {"dt": 0.1, "method": "rk4"}),
     "default step": (blow, 8.0, {}),
     "tolerance": (blow, 8.0, {"tol": 1e-9}),

@@ -51,7 +51,7 @@ def test_without_a_compiler_it_says_so_and_goes_on(monkeypatch, capsys):
 
 
 @pytest.mark.parametrize(("word", "code"), [("--help", 0), ("-h", 0), ("--no", 2), ("no", 2)])
-def test_it_takes_no_arguments_but_help(word, code, capsys):
+def test_it_takes_no_arguments_but_help_and_clean(word, code, capsys):
     with pytest.raises(SystemExit) as left:
         own.main([word])
     assert left.value.code == code

@@ -6,15 +6,22 @@ import ctypes
 
 import numpy as np
 
-from tensegrity.engine import march
+from tensegrity.engine import implicit, march
 from tensegrity.engine.compiled import structure_of
-from tensegrity.engine.methods import Corrected, Splitting
+from tensegrity.engine.methods import Corrected, Midpoint, Splitting
 from tensegrity.engine.openings import DEGREE, Openings
+from tensegrity.errors import StabilityError
 
 NYSTROM = structure_of(  # as in steps.c
     "_Nystrom",
     "nodes velocities matrix positions dt place slopes travel",
     "stages count moving",
+)
+IMPLICIT = structure_of(  # as in implicit.c
+    "_Implicit",
+    "geometry parameters load dt straight moved update root force right place slope band travel "
+    "law from to at",
+    "bonds entries count width iterations",
 )
 OPENINGS = structure_of(  # as in openings.h
     "_Openings",
@@ -57,6 +64,8 @@ class Bound:
         if isinstance(method, Corrected):
             functions = loop.openings
             second = self._openings = self._set_openings(loop, bonds, method, places)
+        elif isinstance(method, Midpoint):
+            functions, second = (loop.implicit, None), self._set_implicit(loop, bonds, method)
         elif not isinstance(method, Splitting):
             functions = loop.advance_nystrom, None
             second = self._set_nystrom(loop, method, moving)
@@ -82,6 +91,25 @@ class Bound:
         """Go on with steps of another length [s]."""
         for array, of_one, power in self._of_step:
             np.multiply(of_one, array.dtype.type(dt) ** power, out=array)
+
+    def _set_implicit(self, loop, bonds, method):
+        """Prepare the steps of the midpoint rule."""
+        fields = implicit.fields(loop, self.u, bonds) | {"travel": self._travel}
+        steps = IMPLICIT(
+            **{k: x if isinstance(x, int) else x.ctypes.data for k, x in fields.items()}
+        )
+        self._scale_with_step(fields["dt"])
+        self._arrays += [fields, steps]
+        self._words = f"is too large for {method.name}: its equations were not solved in "
+        return steps
+
+    def why_stopped(self):
+        """Why steps could not be done."""
+        (dt, _, _), *_ = self._of_step[2:]
+        return StabilityError(
+            f"dt {float(dt[0]):.6g} s {self._words}{implicit.ITERATIONS} iterations; the springs "
+            "change too much within a step"
+        )
 
     def _set_nystrom(self, loop, method, moving):
         """Prepare the steps of a method that sums accelerations."""
@@ -141,7 +169,8 @@ class Bound:
         that matters to a method."""
         advance, show = self.functions
         corrects = self._openings is not None
-        advance(*self.addresses, steps, opened and corrects)
+        if advance(*self.addresses, steps, opened and corrects):
+            raise self.why_stopped()
         if show is not None and not corrects:
             show(*self.addresses, self.u.ctypes.data, self.v.ctypes.data)
 

@@ -18,7 +18,9 @@ if TYPE_CHECKING:
 LONG = 500  # instructions from which a law is compiled apart from the loop
 
 
-def c_text(laws, loop="line", own=None, helpers=(), packed=(), openings=False, extra=()):
+def c_text(
+    laws, loop="line", own=None, helpers=(), packed=(), openings=False, extra=(), implicit=False
+):
     """C source of a loop over bonds of the given laws, numbered in their order.
 
     Parameters
@@ -38,6 +40,8 @@ def c_text(laws, loop="line", own=None, helpers=(), packed=(), openings=False, e
         Whether the steps of corrected methods are among it.
     extra : sequence of str
         Files, or C, behind the loop.
+    implicit : bool, optional
+        Whether implicit steps are among it, and the stiffness of every law.
     """
     import casadi as ca
 
@@ -45,7 +49,8 @@ def c_text(laws, loop="line", own=None, helpers=(), packed=(), openings=False, e
     generator = ca.CodeGenerator("laws.c")
     hooks = []
     for number, law in enumerate(laws):
-        for name in (*law.compiled, "head", "tail"):
+        more = ["stiffness"] if implicit and "stiffness" not in law.compiled else []
+        for name in (*law.compiled, *more, "head", "tail"):
             function = functions(law)[name]
             unique = f"law{number}_{name}"
             sx = function.sx_in()
@@ -89,6 +94,8 @@ def c_text(laws, loop="line", own=None, helpers=(), packed=(), openings=False, e
     parts += [f"{loop}.c", "steps.c"]
     parts += ["openings.h", f"{loop}_openings.c", "openings.c"] * openings
     parts += ["evaluate.c", *["values.c"] * (loop == "line" and own == (None,))]
+    if implicit:
+        parts += [f"#define LAWS(X) {' '.join(f'X({k})' for k in range(len(laws)))}", "implicit.c"]
     return joined([*parts, *extra])
 
 

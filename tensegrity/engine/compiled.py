@@ -67,16 +67,17 @@ class Compiled:
             function.argtypes, function.restype = arguments, None
             setattr(self, name if name.startswith(("advance", "show")) else f"_{name}", function)
 
-    def _compiled(self, openings):
-        """The library, with the steps of corrected methods or without: compiling them takes as
-        long as the rest."""
+    def _compiled(self, openings, implicit=False):
+        """The library, with the steps of corrected or of implicit methods or without: compiling
+        them takes as long as the rest."""
         laws, own, dim, loop = self.laws, self.own, self.dim, "net" if self.dim else "line"
 
         def text():
             parts = (geometry.helpers(dim), geometry.side_by_side(dim)) if dim else ()
-            return c_text(laws, loop, own, *parts, openings=openings, extra=self.extra)
+            more = {"openings": openings, "extra": self.extra, "implicit": implicit}
+            return c_text(laws, loop, own, *parts, **more)
 
-        parts = named(self.kind, laws, loop, own, dim, openings)
+        parts = named(self.kind, laws, loop, own, dim, openings, implicit)
         return library(kept(parts, text), self._flags)
 
     @cached_property
@@ -88,6 +89,14 @@ class Compiled:
         for function, rest in zip(functions, ([number] * 2, [address] * 2), strict=True):
             function.argtypes = [address] * 2 + rest
         return functions
+
+    @cached_property
+    def implicit(self):
+        """Function that advances by steps of the implicit midpoint rule; what it returns is 0, or
+        1 where equations were not solved."""
+        function = self._compiled(False, implicit=True).advance_implicit
+        function.argtypes = [ctypes.c_void_p] * 2 + [ctypes.c_longlong] * 2
+        return function
 
     @classmethod
     def of(cls, bonds, lanes=1, extended=False):

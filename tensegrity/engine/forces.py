@@ -1,4 +1,4 @@
-"""Forces of bonds and their derivatives in NumPy: for statics, modes and implicit steps.
+"""Forces of bonds and their derivatives in NumPy: for statics and modes.
 
 Rows are those of `Bonds`: sites, and in a network walls and a spare one; the last two may be left
 out of `u`, as they do not move contacts.

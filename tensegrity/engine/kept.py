@@ -5,6 +5,10 @@ file of JSON named by the hash of all that decides it: what it is, the sources t
 the packages that do the algebra.  It is written beside and renamed; a file that is cut off,
 changed or of something else does not fit the digest in its first line, and is made anew.  Nothing
 in it is evaluated, and C from it is compiled only if it is, to the digest, what was written.
+
+The folder is kept below a size, $TENSEGRITY_CACHE_MB: whenever something new was compiled, what was
+used longest ago is removed.  A process holds a shared lock on each kernel that it has loaded, one
+byte of a file of locks, until it ends; what is locked, or was used a few minutes ago, stays.
 """
 
 from __future__ import annotations
@@ -17,14 +21,29 @@ import shutil
 import stat
 import sys
 import tempfile
+import time
 import warnings
+import zlib
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
+from tensegrity import check
+from tensegrity.errors import TensegrityError
+
+try:
+    import fcntl
+except ImportError:  # no locks there: only age protects what is in use
+    fcntl = None  # type: ignore[assignment]
+
 SOURCES = ("derivations", "tensegrity.engine", "tensegrity.springs", "tensegrity.branches",
            "tensegrity.prisms")  # fmt: skip
 ALGEBRA = ("sympy", "mpmath", "casadi")
+MOST = "500"  # MB
+YOUNG = 600.0  # s since the last use, within which nothing is removed to make room
+LOCKS = "locks"
+
+loaded = set()  # names of the entries that this process uses: its own locks do not stop it
 
 
 def kept(parts, make):
@@ -51,6 +70,7 @@ def kept(parts, make):
         if digest == hashlib.sha256(content).hexdigest().encode():
             found = json.loads(content)
             if found["of"] == key:
+                _touch(path)
                 return found["value"]
     value = make()
     content = json.dumps({"of": key, "value": value})
@@ -71,6 +91,90 @@ def _write(path, content):
         except BaseException:
             os.unlink(beside)
             raise
+
+
+def size_limit():
+    """Bytes that the folder may take: $TENSEGRITY_CACHE_MB, or 500 MB."""
+    given = os.environ.get("TENSEGRITY_CACHE_MB", "").strip() or MOST
+    if not (given.isascii() and given.isdigit()):
+        raise TensegrityError(
+            f"TENSEGRITY_CACHE_MB {check.shown(given)} must be a whole number, at least 0"
+        )
+    return int(given) * 1_000_000
+
+
+def use(entry):
+    """Mark a compiled entry as used now, and as in use until this process ends."""
+    loaded.add(entry.name)
+    _touch(entry)
+    with contextlib.suppress(OSError):
+        _lock(entry, "LOCK_SH")
+
+
+def trim(most, age=YOUNG):
+    """Remove from the folder what was used longest ago, until the rest fits.
+
+    Parameters
+    ----------
+    most : int
+        Size that may stay [bytes].
+    age : float
+        What was used within so many seconds stays; what is being written, within `YOUNG`.
+
+    Returns
+    -------
+    int
+        Size of what was removed [bytes].
+    """
+    found = sorted(_found())
+    left, freed, now = sum(size for _, size, _ in found), 0, time.time()
+    for used, size, path in found:
+        unfinished = "-" in path.name
+        if left - freed > most and now - used >= (YOUNG if unfinished else age) and _removed(path):
+            freed += size
+    return freed
+
+
+def _found():
+    """Time of last use [s], size [bytes] and path of all that is in the folder."""
+    for path in cache_folder().iterdir():
+        with contextlib.suppress(OSError):  # removed by another process
+            parts = list(path.iterdir()) if path.is_dir() else [path]
+            if path.name != LOCKS:
+                yield path.stat().st_mtime, sum(part.stat().st_size for part in parts), path
+
+
+def _removed(path):
+    """Remove a file or an entry that no process uses; False where it stays."""
+    if path.name in loaded:
+        return False
+    try:
+        _lock(path, "LOCK_EX", "LOCK_NB")
+        try:
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
+        finally:
+            _lock(path, "LOCK_UN")
+    except OSError:
+        return False
+    return True
+
+
+def _lock(path, *kinds):
+    """Lock or unlock the byte of the file of locks that stands for a path, for this process."""
+    if fcntl is not None:
+        kind = sum(getattr(fcntl, name) for name in kinds)
+        fcntl.lockf(_locks(path.parent), kind, 1, zlib.crc32(path.name.encode()))
+
+
+@cache
+def _locks(folder):
+    """File of locks, never closed: to close it would give up all locks of this process."""
+    return os.open(folder / LOCKS, os.O_RDWR | os.O_CREAT, 0o600)
+
+
+def _touch(path):
+    with contextlib.suppress(OSError):
+        os.utime(path)
 
 
 def maker(make, *arguments):

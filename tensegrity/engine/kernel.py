@@ -9,7 +9,7 @@ What runs where:
 | threads | pieces of long chains | pieces of large ones, by splittings |
 | walls, loads | no: a network on a line has them | yes |
 | "corrected6" | yes, lanes too, on one thread | yes |
-| implicit steps | yes, banded | yes, sparse |
+| implicit steps | yes, lanes in turn | yes; one thread |
 | fitted forces | yes | yes |
 | prescribed motions, forces in time | yes, one lane, one thread | yes, one thread |
 | dashpots | in bonds and to the ground | to the ground |
@@ -28,10 +28,10 @@ from tensegrity.engine import pieces
 from tensegrity.engine.bound_line import BoundLine
 from tensegrity.engine.bound_net import BoundNet
 from tensegrity.engine.compiled import compiled
-from tensegrity.engine.implicit import BoundGauss
 from tensegrity.engine.interpreted import BoundInterpreted, Interpreted
 from tensegrity.engine.methods import Splitting
 from tensegrity.engine.native import CompilerError
+from tensegrity.errors import TensegrityError
 from tensegrity.once import once
 
 
@@ -64,9 +64,9 @@ def bind(u, v, bonds, method, dt, loop=None, divided=True):
     lanes = 1 if bonds.dim or u.ndim == 1 else u.shape[1]
     if loop is None:
         loop = kernel(bonds.laws, bonds.own, bonds.dim, lanes)
-    if not method.explicit:
-        return BoundGauss(loop, u, v, bonds, method, dt)
     if isinstance(loop, Interpreted):
+        if not method.explicit:
+            raise TensegrityError(f"{method.name} needs a C compiler, of which there is none")
         return BoundInterpreted(u, v, bonds, method, dt)
     large = len(bonds.group) > pieces.MANY if bonds.dim else u.size > pieces.LONG and lanes == 1
     count = pieces.threads() if divided and large and isinstance(method, Splitting) else 1

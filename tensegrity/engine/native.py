@@ -21,7 +21,7 @@ import tempfile
 from functools import cache
 from pathlib import Path
 
-from tensegrity.engine.kept import cache_folder, kept
+from tensegrity.engine.kept import cache_folder, kept, size_limit, trim, use
 
 # -fno-semantic-interposition: else CasADi's helpers, which have external linkage, stay calls.
 # -fno-math-errno -fno-trapping-math: else sqrt and comparisons keep the loops scalar.
@@ -197,11 +197,14 @@ def _load(text, command, identity, flags):
     parts = (text, shlex.join(command), identity, " ".join(flags), _processor())
     key = hashlib.sha256("\0".join(parts).encode()).hexdigest()
     entry = cache_folder() / key
+    use(entry)  # first: what is in use is not removed between the look at it and its loading
     if not _intact(entry):
+        most = size_limit()
         try:
             build(text, command, flags, entry)
         except OSError as error:
             raise CompilerError(f"{entry.parent} takes no kernel: {error.strerror}") from error
+        trim(most)
     try:
         return ctypes.CDLL(str(entry / LIBRARY))
     except OSError as error:

@@ -1,8 +1,7 @@
-"""Methods that sum accelerations at points inside a step: explicit ones, and Gauss's."""
+"""Explicit methods that sum accelerations at points inside a step."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -92,42 +91,6 @@ class Nystrom(Method):
         xx, xv, vx, vv = self.step_matrix(z)
         determinant = xx * vv - xv * vx
         return np.maximum(np.abs(determinant) - 1, np.abs(xx + vv) - 1 - determinant)
-
-
-@dataclass(frozen=True)
-class Gauss(Nystrom):
-    """Gauss collocation: the Nystrom form with a full matrix, stages solved for."""
-
-    symplectic = reversible = True
-    explicit = False
-    scale = 1.0
-    stability_limit = math.inf
-
-    def step_matrix(self, z: Array | float) -> Matrix:
-        """Entries (xx, xv, vx, vv) of a step's matrix for (x, v/omega), z = dt * omega."""
-        z = np.asarray(z, dtype=float)
-        squared = z[..., None, None] ** 2
-        left = np.eye(self.stages) + squared * np.array(self.matrix)
-        right = np.stack(np.broadcast_arrays(1.0, z[..., None] * self.nodes), axis=-1)
-        places = np.linalg.solve(left, right)  # (..., stages, 2): for x = 1 and v = 1
-        moved, turned = (np.array(b) @ places for b in (self.positions, self.velocities))
-        xx, xv = 1 - z**2 * moved[..., 0], z - z**2 * moved[..., 1]
-        return xx, xv, -z * turned[..., 0], 1 - z * turned[..., 1]
-
-
-def gauss_rows(stages: int) -> dict[str, Any]:
-    """Rows of the Nystrom form of Gauss collocation with that many stages, order 2 stages."""
-    import numpy.polynomial.legendre as legendre
-    from numpy.polynomial import Polynomial
-
-    nodes, weights = legendre.leggauss(stages)
-    nodes, weights = (1 + nodes) / 2, weights / 2
-    matrix = np.empty((stages, stages))
-    for j, node in enumerate(nodes):
-        others = np.delete(nodes, j)
-        basis = Polynomial.fromroots(others) / np.prod(node - others)
-        matrix[:, j] = basis.integ()(nodes)
-    return nystrom_of(matrix, weights)
 
 
 def nystrom_of(matrix: Rows, weights: Iterable[Any]) -> dict[str, Any]:

@@ -269,6 +269,27 @@ class Corrected(Method):
         return self.base.step_matrix(z)
 
 
+@dataclass(frozen=True)
+class Midpoint(Method):
+    """The implicit midpoint rule: u and v change by the rates at the middle between their values
+    before and after a step, which is solved for."""
+
+    symplectic = reversible = True
+    explicit = False
+    stages = 1
+    scale = 1.0
+    stability_limit = math.inf
+
+    def check(self) -> None:
+        """Nothing may be wrong: there are no coefficients."""
+
+    def step_matrix(self, z: Array | float) -> Matrix:
+        """Entries (xx, xv, vx, vv) of a step's matrix for (x, v/omega), z = dt * omega."""
+        square = np.asarray(z, dtype=float) ** 2 / 4
+        cosine, sine = (1 - square) / (1 + square), z / (1 + square)
+        return cosine, sine, -sine, cosine
+
+
 def palindrome(half: tuple[float, ...], odd: bool) -> tuple[float, ...]:
     """A full row of an odd or even number of entries, from its first half without the last
     entry of it, which makes the sum 1."""

@@ -395,6 +395,6 @@ register(Chain, _chain, _make_chain)
 register(Ensemble, _ensemble)
 register(Network, _network, _make_network)
 for _method in (
-    methods.Splitting, methods.Corrected, methods.Nystrom, methods.Gauss,
+    methods.Splitting, methods.Corrected, methods.Nystrom, methods.Midpoint,
 ):  # fmt: skip
     register(_method, _fields)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from tensegrity.engine.march import Wanted
+from tensegrity.engine.march import STOPPED, Wanted
 from tensegrity.engine.methods import Corrected, Splitting
 from tensegrity.errors import LockingError, StabilityError
 from tensegrity.runs.guard import Guard
@@ -80,6 +80,7 @@ class Motion:
     def __init__(self, problem: Any, dt: float, allowed: float, start: Any = None) -> None:
         self.problem, self.dt, self.allowed = problem, dt, allowed
         self.scene, self._fastest, self.most = problem.scene, 0.0, MOST_STEPS
+        self._found = 0  # what the loop said of the last attempt
         self._sites = problem.scene.sites
         u = problem.state.u if start is None else start.shown[0][: self._sites]
         self._prepare(problem.moved.listed(u))
@@ -194,7 +195,8 @@ class Motion:
 
     def _go(self, end: int, wanted: Any) -> bool:
         """Advance the loop; whether that is finite."""
-        return not self._bound.go(self.point.done, end, wanted)
+        self._found = self._bound.go(self.point.done, end, wanted)
+        return not self._found
 
     def _first(self, wanted: Any) -> Any:
         """Take what is wanted of what was reached; the rest."""
@@ -333,9 +335,10 @@ class Motion:
 
     def error(self) -> LockingError | StabilityError:
         """Why an attempt at a single step failed."""
-        return self._explained(
-            (self.point.done + 1) * self.dt, self._range_met, self._bound.shown
-        )
+        if self._found == STOPPED:
+            return self._bound.why_stopped()
+        t = (self.point.done + 1) * self.dt
+        return self._explained(t, self._range_met, self._bound.shown)
 
     def _explained(self, t: float, met: Array, shown: Any) -> LockingError | StabilityError:
         """What went wrong in the step that ended at t, with these rows."""
