@@ -103,7 +103,7 @@ def same(run, whole):
 
 def interrupt(monkeypatch, at, error=KeyboardInterrupt):
     """Stop the run to a file with its `at`-th attempt."""
-    interrupted(monkeypatch, at, 4, error, lambda motion: motion.problem.record.path)
+    interrupted(monkeypatch, at, 1, error, lambda motion: motion.problem.record.path)
 
 
 @pytest.mark.parametrize("at", [1, 2, 9])
