@@ -50,7 +50,7 @@ class Bound:
         Bound on how far any coordinate of a site moved since then [m]; networks only.
     """
 
-    _openings = None
+    _openings = _dt = None
 
     def _set_steps(self, loop, structure, arrays, bonds, method, dt, moving, walls=0, places=None):
         """Keep what the structure points to, and prepare the functions of a method's steps."""
@@ -89,6 +89,9 @@ class Bound:
 
     def set_step(self, dt):
         """Go on with steps of another length [s]."""
+        if dt == self._dt:
+            return
+        self._dt = dt
         for array, of_one, power in self._of_step:
             np.multiply(of_one, array.dtype.type(dt) ** power, out=array)
 

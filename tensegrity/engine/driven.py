@@ -111,10 +111,10 @@ class BoundDriven(Bound):
 
     def _advance(self, first: int, steps: int, do: Any, origin: float = 0.0) -> int:
         """Do steps from number `first` after `origin` [s] on."""
-        rows = self.schedule.rows(first, steps, origin)
+        rows = self.schedule.rows(first, max(steps, 1), origin)
         for name, x in rows.items():
             setattr(self._drive, name, x.ctypes.data)
-        self._drive.stage = 0
+        self._drive.stage, self.shown_sums[:] = 0, self.sums
         found = do()
         if found == march.STOPPED:
             times = self.schedule.times(first, steps, origin)

@@ -43,13 +43,13 @@ static integer shown(const loop *l, double *u, double *v)
     return l->show && l->show(l->scene, l->method, u, v);
 }
 
-static void take(const loop *l, wanted *w)
+static void take(const loop *l, wanted *w, integer raw)
 {
     if (w->places)
         for (integer j = 0; j < w->entries; j++)
             *w->u++ = j < w->of_u ? l->u[w->places[j]] : l->v[w->places[j]];
     else {
-        const double *u = w->raw ? l->u : l->shown_u, *v = w->raw ? l->v : l->shown_v;
+        const double *u = raw ? l->u : l->shown_u, *v = raw ? l->v : l->shown_v;
         copy(w->u, u, w->size);
         copy(w->v, v, w->size);
         w->u += w->size, w->v += w->size;
@@ -68,10 +68,12 @@ static int is_finite(const double *x, integer n)
     return all == 0;
 }
 
-/* Go from step `done` to `end`, which is shown; whether all is well, the loop had to stop, or the
+/* Go from step `done` to `end`, which is shown; a run begins with step 0, as it is.  Whether all is well, the loop had to stop, or the
    first `sites` numbers are not finite. */
 integer go(const loop *l, integer done, integer end, wanted *each, integer count, integer sites)
 {
+    for (integer k = 0; k < count; k++)
+        while (done == 0 && each[k].count && *each[k].at == 0) take(l, each + k, 1);
     while (done < end) {
         integer next = end, seen = 0, last = 0;
         for (integer k = 0; k < count; k++)
@@ -89,7 +91,7 @@ integer go(const loop *l, integer done, integer end, wanted *each, integer count
         } else if (seen || done == end)
             if (shown(l, l->shown_u, l->shown_v)) return STOPPED;
         for (integer k = 0; k < count; k++)
-            while (each[k].count && *each[k].at == done) take(l, each + k);
+            while (each[k].count && *each[k].at == done) take(l, each + k, each[k].raw);
     }
     return is_finite(l->shown_u, sites) && is_finite(l->shown_v, sites) ? WELL : ENDLESS;
 }

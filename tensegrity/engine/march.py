@@ -87,11 +87,6 @@ class Wanted(NamedTuple):
         room = (None if x is None else np.empty((*x.shape[:-1], *lanes)) for x in self[1:5])
         return Wanted(self.at, *room, None, *self[6:])
 
-    def after(self, skipped: int) -> Wanted:
-        """Without the first ones."""
-        rows = (None if x is None else x[skipped:] for x in self[:6])
-        return Wanted(*rows, *self[6:])
-
 
 @once
 def _compiled() -> Any:
@@ -111,7 +106,7 @@ def go(
     loop : Loop
     done, end : int
     wanted : sequence of Wanted
-        With numbers of steps above `done` and at most `end`.
+        With numbers of steps above `done`, or from 0 on, and at most `end`.
     sites, walls : int
         Numbers of u that sites have, and walls behind them.
 

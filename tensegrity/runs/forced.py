@@ -50,7 +50,7 @@ class ForcedMotion(Motion):
             pulls = self.forcing.force(begin, 0)[0] * problem.state.u.reshape(-1)[forced]
             self._first_force = float(np.sum(pulls))
         super().__init__(problem, dt, allowed, start)
-        self.most = max(1, NUMBERS // self._bound.schedule.width())
+        self._at_once = max(1, NUMBERS // self._bound.schedule.width())
 
     def _limit_damping(self, problem: Any, dt: float) -> None:
         """Refuse a step in a drift of which velocities would decay, or grow back, too much."""

@@ -73,14 +73,15 @@ class Motion:
     ----------
     point : Point
         What was reached.
-    most : int
-        Steps that an attempt should do at most.
     """
+
+    _at_once = MOST_STEPS
 
     def __init__(self, problem: Any, dt: float, allowed: float, start: Any = None) -> None:
         self.problem, self.dt, self.allowed = problem, dt, allowed
-        self.scene, self._fastest, self.most = problem.scene, 0.0, MOST_STEPS
+        self.scene, self._fastest, self._most = problem.scene, 0.0, MOST_STEPS
         self._found = 0  # what the loop said of the last attempt
+        self._unseen = 0  # steps since contacts were looked for
         self._sites = problem.scene.sites
         u = problem.state.u if start is None else start.shown[0][: self._sites]
         self._prepare(problem.moved.listed(u))
@@ -160,14 +161,12 @@ class Motion:
         """
         if end == self.point.done:
             self._reached = self.point
-            for one in wanted:
-                self._first(one)
+            self._go(end, wanted)
             return True
         self._list_anew()
         steps, bound = end - self.point.done, self._bound
         bound.forget_range()
         self._reached = None
-        wanted = [self._first(one) for one in wanted]
         if self._tracker is not None:
             wanted = [one.with_travel() for one in wanted]
         finite = self._go(end, wanted)
@@ -181,41 +180,28 @@ class Motion:
 
     def accept(self) -> None:
         """Go on from what the last attempt reached."""
-        steps = self._reached.done - self.point.done
+        self._unseen = self._reached.done - self.point.done
         self.point = self._reached
-        if self._tracker is None or not steps:
-            return
-        travel, u = self._bound.travel, self.point.u[: self._sites]
-        if self._tracker.share(travel) < 1:
-            self._tracker.accept(u, travel)
-        elif steps > 1:
-            self._tracker.look(u)
-        share = self._tracker.share(travel)
-        self.most = max(1, int(min(CAUTION * steps / share, MOST_STEPS))) if share else MOST_STEPS
+
+    @property
+    def most(self) -> int:
+        """Steps that an attempt should do at most."""
+        if self._tracker is not None and self._unseen:
+            steps, travel, u = self._unseen, self._bound.travel, self.point.u[: self._sites]
+            self._unseen = 0
+            if self._tracker.share(travel) < 1:
+                self._tracker.accept(u, travel)
+            elif steps > 1:
+                self._tracker.look(u)
+            share = self._tracker.share(travel)
+            clear = CAUTION * steps / share if share else math.inf
+            self._most = max(1, int(min(clear, MOST_STEPS)))
+        return min(self._most, self._at_once)
 
     def _go(self, end: int, wanted: Any) -> bool:
         """Advance the loop; whether that is finite."""
         self._found = self._bound.go(self.point.done, end, wanted)
         return not self._found
-
-    def _first(self, wanted: Any) -> Any:
-        """Take what is wanted of what was reached; the rest."""
-        here = int(wanted.at.searchsorted(self.point.done, side="right"))
-        if not here:
-            return wanted
-        sites = self._sites
-        if wanted.places is not None:
-            u, v = self.point.u.ravel(), self.point.v.ravel()
-            places = wanted.places[: wanted.of_u], wanted.places[wanted.of_u :]
-            wanted.u[:here] = np.concatenate([u[places[0]], v[places[1]]])
-            return wanted.after(here)
-        u, v = self.point[1:3] if wanted.raw else self.point.shown[:2]
-        wanted.u[:here], wanted.v[:here] = u[:sites], v[:sites]
-        if wanted.impulse is not None:
-            wanted.impulse[:here] = v[sites : sites + self.scene.wall_count]
-        if wanted.sums is not None:
-            wanted.sums[:here] = self.point.shown[2]
-        return wanted.after(here)
 
     def _point(self, end: int, met: Array) -> Point:
         bound = self._bound
@@ -244,7 +230,7 @@ class Motion:
             return True
         if self._samples_do and (self._keeps(end, wanted) or self._keeps_each(end)):
             return True
-        self.most = max(1, min(steps // 2, int(CAUTION * steps / share)))
+        self._most = max(1, min(steps // 2, int(CAUTION * steps / share)))
         return False
 
     def _keeps(self, end: int, wanted: Any, each: bool = False) -> bool:

@@ -76,8 +76,6 @@ class Recorder(Instants):
     def take(self, motion: Any, last: float = math.inf) -> None:
         """Record what stands and is due, up to an instant [s]."""
         stop = self.due(motion).stop
-        if stop == self.count:
-            return
         if last < math.inf:
             stop = int(self._plan.t[:stop].searchsorted(last, side="right"))
         while self.count < stop:
@@ -87,10 +85,10 @@ class Recorder(Instants):
                 continue
             between = [] if self._in_place else np.flatnonzero(self._plan.part[first:stop])
             end = first + int(between[0]) if len(between) else stop
-            here = slice(first - self._first, end - self._first)
-            states = [None if x is None else x[here] for x in self._states[1:5]]
+            here, states = slice(first - self._first, end - self._first), self._states[1:5]
             if self._in_place:
-                states[:3] = [None] * 3  # they are in their rows
+                states = *[None] * 3, states[3]
+            states = (None if x is None else x[here] for x in states)
             self._extend(self._plan.t[first:end], *states)
 
     def _single(self, motion: Any, k: int) -> Any:
