@@ -8,8 +8,8 @@ import time
 
 import numpy as np
 import pytest
-from scenes import interrupted
 import sympy as sp
+from scenes import interrupted
 from springs import series
 
 import granular

@@ -88,7 +88,11 @@ def test_instants_of_its_own_are_those_of_a_record_of_them(name):
     often, rarely, plain = Seen(), Seen(), Seen()
     observe = [(often, Record(every=1)), (rarely, WHEN["times"]), plain]
     simulate(scene, state, 4.0, record=Record(every=9, sites=[1]), observe=observe, **HOW)
-    for seen, record in ((often, Record(every=1)), (rarely, WHEN["times"]), (plain, Record(every=9))):
+    for seen, record in (
+        (often, Record(every=1)),
+        (rarely, WHEN["times"]),
+        (plain, Record(every=9)),
+    ):
         wanted = simulate(scene, state, 4.0, record=record, **HOW)
         assert seen.t == wanted.t.tolist()
         assert np.array_equal(seen.u, wanted.u)
@@ -135,8 +139,12 @@ def test_a_true_return_ends_the_run_there(name, when, tmp_path):
     rows = len(run.t) - 1
     assert np.array_equal(run.u[:rows], whole.u[::4][:rows])
     assert run.steps == int(run.t[-1] / run.dt + 1e-9)
-    assert run.energy[-1] == pytest.approx(run.energy[0] + (0 if run.work is None else (run.work - run.loss)[-1]), rel=1e-3, abs=1e-9)
-    simulate(scene, state, 4.0, record=Record(every=4, path=path), observe=(Seen(1.7), observe[1]), **HOW)
+    assert run.energy[-1] == pytest.approx(
+        run.energy[0] + (0 if run.work is None else (run.work - run.loss)[-1]), rel=1e-3, abs=1e-9
+    )
+    simulate(
+        scene, state, 4.0, record=Record(every=4, path=path), observe=(Seen(1.7), observe[1]), **HOW
+    )
     kept = np.load(path)
     assert np.array_equal(kept["t"], run.t)
     assert np.array_equal(kept["u"], run.u)

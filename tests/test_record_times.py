@@ -17,8 +17,8 @@ from tensegrity import (
     simulate,
 )
 from tensegrity.engine.methods import METHODS
-from tensegrity.runs.tuning import simulate_tuned
 from tensegrity.runs.motion import Motion
+from tensegrity.runs.tuning import simulate_tuned
 
 TIMES = (0.0, 0.137, 0.31, 1.2345, 1.2346, 3.3, 4.0)
 ALL = ["verlet", "rkn6", "rk4", "midpoint"]

@@ -25,9 +25,9 @@ from granular.design.spaces import SLACK
 from tensegrity import PowerLaw, TensegrityError
 from tensegrity.engine import kernel, reverse
 from tensegrity.engine.bonds import Bonds
+from tensegrity.engine.march import Wanted
 from tensegrity.engine.methods import METHODS
 from tensegrity.engine.reverse_layout import Layout
-from tensegrity.engine.march import Wanted
 
 if TYPE_CHECKING:
     from typing import Any

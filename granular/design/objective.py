@@ -32,8 +32,8 @@ from tensegrity import PowerLaw, TensegrityError, check
 from tensegrity.engine import kernel
 from tensegrity.engine.bonds import Bonds
 from tensegrity.engine.compiled import Compiled
-from tensegrity.engine.methods import METHODS
 from tensegrity.engine.march import Wanted
+from tensegrity.engine.methods import METHODS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -26,15 +26,17 @@ class Loop(ctypes.Structure):
     """A bound loop, as `march.c` takes it."""
 
     _fields_ = [
-        *((name, _ADDRESS) for name in "advance show scene method u v shown_u shown_v sums travel".split()),
+        *((name, _ADDRESS) for name in ("advance", "show", "scene", "method", "u", "v")),
+        *((name, _ADDRESS) for name in ("shown_u", "shown_v", "sums", "travel")),
         *((name, _NUMBER) for name in ("size", "sum_count")),
     ]
 
 
 class _Wanted(ctypes.Structure):
     _fields_ = [
-        *((name, _ADDRESS) for name in "at places u v impulse sums travel".split()),
-        *((name, _NUMBER) for name in "count raw size behind walls entries of_u".split()),
+        *((name, _ADDRESS) for name in ("at", "places", "u", "v", "impulse", "sums", "travel")),
+        *((name, _NUMBER) for name in ("count", "raw", "size", "behind", "walls")),
+        *((name, _NUMBER) for name in ("entries", "of_u")),
     ]
 
 
@@ -84,8 +86,12 @@ class Wanted(NamedTuple):
 
     def like(self, lanes: tuple[int, ...]) -> Wanted:
         """Room for the same, of other lanes."""
-        room = (None if x is None else np.empty((*x.shape[:-1], *lanes)) for x in self[1:5])
-        return Wanted(self.at, *room, None, *self[6:])
+
+        def room(x: Any) -> Any:
+            return None if x is None else np.empty((*x.shape[:-1], *lanes))
+
+        states = {name: room(getattr(self, name)) for name in ("u", "v", "impulse", "sums")}
+        return self._replace(**states)
 
 
 @once
@@ -96,9 +102,7 @@ def _compiled() -> Any:
     return found
 
 
-def go(
-    loop: Loop, done: int, end: int, wanted: Sequence[Wanted], sites: int, walls: int
-) -> int:
+def go(loop: Loop, done: int, end: int, wanted: Sequence[Wanted], sites: int, walls: int) -> int:
     """Advance from step `done` to `end`, and take what is wanted after `done`.
 
     Parameters

@@ -207,7 +207,10 @@ class OnGrid:
     def __init__(self, layout, u, v, method, dt, grid):
         self._back = back = Back(layout, method, dt, Totals(layout, 0), grid)
         self.u, self.v, self._sites = u, v, layout.sites
-        self.shown, self._shown = (u.copy(), v.copy()), (np.zeros_like(back.u), np.zeros_like(back.v))
+        self.shown, self._shown = (
+            (u.copy(), v.copy()),
+            (np.zeros_like(back.u), np.zeros_like(back.v)),
+        )
         self.forget_range = back.forget_range
         arrays = back.u, back.v, *self._shown
         functions = layout.library.advance, layout.library.show

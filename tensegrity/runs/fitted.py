@@ -48,7 +48,9 @@ def with_polynomials(problem, coarse, tol, margin):
     """
     scene = problem.scene
     springs = scene.spring_table.different
-    ranges = [_widened(spring, *met, margin) for spring, met in zip(springs, coarse.met, strict=True)]
+    ranges = [
+        _widened(spring, *met, margin) for spring, met in zip(springs, coarse.met, strict=True)
+    ]
     error, least = max(FIRST_ERROR * tol, LEAST_ERROR), 0.0
     for _ in range(FITS):
         try:

@@ -130,7 +130,9 @@ class ForcedMotion(Motion):
     def _allows(self, met: Array, end: int) -> bool:
         if self.tuning is None:
             return super()._allows(met, end)
-        self._limit = self.problem.largest_step(self._omega(*met[0], end))
+        self._limit = self.problem.largest_step(
+            self._omega(float(met[0, 0]), float(met[0, 1]), end)
+        )
         return self.dt <= self.allowed * self._limit
 
     def _omega(self, low: float, high: float, end: int) -> float:
@@ -181,7 +183,7 @@ class ForcedMotion(Motion):
         if impulse is not None:
             rows[1][walls] = impulse
         rows[1].reshape(-1)[self.forcing.moved] = 0.0
-        bound = driven.bind(self.forcing, *rows, self.problem.method, part)
+        bound = driven.bind(self.forcing, rows[0], rows[1], self.problem.method, part)
         bound.sums[:2] = sums - told[0]  # as the loop sums them
         bound.short(t)
         u[...], v[...] = rows[0][:sites], rows[1][:sites]

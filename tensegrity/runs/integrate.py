@@ -103,9 +103,17 @@ def simulate(
     choice = "dt" if dt is not None else "default" if tol is None else "tol"
     outlook = Outlook(scene, state, energy)
     problem = known(
-        Problem, observe=tuple(watching(observe, record, scene, t_end)), scene=scene, state=state, t_end=t_end, method=method, record=record,
-        choice=choice, outlook=outlook, given=dt,
-    )  # fmt: skip
+        Problem,
+        scene=scene,
+        state=state,
+        t_end=t_end,
+        method=method,
+        record=record,
+        observe=tuple(watching(observe, record, scene, t_end)),
+        choice=choice,
+        outlook=outlook,
+        given=dt,
+    )
     if dt is not None:
         run = fixed_step(problem, dt)
     elif tol is not None:

@@ -43,8 +43,8 @@ class Start(NamedTuple):
 
 
 class Stop(NamedTuple):
-    """Where a run ended before its last step, and which observer wanted that; u, v, impulse and sums
-    there."""
+    """Where a run ended before its last step, and which observer wanted that; its u, v, impulse
+    and sums."""
 
     t: float
     step: int
@@ -119,7 +119,7 @@ class Marched:
 
     def back(self, last: Any) -> None:
         """Let it end with its last row: time, step and state, if known."""
-        self.stop = last and Stop(*last, None)
+        self.stop = Stop(*last, words=None) if last else None
 
     def end(self) -> None:
         """Record where it ended."""
@@ -183,32 +183,28 @@ def march(
 
 
 def _go(reached: Marched, steps: int, users: Any, others: Any) -> None:
+    """Do all steps, or those up to where an observer ends the run."""
     problem, motion, recorder = reached.problem, reached.motion, reached.recorder
-    work = problem.scene.cost * problem.method.stages
-    largest = max(FEWEST, BLOCK // work)
+    largest = max(FEWEST, BLOCK // (problem.scene.cost * problem.method.stages))
     room = max(1, ROOM // math.prod(problem.scene.shape))
-    seconds = problem.record.checkpoint if recorder is not None else None
-    since, first = time.monotonic(), min(FIRST * largest, room)
-    observers = [*others, *users, *[recorder] * (recorder is not None)]
+    most, is_given = min(FIRST * largest, room), problem.choice == "dt"
+    observers = [*others, *users, *([recorder] if recorder else [])]
+    seconds, since = recorder and problem.record.checkpoint, time.monotonic()
     if seconds is not None:
         recorder.keep_state(motion)
-    with progress(steps, "step", motion.done) if steps > first else nullcontext() as bar:
-        most = first
-        while True:
-            _attempt(motion, min(steps - motion.done, most), observers, problem.choice == "dt")
-            most = min(largest, room)
+    with progress(steps, "step", motion.done) if steps > most else nullcontext() as bar:
+        while not reached.complete and reached.stop is None:
+            _attempt(motion, min(steps - motion.done, most), observers, is_given)
             motion.accept()
             _serve(reached, users, others)
             if bar is not None:
                 bar.update(motion.done - bar.n)
+            most = min(largest, room)
             reached.complete = reached.stop is None and motion.done == steps
-            due = seconds is not None and time.monotonic() - since > seconds
-            if reached.complete or reached.stop is not None or due:
-                if recorder is not None and reached.stop is None:
-                    recorder.keep_state(motion)
+            late = seconds is not None and time.monotonic() - since > seconds
+            if reached.stop is None and (late or (seconds is not None and reached.complete)):
+                recorder.keep_state(motion)
                 since = time.monotonic()
-            if reached.complete or reached.stop is not None:
-                return
 
 
 def _attempt(motion: Any, steps: int, observers: Any, is_given: bool) -> None:

@@ -100,7 +100,8 @@ class Motion:
 
     def _prepare(self, scene: Any) -> None:
         """Take the contacts that a scene lists, with no range of theirs known to be allowed."""
-        self._listed, self._short = scene, None
+        self._listed = scene
+        self._short: Any = None
         self._guard = Guard(self.problem, scene, self.dt, self.allowed)
         self._bound = self._bind(scene)
 
@@ -235,7 +236,11 @@ class Motion:
 
     def _keeps(self, end: int, wanted: Any, each: bool = False) -> bool:
         """Whether that which has most states on the way says that nothing unlisted touched."""
-        found = max((one for one in wanted if one.travel is not None), key=lambda one: len(one.at), default=None)
+        found = max(
+            (one for one in wanted if one.travel is not None),
+            key=lambda one: len(one.at),
+            default=None,
+        )
         if found is None or not len(found.at):
             return False
         first, last = (x.shown[0][None, : self._sites] for x in (self.point, self._bound))
@@ -312,7 +317,9 @@ class Motion:
     def _shorter(self, part: float) -> Any:
         if self._short is None:
             arrays = self._listed.arrays(self.problem.state)
-            self._short = (self.problem.bind or self._listed.bind)(*arrays, self.problem.method, part)
+            self._short = (self.problem.bind or self._listed.bind)(
+                *arrays, self.problem.method, part
+            )
             self._short.stand_alone()
         self._short.set_step(part)
         return self._short

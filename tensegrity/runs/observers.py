@@ -20,7 +20,7 @@ from tensegrity.runs.record import Record
 if TYPE_CHECKING:
     from typing import Any
 
-    from tensegrity.typing import Array, Indices
+    from tensegrity.typing import Array
 
     Watching = Callable[[float, Array, Array], Any]
     Observe = Watching | tuple[Watching, Record] | Sequence[Watching | tuple[Watching, Record]]
@@ -165,7 +165,7 @@ def watching(observe: Any, record: Record, scene: Any, t_end: float) -> list[Any
         function, when = given if isinstance(given, tuple) and len(given) == 2 else (given, None)
         if not callable(function):
             raise TensegrityError(
-                f"observe {check.shown(function)} is not a function (t, u, v), nor one with a Record"
+                f"observe {check.shown(function)} is not a function (t, u, v), nor it and a Record"
             )
         if when is not None:
             check.kind("record of an observer", when, Record)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 from tensegrity.engine.methods import Method
 from tensegrity.errors import StabilityError
@@ -19,24 +20,24 @@ class Problem:
     `surrogate` is the scene with springs that are fitted to those of `scene`: it is moved, while
     checks and recorded energies are those of `scene`.  `choice` says what chose the step: "dt",
     "tol" or "default".  Of a trial `rows` may be left out.  The `outlook` is that of the scene and
-    the state.  `observe` are pairs of a user's function
-    and a record that says when it is called, `tuning` are springs in time that the scene does not say itself, and `bind` is what
-    binds arrays u, v to a method and a step [s], if that is not the scene.
+    the state.  `observe` are pairs of a user's function and a record that says when it is called,
+    `tuning` are springs in time that the scene does not say itself, and `bind` is what binds arrays
+    u, v to a method and a step [s], if that is not the scene.
     """
 
-    scene: object
-    state: object
+    scene: Any
+    state: Any
     t_end: float
     method: Method
-    record: object
-    surrogate: object = None
+    record: Any
+    surrogate: Any = None
     choice: str = "dt"
     rows: bool = True
     outlook: Outlook | None = None
     given: float | None = None
-    observe: tuple = ()
-    tuning: object = None
-    bind: object = None
+    observe: tuple[Any, ...] = ()
+    tuning: Any = None
+    bind: Any = None
 
     def __post_init__(self):
         if self.outlook is None:

@@ -169,7 +169,9 @@ class Record:
             t[-1] = t_end if t_end - t[-1] <= ROUND_OFF * t_end else t[-1]
             t = t if t[-1] == t_end else np.append(t, t_end)
         if not total:
-            return Plan(np.zeros(len(t), dtype=int), np.zeros(len(t)), t, np.zeros(len(t), dtype=int))
+            return Plan(
+                np.zeros(len(t), dtype=int), np.zeros(len(t)), t, np.zeros(len(t), dtype=int)
+            )
         dt = t_end / total
         nearest = np.rint(t / dt)
         there = np.abs(t - nearest * dt) <= ROUND_OFF * t

@@ -83,8 +83,8 @@ class Recorder(Instants):
             if self._plan.part[first] > 0:
                 self._extend(self._plan.t[first : first + 1], *self._single(motion, first))
                 continue
-            between = [] if self._in_place else np.flatnonzero(self._plan.part[first:stop])
-            end = first + int(between[0]) if len(between) else stop
+            between = self._plan.part[first:stop] > 0
+            end = first + int(between.argmax()) if between.any() else stop
             here, states = slice(first - self._first, end - self._first), self._states[1:5]
             if self._in_place:
                 states = *[None] * 3, states[3]

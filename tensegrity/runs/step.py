@@ -95,8 +95,10 @@ def refined(problem, steps, allowed, instants=0, start=None):
             return march(problem, steps, allowed, instants, start)
         except (ContactError, LockingError, StabilityError) as error:
             ranged = problem.surrogate is not None and isinstance(error, RangeError)
-            if ranged or isinstance(error, ContactError) or (
-                number >= least and isinstance(error, LockingError)
+            if (
+                ranged
+                or isinstance(error, ContactError)
+                or (number >= least and isinstance(error, LockingError))
             ):  # another range helps, or nothing: another step does not
                 if ranged or problem.rows:
                     raise

@@ -6,7 +6,7 @@ import math
 
 from tensegrity.errors import RangeError, TensegrityError
 from tensegrity.runs.fitted import may_fit, with_polynomials
-from tensegrity.runs.judge import COARSE, Judge, first_factor, may_jump, may_open, refuse_jumps
+from tensegrity.runs.judge import Judge, may_jump, refuse_jumps
 from tensegrity.runs.march import march
 from tensegrity.runs.rest import resting, rests
 from tensegrity.runs.run import changed

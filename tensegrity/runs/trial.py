@@ -3,10 +3,19 @@
 from __future__ import annotations
 
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 from tensegrity.runs.record import Record
 from tensegrity.runs.run import changed
 from tensegrity.runs.step import refined
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from typing import Self
+
+    from tensegrity.runs.march import Marched
+    from tensegrity.runs.problem import Problem
+    from tensegrity.typing import Array
 
 
 class Trial:
@@ -29,26 +38,26 @@ class Trial:
         Steps from one instant to the next.
     """
 
-    def __init__(self, march, instants):
+    def __init__(self, march: Marched, instants: int) -> None:
         self.march, self.instants, self.run = march, instants, march.run
         self.steps, self.complete, self.met = march.steps, march.complete, march.met
         self.samples, self.fineness = march.samples, march.steps / instants
 
     @classmethod
-    def of(cls, problem, steps, instants):
+    def of(cls, problem: Problem, steps: int, instants: int) -> Self:
         """With so many steps from one instant to the next, or more where those are too coarse."""
         return cls(refined(problem, steps * instants, 1.0, instants), instants)
 
     @cached_property
-    def _sizes(self):
+    def _sizes(self) -> list[float]:
         return [_largest(x) for x in self.samples]
 
-    def gap(self, finer):
+    def gap(self, finer: Trial) -> float:
         """Largest difference from a finer one in u and in v, over the largest value there."""
         return largest_gap(self.samples, finer.samples, finer._sizes)
 
 
-def trial_of(problem, rows=False):
+def trial_of(problem: Problem, rows: bool = False) -> Problem:
     """A problem whose run is a trial, with rows only where they cost nothing more: it may turn out
     to be the answer."""
     record = problem.record
@@ -58,12 +67,14 @@ def trial_of(problem, rows=False):
     return changed(problem, record=record, rows=rows, observe=())
 
 
-def largest_gap(coarse, fine, sizes):
+def largest_gap(
+    coarse: tuple[Array, Array], fine: tuple[Array, Array], sizes: Iterable[float]
+) -> float:
     """Largest difference of two runs in u and in v, each over its own largest value in the run."""
     gaps = [_largest(one - other) for one, other in zip(coarse, fine, strict=True)]
     return max(gap / size if size else gap for gap, size in zip(gaps, sizes, strict=True))
 
 
-def _largest(array):
+def _largest(array: Array) -> float:
     """Largest size of a number."""
     return max(float(array.max()), -float(array.min()))

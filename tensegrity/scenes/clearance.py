@@ -18,6 +18,7 @@ from tensegrity.scenes.walls import Pieces
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from typing import Any
 
     from tensegrity.scenes.walls import Wall
     from tensegrity.typing import Array, Indices

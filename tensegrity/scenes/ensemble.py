@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity import check
+from tensegrity.engine import kernel
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import fixed
-from tensegrity.engine import kernel
 from tensegrity.scenes.lanes import MOST, Part, filled, parts, side_by_side
 from tensegrity.scenes.scene import PER_SITE, Scene, State, known_state, velocities
 from tensegrity.springs.collection import Springs

@@ -1,4 +1,4 @@
-"""How the scenes of an `Ensemble` run: as many side by side as one compiled loop takes, or in turn."""
+"""How the scenes of an `Ensemble` run: as many side by side as one loop takes, or in turn."""
 
 from __future__ import annotations
 
