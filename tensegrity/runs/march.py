@@ -269,6 +269,6 @@ def _break_off(reached: Marched, failure: Any) -> Any:
 
 def _catch_up(motion: Any, recorder: Recorder) -> None:
     """Record what stands and is due."""
-    if recorder.is_due_here(motion):
+    if motion.done == 0:  # the first attempt may not have got so far
         motion.attempt(motion.done, recorder.wanted(motion.done))
     recorder.take(motion)

@@ -110,11 +110,6 @@ class Recorder(Instants):
         if not self.count or self._plan.t[self.count - 1] != t:
             self._extend(np.array([t]), *(None if x is None else x[None] for x in shown))
 
-    def is_due_here(self, motion: Any) -> bool:
-        """Whether the next row is that of the state that was reached."""
-        due = self.due(motion)
-        return bool(due) and self._plan.step[due.start] == motion.done
-
     def last(self) -> Any:
         """Time, step and state of the row that was written last, where it is known."""
         (first, *states), k = self._latest, self.count - 1
@@ -126,7 +121,7 @@ class Recorder(Instants):
     def keep_state(self, motion: Any) -> None:
         """Write the whole state beside the rows, where that is asked for."""
         problem, path = self._problem, self._problem.record.state_path
-        if path is None or (self.due(motion) and not self.is_due_here(motion)):
+        if path is None or (motion.done and self.due(motion)):
             return  # what is due is lost without its attempt
         point = motion.point
         sums = () if point.sums is None else (point.sums,)
