@@ -85,12 +85,11 @@ class Motion:
         self._sites = problem.scene.sites
         u = problem.state.u if start is None else start.shown[0][: self._sites]
         self._prepare(problem.moved.listed(u))
-        if start is not None and start.done:
-            self.point = start
-        else:
-            self.point = self._beginning()
-        if start is not None and start.met.shape == self.point.met.shape:
-            self.point = self.point._replace(met=start.met)
+        self.point = self._beginning()
+        if start is not None:
+            known = start.met.shape == self.point.met.shape
+            met = start.met if known else self.point.met
+            self.point = (start if start.done else self.point)._replace(met=met)
         near = problem.moved.clearance
         self._tracker = near and near.tracker(self.point.shown[0][: self._sites])
         self._samples_do = not problem.moved.follows or near.may_last(
