@@ -6,22 +6,13 @@ import ctypes
 
 import numpy as np
 
-from tensegrity.engine.compiled import structure_of
 from tensegrity.engine.methods import Corrected, Splitting
 from tensegrity.engine.openings import DEGREE, Openings
+from tensegrity.engine.structs import structure
 from tensegrity.engine.walk import Part
 
-NYSTROM = structure_of(  # as in steps.c
-    "_Nystrom",
-    "nodes velocities matrix positions dt place slopes travel",
-    "stages count moving",
-)
-OPENINGS = structure_of(  # as in openings.h
-    "_Openings",
-    "place side strength exponents betas tables nodes weights offsets dt "
-    "before rate_before after rate_after u v end_u end_v end_a row",
-    "count bonds entries kicks degree known begins alone",
-)
+NYSTROM = structure("steps.c", "nystrom")
+OPENINGS = structure("openings.h", "openings")
 
 
 class Bound:
@@ -35,20 +26,18 @@ class Bound:
         Smallest and largest elongation of each since `forget_range`.
     travel : float
         Bound on how far any coordinate of a site moved since then [m]; networks only.
-    taken : list of (Structure, str, ndarray)
-        What depends on the step, and is proportional to it: field of a structure, and its array.
-    kept : list of (Structure, str, ndarray)
+    taken : list of (Structure, str)
+        Fields with what depends on the step, and is proportional to it.
+    kept : list of (Structure, str)
         Likewise where elongations are kept, all in a row, and behind them the way travelled.
     """
 
     _show = _openings = None
 
-    def _set_steps(self, loop, structure, arrays, bonds, method, dt, moving, places=None):
-        """Keep what the structure points to, and prepare the call of a method's steps."""
-        self._structure, self._arrays = structure, arrays
-        address = ctypes.addressof(structure)
-        steps = ("kicks", self._kicks), ("drifts", self._drifts)
-        self.taken = [(structure, name, array) for name, array in steps]
+    def _set_steps(self, loop, structure, bonds, method, dt, moving, places=None):
+        """Prepare the call of a method's steps."""
+        self._structure, address = structure, ctypes.addressof(structure)
+        self.taken = [(structure, "kicks"), (structure, "drifts")]
         if isinstance(method, Splitting):
             self._call = loop.advance, (address,)
             self._part = loop.advance_part, address
@@ -56,52 +45,60 @@ class Bound:
         if isinstance(method, Corrected):
             self._set_openings(loop, bonds, method, dt, places)
             return
-        u, dt = arrays[0], np.array([dt], dtype=loop.dtype)
-        rows = [
-            np.multiply(method.nodes, dt),
-            np.multiply(method.velocities, dt),
-            np.multiply(method.matrix, dt**2),
-            np.multiply(method.positions, dt**2),
-            dt,
-            np.zeros(u.size, dtype=loop.dtype),
-            np.zeros((method.stages, u.size), dtype=loop.dtype),
-            self._travel,
-        ]
-        steps = NYSTROM(*(x.ctypes.data for x in rows), method.stages, u.size, moving)
-        self._arrays += [rows, steps]
-        self._call = loop.advance_nystrom, (address, ctypes.addressof(steps))
+        count, dt = structure.filled["u"].size, np.array([dt], dtype=loop.dtype)
+        self._steps = NYSTROM(
+            nodes=np.multiply(method.nodes, dt),
+            velocities=np.multiply(method.velocities, dt),
+            matrix=np.multiply(method.matrix, dt**2),
+            positions=np.multiply(method.positions, dt**2),
+            dt=dt,
+            place=np.zeros(count, dtype=loop.dtype),
+            slopes=np.zeros((method.stages, count), dtype=loop.dtype),
+            travel=self._travel,
+            stages=method.stages,
+            count=count,
+            moving=moving,
+        )
+        self._call = loop.advance_nystrom, (address, ctypes.addressof(self._steps))
 
     def _set_openings(self, loop, bonds, method, dt, places):
         """Prepare the steps of a corrected method; `places` are those of the loop's contacts."""
-        found, u = Openings(bonds, method, dt), self._arrays[0]
-        of_bonds = [found.place, found.side, found.strength, found.row]
+        found, u = Openings(bonds, method, dt), self._structure.filled["u"]
+        of_bonds = {name: getattr(found, name) for name in ("place", "side", "strength", "row")}
         if places is not None:
             real = places >= 0
-            *numbers, row = (np.where(real, x[:, places], np.nan) for x in of_bonds)
-            of_bonds = [*numbers, np.where(real, row, 0)]
+            none = dict.fromkeys(of_bonds, np.nan) | {"row": 0}
+            of_bonds = {k: np.where(real, x[:, places], none[k]) for k, x in of_bonds.items()}
         elif u.ndim > 1:
             shape = len(found.row), len(u) - 1, self._lanes
-            of_bonds = [np.broadcast_to(x.reshape(*shape[:2], -1), shape) for x in of_bonds]
-        *numbers, row = of_bonds
-        count, corners = row.size, len(row)
-        rows = [
-            *(loop.numbers(x) for x in numbers),
-            *(loop.numbers(x) for x in (found.exponents, found.betas, found.tables)),
-            *(loop.numbers(x) for x in method.rule),
-            np.array([dt], dtype=loop.dtype),
-            *np.zeros((4, count), dtype=loop.dtype),
-            *np.zeros((5, u.size), dtype=loop.dtype),
-            np.ascontiguousarray(row, dtype=np.int64),
-        ]
-        address = [x.ctypes.data for x in rows]
-        per_corner = count // corners
-        steps = OPENINGS(*address, count, per_corner, u.size, len(found.nodes), DEGREE, 0, 0, 0)
-        self._arrays += [rows, steps]
-        (step,) = (x for x, (name, _) in zip(rows, OPENINGS._fields_, strict=False) if name == "dt")
-        self.taken.append((steps, "dt", step))
+            of_bonds = {
+                name: np.broadcast_to(x.reshape(*shape[:2], -1), shape)
+                for name, x in of_bonds.items()
+            }
+        row = integers(of_bonds.pop("row"))
+        numbers = {name: getattr(found, name) for name in ("exponents", "betas", "tables")}
+        numbers |= dict(zip(("nodes", "weights", "offsets"), method.rule, strict=True))
+        numbers |= of_bonds | {"dt": [dt]}
+        overlaps = "before", "rate_before", "after", "rate_after"
+        states = "u", "v", "end_u", "end_v", "end_a"
+        self._openings = steps = OPENINGS(
+            **{name: loop.numbers(x) for name, x in numbers.items()},
+            **{name: np.zeros(row.size, dtype=loop.dtype) for name in overlaps},
+            **{name: np.zeros(u.size, dtype=loop.dtype) for name in states},
+            row=row,
+            count=row.size,
+            bonds=row.size // len(row),
+            entries=u.size,
+            kicks=len(found.nodes),
+            degree=DEGREE,
+            known=0,
+            begins=0,
+            alone=0,
+        )
+        self.taken.append((steps, "dt"))
         advance, show = loop.openings
         self._call = advance, (ctypes.addressof(self._structure), ctypes.addressof(steps))
-        self._show, self._openings = (show, ctypes.addressof(steps)), steps
+        self._show = show, ctypes.addressof(steps)
 
     def show(self, u, v):
         """What makes copies of u and v what is looked at; None where they are that already."""
@@ -121,7 +118,8 @@ class Bound:
     def parts(self):
         """What `walk` needs to advance them with others."""
         begins = self._openings and ctypes.addressof(self._openings) + OPENINGS.begins.offset
-        return [Part(..., *self._call, *self._arrays[:2], begins)]
+        arrays = self._structure.filled
+        return [Part(..., *self._call, arrays["u"], arrays["v"], begins)]
 
     def begin(self):
         """Say that the next step is the first of a run."""
@@ -155,10 +153,9 @@ class _Shown:
     taken, travel, _openings = (), 0.0, None
 
     def __init__(self, call, structure, kept, u, v, of):
-        self._arrays, self._of = (u, v), of  # whose other arrays these are
-        self._structure = type(structure).from_buffer_copy(structure)
-        self._structure.u, self._structure.v = u.ctypes.data, v.ctypes.data
-        self.kept = [(self._structure, name, array) for _, name, array in kept]
+        self._of = of
+        self._structure = type(structure)(**structure.filled | {"u": u, "v": v})
+        self.kept = [(self._structure, name) for _, name in kept]
         function, openings = call
         self._call = function, (ctypes.addressof(self._structure), openings)
 
@@ -173,14 +170,15 @@ class _Shown:
     advance, parts = Bound.advance, Bound.parts
 
 
-def kicks_and_drifts(method, dt, dtype):
-    """Kicks and drifts times dt, number of stages, and whether a kick closes the step."""
+def stages(method, dt, dtype=np.float64):
+    """Fields of a scene: kicks and drifts times dt, how many, and whether a kick closes a step."""
     if isinstance(method, Corrected):
         method = method.base
-    if not isinstance(method, Splitting):
-        return np.zeros(1, dtype), np.zeros(1, dtype), 0, 0
-    kicks = np.multiply(method.kicks, dt, dtype=dtype)
-    return kicks, np.multiply(method.drifts, dt, dtype=dtype), method.stages, int(kicks[-1] != 0)
+    splitting = isinstance(method, Splitting)
+    rows = (method.kicks, method.drifts) if splitting else ([0.0], [0.0])
+    kicks, drifts = (np.multiply(x, dt, dtype=dtype) for x in rows)
+    count = method.stages if splitting else 0
+    return {"kicks": kicks, "drifts": drifts, "stages": count, "closing": int(kicks[-1] != 0)}
 
 
 def integers(array):

@@ -20,11 +20,12 @@ from tensegrity.engine import lanes
 from tensegrity.engine.bound_line import BoundLine
 from tensegrity.engine.bound_net import BoundNet
 from tensegrity.engine.codegen import is_long
-from tensegrity.engine.compiled import Compiled, structure_of
+from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.driven_plain import BoundPlain
 from tensegrity.engine.kernel import warn_slow
 from tensegrity.engine.native import CompilerError
-from tensegrity.engine.timed import TURNING, Bound, Change, Forcing, Locked
+from tensegrity.engine.structs import structure
+from tensegrity.engine.timed import ROWS, TURNING, Bound, Change, Forcing, Locked
 from tensegrity.once import once
 
 if TYPE_CHECKING:
@@ -33,12 +34,7 @@ if TYPE_CHECKING:
     from tensegrity.engine.methods import Splitting
     from tensegrity.typing import Array, Indices
 
-_DRIVE = structure_of(  # as in driven.c
-    "_Drive",
-    "moved_u moved_v force force_rate shared domain heavy series rubbed decay glide mass ground "
-    "bond moved forced term next pull given sums ends apart room stretch",
-    "entries moving forcing damped degree joined levels bonds",
-)
+DRIVE = structure("driven.c", "drive")
 
 
 class BoundDriven(Bound):
@@ -50,33 +46,35 @@ class BoundDriven(Bound):
         super().__init__(forcing, u, v, method, dt)
         kind = BoundNet if loop.dim else BoundLine
         self._bound, self._loop = kind(loop, u, v, forcing.bonds, method, dt), loop
-        entries, degree = len(forcing.mass), self.schedule.degree
-        fixed = {
-            "decay": self._decay, "glide": self._glide, "mass": forcing.mass,
-            "heavy": forcing.heavy,
-            "ground": forcing.ground, "bond": forcing.bond,
-            "moved": forcing.moved.astype(np.int64), "forced": forcing.forced.astype(np.int64),
-            "term": np.zeros(entries), "next": np.zeros(entries), "pull": np.zeros(entries + 1),
-            "given": np.zeros((len(forcing.moved) + 1, degree)), "sums": self.sums,
-            "stretch": np.zeros(len(forcing.bonds.group)),
-        }  # fmt: skip
+        entries, degree, levels = len(forcing.mass), self.schedule.degree, self.schedule.levels
+        moving, bonds = len(forcing.moved), len(forcing.bonds.group)
+        sizes = {"term": entries, "next": entries, "pull": entries + 1, "stretch": bonds}
+        arrays = {name: np.zeros(size) for name, size in sizes.items()}
+        arrays |= {name: getattr(forcing, name) for name in ("mass", "heavy", "ground", "bond")}
+        arrays |= {name: getattr(forcing, name).astype(np.int64) for name in ("moved", "forced")}
+        arrays |= {"decay": self._decay, "glide": self._glide, "sums": self.sums}
+        arrays["given"] = np.zeros((moving + 1, degree))
         if forcing.damped == TURNING:
             of, joined = forcing.contacts, forcing.joined
-            fixed |= {
-                "bond": forcing.bond[joined], "apart": of.geometry[:, joined].T,
-                "ends": loop.dim * np.stack([of.first, of.second], axis=1)[joined].astype(np.int64),
-                "room": np.zeros((self.schedule.levels + 3, 2 * entries + 1)),
-            }  # fmt: skip
-        self._arrays = {name: np.ascontiguousarray(x) for name, x in fixed.items()}
-        self._drive = _DRIVE()
-        for name, x in self._arrays.items():
-            setattr(self._drive, name, x.ctypes.data)
-        counts = (
-            entries, len(forcing.moved), len(forcing.forced), forcing.damped, degree,
-            len(forcing.joined), self.schedule.levels, len(forcing.bonds.group),
-        )  # fmt: skip
-        for (name, _), count in zip(_DRIVE._fields_[-len(counts) :], counts, strict=True):
-            setattr(self._drive, name, count)
+            ends = loop.dim * np.stack([of.first, of.second], axis=1)[joined]
+            arrays |= {
+                "bond": forcing.bond[joined],
+                "apart": of.geometry[:, joined].T,
+                "ends": ends.astype(np.int64),
+                "room": np.zeros((levels + 3, 2 * entries + 1)),
+            }
+        later = dict.fromkeys((*ROWS, "ends", "apart", "room"))
+        self._drive = DRIVE(
+            **later | {name: np.ascontiguousarray(x) for name, x in arrays.items()},
+            entries=entries,
+            moving=moving,
+            forcing=len(forcing.forced),
+            damped=forcing.damped,
+            degree=degree,
+            joined=len(forcing.joined),
+            levels=levels,
+            bonds=bonds,
+        )
 
     def advance(
         self, first: int, steps: int, opened: bool, close: bool, origin: float = 0.0
@@ -89,9 +87,7 @@ class BoundDriven(Bound):
         Locked
             A spring that changes met an end of its domain; u and v are of no use then.
         """
-        rows = self.schedule.rows(first, max(steps, 1), origin)
-        for name, x in rows.items():
-            setattr(self._drive, name, x.ctypes.data)
+        self._drive.fill(**self.schedule.rows(first, max(steps, 1), origin))
         stage = self._loop.advance_driven(
             self._bound.address, ctypes.addressof(self._drive), steps, opened, close
         )
@@ -114,10 +110,8 @@ class BoundDriven(Bound):
         ------
         Locked
         """
-        rows, count = self.schedule.rows(first, int(at[-1])), len(at)
-        for name, x in rows.items():
-            setattr(self._drive, name, x.ctypes.data)
-        shape = self._u.shape[1:]
+        self._drive.fill(**self.schedule.rows(first, int(at[-1])))
+        count, shape = len(at), self._u.shape[1:]
         per = int(np.prod(shape))
         u, v = np.empty((2, count, sites, *shape))
         more, sums = np.empty((count, walls, *shape)), np.empty((count, 2))

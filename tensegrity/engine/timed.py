@@ -26,6 +26,7 @@ FREE, APART, JOINED, TURNING = range(4)  # as in driven.c
 LEAST_TERMS = 12  # of the series of a drift
 NODES = 8  # instants of a drift from which prescribed velocities are taken as polynomials
 SMALL = 1e-17  # first term of the series that is left out, relative
+ROWS = "moved_u", "moved_v", "force", "force_rate", "shared", "domain", "series", "rubbed"
 LARGEST_DAMPING = 2.0  # of a drift: time times the largest rate of decay
 
 

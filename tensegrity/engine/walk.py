@@ -9,6 +9,7 @@ import numpy as np
 
 from tensegrity.engine.codegen import joined
 from tensegrity.engine.native import address, library
+from tensegrity.engine.structs import structure
 from tensegrity.once import once
 
 if TYPE_CHECKING:
@@ -19,27 +20,8 @@ if TYPE_CHECKING:
 _ADDRESS, _NUMBER = ctypes.c_void_p, ctypes.c_longlong
 
 
-class _Task(ctypes.Structure):
-    _fields_ = [(name, _ADDRESS) for name in ("function", "first", "second", "u", "v")]
-
-
-class _Walk(ctypes.Structure):
-    _fields_ = [(name, _Task) for name in ("begin", "step", "close", "leave")]
-    _fields_ += [("begins", _ADDRESS), ("size", _NUMBER)]
-
-
-class _Told(ctypes.Structure):
-    _fields_ = [("function", _ADDRESS), ("sets", _ADDRESS), ("count", _NUMBER), ("all", _NUMBER)]
-    _fields_ += [("mass", _ADDRESS), ("loads", _ADDRESS), ("entries", _NUMBER)]
-    _fields_ += [("scratch", _ADDRESS)]
-
-
-class _Plan(ctypes.Structure):
-    _fields_ = [("walk", _Walk), ("enter", _Task)]
-    _fields_ += [(x, _ADDRESS) for x in ("coefficients", "steps", "blank", "met", "travel")]
-    _fields_ += [(x, _ADDRESS) for x in ("spring", "low", "high", "ranges", "gaps")]
-    _fields_ += [(x, _NUMBER) for x in ("taken", "kept", "state", "more", "places", "springs")]
-
+TASK, WALK = structure("walk.c", "task"), structure("walk.c", "walk")
+TOLD, PLAN = structure("walk.c", "told"), structure("walk.c", "plan")
 
 _GO = (_ADDRESS, _NUMBER, _ADDRESS, *[_NUMBER] * 3, _ADDRESS, _ADDRESS, *[_NUMBER] * 2, _ADDRESS)
 _COURSE = (
@@ -132,7 +114,7 @@ class Part:
         self.begins = begins
         first, second = (*addresses, None)[:2]
         where = ctypes.cast(function, _ADDRESS).value
-        self.task = _Task(where, first, second, u.ctypes.data, v.ctypes.data)
+        self.task = TASK(function=where, first=first, second=second, u=u, v=v)
 
 
 class Walk:
@@ -151,14 +133,7 @@ class Walk:
         loops = [loop and loop.parts() for loop in (begin, step, close, leave)]
         empty = [None] * len(loops[1])
         self._parts = list(zip(*(parts or empty for parts in loops), strict=True))
-        self._walks = [
-            _Walk(
-                *(_Task() if part is None else part.task for part in four),
-                four[1].begins,
-                four[1].u.size,
-            )
-            for four in self._parts
-        ]
+        self._walks = [_walk(*four) for four in self._parts]
 
     def go(
         self,
@@ -217,6 +192,18 @@ class Walk:
         return u, v
 
 
+def _walk(begin: Part | None, step: Part, close: Part | None, leave: Part | None) -> Any:
+    """Parts of one loop as C takes them."""
+    return WALK(
+        begin=begin and begin.task,
+        step=step.task,
+        close=close and close.task,
+        leave=leave and leave.task,
+        begins=step.begins,
+        size=step.u.size,
+    )
+
+
 class Plan:
     """Whole runs of one scene and method, each in one call: what is prepared serves all steps.
 
@@ -249,36 +236,48 @@ class Plan:
         leave: Any,
     ) -> None:
         loops = [loop for loop in (step, enter, begin, close, leave) if loop is not None]
-        taken = [one for loop in loops for one in loop.taken]
-        self._coefficients = np.concatenate([array for _, _, array in taken])
-        steps, place = np.empty_like(self._coefficients), 0
-        for structure, name, array in taken:
-            setattr(structure, name, steps.ctypes.data + place * steps.itemsize)
+        taken = [(of, name, of.filled[name]) for loop in loops for of, name in loop.taken]
+        coefficients = np.concatenate([array for *_, array in taken])
+        steps, place = np.empty_like(coefficients), 0
+        for of, name, array in taken:
+            of.fill(**{name: steps[place : place + array.size]})
             place += array.size
+        kept = [(name, of.filled[name]) for of, name in step.kept]
         for loop in loops[1:]:
-            for (structure, name, _), (_, _, array) in zip(loop.kept, step.kept, strict=True):
-                setattr(structure, name, array.ctypes.data)
+            for (of, name), (_, array) in zip(loop.kept, kept, strict=True):
+                of.fill(**{name: array})
         step.forget_range()
-        blank = np.concatenate([array for _, name, array in step.kept if name != "travel"])
-        tasks = [loop and loop.parts()[0].task for loop in (begin, step, close, leave, enter)]
-        *walk, first = (task or _Task() for task in tasks)
-        (part,) = step.parts()
-        places, self._ranges = step.places(), np.empty((2, 2, step.springs, 2))
+        met = [array for name, array in kept if name != "travel"]
+        blank = np.concatenate(met)
+        parts = [loop and loop.parts()[0] for loop in (begin, step, close, leave, enter)]
+        (spring, low, high), self._ranges = step.places(), np.empty((2, 2, step.springs, 2))
         self.met, self.met_or_rest = tuple(self._ranges[:, 0]), tuple(self._ranges[:, 1])
         self._gaps = np.empty((2, 2))
-        self._plan = _Plan(
-            _Walk(*walk, part.begins, part.u.size), first,
-            self._coefficients.ctypes.data, steps.ctypes.data, blank.ctypes.data,
-            step.kept[0][2].ctypes.data, step.travel_at,
-            *(x.ctypes.data for x in (*places, self._ranges, self._gaps)),
-            steps.size, blank.size, state, walls, len(places[0]), step.springs,
-        )  # fmt: skip
-        scratch = np.empty(0 if energies is None else energies.room)
+        self._plan = PLAN(
+            walk=_walk(*parts[:4]),
+            enter=parts[4] and parts[4].task,
+            coefficients=coefficients,
+            steps=steps,
+            blank=blank,
+            met=met[0],
+            travel=step.travel_at,
+            spring=spring,
+            low=low,
+            high=high,
+            ranges=self._ranges,
+            gaps=self._gaps,
+            taken=steps.size,
+            kept=blank.size,
+            state=state,
+            more=walls,
+            places=len(spring),
+            springs=step.springs,
+        )
         self.has_energies, self._told = energies is not None, None
         if energies is not None:
-            self._told = _Told(*energies.task, scratch.ctypes.data)
+            self._told = TOLD(**energies.told, scratch=np.empty(energies.room))
         self._told_at = self._told and ctypes.addressof(self._told)
-        self._kept, self._step = (loops, energies, steps, blank, places, scratch), step
+        self._kept, self._step = (loops, energies), step
         self._address = ctypes.addressof(self._plan)
         _, self._run, self._twice, _ = _compiled()
 
