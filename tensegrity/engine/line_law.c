@@ -1,4 +1,4 @@
-/* A stage, and the accelerations, over a run of bonds of law number K of a chain.
+/* A stage over a run of bonds of law number K of a chain.
 
    A stage is a kick v += a w (tension right - tension left) followed by a drift u += b v, done
    in one pass over the run in blocks that stay in the nearest cache.  The innermost square root
@@ -103,34 +103,6 @@ __attribute__((flatten)) static void OF(stage)(
         CARRY(BLOCK)
     }
     for (int l = 0; l < LANES; l++) left[l] = f[l];
-}
-
-__attribute__((flatten)) static void OF(pull)(
-    const scene *c, integer s, const real *restrict u, real *restrict a, real *left)
-{
-    SIDE real r[BLOCK], room[BLOCK + LANES + WIDE], *const f = room + BEFORE;
-    const integer start = LANES * c->first[s], last = LANES * c->first[s + 1];
-    const integer all = last - start;
-    const real *restrict shared = c->shared + s * PARAMETERS, *restrict own = c->own + c->own_at[s];
-    real *restrict low = c->range + c->range_at[s], *restrict high = low + RANGES;
-#if !OWNED
-    real p[PARAMETERS + 1];
-    for (int i = 0; i < PARAMETERS; i++) p[i] = shared[i];
-#endif
-    for (integer j = start, n; j < last; j += n) {
-        n = last - j;
-        n = n < BLOCK ? n : BLOCK;
-        for (int l = 0; l < LANES; l++) f[l] = left[l];
-        EACH(n) r[i] = u[j + i + LANES] - u[j + i];
-#if BESIDE
-        TAILS(j, n)
-#else
-        EACH(n) { P(j - start + i) f[i + LANES] = LAW(tail)(r[i], LAW(head)(r[i], p), p); }
-#endif
-        EACH(n) a[j + i] = c->w[j + i] * (f[i + LANES] - f[i]);
-        EACH(n) { SEEN(j - start + i) }
-        for (int l = 0; l < LANES; l++) left[l] = f[n + l];
-    }
 }
 
 #undef P

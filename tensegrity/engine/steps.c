@@ -1,7 +1,6 @@
 /* Steps of every method, one text for every scene.
 
-   Included behind a loop that defines `scene`, stage(scene, a, b): a kick by a and a drift by b,
-   and acceleration(scene, u, a). */
+   Included behind a loop that defines `scene` and stage(scene, a, b): a kick by a, a drift by b. */
 
 /* `steps` steps of a splitting; the closing kick of a step and the first of the next are one.  A
    part of a run may be `opened` by the closing kick of the part before, and leave its own to the
@@ -28,6 +27,15 @@ typedef struct {
     integer stages, count, moving;   /* count: entries of u */
 } nystrom;
 
+/* Accelerations at u, of n entries: what a kick by 1 gives to sites at rest. */
+static void acceleration(const scene *c, real *u, real *a, integer n)
+{
+    scene still = *c;
+    still.u = u, still.v = a;
+    EACH(n) a[i] = 0;
+    stage(&still, 1, 0);
+}
+
 /* place += sum of coefficients times slopes */
 static void combine(const nystrom *t, const real *coefficients, integer stages)
 {
@@ -49,7 +57,7 @@ void advance_nystrom(const scene *c, const nystrom *t, integer steps)
             const real node = t->nodes[s];
             EACH(n) place[i] = u[i] + node * v[i];
             combine(t, t->matrix + s * t->stages, s);
-            acceleration(c, place, t->slopes + s * n);
+            acceleration(c, place, t->slopes + s * n, n);
         }
         real largest = 0;
         EACH(n) place[i] = dt * v[i];
