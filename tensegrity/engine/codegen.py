@@ -10,7 +10,7 @@ from importlib.resources import files
 from typing import TYPE_CHECKING
 
 from tensegrity.engine import lanes
-from tensegrity.engine.law import DERIVATIVES, facts, functions
+from tensegrity.engine.law import DERIVATIVES, Change, facts, functions
 
 if TYPE_CHECKING:
     from typing import Any
@@ -24,6 +24,7 @@ def c_text(laws, loop="line", own=None, helpers=(), packed=(), openings=False, e
     Parameters
     ----------
     laws : sequence of Law
+        Or one law whose parameters change in time, and its `Change`.
     loop : str
         "line" or "net": the files `<loop>.h`, `<loop>_law.c`, once for each kind of run, and
         `<loop>.c`.
@@ -42,10 +43,12 @@ def c_text(laws, loop="line", own=None, helpers=(), packed=(), openings=False, e
     import casadi as ca
 
     own = own or (None,) * len(laws)
+    pulling = [law for law in laws if not isinstance(law, Change)]
+    change = laws[-1] if len(pulling) < len(laws) else None
     generator = ca.CodeGenerator("laws.c")
     hooks = []
     for number, law in enumerate(laws):
-        for name in (*law.compiled, "head", "tail"):
+        for name in law.compiled if law is change else (*law.compiled, "head", "tail"):
             function = functions(law)[name]
             unique = f"law{number}_{name}"
             sx = function.sx_in()
@@ -61,15 +64,17 @@ def c_text(laws, loop="line", own=None, helpers=(), packed=(), openings=False, e
     for function, hook in helpers:
         generator.add(function)
         hooks.append(hook)
-    beside = [bool(packed) or is_packed(law) for law in laws]
-    hooks += ["lanes.c", *packed, *_lanes(laws, own, beside, line=not packed)]
+    beside = [bool(packed or change) or is_packed(law) for law in pulling]
+    hooks += ["lanes.c", *packed, *_lanes(pulling, own, beside, change, line=not packed)]
     hooks += ["#if WIDE == 8", *_energy_lanes(laws), "#endif"]
     energies = " ".join(
         f"X({number}, {int(facts(law)['packed_energy'])})"
         for number, law in enumerate(laws)
         if "energy" in law.compiled
     )
-    runs = [(number, kind) for number, law in enumerate(laws) for kind in kinds(law, own[number])]
+    runs = [
+        (number, kind) for number, law in enumerate(pulling) for kind in kinds(law, own[number])
+    ]
     evaluations = " ".join(
         f"X({number}, {DERIVATIVES.index(name)}, {name})"
         for number, law in enumerate(laws)
@@ -79,6 +84,7 @@ def c_text(laws, loop="line", own=None, helpers=(), packed=(), openings=False, e
     parts += [
         f"#define PARAMETERS {max((len(law.parameters) for law in laws), default=0)}",
         f"#define RUNS(X) {' '.join(f'X({number}, {kind})' for number, kind in runs)}",
+        f"#define CHANGES {change is not None:d}",
         f"#define EVALUATIONS(X) {evaluations}",
         f"#define ENERGIES(X) {energies}",
         f"{loop}.h",
@@ -94,7 +100,8 @@ def c_text(laws, loop="line", own=None, helpers=(), packed=(), openings=False, e
 
 def run_text(file, number, kind, beside, **more):
     """Parts of the text of one kind of runs of a law, what it is told defined around them."""
-    told = {"K": number, "OWNED": kind, **more, "BESIDE": f"({int(beside)} && WIDE == 8)"}
+    beside = f"({int(beside)} && (WIDE == 8 || CHANGES))"
+    told = {"K": number, "OWNED": kind, **more, "BESIDE": beside}
     return [*(f"#define {x} {y}" for x, y in told.items()), file, *(f"#undef {x}" for x in told)]
 
 
@@ -137,8 +144,9 @@ def packs(law, own, one):
     ]
 
 
-def _lanes(laws, own, beside, line):
-    """C of the tensions of several contacts, `tension_lanes_<law>_<kind of run>`."""
+def _lanes(laws, own, beside, change, line):
+    """C of the tensions of several contacts, `tension_lanes_<law>_<kind of run>`; of bonds on a
+    line that change the rates of their energies too, in packs behind."""
     shared, one = ("real", "wide(p[{}])") if line else ("pack", "p[{}]")
     arguments = f"const pack *r, const {shared} *p, const real *own, integer all, pack *f"
     for number, law in enumerate(laws):
@@ -146,8 +154,12 @@ def _lanes(laws, own, beside, line):
             continue
         for kind in kinds(law, own[number]):
             p = packs(law, own[number] if kind else (), one)
+            function, found = functions(law)["tension"], [["f[g]"]]
+            if change and line:
+                p = packs(change, (), one)
+                function, found = change.both(), [["f[g]"], ["f[n + g]"]]
             name = f"tension_lanes_{number}_{kind}"
-            yield lanes.text(functions(law)["tension"], name, arguments, [["r[g]"], p], [["f[g]"]])
+            yield lanes.text(function, name, arguments, [["r[g]"], p], found)
 
 
 def _energy_lanes(laws):

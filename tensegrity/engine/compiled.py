@@ -34,7 +34,7 @@ class Compiled:
 
     name = "compiled"
     kind = "loop"  # what its text is kept under
-    extra = ()  # behind the loop
+    extra: tuple[str, ...] = ()  # behind the loop
     corrects = True  # whether it may be asked for the steps of corrected methods
 
     def __init__(self, laws, own=None, dim=0, lanes=1, extended=False):

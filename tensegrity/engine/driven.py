@@ -16,16 +16,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity.engine import lanes
 from tensegrity.engine.bound_line import BoundLine
 from tensegrity.engine.bound_net import BoundNet
-from tensegrity.engine.codegen import is_long
 from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.driven_plain import BoundPlain
 from tensegrity.engine.kernel import warn_slow
+from tensegrity.engine.law import Change
 from tensegrity.engine.native import CompilerError
 from tensegrity.engine.structs import structure
-from tensegrity.engine.timed import ROWS, TURNING, Bound, Change, Forcing, Locked
+from tensegrity.engine.timed import ROWS, TURNING, Bound, Forcing, Locked
 from tensegrity.once import once
 
 if TYPE_CHECKING:
@@ -153,6 +152,7 @@ class DrivenLoop(Compiled):
     """
 
     kind, corrects = "driven", False
+    extra = ("driven.c",)
 
     def __init__(self, laws: Any, own: Any, dim: int) -> None:
         super().__init__(laws, own, dim)  # type: ignore[no-untyped-call]
@@ -164,19 +164,6 @@ class DrivenLoop(Compiled):
             function = self.library[name]
             function.argtypes, function.restype = arguments, number
             setattr(self, name, function)
-
-    @property
-    def extra(self) -> Any:  # type: ignore[override]
-        """Behind the loop: what springs that change need, and the steps."""
-        law = self.laws[-1]
-        if not isinstance(law, Change):
-            return ("driven.c",)
-        if self.dim or is_long(law.law):
-            return "#define CHANGE\n#define change(r, p) energy_1(r, p)", "driven.c"
-        p = [f"wide(p[{k}])" for k in range(len(law.parameters))]
-        arguments = "const pack *r, const real *p, pack *f, pack *rate"
-        both = lanes.text(law.both(), "both", arguments, [["r[g]"], p], [["f[g]"], ["rate[g]"]])
-        return f"#define CHANGE\n#define BOTH\n{both}", "driven.c"
 
 
 @once

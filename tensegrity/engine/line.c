@@ -1,8 +1,9 @@
 /* Stages of a whole chain, run by run; RUNS(X) lists the kinds of runs. */
 
-static void stage(const scene *c, real a, real b)
+/* The rate of the energies of springs that change, before the drift. */
+static real stage(const scene *c, real a, real b)
 {
-    real left[LANES] = {0};
+    real left[LANES + 1] = {0}; /* tensions to go on with, and that rate */
     for (integer s = 0; s < c->runs; s++)
         switch (c->law[s]) {
 #define CASE(K, OWN) case 2 * K + OWN: stage_##K##_##OWN(c, s, a, b, left); break;
@@ -13,4 +14,5 @@ static void stage(const scene *c, real a, real b)
         c->v[end + l] -= a * c->w[end + l] * left[l];
         c->u[end + l] += b * c->v[end + l];
     }
+    return left[LANES];
 }

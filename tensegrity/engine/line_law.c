@@ -17,9 +17,17 @@
 #define PLACE(q) i
 #define RANGES (all < BLOCK ? all : BLOCK)
 #endif
+#if CHANGES
+/* Where springs change, rates of their energies come in packs behind tensions, and are summed for
+   each place of a block; how far springs come was looked at before. */
+#define SEEN(q)
+#define RATES(n) EACH(n) part[BLOCK - (n) + i] += f[LANES + ((n) + WIDE - 1) / WIDE * WIDE + i];
+#else
+#define RATES(n)
 #define SEEN(q)                                                                             \
     low[PLACE(q)] = r[i] < low[PLACE(q)] ? r[i] : low[PLACE(q)];                            \
     high[PLACE(q)] = r[i] > high[PLACE(q)] ? r[i] : high[PLACE(q)];
+#endif
 
 #if BESIDE
 #define HEAD(j)                                                                             \
@@ -45,7 +53,9 @@ static inline void OF(beside)(integer n, integer q, real *r, const real *shared,
     for (integer i = n; i % WIDE; i++) r[i] = r[n - 1];
     OF(tension_lanes)((n + WIDE - 1) / WIDE, (const pack *)r, shared, own + q, all, (pack *)f);
 }
-#define TAILS(j, n) OF(beside)(n, (j) - start, r, shared, own, all, f + LANES);
+#define TAILS(j, n)                                                                         \
+    OF(beside)(n, (j) - start, r, shared, own, all, f + LANES);                             \
+    RATES(n)
 #elif IS_LONG
 /* A long law is kept in a function of its own, so that it is compiled once only. */
 __attribute__((noinline, flatten)) static void OF(row)(
@@ -70,7 +80,8 @@ __attribute__((noinline, flatten)) static void OF(row)(
 __attribute__((flatten)) static void OF(stage)(
     const scene *c, integer s, real a, real b, real *left)
 {
-    SIDE real r[BLOCK], h[BLOCK], room[BLOCK + LANES + WIDE], *const f = room + BEFORE;
+    SIDE real r[BLOCK], h[BLOCK], room[(1 + CHANGES) * BLOCK + LANES + WIDE];
+    real *const f = room + BEFORE, part[BLOCK] = {0};
     real *restrict u = c->u, *restrict v = c->v;
     const real *restrict w = c->w;
     const integer start = LANES * c->first[s], last = LANES * c->first[s + 1];
@@ -103,10 +114,14 @@ __attribute__((flatten)) static void OF(stage)(
         CARRY(BLOCK)
     }
     for (int l = 0; l < LANES; l++) left[l] = f[l];
+#if CHANGES
+    for (int i = 0; i < BLOCK; i++) left[LANES] += part[(BLOCK - odd + i) % BLOCK];
+#endif
 }
 
 #undef P
 #undef SEEN
+#undef RATES
 #undef PLACE
 #undef RANGES
 #undef HEAD
