@@ -48,7 +48,6 @@ enum { FREE, APART, JOINED, TURNING };
 
 #if CHANGES
 #ifdef DIM
-#define BONDS d->bonds
 #define STRETCH(i) d->stretch[i]
 /* Elongations of the bonds of a network, for what follows. */
 static void stretch(const scene *c, const drive *d)
@@ -63,16 +62,29 @@ static void stretch(const scene *c, const drive *d)
             along);
     }
 }
+
+/* Rate of the energy of all bonds at given elongations: law number 1 is that of law number 0. */
+__attribute__((flatten)) static real power_of(const scene *c, const drive *d)
+{
+    const integer bonds = d->bonds;
+    const real *restrict shared = c->shared;
+    real p[PARAMETERS + 1], part[BLOCK] = {0}, sum = 0;
+    for (int i = 0; i < PARAMETERS; i++) p[i] = shared[i];
+    integer j = 0;
+    for (; j + BLOCK <= bonds; j += BLOCK) EACH(BLOCK) part[i] += energy_1(d->stretch[j + i], p);
+    EACH(bonds - j) part[i] += energy_1(d->stretch[j + i], p);
+    for (int i = 0; i < BLOCK; i++) sum += part[i];
+    return sum;
+}
 #else
-#define BONDS c->first[1]
 #define STRETCH(i) (u[(i) + 1] - u[i])
-static void stretch(const scene *c, const drive *d) { (void)c, (void)d; }
+#define stretch(c, d)
 #endif
 
 /* The smallest and the largest elongation. */
 static void span(const scene *c, const drive *d, real *least, real *most)
 {
-    const integer bonds = BONDS;
+    const integer bonds = d->bonds;
     const real *restrict u = c->u;
     real low[BLOCK], high[BLOCK];
     stretch(c, d);
@@ -94,22 +106,6 @@ static void span(const scene *c, const drive *d, real *least, real *most)
         }
     *least = *low, *most = *high;
 }
-
-#ifdef DIM
-/* Rate of the energy of all bonds at given elongations: law number 1 is that of law number 0. */
-__attribute__((flatten)) static real power_of(const scene *c, const drive *d)
-{
-    const integer bonds = d->bonds;
-    const real *restrict shared = c->shared;
-    real p[PARAMETERS + 1], part[BLOCK] = {0}, sum = 0;
-    for (int i = 0; i < PARAMETERS; i++) p[i] = shared[i];
-    integer j = 0;
-    for (; j + BLOCK <= bonds; j += BLOCK) EACH(BLOCK) part[i] += energy_1(STRETCH(j + i), p);
-    EACH(bonds - j) part[i] += energy_1(STRETCH(j + i), p);
-    for (int i = 0; i < BLOCK; i++) sum += part[i];
-    return sum;
-}
-#endif
 #endif
 
 static real energy_of(const drive *d, const real *restrict v)
