@@ -92,7 +92,7 @@ def c_text(laws, loop="line", own=None, helpers=(), packed=(), openings=False, e
     for number, kind in runs:
         long = int(is_long(laws[number]))
         parts += run_text(f"{loop}_law.c", number, kind, beside[number], IS_LONG=long)
-    parts += [f"{loop}.c", "steps.c"]
+    parts += [f"{loop}.c", "stages.h", "steps.c"]
     parts += ["openings.h", f"{loop}_openings.c", "openings.c"] * openings
     parts += ["evaluate.c", *["values.c"] * (loop == "line" and own == (None,))]
     return joined([*parts, *extra])

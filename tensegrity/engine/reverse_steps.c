@@ -45,17 +45,15 @@ void reverse(const scene *c, integer steps, integer opened, integer close, integ
              const seeds *s)
 {
     FLUSH
-    const real closing = c->closing ? c->kicks[c->stages] : 0;
-    if (c->closing && close) reverse_stage(c, closing, 0);
+    if (c->closing && close) reverse_stage(c, c->kicks[c->stages], 0);
     for (integer k = steps - 1; k >= 0; k--) {
         for (integer i = c->stages - 1; i >= 0; i--)
-            reverse_stage(c, c->kicks[i] + ((k > 0 || opened) && i == 0 ? closing : 0),
-                          c->drifts[i]);
+            reverse_stage(c, kick(c, i, k > 0 || opened), c->drifts[i]);
         if (s) sow(c, s, last - (steps - k));
     }
 }
 
-#if EXACT
+#if EXACT /* for `steps.c` */
 static void stage(const scene *c, real a, real b)
 {
     const integer n = c->room;
@@ -78,16 +76,6 @@ static void stage(const scene *c, real a, real b)
     for (integer i = 0; i < c->moving; i++) largest = larger(largest, fabs(turn[i]));
     EACH(n) u[i] += turn[i];
     *c->travel += largest;
-}
-
-void advance(const scene *c, integer steps)
-{
-    FLUSH
-    const real closing = c->closing ? c->kicks[c->stages] : 0;
-    for (integer k = 0; k < steps; k++)
-        for (integer i = 0; i < c->stages; i++)
-            stage(c, c->kicks[i] + (k > 0 && i == 0 ? closing : 0), c->drifts[i]);
-    if (steps > 0 && c->closing) stage(c, closing, 0);
 }
 #endif
 

@@ -180,8 +180,8 @@ def c_text(laws, own, wanted, dim, exact):
     for number, kind in runs:
         asked = len(wanted[number])
         parts += run_text("reverse_law.c", number, kind, beside[number], WANTED=asked)
-    parts += ["reverse.h", "reverse_net.c" if dim else "reverse_line.c", "reverse_steps.c"]
-    return joined(parts)
+    loop = "reverse_net.c" if dim else "reverse_line.c"
+    return joined([*parts, "reverse.h", loop, "stages.h", "reverse_steps.c", *["steps.c"] * exact])
 
 
 def _lanes(number, law, own, wanted):
