@@ -297,12 +297,9 @@ static int driven_stage(scene *c, const drive *d, integer s, integer i, real a, 
 /* `steps` steps from kick number s on, which is counted on; 0, or 1 if a spring locked. */
 static int driven_steps(scene *c, const drive *d, integer *s, integer steps, integer opened)
 {
-    const real closing = c->closing ? c->kicks[c->stages] : 0;
     for (integer k = 0; k < steps; k++)
-        for (integer i = 0; i < c->stages; i++, ++*s) {
-            const real before = (k > 0 || opened) && i == 0 ? closing : 0;
-            if (driven_stage(c, d, *s, i, c->kicks[i] + before, c->drifts[i])) return 1;
-        }
+        for (integer i = 0; i < c->stages; i++, ++*s)
+            if (driven_stage(c, d, *s, i, kick(c, i, k > 0 || opened), c->drifts[i])) return 1;
     return 0;
 }
 

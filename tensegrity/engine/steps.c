@@ -8,11 +8,10 @@
 void advance_part(const scene *c, integer steps, integer opened, integer close)
 {
     FLUSH
-    real closing = c->closing ? c->kicks[c->stages] : 0;
     for (integer k = 0; k < steps; k++)
         for (integer i = 0; i < c->stages; i++)
-            stage(c, c->kicks[i] + ((k > 0 || opened) && i == 0 ? closing : 0), c->drifts[i]);
-    if (steps > 0 && c->closing && close) stage(c, closing, 0);
+            stage(c, kick(c, i, k > 0 || opened), c->drifts[i]);
+    if (steps > 0 && c->closing && close) stage(c, c->kicks[c->stages], 0);
 }
 
 void advance(const scene *c, integer steps) { advance_part(c, steps, 0, 1); }
