@@ -49,16 +49,7 @@ def c_text(laws, loop="line", own=None, helpers=(), packed=(), openings=False, e
     hooks = []
     for number, law in enumerate(laws):
         for name in law.compiled if law is change else (*law.compiled, "head", "tail"):
-            function = functions(law)[name]
-            unique = f"law{number}_{name}"
-            sx = function.sx_in()
-            generator.add(ca.Function(unique, sx, [function(*sx)]))
-            takes = ("real r, real h" if name == "tail" else "real r") + ", const real *p"
-            gives = "&r, &h, p" if name == "tail" else "&r, p"
-            hooks.append(
-                f"static inline real {name}_{number}({takes}) {{ real y; const real *arg[] = "
-                f"{{{gives}}}; real *res[] = {{&y}}; {unique}(arg, res, 0, 0, 0); return y; }}"
-            )
+            hooks.append(scalar(generator, number, name, functions(law)[name]))
         if own[number] is not None:
             hooks.append(take(number, len(law.parameters), own[number]))
     for function, hook in helpers:
@@ -96,6 +87,26 @@ def c_text(laws, loop="line", own=None, helpers=(), packed=(), openings=False, e
     parts += ["openings.h", f"{loop}_openings.c", "openings.c"] * openings
     parts += ["evaluate.c", *["values.c"] * (loop == "line" and own == (None,))]
     return joined([*parts, *extra])
+
+
+def add(generator, number, name, function):
+    """Have CasADi write a function of a law, of scalars; its name."""
+    import casadi as ca
+
+    unique, sx = f"law{number}_{name}", function.sx_in()
+    generator.add(ca.Function(unique, sx, [function(*sx)]))
+    return unique
+
+
+def scalar(generator, number, name, function):
+    """C that calls such a function, of one result, as `<name>_<number>(r, p)`."""
+    unique = add(generator, number, name, function)
+    takes = ("real r, real h" if name == "tail" else "real r") + ", const real *p"
+    gives = "&r, &h, p" if name == "tail" else "&r, p"
+    return (
+        f"static inline real {name}_{number}({takes}) {{ real y; const real *arg[] = "
+        f"{{{gives}}}; real *res[] = {{&y}}; {unique}(arg, res, 0, 0, 0); return y; }}"
+    )
 
 
 def run_text(file, number, kind, beside, **more):
