@@ -7,10 +7,11 @@ from functools import cache
 import casadi as ca
 import numpy as np
 import pytest
+import sympy as sp
 from networks import patch, pushed
 
-from tensegrity import Network, PowerLaw, Prism, State, Wall
-from tensegrity.engine import lanes
+from tensegrity import Chain, Network, PowerLaw, Prism, State, Wall, simulate
+from tensegrity.engine import driven, lanes, native
 from tensegrity.engine.bonds import GROUP, PAIR
 from tensegrity.engine.bound_net import BoundNet
 from tensegrity.engine.codegen import joined
@@ -288,3 +289,16 @@ def test_processors_agree(flag, monkeypatch):
         found.append((u, v, bound.range))
     for one, two in zip(*found, strict=True):
         np.testing.assert_allclose(one, two, rtol=0, atol=1e-13 * np.abs(two).max())
+
+
+def test_springs_that_change_find_room_for_a_block_of_narrow_packs(monkeypatch):
+    tune = {"prestrain": 0.02 + 0.001 * sp.Symbol("t")}
+    chain = Chain(Prism(1.0, 0.8, 0.02, 1.0).potential(), 70, tune=tune)
+    state = chain.at_rest({0: 0.01, 50: -0.01})
+    wide = simulate(chain, state, 1.0, dt=0.02)
+    monkeypatch.setattr(native, "NATIVE", "-O3")
+    monkeypatch.setattr(native, "WIDE", ())
+    monkeypatch.setattr(driven, "_loop", driven.DrivenLoop)
+    narrow = simulate(chain, state, 1.0, dt=0.02)
+    np.testing.assert_allclose(narrow.u, wide.u, atol=1e-14)
+    np.testing.assert_allclose(narrow.work, wide.work, atol=1e-17)

@@ -7,28 +7,14 @@ import ctypes
 import numpy as np
 
 from tensegrity.engine import implicit, march
-from tensegrity.engine.compiled import structure_of
 from tensegrity.engine.methods import Corrected, Midpoint, Splitting
 from tensegrity.engine.openings import DEGREE, Openings
+from tensegrity.engine.structs import structure
 from tensegrity.errors import StabilityError
 
-NYSTROM = structure_of(  # as in steps.c
-    "_Nystrom",
-    "nodes velocities matrix positions dt place slopes travel",
-    "stages count moving",
-)
-IMPLICIT = structure_of(  # as in implicit.c
-    "_Implicit",
-    "geometry parameters load dt straight moved update root force right place slope band travel "
-    "law from to at",
-    "bonds entries count width iterations",
-)
-OPENINGS = structure_of(  # as in openings.h
-    "_Openings",
-    "place side strength exponents betas tables nodes weights offsets dt "
-    "before rate_before after rate_after u v end_u end_v end_a row",
-    "count bonds entries kicks degree known begins alone",
-)
+NYSTROM = structure("steps.c", "nystrom")
+IMPLICIT = structure("implicit.c", "implicit")
+OPENINGS = structure("openings.h", "openings")
 
 
 class Bound:
@@ -52,15 +38,13 @@ class Bound:
 
     _openings = _dt = None
 
-    def _set_steps(self, loop, structure, arrays, bonds, method, dt, moving, walls=0, places=None):
-        """Keep what the structure points to, and prepare the functions of a method's steps."""
-        self._structure, self._arrays = structure, arrays
-        self.u, self.v = arrays[:2]
-        self.sizes = moving, walls
+    def _set_steps(self, loop, scene, bonds, method, dt, moving, walls=0, places=None):
+        """Prepare the functions of a method's steps."""
+        self._scene, self.sizes = scene, (moving, walls)
+        self.u, self.v = scene.filled["u"], scene.filled["v"]
         self.shown = np.empty_like(self.u), np.empty_like(self.v)
         self._of_step, functions, second = [], (loop.advance, loop.show), None
-        self._scale_with_step(self._kicks)
-        self._scale_with_step(self._drifts)
+        self._scale_with_step(scene, "kicks", "drifts")
         if isinstance(method, Corrected):
             functions = loop.openings
             second = self._openings = self._set_openings(loop, bonds, method, places)
@@ -69,23 +53,25 @@ class Bound:
         elif not isinstance(method, Splitting):
             functions = loop.advance_nystrom, None
             second = self._set_nystrom(loop, method, moving)
-        self.functions = functions
-        self.addresses = ctypes.addressof(structure), second and ctypes.addressof(second)
-        self._march = self.loop_of(functions, self.addresses)
+        self.functions, self._second = functions, second
+        self.addresses = ctypes.addressof(scene), second and ctypes.addressof(second)
+        self._march = self.loop_of(functions, second)
         self.set_step(dt)
 
-    def loop_of(self, functions, addresses, sums=None):
+    def loop_of(self, functions, method, sums=None):
         """What `march.c` takes: functions that advance and show, and what they take."""
-        arrays = self.u, self.v, *self.shown
-        return march.Loop(
-            *(one and march.pointer(one) for one in functions), *addresses,
-            *(x.ctypes.data for x in arrays), None if sums is None else sums.ctypes.data,
-            self._travel.ctypes.data, self.u.size, 2,
+        advance, show = (one and march.pointer(one) for one in functions)
+        return march.LOOP(
+            advance=advance, show=show, scene=self._scene, method=method, u=self.u, v=self.v,
+            shown_u=self.shown[0], shown_v=self.shown[1], sums=sums, travel=self._travel,
+            size=self.u.size, sum_count=2,
         )  # fmt: skip
 
-    def _scale_with_step(self, array, power=1):
-        """Let numbers, of a step of 1 s, go with the power of a step."""
-        self._of_step.append((array, array.copy(), power))
+    def _scale_with_step(self, structure, *names, power=1):
+        """Let numbers of a structure, of a step of 1 s, go with the power of a step."""
+        for name in names:
+            array = structure.filled[name]
+            self._of_step.append((array, array.copy(), power))
 
     def set_step(self, dt):
         """Go on with steps of another length [s]."""
@@ -97,67 +83,70 @@ class Bound:
 
     def _set_implicit(self, loop, bonds, method):
         """Prepare the steps of the midpoint rule."""
-        fields = implicit.fields(loop, self.u, bonds) | {"travel": self._travel}
-        steps = IMPLICIT(
-            **{k: x if isinstance(x, int) else x.ctypes.data for k, x in fields.items()}
-        )
-        self._scale_with_step(fields["dt"])
-        self._arrays += [fields, steps]
+        steps = IMPLICIT(**implicit.fields(loop, self.u, bonds), travel=self._travel)
+        self._scale_with_step(steps, "dt")
         self._words = f"is too large for {method.name}: its equations were not solved in "
         return steps
 
     def why_stopped(self):
         """Why steps could not be done."""
-        (dt, _, _), *_ = self._of_step[2:]
         return StabilityError(
-            f"dt {float(dt[0]):.6g} s {self._words}{implicit.ITERATIONS} iterations; the springs "
+            f"dt {self._dt:.6g} s {self._words}{implicit.ITERATIONS} iterations; the springs "
             "change too much within a step"
         )
 
     def _set_nystrom(self, loop, method, moving):
         """Prepare the steps of a method that sums accelerations."""
-        u = self.u
-        rows = [
-            *(loop.numbers(x) for x in (method.nodes, method.velocities)),
-            *(loop.numbers(x) for x in (method.matrix, method.positions)),
-            np.ones(1, dtype=loop.dtype),
-            np.zeros(u.size, dtype=loop.dtype),
-            np.zeros((method.stages, u.size), dtype=loop.dtype),
-            self._travel,
-        ]
-        for array, power in zip(rows, (1, 1, 2, 2, 1), strict=False):
-            self._scale_with_step(array, power)
-        steps = NYSTROM(*(x.ctypes.data for x in rows), method.stages, u.size, moving)
-        self._arrays += [rows, steps]
+        rows = "nodes", "velocities", "matrix", "positions"
+        steps = NYSTROM(
+            **{name: np.array(getattr(method, name), dtype=loop.dtype) for name in rows},
+            dt=np.ones(1, dtype=loop.dtype),
+            place=np.zeros(self.u.size, dtype=loop.dtype),
+            slopes=np.zeros((method.stages, self.u.size), dtype=loop.dtype),
+            travel=self._travel,
+            stages=method.stages,
+            count=self.u.size,
+            moving=moving,
+        )
+        self._scale_with_step(steps, "nodes", "velocities", "dt")
+        self._scale_with_step(steps, "matrix", "positions", power=2)
         return steps
 
     def _set_openings(self, loop, bonds, method, places):
         """Prepare the steps of a corrected method; `places` are those of the loop's contacts."""
         found, u = Openings(bonds, method, 1.0), self.u
-        of_bonds = [found.place, found.side, found.strength, found.row]
+        of_bonds = {name: getattr(found, name) for name in ("place", "side", "strength", "row")}
         if places is not None:
             real = places >= 0
-            *numbers, row = (np.where(real, x[:, places], np.nan) for x in of_bonds)
-            of_bonds = [*numbers, np.where(real, row, 0)]
+            none = dict.fromkeys(of_bonds, np.nan) | {"row": 0}
+            of_bonds = {k: np.where(real, x[:, places], none[k]) for k, x in of_bonds.items()}
         elif u.ndim > 1:
             shape = len(found.row), len(u) - 1, self._lanes
-            of_bonds = [np.broadcast_to(x.reshape(*shape[:2], -1), shape) for x in of_bonds]
-        *numbers, row = of_bonds
-        count, corners = row.size, len(row)
-        step = np.ones(1, dtype=loop.dtype)
-        rows = [
-            *(loop.numbers(x) for x in numbers),
-            *(loop.numbers(x) for x in (found.exponents, found.betas, found.tables)),
-            *(loop.numbers(x) for x in method.rule),
-            step,
-            *np.zeros((4, count), dtype=loop.dtype),
-            *np.zeros((5, u.size), dtype=loop.dtype),
-            np.ascontiguousarray(row, dtype=np.int64),
-        ]
-        self._scale_with_step(step)
-        counts = count, count // corners, u.size, len(found.nodes), DEGREE, 0, 0, 0
-        steps = OPENINGS(*(x.ctypes.data for x in rows), *counts)
-        self._arrays += [rows, steps]
+            of_bonds = {
+                name: np.broadcast_to(x.reshape(*shape[:2], -1), shape)
+                for name, x in of_bonds.items()
+            }
+        row = integers(of_bonds.pop("row"))
+        numbers = {name: getattr(found, name) for name in ("exponents", "betas", "tables")}
+        numbers |= dict(zip(("nodes", "weights", "offsets"), method.rule, strict=True))
+        numbers |= of_bonds | {"dt": [1.0]}
+        overlaps = "before", "rate_before", "after", "rate_after"
+        states = "u", "v", "end_u", "end_v", "end_a"
+        steps = OPENINGS(
+            **{name: loop.numbers(x) for name, x in numbers.items()},
+            **{name: np.zeros(row.size, dtype=loop.dtype) for name in overlaps},
+            **{name: np.zeros(u.size, dtype=loop.dtype) for name in states},
+            row=row,
+            count=row.size,
+            bonds=row.size // len(row),
+            entries=u.size,
+            kicks=len(found.nodes),
+            degree=DEGREE,
+            known=0,
+            begins=0,
+            alone=0,
+        )
+        self._scale_with_step(steps, "dt")
         return steps
 
     def go(self, done, end, wanted=()):
@@ -205,14 +194,15 @@ class Bound:
         return float(self._travel[0])
 
 
-def rows_of(method, dtype):
-    """Kicks and drifts of a step of 1 s, number of stages, and whether a kick closes the step."""
+def stages(method, dt, dtype=np.float64):
+    """Fields of a scene: kicks and drifts times dt, how many, and whether a kick closes a step."""
     if isinstance(method, Corrected):
         method = method.base
-    if not isinstance(method, Splitting):
-        return np.zeros(1, dtype), np.zeros(1, dtype), 0, 0
-    kicks, drifts = (np.array(x, dtype=dtype) for x in (method.kicks, method.drifts))
-    return kicks, drifts, method.stages, int(kicks[-1] != 0)
+    splitting = isinstance(method, Splitting)
+    rows = (method.kicks, method.drifts) if splitting else ([0.0], [0.0])
+    kicks, drifts = (np.multiply(x, dt, dtype=dtype) for x in rows)
+    count = method.stages if splitting else 0
+    return {"kicks": kicks, "drifts": drifts, "stages": count, "closing": int(kicks[-1] != 0)}
 
 
 def integers(array):

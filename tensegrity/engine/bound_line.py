@@ -5,14 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from tensegrity.engine.bonds import BLOCK, by_spring
-from tensegrity.engine.bound import Bound, rows_of
-from tensegrity.engine.compiled import structure_of
+from tensegrity.engine.bound import Bound, integers, stages
+from tensegrity.engine.structs import structure
 
-_LINE = structure_of(  # as in line.h
-    "_Line",
-    "u v w shared own kicks drifts range first law own_at range_at",
-    "runs stages closing",
-)
+LINE = structure("line.h", "scene")
 
 
 class BoundLine(Bound):
@@ -40,24 +36,18 @@ class BoundLine(Bound):
             laid = self._lay(loop, bonds, seen)
             if runs is None:
                 bonds.laid[loop] = laid
-        self._kept, self._low, self._high, self._apart, size, fixed_arrays, count = laid
-        weights, shared, own, *where = fixed_arrays
-        self._range = np.empty(size, dtype=loop.dtype)
+        self._kept, self._low, self._high, self._apart, fixed = laid
+        self._range = np.empty(fixed["range_at"][-1], dtype=loop.dtype)
         self._travel = np.zeros(1, dtype=loop.dtype)
         self.springs = len(bonds.law)
-        self._kicks, self._drifts, *counts = rows_of(method, loop.dtype)
-        arrays = [
-            u, v, weights, shared, own, self._kicks, self._drifts, self._range, *where,
-        ]  # fmt: skip
-        structure = _LINE(*(x.ctypes.data for x in arrays), count, *counts)
-        self._set_steps(loop, structure, arrays, bonds, method, dt, u.size)
+        line = LINE(u=u, v=v, range=self._range, **fixed, **stages(method, 1.0, loop.dtype))
+        self._set_steps(loop, line, bonds, method, dt, u.size)
         self.forget_range()
 
     def _lay(self, loop, bonds, seen):
         """What does not depend on the motion and the method: kept for the next time."""
         runs = self._runs
         seen = np.ones(len(runs.law), dtype=bool) if seen is None else seen
-        shared, own, own_at = loop.parameters(bonds, runs)
         entries = loop.lanes * np.diff(runs.first)
         sizes = 2 * np.where(runs.own, entries, np.minimum(entries, BLOCK))
         range_at = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
@@ -66,11 +56,14 @@ class BoundLine(Bound):
             weights = np.repeat(weights, loop.lanes)
         order = self._order(range_at, seen)
         apart = np.array_equal(order[0], np.arange(len(bonds.law)))
-        arrays = [
-            loop.numbers(weights), shared, own, (runs.first - runs.first[0]).astype(np.int64),
-            (2 * runs.law + runs.own).astype(np.int64), own_at, range_at,
-        ]  # fmt: skip
-        return *order, apart, range_at[-1], arrays, len(runs.law)
+        fixed = loop.parameters(bonds, runs) | {
+            "w": loop.numbers(weights),
+            "range_at": range_at,
+            "first": integers(runs.first - runs.first[0]),
+            "law": integers(2 * runs.law + runs.own),
+            "runs": len(runs.law),
+        }
+        return *order, apart, fixed
 
     def _order(self, range_at, seen):
         """The spring that each kept range belongs to, and where its two numbers are."""
@@ -90,9 +83,9 @@ class BoundLine(Bound):
     def retune(self, bonds):
         """Go on with the masses and parameters of other bonds, of the same laws and in the same
         runs.  What it was made of changes with it."""
-        shared, own, _ = self._loop.parameters(bonds, self._runs)
-        for array, values in zip(self._arrays[2:5], (bonds.inverse_mass, shared, own), strict=True):
-            array[:] = values
+        fields = self._loop.parameters(bonds, self._runs) | {"w": bonds.inverse_mass}
+        for name, values in fields.items():
+            self._structure.filled[name][:] = values
 
     def forget_range(self):
         """Start anew to record elongations."""

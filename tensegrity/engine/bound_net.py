@@ -9,17 +9,11 @@ from itertools import pairwise
 import numpy as np
 
 from tensegrity.engine.bonds import GROUP, WALL, by_spring
-from tensegrity.engine.bound import Bound, integers, rows_of
-from tensegrity.engine.compiled import structure_of
+from tensegrity.engine.bound import Bound, integers, stages
 from tensegrity.engine.slices import slices
+from tensegrity.engine.structs import structure
 
-_NET = structure_of(  # as in net.h
-    "_Net",
-    "u v w load geometry shared own kicks drifts travel from to first law places near "
-    "slice site begin other counts entry own_at gap length gap_at length_at gap_each length_each "
-    "pull normal normal_at press force pressing pressed low high met_at farthest gate",
-    "runs contacts sites rows stages closing tiles loaded before tile last_tile reach piece pieces",
-)
+NET = structure("net.h", "scene")
 LINE = 8  # numbers in a line of a cache
 ROW = 1, 1, 2, 4  # numbers in a site's row of forces, by coordinates: as in lanes.c
 
@@ -37,36 +31,30 @@ class BoundNet(Bound):
         if loop not in bonds.laid:
             bonds.laid[loop] = self._lay(loop, bonds)
         self._loop = loop
-        found, entries, (weights, before, behind, normals, pressed) = bonds.laid[loop]
-        runs, contacts, dim = bonds.runs, bonds.contacts, loop.dim
-        count, sites = len(runs.source), len(contacts.load)
+        found, entries, fixed = bonds.laid[loop]
+        contacts, dim, sites = bonds.contacts, loop.dim, fixed["sites"]
         self._set_ranges(bonds, entries, pieces, loop.dtype)
         self._travel = np.zeros(1, dtype=loop.dtype)
-        self._kicks, self._drifts, *counts = rows_of(method, loop.dtype)
-        arrays = [
-            u, v, *weights, self._kicks, self._drifts, self._travel, *before,
-            np.zeros((2, u.size) if pieces > 1 else 0, dtype=loop.dtype), *behind,
-            _pulls(contacts.load, pieces, loop), *normals, np.zeros_like(normals[0]),
-            np.zeros((contacts.rows - sites, dim), dtype=loop.dtype), *pressed, self._low,
-            self._high, self._met_at, np.zeros(pieces, dtype=loop.dtype),
-            np.zeros(16, dtype=np.int64),
-        ]  # fmt: skip
-        numbers = (
-            len(runs.law), count, sites, contacts.rows, *counts, found.tiles,
-            bool(contacts.load.any()),
-        )  # fmt: skip
+        scratch = {
+            "near": np.zeros((2, u.size) if pieces > 1 else 0, dtype=loop.dtype),
+            "pull": _pulls(contacts.load, pieces, loop),
+            "press": np.zeros_like(fixed["normal"]),
+            "force": np.zeros((contacts.rows - sites, dim), dtype=loop.dtype),
+            "farthest": np.zeros(pieces, dtype=loop.dtype),
+            "gate": np.zeros(16, dtype=np.int64),
+        }
+        met = {"low": self._low, "high": self._high, "met_at": self._met_at}
+        fields = fixed | scratch | met | stages(method, 1.0, loop.dtype)
 
-        def structure(*piece):
-            return _NET(*(x.ctypes.data for x in arrays), *numbers, *piece)
+        def piece(a, b, number, of):
+            cut = {"tile": a, "last_tile": b, "before": found.needed[a], "reach": found.reach[b]}
+            return NET(u=u, v=v, travel=self._travel, piece=number, pieces=of, **cut, **fields)
 
         cuts = found.shares(pieces)
-        self._pieces = [
-            structure(found.needed[a], a, b, found.reach[b], k, pieces)
-            for k, (a, b) in enumerate(pairwise(cuts))
-        ]
-        whole = structure(0, 0, found.tiles, found.tiles, 0, 1)
+        self._pieces = [piece(a, b, k, pieces) for k, (a, b) in enumerate(pairwise(cuts))]
+        whole = piece(0, found.tiles, 0, 1)
         walls = dim * (contacts.rows - 1 - sites)
-        self._set_steps(loop, whole, arrays, bonds, method, dt, dim * sites, walls, runs.source)
+        self._set_steps(loop, whole, bonds, method, dt, dim * sites, walls, bonds.runs.source)
         self.forget_range()
 
     def _lay(self, loop, bonds):
@@ -79,27 +67,51 @@ class BoundNet(Bound):
         place[0], place[-1] = 1, 1  # a bond of length 1 m at rest, between the spare row and itself
         place[:, real] = contacts.geometry[:, source[real]]
         entries = replace(runs, source=source[found.contact], first=found.first)
-        shared, own, own_at = loop.parameters(bonds, entries)
-        gaps, gap_at, gap_each = _varying(place[dim, found.contact], found.first)
-        lengths, length_at, length_each = _varying(place[-1, found.contact], found.first)
         places = np.zeros((contacts.rows + 1, dim))
         places[:sites] = contacts.positions
-        normals, pressed = _by_wall(bonds, found, place[:dim])
-        weights = contacts.weights(bonds.inverse_mass)
-        arrays = (
-            [loop.numbers(weights), loop.numbers(contacts.loads()), loop.numbers(place), shared,
-             own],
-            [integers(dim * np.where(real, contacts.first[filled], spare)),
-             integers(dim * np.where(real, contacts.second[filled], spare)),
-             integers(runs.first), integers(4 * runs.law + 2 * runs.kind + runs.own),
-             loop.numbers(places)],
-            [integers(found.slice), found.site.astype(np.int32), integers(found.begin),
-             found.other.astype(np.int32), np.packbits(found.counts, bitorder="little"),
-             integers(found.first), own_at, loop.numbers(gaps), loop.numbers(lengths), gap_at,
-             length_at, gap_each, length_each],
-            [loop.numbers(normals[0]), normals[1]], pressed,
-        )  # fmt: skip
-        return found, entries, arrays
+        gap, gap_at, gap_each = _varying(place[dim, found.contact], found.first)
+        length, length_at, length_each = _varying(place[-1, found.contact], found.first)
+        normal, normal_at, pressing, pressed = _by_wall(bonds, found, place[:dim])
+        numbers = {
+            "w": contacts.weights(bonds.inverse_mass),
+            "load": contacts.loads(),
+            "geometry": place,
+            "places": places,
+            "gap": gap,
+            "length": length,
+            "normal": normal,
+        }
+        where = {
+            "from": dim * np.where(real, contacts.first[filled], spare),
+            "to": dim * np.where(real, contacts.second[filled], spare),
+            "first": runs.first,
+            "law": 4 * runs.law + 2 * runs.kind + runs.own,
+            "slice": found.slice,
+            "begin": found.begin,
+            "entry": found.first,
+            "gap_at": gap_at,
+            "gap_each": gap_each,
+            "length_at": length_at,
+            "length_each": length_each,
+            "normal_at": normal_at,
+            "pressing": pressing,
+            "pressed": pressed,
+        }
+        fixed = {
+            **loop.parameters(bonds, entries),
+            **{name: loop.numbers(x) for name, x in numbers.items()},
+            **{name: integers(x) for name, x in where.items()},
+            "site": found.site.astype(np.int32),
+            "other": found.other.astype(np.int32),
+            "counts": np.packbits(found.counts, bitorder="little"),
+            "runs": len(runs.law),
+            "contacts": len(source),
+            "sites": sites,
+            "rows": contacts.rows,
+            "tiles": found.tiles,
+            "loaded": bool(contacts.load.any()),
+        }
+        return found, entries, fixed
 
     def part(self, number, steps, opened):
         """Advance one of the pieces, at the same time as all others; as `advance_open`."""
@@ -153,8 +165,7 @@ def _by_wall(bonds, found, normal):
     places, walls = (np.concatenate([np.zeros(0, dtype=int), *x]) for x in (places, walls))
     order = np.argsort(walls, kind="stable")
     begin = np.searchsorted(walls[order], np.arange(len(contacts.load), contacts.rows + 1))
-    pressed = integers(places[order]), integers(begin)
-    return (np.concatenate(kept), integers(at)), pressed
+    return np.concatenate(kept), at, places[order], begin
 
 
 def _pulls(load, pieces, loop):
@@ -175,4 +186,4 @@ def _varying(values, first):
         each.append(bool(np.any(part != part[0])))
         at.append(sum(map(len, kept)))
         kept.append(part if each[-1] else part[:GROUP])
-    return np.concatenate(kept), integers(at), integers(each)
+    return np.concatenate(kept), at, each

@@ -10,7 +10,7 @@ from importlib.resources import files
 from typing import TYPE_CHECKING
 
 from tensegrity.engine import lanes
-from tensegrity.engine.law import DERIVATIVES, facts, functions
+from tensegrity.engine.law import DERIVATIVES, Change, facts, functions
 
 if TYPE_CHECKING:
     from typing import Any
@@ -26,6 +26,7 @@ def c_text(
     Parameters
     ----------
     laws : sequence of Law
+        Or one law whose parameters change in time, and its `Change`.
     loop : str
         "line" or "net": the files `<loop>.h`, `<loop>_law.c`, once for each kind of run, and
         `<loop>.c`.
@@ -46,35 +47,30 @@ def c_text(
     import casadi as ca
 
     own = own or (None,) * len(laws)
+    pulling = [law for law in laws if not isinstance(law, Change)]
+    change = laws[-1] if len(pulling) < len(laws) else None
     generator = ca.CodeGenerator("laws.c")
     hooks = []
     for number, law in enumerate(laws):
         more = ["stiffness"] if implicit and "stiffness" not in law.compiled else []
-        for name in (*law.compiled, *more, "head", "tail"):
-            function = functions(law)[name]
-            unique = f"law{number}_{name}"
-            sx = function.sx_in()
-            generator.add(ca.Function(unique, sx, [function(*sx)]))
-            takes = ("real r, real h" if name == "tail" else "real r") + ", const real *p"
-            gives = "&r, &h, p" if name == "tail" else "&r, p"
-            hooks.append(
-                f"static inline real {name}_{number}({takes}) {{ real y; const real *arg[] = "
-                f"{{{gives}}}; real *res[] = {{&y}}; {unique}(arg, res, 0, 0, 0); return y; }}"
-            )
+        for name in law.compiled if law is change else (*law.compiled, *more, "head", "tail"):
+            hooks.append(scalar(generator, number, name, functions(law)[name]))
         if own[number] is not None:
             hooks.append(take(number, len(law.parameters), own[number]))
     for function, hook in helpers:
         generator.add(function)
         hooks.append(hook)
-    beside = [bool(packed) or is_packed(law) for law in laws]
-    hooks += ["lanes.c", *packed, *_lanes(laws, own, beside, line=not packed)]
+    beside = [bool(packed or change) or is_packed(law) for law in pulling]
+    hooks += ["lanes.c", *packed, *_lanes(pulling, own, beside, change, line=not packed)]
     hooks += ["#if WIDE == 8", *_energy_lanes(laws), "#endif"]
     energies = " ".join(
         f"X({number}, {int(facts(law)['packed_energy'])})"
         for number, law in enumerate(laws)
         if "energy" in law.compiled
     )
-    runs = [(number, kind) for number, law in enumerate(laws) for kind in kinds(law, own[number])]
+    runs = [
+        (number, kind) for number, law in enumerate(pulling) for kind in kinds(law, own[number])
+    ]
     evaluations = " ".join(
         f"X({number}, {DERIVATIVES.index(name)}, {name})"
         for number, law in enumerate(laws)
@@ -84,6 +80,7 @@ def c_text(
     parts += [
         f"#define PARAMETERS {max((len(law.parameters) for law in laws), default=0)}",
         f"#define RUNS(X) {' '.join(f'X({number}, {kind})' for number, kind in runs)}",
+        f"#define CHANGES {change is not None:d}",
         f"#define EVALUATIONS(X) {evaluations}",
         f"#define ENERGIES(X) {energies}",
         f"{loop}.h",
@@ -91,7 +88,7 @@ def c_text(
     for number, kind in runs:
         long = int(is_long(laws[number]))
         parts += run_text(f"{loop}_law.c", number, kind, beside[number], IS_LONG=long)
-    parts += [f"{loop}.c", "steps.c"]
+    parts += [f"{loop}.c", "stages.h", "steps.c"]
     parts += ["openings.h", f"{loop}_openings.c", "openings.c"] * openings
     parts += ["evaluate.c", *["values.c"] * (loop == "line" and own == (None,))]
     if implicit:
@@ -99,9 +96,30 @@ def c_text(
     return joined([*parts, *extra])
 
 
+def add(generator, number, name, function):
+    """Have CasADi write a function of a law, of scalars; its name."""
+    import casadi as ca
+
+    unique, sx = f"law{number}_{name}", function.sx_in()
+    generator.add(ca.Function(unique, sx, [function(*sx)]))
+    return unique
+
+
+def scalar(generator, number, name, function):
+    """C that calls such a function, of one result, as `<name>_<number>(r, p)`."""
+    unique = add(generator, number, name, function)
+    takes = ("real r, real h" if name == "tail" else "real r") + ", const real *p"
+    gives = "&r, &h, p" if name == "tail" else "&r, p"
+    return (
+        f"static inline real {name}_{number}({takes}) {{ real y; const real *arg[] = "
+        f"{{{gives}}}; real *res[] = {{&y}}; {unique}(arg, res, 0, 0, 0); return y; }}"
+    )
+
+
 def run_text(file, number, kind, beside, **more):
     """Parts of the text of one kind of runs of a law, what it is told defined around them."""
-    told = {"K": number, "OWNED": kind, **more, "BESIDE": f"({int(beside)} && WIDE == 8)"}
+    beside = f"({int(beside)} && (WIDE == 8 || CHANGES))"
+    told = {"K": number, "OWNED": kind, **more, "BESIDE": beside}
     return [*(f"#define {x} {y}" for x, y in told.items()), file, *(f"#undef {x}" for x in told)]
 
 
@@ -144,8 +162,9 @@ def packs(law, own, one):
     ]
 
 
-def _lanes(laws, own, beside, line):
-    """C of the tensions of several contacts, `tension_lanes_<law>_<kind of run>`."""
+def _lanes(laws, own, beside, change, line):
+    """C of the tensions of several contacts, `tension_lanes_<law>_<kind of run>`; of bonds on a
+    line that change the rates of their energies too, in packs behind."""
     shared, one = ("real", "wide(p[{}])") if line else ("pack", "p[{}]")
     arguments = f"const pack *r, const {shared} *p, const real *own, integer all, pack *f"
     for number, law in enumerate(laws):
@@ -153,8 +172,12 @@ def _lanes(laws, own, beside, line):
             continue
         for kind in kinds(law, own[number]):
             p = packs(law, own[number] if kind else (), one)
+            function, found = functions(law)["tension"], [["f[g]"]]
+            if change and line:
+                p = packs(change, (), one)
+                function, found = change.both(), [["f[g]"], ["f[n + g]"]]
             name = f"tension_lanes_{number}_{kind}"
-            yield lanes.text(functions(law)["tension"], name, arguments, [["r[g]"], p], [["f[g]"]])
+            yield lanes.text(function, name, arguments, [["r[g]"], p], found)
 
 
 def _energy_lanes(laws):

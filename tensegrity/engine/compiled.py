@@ -16,13 +16,6 @@ from tensegrity.engine.native import library
 from tensegrity.once import once
 
 
-def structure_of(name, arrays, counts):
-    """A C structure of pointers and of whole numbers, by their names."""
-    fields = [(field, ctypes.c_void_p) for field in arrays.split()]
-    fields += [(field, ctypes.c_longlong) for field in counts.split()]
-    return type(name, (ctypes.Structure,), {"_fields_": fields})
-
-
 class Compiled:
     """Laws and a loop over bonds of them.
 
@@ -41,7 +34,7 @@ class Compiled:
 
     name = "compiled"
     kind = "loop"  # what its text is kept under
-    extra = ()  # behind the loop
+    extra: tuple[str, ...] = ()  # behind the loop
     corrects = True  # whether it may be asked for the steps of corrected methods
 
     def __init__(self, laws, own=None, dim=0, lanes=1, extended=False):
@@ -148,7 +141,8 @@ class Compiled:
         return np.ascontiguousarray(array, dtype=self.dtype)
 
     def parameters(self, bonds, runs):
-        """What bonds of a run have in common, (runs, most); their own, and where these begin."""
+        """Fields of a scene: `shared`, what bonds of a run have in common, (runs, most); their
+        `own`, and where these begin, `own_at`."""
         places = np.zeros(len(runs.law), dtype=np.int64)
         shared = np.zeros((len(runs.law), bonds.parameters.shape[1]))
         own, at = [np.zeros(0)], 0
@@ -164,7 +158,8 @@ class Compiled:
                 own.append(np.moveaxis(rows, -1, 0).ravel())
                 at += own[-1].size
         own.append(np.zeros(GROUP))  # packs may read beyond the last
-        return self.numbers(shared), self.numbers(np.concatenate(own)), places
+        own = self.numbers(np.concatenate(own))
+        return {"shared": self.numbers(shared), "own": own, "own_at": places}
 
 
 def _nearest(source):

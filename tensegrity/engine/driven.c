@@ -46,9 +46,8 @@ typedef struct {
 /* Drifts: without dashpots, without those in bonds, with those of a chain, of a network. */
 enum { FREE, APART, JOINED, TURNING };
 
-#ifdef CHANGE
+#if CHANGES
 #ifdef DIM
-#define BONDS d->bonds
 #define STRETCH(i) d->stretch[i]
 /* Elongations of the bonds of a network, for what follows. */
 static void stretch(const scene *c, const drive *d)
@@ -63,16 +62,29 @@ static void stretch(const scene *c, const drive *d)
             along);
     }
 }
+
+/* Rate of the energy of all bonds at given elongations: law number 1 is that of law number 0. */
+__attribute__((flatten)) static real power_of(const scene *c, const drive *d)
+{
+    const integer bonds = d->bonds;
+    const real *restrict shared = c->shared;
+    real p[PARAMETERS + 1], part[BLOCK] = {0}, sum = 0;
+    for (int i = 0; i < PARAMETERS; i++) p[i] = shared[i];
+    integer j = 0;
+    for (; j + BLOCK <= bonds; j += BLOCK) EACH(BLOCK) part[i] += energy_1(d->stretch[j + i], p);
+    EACH(bonds - j) part[i] += energy_1(d->stretch[j + i], p);
+    for (int i = 0; i < BLOCK; i++) sum += part[i];
+    return sum;
+}
 #else
-#define BONDS c->first[1]
 #define STRETCH(i) (u[(i) + 1] - u[i])
-static void stretch(const scene *c, const drive *d) { (void)c, (void)d; }
+#define stretch(c, d)
 #endif
 
 /* The smallest and the largest elongation. */
 static void span(const scene *c, const drive *d, real *least, real *most)
 {
-    const integer bonds = BONDS;
+    const integer bonds = d->bonds;
     const real *restrict u = c->u;
     real low[BLOCK], high[BLOCK];
     stretch(c, d);
@@ -94,51 +106,6 @@ static void span(const scene *c, const drive *d, real *least, real *most)
         }
     *least = *low, *most = *high;
 }
-
-#ifdef BOTH
-/* A stage of a chain whose springs change, in one pass: `both` gives the tensions of some bonds and
-   the rates of their energies, which have roots and quotients in common.  The sum of the rates. */
-__attribute__((flatten)) static real changing_stage(const scene *c, real a, real b)
-{
-    SIDE real r[BLOCK + WIDE], room[BLOCK + LANES + WIDE], *const f = room + BEFORE;
-    SIDE real rate[BLOCK + WIDE], part[BLOCK] = {0};
-    const integer bonds = c->first[1];
-    real *restrict u = c->u, *restrict v = c->v, sum = 0;
-    const real *restrict w = c->w;
-    f[0] = 0;
-    for (integer j = 0, n; j < bonds; j += n) {
-        n = bonds - j < BLOCK ? bonds - j : BLOCK;
-        EACH(n) r[i] = u[j + i + 1] - u[j + i];
-        for (integer i = n; i % WIDE; i++) r[i] = r[n - 1];
-        both((n + WIDE - 1) / WIDE, (const pack *)r, c->shared, (pack *)(f + 1), (pack *)rate);
-        EACH(n) {
-            v[j + i] += a * w[j + i] * (f[i + 1] - f[i]);
-            u[j + i] += b * v[j + i];
-            part[i] += rate[i];
-        }
-        f[0] = f[n];
-    }
-    v[bonds] -= a * w[bonds] * f[0];
-    u[bonds] += b * v[bonds];
-    for (int i = 0; i < BLOCK; i++) sum += part[i];
-    return sum;
-}
-#else
-/* Rate of the energy of all bonds at given elongations, change(r, p) of each. */
-__attribute__((flatten)) static real power_of(const scene *c, const drive *d)
-{
-    const integer bonds = BONDS;
-    const real *restrict u = c->u, *restrict shared = c->shared;
-    real p[PARAMETERS + 1], part[BLOCK] = {0}, sum = 0;
-    for (int i = 0; i < PARAMETERS; i++) p[i] = shared[i];
-    integer j = 0;
-    for (; j + BLOCK <= bonds; j += BLOCK) EACH(BLOCK) part[i] += change(STRETCH(j + i), p);
-    EACH(bonds - j) part[i] += change(STRETCH(j + i), p);
-    for (int i = 0; i < BLOCK; i++) sum += part[i];
-    (void)u;
-    return sum;
-}
-#endif
 #endif
 
 static real energy_of(const drive *d, const real *restrict v)
@@ -291,17 +258,17 @@ static int driven_stage(scene *c, const drive *d, integer s, integer i, real a, 
         d->sums[0] -= a * d->force_rate[at] * u[q];
     }
     for (integer e = 0; e < d->moving; e++) v[d->moved[e]] = 0, d->given[e] = u[d->moved[e]];
-#ifdef CHANGE
+#if CHANGES
     real low, high;
     span(c, d, &low, &high);
     d->sums[2] = smaller(low, d->sums[2]), d->sums[3] = larger(high, d->sums[3]);
     if (!(low > d->domain[2 * s] && high < d->domain[2 * s + 1])) return 1;
     c->shared = d->shared + s * PARAMETERS;
-#ifdef BOTH
-    d->sums[0] += a * changing_stage(c, a, straight);
-#else
+#ifdef DIM
     d->sums[0] += a * power_of(c, d);
     stage(c, a, straight);
+#else
+    d->sums[0] += a * stage(c, a, straight);
 #endif
 #else
     stage(c, a, straight);
@@ -333,11 +300,10 @@ integer advance_driven(const scene *given, drive *d, integer steps, integer open
 {
     FLUSH
     scene here = *given;
-    const real closing = here.closing ? here.kicks[here.stages] : 0;
     for (integer k = 0; k < steps; k++)
         for (integer i = 0; i < here.stages; i++, d->stage++) {
-            const real before = (k > 0 || opened) && i == 0 ? closing : 0;
-            if (driven_stage(&here, d, d->stage, i, here.kicks[i] + before, here.drifts[i])) return 1;
+            const real a = kick(&here, i, k > 0 || opened);
+            if (driven_stage(&here, d, d->stage, i, a, here.drifts[i])) return 1;
         }
     return 0;
 }

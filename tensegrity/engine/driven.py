@@ -16,15 +16,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity.engine import lanes, march
+from tensegrity.engine import march
 from tensegrity.engine.bound_line import BoundLine
 from tensegrity.engine.bound_net import BoundNet
-from tensegrity.engine.codegen import is_long
-from tensegrity.engine.compiled import Compiled, structure_of
+from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.driven_plain import BoundPlain
 from tensegrity.engine.kernel import warn_slow
+from tensegrity.engine.law import Change
 from tensegrity.engine.native import CompilerError
-from tensegrity.engine.timed import TURNING, Bound, Change, Forcing, Locked
+from tensegrity.engine.structs import structure
+from tensegrity.engine.timed import ROWS, TURNING, Bound, Forcing, Locked
 from tensegrity.once import once
 
 if TYPE_CHECKING:
@@ -33,12 +34,7 @@ if TYPE_CHECKING:
     from tensegrity.engine.methods import Splitting
     from tensegrity.typing import Array
 
-_DRIVE = structure_of(  # as in driven.c
-    "_Drive",
-    "moved_u moved_v force force_rate shared domain heavy series rubbed decay glide mass ground "
-    "bond moved forced term next pull given sums shown ends apart room stretch",
-    "entries moving forcing damped degree joined levels bonds stage",
-)
+DRIVE = structure("driven.c", "drive")
 
 
 class BoundDriven(Bound):
@@ -51,38 +47,39 @@ class BoundDriven(Bound):
         kind = BoundNet if loop.dim else BoundLine
         self._bound, self._loop = kind(loop, u, v, forcing.bonds, method, dt), loop
         self.sizes, self.shown = self._bound.sizes, self._bound.shown
-        entries, degree = len(forcing.mass), self.schedule.degree
-        fixed = {
-            "decay": self._decay, "glide": self._glide, "mass": forcing.mass,
-            "heavy": forcing.heavy,
-            "ground": forcing.ground, "bond": forcing.bond,
-            "moved": forcing.moved.astype(np.int64), "forced": forcing.forced.astype(np.int64),
-            "term": np.zeros(entries), "next": np.zeros(entries), "pull": np.zeros(entries + 1),
-            "given": np.zeros((len(forcing.moved) + 1, degree)), "sums": self.sums,
-            "shown": self.shown_sums,
-            "stretch": np.zeros(len(forcing.bonds.group)),
-        }  # fmt: skip
+        entries, degree, levels = len(forcing.mass), self.schedule.degree, self.schedule.levels
+        moving, bonds = len(forcing.moved), len(forcing.bonds.group)
+        sizes = {"term": entries, "next": entries, "pull": entries + 1, "stretch": bonds}
+        arrays = {name: np.zeros(size) for name, size in sizes.items()}
+        arrays |= {name: getattr(forcing, name) for name in ("mass", "heavy", "ground", "bond")}
+        arrays |= {name: getattr(forcing, name).astype(np.int64) for name in ("moved", "forced")}
+        arrays |= {"decay": self._decay, "glide": self._glide}
+        arrays |= {"sums": self.sums, "shown": self.shown_sums}
+        arrays["given"] = np.zeros((moving + 1, degree))
         if forcing.damped == TURNING:
             of, joined = forcing.contacts, forcing.joined
-            fixed |= {
-                "bond": forcing.bond[joined], "apart": of.geometry[:, joined].T,
-                "ends": loop.dim * np.stack([of.first, of.second], axis=1)[joined].astype(np.int64),
-                "room": np.zeros((self.schedule.levels + 3, 2 * entries + 1)),
-            }  # fmt: skip
-        self._arrays = {name: np.ascontiguousarray(x) for name, x in fixed.items()}
-        self._drive = _DRIVE()
-        for name, x in self._arrays.items():
-            setattr(self._drive, name, x.ctypes.data)
-        counts = (
-            entries, len(forcing.moved), len(forcing.forced), forcing.damped, degree,
-            len(forcing.joined), self.schedule.levels, len(forcing.bonds.group), 0,
-        )  # fmt: skip
-        for (name, _), count in zip(_DRIVE._fields_[-len(counts) :], counts, strict=True):
-            setattr(self._drive, name, count)
-        addresses = self._bound.address, ctypes.addressof(self._drive)
-        self._march = self._bound.loop_of(
-            (loop.advance_driven, loop.show_driven), addresses, self.shown_sums
+            ends = loop.dim * np.stack([of.first, of.second], axis=1)[joined]
+            arrays |= {
+                "bond": forcing.bond[joined],
+                "apart": of.geometry[:, joined].T,
+                "ends": ends.astype(np.int64),
+                "room": np.zeros((levels + 3, 2 * entries + 1)),
+            }
+        later = dict.fromkeys((*ROWS, "ends", "apart", "room"))
+        self._drive = DRIVE(
+            **later | {name: np.ascontiguousarray(x) for name, x in arrays.items()},
+            entries=entries,
+            moving=moving,
+            forcing=len(forcing.forced),
+            damped=forcing.damped,
+            degree=degree,
+            joined=len(forcing.joined),
+            levels=levels,
+            bonds=bonds,
+            stage=0,
         )
+        functions = loop.advance_driven, loop.show_driven
+        self._march = self._bound.loop_of(functions, self._drive, self.shown_sums)  # type: ignore[no-untyped-call]
 
     def go(self, done: int, end: int, wanted: Any = ()) -> int:
         """As `Bound.go`; velocities of what is moved are 0, and sums lack what masses and forces of
@@ -111,9 +108,7 @@ class BoundDriven(Bound):
 
     def _advance(self, first: int, steps: int, do: Any, origin: float = 0.0) -> int:
         """Do steps from number `first` after `origin` [s] on."""
-        rows = self.schedule.rows(first, max(steps, 1), origin)
-        for name, x in rows.items():
-            setattr(self._drive, name, x.ctypes.data)
+        self._drive.fill(**self.schedule.rows(first, max(steps, 1), origin))
         self._drive.stage, self.shown_sums[:] = 0, self.sums
         found = do()
         if found == march.STOPPED:
@@ -148,6 +143,7 @@ class DrivenLoop(Compiled):
     """
 
     kind, corrects = "driven", False
+    extra = ("driven.c",)
 
     def __init__(self, laws: Any, own: Any, dim: int) -> None:
         super().__init__(laws, own, dim)  # type: ignore[no-untyped-call]
@@ -159,19 +155,6 @@ class DrivenLoop(Compiled):
             function = self.library[name]
             function.argtypes, function.restype = arguments, number
             setattr(self, name, function)
-
-    @property
-    def extra(self) -> Any:  # type: ignore[override]
-        """Behind the loop: what springs that change need, and the steps."""
-        law = self.laws[-1]
-        if not isinstance(law, Change):
-            return ("driven.c",)
-        if self.dim or is_long(law.law):
-            return "#define CHANGE\n#define change(r, p) energy_1(r, p)", "driven.c"
-        p = [f"wide(p[{k}])" for k in range(len(law.parameters))]
-        arguments = "const pack *r, const real *p, pack *f, pack *rate"
-        both = lanes.text(law.both(), "both", arguments, [["r[g]"], p], [["f[g]"], ["rate[g]"]])
-        return f"#define CHANGE\n#define BOTH\n{both}", "driven.c"
 
 
 @once

@@ -11,9 +11,10 @@ import numpy as np
 from tensegrity.engine import geometry
 from tensegrity.engine.bonds import KINDS
 from tensegrity.engine.codegen import joined
-from tensegrity.engine.compiled import Compiled, structure_of
+from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.kept import kept
 from tensegrity.engine.native import address, library
+from tensegrity.engine.structs import structure
 from tensegrity.once import once
 
 if TYPE_CHECKING:
@@ -29,12 +30,8 @@ _ADDRESS, _NUMBER = ctypes.c_void_p, ctypes.c_longlong
 EXACT = ("-ffp-contract=off",)
 PART = 1024  # contacts of a network in a set: what lies between stays in the nearest cache
 
-_Alike = structure_of(  # as in energies.c
-    "_Alike",
-    "function elongations parameters low high members places",
-    "own count start",
-)
-_Places = structure_of("_Places", "first second geometry", "apart")  # as in elongations.c
+ALIKE = structure("energies.c", "alike")
+PLACES = structure("elongations.c", "places")
 
 
 @once
@@ -68,57 +65,33 @@ class Energies:
 
     Attributes
     ----------
-    task : tuple of int
-        Address of the compiled function, and the first of what it takes.
+    told : dict of str
+        Fields of `told` in walk.c: the compiled function, and the first of what it takes.
     room : int
         Numbers that it needs to work in.
     """
 
     def __init__(self, mass: Array, sets: Sequence[Set], contacts: Contacts | None = None) -> None:
         self._shape, self._function = mass.shape, _energies()
-        self._kept: list[Any] = []
         self._bonds = sum(len(columns) for *_, columns in sets)
-        rows = list(_parts(sets, contacts))
-        self._sets = (_Alike * len(rows))()
-        for row, (loop, parameters, domain, columns) in zip(self._sets, rows, strict=True):
-            self._fill(row, loop, parameters, domain, np.ascontiguousarray(columns, np.int64))
-            if contacts is not None:
-                self._place(row, contacts, _in_a_row(columns))
-        self._numbers = [np.ascontiguousarray(mass)]
+        self._rows = [_alike(*part, contacts) for part in _parts(sets, contacts)]
+        self._sets = (ALIKE * len(self._rows))(*self._rows)
+        self._mass, self._loads = np.ascontiguousarray(mass), None
         if contacts is not None and contacts.load.any():
-            self._numbers.append(np.ascontiguousarray(contacts.load))
-        loads = self._numbers[1].ctypes.data if len(self._numbers) > 1 else None
-        given = ctypes.addressof(self._sets), len(rows), self._bonds
-        self._given = *given, self._numbers[0].ctypes.data, loads, mass.size
-        self.task = ctypes.cast(self._function, _ADDRESS).value, *self._given
-        self.room = self._bonds + max(mass.size, *(row.count for row in self._sets), 0)
-
-    def _fill(
-        self, row: Any, loop: Compiled, parameters: Array, domain: Array, columns: Indices
-    ) -> None:
-        own, apart = parameters.ndim == 2, not isinstance(_in_a_row(columns), slice)
-        arrays = loop.numbers(loop.padded(parameters)), *np.ascontiguousarray(domain)
-        self._kept += [loop, *arrays, columns if apart else None]
-        row.function = ctypes.cast(loop.energies[own], _ADDRESS).value
-        row.parameters, row.low, row.high = (x.ctypes.data for x in arrays)
-        row.own, row.count, row.start = own, len(columns), columns[0] if len(columns) else 0
-        row.members = columns.ctypes.data if apart else None
-
-    def _place(self, row: Any, contacts: Contacts, columns: slice | Indices) -> None:
-        """Where the contacts of a set are: views of the network's own arrays where may be."""
-        first, second = (
-            np.ascontiguousarray(x[columns], dtype=np.int64)
-            for x in (contacts.first, contacts.second)
-        )
-        places = contacts.geometry[:, columns]
-        if not isinstance(columns, slice):
-            places = np.ascontiguousarray(places)
-        where = first.ctypes.data, second.ctypes.data, places.ctypes.data
-        found = _Places(*where, places.strides[0] // places.itemsize)
-        self._kept += [first, second, places, found]
-        kind = contacts.kind[columns][0]
-        row.elongations = _elongations(contacts.load.shape[1])[kind]
-        row.places = ctypes.addressof(found)
+            self._loads = np.ascontiguousarray(contacts.load)
+        self.told = {
+            "function": ctypes.cast(self._function, _ADDRESS).value,
+            "sets": ctypes.addressof(self._sets),
+            "count": len(self._rows),
+            "all": self._bonds,
+            "mass": self._mass,
+            "loads": self._loads,
+            "entries": mass.size,
+        }
+        given = ctypes.addressof(self._sets), len(self._rows), self._bonds
+        loads = None if self._loads is None else address(self._loads)
+        self._given = *given, address(self._mass), loads, mass.size
+        self.room = self._bonds + max(mass.size, *(row.count for row in self._rows), 0)
 
     def __call__(self, u: Array, v: Array) -> Array | None:
         """Total energies [J] of states u and v, (..., *shape of a state), the potential of loads
@@ -137,6 +110,43 @@ class Energies:
         if not known:
             return None
         return room[self.room :].reshape(states).copy() if states else room[-1]
+
+
+def _alike(
+    loop: Compiled, parameters: Array, domain: Array, columns: Indices, contacts: Contacts | None
+) -> Any:
+    """A set as C takes it."""
+    own, found = parameters.ndim == 2, _in_a_row(columns)
+    low, high = np.ascontiguousarray(domain)
+    elongations = places = None
+    if contacts is not None:
+        elongations = _elongations(contacts.load.shape[1])[contacts.kind[columns][0]]
+        places = _places(contacts, found)
+    return ALIKE(
+        function=ctypes.cast(loop.energies[own], _ADDRESS).value,
+        elongations=elongations,
+        parameters=loop.numbers(loop.padded(parameters)),
+        low=low,
+        high=high,
+        members=None if isinstance(found, slice) else np.ascontiguousarray(columns, np.int64),
+        places=places,
+        own=own,
+        count=len(columns),
+        start=columns[0] if len(columns) else 0,
+    )
+
+
+def _places(contacts: Contacts, columns: slice | Indices) -> Any:
+    """Where the contacts of a set are: views of the network's own arrays where may be."""
+    geometry = contacts.geometry[:, columns]
+    if not isinstance(columns, slice):
+        geometry = np.ascontiguousarray(geometry)
+    return PLACES(
+        first=np.ascontiguousarray(contacts.first[columns], dtype=np.int64),
+        second=np.ascontiguousarray(contacts.second[columns], dtype=np.int64),
+        geometry=geometry,
+        apart=geometry.strides[0] // geometry.itemsize,
+    )
 
 
 def _parts(sets: Sequence[Set], contacts: Contacts | None) -> Iterator[Set]:

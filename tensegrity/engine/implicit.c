@@ -1,6 +1,6 @@
 /* Steps of the implicit midpoint rule, one text for every scene.
 
-   Included behind a loop that defines `scene` and acceleration(scene, u, a).  With h = dt/2 a step
+   Included behind `steps.c`, of which it takes acceleration(scene, u, a, n).  With h = dt/2 a step
    solves d = h v + h^2 w F(u + d) for the displacements d to its middle by Newton's method; then
    u += 2 d and v += 2/h (d - h v).  Divided by sqrt(w) the tangent is symmetric: the matrix
    1 + h^2 sqrt(w) K sqrt(w), in whose rows and columns of held sites, w = 0, there is but the 1. */
@@ -148,7 +148,7 @@ integer advance_implicit(const scene *c, const implicit *m, integer steps, integ
     EACH(n) m->root[i] = sqrt(c->w[i]);
     for (integer k = 0; k < steps; k++) {
         if (!solved(c, m)) return 1;
-        acceleration(c, m->place, m->slope); /* of walls; and it notes elongations */
+        acceleration(c, m->place, m->slope, m->count); /* of walls; and it notes elongations */
         real largest = 0;
         for (integer i = 0; i < n; i++) {
             largest = larger(largest, fabs(2 * m->moved[i]));
@@ -157,7 +157,7 @@ integer advance_implicit(const scene *c, const implicit *m, integer steps, integ
         }
         *m->travel += largest;
         for (integer i = n; i < m->count; i++) c->v[i] += dt * m->slope[i];
-        acceleration(c, c->u, m->slope); /* for the elongations where the step ends */
+        acceleration(c, c->u, m->slope, m->count); /* for the elongations where the step ends */
     }
     return 0;
 }

@@ -155,11 +155,12 @@ PACKED pack quotient(pack x, pack y) { return x / y; }
 #define ROUNDED(x) __asm__("" : "+m"(x));
 #endif
 
-/* Packs that wait between two passes, all in the nearest cache; in a network they take more. */
+/* Packs that wait between two passes, all in the nearest cache; in a network they take more, and on
+   a line no fewer are needed than a block has. */
 #ifdef DIM
 #define ROOM 12
 #else
-#define ROOM 24
+#define ROOM (WIDE < 4 ? 64 / WIDE : 24)
 #endif
 
 #ifdef DIM

@@ -1,8 +1,9 @@
-/* Stages and accelerations of a whole chain, run by run; RUNS(X) lists the kinds of runs. */
+/* Stages of a whole chain, run by run; RUNS(X) lists the kinds of runs. */
 
-static void stage(const scene *c, real a, real b)
+/* The rate of the energies of springs that change, before the drift. */
+static real stage(const scene *c, real a, real b)
 {
-    real left[LANES] = {0};
+    real left[LANES + 1] = {0}; /* tensions to go on with, and that rate */
     for (integer s = 0; s < c->runs; s++)
         switch (c->law[s]) {
 #define CASE(K, OWN) case 2 * K + OWN: stage_##K##_##OWN(c, s, a, b, left); break;
@@ -13,16 +14,5 @@ static void stage(const scene *c, real a, real b)
         c->v[end + l] -= a * c->w[end + l] * left[l];
         c->u[end + l] += b * c->v[end + l];
     }
-}
-
-static void acceleration(const scene *c, const real *u, real *a)
-{
-    real left[LANES] = {0};
-    for (integer s = 0; s < c->runs; s++)
-        switch (c->law[s]) {
-#define PULL_CASE(K, OWN) case 2 * K + OWN: pull_##K##_##OWN(c, s, u, a, left); break;
-            RUNS(PULL_CASE)
-        }
-    integer end = LANES * c->first[c->runs];
-    for (int l = 0; l < LANES; l++) a[end + l] = -c->w[end + l] * left[l];
+    return left[LANES];
 }

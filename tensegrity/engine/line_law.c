@@ -1,4 +1,4 @@
-/* A stage, and the accelerations, over a run of bonds of law number K of a chain.
+/* A stage over a run of bonds of law number K of a chain.
 
    A stage is a kick v += a w (tension right - tension left) followed by a drift u += b v, done
    in one pass over the run in blocks that stay in the nearest cache.  The innermost square root
@@ -17,9 +17,17 @@
 #define PLACE(q) i
 #define RANGES (all < BLOCK ? all : BLOCK)
 #endif
+#if CHANGES
+/* Where springs change, rates of their energies come in packs behind tensions, and are summed for
+   each place of a block; how far springs come was looked at before. */
+#define SEEN(q)
+#define RATES(n) EACH(n) part[BLOCK - (n) + i] += f[LANES + ((n) + WIDE - 1) / WIDE * WIDE + i];
+#else
+#define RATES(n)
 #define SEEN(q)                                                                             \
     low[PLACE(q)] = r[i] < low[PLACE(q)] ? r[i] : low[PLACE(q)];                            \
     high[PLACE(q)] = r[i] > high[PLACE(q)] ? r[i] : high[PLACE(q)];
+#endif
 
 #if BESIDE
 #define HEAD(j)                                                                             \
@@ -45,7 +53,9 @@ static inline void OF(beside)(integer n, integer q, real *r, const real *shared,
     for (integer i = n; i % WIDE; i++) r[i] = r[n - 1];
     OF(tension_lanes)((n + WIDE - 1) / WIDE, (const pack *)r, shared, own + q, all, (pack *)f);
 }
-#define TAILS(j, n) OF(beside)(n, (j) - start, r, shared, own, all, f + LANES);
+#define TAILS(j, n)                                                                         \
+    OF(beside)(n, (j) - start, r, shared, own, all, f + LANES);                             \
+    RATES(n)
 #elif IS_LONG
 /* A long law is kept in a function of its own, so that it is compiled once only. */
 __attribute__((noinline, flatten)) static void OF(row)(
@@ -70,7 +80,8 @@ __attribute__((noinline, flatten)) static void OF(row)(
 __attribute__((flatten)) static void OF(stage)(
     const scene *c, integer s, real a, real b, real *left)
 {
-    SIDE real r[BLOCK], h[BLOCK], room[BLOCK + LANES + WIDE], *const f = room + BEFORE;
+    SIDE real r[BLOCK], h[BLOCK], room[(1 + CHANGES) * BLOCK + LANES + WIDE];
+    real *const f = room + BEFORE, part[BLOCK] = {0};
     real *restrict u = c->u, *restrict v = c->v;
     const real *restrict w = c->w;
     const integer start = LANES * c->first[s], last = LANES * c->first[s + 1];
@@ -103,38 +114,14 @@ __attribute__((flatten)) static void OF(stage)(
         CARRY(BLOCK)
     }
     for (int l = 0; l < LANES; l++) left[l] = f[l];
-}
-
-__attribute__((flatten)) static void OF(pull)(
-    const scene *c, integer s, const real *restrict u, real *restrict a, real *left)
-{
-    SIDE real r[BLOCK], room[BLOCK + LANES + WIDE], *const f = room + BEFORE;
-    const integer start = LANES * c->first[s], last = LANES * c->first[s + 1];
-    const integer all = last - start;
-    const real *restrict shared = c->shared + s * PARAMETERS, *restrict own = c->own + c->own_at[s];
-    real *restrict low = c->range + c->range_at[s], *restrict high = low + RANGES;
-#if !OWNED
-    real p[PARAMETERS + 1];
-    for (int i = 0; i < PARAMETERS; i++) p[i] = shared[i];
+#if CHANGES
+    for (int i = 0; i < BLOCK; i++) left[LANES] += part[(BLOCK - odd + i) % BLOCK];
 #endif
-    for (integer j = start, n; j < last; j += n) {
-        n = last - j;
-        n = n < BLOCK ? n : BLOCK;
-        for (int l = 0; l < LANES; l++) f[l] = left[l];
-        EACH(n) r[i] = u[j + i + LANES] - u[j + i];
-#if BESIDE
-        TAILS(j, n)
-#else
-        EACH(n) { P(j - start + i) f[i + LANES] = LAW(tail)(r[i], LAW(head)(r[i], p), p); }
-#endif
-        EACH(n) a[j + i] = c->w[j + i] * (f[i + LANES] - f[i]);
-        EACH(n) { SEEN(j - start + i) }
-        for (int l = 0; l < LANES; l++) left[l] = f[n + l];
-    }
 }
 
 #undef P
 #undef SEEN
+#undef RATES
 #undef PLACE
 #undef RANGES
 #undef HEAD

@@ -9,6 +9,7 @@ import numpy as np
 
 from tensegrity.engine.codegen import joined
 from tensegrity.engine.native import address, library
+from tensegrity.engine.structs import structure
 from tensegrity.once import once
 
 if TYPE_CHECKING:
@@ -22,22 +23,9 @@ STOPPED, ENDLESS = 1, 2  # what `go` returns, if not 0
 STEPS = ctypes.CFUNCTYPE(_NUMBER, _ADDRESS, _ADDRESS, _NUMBER, _NUMBER)  # as `advance` there
 
 
-class Loop(ctypes.Structure):
-    """A bound loop, as `march.c` takes it."""
-
-    _fields_ = [
-        *((name, _ADDRESS) for name in ("advance", "show", "scene", "method", "u", "v")),
-        *((name, _ADDRESS) for name in ("shown_u", "shown_v", "sums", "travel")),
-        *((name, _NUMBER) for name in ("size", "sum_count")),
-    ]
-
-
-class _Wanted(ctypes.Structure):
-    _fields_ = [
-        *((name, _ADDRESS) for name in ("at", "places", "u", "v", "impulse", "sums", "travel")),
-        *((name, _NUMBER) for name in ("count", "raw", "size", "behind", "walls")),
-        *((name, _NUMBER) for name in ("entries", "of_u")),
-    ]
+LOOP = structure("march.c", "loop")  # a bound loop
+_WANTED = structure("march.c", "wanted")
+_ARRAYS = "at", "places", "u", "v", "impulse", "sums", "travel"
 
 
 class Wanted(NamedTuple):
@@ -107,7 +95,7 @@ def go(loop: Loop, done: int, end: int, wanted: Sequence[Wanted], sites: int, wa
 
     Parameters
     ----------
-    loop : Loop
+    loop : LOOP
     done, end : int
     wanted : sequence of Wanted
         With numbers of steps above `done`, or from 0 on, and at most `end`.
@@ -119,26 +107,23 @@ def go(loop: Loop, done: int, end: int, wanted: Sequence[Wanted], sites: int, wa
     int
         0, or `STOPPED` where the loop had to stop before, `ENDLESS` where it is not finite.
     """
-    each = (_Wanted * len(wanted))(*(_told(one, sites, walls) for one in wanted))
+    each = (_WANTED * len(wanted))(*(_told(one, sites, walls) for one in wanted))
     return _compiled()(
         ctypes.addressof(loop), done, end, ctypes.addressof(each), len(wanted), sites
     )
 
 
-def _told(one: Wanted, sites: int, walls: int) -> _Wanted:
+def _told(one: Wanted, sites: int, walls: int) -> Any:
     """As `march.c` takes it."""
-    at, u, v, impulse, sums, travel, raw, places, of_u = one
-    if places is not None:
-        return _Wanted(
-            address(at), address(places), address(u), *[None] * 4, len(at), True, 0, 0, 0,
-            len(places), of_u,
-        )  # fmt: skip
-    return _Wanted(
-        address(at), None, address(u), address(v), None if impulse is None else address(impulse),
-        None if sums is None else address(sums), None if travel is None else address(travel),
-        len(at), raw, u[:1].size, sites,
-        0 if impulse is None else walls,
-    )  # fmt: skip
+    arrays: Any = {name: getattr(one, name) for name in _ARRAYS}
+    given = {name: address(x) for name, x in arrays.items() if x is not None}
+    if one.places is not None:
+        return _WANTED.of(**given, count=len(one.at), raw=1, entries=len(one.places), of_u=one.of_u)
+    walls = 0 if one.impulse is None else walls
+    size = one.u[:1].size
+    return _WANTED.of(
+        **given, count=len(one.at), raw=one.raw, size=size, behind=sites, walls=walls
+    )
 
 
 def pointer(function: Any) -> Any:

@@ -1,4 +1,4 @@
-/* Stages and accelerations of a network; RUNS(X) lists the kinds of runs. */
+/* Stages of a network; RUNS(X) lists the kinds of runs. */
 
 #ifndef _WIN32
 #include <sched.h>
@@ -90,20 +90,6 @@ static const real *on_walls(const scene *c)
         AXES(k) force[q * DIM + k] = sum[k];
     }
     return force;
-}
-
-static void acceleration(const scene *c, const real *restrict u, real *restrict a)
-{
-    const integer moving = c->sites * DIM, all = c->rows * DIM;
-    real *restrict pull = rows(c);
-    for (integer t = 0; t < c->tiles; t++) {
-        contacts(c, u, t, pull);
-        for (integer q = t * TILE; q < end(c, t); q++)
-            AXES(k) a[q * DIM + k] = c->w[q * DIM + k] * pull[q * ROW + k];
-        clear(c, t, pull);
-    }
-    const real *restrict force = on_walls(c);
-    for (integer q = moving; q < all; q++) a[q] = c->w[q] * force[q - moving];
 }
 
 /* A kick by a and a drift by b, `from` some displacements `to` others, of the sites of a tile; the

@@ -56,7 +56,7 @@ static int may_pass(const scene *c, const openings *o)
 
 static void remember(const scene *c, const openings *o)
 {
-    acceleration(c, c->u, o->end_a);
+    acceleration(c, c->u, o->end_a, o->entries);
     EACH(o->entries) o->end_u[i] = c->u[i], o->end_v[i] = c->v[i];
 }
 

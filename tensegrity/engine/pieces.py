@@ -95,7 +95,7 @@ class Threaded:
         self._failure = None
         self._called = STEPS(self._called_by_march)
         functions = self._called, whole.functions[1]
-        self._loop = whole.loop_of(functions, whole.addresses)
+        self._loop = whole.loop_of(functions, None)
 
     @property
     def range(self):

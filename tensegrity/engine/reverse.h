@@ -37,39 +37,17 @@ typedef struct {
     integer count, of_u, begin, end;
 } seeds;
 
-/* Tensions f[1 ..], stiffnesses and derivatives by the parameters wanted, at the elongations r. */
-static void laws(const scene *c)
-{
-    for (integer s = 0; s < c->runs; s++) {
-        const integer at = c->first[s], n = c->first[s + 1] - at;
-        const real *shared = c->shared + s * PARAMETERS, *own = c->own + c->own_at[s];
-        switch (c->law[s]) {
-#define ROWS_CASE(K, OWN) case 2 * K + OWN:                                                 \
-            rows_##K##_##OWN(n, c->apart, c->r + at, c->f + 1 + at, c->k + at, c->d + at,   \
-                             shared, own);                                                  \
-            break;
-            RUNS(ROWS_CASE)
-        }
-#if EXACT
-        switch (c->law[s]) {
-#define PULL_CASE(K, OWN) case 2 * K + OWN:                                                 \
-            pull_##K##_##OWN(n, c->r + at, c->f + 1 + at, shared, own); break;
-            RUNS(PULL_CASE)
-        }
-#endif
-    }
-#ifndef DIM /* packs went beyond the last bond, behind which nothing pulls */
-    for (integer i = c->bonds; i < c->room; i++) c->f[1 + i] = c->k[i] = 0;
-#endif
-}
-
 #if EXACT
 static void tensions(const scene *c)
 {
     for (integer s = 0; s < c->runs; s++) {
         const integer at = c->first[s], n = c->first[s + 1] - at;
         const real *shared = c->shared + s * PARAMETERS, *own = c->own + c->own_at[s];
-        switch (c->law[s]) { RUNS(PULL_CASE) }
+        switch (c->law[s]) {
+#define PULL_CASE(K, OWN) case 2 * K + OWN:                                                 \
+            pull_##K##_##OWN(n, c->r + at, c->f + 1 + at, shared, own); break;
+            RUNS(PULL_CASE)
+        }
     }
 }
 
@@ -89,3 +67,25 @@ __attribute__((noinline)) static void moves_of_v(
     EACH(c->room) move[i] = (a * w[i] * pull[i] + big) - big;
 }
 #endif
+
+/* Tensions f[1 ..], stiffnesses and derivatives by the parameters wanted, at the elongations r. */
+static void laws(const scene *c)
+{
+    for (integer s = 0; s < c->runs; s++) {
+        const integer at = c->first[s], n = c->first[s + 1] - at;
+        const real *shared = c->shared + s * PARAMETERS, *own = c->own + c->own_at[s];
+        switch (c->law[s]) {
+#define ROWS_CASE(K, OWN) case 2 * K + OWN:                                                 \
+            rows_##K##_##OWN(n, c->apart, c->r + at, c->f + 1 + at, c->k + at, c->d + at,   \
+                             shared, own);                                                  \
+            break;
+            RUNS(ROWS_CASE)
+        }
+    }
+#if EXACT
+    tensions(c);
+#endif
+#ifndef DIM /* packs went beyond the last bond, behind which nothing pulls */
+    for (integer i = c->bonds; i < c->room; i++) c->f[1 + i] = c->k[i] = 0;
+#endif
+}

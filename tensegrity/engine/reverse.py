@@ -15,23 +15,13 @@ import numpy as np
 
 from tensegrity.engine import march
 from tensegrity.engine.bonds import WALL, by_spring
+from tensegrity.engine.bound import integers, stages
 from tensegrity.engine.pulled import Pulled
 from tensegrity.engine.reverse_layout import PACK
+from tensegrity.engine.structs import structure
 
-
-def _structure(name, addresses, counts):
-    fields = [(field, ctypes.c_void_p) for field in addresses.split()]
-    fields += [(field, ctypes.c_longlong) for field in counts.split()]
-    return type(name, (ctypes.Structure,), {"_fields_": fields})
-
-
-_SCENE = _structure(  # as in reverse.h
-    "_Scene",
-    "u v w load shared own geometry kicks drifts grid ub vb wb pb gb r f k d along pull turn bent "
-    "low high travel at to first law wall own_at",
-    "runs bonds entries moving objectives wanted stages closing room apart",
-)
-_SEEDS = _structure("_Seeds", "rows places", "count of_u begin end")
+SCENE = structure("reverse.h", "scene")
+SEEDS = structure("reverse.h", "seeds")
 
 
 class Back:
@@ -58,7 +48,8 @@ class Back:
 
     def __init__(self, layout, method, dt, totals, grid=(0.0, 0.0)):
         self.layout, self._totals = layout, totals
-        self._kicks, self._drifts = (np.multiply(x, dt) for x in (method.kicks, method.drifts))
+        steps = stages(method, dt)
+        self._kicks, self._drifts = steps["kicks"], steps["drifts"]
         b, dim, n, room = layout.bonds, layout.dim, len(layout.bonds.group), layout.room
         self.u, self.v = np.zeros((2, *layout.shape))
         self.ub, self.vb = np.zeros((2, totals.objectives, *layout.shape))
@@ -71,26 +62,37 @@ class Back:
         if dim:
             load[: layout.sites] = b.contacts.load
             place = np.ascontiguousarray(b.contacts.geometry[:, layout.order])
-        shared, own, own_at = layout.parameters(b)
-        at, to = (max(dim, 1) * x[layout.order] for x in layout.ends)
+        first, second = (max(dim, 1) * x[layout.order] for x in layout.ends)
         entries = self.u.size
-        filled = entries if dim else entries - PACK
         self._low, self._high, self._travel = np.empty(n), np.empty(n), np.zeros(1)
         self.forget_range()
-        numbers = [
-            self.u, self.v, self._w, load, shared, own, place, self._kicks,
-            self._drifts, np.array(grid), self.ub, self.vb, totals.whole_w,
-            totals.whole_p, totals.g, np.zeros(room), np.zeros(room + 2), np.zeros(room),
-            np.zeros((layout.most, room)), np.zeros((dim, n)), np.zeros(entries),
-            np.zeros(entries), np.zeros(room), self._low, self._high, self._travel,
-            *(np.asarray(x, dtype=np.int64) for x in (
-                at, to, layout.first, 2 * layout.run_law + layout.run_own,
-                layout.kind[layout.order[layout.first[:-1]]] == WALL, own_at)),
-        ]  # fmt: skip
-        self._arrays = [np.ascontiguousarray(x) for x in numbers]
-        counts = len(layout.run_law), n, entries, layout.sites * max(dim, 1), totals.objectives
-        counts += layout.most, method.stages, int(self._kicks[-1] != 0), filled, room
-        self._structure = _SCENE(*(x.ctypes.data for x in self._arrays), *counts)
+        law, wall = 2 * layout.run_law + layout.run_own, layout.kind[layout.order] == WALL
+        where = {"from": first, "to": second, "first": layout.first, "law": law}
+        where["wall"] = wall[layout.first[:-1]]
+        scratch = {"r": room, "f": room + 2, "k": room, "bent": room, "d": (layout.most, room)}
+        scratch |= {"along": (dim, n), "pull": entries, "turn": entries}
+        state = {"u": self.u, "v": self.v, "w": self._w, "ub": self.ub, "vb": self.vb}
+        met = {"low": self._low, "high": self._high, "travel": self._travel}
+        counts = {"runs": len(layout.run_law), "bonds": n, "entries": entries, "apart": room}
+        self._structure = SCENE(
+            **steps,
+            **layout.parameters(b),
+            **{name: integers(x) for name, x in where.items()},
+            **{name: np.zeros(size) for name, size in scratch.items()},
+            **state,
+            **met,
+            **counts,
+            load=load,
+            geometry=place,
+            grid=np.array(grid),
+            wb=totals.whole_w,
+            pb=totals.whole_p,
+            gb=totals.g,
+            moving=layout.sites * max(dim, 1),
+            objectives=totals.objectives,
+            wanted=layout.most,
+            room=entries if dim else entries - PACK,
+        )
         self.address = ctypes.addressof(self._structure)
 
     def retune(self, bonds):
@@ -98,10 +100,9 @@ class Back:
 
         Derivatives and totals are 0 then.
         """
-        shared, own, _ = self.layout.parameters(bonds)
-        self._arrays[2][: self.layout.sites] = bonds.inverse_mass
-        for k, values in ((4, shared), (5, own)):
-            self._arrays[k][:] = values
+        self._w[: self.layout.sites] = bonds.inverse_mass
+        for name, values in self.layout.parameters(bonds).items():
+            self._structure.filled[name][:] = values
         totals = self._totals
         for array in (self.ub, self.vb, totals.w, totals.p, totals.g):
             array[:] = 0
@@ -212,12 +213,22 @@ class OnGrid:
             (np.zeros_like(back.u), np.zeros_like(back.v)),
         )
         self.forget_range = back.forget_range
-        arrays = back.u, back.v, *self._shown
         functions = layout.library.advance, layout.library.show
-        self._loop = march.Loop(
-            *map(march.pointer, functions), back.address, None,
-            *(x.ctypes.data for x in arrays), None, None, back.u.size, 0,
-        )  # fmt: skip
+        advance, show = map(march.pointer, functions)
+        self._loop = march.LOOP(
+            advance=advance,
+            show=show,
+            scene=back.address,
+            method=None,
+            u=back.u,
+            v=back.v,
+            shown_u=self._shown[0],
+            shown_v=self._shown[1],
+            sums=None,
+            travel=None,
+            size=back.u.size,
+            sum_count=0,
+        )
 
     def go(self, done, end, wanted=()):
         """As `Bound.go`."""
@@ -284,6 +295,6 @@ class Seeds:
         self.rows = np.ascontiguousarray(rows, dtype=float)
         self.places = np.ascontiguousarray(places, dtype=np.int64)
         self.of_u, self.begin, self.end = of_u, begin, begin + rows.shape[1] - 1
-        addresses = self.rows.ctypes.data, self.places.ctypes.data
-        self._structure = _SEEDS(*addresses, len(self.places), of_u, begin, self.end)
+        arrays, count = {"rows": self.rows, "places": self.places}, len(self.places)
+        self._structure = SEEDS(**arrays, count=count, of_u=of_u, begin=begin, end=self.end)
         self.address = ctypes.addressof(self._structure)

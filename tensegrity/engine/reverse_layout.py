@@ -128,7 +128,8 @@ class Layout:
         return reverse_text.compiled(b.laws, self.own, self.wanted, self.dim, self.exact)
 
     def parameters(self, bonds):
-        """Those that bonds of a run share, those of their own, and where these begin."""
+        """Fields of a scene: parameters that bonds of a run share, `shared`, those of their
+        `own`, and where these begin, `own_at`."""
         most = max((len(law.parameters) for law in self.bonds.laws), default=0)
         shared, own, at = np.zeros((len(self.run_law), most)), [np.zeros(0)], [0]
         for k, law in enumerate(self.run_law):
@@ -137,7 +138,8 @@ class Layout:
             if self.run_own[k]:
                 own.append(bonds.parameters[groups][:, list(self.own[law])].T.ravel())
             at.append(at[-1] + (own[-1].size if self.run_own[k] else 0))
-        return shared, np.concatenate([*own, np.zeros(PACK)]), np.array(at[:-1], dtype=np.int64)
+        own = np.concatenate([*own, np.zeros(PACK)])
+        return {"shared": shared, "own": own, "own_at": np.array(at[:-1], dtype=np.int64)}
 
     def laws_at(self, r, members):
         """Tension, stiffness, and derivatives by what is wanted, of some bonds.

@@ -40,21 +40,18 @@ void sow(const scene *c, const seeds *s, integer k)
     }
 }
 
-/* Undo `steps` steps, the last of them number `last`, as `advance_part` did them but for its
-   closing kick. */
+/* Undo `steps` steps, the last of them number `last`, as `advance` did them. */
 void reverse(const scene *c, integer steps, integer opened, integer last, const seeds *s)
 {
     FLUSH
-    const real closing = c->closing ? c->kicks[c->stages] : 0;
     for (integer k = steps - 1; k >= 0; k--) {
         for (integer i = c->stages - 1; i >= 0; i--)
-            reverse_stage(c, c->kicks[i] + ((k > 0 || opened) && i == 0 ? closing : 0),
-                          c->drifts[i]);
+            reverse_stage(c, kick(c, i, k > 0 || opened), c->drifts[i]);
         if (s) sow(c, s, last - (steps - k));
     }
 }
 
-#if EXACT
+#if EXACT /* for `steps.c` */
 static void stage(const scene *c, real a, real b)
 {
     const integer n = c->room;
@@ -77,26 +74,6 @@ static void stage(const scene *c, real a, real b)
     for (integer i = 0; i < c->moving; i++) largest = larger(largest, fabs(turn[i]));
     EACH(n) u[i] += turn[i];
     *c->travel += largest;
-}
-
-/* As in `steps.c`. */
-integer advance(const scene *c, const void *none, integer steps, integer opened)
-{
-    FLUSH
-    const real closing = c->closing ? c->kicks[c->stages] : 0;
-    for (integer k = 0; k < steps; k++)
-        for (integer i = 0; i < c->stages; i++)
-            stage(c, c->kicks[i] + ((k > 0 || opened) && i == 0 ? closing : 0), c->drifts[i]);
-    return 0;
-}
-
-integer show(const scene *c, const void *none, real *u, real *v)
-{
-    FLUSH
-    scene copy = *c;
-    copy.u = u, copy.v = v;
-    if (c->closing) stage(&copy, c->kicks[c->stages], 0);
-    return 0;
 }
 #endif
 

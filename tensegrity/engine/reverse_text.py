@@ -9,7 +9,7 @@ from __future__ import annotations
 import ctypes
 
 from tensegrity.engine import geometry, lanes
-from tensegrity.engine.codegen import is_packed, joined, packs, run_text, take
+from tensegrity.engine.codegen import add, is_packed, joined, packs, run_text, scalar, take
 from tensegrity.engine.law import applied, functions, interpret
 from tensegrity.engine.native import CompilerError, library
 from tensegrity.once import once
@@ -134,14 +134,6 @@ HOOK = """static inline void reverse_{k}(real r, const real *p, real *y)
     for (int j = 0; j < {count}; j++) i[j] = 1 / i[j];
     law{k}_above(given, above, 0, 0, 0);
 }}"""
-TENSION = """static inline real tension_{k}(real r, const real *p)
-{{
-    real y;
-    const real *given[] = {{&r, p}};
-    real *found[] = {{&y}};
-    law{k}_tension(given, found, 0, 0, 0);
-    return y;
-}}"""
 
 PACKS = """typedef pack loose __attribute__((aligned(8), may_alias));
 #define INTO(at) (*(loose *)(at))"""
@@ -153,15 +145,12 @@ def c_text(laws, own, wanted, dim, exact):
 
     generator, hooks = ca.CodeGenerator("laws.c"), []
     for number, law in enumerate(laws):
-        made = dict(zip(("below", "above"), law_parts(law, wanted[number]), strict=True))
+        below, above = law_parts(law, wanted[number])
+        add(generator, number, "below", below)
+        add(generator, number, "above", above)
+        hooks.append(HOOK.format(k=number, count=below.nnz_out(0)))
         if exact:
-            made["tension"] = functions(law)["tension"]
-        for name, function in made.items():
-            sx = function.sx_in()
-            generator.add(ca.Function(f"law{number}_{name}", sx, [function(*sx)]))
-        hooks.append(HOOK.format(k=number, count=made["below"].nnz_out(0)))
-        if exact:
-            hooks.append(TENSION.format(k=number))
+            hooks.append(scalar(generator, number, "tension", functions(law)["tension"]))
         if own[number] is not None:
             hooks.append(take(number, len(law.parameters), own[number]))
     for function, hook in geometry.helpers(dim) if dim else ():
@@ -180,8 +169,8 @@ def c_text(laws, own, wanted, dim, exact):
     for number, kind in runs:
         asked = len(wanted[number])
         parts += run_text("reverse_law.c", number, kind, beside[number], WANTED=asked)
-    parts += ["reverse.h", "reverse_net.c" if dim else "reverse_line.c", "reverse_steps.c"]
-    return joined(parts)
+    loop = "reverse_net.c" if dim else "reverse_line.c"
+    return joined([*parts, "reverse.h", loop, "stages.h", "reverse_steps.c", *["steps.c"] * exact])
 
 
 def _lanes(number, law, own, wanted):

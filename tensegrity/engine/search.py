@@ -8,15 +8,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity.engine.codegen import joined
-from tensegrity.engine.compiled import Compiled, structure_of
 from tensegrity.engine.energies import EXACT
 from tensegrity.engine.native import address, library
+from tensegrity.engine.structs import structure
 from tensegrity.once import once
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from typing import Any
 
+    from tensegrity.engine.compiled import Compiled
     from tensegrity.typing import Array, Flags, Indices
 
 _ADDRESS, _NUMBER = ctypes.c_void_p, ctypes.c_longlong
@@ -24,8 +25,8 @@ _REACHABLE = _ADDRESS, ctypes.c_double, _NUMBER, *[_ADDRESS] * 3
 _LARGEST = _ADDRESS, *[_NUMBER] * 2, *[_ADDRESS] * 3, _NUMBER, _ADDRESS
 
 FINITE = 2  # what `largest` returns of finite numbers
-_Springs = structure_of("_Springs", "functions parameters domains", "width")  # as in search.c
-_Looks = structure_of("_Looks", "shares begins", "count")
+SPRINGS = structure("search.c", "springs")
+LOOKS = structure("search.c", "looks")
 
 
 @once
@@ -55,16 +56,14 @@ class Ways:
 
     def __init__(self, to_end: Sequence[Array], sizes: Array, to_size: Sequence[Array]) -> None:
         self.to_end, self.sizes, self.to_size = to_end, sizes, to_size
-        each = to_end, [sizes], to_size
-        self._arrays = [
-            (np.concatenate(looks), np.cumsum([0, *map(len, looks)], dtype=np.int64))
-            for looks in each
-        ]
-        rows = zip(self._arrays, each, strict=True)
-        self._looks = (_Looks * 3)(
-            *(_Looks(*(x.ctypes.data for x in arrays), len(looks)) for arrays, looks in rows)
-        )
+        self._each = [_looks(looks) for looks in (to_end, [sizes], to_size)]
+        self._looks = (LOOKS * 3)(*self._each)
         self.address = ctypes.addressof(self._looks)
+
+
+def _looks(shares: Sequence[Array]) -> Any:
+    begins = np.cumsum([0, *map(len, shares)], dtype=np.int64)
+    return LOOKS(shares=np.concatenate(shares), begins=begins, count=len(shares))
 
 
 class Search:
@@ -82,17 +81,19 @@ class Search:
 
     def __init__(self, loops: Sequence[Compiled], parameters: Array, domains: Array) -> None:
         functions = [ctypes.cast(loop.values, _ADDRESS).value for loop in loops]
-        numbers = map(np.ascontiguousarray, (parameters, domains))
-        self._arrays = np.array(functions, dtype=np.uint64), *numbers
-        width = parameters.shape[1]
-        self._springs = _Springs(*(x.ctypes.data for x in self._arrays), width)
+        self._springs = SPRINGS(
+            functions=np.array(functions, dtype=np.uint64),
+            parameters=np.ascontiguousarray(parameters),
+            domains=np.ascontiguousarray(domains),
+            width=parameters.shape[1],
+        )
         self._address = ctypes.addressof(self._springs)
         self._reachable, self._largest = _compiled()
 
     def reachable(self, energy: float, ways: Ways) -> tuple[Array, Flags]:
         """Elongations that each spring reaches with an energy [J], (springs, 2) [m], and whether
         that is an end of its domain."""
-        count = len(self._arrays[0])
+        count = len(self._springs.filled["functions"])
         ranges, locks = np.empty((count, 2)), np.empty(count, dtype=bool)
         found = address(ranges), address(locks)
         self._reachable(self._address, energy, count, ways.address, *found)

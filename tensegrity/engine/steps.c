@@ -1,7 +1,6 @@
 /* Steps of every method, one text for every scene.
 
-   Included behind a loop that defines `scene`, stage(scene, a, b): a kick by a and a drift by b,
-   and acceleration(scene, u, a). */
+   Included behind a loop that defines `scene` and stage(scene, a, b): a kick by a, a drift by b. */
 
 /* Every method has a function that advances a scene by whole steps, and one that shows what copies
    of u and v are in the scene's own variables; both say whether they had to stop, which only some
@@ -12,10 +11,9 @@
 integer advance(const scene *c, const void *none, integer steps, integer opened)
 {
     FLUSH
-    const real closing = c->closing ? c->kicks[c->stages] : 0;
     for (integer k = 0; k < steps; k++)
         for (integer i = 0; i < c->stages; i++)
-            stage(c, c->kicks[i] + ((k > 0 || opened) && i == 0 ? closing : 0), c->drifts[i]);
+            stage(c, kick(c, i, k > 0 || opened), c->drifts[i]);
     return 0;
 }
 
@@ -38,6 +36,15 @@ typedef struct {
     integer stages, count, moving;   /* count: entries of u */
 } nystrom;
 
+/* Accelerations at u, of n entries: what a kick by 1 gives to sites at rest. */
+static void acceleration(const scene *c, real *u, real *a, integer n)
+{
+    scene still = *c;
+    still.u = u, still.v = a;
+    EACH(n) a[i] = 0;
+    stage(&still, 1, 0);
+}
+
 /* place += sum of coefficients times slopes */
 static void combine(const nystrom *t, const real *coefficients, integer stages)
 {
@@ -59,7 +66,7 @@ integer advance_nystrom(const scene *c, const nystrom *t, integer steps, integer
             const real node = t->nodes[s];
             EACH(n) place[i] = u[i] + node * v[i];
             combine(t, t->matrix + s * t->stages, s);
-            acceleration(c, place, t->slopes + s * n);
+            acceleration(c, place, t->slopes + s * n, n);
         }
         real largest = 0;
         EACH(n) place[i] = dt * v[i];

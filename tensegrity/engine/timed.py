@@ -11,14 +11,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity.engine.law import functions
-
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
     from typing import Any
 
     from tensegrity.engine.bonds import Bonds
-    from tensegrity.engine.law import Law
     from tensegrity.engine.methods import Splitting
     from tensegrity.typing import Array, Indices
 
@@ -26,56 +23,8 @@ FREE, APART, JOINED, TURNING = range(4)  # as in driven.c
 LEAST_TERMS = 12  # of the series of a drift
 NODES = 8  # instants of a drift from which prescribed velocities are taken as polynomials
 SMALL = 1e-17  # first term of the series that is left out, relative
+ROWS = "moved_u", "moved_v", "force", "force_rate", "shared", "domain", "series", "rubbed"
 LARGEST_DAMPING = 2.0  # of a drift: time times the largest rate of decay
-
-
-@dataclass(frozen=True)
-class Change:
-    """Rate of a law's energy in time, at given elongation, as a law of its own.
-
-    Attributes
-    ----------
-    law : Law
-        Its parameters, and then their rates, are those of the change.
-    moving : tuple of int, optional
-        Numbers of the parameters whose rates are not 0; by default all.
-    """
-
-    law: Law
-    moving: tuple[int, ...] | None = None
-    split = False
-    compiled = ("energy",)
-
-    @property
-    def parameters(self) -> tuple[str, ...]:
-        """Those of the law, and their rates."""
-        return tuple(f"{kind}{k}" for kind in "pq" for k in range(len(self.law.parameters)))
-
-    @property
-    def name(self) -> str:
-        """What stands for it in other processes, if anything does."""
-        name = getattr(self.law, "name", "")
-        return f"change with {self.moving} of {name}" if name else ""
-
-    def forms(self) -> tuple[Any, Any, Sequence[Any]]:
-        """The change in CasADi, by automatic differentiation; see `law.Law.forms`."""
-        import casadi as ca
-
-        r, p, forms = self.law.forms()
-        rates = ca.SX.sym("rates", p.numel())
-        moving = range(p.numel()) if self.moving is None else self.moving
-        along = ca.vertcat(*(rates[k] if k in moving else 0 for k in range(p.numel())))
-        changes = [ca.jtimes(form, p, along) for form in forms]
-        return r, ca.vertcat(p, rates), changes
-
-    def both(self) -> Any:
-        """CasADi function (r, parameters) -> tension of the law, rate of its energy."""
-        import casadi as ca
-
-        tension = functions(self.law)["tension"]
-        change = functions(self)["energy"]
-        r, p = ca.SX.sym("r"), ca.SX.sym("p", len(self.parameters))
-        return ca.Function("both", [r, p], [tension(r, p[: p.numel() // 2]), change(r, p)])
 
 
 @dataclass(frozen=True, eq=False)
