@@ -90,7 +90,7 @@ def _compiled() -> Any:
     return found
 
 
-def go(loop: Loop, done: int, end: int, wanted: Sequence[Wanted], sites: int, walls: int) -> int:
+def go(loop: Any, done: int, end: int, wanted: Sequence[Wanted], sites: int, walls: int) -> int:
     """Advance from step `done` to `end`, and take what is wanted after `done`.
 
     Parameters
