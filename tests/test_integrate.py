@@ -546,7 +546,6 @@ def test_contacts_that_open_are_trusted_with_the_order_they_leave():
     assert order_left(problem, np.array([[-1.0, 1.0]])) == 2.5
 
 
-@pytest.mark.needs_compiler
 @pytest.mark.parametrize("at", [1, 2, 3, 4])
 def test_interrupt_between_strides_keeps_their_rows(monkeypatch, at):
     chain, calls = prism_chain(), []
@@ -572,7 +571,6 @@ def test_interrupt_between_strides_keeps_their_rows(monkeypatch, at):
     assert np.array_equal(run.u[-1], run.final.u)
 
 
-@pytest.mark.needs_compiler
 def test_a_stride_that_goes_wrong_is_done_again_with_care(monkeypatch):
     """The same error at the same time and site, whether rows were kept in one call or not."""
     chain = prism_chain()

@@ -15,7 +15,6 @@ import pytest
 
 from tensegrity.engine import native
 
-pytestmark = pytest.mark.needs_compiler
 TEXT = "double answer(void) { return 42; }"
 
 

@@ -28,7 +28,6 @@ from tensegrity.runs import march, rung, whole
 from tensegrity.runs.problem import Problem
 from tensegrity.scenes.scene import State
 
-pytestmark = pytest.mark.needs_compiler
 FIELDS = ("t", "u", "v", "energy", "met", "impulse")
 
 

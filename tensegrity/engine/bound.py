@@ -73,7 +73,7 @@ class Bound:
 
     def _set_openings(self, loop, bonds, method, dt, places):
         """Prepare the steps of a corrected method; `places` are those of the loop's contacts."""
-        found, u = Openings(bonds, method, dt), self._arrays[0]
+        found, u = Openings(bonds), self._arrays[0]
         of_bonds = [found.place, found.side, found.strength, found.row]
         if places is not None:
             real = places >= 0
@@ -95,7 +95,7 @@ class Bound:
         ]
         address = [x.ctypes.data for x in rows]
         per_corner = count // corners
-        steps = OPENINGS(*address, count, per_corner, u.size, len(found.nodes), DEGREE, 0, 0, 0)
+        steps = OPENINGS(*address, count, per_corner, u.size, len(method.rule[0]), DEGREE, 0, 0, 0)
         self._arrays += [rows, steps]
         (step,) = (x for x, (name, _) in zip(rows, OPENINGS._fields_, strict=False) if name == "dt")
         self.taken.append((steps, "dt", step))

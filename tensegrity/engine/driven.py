@@ -21,10 +21,7 @@ from tensegrity.engine.bound_line import BoundLine
 from tensegrity.engine.bound_net import BoundNet
 from tensegrity.engine.codegen import is_long
 from tensegrity.engine.compiled import Compiled, structure_of
-from tensegrity.engine.driven_plain import BoundPlain
-from tensegrity.engine.kernel import warn_slow
-from tensegrity.engine.native import CompilerError
-from tensegrity.engine.timed import TURNING, Bound, Change, Forcing, Locked
+from tensegrity.engine.timed import TURNING, Change, Forcing, Locked, Schedule
 from tensegrity.once import once
 
 if TYPE_CHECKING:
@@ -41,18 +38,32 @@ _DRIVE = structure_of(  # as in driven.c
 )
 
 
-class BoundDriven(Bound):
-    """Advanced by compiled steps."""
+class BoundDriven:
+    """Arrays u and v, advanced in place, with what was done on them.
+
+    Attributes
+    ----------
+    sums : ndarray, (4,)
+        Work of drivers [J], without what their masses and forces store; loss in dashpots [J];
+        smallest and largest elongation met, where springs change [m].
+    """
 
     def __init__(
         self, loop: Any, forcing: Forcing, u: Array, v: Array, method: Splitting, dt: float
     ) -> None:
-        super().__init__(forcing, u, v, method, dt)
+        self._forcing, self._u, self.v = forcing, u, v
+        self.schedule = Schedule(forcing, method, dt)
+        self.sums = np.array([0.0, 0.0, np.inf, -np.inf])
+        drifts, weights = self.schedule.drifts, 1 / np.where(forcing.mass, forcing.mass, 1.0)
+        rates = forcing.ground * weights * np.ones_like(drifts)[:, None]
+        glide = drifts[:, None] * np.ones_like(rates)
+        np.divide(-np.expm1(-drifts[:, None] * rates), rates, out=glide, where=rates != 0)
         kind = BoundNet if loop.dim else BoundLine
         self._bound, self._loop = kind(loop, u, v, forcing.bonds, method, dt), loop
         entries, degree = len(forcing.mass), self.schedule.degree
         fixed = {
-            "decay": self._decay, "glide": self._glide, "mass": forcing.mass,
+            "decay": np.exp(-drifts[:, None] * forcing.ground * weights), "glide": glide,
+            "mass": forcing.mass,
             "heavy": forcing.heavy,
             "ground": forcing.ground, "bond": forcing.bond,
             "moved": forcing.moved.astype(np.int64), "forced": forcing.forced.astype(np.int64),
@@ -133,7 +144,8 @@ class BoundDriven(Bound):
         return u, v, more, sums
 
     def forget(self) -> None:
-        super().forget()
+        """Start anew to record elongations; work and loss stay."""
+        self.sums[2:] = np.inf, -np.inf
         self._bound.forget_range()  # type: ignore[no-untyped-call]
 
     @property
@@ -186,22 +198,14 @@ class DrivenLoop(Compiled):
 
 
 @once
-def _loop(laws: Any, own: Any, dim: int) -> Any:
-    try:
-        return DrivenLoop(laws, own, dim)
-    except CompilerError as error:
-        from tensegrity.engine.interpreted import Interpreted
-
-        warn_slow(str(error))
-        return Interpreted(laws)
+def _loop(laws: Any, own: Any, dim: int) -> DrivenLoop:
+    return DrivenLoop(laws, own, dim)
 
 
-def bind(forcing: Forcing, u: Array, v: Array, method: Splitting, dt: float) -> Any:
+def bind(forcing: Forcing, u: Array, v: Array, method: Splitting, dt: float) -> BoundDriven:
     """Prepare rows `u` and `v` of a driven scene, which are advanced in place."""
     bonds = forcing.bonds
     laws, own = bonds.laws, bonds.own
     if forcing.tuning is not None:
         laws, own = (laws[0], Change(laws[0], forcing.tuning.moving)), (None, None)
-    loop = _loop(laws, own, bonds.dim)
-    kind = BoundDriven if isinstance(loop, DrivenLoop) else BoundPlain
-    return kind(loop, forcing, u, v, method, dt)
+    return BoundDriven(_loop(laws, own, bonds.dim), forcing, u, v, method, dt)

@@ -24,7 +24,7 @@ class BoundGauss:
 
     Parameters
     ----------
-    loop : Compiled or Interpreted
+    loop : Compiled
         What evaluates the laws.
     u, v : ndarray, (sites,) or (rows, dim)
     bonds : Bonds

@@ -2,19 +2,16 @@
 
 A stage of a splitting can be undone from its result, so the derivatives of what was computed need
 no states kept: the adjoint of each stage is done where the stage is undone.  A method's rows are
-those of `methods.Splitting`; what runs is the C of `reverse_*.c`, or without a compiler the same
-in NumPy.
+those of `methods.Splitting`; what runs is the C of `reverse_*.c`.
 """
 
 from __future__ import annotations
 
 import ctypes
-from functools import cached_property
 
 import numpy as np
 
 from tensegrity.engine.bonds import WALL, by_spring
-from tensegrity.engine.pulled import Pulled
 from tensegrity.engine.reverse_layout import PACK
 
 
@@ -57,15 +54,12 @@ class Back:
 
     def __init__(self, layout, method, dt, totals, grid=(0.0, 0.0)):
         self.layout, self._totals = layout, totals
-        self._kicks, self._drifts = (np.multiply(x, dt) for x in (method.kicks, method.drifts))
+        kicks, drifts = (np.multiply(x, dt) for x in (method.kicks, method.drifts))
         b, dim, n, room = layout.bonds, layout.dim, len(layout.bonds.group), layout.room
         self.u, self.v = np.zeros((2, *layout.shape))
         self.ub, self.vb = np.zeros((2, totals.objectives, *layout.shape))
-        self._w, w = np.zeros(layout.shape), b.inverse_mass
-        self._w[: layout.sites] = w[:, None] if dim else w
-        if layout.library is None:
-            return
-        load = np.zeros(layout.shape)
+        w, load = np.zeros((2, *layout.shape))
+        w[: layout.sites] = b.inverse_mass[:, None] if dim else b.inverse_mass
         place = np.zeros((dim + 2, n))
         if dim:
             load[: layout.sites] = b.contacts.load
@@ -77,8 +71,8 @@ class Back:
         self._low, self._high, self._travel = np.empty(n), np.empty(n), np.zeros(1)
         self.forget_range()
         numbers = [
-            self.u, self.v, self._w, load, shared, own, place, self._kicks,
-            self._drifts, np.array(grid), self.ub, self.vb, totals.whole_w,
+            self.u, self.v, w, load, shared, own, place, kicks, drifts,
+            np.array(grid), self.ub, self.vb, totals.whole_w,
             totals.whole_p, totals.g, np.zeros(room), np.zeros(room + 2), np.zeros(room),
             np.zeros((layout.most, room)), np.zeros((dim, n)), np.zeros(entries),
             np.zeros(entries), np.zeros(room), self._low, self._high, self._travel,
@@ -88,7 +82,7 @@ class Back:
         ]  # fmt: skip
         self._arrays = [np.ascontiguousarray(x) for x in numbers]
         counts = len(layout.run_law), n, entries, layout.sites * max(dim, 1), totals.objectives
-        counts += layout.most, method.stages, int(self._kicks[-1] != 0), filled, room
+        counts += layout.most, method.stages, int(kicks[-1] != 0), filled, room
         self._structure = _SCENE(*(x.ctypes.data for x in self._arrays), *counts)
         self._address = ctypes.addressof(self._structure)
 
@@ -126,51 +120,12 @@ class Back:
             Whether the first of them has the closing kick of the step before in it, and whether
             the last has its own.
         """
-        if self.layout.library is not None:
-            given = None if seeds is None else seeds.address
-            self.layout.library.reverse(self._address, steps, opened, close, last, given)
-            return
-        kicks, drifts = self._kicks, self._drifts
-        if close and kicks[-1]:
-            self._stage(kicks[-1], 0.0)
-        for k in range(steps - 1, -1, -1):
-            for i in range(len(drifts) - 1, -1, -1):
-                merged = (k > 0 or opened) and i == 0
-                self._stage(kicks[i] + (kicks[-1] if merged else 0.0), drifts[i])
-            if seeds is not None:
-                self.sow(seeds, last - (steps - k))
+        given = None if seeds is None else seeds.address
+        self.layout.library.reverse(self._address, steps, opened, close, last, given)
 
     def sow(self, seeds, k):
         """Add what objectives have to do with the state after step number k."""
-        if self.layout.library is not None:
-            self.layout.library.sow(self._address, seeds.address, k)
-        elif seeds.begin <= k <= seeds.end:
-            row, of_u = seeds.rows[:, k - seeds.begin], seeds.of_u
-            for array, mine in ((self.ub, slice(of_u)), (self.vb, slice(of_u, None))):
-                array.reshape(len(row), -1)[:, seeds.places[mine]] += row[:, mine]
-
-    def _stage(self, a, b):
-        """As `reverse_stage` in C."""
-        pulled, totals, w = self.pulled, self._totals, self._w
-        self.u -= b * self.v
-        self.vb += b * self.ub
-        if a == 0:
-            return
-        pulled.at(self.u)
-        force = pulled.forces()
-        if self.layout.dim:
-            force[: self.layout.sites] += self.layout.bonds.contacts.load
-        self.v -= a * w * force
-        totals.whole_w += a * self.vb * force
-        ub, p, g = pulled.back(by_force=a * w * self.vb)
-        self.ub += ub
-        totals.p += p[..., self.layout.order].transpose(1, 0, 2)
-        totals.g += g[..., self.layout.order]
-
-    @cached_property
-    def pulled(self):
-        """The bonds in NumPy."""
-        return Pulled(self.layout)
+        self.layout.library.sow(self._address, seeds.address, k)
 
     # forwards, on a grid
 
@@ -250,7 +205,7 @@ def sampled(bound, steps, u, v, places, of_u, rows, lib):
         bound.sample(steps, places, of_u, rows)
         return
     function, arguments = getattr(bound, "_call", (None, ()))  # of C, and what it is called with
-    if len(arguments) != 1 or lib is None:
+    if len(arguments) != 1:
         for row in rows:
             bound.advance(1)
             row[:of_u], row[of_u:] = u.ravel()[places[:of_u]], v.ravel()[places[of_u:]]

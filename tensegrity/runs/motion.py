@@ -213,7 +213,7 @@ class Motion:
     @property
     def strides(self) -> bool:
         """Whether steps can be done with their rows in one call."""
-        return self._leave is None and isinstance(self._loop, driven.BoundDriven)
+        return self._leave is None
 
     def restore(self) -> None:
         """Go back to what was reached."""
