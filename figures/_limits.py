@@ -6,6 +6,7 @@ import numpy as np
 
 from tensegrity import Chain, Prism
 from tensegrity.engine.methods import METHODS, Corrected
+from tensegrity.runs.loops import parts
 
 DIFFERENT = [name for name, method in METHODS.items() if not isinstance(method, Corrected)]
 """Methods but those that, on smooth springs, do the steps of another."""
@@ -33,6 +34,16 @@ def advance(chain, u, v, method, dt, steps):
         passes = [(enter, 1), *passes, (leave, 1)]
     for rows, count in passes:
         chain.bind(u, v, rows, dt).advance(count)
+
+
+def stepped(acceleration, u, v, method, dt, steps):
+    """u and v after some steps of a splitting in NumPy, closing kicks and first ones in one."""
+    first, others, last = parts(METHODS[method])
+    for rows in (first, *[others] * (steps - 1), last):
+        for kick, drift in zip(rows.kicks, (*rows.drifts, 0.0), strict=True):
+            v = v + dt * kick * acceleration(u) if kick else v
+            u = u + dt * drift * v
+    return u, v
 
 
 def gap(one, other):

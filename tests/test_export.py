@@ -30,7 +30,6 @@ DIFFERENCES = ("rigid, loaded", "elastic", "contact, loaded", "polynomial")
 STRICT = "-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror"
 
 
-
 def compiled(source, to, *flags):
     """Compile and link by the compiler that kernels are made with; its complaints are failures."""
     command = [*native.compilers()[0], *flags, str(source), "-o", str(to), "-lm"]

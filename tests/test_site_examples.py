@@ -16,7 +16,6 @@ PAGES = {
 WITH_CODE = [name for name, blocks in PAGES.items() if blocks]
 
 
-
 def test_each_job_has_a_page_with_code():
     jobs = {"curve", "wave", "impact", "beads", "protector", "structure", "gradients"}
     jobs |= {"potential", "method", "runs"}
