@@ -40,7 +40,6 @@ class Compiled:
         Compile the same text in the platform's long double, as a reference for tests.
     """
 
-    name = "compiled"
     kind = "loop"  # what its text is kept under
     extra = ()  # behind the loop
     corrects = True  # whether it may be asked for the steps of corrected methods
