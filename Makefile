@@ -1,5 +1,6 @@
-# `make figures` and `make test` need Python 3.11 or newer, a C compiler and make; they set up
-# .venv themselves, keep it while pyproject.toml is unchanged and rebuild it when it is not.
+# `make figures` and `make test` need Python 3.11 or newer and make; they set up .venv themselves,
+# with a C compiler from a package, ziglang, where there is none, keep it while pyproject.toml is
+# unchanged and rebuild it when it is not.
 
 PYTHON := $(shell for p in python3.11 python3.12 python3.13 python3; do \
 	$$p -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && \
@@ -60,6 +61,9 @@ $(READY): pyproject.toml
 		test -n "$(PYTHON)" || { echo "Python 3.11 or newer, with venv, not found"; exit 1; }; \
 		echo "setting up .venv"; rm -rf .venv && $(PYTHON) -m venv .venv && \
 		$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test]' && \
+		{ for one in $${CC:-cc gcc clang}; do command -v $$one >/dev/null && break; done || \
+		{ echo "no C compiler: installing ziglang" && \
+		$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[cc]'; }; } && \
 		cp pyproject.toml $(READY); fi
 
 clean:

@@ -15,8 +15,6 @@ import numpy as np
 from benchmarks._timing import best, table
 from tensegrity import Chain, Prism, simulate
 from tensegrity.engine import native
-from tensegrity.engine.compiled import Compiled
-from tensegrity.engine.interpreted import Interpreted
 from tensegrity.engine.kernel import bind
 from tensegrity.engine.methods import METHODS
 from tensegrity.prisms.closed import rigid_law
@@ -123,10 +121,8 @@ def _numba_rival(spring, u, v, steps, **options):
     return lambda: loop(u, v, steps, p, DT)
 
 
-def _ours(engine, chain, u, v, steps):
-    method = METHODS["verlet"]
-    bonds = chain.loop_bonds
-    bound = bind(u, v, bonds, method, DT, engine.of(bonds))
+def _ours(chain, u, v, steps):
+    bound = bind(u, v, chain.loop_bonds, METHODS["verlet"], DT)
     return lambda: bound.advance(steps)
 
 
@@ -140,15 +136,11 @@ def rivals(sites):
     spring = Prism(1.0, 0.8, 0.02, 1.0).potential()
     chain = Chain(spring, sites)
     steps = max(40, WORK // sites)  # the closing kick of a call costs a stage
-    calls = {"compiled": _ours(Compiled, chain, *_start(sites), steps)}
+    calls = {"compiled": _ours(chain, *_start(sites), steps)}
     work = {"compiled": steps * (sites - 1)}
     slow = max(3, steps // 20)
     calls["numpy"] = _numpy_rival(spring, *_start(sites), slow)
     work["numpy"] = slow * (sites - 1)
-    if sites <= 100_000:
-        steady = max(51, slow - slow % 50 + 1)
-        calls["interpreted"] = _ours(Interpreted, chain, *_start(sites), steady)
-        work["interpreted"] = steady * (sites - 1)
     try:
         import numba  # noqa: F401
     except ImportError:
@@ -166,7 +158,7 @@ def overheads():
     """Seconds of one call of the prepared loop, and of a whole `simulate` of one step."""
     chain = Chain(Prism(1.0, 0.8, 0.02, 1.0).potential(), 2)
     u, v = np.zeros(2), np.zeros(2)
-    prepared = _ours(Compiled, chain, u, v, 1)
+    prepared = _ours(chain, u, v, 1)
     state = chain.at_rest({0: 0.001})
     times = best(
         {
@@ -207,7 +199,6 @@ def main():
         ("expert numba", at.get("numba, error_model numpy", np.nan) / at["compiled"], ">= 1"),
         ("over the machine's bound", at["compiled"] / bound, "<= 1.15"),
         ("1e6 sites over 1e3", cost[1_000_000]["compiled"] / at["compiled"], "<= 1.15"),
-        ("interpreted [ns]", at["interpreted"], "<= 60"),
         ("call of the loop [us]", call * 1e6, "<= 2"),
         ("simulate, one step [us]", whole * 1e6, "-"),
     ]

@@ -20,8 +20,8 @@ from benchmarks._timing import best, table
 from benchmarks.chain import UNITS, machine_bound, unit_calls
 from tensegrity import Chain, Polynomial, Potential, PowerLaw, Prism, ResolutionError, simulate
 from tensegrity.engine.bound_line import BoundLine
-from tensegrity.engine.compiled import Compiled
-from tensegrity.engine.kernel import bind, kernel
+from tensegrity.engine.compiled import Compiled, evaluated, single
+from tensegrity.engine.kernel import bind
 from tensegrity.engine.law import functions
 from tensegrity.engine.methods import METHODS
 from tensegrity.engine.pieces import BoundPieces
@@ -83,7 +83,7 @@ def bound_loop(engine, chain, u, v):
 def motion(spring, speed, extended=False):
     """Displacements after the run."""
     chain = Chain(spring, SITES)
-    engine = Compiled.of(chain.loop_bonds, extended=True) if extended else kernel((spring.law,))
+    engine = Compiled.of(chain.loop_bonds, extended=True) if extended else single(spring.law)
     dtype = np.longdouble if extended else float
     state = blow(chain, speed)
     u, v = state.u.astype(dtype), state.v.astype(dtype)
@@ -98,15 +98,15 @@ def measure(families=FAMILIES):
         found, converged, met = contestants(family)
         speed = FAMILIES[family][1]
         r = np.linspace(*met, 2001)
-        exact = kernel((converged.law,)).evaluate(0, 1, converged.values, r)
+        exact = evaluated(converged.law, 1, converged.values, r)
         reference = motion(converged, speed, extended=True)
         for name, spring in found.items():
-            force = kernel((spring.law,)).evaluate(0, 1, spring.values, r)
+            force = evaluated(spring.law, 1, spring.values, r)
             gap = np.abs(force - exact).max() / np.abs(exact).max()
             moved = np.abs(motion(spring, speed) - reference).max() / np.abs(reference).max()
             chain = Chain(spring, SITES)
             u, v = 1e-3 * np.sin(np.arange(SITES) ** 2), np.zeros(SITES)
-            loop = bound_loop(kernel((spring.law,)), chain, u, v)
+            loop = bound_loop(single(spring.law), chain, u, v)
             loops[family, name] = lambda loop=loop: loop.advance(TIMED)
             rows.append((family, name, float(gap), float(moved)))
     times = best(loops)
@@ -154,7 +154,7 @@ def forms():
     for name, spring in springs.items():
         chain = Chain(spring, SITES)
         u, v = 1e-3 * np.sin(np.arange(SITES) ** 2), np.zeros(SITES)
-        loop = bound_loop(kernel((spring.law,)), chain, u, v)
+        loop = bound_loop(single(spring.law), chain, u, v)
         calls[name] = lambda loop=loop: loop.advance(TIMED)
     times, scale = best(calls), 1e9 / (TIMED + 1) / (SITES - 1)
     found = {}

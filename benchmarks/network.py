@@ -26,7 +26,7 @@ from granular import Striker, y_guide
 from tensegrity import Record, State, simulate
 from tensegrity.engine import pieces
 from tensegrity.engine.bound_net import BoundNet
-from tensegrity.engine.kernel import kernel
+from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.methods import METHODS
 
 PACKS = {"833 beads": (7, 17), "50,653 beads": (37, 37)}
@@ -41,7 +41,7 @@ def bound(scene, state, dt, threads=1):
     """A scene bound to its loop, and its u and v."""
     u, v = scene.arrays(state)
     bonds = scene.loop_bonds
-    given = kernel(bonds.laws, bonds.own, bonds.dim), u, v, bonds, METHODS["verlet"], dt
+    given = Compiled.of(bonds), u, v, bonds, METHODS["verlet"], dt
     return (BoundNet(*given) if threads == 1 else pieces.BoundParts(*given, threads)), u, v
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from benchmarks._timing import table
 from tensegrity import Chain, Prism, Record, simulate
-from tensegrity.engine.kernel import kernel
+from tensegrity.engine.compiled import single
 from tensegrity.engine.methods import METHODS
 from tensegrity.engine.timed import Change
 from tensegrity.springs.tuned import Tuned
@@ -40,7 +40,7 @@ class InPython:
     def __init__(self, chain, state):
         self._springs = Tuned(chain.springs[0], chain.tune, STEPS * DT)
         law = self._springs.law
-        self._law, self._change = kernel((law,)), kernel((Change(law),))
+        self._law, self._change = single(law), single(Change(law))
         self._weights, self._state = 1 / chain.mass, state
 
     def __call__(self):

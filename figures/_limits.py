@@ -25,6 +25,18 @@ def moved(chain, state, method, dt, steps):
     return u, v
 
 
+def stepped(acceleration, u, v, method, dt, steps):
+    """u and v after some steps of a splitting in NumPy, closing kicks and first ones in one."""
+    method = METHODS[method]
+    *kicks, closing = method.kicks
+    for k in range(steps):
+        first = kicks[0] + (closing if k else 0)
+        for kick, drift in zip((first, *kicks[1:]), method.drifts, strict=True):
+            v = v + dt * kick * acceleration(u) if kick else v
+            u = u + dt * drift * v
+    return u, v + dt * closing * acceleration(u) if closing else v
+
+
 def gap(one, other):
     """Largest difference of two (u, v), each over the largest of `other`."""
     return max(

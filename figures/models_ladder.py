@@ -8,13 +8,11 @@ import time
 import numpy as np
 
 from figures._guide import STEEL, light
-from figures._limits import moved
+from figures._limits import moved, stepped
 from figures._nodes import Nodes
 from granular import chain as bead_chain
 from granular import hertz, simulate, y_guide
 from tensegrity import Chain, Polynomial, PowerLaw, Prism, Record, solitary_wave
-from tensegrity.engine import plain
-from tensegrity.engine.methods import METHODS
 from tensegrity.waves.asymptotics import sech2, tent
 
 NAME = "models_ladder"
@@ -80,11 +78,8 @@ def prisms_in_a_row():
             pull = prisms.tension(ELASTIC.height + row.elongation(u))
             return np.diff(pull, prepend=0.0, append=0.0)
 
-        u, v = row.arrays(row.at_rest(BLOW))
-        first, others, last = plain.merged(METHODS["rkn6"], dt)
-        for step in (first, *[others] * (STEPS - 1), last):
-            u, v = step(acceleration, u, v, lambda move: None)
-        return u
+        state = row.at_rest(BLOW)
+        return stepped(acceleration, state.u, state.v, "rkn6", dt, STEPS)[0]
 
     row = chain_of(spring)
     met = simulate(row, row.at_rest(BLOW), T_END, dt=dt, method="rkn6").met[0]

@@ -1,6 +1,7 @@
 """Tensegrity prisms as springs, and lattices of masses joined by them."""
 
 from tensegrity.errors import (
+    CompilerError,
     ContactError,
     EquilibriumError,
     LockingError,
@@ -46,6 +47,7 @@ from tensegrity.waves.wave import SolitaryWave
 
 __all__ = [
     "Chain",
+    "CompilerError",
     "ContactError",
     "Damping",
     "Drive",

@@ -13,6 +13,10 @@ class TensegrityError(ValueError):
     """Base of all errors raised by this toolkit."""
 
 
+class CompilerError(TensegrityError):
+    """No C compiler can be run, or it refused a text, or hung, or the disk is full."""
+
+
 class LockingError(TensegrityError):
     """An elongation reached the end of a spring's domain, where bars touch or line up.
 

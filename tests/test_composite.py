@@ -23,8 +23,6 @@ from tensegrity.waves.asymptotics import sound_speed
 from tensegrity.waves.family import Family
 from tensegrity.waves.solitary import rough_wave
 
-pytestmark = pytest.mark.needs_compiler  # minutes without
-
 WINNER, SECOND = 0, 18  # seeds of the interfaces that do both
 RIGID = Prism(1.0, 0.8, 0.02, 1.0).potential()
 

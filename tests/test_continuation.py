@@ -131,7 +131,6 @@ SCENES = {
 }  # fmt: skip
 
 
-@pytest.mark.needs_compiler
 @pytest.mark.parametrize("scene", SCENES)
 def test_the_compiled_loop_follows_as_the_one_in_python_does(scene, monkeypatch):
     """Rows may lie elsewhere by round-off that the step control saw; events may not."""

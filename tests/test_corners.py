@@ -16,7 +16,6 @@ from tensegrity import (
     TensegrityError,
     simulate,
 )
-from tensegrity.engine.interpreted import BoundInterpreted
 from tensegrity.engine.kernel import bind
 from tensegrity.engine.methods import METHODS
 from tensegrity.springs.corners import UNKNOWN
@@ -134,7 +133,6 @@ def order(scene, state, method):
     return -np.polyfit(np.log(counts), np.log(errors), 1)[0], errors
 
 
-@pytest.mark.needs_compiler
 @pytest.mark.parametrize("name", SCENES)
 def test_all_corners_of_a_law_are_corrected(name):
     scene = SCENES[name]
@@ -146,18 +144,6 @@ def test_all_corners_of_a_law_are_corrected(name):
     assert np.median(errors / others) < 2e-2
 
 
-@pytest.mark.needs_compiler
-@pytest.mark.parametrize("name", SCENES)
-def test_the_loop_without_a_compiler_corrects_them_too(name):
-    scene, ends = SCENES[name], []
-    for engine in (bind, BoundInterpreted):
-        u, v = scene.arrays(thrown(scene))
-        engine(u, v, scene.loop_bonds, METHOD, 0.1).advance(60)
-        ends.append((u, v))
-    np.testing.assert_allclose(*ends, rtol=0, atol=1e-13)
-
-
-@pytest.mark.needs_compiler
 def test_lanes_are_corrected_like_chains_alone():
     gap = k * (sp.Max(r - a, 0) ** 2 + sp.Max(-r - a, 0) ** 2)
     chains = [
@@ -187,7 +173,6 @@ def adaptive(chain, tension, state, t_end):
     return found.y[:, -1].reshape(2, -1)
 
 
-@pytest.mark.needs_compiler
 @pytest.mark.parametrize("energy", LAWS.values(), ids=LAWS)
 def test_a_tolerance_is_kept_where_forces_have_corners(energy):
     chain = chain_of(energy)
@@ -251,7 +236,6 @@ def test_a_jump_that_is_not_met_is_no_matter():
     assert simulate(chain, chain.at_rest({0: 0.05}), 5.0, tol=1e-9).complete
 
 
-@pytest.mark.needs_compiler
 def test_steps_given_run_over_a_jump_with_an_error_of_first_order():
     """A mass on a spring whose tension jumps by 2 f where it has none: in closed form."""
     f, speed = 0.3, 1.0

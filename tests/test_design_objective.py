@@ -9,8 +9,6 @@ from granular.design import Choice, Order, Sizes, objective, peak_force
 from granular.design.packs import wall_peak
 from tensegrity import TensegrityError
 
-pytestmark = pytest.mark.needs_compiler  # lanes; minutes without
-
 BEST_T1 = spelled("bbAAAbAAAbbbAAAbAbbb")
 REFERENCES = [  # measured with independent codes, to 7 digits or more
     (BEST_T1, 1e-3, 35.3362969),

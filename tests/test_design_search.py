@@ -34,7 +34,6 @@ from granular.design.packs import wall_peak
 from tensegrity import TensegrityError
 from tensegrity.runs import archive
 
-pytestmark = pytest.mark.needs_compiler  # lanes; minutes without
 ROOT = Path(__file__).parent.parent
 SHORT = {"t_end": 1e-3, **BLOW}
 PAIRS = Order([BIG] * 6 + [SMALL] * 6)

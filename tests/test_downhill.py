@@ -13,7 +13,6 @@ from granular.design.downhill import NORMS, Descents, Pass, _maxima, downhill
 from tensegrity import TensegrityError
 from tensegrity.runs import archive
 
-pytestmark = pytest.mark.needs_compiler
 T_END, STEPS = 2e-4, 1000
 S = Sizes(20, (4e-3, 10e-3), 0.140, STEEL)
 

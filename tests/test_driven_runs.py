@@ -29,8 +29,6 @@ from tensegrity import (
     resume,
     simulate,
 )
-from tensegrity.engine import driven
-from tensegrity.engine.interpreted import Interpreted
 from tensegrity.runs import archive
 from tensegrity.runs.record import beside
 
@@ -284,16 +282,6 @@ def test_methods_keep_their_order_in_tuned_networks(method):
         [max(abs(run.work[-1] - fine.work[-1]), abs(run.loss[-1] - fine.loss[-1])) for run in runs],
     ):  # fmt: skip
         assert -np.polyfit(np.log(steps), np.log(errors), 1)[0] > order - 0.5
-
-
-def test_tuned_networks_without_a_compiler_do_the_same(monkeypatch):
-    net = plate()
-    how = {"method": "rkn6", "dt": 0.1, "record": Record(every=3)}
-    fast = simulate(net, started(net), 1.0, **how)
-    monkeypatch.setattr(driven, "_loop", lambda laws, own, dim: Interpreted(laws))
-    slow = simulate(net, started(net), 1.0, **how)
-    for x in ("u", "work", "loss", "met"):
-        np.testing.assert_allclose(getattr(fast, x), getattr(slow, x), atol=1e-14)
 
 
 def test_balance_of_energy_closes_in_every_kind_of_scene():

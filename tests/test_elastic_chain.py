@@ -8,8 +8,6 @@ import pytest
 from scenes import extended
 
 from tensegrity import Chain, Prism, RangeError, equilibrium_path, simulate
-from tensegrity.engine.compiled import Compiled
-from tensegrity.engine.interpreted import Interpreted
 from tensegrity.engine.kernel import bind
 from tensegrity.engine.law import functions
 from tensegrity.engine.methods import METHODS
@@ -52,16 +50,12 @@ def test_forms_of_the_loop_agree_with_the_equilibria_over_the_whole_domain(name,
         assert np.abs(np.array(found)[0] - exact).max() <= 1e-13 * peak
 
 
-COMPILED = pytest.param(Compiled, marks=pytest.mark.needs_compiler)
-
-
-@pytest.mark.parametrize("engine", [COMPILED, Interpreted])
-def test_engines_take_the_elastic_law(engine):
-    """One step of each against the tensions of the potential, around the block length."""
+def test_the_loop_takes_the_elastic_law():
+    """One step against the tensions of the potential, around the block length."""
     chain = Chain(softening(), 131)
     u, v = 0.05 * np.sin(np.arange(131) ** 2), np.zeros(131)
     single = replace(METHODS["verlet"], kicks=(1.0, 0.0))
-    bound = bind(u, v, chain.loop_bonds, single, 0.1, engine.of(chain.loop_bonds))
+    bound = bind(u, v, chain.loop_bonds, single, 0.1)
     f = np.concatenate([[0], chain.springs[0].tension(np.diff(u)), [0]])
     bound.advance(1)
     np.testing.assert_allclose(v, 0.1 * np.diff(f), rtol=0, atol=1e-15)

@@ -29,8 +29,6 @@ SPRINGS = {
 DIFFERENCES = ("rigid, loaded", "elastic", "contact, loaded", "polynomial")
 STRICT = "-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror"
 
-pytestmark = pytest.mark.needs_compiler
-
 
 def compiled(source, to, *flags):
     """Compile and link by the compiler that kernels are made with; its complaints are failures."""

@@ -75,14 +75,12 @@ def damage(files, kind):
             file.write_bytes(b"\377\376\n\377")
 
 
-@pytest.mark.needs_compiler
 def test_a_warm_process_imports_no_algebra_and_gives_the_same_bits(tmp_path):
     cold, late = results(tmp_path)
     assert set(late) >= {"sympy", "casadi"}
     assert results(tmp_path) == (cold, [])
 
 
-@pytest.mark.needs_compiler
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "kind", ["deleted", "cut off", "changed", "of something else", "empty", "no text"]
@@ -236,7 +234,6 @@ def test_a_prism_has_the_numbers_of_its_derivation():
     assert list(prism.natural_lengths()) == wanted
 
 
-@pytest.mark.needs_compiler
 def test_the_benchmark_measures_a_process_and_what_it_imports(tmp_path):
     spent, late = fresh.seconds(fresh.PROGRAMS["import numpy"], tmp_path)
     assert 0 < spent < 60

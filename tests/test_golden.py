@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from golden import PATH, ROUND_OFF, cases, machine, results
 
-pytestmark = pytest.mark.needs_compiler
 CASES = cases()
 
 

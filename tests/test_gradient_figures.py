@@ -8,8 +8,6 @@ from figures import chosen, gradients_pack, gradients_protector
 from tensegrity import gradient
 from tensegrity import objective as o
 
-pytestmark = pytest.mark.needs_compiler  # minutes without
-
 
 def test_prestrains_found_bring_the_peak_18_times_below_the_best_uniform_chain():
     """With two steps and another method, and slopes that keep their digits: by no error."""

@@ -11,7 +11,6 @@ from granular import Bead, Striker, chain, fcc_pack, hertz, hexagonal_pack, mate
 from granular.sensitivity import by_beads
 from tensegrity import Network, Potential, PowerLaw, State, TensegrityError, Wall, gradient
 from tensegrity import objective as o
-from tensegrity.engine import reverse_text
 
 R, K = sp.symbols("r k")
 ENERGY = K * R**2 / 2 + R**3 / 3
@@ -45,14 +44,11 @@ def state_of(dim):
 CASES = [(2, "verlet"), (2, "rkn6"), (3, "rkn6")]
 
 
-@pytest.mark.parametrize("compiled", [True, False])
 @pytest.mark.parametrize(("dim", "method"), CASES)
-def test_gradients_of_networks_are_those_of_complex_steps(dim, method, compiled, monkeypatch):
+def test_gradients_of_networks_are_those_of_complex_steps(dim, method):
     k, mass = np.linspace(0.8, 1.6, len(BONDS)), np.linspace(1, 2, 6)
     network, (u, v) = scene(dim, k, mass), state_of(dim)
     dt, steps = 0.1, 30
-    if not compiled:
-        monkeypatch.setattr(reverse_text, "compiled", lambda *_: None)
     weights = np.random.default_rng(2).standard_normal((4, steps + 1))
     traces = [o.velocity(1, dim - 1), o.displacement(0, 1), o.load(wall=0), o.load(bond=3)]
     asked = o.of(traces, lambda t, y: (float(np.sum(weights * y)), weights))

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 
 from tensegrity import Chain, Ensemble, Potential, PowerLaw, Prism, State, gradient, simulate
 from tensegrity import objective as o
-from tensegrity.engine import reverse_text
 
 REFERENCES = json.loads((Path(__file__).parent / "gradients.json").read_text())["scenes"]
 METHODS = ("verlet", "rkn6")
@@ -273,22 +272,23 @@ def test_wanted_limits_what_by_knows_and_changes_nothing_else():
     assert set(named.parameters) == {"s_N"}
 
 
-@pytest.mark.needs_compiler
-@pytest.mark.parametrize(("method", "end"), [*((m, "fixed") for m in METHODS), ("rkn6", "free")])
-def test_without_a_compiler_the_same_comes_from_numpy(method, end, monkeypatch):
-    """At a free end too, behind which packs of bonds go on."""
-    chain = prisms(ends=("free", end))
-    asked = [o.p_norm(o.velocity(2), 4), o.peak(o.load(bond=3)), o.energy([0, 1])]
-    run_of = chain, chain.at_rest({0: 0.05}), 5.0, 0.1, method
-    compiled = gradient(asked, *run_of)
-    monkeypatch.setattr(reverse_text, "compiled", lambda *_: None)
-    for one, other in zip(compiled, gradient(asked, *run_of), strict=True):
+@pytest.mark.parametrize("method", METHODS)
+def test_a_chain_turned_end_for_end_has_its_gradients_turned(method):
+    """Also where packs of bonds go on behind the free end."""
+    chain = prisms(ends=("free", "free"))
+    turned = Chain(chain.springs[::-1], chain.sites, chain.mass[::-1])
+    last, run_of = chain.sites - 1, (5.0, 0.1, method)
+    asked = [o.p_norm(o.load(bond=1), 4), o.peak(o.load(bond=3)), o.energy([0, 1])]
+    other = [o.p_norm(o.load(bond=2), 4), o.peak(o.load(bond=0)), o.energy([last, last - 1])]
+    ones = gradient(asked, chain, chain.at_rest({0: 0.05}), *run_of)
+    others = gradient(other, turned, turned.at_rest({last: -0.05}), *run_of)
+    for one, two in zip(ones, others, strict=True):
         for x, y in (
-            (one.u, other.u),
-            (one.mass, other.mass),
-            (one.by("height"), other.by("height")),
+            (one.u, -two.u),
+            (one.mass, two.mass),
+            (one.by("height"), two.by("height")),
         ):
-            assert np.abs(x - y).max() < 1e-11 * np.abs(x).max()
+            assert np.abs(x - y[::-1]).max() < 1e-11 * np.abs(x).max()
 
 
 def test_lanes_of_an_ensemble_are_chains_by_themselves():
@@ -312,7 +312,6 @@ def chaotic(sites=10):
     return chain, chain.at_rest({1: 1.0, 4: -0.6})
 
 
-@pytest.mark.needs_compiler
 def test_on_a_grid_the_start_is_returned_to_the_last_bit():
     chain, state = chaotic()
     asked, run_of = o.p_norm(o.load(wall=0), 8), (chain, state, 150.0, 0.05)

@@ -23,8 +23,6 @@ from figures import (
 )
 from figures.__main__ import main, print_table, render, shown
 
-pytestmark = pytest.mark.needs_compiler  # minutes without
-
 
 @pytest.fixture(scope="module")
 def single():

@@ -21,7 +21,6 @@ from tensegrity.engine.native import library
 from tensegrity.engine.pieces import BoundParts
 from tensegrity.engine.slices import TILE, slices
 
-pytestmark = pytest.mark.needs_compiler
 WITHOUT = ["", "-mno-avx512f", "-mno-avx"]  # what a processor may lack
 
 

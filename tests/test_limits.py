@@ -21,8 +21,6 @@ from figures.__main__ import render, write_page
 from figures._limits import DIFFERENT, EXPLICIT, moved
 from tensegrity.engine.methods import METHODS
 
-pytestmark = pytest.mark.needs_compiler  # minutes without
-
 PAGE = Path(__file__).parent.parent / "figures" / "output" / "limits" / "limits.md"
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 ROUND_OFF = 1e-10  # numbers below are sizes of round-off: other processors have others

@@ -72,7 +72,6 @@ def in_python(chain, state, dt):
     return simulate(chain, state, STEPS * dt, method=kernel.METHOD, dt=dt, record=record)
 
 
-@pytest.mark.needs_compiler
 def test_programs_are_c_that_rounds_to_the_numbers_taken_elsewhere():
     """In the platform's long double, at least 64 bits here: at most one place off of a double."""
     if np.finfo(np.longdouble).nmant < 63:

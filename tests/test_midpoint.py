@@ -24,7 +24,6 @@ from tensegrity import (
 )
 from tensegrity.engine.methods import METHODS
 
-pytestmark = pytest.mark.needs_compiler
 R = sp.Symbol("r")
 EXPLICIT = [method for method in METHODS.values() if method.explicit]
 

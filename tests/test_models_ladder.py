@@ -8,8 +8,6 @@ from figures._nodes import Nodes
 from figures.models_ladder import ELASTIC, enough, guide, ladder, under_load, wave_on_prisms
 from tensegrity import EquilibriumError, Prism
 
-pytestmark = pytest.mark.needs_compiler  # minutes without
-
 
 @pytest.fixture(autouse=True)
 def untimed(monkeypatch):

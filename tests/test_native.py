@@ -13,11 +13,10 @@ from pathlib import Path
 
 import pytest
 
+from tensegrity import TensegrityError
 from tensegrity.__main__ import main
 from tensegrity.engine import kept, native
-from tensegrity.errors import TensegrityError
 
-pytestmark = pytest.mark.needs_compiler
 TEXT = "double answer(void) { return 42; }"
 
 
@@ -288,35 +287,20 @@ def test_a_compiler_that_is_not_there(cache, monkeypatch):
         native.library(TEXT)
 
 
-RUN = """
-import warnings
-from tensegrity import Chain, Prism, simulate
-chain = Chain(Prism(1.0, 0.8, 0.02, 1.0).potential(), 20)
-with warnings.catch_warnings(record=True) as seen:
-    warnings.simplefilter("always")
-    simulate(chain, chain.at_rest({0: 0.03}), 1.0)
-    simulate(chain, chain.at_rest({0: 0.03}), 1.0)
-print(len(seen), *(w.message for w in seen))
-"""
-
-
-@pytest.mark.parametrize("compiler", ["/nowhere/cc", "false", "hanging"])
-def test_without_a_compiler_the_same_calls_run_with_one_warning(cache, compiler, request):
-    limit = ""
-    if compiler == "hanging":
-        request.getfixturevalue("hanging")
-        compiler = os.environ["CC"]
-        limit = "from tensegrity.engine import native; native.LIMIT = 0.5\n"
-    answer = subprocess.run(
-        [sys.executable, "-c", limit + RUN],
-        env={**_environment(), "CC": compiler},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert answer.stdout.startswith("1 scenes run on CasADi's virtual machine")
-    for word in ("slower", "ziglang", "set CC"):
-        assert word in answer.stdout
+@pytest.mark.parametrize(
+    ("compiler", "why"),
+    [("/nowhere/cc", "cannot be run"), ("false", "cannot be run"), ("", "was ended after 0.5 s")],
+)
+def test_steps_in_time_are_refused_in_one_line_where_nothing_compiles(
+    cache, compiler, why, hanging, monkeypatch
+):
+    if compiler:
+        monkeypatch.setenv("CC", compiler)
+    native.require.cache_clear()
+    words = f"needs a C compiler: .*{why}; `pip install ziglang`, or"
+    with pytest.raises(TensegrityError, match=words) as one:
+        native.require()
+    assert "\n" not in str(one.value)
 
 
 def test_compiled_code_leaves_the_arithmetic_of_the_process_alone(cache):
@@ -337,7 +321,7 @@ def test_the_folder_may_be_deleted_between_two_calls(cache):
 
 
 def test_a_full_disk_is_told_as_what_the_compiler_lacks(cache, monkeypatch):
-    """So that scenes go on without it, with a warning, and nothing half written stays."""
+    """And nothing half written stays."""
 
     def full(self, *_):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from networks import patch, pushed
+from oracle import stepped
 from scenes import plain_forces, prism_chain, smooth_blow
 
 from tensegrity import (
@@ -19,12 +20,9 @@ from tensegrity import (
     simulate,
 )
 from tensegrity.engine.bonds import SHORT
-from tensegrity.engine.compiled import Compiled
-from tensegrity.engine.interpreted import Interpreted
 from tensegrity.engine.kernel import bind
 from tensegrity.engine.methods import METHODS
 
-COMPILED = pytest.param(Compiled, marks=pytest.mark.needs_compiler)
 RANDOM = np.random.default_rng(3)
 
 
@@ -50,13 +48,12 @@ def alternating(sites=60):
 SCENES = [tapered, graded, alternating]
 
 
-@pytest.mark.parametrize("engine", [Interpreted, COMPILED])
 @pytest.mark.parametrize("scene", SCENES)
-def test_bonds_with_parameters_of_their_own_pull_as_each_alone(scene, engine):
+def test_bonds_with_parameters_of_their_own_pull_as_each_alone(scene):
     chain = scene()
     state, bonds, dt, steps = smooth_blow(chain), chain.loop_bonds, 0.05, 60
     u, v = state.u.copy(), state.v.copy()
-    bound = bind(u, v, bonds, METHODS["verlet"], dt, engine.of(bonds))
+    bound = bind(u, v, bonds, METHODS["verlet"], dt)
     bound.advance(steps)
     x, y, r = state.u.copy(), state.v.copy(), []
     for _ in range(steps):
@@ -82,21 +79,17 @@ def test_ranges_of_many_equal_bonds_are_those_of_all(bonds):
     np.testing.assert_array_equal(run.met, [[min(r.min(), 0), max(r.max(), 0)]])
 
 
-@pytest.mark.needs_compiler
 @pytest.mark.parametrize("method", ["verlet", "rkn6", "rk4"])
 @pytest.mark.parametrize("scene", [*SCENES, patch])
-def test_engines_agree_whoever_owns_the_parameters(scene, method):
+def test_loop_is_that_of_numpy_whoever_owns_the_parameters(scene, method):
     scene, method = scene(), METHODS[method]
     state = smooth_blow(scene) if isinstance(scene, Chain) else pushed(scene)
-    found = []
-    for engine in (Compiled, Interpreted):
-        u, v = scene.arrays(state)
-        bonds = scene.loop_bonds
-        bound = bind(u, v, bonds, method, 0.1, engine.of(bonds))
-        bound.advance(53)
-        bound.advance(60)
-        found.append((u, v, bound.range))
-    for one, two in zip(*found, strict=True):
+    u, v = scene.arrays(state)
+    bound = bind(u, v, scene.loop_bonds, method, 0.1)
+    bound.advance(53)
+    bound.advance(60)
+    plain, sites = stepped(scene, state, method, 0.1, 113), slice(scene.sites)
+    for one, two in ((u[sites], plain.u), (v[sites], plain.v), (bound.range, plain.met)):
         np.testing.assert_allclose(one, two, rtol=0, atol=1e-13 * np.abs(two).max())
 
 
@@ -184,7 +177,6 @@ def as_network(chain, **options):
     return Network(places, bonds, chain.springs, mass=chain.mass, held=chain.held, **options)
 
 
-@pytest.mark.needs_compiler
 @pytest.mark.parametrize("scene", [prism_chain, tapered])
 @pytest.mark.parametrize("method", ["verlet", "rkn6", "rk4"])
 def test_a_chain_written_as_a_network_is_the_same_loop(scene, method):

@@ -13,8 +13,6 @@ from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.methods import METHODS
 from tensegrity.engine.pieces import HALO, LONG, BoundPieces, start_of_block
 
-pytestmark = pytest.mark.needs_compiler
-
 
 def uniform(sites=LONG + 4321):
     return Chain(Prism(1.0, 0.8, 0.02, 1.0).potential(), sites)

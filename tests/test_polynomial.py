@@ -28,8 +28,6 @@ from tensegrity import (
     TensegrityError,
     simulate,
 )
-from tensegrity.engine.compiled import Compiled
-from tensegrity.engine.interpreted import Interpreted
 from tensegrity.engine.kernel import bind
 from tensegrity.engine.methods import METHODS
 from tensegrity.runs import fitted, tolerance
@@ -227,15 +225,13 @@ def test_a_rough_polynomial_keeps_its_own_energy():
     assert run.force.startswith("polynomial of degree 7 on [-0.15")
 
 
-@pytest.mark.parametrize("engine", [pytest.param(Compiled, marks=pytest.mark.needs_compiler),
-                                    Interpreted])  # fmt: skip
-def test_engines_take_polynomials(engine):
+def test_the_loop_takes_polynomials():
     spring = Polynomial(RIGID, -0.02, 0.02, 1e-10)
     chain = Chain([spring] * 70 + [Polynomial(SOFT, -0.1, 0.1, 1e-10)] * 60, 131)
     u, v = 0.009 * np.sin(np.arange(131.0) ** 2), np.zeros(131)
     f = np.concatenate([[0], chain.bond_tension(u), [0]])
     single = replace(METHODS["verlet"], kicks=(1.0, 0.0))
-    bind(u, v, chain.loop_bonds, single, 0.1, engine.of(chain.loop_bonds)).advance(1)
+    bind(u, v, chain.loop_bonds, single, 0.1).advance(1)
     np.testing.assert_allclose(v, 0.1 * np.diff(f), rtol=0, atol=1e-15)
 
 

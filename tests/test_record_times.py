@@ -63,7 +63,6 @@ def test_values_between_steps_have_the_order_and_the_accuracy_of_the_run(name, m
     assert np.all(between < 3 * ends)
 
 
-@pytest.mark.needs_compiler
 @pytest.mark.parametrize("exponent", [1.0, 1.5, 2.3])
 @pytest.mark.parametrize("tol", [1e-5, 1e-9])
 def test_values_between_steps_keep_a_tolerance_where_contacts_open(exponent, tol):

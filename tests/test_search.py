@@ -21,13 +21,11 @@ from tensegrity import (
     TensegrityError,
     simulate,
 )
-from tensegrity.engine.interpreted import Interpreted
-from tensegrity.engine.kernel import kernel
+from tensegrity.engine.compiled import single
 from tensegrity.runs.guard import Guard
 from tensegrity.springs import collection
 from tensegrity.springs.collection import ORDERS, Springs
 
-pytestmark = pytest.mark.needs_compiler
 R, K, W = sp.symbols("r k w")
 ENERGIES = (0.0, *10.0 ** np.arange(-300, 301, 30), *10.0 ** np.arange(-18.0, 4.0), math.inf)
 FINEST = 1e-8  # by which a range may be too wide
@@ -92,7 +90,7 @@ class OfTheSameValues(Springs):
             spring = self.different[number]
             points, found = np.ascontiguousarray(r[:, column]), np.empty(len(r))
             given = (ctypes.c_void_p(x.ctypes.data) for x in (spring.values, points, found))
-            kernel((spring.law,)).values(
+            single(spring.law).values(
                 *map(ctypes.c_longlong, (0, ORDERS.index(name), len(r))), *given
             )
             out[:, column] = found
@@ -244,7 +242,7 @@ def test_what_a_spring_has_of_its_own_is_not_passed_over():
 
 def test_without_a_compiler_numpy_searches(monkeypatch):
     wanted = Springs(GROUPS["user"]).reachable(1e-4)[0]
-    monkeypatch.setattr(collection, "kernel", Interpreted)
+    monkeypatch.setattr(collection, "single", lambda law: None)
     springs = Springs(GROUPS["user"])
     assert not springs._searches
     np.testing.assert_allclose(springs.reachable(1e-4)[0], wanted, rtol=1e-6)

@@ -15,8 +15,6 @@ PAGES = {
 }
 WITH_CODE = [name for name, blocks in PAGES.items() if blocks]
 
-pytestmark = pytest.mark.needs_compiler  # minutes without
-
 
 def test_each_job_has_a_page_with_code():
     jobs = {"curve", "wave", "impact", "beads", "protector", "structure", "gradients"}

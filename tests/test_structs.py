@@ -16,7 +16,6 @@ USED = sorted(set(re.findall(r'structure\("(.+?)", "(\w+)"\)', PYTHON)))
 DECLARED = re.compile(r"typedef struct \{[^{}]*\} \w+;")
 
 
-@pytest.mark.needs_compiler
 @pytest.mark.parametrize(("file", "name"), USED)
 def test_fields_are_where_the_compiler_has_them(file, name):
     made, kinds = structure(file, name), ("long long integer", "double real", "void law")

@@ -205,7 +205,6 @@ def test_natural_lengths_by_another_route_change_nothing(seed):
     assert squares(there) == pytest.approx(squares(own), abs=1e-13)
 
 
-@pytest.mark.needs_compiler
 @settings(max_examples=8, deadline=None)
 @given(SEEDS)
 def test_motion_is_the_same_in_any_frame(seed):
@@ -220,7 +219,6 @@ def test_motion_is_the_same_in_any_frame(seed):
     assert frame.vectors(ends[0]) == pytest.approx(ends[1] / frame.size, abs=1e-7)
 
 
-@pytest.mark.needs_compiler
 @settings(max_examples=20, deadline=None)
 @given(SEEDS)
 @example(1487)  # round-off above the natural length of a string that goes slack

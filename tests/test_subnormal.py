@@ -21,7 +21,6 @@ from tensegrity import (
 )
 
 pytestmark = [
-    pytest.mark.needs_compiler,
     pytest.mark.skipif(
         platform.machine() not in ("x86_64", "AMD64", "aarch64", "arm64"),
         reason="what the processor makes of such numbers is not set there",

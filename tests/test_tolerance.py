@@ -49,14 +49,12 @@ def errors(seed):
     return np.array(found)
 
 
-@pytest.mark.needs_compiler  # minutes without
 @pytest.mark.parametrize("seed", range(6))
 def test_tolerance_is_kept(seed):
     assert (errors(seed) < 1).all()
 
 
 @pytest.mark.slow
-@pytest.mark.needs_compiler
 def test_tolerance_is_kept_on_fifty_scenes():
     found = np.array([errors(seed) for seed in range(50)])
     print(f"largest error over tolerance: {found.max(axis=0)}, below it: {(found < 1).sum(axis=0)}")
@@ -69,7 +67,6 @@ def worst(found, exact):
     return max(np.max(np.abs(a - b)) / np.max(np.abs(b)) for a, b in zip(found, exact, strict=True))
 
 
-@pytest.mark.needs_compiler
 @pytest.mark.parametrize("tol", [1e-2, 1e-4, 1e-5, 1e-6])
 @pytest.mark.parametrize("gap", [0.31, 0.37, 1.0, 2.22])
 def test_a_bounce_with_an_exact_solution_keeps_its_tolerance(tol, gap):
@@ -82,7 +79,6 @@ def test_a_bounce_with_an_exact_solution_keeps_its_tolerance(tol, gap):
     assert error > 1e-4 * tol or run.steps < 100  # as few as there are may be better than that
 
 
-@pytest.mark.needs_compiler
 @pytest.mark.parametrize("tol", [1e-3, 1e-5])
 @pytest.mark.parametrize("meeting", [0.30, 0.77])
 def test_a_short_collision_in_a_long_flight_keeps_its_tolerance(tol, meeting):
@@ -162,7 +158,6 @@ def gap(found, exact, largest):
 
 
 @pytest.mark.slow
-@pytest.mark.needs_compiler
 @pytest.mark.needs_extended
 def test_no_row_is_above_its_tolerance_in_two_thousand_scenes_with_openings():
     """At the run's own steps and at 50 other instants; what no step reaches is refused."""
@@ -200,7 +195,6 @@ def test_no_row_is_above_its_tolerance_in_two_thousand_scenes_with_openings():
     assert refused < 20
 
 
-@pytest.mark.needs_compiler
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_tolerance_is_kept_on_random_scenes_of_every_kind(kind):
     tol = 1e-5
@@ -212,7 +206,6 @@ def test_a_tolerance_is_kept_on_random_scenes_of_every_kind(kind):
 
 
 @pytest.mark.slow
-@pytest.mark.needs_compiler
 def test_tolerances_are_kept_on_a_thousand_random_scenes():
     """And not wasted: where they are tight, most errors are not far below."""
     found, asked, unknown = [], [], []

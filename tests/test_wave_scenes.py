@@ -34,9 +34,6 @@ from tensegrity import (
 )
 from tensegrity.measure.budget import beyond
 
-pytestmark = pytest.mark.needs_compiler  # minutes without
-
-
 WAVES = [
     picture for name, picture in chosen(["waves"]).items()
     if name.startswith("wave_") and hasattr(picture, "table")

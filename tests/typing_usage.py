@@ -39,6 +39,7 @@ from granular.design import Best, Choice, Order, Sizes, peak_force, search
 from granular.lammps import run_lammps, to_lammps
 from tensegrity import (
     Chain,
+    CompilerError,
     ContactError,
     Damping,
     Drive,
@@ -380,6 +381,8 @@ def refused(spring: Potential) -> str:
     except (LockingError, StabilityError, ContactError) as error:
         return f"{error} after {error.run.steps} steps"
     except (RangeError, NoLocking, ResolutionError, EquilibriumError, RecordError) as error:
+        raise error from None
+    except CompilerError as error:
         known: TensegrityError = error
         raise known from None
     return ""

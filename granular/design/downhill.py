@@ -76,20 +76,17 @@ class Pass:
         self._table = np.zeros((count, len(law.parameters)))
         self._table[:, 0] = np.arange(1, count + 1)  # such that each bond has its own
         self._law, self._weights = law, np.zeros(count + 1)
-        self._bind()
+        bonds = self._bonds()
+        self._u, self._v = np.zeros((2, len(self._weights)))
+        self._loop = kernel.bind(self._u, self._v, bonds, self._method, self._dt)
+        self._layout = Layout(bonds, ((0,),))
+        self._back: dict[int, Any] = {}
 
     def _bonds(self) -> Bonds:
         numbers = np.arange(len(self._table))
         return Bonds(
             (self._law,), np.zeros_like(numbers), self._table.copy(), numbers, self._weights.copy()
         )
-
-    def _bind(self) -> None:
-        bonds = self._bonds()
-        self._u, self._v = np.zeros((2, len(self._weights)))
-        self._loop = kernel.bind(self._u, self._v, bonds, self._method, self._dt)
-        self._layout = Layout(bonds, ((0,),))
-        self._back: dict[int, Any] = {}
 
     def _backward(self, objectives: int) -> tuple[Any, Any]:
         """A pass backwards for so many objectives, and what it adds up."""
@@ -104,11 +101,8 @@ class Pass:
         all_ = self._space.designs(sizes[None]).behind(self._striker.bead)
         self._table[:, 0], self._weights[:-1] = all_.contacts(self._wall)[0], 1 / all_.mass[0]
         self._sizes, self._designs = sizes, all_
-        if self._layout.library is None:
-            self._bind()
-        else:
-            self._now = self._bonds()
-            self._loop.retune(self._now)
+        self._now = self._bonds()
+        self._loop.retune(self._now)
         self._u[:], self._v[:] = 0, 0
         self._v[0] = self._striker.speed
         at = np.arange(self._steps) + 1
@@ -132,8 +126,7 @@ class Pass:
             Derivatives of objectives by it.
         """
         back, totals = self._backward(len(by_force))
-        if self._layout.library is not None:
-            back.retune(self._now)
+        back.retune(self._now)
         stiff = objective.EXPONENT * np.divide(
             force, self._rows[:, 0], out=np.zeros_like(force), where=force > 0
         )

@@ -29,9 +29,8 @@ from granular.beads import Bead, Striker, beads_of
 from granular.design.designs import Designs
 from granular.materials import Material
 from tensegrity import PowerLaw, TensegrityError, check
-from tensegrity.engine import kernel
+from tensegrity.engine import kernel, native
 from tensegrity.engine.bonds import Bonds
-from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.march import Wanted
 from tensegrity.engine.methods import METHODS
 
@@ -101,6 +100,8 @@ def peak_force(
     ------
     TensegrityError
         What is no bead, striker or material; a wave that does not arrive before `t_end`.
+    CompilerError
+        No C compiler.
 
     Examples
     --------
@@ -116,6 +117,7 @@ def peak_force(
     check_blow(striker, wall)
     t_end = check.number("t_end", t_end, above=0, unit="s")
     dt = None if dt is None else check.number("dt", dt, above=0, unit="s")
+    native.require()
     forces = np.empty(len(chains))
     for steps, members in _alike(chains, striker, wall, t_end, dt):
         mine = [chains[k] for k in members]
@@ -192,7 +194,7 @@ def largest(designs: Designs, striker: Striker, wall: Material, t_end: float, st
         all_ = lanes.behind(striker.bead)
         contacts = np.ascontiguousarray(all_.contacts(wall).T)
         if width not in bound:
-            bound[width] = _moving(len(contacts), width, t_end / steps)
+            bound[width] = _Moving(len(contacts), width, t_end / steps)
         bound[width].start(contacts, 1 / all_.mass.T, striker.speed)
         found.append(Peaks(*(x[:left] for x in _peaks(bound[width], contacts[-1], steps))))
         done += width
@@ -257,15 +259,8 @@ class _Moving:
         self._weights[1:] = weights[::-1]
         self._u[:], self._v[:] = 0, 0
         self._v[-1] = -speed
-        self._ready()
-
-    def _bonds(self) -> Bonds:
-        kinds = np.zeros(self._springs.size, dtype=int)
-        return Bonds((self._law,), kinds, self._table.copy(), self._springs, self._weights)
-
-    def _ready(self) -> None:
-        """Bind the loops, or give them the new numbers."""
-        bonds, self._done = self._bonds(), 0
+        kinds, self._done = np.zeros(self._springs.size, dtype=int), 0
+        bonds = Bonds((self._law,), kinds, self._table.copy(), self._springs, self._weights)
         if not hasattr(self, "_loop"):
             self._loop = kernel.bind(self._u, self._v, bonds, METHOD, self.dt)
             self._kick = METHOD.kicks[-1] * self.dt  # nothing was left at the start
@@ -275,44 +270,14 @@ class _Moving:
         """Displacement and velocity of the last bead before and after each of the next steps."""
         u, v = np.empty((2, steps + 1, 3, self._weights.shape[1]))  # of wall and last two beads
         u[0], v[0] = self._u[:3], self._v[:3]
-        self._advance(steps, u[1:], v[1:])
+        at, end = self._done + np.arange(1, steps + 1), self._done + steps
+        self._loop.go(self._done, end, [Wanted(at, u[1:], v[1:], raw=True)])
+        self._done = end
         last, before = -u[:, 1], -u[:, 2]
         squeeze, pull = np.maximum(before - last, 0.0), np.maximum(last, 0.0)
         near, far = self._table[:, 0].reshape(self._springs.shape)[:2]
         push = far * squeeze * np.sqrt(squeeze) - near * pull * np.sqrt(pull)  # `EXPONENT`
         return last, self._kick * self._weights[1] * push - v[:, 1]
-
-    def _advance(self, steps: int, u: Array, v: Array) -> None:
-        """Keep the first rows after each of so many steps."""
-        end = self._done + steps
-        self._loop.go(self._done, end, [Wanted(np.arange(self._done, end) + 1, u, v, raw=True)])
-        self._done = end
-
-
-class _MovingInTurn(_Moving):
-    """The same without a compiler."""
-
-    def _ready(self) -> None:
-        self._kick, table = 0.0, self._table.reshape(*self._springs.shape, -1)
-        self._turns = []
-        for lane in range(self._springs.shape[1]):
-            uv = np.stack([self._u[:, lane], self._v[:, lane]])
-            kinds, springs = np.zeros(len(table), dtype=int), np.arange(len(table))
-            weights = np.ascontiguousarray(self._weights[:, lane])
-            bonds = Bonds((self._law,), kinds, table[:, lane].copy(), springs, weights)
-            self._turns.append((uv, kernel.bind(uv[0], uv[1], bonds, METHOD, self.dt)))
-
-    def _advance(self, steps: int, u: Array, v: Array) -> None:
-        for lane, (uv, loop) in enumerate(self._turns):
-            for k in range(steps):
-                loop.advance(1)
-                u[k, :, lane], v[k, :, lane] = uv[:, :3]
-            self._u[:, lane], self._v[:, lane] = uv
-
-
-def _moving(count: int, lanes: int, dt: float) -> _Moving:
-    compiled = isinstance(kernel.kernel((PowerLaw(1.0, EXPONENT).law,)), Compiled)
-    return (_Moving if compiled else _MovingInTurn)(count, lanes, dt)
 
 
 def _top(start: Array, stop: Array, rise: Array, fall: Array) -> tuple[Array, Array]:

@@ -26,6 +26,7 @@ from granular.design.packs import Build, wall_peak
 from granular.design.spaces import Choice, Order, Sizes, Space
 from granular.materials import Material
 from tensegrity import TensegrityError, check
+from tensegrity.engine import native
 from tensegrity.progress import progress
 from tensegrity.runs import archive
 from tensegrity.runs.sweep import Crew, Failed, keep, require_same
@@ -134,6 +135,8 @@ def search(
         Bad input, before any work; a wave that does not arrive before `t_end` in any design of
         the first batch; a design that cannot be built or whose force is no number; a checkpoint
         of another search.
+    CompilerError
+        No C compiler, before any work.
     """
     if not isinstance(space, (Order, Sizes, Choice)):
         raise TensegrityError(f"space {check.shown(space)} is not an Order, Sizes or a Choice")
@@ -153,6 +156,7 @@ def search(
     seed = check.whole("seed", seed, least=0)
     unit = float(space.all_kinds.behind(striker.bead).unit(wall, striker.speed)[0])
     dt = t_end / objective.step_count(unit, t_end, COARSE * objective.SHARE * unit)
+    native.require()
     problem = Problem(space, striker, wall, t_end, dt, build)
     with Crew(executor) as crew:
         kind = _Descending if apart else _Trail

@@ -16,7 +16,7 @@ from importlib.resources import files
 import numpy as np
 
 from tensegrity.engine.functions import PREFIX, Functions
-from tensegrity.engine.native import CompilerError
+from tensegrity.errors import CompilerError
 from tensegrity.once import once
 
 START_ITERATIONS = 50

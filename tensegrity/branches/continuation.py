@@ -35,8 +35,7 @@ from tensegrity.branches.events import leave_start, located
 from tensegrity.branches.following import MANY, SHORT, followed
 from tensegrity.branches.table import Event, Table
 from tensegrity.engine.kept import kept, maker
-from tensegrity.engine.native import CompilerError
-from tensegrity.errors import TensegrityError
+from tensegrity.errors import CompilerError, TensegrityError
 from tensegrity.once import once
 
 if TYPE_CHECKING:

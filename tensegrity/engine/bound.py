@@ -114,7 +114,7 @@ class Bound:
 
     def _set_openings(self, loop, bonds, method, places):
         """Prepare the steps of a corrected method; `places` are those of the loop's contacts."""
-        found, u = Openings(bonds, method, 1.0), self.u
+        found, u = Openings(bonds), self.u
         of_bonds = {name: getattr(found, name) for name in ("place", "side", "strength", "row")}
         if places is not None:
             real = places >= 0
@@ -140,7 +140,7 @@ class Bound:
             count=row.size,
             bonds=row.size // len(row),
             entries=u.size,
-            kicks=len(found.nodes),
+            kicks=len(method.rule[0]),
             degree=DEGREE,
             known=0,
             begins=0,

@@ -20,12 +20,9 @@ from tensegrity.engine import march
 from tensegrity.engine.bound_line import BoundLine
 from tensegrity.engine.bound_net import BoundNet
 from tensegrity.engine.compiled import Compiled
-from tensegrity.engine.driven_plain import BoundPlain
-from tensegrity.engine.kernel import warn_slow
 from tensegrity.engine.law import Change
-from tensegrity.engine.native import CompilerError
 from tensegrity.engine.structs import structure
-from tensegrity.engine.timed import ROWS, TURNING, Bound, Forcing, Locked
+from tensegrity.engine.timed import ROWS, TURNING, Forcing, Locked, Schedule
 from tensegrity.once import once
 
 if TYPE_CHECKING:
@@ -37,13 +34,27 @@ if TYPE_CHECKING:
 DRIVE = structure("driven.c", "drive")
 
 
-class BoundDriven(Bound):
-    """Advanced by compiled steps."""
+class BoundDriven:
+    """Arrays u and v, advanced in place, with what was done on them.
+
+    Attributes
+    ----------
+    sums : ndarray, (4,)
+        Work of drivers [J], without what their masses and forces store; loss in dashpots [J];
+        smallest and largest elongation met, where springs change [m].
+    """
 
     def __init__(
         self, loop: Any, forcing: Forcing, u: Array, v: Array, method: Splitting, dt: float
     ) -> None:
-        super().__init__(forcing, u, v, method, dt)
+        self._forcing, self.u, self.v = forcing, u, v
+        self.schedule = Schedule(forcing, method, dt)
+        self.sums = np.array([0.0, 0.0, np.inf, -np.inf])
+        self.shown_sums = self.sums.copy()
+        drifts, weights = self.schedule.drifts, 1 / np.where(forcing.mass, forcing.mass, 1.0)
+        rates = forcing.ground * weights * np.ones_like(drifts)[:, None]
+        glide = drifts[:, None] * np.ones_like(rates)
+        np.divide(-np.expm1(-drifts[:, None] * rates), rates, out=glide, where=rates != 0)
         kind = BoundNet if loop.dim else BoundLine
         self._bound, self._loop = kind(loop, u, v, forcing.bonds, method, dt), loop
         self.sizes, self.shown = self._bound.sizes, self._bound.shown
@@ -53,7 +64,7 @@ class BoundDriven(Bound):
         arrays = {name: np.zeros(size) for name, size in sizes.items()}
         arrays |= {name: getattr(forcing, name) for name in ("mass", "heavy", "ground", "bond")}
         arrays |= {name: getattr(forcing, name).astype(np.int64) for name in ("moved", "forced")}
-        arrays |= {"decay": self._decay, "glide": self._glide}
+        arrays |= {"decay": np.exp(-drifts[:, None] * forcing.ground * weights), "glide": glide}
         arrays |= {"sums": self.sums, "shown": self.shown_sums}
         arrays["given"] = np.zeros((moving + 1, degree))
         if forcing.damped == TURNING:
@@ -117,7 +128,8 @@ class BoundDriven(Bound):
         return found
 
     def forget_range(self) -> None:
-        super().forget_range()
+        """Start anew to record elongations; work and loss stay."""
+        self.sums[2:] = np.inf, -np.inf
         self._bound.forget_range()  # type: ignore[no-untyped-call]
 
     @property
@@ -158,22 +170,14 @@ class DrivenLoop(Compiled):
 
 
 @once
-def _loop(laws: Any, own: Any, dim: int) -> Any:
-    try:
-        return DrivenLoop(laws, own, dim)
-    except CompilerError as error:
-        from tensegrity.engine.interpreted import Interpreted
-
-        warn_slow(str(error))
-        return Interpreted(laws)
+def _loop(laws: Any, own: Any, dim: int) -> DrivenLoop:
+    return DrivenLoop(laws, own, dim)
 
 
-def bind(forcing: Forcing, u: Array, v: Array, method: Splitting, dt: float) -> Any:
+def bind(forcing: Forcing, u: Array, v: Array, method: Splitting, dt: float) -> BoundDriven:
     """Prepare rows `u` and `v` of a driven scene, which are advanced in place."""
     bonds = forcing.bonds
     laws, own = bonds.laws, bonds.own
     if forcing.tuning is not None:
         laws, own = (laws[0], Change(laws[0], forcing.tuning.moving)), (None, None)
-    loop = _loop(laws, own, bonds.dim)
-    kind = BoundDriven if isinstance(loop, DrivenLoop) else BoundPlain
-    return kind(loop, forcing, u, v, method, dt)
+    return BoundDriven(_loop(laws, own, bonds.dim), forcing, u, v, method, dt)

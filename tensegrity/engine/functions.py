@@ -8,7 +8,8 @@ from importlib.resources import files
 import numpy as np
 
 from tensegrity.engine.kept import kept
-from tensegrity.engine.native import CompilerError, library
+from tensegrity.engine.native import library
+from tensegrity.errors import CompilerError
 from tensegrity.once import once
 
 PREFIX = "tensegrity_"  # in C: where its address is taken, a name must not be one of libc too

@@ -70,13 +70,3 @@ def side_by_side(dim):
         for kind, function in functions(dim).items()
     ]  # fmt: skip
     return [f"#define KEPT {max(1, *(kept for kept, _ in found))}", *(text for _, text in found)]
-
-
-def scalars(dim, kind):
-    """The same in one CasADi function for each number: the elongation, then the gradient."""
-    import casadi as ca
-
-    function = functions(dim)[kind]
-    symbols = function.sx_in()
-    outputs = [x for form in function(*symbols) for x in ca.vertsplit(form)]
-    return [ca.Function("one", symbols, [x]) for x in outputs]

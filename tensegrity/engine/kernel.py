@@ -1,4 +1,4 @@
-"""The loop that advances a scene: compiled where there is a compiler, else on CasADi's machine.
+"""The compiled loop that advances a scene.
 
 What runs where:
 
@@ -22,27 +22,11 @@ time of one where their sites stand side by side; contacts of a network fill it 
 
 from __future__ import annotations
 
-import warnings
-
 from tensegrity.engine import pieces
 from tensegrity.engine.bound_line import BoundLine
 from tensegrity.engine.bound_net import BoundNet
 from tensegrity.engine.compiled import compiled
-from tensegrity.engine.interpreted import BoundInterpreted, Interpreted
 from tensegrity.engine.methods import Splitting
-from tensegrity.engine.native import CompilerError
-from tensegrity.errors import TensegrityError
-from tensegrity.once import once
-
-
-@once
-def kernel(laws, own=None, dim=0, lanes=1):
-    """The loop for a tuple of laws: compiled, or interpreted with one warning."""
-    try:
-        return compiled(laws, own or (None,) * len(laws), dim, lanes)
-    except CompilerError as error:
-        warn_slow(str(error))
-        return Interpreted(laws)
 
 
 def bind(u, v, bonds, method, dt, loop=None, divided=True):
@@ -56,37 +40,21 @@ def bind(u, v, bonds, method, dt, loop=None, divided=True):
     method : Method
     dt : float
         [s]
-    loop : Compiled or Interpreted, optional
-        By default that of `kernel`.
+    loop : Compiled, optional
+        By default that of the bonds.
     divided : bool, optional
         Whether a long chain or a large network may be advanced on several threads.
+
+    Raises
+    ------
+    CompilerError
     """
     lanes = 1 if bonds.dim or u.ndim == 1 else u.shape[1]
     if loop is None:
-        loop = kernel(bonds.laws, bonds.own, bonds.dim, lanes)
-    if isinstance(loop, Interpreted):
-        if not method.explicit:
-            raise TensegrityError(f"{method.name} needs a C compiler, of which there is none")
-        return BoundInterpreted(u, v, bonds, method, dt)
+        loop = compiled(bonds.laws, bonds.own, bonds.dim, lanes)
     large = len(bonds.group) > pieces.MANY if bonds.dim else u.size > pieces.LONG and lanes == 1
     count = pieces.threads() if divided and large and isinstance(method, Splitting) else 1
     if count > 1:
         kind = pieces.BoundParts if bonds.dim else pieces.BoundPieces
         return kind(loop, u, v, bonds, method, dt, count)
-    try:
-        return (BoundNet if bonds.dim else BoundLine)(loop, u, v, bonds, method, dt)
-    except CompilerError as error:  # of steps that are compiled when they are asked for
-        warn_slow(str(error))
-        return BoundInterpreted(u, v, bonds, method, dt)
-
-
-@once
-def warn_slow(reason):
-    """Say once that there is no compiler."""
-    warnings.warn(
-        "scenes run on CasADi's virtual machine, 10 to 30 times slower than compiled, because "
-        f"of the C compiler: {reason}. Install gcc or clang, or the Python package ziglang, or "
-        "set CC",
-        RuntimeWarning,
-        stacklevel=5,
-    )
+    return (BoundNet if bonds.dim else BoundLine)(loop, u, v, bonds, method, dt)

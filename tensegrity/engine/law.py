@@ -342,35 +342,33 @@ class Change:
         return ca.Function("both", [r, p], [tension(r, p[: p.numel() // 2]), change(r, p)])
 
 
-def interpret(function, inputs, kind, apply=None):
-    """The entries of an SX function's output, done in expressions of another kind.
+def interpret(function, inputs, apply):
+    """The entries of an SX function's output, done anew with other expressions.
 
     Parameters
     ----------
     function : casadi.Function
         Of one output, made of SX.
     inputs : sequence of sequences
-        For each input of the function its entries, as expressions of `kind`.
-    kind : type
-        casadi.SX or casadi.MX; an MX entry may be a vector, all operations being elementwise.
-    apply : callable (operation, *values) -> value, optional
-        What does each operation; by default `applied`.
+        For each input of the function its entries.
+    apply : callable (operation, *values) -> value
+        What does each operation, such as `applied`.
     """
     import casadi as ca
 
-    work, found, apply = {}, {}, apply or applied
+    work, found = {}, {}
     for k in range(function.n_instructions()):
         operation = function.instruction_id(k)
         source, target = function.instruction_input(k), function.instruction_output(k)
         if operation == ca.OP_CONST:
-            work[target[0]] = kind(function.instruction_constant(k))
+            work[target[0]] = ca.SX(function.instruction_constant(k))
         elif operation == ca.OP_INPUT:
             work[target[0]] = inputs[source[0]][source[1]]
         elif operation == ca.OP_OUTPUT:
             found[target[1]] = work[source[0]]
         else:
             work[target[0]] = apply(operation, *(work[i] for i in source))
-    return [found.get(k, kind(0)) for k in range(function.nnz_out(0))]
+    return [found.get(k, ca.SX(0)) for k in range(function.nnz_out(0))]
 
 
 def applied(operation, value, *other):
@@ -395,5 +393,5 @@ def _split_at_root(tension, r, h, p):
             return h
         return value
 
-    tail = interpret(tension, [[r], ca.vertsplit(p) if p.numel() else []], ca.SX, apply)[0]
+    tail = interpret(tension, [[r], ca.vertsplit(p) if p.numel() else []], apply)[0]
     return (roots[0] if roots else ca.SX(0)), tail

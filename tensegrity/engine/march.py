@@ -121,9 +121,7 @@ def _told(one: Wanted, sites: int, walls: int) -> Any:
         return _WANTED.of(**given, count=len(one.at), raw=1, entries=len(one.places), of_u=one.of_u)
     walls = 0 if one.impulse is None else walls
     size = one.u[:1].size
-    return _WANTED.of(
-        **given, count=len(one.at), raw=one.raw, size=size, behind=sites, walls=walls
-    )
+    return _WANTED.of(**given, count=len(one.at), raw=one.raw, size=size, behind=sites, walls=walls)
 
 
 def pointer(function: Any) -> Any:

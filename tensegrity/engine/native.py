@@ -22,6 +22,7 @@ from functools import cache
 from pathlib import Path
 
 from tensegrity.engine.kept import cache_folder, kept, size_limit, trim, use
+from tensegrity.errors import CompilerError
 
 # -fno-semantic-interposition: else CasADi's helpers, which have external linkage, stay calls.
 # -fno-math-errno -fno-trapping-math: else sqrt and comparisons keep the loops scalar.
@@ -47,10 +48,6 @@ LIBRARY, DIGEST, SOURCE = "kernel.so", "kernel.sha256", "kernel.c"
 hung = set()  # compilers that took longer than LIMIT: not asked again by this process
 
 
-class CompilerError(RuntimeError):
-    """The compiler refused the generated text, could not be run, or hung, or the disk is full."""
-
-
 def address(array):
     """Where an array's numbers are: `array.ctypes.data` in half the time."""
     try:
@@ -74,6 +71,24 @@ def compilers():
     if not found and _has_zig():
         found = ((sys.executable, "-m", "ziglang", "cc"),)
     return found
+
+
+@cache
+def require():
+    """Refuse to step in time where nothing can be compiled; once it can, it is not asked again.
+
+    Raises
+    ------
+    CompilerError
+    """
+    try:
+        library("int tensegrity_probe;")
+    except CompilerError as error:
+        reason = " ".join(str(error).split())
+        raise CompilerError(
+            f"time stepping needs a C compiler: {reason}; `pip install ziglang`, or install gcc or "
+            "clang, or set CC"
+        ) from None
 
 
 def described():

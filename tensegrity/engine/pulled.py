@@ -14,22 +14,18 @@ class Pulled:
     Parameters
     ----------
     layout : Layout
-    members : sequence of int, optional
-        Numbers of the bonds; by default all.
-    rows : sequence of int, optional
-        The rows that arrays have, in their order; by default all.
+    members : ndarray of int
+        Numbers of the bonds.
+    rows : sequence of int
+        The rows that arrays have, in their order.
     """
 
-    def __init__(self, layout, members=None, rows=None):
-        self._layout, bonds = layout, layout.bonds
-        count = len(bonds.group)
-        self.members = np.arange(count) if members is None else np.asarray(members, dtype=int)
-        self._first, self._second = (x[self.members] for x in layout.ends)
-        self._pair = layout.kind[self.members] == PAIR
-        if rows is not None:
-            place = np.full(layout.rows, -1)
-            place[np.asarray(rows, dtype=int)] = np.arange(len(rows))
-            self._first, self._second = place[self._first], place[self._second]
+    def __init__(self, layout, members, rows):
+        self._layout, self.members = layout, members
+        self._pair = layout.kind[members] == PAIR
+        place = np.full(layout.rows, -1)
+        place[rows] = np.arange(len(rows))
+        self._first, self._second = (place[x[members]] for x in layout.ends)
 
     def at(self, u):
         """Take displacements (..., rows[, dim]); the row of walls, if any, is 0."""

@@ -2,21 +2,18 @@
 
 A stage of a splitting can be undone from its result, so the derivatives of what was computed need
 no states kept: the adjoint of each stage is done where the stage is undone.  A method's rows are
-those of `methods.Splitting`; what runs is the C of `reverse_*.c`, or without a compiler the same
-in NumPy.
+those of `methods.Splitting`; what runs is the C of `reverse_*.c`.
 """
 
 from __future__ import annotations
 
 import ctypes
-from functools import cached_property
 
 import numpy as np
 
 from tensegrity.engine import march
 from tensegrity.engine.bonds import WALL, by_spring
 from tensegrity.engine.bound import integers, stages
-from tensegrity.engine.pulled import Pulled
 from tensegrity.engine.reverse_layout import PACK
 from tensegrity.engine.structs import structure
 
@@ -49,15 +46,11 @@ class Back:
     def __init__(self, layout, method, dt, totals, grid=(0.0, 0.0)):
         self.layout, self._totals = layout, totals
         steps = stages(method, dt)
-        self._kicks, self._drifts = steps["kicks"], steps["drifts"]
         b, dim, n, room = layout.bonds, layout.dim, len(layout.bonds.group), layout.room
         self.u, self.v = np.zeros((2, *layout.shape))
         self.ub, self.vb = np.zeros((2, totals.objectives, *layout.shape))
-        self._w, w = np.zeros(layout.shape), b.inverse_mass
-        self._w[: layout.sites] = w[:, None] if dim else w
-        if layout.library is None:
-            return
-        load = np.zeros(layout.shape)
+        w, load = np.zeros((2, *layout.shape))
+        w[: layout.sites] = b.inverse_mass[:, None] if dim else b.inverse_mass
         place = np.zeros((dim + 2, n))
         if dim:
             load[: layout.sites] = b.contacts.load
@@ -71,7 +64,7 @@ class Back:
         where["wall"] = wall[layout.first[:-1]]
         scratch = {"r": room, "f": room + 2, "k": room, "bent": room, "d": (layout.most, room)}
         scratch |= {"along": (dim, n), "pull": entries, "turn": entries}
-        state = {"u": self.u, "v": self.v, "w": self._w, "ub": self.ub, "vb": self.vb}
+        state = {"u": self.u, "v": self.v, "w": w, "ub": self.ub, "vb": self.vb}
         met = {"low": self._low, "high": self._high, "travel": self._travel}
         counts = {"runs": len(layout.run_law), "bonds": n, "entries": entries, "apart": room}
         self._structure = SCENE(
@@ -100,7 +93,7 @@ class Back:
 
         Derivatives and totals are 0 then.
         """
-        self._w[: self.layout.sites] = bonds.inverse_mass
+        self._structure.filled["w"][: self.layout.sites] = bonds.inverse_mass
         for name, values in self.layout.parameters(bonds).items():
             self._structure.filled[name][:] = values
         totals = self._totals
@@ -128,49 +121,12 @@ class Back:
             Whether the first of them has the closing kick of the step before in it; the last
             has not its own.
         """
-        if self.layout.library is not None:
-            given = None if seeds is None else seeds.address
-            self.layout.library.reverse(self.address, steps, opened, last, given)
-            return
-        kicks, drifts = self._kicks, self._drifts
-        for k in range(steps - 1, -1, -1):
-            for i in range(len(drifts) - 1, -1, -1):
-                merged = (k > 0 or opened) and i == 0
-                self._stage(kicks[i] + (kicks[-1] if merged else 0.0), drifts[i])
-            if seeds is not None:
-                self.sow(seeds, last - (steps - k))
+        given = None if seeds is None else seeds.address
+        self.layout.library.reverse(self.address, steps, opened, last, given)
 
     def sow(self, seeds, k):
         """Add what objectives have to do with the state after step number k."""
-        if self.layout.library is not None:
-            self.layout.library.sow(self.address, seeds.address, k)
-        elif seeds.begin <= k <= seeds.end:
-            row, of_u = seeds.rows[:, k - seeds.begin], seeds.of_u
-            for array, mine in ((self.ub, slice(of_u)), (self.vb, slice(of_u, None))):
-                array.reshape(len(row), -1)[:, seeds.places[mine]] += row[:, mine]
-
-    def _stage(self, a, b):
-        """As `reverse_stage` in C."""
-        pulled, totals, w = self.pulled, self._totals, self._w
-        self.u -= b * self.v
-        self.vb += b * self.ub
-        if a == 0:
-            return
-        pulled.at(self.u)
-        force = pulled.forces()
-        if self.layout.dim:
-            force[: self.layout.sites] += self.layout.bonds.contacts.load
-        self.v -= a * w * force
-        totals.whole_w += a * self.vb * force
-        ub, p, g = pulled.back(by_force=a * w * self.vb)
-        self.ub += ub
-        totals.p += p[..., self.layout.order].transpose(1, 0, 2)
-        totals.g += g[..., self.layout.order]
-
-    @cached_property
-    def pulled(self):
-        """The bonds in NumPy."""
-        return Pulled(self.layout)
+        self.layout.library.sow(self.address, seeds.address, k)
 
     # forwards, on a grid
 

@@ -123,7 +123,7 @@ class Layout:
 
     @cached_property
     def library(self):
-        """The compiled text, or None."""
+        """The compiled text."""
         b = self.bonds
         return reverse_text.compiled(b.laws, self.own, self.wanted, self.dim, self.exact)
 
@@ -161,16 +161,11 @@ class Layout:
             count = len(self.wanted[law])
             flat = np.ascontiguousarray(r[..., mine]).ravel()
             p = np.ascontiguousarray(self.bonds.parameters[group])
-            if self.library is not None:
-                room = flat.size + PACK
-                found, flat = np.empty((2 + count, room)), np.append(flat, np.zeros(PACK))
-                places = [x.ctypes.data for x in (p, flat, found[0], found[1])]
-                places.append(found.ctypes.data + 2 * found.strides[0])
-                self.library.evaluate(law, room - PACK, room, *places)
-                found = found[:, :-PACK]
-            else:
-                function = reverse_text.law_function(self.bonds.laws[law], self.wanted[law])
-                found = np.array(function(flat[None], p[: function.size1_in(1)]))
-            found = found.reshape(-1, *r.shape[:-1], len(mine))
+            room = flat.size + PACK
+            found, flat = np.empty((2 + count, room)), np.append(flat, np.zeros(PACK))
+            places = [x.ctypes.data for x in (p, flat, found[0], found[1])]
+            places.append(found.ctypes.data + 2 * found.strides[0])
+            self.library.evaluate(law, room - PACK, room, *places)
+            found = found[:, :-PACK].reshape(-1, *r.shape[:-1], len(mine))
             f[..., mine], k[..., mine], d[:count, ..., mine] = found[0], found[1], found[2:]
         return f, k, d

@@ -11,7 +11,7 @@ import ctypes
 from tensegrity.engine import geometry, lanes
 from tensegrity.engine.codegen import add, is_packed, joined, packs, run_text, scalar, take
 from tensegrity.engine.law import applied, functions, interpret
-from tensegrity.engine.native import CompilerError, library
+from tensegrity.engine.native import library
 from tensegrity.once import once
 
 
@@ -76,7 +76,7 @@ def _without_divisions(function, r, p):
             return values[0] * reciprocal(values[1])
         return reciprocal(*values) if operation == ca.OP_INV else applied(operation, *values)
 
-    values = ca.vertcat(*interpret(function, inputs, ca.SX, apply))
+    values = ca.vertcat(*interpret(function, inputs, apply))
     if chosen:
         return values, list(known.values())
     kept = []
@@ -207,8 +207,5 @@ class Library:
 
 @once
 def compiled(laws, own, wanted, dim, exact):
-    """The library; None where there is no compiler."""
-    try:
-        return Library(laws, own, wanted, dim, exact)
-    except CompilerError:
-        return None
+    """The library."""
+    return Library(laws, own, wanted, dim, exact)

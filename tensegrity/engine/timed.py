@@ -1,7 +1,7 @@
 """What time does to a scene, as loops take it: numbers of all kicks and drifts, from their times.
 
 Drives, dashpots and springs that change are prepared here, in arrays of each stage's instant; what
-advances by them is compiled (`driven`), or in NumPy (`driven_plain`).
+advances by them is compiled: see `driven`.
 """
 
 from __future__ import annotations
@@ -184,30 +184,3 @@ class Locked(Exception):  # no error of a user's: which stage it was
 
     def __init__(self, t: float, range: Array) -> None:
         self.t, self.range = t, range
-
-
-class Bound:
-    """Arrays u and v with what was done on them.
-
-    Attributes
-    ----------
-    sums : ndarray, (4,)
-        Work of drivers [J], without what their masses and forces store; loss in dashpots [J];
-        smallest and largest elongation met, where springs change [m].
-    """
-
-    def __init__(self, forcing: Forcing, u: Array, v: Array, method: Splitting, dt: float) -> None:
-        self._forcing, self.u, self.v = forcing, u, v
-        self.schedule = Schedule(forcing, method, dt)
-        self.sums = np.array([0.0, 0.0, np.inf, -np.inf])
-        self.shown_sums = self.sums.copy()
-        drifts, weights = self.schedule.drifts, 1 / np.where(forcing.mass, forcing.mass, 1.0)
-        self._decay = np.exp(-drifts[:, None] * forcing.ground * weights)
-        rates = forcing.ground * weights * np.ones_like(drifts)[:, None]
-        glide = drifts[:, None] * np.ones_like(rates)
-        np.divide(-np.expm1(-drifts[:, None] * rates), rates, out=glide, where=rates != 0)
-        self._glide = np.ascontiguousarray(glide)
-
-    def forget_range(self) -> None:
-        """Start anew to record elongations; work and loss stay."""
-        self.sums[2:] = np.inf, -np.inf

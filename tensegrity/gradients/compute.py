@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity import check
-from tensegrity.engine import methods, pieces
+from tensegrity.engine import methods, native, pieces
 from tensegrity.engine.methods import Splitting
 from tensegrity.engine.reverse_layout import Layout
 from tensegrity.engine.reverse_text import depends_on
@@ -118,6 +118,7 @@ def gradient(
     for one in objectives:
         if one.latest > t_end * (1 + 1e-12):
             raise TensegrityError(f"{one!r} needs {one.latest:g} s, the run ends at {t_end:g} s")
+    native.require()
     if isinstance(scene, Ensemble):
         found = _lanes(objectives, scene, state, (t_end, dt, splitting, wanted, exact, checkpoints))
     else:
@@ -195,8 +196,6 @@ def _one(
     stored = any(trace.kind == "energy" for trace in traces)
     names, numbers = _wanted(scene, wanted, stored)
     layout = Layout(scene.loop_bonds, numbers, exact)
-    if exact and layout.library is None:
-        raise TensegrityError("exact reversal needs a C compiler")
     view = View(scene, layout, traces)
     steps = _steps(t_end, dt)
     dt = t_end / steps if steps else dt

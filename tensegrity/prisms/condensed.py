@@ -15,8 +15,8 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.branches.continuation import Settings, trace
+from tensegrity.engine.compiled import evaluated
 from tensegrity.engine.functions import Functions
-from tensegrity.engine.kernel import kernel
 from tensegrity.engine.law import deflated, horner
 from tensegrity.errors import EquilibriumError, RangeError
 from tensegrity.once import once
@@ -370,7 +370,7 @@ class ElasticPotential(Potential):
             return np.empty(r.shape)
         flat = np.ascontiguousarray(r).reshape(-1)
         if order == 0 and self.reach[0] <= flat.min() and flat.max() <= self.reach[1]:
-            return kernel((self.law,)).evaluate(0, 0, self.values, flat).reshape(r.shape)
+            return evaluated(self.law, 0, self.values, flat).reshape(r.shape)
         return self._from_states(order, flat).reshape(r.shape)
 
     def _from_states(self, order, r):

@@ -6,7 +6,7 @@ import time
 from typing import TYPE_CHECKING
 
 from tensegrity import check
-from tensegrity.engine import methods
+from tensegrity.engine import methods, native
 from tensegrity.errors import TensegrityError
 from tensegrity.runs.observers import watching
 from tensegrity.runs.problem import Problem
@@ -78,6 +78,8 @@ def simulate(
     ------
     TensegrityError
         Bad input, before any work.
+    CompilerError
+        No C compiler, before any work.
     StabilityError
         `dt` is beyond the method's stability limit; during a run with `.run`, the part done.
     LockingError
@@ -100,6 +102,7 @@ def simulate(
     record = Record() if record is None else record
     check.kind("record", record, Record)
     record.check(scene.sites, t_end)
+    native.require()
     choice = "dt" if dt is not None else "default" if tol is None else "tol"
     outlook = Outlook(scene, state, energy)
     problem = known(

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tensegrity import check
-from tensegrity.engine import methods
+from tensegrity.engine import methods, native
 from tensegrity.errors import TensegrityError
 from tensegrity.runs import archive
 from tensegrity.runs.march import Start
@@ -49,7 +49,7 @@ def resume(path: str | os.PathLike[str], scene: Scene | None = None) -> Run:
     TensegrityError
         No state beside the rows; damaged files; a scene that is needed and not given, or is
         another one.
-    StabilityError, LockingError, ContactError, RecordError
+    CompilerError, StabilityError, LockingError, ContactError, RecordError
         As `simulate`.
     """
     started = time.perf_counter()
@@ -64,6 +64,7 @@ def resume(path: str | os.PathLike[str], scene: Scene | None = None) -> Run:
         scene, whole.state, whole.t_end, methods.find(whole.method),
         replace(whole.record, path=path), choice=whole.choice,
     )  # fmt: skip
+    native.require()
     run = resumed(problem, whole.steps, whole.allowed, start)
     return replace(run, wall_time=time.perf_counter() - started)
 

@@ -1,6 +1,7 @@
 """The same function of many cases, here or on the workers of any `concurrent.futures.Executor`.
 
-A case that raises is kept with its error and the rest goes on.  A worker that dies takes its case
+A case that raises is kept with its error and the rest goes on, except without a C compiler, which
+no case would have.  A worker that dies takes its case
 along: that case is repeated once, by itself where a pool of processes broke, and kept as failed
 if it is lost again.
 """
@@ -18,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tensegrity import check
-from tensegrity.errors import TensegrityError
+from tensegrity.errors import CompilerError, TensegrityError
 from tensegrity.progress import progress
 from tensegrity.runs import archive
 
@@ -84,6 +85,8 @@ def sweep(
     ------
     TensegrityError
         A function that cannot be called or sent; no executor; a checkpoint of other cases.
+    CompilerError
+        A case that steps in time found no C compiler.
 
     Examples
     --------
@@ -240,8 +243,11 @@ class Crew:
                 done = wait(running, return_when=FIRST_COMPLETED).done if running else set()
                 for future in done:
                     number = running.pop(future)
-                    if future.exception() is None:
+                    error = future.exception()
+                    if error is None:
                         yield number, _unwrapped(number, future.result())
+                    elif isinstance(error, CompilerError):
+                        raise error
                     else:  # not of the function, which is caught: of its worker
                         lost.append(number)
                 for number in lost:
@@ -289,6 +295,8 @@ def _attempt(function: Callable[[Any], Any], case: Any) -> tuple[bool, Any]:
     """Whether a case has a result, and it, or its error in words."""
     try:
         return True, function(case)
+    except CompilerError:
+        raise
     except Exception as error:
         return False, f"{type(error).__name__}: {error}"
 

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity import check
-from tensegrity.engine import methods
+from tensegrity.engine import methods, native
 from tensegrity.errors import ResolutionError, TensegrityError
 from tensegrity.prisms.condensed import ElasticPotential
 from tensegrity.runs.march import march
@@ -127,6 +127,8 @@ def simulate_tuned(
     TensegrityError
         Bad input, springs of another law or length, elastic prisms, polynomials, more than 1e8
         steps.
+    CompilerError
+        No C compiler.
     ResolutionError
         The springs change too abruptly.
     StabilityError
@@ -155,6 +157,7 @@ def simulate_tuned(
     record.steps(1)  # refuses what is for `simulate` only
     if not callable(spring_at):
         raise TensegrityError(f"spring_at {spring_at!r} is not a function of time")
+    native.require()
     springs = _Springs(chain, spring_at, t_end)
     problem = Problem(chain, state, t_end, method, record, tuning=springs)
     run = march(problem, count(problem, dt)).run()

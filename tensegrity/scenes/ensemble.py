@@ -2,8 +2,8 @@
 
 A processor works on several chains in the time of one where their sites stand side by side, so
 an ensemble of short chains takes less time than one chain after the other.  All share the step.
-Networks run in turn, and so do all lanes where there is no compiler, with an implicit method, or
-where the lanes' springs have different laws.
+Networks run in turn, and so do all lanes with an implicit method, or where the lanes' springs have
+different laws.
 """
 
 from __future__ import annotations

@@ -11,10 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity.engine.compiled import Compiled
+from tensegrity.engine.compiled import evaluated, single
 from tensegrity.engine.energies import Energies
-from tensegrity.engine.kernel import kernel
-from tensegrity.engine.native import CompilerError
 from tensegrity.engine.search import Search, Ways
 from tensegrity.errors import StabilityError, TensegrityError
 from tensegrity.readonly import fixed
@@ -210,16 +208,13 @@ class Springs:
         found = []
         for one, numbers, columns in zip(self._sets, self._alike, self._columns, strict=True):
             first = self.different[numbers[0]]
-            loop = kernel((first.law,))
-            if not (isinstance(loop, Compiled) and "energy" in first.law.compiled):
+            loop = single(first.law)
+            if loop is None or "energy" not in first.law.compiled:
                 return None
             rows = numbers[:1] if one.is_one else self.group[columns]
             values = first.values if one.is_one else one.values
             found.append((loop, values, self.reach[rows].T, columns))
-        try:
-            return Energies(mass, found, contacts)
-        except CompilerError:  # there was one when the laws were compiled
-            return None
+        return Energies(mass, found, contacts)
 
     def _each(self, name, r, numbers):
         """The same of different springs at points r (points, numbers)."""
@@ -321,7 +316,7 @@ class Springs:
         if not self.different or not np.array_equal(self.reach, self.domains):
             return {}
         laws, law, parameters = self.table
-        loops, kinds = [kernel((one,)) for one in laws], {type(one) for one in self.different}
+        loops, kinds = [single(one) for one in laws], {type(one) for one in self.different}
         names = [
             name
             for name in ORDERS
@@ -330,13 +325,9 @@ class Springs:
         ]
         if "stiffness" not in names and np.isinf(self.domains).any():
             names = [name for name in names if name != "energy"]  # sizes need both
-        if not (names and all(isinstance(loop, Compiled) for loop in loops)):
+        if not names or None in loops:
             return {}
-        try:
-            search = Search([loops[k] for k in law], parameters, self.domains)
-        except CompilerError:  # there was one when the laws were compiled
-            return {}
-        return dict.fromkeys(names, search)
+        return dict.fromkeys(names, Search([loops[k] for k in law], parameters, self.domains))
 
 
 class _Alike:
@@ -369,7 +360,7 @@ class _Alike:
             if np.isnan(r[worst]):
                 raise TensegrityError("elongation nan m is not a number")
             raise self._springs.different[self._group[worst[-1]]].beyond(float(r[worst]))
-        return kernel((self.law,)).evaluate(0, order, self.values, np.ascontiguousarray(r))
+        return evaluated(self.law, order, self.values, np.ascontiguousarray(r))
 
 
 def _sizes(lengths):

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity import check
-from tensegrity.engine.kernel import kernel
+from tensegrity.engine.compiled import evaluated
 from tensegrity.engine.law import DerivedLaw, Law, check_law
 from tensegrity.errors import LockingError, TensegrityError
 from tensegrity.readonly import fixed
@@ -268,8 +268,7 @@ class Potential:
             worst = float(r[~inside].flat[0]) if r.ndim else float(r)
             raise self.beyond(worst)
         flat = np.ascontiguousarray(r).reshape(-1)
-        out = kernel((self.law,)).evaluate(0, order, self.values, flat)
-        return out.reshape(r.shape)
+        return evaluated(self.law, order, self.values, flat).reshape(r.shape)
 
     @cached_property
     def openings(self) -> tuple[Corner, ...]:

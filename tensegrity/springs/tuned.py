@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from tensegrity.engine.compiled import Compiled
-from tensegrity.engine.kernel import kernel
+from tensegrity.engine.compiled import evaluated, single
 from tensegrity.errors import LockingError, ResolutionError, TensegrityError
 
 if TYPE_CHECKING:
@@ -115,10 +114,6 @@ class InTime:
         rows = np.abs(self.series.reshape(-1, self.series.shape[-1]))[:, :-2]
         return tuple(np.flatnonzero(rows[1:].max(axis=0, initial=0.0) > 0).tolist())
 
-    @property
-    def _alone(self) -> Any:
-        return kernel((self.law,))
-
     def numbers(self, t: Array) -> tuple[Array, Array]:
         """What a loop takes at instants t: parameters and behind them their rates, (t.size, 2
         parameters), and `domain`."""
@@ -126,20 +121,16 @@ class InTime:
 
     def energies(self, t: Array, r: Array) -> Array:
         """Energies at elongations r (t.size, bonds) [m], each row at an instant; of its shape."""
-        loop, r = self._alone, np.ascontiguousarray(r)
+        loop, r = single(self.law), np.ascontiguousarray(r)
         out, parameters = np.empty_like(r), np.ascontiguousarray(self.at(t))
-        if isinstance(loop, Compiled):
-            for p, row, found in zip(parameters, r, out, strict=True):
-                loop.energies[0](0, r.shape[-1], *(x.ctypes.data for x in (p, row, found)))
-            return out
         for p, row, found in zip(parameters, r, out, strict=True):
-            found[:] = loop.evaluate(0, 0, p, row)
+            loop.energies[0](0, r.shape[-1], *(x.ctypes.data for x in (p, row, found)))
         return out
 
     def evaluate(self, order: int, p: Array, r: Array) -> Array:
         """A derivative of the energy at elongations r (n,) with parameters p (parameters, n) of
         each: order 1 tension [N], 2 stiffness [N/m]."""
-        return self._alone.evaluate(0, order, p, r)
+        return evaluated(self.law, order, p, r)
 
     def beyond(self, t: float, r: float) -> LockingError:
         """The error for an elongation at or beyond an end of the domain at an instant."""
@@ -270,7 +261,7 @@ class Tuned(InTime):
 
     def _misfit(self, law: Any, series: Array, middle: Array, half: Array, moves: Any) -> float:
         """Largest error of the tension at arguments between the nodes, over the largest."""
-        worst, loop = 0.0, kernel((law,))
+        worst = 0.0
         for share in (-0.99, -0.437, 0.211, 0.683, 0.97):
             x = np.where(moves, share, 0.0)
             spring = self._spring(middle + half * x)
@@ -281,9 +272,7 @@ class Tuned(InTime):
             reach = [end if np.isfinite(end) else np.copysign(size, end) for end in spring.reach]
             r = np.concatenate([reach[0] * SHARES, reach[1] * SHARES])
             right = spring.tension(r)
-            wrong = np.abs(
-                loop.evaluate(0, 1, np.array(p), np.ascontiguousarray(r - shift)) - right
-            )
+            wrong = np.abs(evaluated(law, 1, p, np.ascontiguousarray(r - shift)) - right)
             worst = max(worst, float(np.max(wrong) / np.max(np.abs(right))))
         return worst if np.isfinite(worst) else np.inf
 
