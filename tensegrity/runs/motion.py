@@ -166,7 +166,6 @@ class Motion:
         self._list_anew()
         steps, bound = end - self.point.done, self._bound
         bound.forget_range()
-        self._reached = None
         if self._tracker is not None:
             wanted = [one.with_travel() for one in wanted]
         finite = self._go(end, wanted)
