@@ -152,10 +152,9 @@ def told(n, name, *numbers, opens=False):
     bonds = row(n, 2).loop_bonds
     engine, given, found = Told.of(bonds), np.array(numbers, dtype=float), np.empty(2)
     bound = bind(*np.zeros((2, 2)), bonds, METHOD, 0.1, engine)
-    (part,) = bound.parts()
     call, address = engine.library[name], ctypes.c_void_p
     call.argtypes, call.restype = [address, address, ctypes.c_longlong, address], None
-    call(part.call[1][1], given.ctypes.data, opens, found.ctypes.data)
+    call(bound.addresses[1], given.ctypes.data, opens, found.ctypes.data)
     return found
 
 
@@ -271,13 +270,11 @@ def test_order_is_the_exponent_and_three_not_and_one(where, n):
 def all_along(scene, state, t_end, steps):
     """u and v of the sites after each step, as they are looked at, and as they go on."""
     u, v = scene.arrays(state)
-    loop, copies = bind(u, v, scene.loop_bonds, METHOD, t_end / steps), (u.copy(), v.copy())
-    shown, found = loop.show(*copies), ([], [])
-    for _ in range(steps):
-        loop.advance(1)
-        copies[0][:], copies[1][:] = u, v
-        shown.advance(1)
-        for rows, pair in zip(found, (copies, (u, v)), strict=True):
+    loop, found = bind(u, v, scene.loop_bonds, METHOD, t_end / steps), ([], [])
+    for step in range(steps):
+        loop.advance_open(1, step > 0)
+        loop.show()
+        for rows, pair in zip(found, (loop.shown, (u, v)), strict=True):
             rows.append(np.stack([x[: scene.sites] for x in pair]))
     return [np.stack(rows) for rows in found]
 
@@ -462,9 +459,9 @@ def test_looking_at_a_run_changes_no_bit(parts):
         whole = moved(scene, state, 6.0, 100)
         u, v = scene.arrays(state)
         loop = bind(u, v, scene.loop_bonds, METHOD, 0.06)
-        for part in parts:
+        for k, part in enumerate(parts):
             loop.forget_range()
-            loop.advance(part)
+            loop.advance(part, opened=k > 0)
         assert np.array_equal(whole, np.stack([u[: scene.sites], v[: scene.sites]]))
 
 

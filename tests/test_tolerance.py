@@ -139,14 +139,13 @@ def in_extended_precision(scene, state, t_end, steps, at):
     loop = bind(
         u, v, bonds, method, np.longdouble(t_end) / steps, Compiled.of(bonds, extended=True)
     )
-    shown = u.copy(), v.copy()
-    show, done, rows = loop.show(*shown), 0, []
-    loop.begin()
+    done, rows = 0, []
     for k in at.tolist():
-        loop.advance(k - done)
-        done, shown[0][:], shown[1][:] = k, u, v
-        show.advance(k > 0)
-        rows.append([x[: scene.sites].astype(float) for x in shown])
+        loop.advance_open(k - done, done > 0)
+        if k:
+            loop.show()
+        done = k
+        rows.append([x[: scene.sites].astype(float) for x in (loop.shown if k else (u, v))])
     return np.moveaxis(rows, 1, 0)
 
 

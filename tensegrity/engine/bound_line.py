@@ -85,7 +85,7 @@ class BoundLine(Bound):
         runs.  What it was made of changes with it."""
         fields = self._loop.parameters(bonds, self._runs) | {"w": bonds.inverse_mass}
         for name, values in fields.items():
-            self._structure.filled[name][:] = values
+            self._scene.filled[name][:] = values
 
     def forget_range(self):
         """Start anew to record elongations."""

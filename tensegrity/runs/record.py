@@ -157,6 +157,19 @@ class Record:
                 raise TensegrityError(f"{name} of a record is for `simulate` only: give every")
         return self.plan(total, 0.0).step
 
+    def check_room(self, total: int, t_end: float, shape: tuple[int, ...]) -> None:
+        """Refuse rows in memory, of a run of at least `total` steps of a scene of that shape, for
+        which there is no room."""
+        if self.path is not None:
+            return
+        count: float = total // (self.every or max(1, -(-total // INSTANTS)))
+        if self.times is not None:
+            count = len(self.times)
+        elif self.interval is not None:
+            count = t_end / self.interval
+        sites = shape[0] if self.sites is None else len(self.sites)
+        need_memory(8 * count * (2 + 2 * sites * math.prod(shape[1:])))
+
     def plan(self, total: int, t_end: float) -> Plan:
         """The instants of a run of `total` steps to `t_end`."""
         if self.times is None and self.interval is None:

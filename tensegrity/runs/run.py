@@ -186,6 +186,8 @@ class Run:
                 check.number(name, getattr(self, name), least=0, finite=name == "dt")
         check.whole("steps", self.steps, least=0)
         check.truth("complete", self.complete)
+        if self.complete and self.stopped is not None:
+            raise TensegrityError(f"complete, but stopped: {check.shown(self.stopped)}")
         for name in ("method", "force", *["stopped"] * (self.stopped is not None)):
             check.kind(name, getattr(self, name), str)
         return self

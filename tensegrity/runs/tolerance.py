@@ -38,6 +38,7 @@ def to_tolerance(problem, tol):
     least = steps_at(problem, TRIAL, problem.outlook.first_frequency, fewest)
     instants = min(math.ceil(least / apart), max(FEWEST, MOST_KEPT // problem.state.u.size))
     fineness = math.ceil(least / instants)
+    problem.record.check_room(fineness * instants, problem.t_end, problem.scene.shape)
     first = Trial.of(trial_of(problem), fineness, instants)
     if first.complete and (length := rests(problem, first.samples[0])):
         return resting(problem, length, tol)

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from tensegrity.springs.potential import Potential
     from tensegrity.typing import Array, Indices
 
-PER_SITE = 160  # bytes that a run takes for each site, its rows apart
+PER_SITE = 176  # bytes that a run takes for each site, its rows apart
 SMALLEST_MASS = 1e-300  # kg: its inverse is still a number
 
 
