@@ -367,15 +367,16 @@ FAULTS = (
     ),
     Fault(
         "tensegrity/engine/steps.c",
-        "integer opened, integer close)\n{\n    FLUSH\n",
-        "integer opened, integer close)\n{\n",
+        "integer advance(const scene *c, const void *none, integer steps, integer opened)\n"
+        "{\n    FLUSH\n",
+        "integer advance(const scene *c, const void *none, integer steps, integer opened)\n{\n",
         "tests/test_kernel.py::test_numbers_below_the_smallest_normal_one_are_none_in_a_loop_and_some"
         "_outside",
     ),
     Fault(
-        "tensegrity/engine/walk.c",
-        "if (done == 0 && at > 0 && w->begins) *w->begins = 1;",
-        "",
+        "tensegrity/engine/openings.c",
+        "o->begins = !opened;",
+        "o->begins = 0;",
         "tests/test_openings.py::test_a_run_that_begins_just_beside_an_event_has_the_order"
         "[before an opening-1-0.05]",
     ),
@@ -555,18 +556,6 @@ FAULTS = (
         "(all < BLOCK ? all : BLOCK)",
         "(all < BLOCK ? all : 1)",
         "tests/test_one_engine.py::test_ranges_of_many_equal_bonds_are_those_of_all",
-    ),
-    Fault(
-        "tensegrity/engine/walk.c",
-        "range[1] = high > range[1] ? high : range[1];",
-        "range[1] = high;",
-        "tests/test_whole.py::test_a_run_at_once_has_the_bits_of_a_careful_one[unequal-verlet-None]",
-    ),
-    Fault(
-        "tensegrity/scenes/lanes.py",
-        "            one.judge(u[..., lane], t)",
-        "            pass",
-        "tests/test_ensemble.py::test_a_lane_whose_bead_comes_to_the_end_of_its_wall_is_told",
     ),
     Fault(
         "tensegrity/engine/line_law.c",
@@ -861,8 +850,8 @@ FAULTS = (
     ),
     Fault(
         "tensegrity/runs/tolerance.py",
-        "first.run.complete and (length := rests(problem, first.seen[0])):",
-        "False and (length := rests(problem, first.seen[0])):",
+        "first.complete and (length := rests(problem, first.samples[0])):",
+        "False and (length := rests(problem, first.samples[0])):",
         "tests/test_rest.py::test_a_scene_at_rest_stays_where_it_is",
     ),
     Fault(
@@ -890,34 +879,28 @@ FAULTS = (
         "tests/test_integrate.py::test_contacts_that_open_are_trusted_with_the_order_they_leave",
     ),
     Fault(
-        "tensegrity/runs/watch.py",
-        "        if not (sound and (",
-        "        if not (True and (",
-        "tests/test_integrate.py::test_a_stride_that_goes_wrong_is_done_again_with_care",
+        "tensegrity/runs/motion.py",
+        "if not (finite and self._allows(met, end)):",
+        "if not self._allows(met, end):",
+        "tests/test_march.py::test_a_run_that_overflows_is_told_as_in_short_attempts",
     ),
     Fault(
-        "tensegrity/runs/whole.py",
-        "guard.is_inside(met) and guard.allows(met)",
-        "True",
-        "tests/test_whole.py::test_what_is_too_stiff_for_the_step_is_told_as_with_care",
+        "tensegrity/runs/motion.py",
+        "return self._guard.is_inside(met) and self._guard.allows(met)",
+        "return self._guard.is_inside(met)",
+        "tests/test_march.py::test_what_is_too_stiff_for_the_step_is_told_as_in_short_attempts",
     ),
     Fault(
         "tensegrity/scenes/clearance.py",
         "kept | (room[1:] > 0)",
         "kept | (room[:-1] > 0)",
-        "tests/test_whole.py::test_what_touches_at_the_end_of_a_step_is_found_by_a_look_after_each",
+        "tests/test_march.py::test_what_touches_at_the_end_of_a_step_is_found_by_a_look_after_each",
     ),
     Fault(
         "tensegrity/scenes/clearance.py",
         "kept = ways < room[:-1]",
         "kept = ways < np.inf",
-        "tests/test_whole.py::test_contacts_that_are_not_listed_are_found_between_instants",
-    ),
-    Fault(
-        "tensegrity/runs/watch.py",
-        "self._loop = self._walk = None",
-        "self._loop = None",
-        "tests/test_following.py::test_a_followed_run_in_strides_has_the_bits_of_a_careful_one",
+        "tests/test_march.py::test_contacts_that_are_not_listed_are_found_between_instants",
     ),
     Fault(
         "tensegrity/scenes/following.py",
@@ -929,7 +912,7 @@ FAULTS = (
         "tensegrity/scenes/following.py",
         "np.asarray(self.skin / 2 - moved)",
         "np.asarray(np.inf - moved)",
-        "tests/test_following.py::test_a_run_in_one_call_that_passes_its_list_is_done_again",
+        "tests/test_following.py::test_an_attempt_that_passes_its_list_is_made_again",
     ),
     Fault(
         "tensegrity/scenes/following.py",
@@ -938,28 +921,16 @@ FAULTS = (
         "tests/test_following.py::test_lists_that_are_the_same_are_one_scene",
     ),
     Fault(
-        "tensegrity/engine/walk.c",
-        "none += 0 * x[i]",
-        "none += 0",
-        "tests/test_whole.py::test_a_run_that_overflows_is_told_as_with_care",
-    ),
-    Fault(
-        "tensegrity/engine/walk.c",
-        "MADE(2), p->ranges + 4 * p->springs, t)",
-        "MADE(2), p->ranges, t)",
-        "tests/test_whole.py::test_two_runs_in_one_call_are_those_of_two_calls[chain-rkn6]",
-    ),
-    Fault(
-        "tensegrity/engine/walk.c",
-        "compare(seen_v1, seen_v2, n, p->gaps + 2);",
-        "compare(seen_u1, seen_u2, n, p->gaps + 2);",
-        "tests/test_whole.py::test_two_runs_in_one_call_are_those_of_two_calls[chain-rkn6]",
+        "tensegrity/engine/march.c",
+        "none[i % 8] += 0 * x[i]",
+        "none[i % 8] += 0",
+        "tests/test_march.py::test_a_run_that_overflows_is_told_as_in_short_attempts",
     ),
     Fault(
         "tensegrity/engine/energies.c",
         "stored[set->members[i]] = part[i]",
         "stored[i] = part[i]",
-        "tests/test_whole.py::test_energies_are_those_of_the_springs_one_by_one",
+        "tests/test_march.py::test_energies_are_those_of_the_springs_one_by_one",
     ),
     Fault(
         "tensegrity/engine/energies.c",
@@ -974,10 +945,10 @@ FAULTS = (
         "tests/test_network_energies.py::test_energies_of_rows_are_those_summed_by_hand",
     ),
     Fault(
-        "tensegrity/engine/walk.c",
-        "copied(&w->close, &w->step, w->size)",
-        "&w->step",
-        "tests/test_record.py::test_a_file_holds_the_same_rows_as_memory",
+        "tensegrity/engine/march.c",
+        "return l->show && l->show(l->scene, l->method, u, v);",
+        "return 0;",
+        "tests/test_integrate.py::test_each_recorded_row_is_where_a_run_that_ends_there_ends",
     ),
     Fault(
         "tensegrity/prisms/fit.py",
@@ -1220,15 +1191,15 @@ FAULTS = (
         "tests/test_driven.py::test_dashpots_in_bonds_that_turn_agree_with_another_integrator",
     ),
     Fault(
-        "tensegrity/runs/motion.py",
-        "self._loop.sums[:] = self.point.sums",
-        "self._loop.sums[:] = 0.0",
+        "tensegrity/runs/forced.py",
+        "self._bound.sums[:] = self.point.sums",
+        "self._bound.sums[:] = 0.0",
         "tests/test_driven_runs.py::test_a_broken_run_goes_on_to_the_same_bits",
     ),
     Fault(
-        "tensegrity/runs/driven.py",
-        "sums = rows.sums[kept].reshape(len(kept), 2, -1).sum(axis=-1)",
-        "sums = rows.sums[kept].reshape(len(kept), 2, -1)[..., 0]",
+        "tensegrity/runs/recorder.py",
+        "sums[:, k].reshape(len(t), -1).sum(axis=1) for k",
+        "sums[:, k].reshape(len(t), -1)[:, 0] for k",
         "tests/test_driven_runs.py::test_rows_in_a_file_are_those_in_memory",
     ),
     # where waves start
