@@ -117,8 +117,8 @@ def events(scene, steps=20_000):
     loop = bind(u, v, space.loop_bonds, METHODS[METHOD], t_end / steps, divided=False)
     place = space.spring_table.openings[space.spring_table.group, 0]
     overlaps = []
-    for _ in range(steps):
-        loop.advance(1)
+    for step in range(steps):
+        loop.advance(1, opened=step > 0)
         overlaps.append(place - space.stretch(u[: space.sites]))
     far = np.abs(overlaps) > SEEN * np.max(overlaps)
     return sum(

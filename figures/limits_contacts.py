@@ -42,8 +42,8 @@ def events(exponent=HERTZ):
     u, v = chain.arrays(state)
     loop = chain.bind(u, v, METHODS[CORRECTED], DURATION / FINE)
     closed = []
-    for _ in range(FINE):
-        loop.advance(1)
+    for step in range(FINE):
+        loop.advance(1, opened=step > 0)
         closed.append(chain.elongation(u) < 0)
     return int(np.sum(np.diff(closed, axis=0)))
 

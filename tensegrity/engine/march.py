@@ -25,7 +25,6 @@ STEPS = ctypes.CFUNCTYPE(_NUMBER, _ADDRESS, _ADDRESS, _NUMBER, _NUMBER)  # as `a
 
 LOOP = structure("march.c", "loop")  # a bound loop
 _WANTED = structure("march.c", "wanted")
-_ARRAYS = "at", "places", "u", "v", "impulse", "sums", "travel"
 
 
 class Wanted(NamedTuple):
@@ -115,13 +114,19 @@ def go(loop: Any, done: int, end: int, wanted: Sequence[Wanted], sites: int, wal
 
 def _told(one: Wanted, sites: int, walls: int) -> Any:
     """As `march.c` takes it."""
-    arrays: Any = {name: getattr(one, name) for name in _ARRAYS}
-    given = {name: address(x) for name, x in arrays.items() if x is not None}
-    if one.places is not None:
-        return _WANTED.of(**given, count=len(one.at), raw=1, entries=len(one.places), of_u=one.of_u)
-    walls = 0 if one.impulse is None else walls
-    size = one.u[:1].size
-    return _WANTED.of(**given, count=len(one.at), raw=one.raw, size=size, behind=sites, walls=walls)
+    at, u, v, impulse, sums, travel, raw, places, of_u = one
+    told = _WANTED.of(at=address(at), u=address(u), count=len(at), raw=raw, size=u[:1].size)
+    if places is not None:
+        told.places, told.entries, told.of_u, told.raw = address(places), len(places), of_u, 1
+        return told
+    told.v, told.behind = address(v), sites
+    if impulse is not None:
+        told.impulse, told.walls = address(impulse), walls
+    if sums is not None:
+        told.sums = address(sums)
+    if travel is not None:
+        told.travel = address(travel)
+    return told
 
 
 def pointer(function: Any) -> Any:
