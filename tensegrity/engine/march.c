@@ -72,6 +72,7 @@ static int is_finite(const double *x, integer n)
    first `sites` numbers are not finite. */
 integer go(const loop *l, integer done, integer end, wanted *each, integer count, integer sites)
 {
+    FLUSH
     for (integer k = 0; k < count; k++)
         while (done == 0 && each[k].count && *each[k].at == 0) take(l, each + k, 1);
     while (done < end) {

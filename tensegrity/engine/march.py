@@ -83,7 +83,7 @@ class Wanted(NamedTuple):
 
 @once
 def _compiled() -> Any:
-    found = library(joined(["march.c"])).go
+    found = library(joined(["subnormal.c", "march.c"])).go
     found.argtypes = [_ADDRESS, _NUMBER, _NUMBER, _ADDRESS, _NUMBER, _NUMBER]
     found.restype = _NUMBER
     return found

@@ -8,10 +8,13 @@ typedef unsigned rounding;
 static inline rounding flushed(void)
 {
     const rounding was = _mm_getcsr();
-    _mm_setcsr(was | 0x8040); /* results, and what is read */
+    if ((was & 0x8040) != 0x8040) _mm_setcsr(was | 0x8040); /* results, and what is read */
     return was;
 }
-static inline void restored(const rounding *was) { _mm_setcsr(*was); }
+static inline void restored(const rounding *was)
+{
+    if ((*was & 0x8040) != 0x8040) _mm_setcsr(*was); /* which takes longer than to look */
+}
 #elif defined(__GNUC__) && defined(__aarch64__)
 typedef unsigned long rounding;
 static inline rounding flushed(void)
