@@ -880,8 +880,8 @@ FAULTS = (
     ),
     Fault(
         "tensegrity/runs/motion.py",
-        "if not (finite and self._allows(met, end)):",
-        "if not self._allows(met, end):",
+        "if not (finite and self._allows(self._range_met, end)):",
+        "if not self._allows(self._range_met, end):",
         "tests/test_march.py::test_a_run_that_overflows_is_told_as_in_short_attempts",
     ),
     Fault(

@@ -193,8 +193,8 @@ def both(monkeypatch, call):
 def test_a_followed_run_has_the_bits_of_one_in_short_attempts(monkeypatch, method, record):
     """Lists are made anew between attempts."""
     scene = followed(rack(0.3), box(WIDTH, HEIGHT))
-    state, lists, prepare = scene.at_rest({15: (5.0, 0.0)}), [], Motion._prepare
-    monkeypatch.setattr(Motion, "_prepare", lambda m, s: lists.append(s) or prepare(m, s))
+    state, lists, prepare = scene.at_rest({15: (5.0, 0.0)}), [], Motion._prepared
+    monkeypatch.setattr(Motion, "_prepared", lambda m, s: lists.append(s) or prepare(m, s))
     given = {"dt": 1e-6, "method": method, "record": record}
     one, other = both(monkeypatch, lambda: simulate(scene, state, 4e-3, **given))
     assert len(lists) > 4

@@ -10,6 +10,7 @@ import sympy as sp
 from complex_steps import derivative, line, run, tension_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_scenes import KINDS
 
 from tensegrity import Chain, Ensemble, Potential, PowerLaw, Prism, State, gradient, simulate
 from tensegrity import objective as o
@@ -366,3 +367,12 @@ def test_a_run_of_no_time_has_the_gradient_of_its_start():
     assert np.array_equal(found[0].v, np.eye(5)[0])
     k = float(chain.springs[1].stiffness(0.0))
     assert np.allclose(found[1].u[:4], k * np.array([0, 1, -1, 0]), rtol=1e-12)
+
+
+def test_the_way_back_of_a_guide_is_exact_too():
+    """Sites of a radius, whose contacts are watched on a grid as well."""
+    scene, state, t_end = KINDS["guide"](np.random.default_rng(3))
+    found = gradient(o.displacement(1), scene, state, t_end, t_end / 200, exact=True)
+    plain = gradient(o.displacement(1), scene, state, t_end, t_end / 200)
+    assert found.reversal == 0
+    np.testing.assert_allclose(found.u, plain.u, rtol=1e-9, atol=1e-9 * np.abs(plain.u).max())

@@ -1,5 +1,8 @@
 """Functions of a user that watch a run: when they are called, and how they end it."""
 
+import os
+import tracemalloc
+
 import numpy as np
 import pytest
 import sympy as sp
@@ -13,6 +16,7 @@ from tensegrity import (
     Network,
     PowerLaw,
     Record,
+    RecordError,
     Run,
     TensegrityError,
     simulate,
@@ -110,12 +114,14 @@ def test_all_are_called_in_the_order_of_time_with_arrays_that_cannot_be_written(
             assert not u.flags.writeable
             assert not v.flags.writeable
             calls.append((t, name))
+            return t > 3.0 and name == 1
 
         return called
 
     observe = [(note(0), Record(interval=0.31)), (note(1), Record(every=3)), note(2)]
     simulate(scene, state, 4.0, observe=observe, **HOW)
     assert calls == sorted(calls)
+    assert [name for t, name in calls if t == calls[-1][0]] == [1, 2]  # all of the last instant
     assert len(calls) == len(set(calls))
     assert {name for _, name in calls} == {0, 1, 2}
 
@@ -162,7 +168,9 @@ def test_an_exception_ends_the_run_as_ctrl_c_does(tmp_path):
         if t > 1.0:
             raise KeyboardInterrupt
 
-    with pytest.warns(RuntimeWarning, match="fails raised ZeroDivisionError at t = 1.2 s: by hand"):
+    with pytest.warns(
+        RuntimeWarning, match=r"fails raised ZeroDivisionError\('by hand'\) at t = 1.2 s"
+    ):
         run = simulate(scene, state, 4.0, record=Record(every=2), observe=fails, **HOW)
     assert not run.complete
     assert "ZeroDivisionError" in run.stopped
@@ -213,3 +221,35 @@ def test_what_is_no_observer_is_refused_before_any_work(observe, words):
     scene, state = chain()
     with pytest.raises(TensegrityError, match=words):
         simulate(scene, state, 4.0, observe=observe, **HOW)
+
+
+def test_instants_within_one_step_share_its_state():
+    """Ten thousand of them in fifty steps take no room of ten thousand states."""
+    scene = prism_chain(1000)
+    state, seen = scene.at_rest({0: 0.01}), []
+    tracemalloc.start()
+    observe = (lambda t, u, v: seen.append(t), Record(interval=0.0005))
+    simulate(scene, state, 5.0, record=Record(sites=[0]), observe=observe, **HOW)
+    taken = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert len(seen) == 10_001
+    assert taken < 30e6
+
+
+def test_a_stop_and_a_disk_that_is_full_leave_the_last_row_as_the_end(tmp_path, monkeypatch):
+    scene, state = chain()
+    write, calls = os.pwrite, []
+
+    def full(*given):
+        calls.append(given)
+        if len(calls) > 12:
+            raise OSError(28, "No space left on device")
+        return write(*given)
+
+    monkeypatch.setattr("tensegrity.runs.rows.os.pwrite", full)
+    record = Record(every=2, path=tmp_path / "rows.npy")
+    with pytest.raises(RecordError) as caught:
+        simulate(scene, state, 4.0, record=record, observe=Seen(3.0), **HOW)
+    run = caught.value.run
+    assert run.t[-1] == pytest.approx(run.steps * run.dt)
+    assert np.array_equal(run.u[-1], run.final.u)

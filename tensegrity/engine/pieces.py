@@ -12,9 +12,10 @@ from __future__ import annotations
 import os
 import warnings
 from concurrent.futures import ThreadPoolExecutor, wait
+from contextlib import suppress
 from dataclasses import replace
 from functools import cache
-from threading import Event, Lock
+from threading import Event, Lock, Thread
 
 import numpy as np
 
@@ -85,7 +86,8 @@ if hasattr(os, "register_at_fork"):
 class Threaded:
     """A scene advanced in place on several threads; as `Bound`, which `_whole` is of all of it.
 
-    What `march.c` calls to advance is a function of Python, which hands out the work.
+    What `march.c` calls to advance is a function of Python, which hands out the work.  It is called
+    on a thread of its own: Ctrl-C, which comes to the main one, must not end it half done.
     """
 
     def __init__(self, whole, count) -> None:
@@ -112,11 +114,21 @@ class Threaded:
 
     def go(self, done, end, wanted=()):
         """As `Bound.go`."""
-        stopped = march.go(self._loop, done, end, wanted, *self.sizes)
+        found = []
+        worker = Thread(
+            target=lambda: found.append(march.go(self._loop, done, end, wanted, *self.sizes))
+        )
+        worker.start()
+        try:
+            worker.join()
+        finally:
+            while worker.is_alive():
+                with suppress(KeyboardInterrupt):
+                    worker.join()
         failure, self._failure = self._failure, None
         if failure is not None:
             raise failure
-        return stopped
+        return found[0]
 
     def advance(self, steps):
         """Advance u and v by whole steps."""

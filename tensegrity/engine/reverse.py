@@ -181,7 +181,7 @@ class OnGrid:
             shown_u=self._shown[0],
             shown_v=self._shown[1],
             sums=None,
-            travel=None,
+            travel=back._travel,
             size=back.u.size,
             sum_count=0,
         )

@@ -49,9 +49,10 @@ class BatchMotion:
             )  # fmt: skip
             begins = start and Point(
                 start.done, part.of(start.u), part.of(start.v), tuple(map(part.of, start.shown)),
-                start.met, None if start.sums is None else part.of(start.sums),
+                start.met[moved.places], None if start.sums is None else part.of(start.sums),
             )  # fmt: skip
             self._parts.append(self._said(number, kind, mine, dt, allowed, begins))
+        self._points = [motion.point for motion in self._parts]
 
     def _said(self, number: int, do: Any, *given: Any) -> Any:
         """What a function gives; an error of it tells the lane."""
@@ -74,7 +75,7 @@ class BatchMotion:
     @property
     def point(self) -> Point:
         """What all lanes reached, in one."""
-        points, met = [motion.point for motion in self._parts], np.zeros((self._springs, 2))
+        points, met = self._points, np.zeros((self._springs, 2))
         for places, point in zip(self._places, points, strict=True):
             np.minimum.at(met[:, 0], places, point.met[:, 0])
             np.maximum.at(met[:, 1], places, point.met[:, 1])
@@ -86,7 +87,7 @@ class BatchMotion:
     @property
     def done(self) -> int:
         """Steps."""
-        return self._parts[0].done
+        return self._points[0].done
 
     @property
     def most(self) -> int:
@@ -110,11 +111,13 @@ class BatchMotion:
 
     def restore(self) -> None:
         """Go back to what was reached."""
-        for motion in self._parts:
+        for motion, point in zip(self._parts, self._points, strict=True):
+            motion.point = point
             motion.restore()
 
     def accept(self) -> None:
         """Go on from what the last attempt reached."""
+        self._points = [motion.reached for motion in self._parts]
         for motion in self._parts:
             motion.accept()
 

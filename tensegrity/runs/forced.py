@@ -84,7 +84,8 @@ class ForcedMotion(Motion):
 
     def restore(self) -> None:
         super().restore()
-        self._bound.sums[:] = self.point.sums
+        if self._bound is not None:
+            self._bound.sums[:] = self.point.sums
 
     # attempts
 

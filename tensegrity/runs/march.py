@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import time
+import warnings
 from contextlib import nullcontext
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -50,6 +51,7 @@ class Stop(NamedTuple):
     step: int
     state: tuple[Any, ...]
     words: str | None
+    failed: bool = False  # by an exception
 
 
 class Marched:
@@ -58,7 +60,7 @@ class Marched:
     Attributes
     ----------
     problem : Problem
-    samples : (ndarray, ndarray), (instants + 1, *shape) each
+    samples : ndarray, (2, instants + 1, *shape)
         u and v at evenly spaced instants.
     complete : bool
     stop : Stop or None
@@ -71,7 +73,7 @@ class Marched:
         self.stop: Stop | None = None
 
     @property
-    def samples(self) -> tuple[Array, Array]:
+    def samples(self) -> Array:
         return self._samples.rows
 
     @property
@@ -106,8 +108,11 @@ class Marched:
             self.recorder = Recorder(self.problem, self.motion, self.steps)
             self.end()
         if self.stop is not None:
-            step, state, words = self.stop[1:]
-            return self.recorder.run(step, [x.copy() for x in state[:2]], False, words)
+            _, step, state, words, failed = self.stop
+            run = self.recorder.run(step, [x.copy() for x in state[:2]], False, words)
+            if failed:
+                warnings.warn(str(words), RuntimeWarning, stacklevel=2)
+            return run
         return self.recorder.run(self.steps, self._state()[:2], self.complete)
 
     def _state(self) -> tuple[Any, ...]:
@@ -159,6 +164,8 @@ def march(
     """
     dt = problem.t_end / steps if steps else 0.0
     motion = motion_of(problem, dt, allowed, start and start.point)
+    if start is None and steps and problem.choice == "dt" and problem.record.path is not None:
+        motion.refuse_start()  # before there is a file
     recorder = Recorder(problem, motion, steps, start and start.count) if problem.rows else None
     samples = Samples(problem.scene.shape, steps, instants)
     users = [Watched(*pair, problem, motion, steps) for pair in problem.observe]
@@ -169,6 +176,8 @@ def march(
         motion.release()
         return reached
     except KeyboardInterrupt:
+        if reached.complete and problem.choice == "dt":
+            return reached  # all is done
         reached.complete = False
     except (*WRONG, RecordError) as error:
         failure = error
@@ -230,15 +239,15 @@ def _serve(reached: Marched, users: Any, others: Any) -> None:
     motion, recorder = reached.motion, reached.recorder
     for one in others:
         one.take(motion)
-    while users and reached.stop is None:
+    while users:
         due = [(one.time(one.count), k) for k, one in enumerate(users) if one.due(motion)]
-        if not due:
+        t, number = min(due, default=(math.inf, 0))
+        if t == math.inf or (reached.stop is not None and t > reached.stop.t):
             break
-        t, number = min(due)
         user, k = users[number], users[number].count
         words = user.ends(motion, k)
-        if words:
-            reached.stop = Stop(t, user.step(k), user.last, words)
+        if words and reached.stop is None:
+            reached.stop = Stop(t, user.step(k), user.last, words, user.failed)
     if recorder is not None:
         recorder.take(motion, math.inf if reached.stop is None else reached.stop.t)
         if reached.stop is not None:
@@ -248,19 +257,18 @@ def _serve(reached: Marched, users: Any, others: Any) -> None:
 def _break_off(reached: Marched, failure: Any) -> Any:
     """Keep what a march that did not end well has reached; what it failed by."""
     motion, recorder = reached.motion, reached.recorder
-    if reached.stop is not None:
-        return failure
-    motion.restore()
     try:
         if isinstance(failure, RecordError):
             raise failure
-        try:
+        motion.restore()
+        if reached.stop is None:
             _catch_up(motion, recorder)
-        except WRONG:  # what is due is what failed
-            reached.back(recorder.last())
-            return failure
-        recorder.keep_state(motion)
+            recorder.keep_state(motion)
+        else:
+            recorder.take(motion, reached.stop.t)
         reached.end()
+    except WRONG:  # what is due is what failed
+        reached.back(recorder.last())
     except RecordError as error:
         reached.back(recorder.last())
         return error

@@ -73,6 +73,8 @@ class Motion:
     ----------
     point : Point
         What was reached.
+    reached : Point
+        By the last attempt, to be accepted.
     """
 
     _at_once = MOST_STEPS
@@ -84,7 +86,8 @@ class Motion:
         self._unseen = 0  # steps since contacts were looked for
         self._sites = problem.scene.sites
         u = problem.state.u if start is None else start.shown[0][: self._sites]
-        self._prepare(problem.moved.listed(u))
+        self._listed, self._guard, self._bound = self._prepared(problem.moved.listed(u))
+        self._short: Any = None
         self.point = self._beginning()
         if start is not None:
             known = start.met.shape == self.point.met.shape
@@ -97,12 +100,10 @@ class Motion:
         )
         self.restore()
 
-    def _prepare(self, scene: Any) -> None:
-        """Take the contacts that a scene lists, with no range of theirs known to be allowed."""
-        self._listed = scene
-        self._short: Any = None
-        self._guard = Guard(self.problem, scene, self.dt, self.allowed)
-        self._bound = self._bind(scene)
+    def _prepared(self, scene: Any) -> tuple[Any, Guard, Any]:
+        """The contacts that a scene lists, with no range of theirs known to be allowed, and a loop
+        of them."""
+        return scene, Guard(self.problem, scene, self.dt, self.allowed), self._bind(scene)
 
     def _bind(self, scene: Any) -> Any:
         """A loop of the scene: one that was prepared before, if there is one that nobody uses."""
@@ -120,10 +121,11 @@ class Motion:
 
     def release(self) -> None:
         """Leave the loop to the next run."""
+        bound, self._bound = self._bound, None
         spare = self._listed.remembered.plans.setdefault(self.problem.method, [])
         small = math.prod(self._listed.shape) <= LARGEST
-        if self.problem.bind is None and small and len(spare) < SPARE:
-            spare.append(self._bound)
+        if bound is not None and self.problem.bind is None and small and len(spare) < SPARE:
+            spare.append(bound)
 
     def _beginning(self) -> Point:
         u, v = self._listed.arrays(self.problem.state)
@@ -131,7 +133,8 @@ class Motion:
 
     def restore(self) -> None:
         """Go back to what was reached."""
-        self._bound.u[...], self._bound.v[...] = self.point.u, self.point.v
+        if self._bound is not None:
+            self._bound.u[...], self._bound.v[...] = self.point.u, self.point.v
 
     def refuse_start(self) -> None:
         """Refuse a step that is not stable as the run begins."""
@@ -160,7 +163,7 @@ class Motion:
             Something unlisted touches in a single step.
         """
         if end == self.point.done:
-            self._reached = self.point
+            self.reached = self.point
             self._go(end, wanted)
             return True
         self._list_anew()
@@ -169,18 +172,19 @@ class Motion:
         if self._tracker is not None:
             wanted = [one.with_travel() for one in wanted]
         finite = self._go(end, wanted)
-        self._range_met = met = self._range(finite)
-        if not (finite and self._allows(met, end)):
+        met = bound.range
+        self._range_met = self._range(met, finite)
+        if not (finite and self._allows(self._range_met, end)):
             return False
         if self._tracker is not None and not self._is_clear(steps, end, wanted):
             return False
-        self._reached = self._point(end, widened(self.point.met, met))
+        self.reached = self._point(end, widened(self.point.met, met))
         return True
 
     def accept(self) -> None:
         """Go on from what the last attempt reached."""
-        self._unseen = self._reached.done - self.point.done
-        self.point = self._reached
+        self._unseen = self.reached.done - self.point.done
+        self.point = self.reached
 
     @property
     def most(self) -> int:
@@ -206,14 +210,11 @@ class Motion:
         bound = self._bound
         return Point(end, bound.u.copy(), bound.v.copy(), tuple(x.copy() for x in bound.shown), met)
 
-    def _range(self, finite: bool) -> Array:
-        """Elongations met; a method that evaluates forces elsewhere ends at others."""
-        met, method = self._bound.range, self.problem.method
-        u = self._bound.shown[0][: self._sites]
-        if isinstance(method, (Splitting, Corrected)) or not finite:
+    def _range(self, met: Array, finite: bool) -> Array:
+        """Elongations to be allowed: a method that evaluates forces elsewhere ends at others."""
+        if not finite or isinstance(self.problem.method, (Splitting, Corrected)):
             return met
-        here = self._listed.present_ranges(u)
-        return widened(met, here)
+        return widened(met, self._listed.present_ranges(self._bound.shown[0][: self._sites]))
 
     def _allows(self, met: Array, end: int) -> bool:
         return self._guard.is_inside(met) and self._guard.allows(met)
@@ -266,13 +267,13 @@ class Motion:
         listed = self.problem.moved.listed(self._tracker.at)
         if listed is self._listed:
             return
-        self._fastest = self.fastest
-        met = dict(zip(self._listed.spring_table.kinds, self.point.met, strict=True))
-        self._prepare(listed)
-        found = np.zeros((len(listed.spring_table), 2))
+        met, fastest = np.zeros((len(listed.spring_table), 2)), self.fastest
+        known = dict(zip(self._listed.spring_table.kinds, self.point.met, strict=True))
         for row, kind in enumerate(listed.spring_table.kinds):
-            found[row] = met.get(kind, 0.0)
-        self.point = self.point._replace(met=found)
+            met[row] = known.get(kind, 0.0)
+        now, point = self._prepared(listed), self.point._replace(met=met)
+        (self._listed, self._guard, self._bound), self.point, self._fastest = now, point, fastest
+        self._short = None
         self.restore()
 
     # what was reached

@@ -6,7 +6,6 @@ them once the attempt stands.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
@@ -48,14 +47,18 @@ class Instants:
     def __init__(self, record: Record, problem: Any, motion: Any, steps: int) -> None:
         self._plan, self._scene = record.plan(steps, problem.t_end), problem.scene
         self._shapes = [x.shape for x in motion.point.shown]
-        self._first = self.count
+        self._is_dense = not record.is_plain and len(self._plan.step) > 1
         self._states = Wanted(self._plan.step[:0], np.empty(0))
 
     def wanted(self, end: int) -> Sequence[Wanted]:
         """States of an attempt to go on to step `end`."""
-        self._first = first = self.count
+        first = self.count
         stop = int(self._plan.due.searchsorted(end, side="right"))
-        self._states = Wanted(self._plan.step[first:stop], *self._room(slice(first, stop)))
+        at, here = self._plan.step[first:stop], slice(first, stop)
+        if self._is_dense:  # several in a step take one state
+            at = np.unique(at)
+            here = slice(0, len(at))
+        self._states = Wanted(at, *self._room(here))
         return [self._states] if stop > first else ()
 
     def _room(self, here: slice) -> tuple[Any, ...]:
@@ -78,7 +81,7 @@ class Instants:
 
     def state(self, motion: Any, k: int) -> tuple[Any, ...]:
         """Copies of u, v, impulse and sums at an instant."""
-        here = k - self._first
+        here = int(self._states.at.searchsorted(self._plan.step[k]))
         arrays = tuple(None if x is None else x[here].copy() for x in self._states[1:5])
         if self._plan.part[k] > 0:
             motion.between(int(self._plan.step[k]), self._plan.part[k], *arrays)
@@ -90,7 +93,8 @@ class Samples:
 
     Attributes
     ----------
-    u, v : ndarray, (instants + 1, *shape of the scene)
+    rows : ndarray, (2, instants so far, *shape of the scene)
+        u and v.
     """
 
     def __init__(self, shape: tuple[int, ...], steps: int, instants: int) -> None:
@@ -98,10 +102,8 @@ class Samples:
         self._all, self._count, self._stop = np.empty((2, len(self._at), *shape)), 0, 0
 
     @property
-    def rows(self) -> tuple[Array, Array]:
-        """u and v so far."""
-        u, v = self._all[:, : self._count]
-        return u, v
+    def rows(self) -> Array:
+        return self._all[:, : self._count]
 
     def wanted(self, end: int) -> Sequence[Wanted]:
         """As of `Instants`."""
@@ -131,16 +133,16 @@ class Watched(Instants):
     def ends(self, motion: Any, k: int) -> str | None:
         """Tell the function of an instant; why the run ends there, if it does."""
         self.last = self.state(motion, k)
-        u, v, *_ = self.last
-        u.flags.writeable = v.flags.writeable = False
-        self.count, t = k + 1, self.time(k)
+        for array in self.last[:2]:
+            array.flags.writeable = False
+        u, v = (array.view() for array in self.last[:2])  # which cannot be made writeable
+        self.count, t, self.failed = k + 1, self.time(k), False
         name = getattr(self.function, "__name__", type(self.function).__name__)
         try:
             return f"{name} ended the run at t = {t:.6g} s" if self.function(t, u, v) else None
         except Exception as error:
-            words = f"{name} raised {type(error).__name__} at t = {t:.6g} s: {error}"
-            warnings.warn(words, RuntimeWarning, stacklevel=2)
-            return words
+            self.failed = True
+            return f"{name} raised {check.shown(error)} at t = {t:.6g} s"
 
     def step(self, k: int) -> int:
         """Steps done before an instant."""

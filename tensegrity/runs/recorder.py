@@ -85,7 +85,8 @@ class Recorder(Instants):
                 continue
             between = self._plan.part[first:stop] > 0
             end = first + int(between.argmax()) if between.any() else stop
-            here, states = slice(first - self._first, end - self._first), self._states[1:5]
+            row = int(self._states.at.searchsorted(self._plan.step[first]))
+            here, states = slice(row, row + end - first), self._states[1:5]
             if self._in_place:
                 states = *[None] * 3, states[3]
             states = (None if x is None else x[here] for x in states)

@@ -205,7 +205,9 @@ class FileRows:
         os.fsync(self._file.fileno())
 
     def finished(self) -> NDArray[Any]:
-        """The rows written so far, mapped from the file."""
+        """The rows written so far, mapped from the file; others that it had are gone then."""
+        if self.count < self._shown and not self._file.closed:
+            self._show(self.count)
         self.close()
         return _mapped(self._path, self._kind, self.count)[: self.count]
 

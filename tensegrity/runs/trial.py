@@ -5,12 +5,13 @@ from __future__ import annotations
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from tensegrity.runs.record import Record
 from tensegrity.runs.run import changed
 from tensegrity.runs.step import refined
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
     from typing import Self
 
     from tensegrity.runs.march import Marched
@@ -32,7 +33,7 @@ class Trial:
         Whether it was not interrupted.
     met : ndarray, (springs, 2)
         Smallest and largest elongation of each spring [m].
-    samples : (ndarray, ndarray), (instants + 1, *shape) each
+    samples : ndarray, (2, instants + 1, *shape)
         u and v at the instants.
     fineness : float
         Steps from one instant to the next.
@@ -49,12 +50,13 @@ class Trial:
         return cls(refined(problem, steps * instants, 1.0, instants), instants)
 
     @cached_property
-    def _sizes(self) -> list[float]:
-        return [_largest(x) for x in self.samples]
+    def _sizes(self) -> Array:
+        return _largest(self.samples)
 
     def gap(self, finer: Trial) -> float:
         """Largest difference from a finer one in u and in v, over the largest value there."""
-        return largest_gap(self.samples, finer.samples, finer._sizes)
+        gaps = _largest(self.samples - finer.samples)
+        return float(np.divide(gaps, finer._sizes, out=gaps, where=finer._sizes > 0).max())
 
 
 def trial_of(problem: Problem, rows: bool = False) -> Problem:
@@ -67,14 +69,6 @@ def trial_of(problem: Problem, rows: bool = False) -> Problem:
     return changed(problem, record=record, rows=rows, observe=())
 
 
-def largest_gap(
-    coarse: tuple[Array, Array], fine: tuple[Array, Array], sizes: Iterable[float]
-) -> float:
-    """Largest difference of two runs in u and in v, each over its own largest value in the run."""
-    gaps = [_largest(one - other) for one, other in zip(coarse, fine, strict=True)]
-    return max(gap / size if size else gap for gap, size in zip(gaps, sizes, strict=True))
-
-
-def _largest(array: Array) -> float:
-    """Largest size of a number."""
-    return max(float(array.max()), -float(array.min()))
+def _largest(samples: Array) -> Array:
+    """Largest sizes of u and of v."""
+    return np.abs(samples).reshape(2, -1).max(axis=1)
