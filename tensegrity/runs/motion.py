@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array
 
 SPARE = 4  # prepared loops that a scene keeps for each method: one for each thread at work
+LOOKS = 16  # states of an attempt by which contacts are looked for
+ROOM = 1_000_000  # numbers in u of these, at most
 LOOKED = 4_000_000  # numbers in u at all steps of an attempt that is looked at after each
 LARGEST = 200_000  # numbers in u of a scene that keeps them
 
@@ -170,7 +172,7 @@ class Motion:
         steps, bound = end - self.point.done, self._bound
         bound.forget_range()
         if self._tracker is not None:
-            wanted = [one.with_travel() for one in wanted]
+            wanted = [one.with_travel() for one in self._with_looks(end, wanted)]
         finite = self._go(end, wanted)
         met = bound.range
         self._range_met = self._range(met, finite)
@@ -247,6 +249,15 @@ class Motion:
         if found.at[-1] < end:
             rows, travel = [*rows, last], np.append(travel, self._bound.travel)
         return self._tracker.keeps(np.concatenate(rows), np.diff(travel, prepend=0.0), each)
+
+    def _with_looks(self, end: int, wanted: Any) -> Any:
+        """What is wanted, and some states on the way where nobody else wants as many."""
+        done, states = self.point.done, [len(one.at) for one in wanted if one.v is not None]
+        large = LOOKS * math.prod(self._listed.shape) > ROOM
+        if large or not self._samples_do or end - done <= LOOKS or max(states, default=0) >= LOOKS:
+            return wanted
+        at = done + (end - done) * np.arange(1, LOOKS + 1) // LOOKS
+        return [*wanted, Wanted(at, *np.empty((2, LOOKS, *self._listed.shape)))]
 
     def _keeps_each(self, end: int) -> bool:
         """The same by all states on the way, once more, which is not taken apart."""
