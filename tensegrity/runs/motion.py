@@ -109,24 +109,24 @@ class Motion:
 
     def _bind(self, scene: Any) -> Any:
         """A loop of the scene: one that was prepared before, if there is one that nobody uses."""
-        method = self.problem.method
-        spare = scene.remembered.plans.setdefault(method, [])
+        method, bind = self.problem.method, self.problem.bind
         try:
-            bound = spare.pop() if self.problem.bind is None else None
-        except IndexError:
+            bound = scene.remembered.plans[method].pop() if bind is None else None
+        except (KeyError, IndexError):
             bound = None
         if bound is None:
             u, v = scene.arrays(self.problem.state)
-            return (self.problem.bind or scene.bind)(u, v, method, self.dt)
+            return (bind or scene.bind)(u, v, method, self.dt)
         bound.set_step(self.dt)
         return bound
 
     def release(self) -> None:
         """Leave the loop to the next run."""
         bound, self._bound = self._bound, None
+        if bound is None or self.problem.bind is not None or bound.u.size > LARGEST:
+            return
         spare = self._listed.remembered.plans.setdefault(self.problem.method, [])
-        small = math.prod(self._listed.shape) <= LARGEST
-        if bound is not None and self.problem.bind is None and small and len(spare) < SPARE:
+        if len(spare) < SPARE:
             spare.append(bound)
 
     def _beginning(self) -> Point:

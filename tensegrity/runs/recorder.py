@@ -64,14 +64,15 @@ class Recorder(Instants):
         return 0 if self._rows is None else self._rows.count
 
     def _room(self, here: slice) -> tuple[Any, ...]:
-        u, v, impulse, sums = super()._room(here if not self._in_place else slice(0, 0))
         if not self._in_place:
-            return u, v, impulse, sums
-        arrays, count = self._rows.arrays, here.stop - here.start
-        if sums is not None:
-            sums = np.empty((count, *sums.shape[1:]))
-        impulse = None if impulse is None else arrays["impulse"][here]
-        return arrays["u"][here], arrays["v"][here], impulse, sums
+            return super()._room(here)
+        arrays, sums = self._rows.arrays, self._shapes[2:]
+        return (
+            arrays["u"][here],
+            arrays["v"][here],
+            arrays["impulse"][here] if self._scene.wall_count else None,
+            np.empty((here.stop - here.start, *sums[0])) if sums else None,
+        )
 
     def take(self, motion: Any, last: float = math.inf) -> None:
         """Record what stands and is due, up to an instant [s]."""
