@@ -428,9 +428,9 @@ def test_recorded_sites_and_a_file_keep_all_coordinates(tmp_path):
 def test_elongations_and_energies_in_parts_have_the_same_bits(monkeypatch, part):
     scene = fork()
     u = 1e-6 * np.random.default_rng(3).standard_normal((5, *scene.shape))
-    scene.__dict__["energies_at_once"] = None  # in NumPy, as without a compiler
+    dynamics(scene).__dict__["energies_in_one_call"] = None  # in NumPy, as without a compiler
     whole = dynamics(scene).stretch(u), dynamics(scene).energies(u, u)
     monkeypatch.setattr(forces, "PART", part)
-    monkeypatch.setattr("tensegrity.scenes.network.IN_CACHE", part)
+    monkeypatch.setattr("tensegrity.scenes.network_dynamics.IN_CACHE", part)
     np.testing.assert_array_equal(dynamics(scene).stretch(u), whole[0])
     np.testing.assert_array_equal(dynamics(scene).energies(u, u), whole[1])
