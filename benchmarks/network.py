@@ -25,7 +25,7 @@ from benchmarks._timing import table
 from granular import Striker, y_guide
 from tensegrity import Record, State, simulate
 from tensegrity.engine import pieces
-from tensegrity.engine.bound_net import BoundNet
+from tensegrity.engine.bound import Bound
 from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.methods import METHODS
 
@@ -42,7 +42,7 @@ def bound(scene, state, dt, threads=1):
     u, v = scene.arrays(state)
     bonds = scene.loop_bonds
     given = Compiled.of(bonds), u, v, bonds, METHODS["verlet"], dt
-    return (BoundNet(*given) if threads == 1 else pieces.BoundParts(*given, threads)), u, v
+    return (Bound(*given) if threads == 1 else pieces.BoundParts(*given, threads)), u, v
 
 
 def _numba(network, velocity, steps):

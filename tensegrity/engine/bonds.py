@@ -19,7 +19,7 @@ PAIR, WALL = 0, 1
 KINDS = ("pair", "wall")
 SHORT = 64  # bonds: in a chain, fewer equal ones in a row may join a run of unequal ones
 FEW = 4  # rows of so short that a law does without
-GROUP = 8  # as in lanes.c
+GROUP = 8  # as in simd.c
 BLOCK = 64  # as in line.h
 
 
@@ -123,6 +123,16 @@ class Contacts:
         """Sites, walls, and one row more."""
         return len(self.load) + self.walls + 1
 
+    def placed(self, source):
+        """Geometry and rows of contacts in some order; a filling, -1, is of length 1 m at rest,
+        between the spare row and itself."""
+        real, geometry = source >= 0, np.zeros((len(self.geometry), len(source)))
+        geometry[0], geometry[-1] = 1, 1
+        geometry[:, real] = self.geometry[:, source[real]]
+        filled = np.where(real, source, 0)
+        rows = (np.where(real, x[filled], self.rows - 1) for x in (self.first, self.second))
+        return geometry, tuple(rows)
+
     def weights(self, inverse_mass):
         """Inverse mass of each row: 1 kg for a wall, whose velocity counts its impulse."""
         weights = np.zeros((self.rows, self.load.shape[1]))
@@ -207,6 +217,35 @@ def net_runs(bonds):
     return Runs(
         source, np.array(first), found // len(KINDS), np.array(own, dtype=int), found % len(KINDS)
     )
+
+
+def parameters(bonds, runs, own, lanes=1):
+    """Fields of a scene: `shared`, what bonds of a run have in common, (runs, most); those of their
+    `own`, as a loop was compiled for, and where these begin, `own_at`."""
+    places = np.zeros(len(runs.law), dtype=np.int64)
+    shared = np.zeros((len(runs.law), bonds.parameters.shape[1]))
+    columns, at = [np.zeros(0)], 0
+    for k, law in enumerate(runs.law):
+        springs = bonds.group[_nearest(runs.source[runs.first[k] : runs.first[k + 1]])]
+        shared[k] = bonds.parameters[springs.flat[0]]
+        places[k] = at
+        if runs.own[k]:
+            if lanes > 1 and springs.ndim == 1:  # the same in all lanes
+                springs = np.repeat(springs[:, None], lanes, axis=1)
+            rows = bonds.parameters[:, list(own[law])][springs]  # (places[, lanes], own)
+            columns.append(np.moveaxis(rows, -1, 0).ravel())
+            at += columns[-1].size
+    columns.append(np.zeros(GROUP))  # packs may read beyond the last
+    return {"shared": shared, "own": np.concatenate(columns), "own_at": places}
+
+
+def integers(array):
+    return np.ascontiguousarray(array, dtype=np.int64)
+
+
+def _nearest(source):
+    """The bond of each place, for a filling the one before it."""
+    return source[np.maximum.accumulate(np.where(source >= 0, np.arange(len(source)), 0))]
 
 
 def by_spring(group, springs, low, high):

@@ -302,7 +302,7 @@ integer advance_driven(const scene *given, drive *d, integer steps, integer open
     scene here = *given;
     for (integer k = 0; k < steps; k++)
         for (integer i = 0; i < here.stages; i++, d->stage++) {
-            const real a = kick(&here, i, k > 0 || opened);
+            const real a = KICK(&here, i, k > 0 || opened);
             if (driven_stage(&here, d, d->stage, i, a, here.drifts[i])) return 1;
         }
     return 0;

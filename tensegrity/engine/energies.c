@@ -4,9 +4,6 @@
    energy are summed in the order of NumPy, by pairs, so that it makes no difference to a bit how
    many states are asked for at once, or by whom. */
 
-#include <math.h>
-
-typedef long long integer;
 typedef void (*bonds)(integer, integer, const double *, const double *, double *);
 typedef void (*stretch)(const void *, integer, const double *, double *);
 

@@ -10,10 +10,9 @@ import numpy as np
 
 from tensegrity.engine import geometry
 from tensegrity.engine.bonds import KINDS
-from tensegrity.engine.codegen import joined
 from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.kept import kept
-from tensegrity.engine.native import address, library
+from tensegrity.engine.native import address, joined, library, pointer
 from tensegrity.engine.structs import structure
 from tensegrity.once import once
 
@@ -26,7 +25,6 @@ if TYPE_CHECKING:
 
     Set = tuple[Compiled, Array, Array, Indices]
 
-_ADDRESS, _NUMBER = ctypes.c_void_p, ctypes.c_longlong
 EXACT = ("-ffp-contract=off",)
 PART = 1024  # contacts of a network in a set: what lies between stays in the nearest cache
 
@@ -36,10 +34,7 @@ PLACES = structure("elongations.c", "places")
 
 @once
 def _energies() -> Any:
-    function = library(joined(["subnormal.c", "energies.c"]), EXACT).energies
-    function.argtypes = [_ADDRESS, *[_NUMBER] * 2, *[_ADDRESS] * 2, *[_NUMBER] * 2, *[_ADDRESS] * 4]
-    function.restype = _NUMBER
-    return function
+    return library(joined(["prelude.c", "energies.c"]), EXACT).energies
 
 
 @once
@@ -47,7 +42,7 @@ def _elongations(dim: int) -> list[int | None]:
     """Addresses of the functions of each kind of contact; they stay where they are."""
     text = kept(("elongations", dim), lambda: geometry.text(dim, "elongations.c"))
     found = library(text, [f"-DDIM={dim}"])
-    return [ctypes.cast(found[f"{kind}_elongations"], _ADDRESS).value for kind in KINDS]
+    return [pointer(found[f"{kind}_elongations"]) for kind in KINDS]
 
 
 class Energies:
@@ -80,7 +75,7 @@ class Energies:
         if contacts is not None and contacts.load.any():
             self._loads = np.ascontiguousarray(contacts.load)
         self.told = {
-            "function": ctypes.cast(self._function, _ADDRESS).value,
+            "function": pointer(self._function),
             "sets": ctypes.addressof(self._sets),
             "count": len(self._rows),
             "all": self._bonds,
@@ -123,7 +118,7 @@ def _alike(
         elongations = _elongations(contacts.load.shape[1])[contacts.kind[columns][0]]
         places = _places(contacts, found)
     return ALIKE(
-        function=ctypes.cast(loop.energies[own], _ADDRESS).value,
+        function=pointer(loop.library.energies_own if own else loop.library.energies),
         elongations=elongations,
         parameters=loop.numbers(loop.padded(parameters)),
         low=low,

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import ctypes
-from importlib.resources import files
 
 import numpy as np
 
 from tensegrity.engine.kept import kept
-from tensegrity.engine.native import library
+from tensegrity.engine.native import joined, library, pointer
 from tensegrity.errors import CompilerError
 from tensegrity.once import once
 
@@ -41,8 +40,7 @@ class Functions:
         found = kept(parts, lambda: written(self.made()))
         self._sizes = found["sizes"]
         try:
-            text = files(__package__).joinpath("map.c").read_text()
-            self.library = library(found["text"] + text + more, flags)
+            self.library = library(joined([found["text"], "map.c", more]), flags)
         except CompilerError:
             self.library = None
 
@@ -77,11 +75,8 @@ class Functions:
         result = np.empty((count, gives))
         given = (ctypes.c_void_p * len(rows))(*(x.ctypes.data for x in rows))
         steps = (ctypes.c_longlong * len(rows))(*(x.shape[-1] * (x.ndim == 2) for x in rows))
-        number, address = ctypes.c_longlong, ctypes.c_void_p
-        self.library.map(
-            ctypes.cast(self.library[PREFIX + name], address), number(count), number(gives),
-            number(len(rows)), given, steps, address(result.ctypes.data),
-        )  # fmt: skip
+        function = pointer(self.library[PREFIX + name])
+        self.library.map(function, count, gives, len(rows), given, steps, result.ctypes.data)
         return result
 
 

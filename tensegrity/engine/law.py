@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity.engine import lanes
+from tensegrity.engine import simd
 from tensegrity.engine.kept import kept, maker
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
@@ -284,8 +284,8 @@ def _facts(law):
         "cost": 4e-11 * sum(slow.get(one, 1) for one in done),
         "cut": any(one in cuts for one in done),
         "instructions": functions(law)["tail"].n_instructions(),
-        "packed": lanes.gains(tension),
-        "packed_energy": "energy" in law.compiled and lanes.gains(functions(law)["energy"]),
+        "packed": simd.gains(tension),
+        "packed_energy": "energy" in law.compiled and simd.gains(functions(law)["energy"]),
     }
 
 

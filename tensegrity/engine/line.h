@@ -21,11 +21,12 @@ typedef struct {
     const real *shared;              /* (runs, PARAMETERS), what bonds of a run have in common */
     const real *own;                 /* for each run (own parameters of its law, bonds, LANES) */
     const real *kicks, *drifts;      /* dt times the coefficients (stages + 1), (stages) */
-    real *range;                     /* for each run smallest and largest elongation met, at each
-                                        place of a block (2, BLOCK) or less, or where it has own
-                                        parameters (2, bonds, LANES) */
+    real *low, *high;                /* smallest and largest elongation met: for each run those at
+                                        each place of a block, BLOCK or less, or where it has own
+                                        parameters (bonds, LANES) */
     const integer *first;            /* (runs + 1) first bond of each run */
     const integer *law;              /* (runs) twice the law, and 1 more with own parameters */
-    const integer *own_at, *range_at; /* (runs) where its own parameters and its range begin */
+    const integer *own_at;           /* (runs) where its own parameters begin */
+    const integer *met_at;           /* (runs + 1) where its elongations begin */
     integer runs, stages, closing;   /* closing: the method ends with a kick */
 } scene;

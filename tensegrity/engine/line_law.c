@@ -5,17 +5,15 @@
    of a law (head) is computed in the loop that updates the block before, apart from the rest
    (tail): what limits a processor here is the longest chain of slow operations that fits its
    window, not their number alone.  A law with roots or quotients whose processor has estimates
-   to start them from is computed for several bonds side by side instead: `lanes.c`. */
+   to start them from is computed for several bonds side by side instead: `simd.c`. */
 
 #if OWNED
 #define P(q) real p[PARAMETERS + 1]; LAW(take)(p, shared, own, all, q);
 #define PLACE(q) (q)
-#define RANGES all
 #else
 /* Each place of a block has a range. */
 #define P(q)
 #define PLACE(q) i
-#define RANGES (all < BLOCK ? all : BLOCK)
 #endif
 #if CHANGES
 /* Where springs change, rates of their energies come in packs behind tensions, and are summed for
@@ -87,7 +85,7 @@ __attribute__((flatten)) static void OF(stage)(
     const integer start = LANES * c->first[s], last = LANES * c->first[s + 1];
     const integer all = last - start;
     const real *restrict shared = c->shared + s * PARAMETERS, *restrict own = c->own + c->own_at[s];
-    real *restrict low = c->range + c->range_at[s], *restrict high = low + RANGES;
+    real *restrict low = c->low + c->met_at[s], *restrict high = c->high + c->met_at[s];
     integer j = start;
 #if !OWNED
     real p[PARAMETERS + 1];
@@ -123,7 +121,6 @@ __attribute__((flatten)) static void OF(stage)(
 #undef SEEN
 #undef RATES
 #undef PLACE
-#undef RANGES
 #undef HEAD
 #undef UPDATE
 #undef TAILS

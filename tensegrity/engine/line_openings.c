@@ -17,8 +17,8 @@ static int may_pass(const scene *c, const openings *o)
 {
     for (integer s = 0; s < c->runs; s++) {
         const integer start = LANES * c->first[s];
-        const integer ranges = (c->range_at[s + 1] - c->range_at[s]) / 2;
-        const real *low = c->range + c->range_at[s], *high = low + ranges;
+        const integer ranges = c->met_at[s + 1] - c->met_at[s];
+        const real *low = c->low + c->met_at[s], *high = c->high + c->met_at[s];
         integer any = 0;
         for (integer k = 0; k < o->count; k += o->bonds) {
             const real *place = o->place + k + start; /* those of one spring are the same */

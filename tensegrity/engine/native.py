@@ -12,6 +12,7 @@ import ctypes
 import hashlib
 import os
 import platform
+import re
 import shlex
 import shutil
 import signal
@@ -19,6 +20,7 @@ import subprocess
 import sys
 import tempfile
 from functools import cache
+from importlib.resources import files
 from pathlib import Path
 
 from tensegrity.engine.kept import cache_folder, kept, size_limit, trim, use
@@ -57,6 +59,11 @@ def address(array):
 
 
 _first_byte = ctypes.c_char.from_buffer
+
+
+def pointer(function):
+    """The address of a function of a library, or of one of Python that C may call."""
+    return ctypes.cast(function, ctypes.c_void_p).value
 
 
 def compilers():
@@ -181,7 +188,8 @@ def library(text, extra_flags=()):
     Returns
     -------
     ctypes.CDLL
-        Calls into it release the interpreter's lock.
+        Calls into it release the interpreter's lock; its functions take and give what the text
+        declares.
 
     Raises
     ------
@@ -199,13 +207,43 @@ def library(text, extra_flags=()):
             continue
         for flags in ((*FLAGS, NATIVE, *WIDE), (*FLAGS, NATIVE), FLAGS):
             try:
-                return _load(text, command, identity, (*flags, *extra_flags))
+                return _declared(_load(text, command, identity, (*flags, *extra_flags)), text)
             except CompilerError as error:
                 complaint = str(error)
                 if command in hung:
                     break
         complaints.append(complaint)
     raise CompilerError("; ".join(complaints) or "no C compiler found")
+
+
+DECLARED = re.compile(
+    r"^(?:__attribute__\(\(\w+\)\) )?(void|integer) (\w+)\(([^()]*)\)", re.MULTILINE
+)
+
+
+def joined(parts):
+    """C of parts, each a text or the name of a file of the engine, whose lines messages name."""
+    folder = files(__package__)
+    return "\n".join(
+        f'#line 1 "{part}"\n{folder.joinpath(part).read_text()}'
+        if part.endswith((".c", ".h")) else part for part in parts
+    )  # fmt: skip
+
+
+def _declared(found, text):
+    """A library whose functions have the arguments of their declarations, at the begin of lines."""
+    for gives, name, takes in DECLARED.findall(text):
+        function = getattr(found, name, None)
+        if function is not None:
+            function.restype = ctypes.c_longlong if gives == "integer" else None
+            function.argtypes = [_kind(one) for one in takes.split(",") if one not in ("", "void")]
+    return found
+
+
+def _kind(declared):
+    if "*" in declared:
+        return ctypes.c_void_p
+    return ctypes.c_double if "double" in declared else ctypes.c_longlong
 
 
 def _load(text, command, identity, flags):

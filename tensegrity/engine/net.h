@@ -45,9 +45,9 @@ typedef struct {
                                            (rows - sites, DIM) their sums */
     const integer *pressing, *pressed;  /* where those of each contact are, wall by wall, and
                                            (rows - sites + 1) where those of each wall begin */
-    real *low, *high;                   /* smallest and largest elongation met: for each piece and
-                                           run GROUP, or of each entry of runs with own ones */
-    const integer *met_at;              /* (runs) where these begin */
+    real *low, *high;                   /* smallest and largest elongation met: for each run GROUP
+                                           of each piece, or of each entry of runs with own ones */
+    const integer *met_at;              /* (runs + 1) where these begin */
     real *farthest;                     /* (pieces) of the sites in this stage */
     integer *gate;                      /* (16) where threads wait for each other */
     integer runs, contacts, sites, rows, stages, closing, tiles, loaded;

@@ -14,7 +14,7 @@ __attribute__((always_inline)) static inline void OF(run)(
     real *restrict low = c->low + c->met_at[s], *restrict high = c->high + c->met_at[s];
     for (int k = 0; k < PARAMETERS; k++) p[k] = wide(shared[k]);
 #if !OWNED
-    low += c->piece * c->runs * GROUP, high += c->piece * c->runs * GROUP;
+    low += c->piece * GROUP, high += c->piece * GROUP;
     pack least = load(low), most = load(high);
 #endif
     for (int part = 0; part < GROUP; part += WIDE)

@@ -45,7 +45,7 @@ static int may_pass(const scene *c, const openings *o)
     for (integer s = 0; s < c->runs; s++) {
         const real *low = c->low + c->met_at[s], *high = c->high + c->met_at[s];
         const integer start = c->first[s], count = c->first[s + 1] - start;
-        const integer met = c->law[s] & 1 ? c->entry[s + 1] - c->entry[s] : GROUP;
+        const integer met = c->met_at[s + 1] - c->met_at[s];
         real least = low[0], most = high[0];
         EACH(met) least = smaller(low[i], least), most = larger(high[i], most);
         for (integer k = start; k < o->count; k += o->bonds)

@@ -3,9 +3,6 @@
    Compiled once for all scenes, without contraction of products and sums: what is looked at are
    the points of NumPy, shares of the way between two elongations. */
 
-#include <math.h>
-
-typedef long long integer;
 typedef void (*law)(integer, integer, integer, const double *, const double *, double *);
 
 typedef struct {

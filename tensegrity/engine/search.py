@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity.engine.codegen import joined
 from tensegrity.engine.energies import EXACT
-from tensegrity.engine.native import address, library
+from tensegrity.engine.native import address, joined, library, pointer
 from tensegrity.engine.structs import structure
 from tensegrity.once import once
 
@@ -20,10 +19,6 @@ if TYPE_CHECKING:
     from tensegrity.engine.compiled import Compiled
     from tensegrity.typing import Array, Flags, Indices
 
-_ADDRESS, _NUMBER = ctypes.c_void_p, ctypes.c_longlong
-_REACHABLE = _ADDRESS, ctypes.c_double, _NUMBER, *[_ADDRESS] * 3
-_LARGEST = _ADDRESS, *[_NUMBER] * 2, *[_ADDRESS] * 3, _NUMBER, _ADDRESS
-
 FINITE = 2  # what `largest` returns of finite numbers
 SPRINGS = structure("search.c", "springs")
 LOOKS = structure("search.c", "looks")
@@ -31,12 +26,7 @@ LOOKS = structure("search.c", "looks")
 
 @once
 def _compiled() -> Any:
-    """The functions reachable and largest."""
-    found = library(joined(["search.c"]), EXACT)
-    reachable, largest = found.reachable, found.largest
-    reachable.argtypes, reachable.restype = _REACHABLE, None
-    largest.argtypes, largest.restype = _LARGEST, _NUMBER
-    return reachable, largest
+    return library(joined(["prelude.c", "search.c"]), EXACT)
 
 
 class Ways:
@@ -80,7 +70,7 @@ class Search:
     """
 
     def __init__(self, loops: Sequence[Compiled], parameters: Array, domains: Array) -> None:
-        functions = [ctypes.cast(loop.values, _ADDRESS).value for loop in loops]
+        functions = [pointer(loop.library.values) for loop in loops]
         self._springs = SPRINGS(
             functions=np.array(functions, dtype=np.uint64),
             parameters=np.ascontiguousarray(parameters),
@@ -88,7 +78,7 @@ class Search:
             width=parameters.shape[1],
         )
         self._address = ctypes.addressof(self._springs)
-        self._reachable, self._largest = _compiled()
+        self._library = _compiled()
 
     def reachable(self, energy: float, ways: Ways) -> tuple[Array, Flags]:
         """Elongations that each spring reaches with an energy [J], (springs, 2) [m], and whether
@@ -96,7 +86,7 @@ class Search:
         count = len(self._springs.filled["functions"])
         ranges, locks = np.empty((count, 2)), np.empty(count, dtype=bool)
         found = address(ranges), address(locks)
-        self._reachable(self._address, energy, count, ways.address, *found)
+        self._library.reachable(self._address, energy, count, ways.address, *found)
         return ranges, locks
 
     def largest(
@@ -110,5 +100,5 @@ class Search:
             numbers = np.ascontiguousarray(numbers, dtype=np.int64)
             which = address(numbers)
         given = which, address(ranges), address(shares), len(shares), address(out)
-        found = self._largest(self._address, order, len(ranges), *given)
+        found = self._library.largest(self._address, order, len(ranges), *given)
         return (out, found == FINITE) if found else None

@@ -124,7 +124,7 @@ class InTime:
         loop, r = single(self.law), np.ascontiguousarray(r)
         out, parameters = np.empty_like(r), np.ascontiguousarray(self.at(t))
         for p, row, found in zip(parameters, r, out, strict=True):
-            loop.energies[0](0, r.shape[-1], *(x.ctypes.data for x in (p, row, found)))
+            loop.library.energies(0, r.shape[-1], *(x.ctypes.data for x in (p, row, found)))
         return out
 
     def evaluate(self, order: int, p: Array, r: Array) -> Array:
