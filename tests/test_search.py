@@ -91,7 +91,7 @@ class OfTheSameValues(Springs):
             points, found = np.ascontiguousarray(r[:, column]), np.empty(len(r))
             given = (ctypes.c_void_p(x.ctypes.data) for x in (spring.values, points, found))
             single(spring.law).library.values(
-                *map(ctypes.c_longlong, (0, ORDERS.index(name), len(r))), *given
+                *map(ctypes.c_longlong, (ORDERS.index(name), len(r))), *given
             )
             out[:, column] = found
         return out

@@ -26,8 +26,8 @@ static real lowest[BLOCK * SEGMENTS], highest[BLOCK * SEGMENTS]; /* at each plac
 static integer first[SEGMENTS + 1], law[SEGMENTS], own_at[SEGMENTS];
 static const integer met_at[SEGMENTS + 1] = {0, BLOCK, 2 * BLOCK};
 static real kicks[STAGES + 1], drifts[STAGES], none[1], now;
-static scene chain = {u, v, w, shared, none, kicks, drifts, lowest, highest, first, law,
-                      own_at, met_at, 0, STAGES, CLOSING};
+static scene chain = {u, v, w, shared, none, kicks, drifts, lowest, highest, first, law, own_at,
+                      met_at, 0, STAGES, CLOSING};
 
 EXPORT(displacement) real *displacement(void) { return u; }
 EXPORT(velocity) real *velocity(void) { return v; }
@@ -53,7 +53,7 @@ EXPORT(value) real value(int segment, int order, real r)
         }
     switch (order) {
     case 0: return energy_1(r, p);
-    case 1: return tail_1(r, head_1(r, p), p);
+    case 1: return tension_1(r, p);
     default: return stiffness_1(r, p);
     }
 }

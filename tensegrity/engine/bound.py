@@ -20,11 +20,10 @@ from tensegrity.engine.openings import DEGREE, Openings
 from tensegrity.engine.structs import structure
 from tensegrity.errors import StabilityError
 
-LINE = structure("line.h", "scene")
-NET = structure("net.h", "scene")
+SCENE = structure("scene.h", "scene")
 NYSTROM = structure("steps.c", "nystrom")
 IMPLICIT = structure("implicit.c", "implicit")
-OPENINGS = structure("openings.h", "openings")
+OPENINGS = structure("overlaps.c", "openings")
 CACHE = 8  # numbers in a line of a cache
 ROW = 1, 1, 2, 4  # numbers in a site's row of forces, by coordinates: as in simd.c
 
@@ -73,9 +72,11 @@ class Bound:
             self.sizes = loop.dim * sites, loop.dim * (fields["rows"] - 1 - sites)
             fields |= self._room(pieces) | {"travel": self._travel}
             cuts = enumerate(pairwise(found.slices.shares(pieces)))
-            self._pieces = [NET(**fields, **_piece(found, *ends, k, pieces)) for k, ends in cuts]
+            self._pieces = [SCENE(**fields, **_piece(found, *ends, k, pieces)) for k, ends in cuts]
             fields |= _piece(found, 0, found.slices.tiles, 0, 1)
-        self._bind((NET if loop.dim else LINE)(**fields), method)
+        else:  # what only networks have is left out
+            fields = dict.fromkeys(name for name, _ in SCENE._fields_) | fields
+        self._bind(SCENE(**fields), method)
         self.set_step(dt)
         self.forget_range()
 

@@ -9,9 +9,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from tensegrity.engine import geometry, simd
-from tensegrity.engine.law import DERIVATIVES, Change, facts, functions
+from tensegrity.engine.law import DERIVATIVES, Change, applied, facts, functions, interpret
 from tensegrity.engine.native import joined
-from tensegrity.engine.slopes import law_function
+from tensegrity.once import once
 
 if TYPE_CHECKING:
     from typing import Any
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 LONG = 500  # instructions from which a law is compiled apart from the loop
 STEPS = {  # files of what advances, by the steps that a text is made for
     "": (),
-    "openings": ("openings.h", "{}_openings.c", "openings.c"),
+    "openings": ("overlaps.c", "openings.c"),
     "implicit": ("implicit.c",),
     "driven": ("driven.c",),
 }
@@ -36,8 +36,8 @@ def c_text(laws, own=None, dim=0, steps="", helpers=()):
         For each law the numbers of the parameters that bonds of a run may each have their own of;
         None where no run has bonds that the loop tells apart.
     dim : int, optional
-        Coordinates of a site in a network; 0 for a line.  What is taken are the files `<loop>.h`,
-        `<loop>_law.c`, once for each kind of run, and `<loop>.c`, of the loop "line" or "net".
+        Coordinates of a site in a network; 0 for a line.  Files taken are `<loop>_law.c`, once for
+        each kind of run, and `<loop>.c`, of the loop "line" or "net".
     steps : str, optional
         The steps in `STEPS` that are among it, besides those of `steps.c`.
     helpers : sequence of (casadi.Function, str), optional
@@ -46,34 +46,36 @@ def c_text(laws, own=None, dim=0, steps="", helpers=()):
     own, loop = own or (None,) * len(laws), "net" if dim else "line"
     pulling = [law for law in laws if not isinstance(law, Change)]
     change = laws[-1] if len(pulling) < len(laws) else None
+    more = ["stiffness"] * (steps == "implicit")
     scalars = [
         scalar(number, name, functions(law)[name])
         for number, law in enumerate(laws)
-        for name in _names(law, steps)
+        for name in dict.fromkeys((*law.compiled, "tension", *more))
     ]
     beside = [bool(dim or change) or is_packed(law) for law in pulling]
     packed = [
         *(geometry.side_by_side(dim) if dim else ()),
         *_tensions(pulling, own, beside, change, dim),
     ]
-    packed += ["#if WIDE == 8", *_energies(laws), "#endif"]
-    compiled = [(k, law, name) for k, law in enumerate(laws) for name in law.compiled]
+    alone = not dim and own == (None,)  # then it is looked at outside of a loop too
+    in_packs = alone and facts(laws[0])["packed_energy"]
+    if in_packs:
+        packed += ["#if WIDE == 8", _energies(laws[0]), "#endif"]
     runs = [(k, kind) for k, law in enumerate(pulling) for kind in kinds(law, own[k])]
     lists = {
         "RUNS": runs,
-        "EVALUATIONS": [(k, DERIVATIVES.index(name), name) for k, _, name in compiled],
-        "ENERGIES": [
-            (k, int(facts(law)["packed_energy"])) for k, law, name in compiled if name == "energy"
-        ],
+        "EVALUATIONS": [(DERIVATIVES.index(name), name) for name in laws[0].compiled]
+        if alone
+        else [],
         "LAWS": [(k,) for k in range(len(laws))],
     }
-    flags = {"CHANGES": change is not None, "VALUES": not dim and own == (None,)}
-    parts = [f"{loop}.h"]
+    flags = {"CHANGES": change is not None, "IN_PACKS": in_packs}
+    parts = ["scene.h"]
     for k, kind in runs:
-        told = {"K": k, "OWNED": kind, "IS_LONG": int(is_long(laws[k]))}
-        told["BESIDE"] = f"({int(beside[k])} && (WIDE == 8 || CHANGES))"
+        told = {"K": k, "OWNED": kind, "IS_LONG": int(is_long(laws[k])), "BESIDE": int(beside[k])}
         parts += [*_defined(told), f"{loop}_law.c", *(f"#undef {x}" for x in told)]
-    parts += [f"{loop}.c", "steps.c", *(file.format(loop) for file in STEPS[steps]), "evaluate.c"]
+    parts += [f"{loop}.c", "steps.c", *STEPS[steps]]
+    parts += ["evaluate.c"] * alone
     return _text(laws, own, [*scalars, *helpers], dim, packed, lists, flags, parts)
 
 
@@ -134,28 +136,18 @@ def _defined(values):
     return [f"#define {name} {value}" for name, value in values.items()]
 
 
-def _names(law, steps):
-    """What is compiled of a law, as numbers of one bond."""
-    if isinstance(law, Change):
-        return law.compiled
-    more = steps == "implicit" and "stiffness" not in law.compiled
-    return (*law.compiled, *["stiffness"] * more, "head", "tail")
-
-
 def scalar(number, name, function):
     """A law's function of scalars for CasADi to write, and the C that calls it as
     `<name>_<number>(r, p)`; for several results with a place for them behind p."""
     import casadi as ca
 
     unique, sx = f"law{number}_{name}", function.sx_in()
-    takes = ("real r, real h" if name == "tail" else "real r") + ", const real *p"
-    gives = "&r, &h, p" if name == "tail" else "&r, p"
-    begin, to, end = "real y; ", "&y", " return y;"
+    takes, begin, to, end = "real r, const real *p", "real y; ", "&y", " return y;"
     if function.numel_out() > 1:
         takes, begin, to, end = f"{takes}, real *y", "", "y", ""
     return ca.Function(unique, sx, [function(*sx)]), (
         f"static inline {'real' if end else 'void'} {name}_{number}({takes}) {{ {begin}const real "
-        f"*arg[] = {{{gives}}}; real *res[] = {{{to}}}; {unique}(arg, res, 0, 0, 0);{end} }}"
+        f"*arg[] = {{&r, p}}; real *res[] = {{{to}}}; {unique}(arg, res, 0, 0, 0);{end} }}"
     )
 
 
@@ -205,13 +197,12 @@ def _tensions(laws, own, beside, change, dim):
             yield simd.text(function, name, arguments, [["r[g]"], p], found)
 
 
-def _energies(laws):
-    """C of the energies of several bonds, `energy_lanes_<law>`."""
-    for number, law in enumerate(laws):
-        if facts(law)["packed_energy"]:
-            p, energy = _packs(law, (), "wide(p[{}])"), functions(law)["energy"]
-            arguments, name = "const pack *r, const real *p, pack *e", f"energy_lanes_{number}"
-            yield simd.text(energy, name, arguments, [["r[g]"], p], [["e[g]"]])
+def _energies(law):
+    """C of the energies of several bonds, `energy_lanes_0`."""
+    arguments, p = "const pack *r, const real *p, pack *e", _packs(law, (), "wide(p[{}])")
+    return simd.text(
+        functions(law)["energy"], "energy_lanes_0", arguments, [["r[g]"], p], [["e[g]"]]
+    )
 
 
 def _take(number, law, own):
@@ -224,3 +215,95 @@ def _take(number, law, own):
         f"static inline void take_{number}(real *p, const real *restrict shared, "
         f"const real *restrict own, integer all, integer q) {{ {each} }}"
     )
+
+
+@once
+def law_function(law, wanted):
+    """CasADi function (r, p) -> tension, stiffness, derivatives of the tension by p[wanted]."""
+    import casadi as ca
+
+    r, p, (_, tension, stiffness, _) = law.forms()
+    slopes = ca.gradient(tension, p) if law.parameters else ca.SX(0, 1)
+    forms = ca.cse(ca.vertcat(tension, stiffness, slopes[list(wanted)]))
+    values, found = _without_divisions(ca.Function("law", [r, p], [forms]), r, p)
+    q, inner = [x for x, _ in found], ca.vertcat(*(symbol for _, symbol in found))
+    for _ in found:  # a denominator may have others in it
+        q = [ca.substitute(x, inner, 1 / ca.vertcat(*q)) for x in q]
+    return ca.Function("law", [r, p], [ca.substitute(values, inner, 1 / ca.vertcat(*q))])
+
+
+def _without_divisions(function, r, p):
+    """Outputs with symbols for reciprocals, and pairs of a denominator and its symbol.
+
+    A reciprocal of a factor of another denominator is made from that: where nothing is chosen, so
+    that one that is 0 spoils the others anyhow.
+    """
+    import casadi as ca
+
+    inputs = [[r], ca.vertsplit(p) if p.numel() else []]
+    known = {}
+    operations = map(function.instruction_id, range(function.n_instructions()))
+    chosen = {ca.OP_IF_ELSE_ZERO, ca.OP_NOT, ca.OP_AND, ca.OP_OR}.intersection(operations)
+
+    def reciprocal(x):
+        key = x.element_hash()
+        if key not in known:
+            if x.is_op(ca.OP_TWICE):
+                return 0.5 * reciprocal(x.dep(0))
+            if x.is_op(ca.OP_ADD) and x.dep(0).is_op(ca.OP_LE) and x.dep(1).is_op(ca.OP_LE):
+                return 1.5 - 0.5 * x  # of 1 or 2: how an extremum chooses
+            known[key] = x, ca.SX.sym(f"i{len(known)}")
+        return known[key][1]
+
+    def apply(operation, *values):
+        if operation == ca.OP_DIV and not values[1].is_constant():
+            return values[0] * reciprocal(values[1])
+        return reciprocal(*values) if operation == ca.OP_INV else applied(operation, *values)
+
+    values = ca.vertcat(*interpret(function, inputs, apply))
+    if chosen:
+        return values, list(known.values())
+    kept = []
+    for x, symbol in known.values():
+        for whole, other in known.values():
+            rest = None if whole is x else _rest(whole, x)
+            if rest is not None:
+                values = ca.substitute(values, symbol, rest * other)
+                break
+        else:
+            kept.append((x, symbol))
+    return values, kept
+
+
+def _rest(product, factor):
+    """What is left of a product without a factor, or None where it has no such factor."""
+    import casadi as ca
+
+    if product.element_hash() == factor.element_hash():
+        return ca.SX(1)
+    if product.is_op(ca.OP_MUL):
+        one, other = product.dep(0), product.dep(1)
+        for mine, left in ((one, other), (other, one)):
+            rest = _rest(mine, factor)
+            if rest is not None:
+                return rest * left
+    return None
+
+
+@once
+def depends_on(law):
+    """Numbers of the parameters that the tension of a law depends on."""
+    import casadi as ca
+
+    _, p, (_, tension, _, _) = law.forms()
+    return frozenset(k for k in range(p.numel()) if ca.depends_on(tension, p[k]))
+
+
+@once
+def energy_function(law, wanted):
+    """CasADi function (r, p) -> energy, tension, derivatives of the energy by p[wanted]."""
+    import casadi as ca
+
+    r, p, (energy, tension, _, _) = law.forms()
+    slopes = ca.gradient(energy, p) if law.parameters else ca.SX(0, 1)
+    return ca.Function("stored", [r, p], [ca.vertcat(energy, tension, slopes[list(wanted)])])

@@ -34,7 +34,6 @@ class Compiled:
     def __init__(self, laws, own=None, dim=0, lanes=1, extended=False):
         self.laws, self.own, self.dim, self.lanes = laws, own or (None,) * len(laws), dim, lanes
         self.dtype = np.dtype(np.longdouble if extended else np.float64)
-        self._most = max((len(law.parameters) for law in laws), default=0)
         self._flags = ["-DEXTENDED"] * extended + [f"-DLANES={lanes}"] * (lanes > 1)
         self._flags += [f"-DDIM={dim}"] * (dim > 0)
         self._opens = any(facts(law)["cut"] for law in laws if not isinstance(law, Change))
@@ -65,35 +64,24 @@ class Compiled:
         """The loop for given `Bonds`."""
         return cls(bonds.laws, bonds.own, bonds.dim, lanes, extended)
 
-    def evaluate(self, law, order, parameters, r):
-        """The order-th derivative of law number `law` at elongations r.
+    def evaluate(self, order, parameters, r):
+        """The order-th derivative of a law alone at elongations r.
 
         Parameters
         ----------
-        law, order : int
+        order : int
         parameters : ndarray, (at least its parameters,) or (those, n)
             In common, or those of each place along the last axis of r.
         r : ndarray, C-contiguous, (..., n)
         """
-        if DERIVATIVES[order] not in self.laws[law].compiled:
-            return evaluate(self.laws[law], order, parameters, r)
-        p = self.padded(parameters)
-        out = np.empty_like(r)
+        (law,) = self.laws
+        if DERIVATIVES[order] not in law.compiled:
+            return evaluate(law, order, parameters, r)
+        p, out = self.numbers(parameters), np.empty_like(r)
+        size = r.size if p.ndim == 1 else r.shape[-1]
         given = p.ctypes.data, r.ctypes.data, out.ctypes.data
-        if p.ndim == 1:
-            self.library.evaluate(law, order, r.size, *given)
-        elif r.size:
-            size = r.shape[-1]
-            self.library.evaluate_own(law, order, r.size // size, size, *given)
+        self.library.evaluate(order, p.ndim > 1, r.size // max(size, 1), size, *given)
         return out
-
-    def padded(self, parameters):
-        """Parameters of one law as `evaluate` takes them."""
-        if len(parameters) == self._most:
-            return self.numbers(parameters)
-        p = np.zeros((self._most, *np.shape(parameters)[1:]), dtype=self.dtype)
-        p[: len(parameters)] = parameters[: self._most]
-        return p
 
     def numbers(self, array):
         """An array as the loop takes it."""
@@ -121,4 +109,4 @@ def evaluated(law, order, parameters, r):
     loop = single(law)
     if loop is None:
         return evaluate(law, order, parameters, r)
-    return loop.evaluate(0, order, parameters, r)
+    return loop.evaluate(order, parameters, r)

@@ -8,9 +8,6 @@
    of the exponential function, in which prescribed velocities stand as polynomials.  In a network
    G turns with the bonds: such a drift is an extrapolated midpoint rule, of the method's order. */
 
-#ifndef BLOCK
-#define BLOCK 64
-#endif
 #define PARTS 8 /* sums at a time, so that additions do not wait for each other */
 #define ADD(n, term)                                                                        \
     ({                                                                                      \

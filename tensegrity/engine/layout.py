@@ -21,7 +21,7 @@ import numpy as np
 
 from tensegrity.engine.bonds import BLOCK, GROUP, PAIR, WALL, Runs, integers, parameters
 
-TILE = 256  # sites, as in net.h
+TILE = 256  # sites, as in scene.h
 GUESSES = 3
 
 

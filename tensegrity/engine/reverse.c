@@ -23,7 +23,7 @@ typedef struct {
     real *r, *f, *k, *d;             /* scratch (apart), (apart + 2), (apart), (wanted, apart) */
     real *along, *pull, *turn;       /* scratch (DIM, bonds), (entries), (entries) */
     real *bent;                      /* scratch (apart), of a network */
-    real *low, *high, *travel;       /* elongations met (bonds), and the way gone, as in net.h */
+    real *low, *high, *travel;       /* elongations met (bonds), and the way gone, as in scene.h */
     const integer *from, *to;        /* (bonds) where their rows begin */
     const integer *first;            /* (runs + 1) first bond of each run */
     const integer *law;              /* (runs) twice the law, and 1 more with own parameters */

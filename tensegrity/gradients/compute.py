@@ -18,9 +18,9 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.engine import methods, native, pieces
+from tensegrity.engine.codegen import depends_on
 from tensegrity.engine.methods import Splitting
 from tensegrity.engine.reverse import Layout
-from tensegrity.engine.slopes import depends_on
 from tensegrity.errors import TensegrityError
 from tensegrity.gradients import chained
 from tensegrity.gradients.backward import Backward

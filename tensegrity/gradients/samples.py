@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity.engine.bonds import PAIR
+from tensegrity.engine.codegen import energy_function
 from tensegrity.engine.pulled import Pulled
-from tensegrity.engine.slopes import energy_function
 from tensegrity.errors import TensegrityError
 
 if TYPE_CHECKING:

@@ -85,7 +85,6 @@ class ElasticLaw:
     rigid_base: bool
     steps: int
     any_sides: bool = False
-    split = False
     compiled = ("energy",)
     name = property(repr)
 

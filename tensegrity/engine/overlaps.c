@@ -1,4 +1,84 @@
-/* Overlaps of a network's contacts, and what its rows get where one opens or closes. */
+/* Overlaps of contacts, and what their rows get where one opens or closes.
+
+   A contact is closed where w = side (elongation - place) > 0; then its
+   tension has the part side strength w^exponent.  A bond whose force has several corners is as
+   many contacts, contact k bonds + b for corner k of bond b; NaN where a bond has less. */
+typedef struct {
+    const real *place, *side, *strength; /* (contacts) */
+    const real *exponents, *betas;       /* (rows), integral of (y (1 - y))^exponent */
+    const real *tables;                  /* (rows, 3, degree + 1), `openings.zetas` */
+    const real *nodes, *weights, *offsets; /* (kicks) of a step, over dt, dt and dt^2 */
+    const real *dt;
+    real *before, *rate_before, *after, *rate_after; /* (contacts) overlap, and rate times dt */
+    real *u, *v;                         /* (entries) at the begin of a step */
+    real *end_u, *end_v, *end_a;         /* (entries) at its end, before it is corrected */
+    const integer *row;                  /* (contacts) of its exponent */
+    integer count, bonds, entries, kicks, degree; /* contacts, and those of one corner each */
+    integer known; /* of the last step: 0 nothing, 1 where it began in u and v, 2 its overlaps */
+    integer begins; /* whether the next step is the first of a run */
+    integer alone; /* whether steps have none before and none behind them: each ends as it is shown */
+} openings;
+
+#ifndef DIM /* a line, which does not turn */
+#define DIM 1
+#define AXES(k) for (int k = 0; k < DIM; k++)
+#define FROM(b) ((b) % o->bonds)
+#define TO(b) ((b) % o->bonds + LANES)
+
+static void overlaps(const scene *c, const openings *o, const real *restrict u,
+                     const real *restrict v, real *restrict w, real *restrict d)
+{
+    const real dt = *o->dt;
+    for (integer start = 0; start < o->count; start += o->bonds) {
+        const real *restrict place = o->place + start, *restrict side = o->side + start;
+        EACH(o->bonds) {
+            w[start + i] = side[i] * ((u[i + LANES] - u[i]) - place[i]);
+            d[start + i] = side[i] * dt * (v[i + LANES] - v[i]);
+        }
+    }
+}
+
+static int may_pass(const scene *c, const openings *o)
+{
+    for (integer s = 0; s < c->runs; s++) {
+        const integer start = LANES * c->first[s];
+        const integer ranges = c->met_at[s + 1] - c->met_at[s];
+        const real *low = c->low + c->met_at[s], *high = c->high + c->met_at[s];
+        integer any = 0;
+        for (integer k = 0; k < o->count; k += o->bonds) {
+            const real *place = o->place + k + start; /* those of one spring are the same */
+            if (c->law[s] & 1) EACH(ranges) any |= (low[i] <= place[i]) & (high[i] >= place[i]);
+            else EACH(ranges) any |= (low[i] <= *place) & (high[i] >= *place);
+        }
+        if (any) return 1;
+    }
+    return 0;
+}
+
+static void remember(const scene *c, const openings *o) {}
+
+static real line_at(const scene *c, const openings *o, integer contact, real x, real *line,
+                    real *turn)
+{
+    return *line = 1, *turn = 0;
+}
+
+static void give(const scene *c, const openings *o, integer b, real w, real x, real total,
+                 real moment, real turning)
+{
+    const integer from = FROM(b), to = TO(b);
+    const real dt = *o->dt, side = o->side[b], left = c->w[from], right = c->w[to];
+    const real impulse = dt * side * total;
+    real shift = dt * (dt * side * moment + (1 - x) * impulse);
+    if (fabs(shift) * (left + right) >= fabs(w)) shift = 0; /* it would change side once more */
+    c->v[from] += left * impulse;
+    c->v[to] -= right * impulse;
+    c->u[from] += left * shift;
+    c->u[to] -= right * shift;
+}
+#else
+#define FROM(b) c->from[(b) % o->bonds]
+#define TO(b) c->to[(b) % o->bonds]
 
 static void run_of(const scene *c, const openings *o, integer s, const real *restrict u,
                    const real *restrict v, real *restrict w, real *restrict rate, const int wall)
@@ -76,7 +156,7 @@ static real line_at(const scene *c, const openings *o, integer contact, real x, 
     const real back = (1 - x) * *o->dt;
     AXES(k) line[k] = c->geometry[k * c->contacts + b], turn[k] = 0;
     if (DIM == 1 || is_wall(c, b)) return 0;
-    const integer from = c->from[b], to = c->to[b];
+    const integer from = FROM(b), to = TO(b);
     real square = 0, along = 0;
     AXES(k) {
         const real pull = o->end_a[to + k] - o->end_a[from + k];
@@ -91,23 +171,6 @@ static real line_at(const scene *c, const openings *o, integer contact, real x, 
     return length;
 }
 
-static real mobility(const scene *c, const openings *o, integer b, real x)
-{
-    const integer from = c->from[b % o->bonds], to = c->to[b % o->bonds];
-    real line[DIM], turn[DIM], sum = 0;
-    line_at(c, o, b, x, line, turn);
-    AXES(k) sum += line[k] * line[k] * (c->w[from + k] + c->w[to + k]);
-    return sum;
-}
-
-static real swing(const scene *c, const openings *o, integer b, real x)
-{
-    real line[DIM], turn[DIM], square = 0;
-    const real length = line_at(c, o, b, x, line, turn), dt = *o->dt;
-    AXES(k) square += turn[k] * turn[k];
-    return o->side[b] * dt * dt * length * square;
-}
-
 /* Add what was rounded before, so that equal and opposite ones cancel to the last bit. */
 static void add(real *to, real part)
 {
@@ -118,7 +181,7 @@ static void add(real *to, real part)
 static void give(const scene *c, const openings *o, integer b, real w, real x, real total,
                  real moment, real turning)
 {
-    const integer from = c->from[b % o->bonds], to = c->to[b % o->bonds];
+    const integer from = FROM(b), to = TO(b);
     const real dt = *o->dt, back = (1 - x) * dt;
     real line[DIM], turn[DIM], impulse[DIM], shift[DIM], size = 0, mobility = 0;
     line_at(c, o, b, x, line, turn);
@@ -135,4 +198,22 @@ static void give(const scene *c, const openings *o, integer b, real w, real x, r
         add(c->u + from + k, c->w[from + k] * share * shift[k]);
         add(c->u + to + k, -c->w[to + k] * share * shift[k]);
     }
+}
+#endif
+
+static real mobility(const scene *c, const openings *o, integer b, real x)
+{
+    const integer from = FROM(b), to = TO(b);
+    real line[DIM], turn[DIM], sum = 0;
+    line_at(c, o, b, x, line, turn);
+    AXES(k) sum += line[k] * line[k] * (c->w[from + k] + c->w[to + k]);
+    return sum;
+}
+
+static real swing(const scene *c, const openings *o, integer b, real x)
+{
+    real line[DIM], turn[DIM], square = 0;
+    const real length = line_at(c, o, b, x, line, turn), dt = *o->dt;
+    AXES(k) square += turn[k] * turn[k];
+    return o->side[b] * dt * dt * length * square;
 }
