@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from granular.assembly import Assembly, SharedSprings
+from granular.assembly import Assembly, AssemblyDynamics, SharedSprings
 from granular.beads import Bead, Striker
 from granular.contact import checked_law, hertz
 from granular.layout import diamond_layout, y_layout
@@ -110,7 +110,7 @@ class Guide(Assembly):
         self.layout, self.striker = layout, striker
         self.wall_names = tuple(piece.name for piece in layout.walls)
         stops = () if end is None else (end,) * (len(layout.walls) - sides)
-        self.wall_materials = (wall,) * sides + stops
+        self._wall_materials = (wall,) * sides + stops
         first = 0 if striker is None else 1
         parts = {p: tuple(b + first for b in sites) for p, sites in layout.parts.items()}
         filled = [beads[part] for part, sites in layout.parts.items() for _ in sites]
@@ -123,7 +123,7 @@ class Guide(Assembly):
             bonds = np.concatenate([[[0, 1]], bonds])
         self.parts, self.beads = parts, tuple(filled)
         touched = np.add(layout.wall_contacts(), (first, 0))
-        solids: Any = [self.wall_materials[number] for _, number in touched]
+        solids: Any = [self._wall_materials[number] for _, number in touched]
         springs = SharedSprings(checked_law(law))
         super().__init__(
             positions,
@@ -148,16 +148,21 @@ class Guide(Assembly):
         rest = np.zeros(self.shape)
         if found is not None:  # a striker is taken along by the bead before which it stands
             rest = found.u if striker is None else np.concatenate([found.u[:1], found.u])
-        self.rest = rest
+        self._rest = rest
 
-    @cached_property
-    def clearance(self) -> Clearance | None:
-        """What watches over the contacts that are not listed; None where beads are blind."""
-        return None if self.radius is None else _Clearance(self)
+    def _dynamics(self) -> _Dynamics:
+        return _Dynamics(self)
 
     def start(self) -> State:
         """The striker in contact and moving along the axis, all else at rest."""
         return self.at_rest({} if self.striker is None else {0: (self.striker.speed, 0.0)})
+
+
+class _Dynamics(AssemblyDynamics):
+    @cached_property
+    def clearance(self) -> Clearance | None:
+        """What watches over the contacts that are not listed; None where beads are blind."""
+        return None if self.scene.radius is None else _Clearance(self.scene)
 
 
 class _Clearance(Clearance):

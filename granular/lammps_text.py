@@ -15,7 +15,9 @@ from granular.assembly import Assembly
 from granular.beads import volume
 from granular.chain import BeadChain
 from granular.contact import hertz
+from granular.crystal import beads_by_site
 from tensegrity import PowerLaw, State, TensegrityError, check
+from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.forcing import refuse
 
 if TYPE_CHECKING:
@@ -205,7 +207,7 @@ def laid(scene: Any, state: State) -> Laid:
         )
     refuse(scene, "a hand-off to LAMMPS")
     scene.check(state)
-    by_site = scene.beads_by_site()
+    by_site = beads_by_site(scene)
     sites = list(by_site)
     beads = list(by_site.values())
     places, loads, walls = _line(scene) if isinstance(scene, BeadChain) else _net(scene)
@@ -220,7 +222,7 @@ def _line(scene: BeadChain) -> tuple[Array, Array, list[Plane]]:
     bodies = scene.bodies
     for contact, (a, b) in zip(scene.contacts, pairwise(bodies), strict=True):
         _refuse_other_law(contact.constant, contact.exponent, a, b)
-    beads = scene.beads_by_site()
+    beads = beads_by_site(scene)
     radii = np.array([beads[s].radius if s in beads else 0.0 for s in range(scene.sites)])
     rest = scene.overlaps(np.zeros(scene.sites))
     x = np.concatenate([[0.0], np.cumsum(radii[:-1] + radii[1:] - rest)])
@@ -241,9 +243,10 @@ def _net(scene: Assembly) -> tuple[Array, Array, list[Plane]]:
     """Places and loads of the beads of a guide or a pack, and its walls."""
     if scene.radius is None:
         raise TensegrityError("beads that pass through each other have no like in LAMMPS")
-    table, group = scene.spring_table, scene.spring_table.group
+    of = dynamics(scene)
+    table, group = of.springs, of.springs.group
     known = set()
-    solids = scene.wall_materials
+    solids = scene._wall_materials
     partners = [(scene.beads[i], scene.beads[j]) for i, j in scene.bonds.tolist()]
     partners += [(scene.beads[s], solids[w]) for s, w in scene.wall_contacts.tolist()]
     for number, (one, other) in zip(group.tolist(), partners, strict=True):
@@ -255,7 +258,7 @@ def _net(scene: Assembly) -> tuple[Array, Array, list[Plane]]:
     walls = []
     for number, (wall, name) in enumerate(zip(scene.walls, scene.wall_names, strict=True)):
         listed = scene.wall_contacts[scene.wall_contacts[:, 1] == number, 0].tolist()
-        if wall.extent is not None and scene.follows:
+        if wall.extent is not None and of.follows:
             raise TensegrityError(
                 f"wall {name!r} has an end and contacts come and go: LAMMPS would have to know "
                 "its edge; leave out its extent"

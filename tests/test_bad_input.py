@@ -229,6 +229,9 @@ CALLS = [  # where other arguments are needed, or several in one call
     (in_a_run(methods.Nystrom), ROWS | NYSTROM),
     (in_a_run(methods.Midpoint), ROWS),
     (in_a_run(methods.Corrected), ROWS | {"base": methods.METHODS["verlet"]}),
+    (observables.angular_momentum, {"network": NET, "state": NET.at_rest()}),
+    (observables.directions, {"network": NET, "u": NET.at_rest().u}),
+    (observables.wall_gaps, {"network": NET, "u": NET.at_rest().u}),
     (observables.passage, {"t": X}),
     (observables.pulses, {"state": RUN.final}),
     (observables.tail_front, {"state": RUN.final}),
@@ -241,8 +244,8 @@ CALLS = [  # where other arguments are needed, or several in one call
     (granular.hexagonal_pack, {"rows": 2, "columns": 2, "sides": STEEL, "striker": STRIKER}),
     (granular.pack, {"beads": [BEAD] * 2, "walls": {"floor": (WALL, STEEL)}, "contacts": "fixed",
                      "gravity": 0.0, "preload": {}}),
-    (CUBE.wall_forces, {"name": "floor"}),
-    (CUBE.touches_wall, {"name": "floor"}),
+    (granular.observables.wall_forces, {"scene": CUBE, "u": CUBE.at_rest().u, "name": "floor"}),
+    (granular.observables.wall_sites, {"scene": CUBE, "name": "floor"}),
     (CUBE.distance, {"part": "layer 1", "numbers": (1, 2)}),
     (granular.wall_force, {"run": PACKED, "name": "floor", "each": True}),
     (to_lammps, {"scene": CUBE, "state": CUBE.start(), "t_end": 1e-5, "dt": 1e-6, "every": 2}),
@@ -297,7 +300,7 @@ def cases():
 def completed(name, function, given):
     """Good arguments, with examples for those that have no default; and examples of all."""
     one, given, fitting = getattr(function, "__self__", None), dict(given), EXAMPLES
-    if isinstance(one, Scene):
+    if isinstance(one, (Scene, ts.Ensemble)):
         u = np.zeros(one.shape)
         fitting = EXAMPLES | {"u": u, "v": u, "state": ts.State(u, u)}
     examples = dict(given)

@@ -25,8 +25,10 @@ from granular.observables import (
     part_energies,
     participation_ratio,
     virial_ratio,
+    wall_sites,
 )
 from tensegrity import ContactError, Record, Run, TensegrityError, Wall
+from tensegrity.scenes.dynamics import dynamics
 
 D = 9.53e-3
 WALL, SOFT = materials["steel"], materials["ptfe"]
@@ -89,13 +91,13 @@ def test_the_planar_pack_counts_rows_from_the_top():
     assert scene.places[0].tolist() == pytest.approx([D / 2, D / 2 + 11 * D * math.sqrt(3) / 2])
     assert scene.places[:, 1].min() == pytest.approx(D / 2)
     assert scene.positions[-1, 0] == pytest.approx(10.5 * D)
-    assert sorted(scene.touches_wall("floor")) == list(scene.parts["row 12"])
+    assert sorted(wall_sites(scene, "floor")) == list(scene.parts["row 12"])
 
 
 @pytest.mark.slow
 def test_the_833_beads_pass_on_202_404006_newtons():
     scene = cubic(17, 7)
-    record = Record(interval=2e-7, sites=scene.touches_wall("floor"))
+    record = Record(interval=2e-7, sites=wall_sites(scene, "floor"))
     run = simulate(scene, scene.start(), 6.2e-4, method="rkn6", dt=1e-7, record=record)
     instant, force = largest(run.t, wall_force(run, "floor"))
     assert force == pytest.approx(202.404006, rel=2e-7)
@@ -130,7 +132,7 @@ def test_the_planar_pack_passes_on_the_reference_s_force(options, force, instant
 
 def test_five_layers_pass_on_the_reference_s_force():
     scene = cubic(5, 7)
-    record = Record(interval=2e-7, sites=scene.touches_wall("floor"))
+    record = Record(interval=2e-7, sites=wall_sites(scene, "floor"))
     run = simulate(scene, scene.start(), 1e-4, method="rkn6", dt=2e-7, record=record)
     instant, force = largest(run.t, wall_force(run, "floor"))
     assert force == pytest.approx(1048.70740, rel=1e-6)
@@ -189,7 +191,7 @@ def test_followed_contacts_of_a_pack_where_none_forms_change_nothing():
 
 def test_a_gap_is_crossed_at_the_striker_s_speed():
     scene = planar(3, 4, gap=1e-4)
-    assert scene.follows
+    assert dynamics(scene).follows
     run = simulate(scene, scene.start(), 1.5e-4, record=Record(interval=1e-6))
     struck = scene.parts["row 1"][1]
     first = run.t[np.flatnonzero(np.abs(run.v[:, struck, 1]) > 1e-9)[0]]
@@ -247,7 +249,7 @@ def test_a_break_shot_meets_the_reference_s_velocities():
     """Of another code at 1.2 ms; the cue comes in off the centre."""
     rack = [(12 + k * math.sqrt(3) / 2, 6 + i - k / 2) for k in range(5) for i in range(k + 1)]
     scene = pack(np.array([*rack, (10.5, 6.3)]) * D, STEEL, box(18 * D, 12 * D))
-    assert scene.follows
+    assert dynamics(scene).follows
     run = simulate(scene, scene.at_rest({15: (5.0, 0.0)}), 1.2e-3, record=Record(every=50))
     expected = {
         15: (-0.180758, 1.641462), 0: (-0.731748, -0.548284), 10: (2.844176, -1.640953),

@@ -10,6 +10,7 @@ import numpy as np
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.gradients import chained
+from tensegrity.scenes.dynamics import dynamics
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -83,14 +84,14 @@ class Gradient:
         if name not in self._names:
             known = ", ".join(self._names) or "nothing"
             raise TensegrityError(f"by {check.shown(name)}: this gradient knows {known}")
-        of_beads = getattr(self._scene, "bead_arguments", ())
-        if name in of_beads:
-            return self._scene.by_beads(name, self.mass, self._along, self.shift)
+        of = dynamics(self._scene)
+        if name in of.arguments:
+            return of.by_argument(name, self.mass, self._along, self.shift)
         return self._along(name)
 
     def _along(self, name: str) -> Array:
         """By an argument of the springs."""
-        table = self._scene.spring_table
+        table = dynamics(self._scene).springs
         springs, found = table.different, np.zeros(len(table.group))
         laws, law, _ = table.table
         most = max(len(one.parameters) for one in laws)
