@@ -33,8 +33,10 @@ def missing() -> str:
 def text() -> str:
     """All of the C."""
     elastic = ELASTIC.law
-    stiffness = scalar(1, "stiffness", functions(elastic)["stiffness"])
-    loop = c_text((rigid_law(), elastic), helpers=[stiffness, *_approximate()])
+    laws = rigid_law(), elastic
+    given = {0: ("energy", "stiffness", "slope"), 1: ("energy", "stiffness")}  # and the tension
+    more = [scalar(k, name, functions(laws[k])[name]) for k in given for name in given[k]]
+    loop = c_text(laws, helpers=[*more, *_approximate()])
     programs = rigid_programs()
     own = ", ".join(map(repr, ELASTIC.values.tolist()))
     numbers = {

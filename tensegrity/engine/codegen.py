@@ -44,38 +44,31 @@ def c_text(laws, own=None, dim=0, steps="", helpers=()):
         What is needed besides, and the C by which it is called.
     """
     own, loop = own or (None,) * len(laws), "net" if dim else "line"
-    pulling = [law for law in laws if not isinstance(law, Change)]
-    change = laws[-1] if len(pulling) < len(laws) else None
-    more = ["stiffness"] * (steps == "implicit")
+    change = next((law for law in laws if isinstance(law, Change)), None)
+    alone = not dim and own == (None,)  # then it is looked at outside of a loop too
+    names = laws[0].compiled if alone else ()
+    more = (*names, *["stiffness"] * (steps == "implicit"))
     scalars = [
         scalar(number, name, functions(law)[name])
         for number, law in enumerate(laws)
-        for name in dict.fromkeys((*law.compiled, "tension", *more))
+        for name in (["energy"] if law is change else dict.fromkeys(("tension", *more)))
     ]
-    beside = [bool(dim or change) or is_packed(law) for law in pulling]
-    packed = [
-        *(geometry.side_by_side(dim) if dim else ()),
-        *_tensions(pulling, own, beside, change, dim),
-    ]
-    alone = not dim and own == (None,)  # then it is looked at outside of a loop too
+    runs, parts, packed = [], ["scene.h"], geometry.side_by_side(dim) if dim else []
+    for k, law in enumerate(laws[: len(laws) - (change is not None)]):
+        beside = bool(dim or change) or is_packed(law)
+        for kind in kinds(law, own[k]):
+            runs.append((k, kind))
+            flags = {"K": k, "OWNED": kind, "IS_LONG": is_long(law), "BESIDE": beside}
+            parts += [*_defined(flags), f"{loop}_law.c", *(f"#undef {x}" for x in flags)]
+            if beside:
+                packed.append(_tensions(k, kind, law, own[k], change, dim))
     in_packs = alone and facts(laws[0])["packed_energy"]
     if in_packs:
         packed += ["#if WIDE == 8", _energies(laws[0]), "#endif"]
-    runs = [(k, kind) for k, law in enumerate(pulling) for kind in kinds(law, own[k])]
-    lists = {
-        "RUNS": runs,
-        "EVALUATIONS": [(DERIVATIVES.index(name), name) for name in laws[0].compiled]
-        if alone
-        else [],
-        "LAWS": [(k,) for k in range(len(laws))],
-    }
+    evaluations = [(DERIVATIVES.index(name), name) for name in names]
+    lists = {"RUNS": runs, "EVALUATIONS": evaluations, "LAWS": zip(range(len(laws)))}
     flags = {"CHANGES": change is not None, "IN_PACKS": in_packs}
-    parts = ["scene.h"]
-    for k, kind in runs:
-        told = {"K": k, "OWNED": kind, "IS_LONG": int(is_long(laws[k])), "BESIDE": int(beside[k])}
-        parts += [*_defined(told), f"{loop}_law.c", *(f"#undef {x}" for x in told)]
-    parts += [f"{loop}.c", "steps.c", *STEPS[steps]]
-    parts += ["evaluate.c"] * alone
+    parts += [f"{loop}.c", "steps.c", *STEPS[steps], *["evaluate.c"] * alone]
     return _text(laws, own, [*scalars, *helpers], dim, packed, lists, flags, parts)
 
 
@@ -125,7 +118,7 @@ def _text(laws, own, hooks, dim, packed, lists, flags, parts):
         generator.add(function)
     takes = [_take(k, law, own[k]) for k, law in enumerate(laws) if own[k] is not None]
     defines = {"PARAMETERS": max((len(law.parameters) for law in laws), default=0)}
-    defines |= {name: int(value) for name, value in flags.items()}
+    defines |= flags
     for name, rows in lists.items():
         defines[f"{name}(X)"] = " ".join(f"X({', '.join(map(str, row))})" for row in rows)
     begin = ["prelude.c", generator.dump(), *(hook for _, hook in hooks), *takes, "simd.c"]
@@ -133,7 +126,7 @@ def _text(laws, own, hooks, dim, packed, lists, flags, parts):
 
 
 def _defined(values):
-    return [f"#define {name} {value}" for name, value in values.items()]
+    return [f"#define {x} {int(y) if isinstance(y, bool) else y}" for x, y in values.items()]
 
 
 def scalar(number, name, function):
@@ -181,20 +174,18 @@ def _packs(law, own, one, wide="WIDE"):
     ]
 
 
-def _tensions(laws, own, beside, change, dim):
+def _tensions(number, kind, law, own, change, dim):
     """C of the tensions of several contacts, `tension_lanes_<law>_<kind of run>`; of bonds on a
     line that change the rates of their energies too, in packs behind."""
     shared, one = ("pack", "p[{}]") if dim else ("real", "wide(p[{}])")
     arguments = f"const pack *r, const {shared} *p, const real *own, integer all, pack *f"
-    for number, law in enumerate(laws):
-        for kind in kinds(law, own[number]) if beside[number] else ():
-            p = _packs(law, own[number] if kind else (), one, "GROUP")
-            function, found = functions(law)["tension"], [["f[g]"]]
-            if change and not dim:
-                p = _packs(change, (), one)
-                function, found = change.both(), [["f[g]"], ["f[n + g]"]]
-            name = f"tension_lanes_{number}_{kind}"
-            yield simd.text(function, name, arguments, [["r[g]"], p], found)
+    p = _packs(law, own if kind else (), one, "GROUP")
+    function, found = functions(law)["tension"], [["f[g]"]]
+    if change and not dim:
+        p = _packs(change, (), one)
+        function, found = change.both(), [["f[g]"], ["f[n + g]"]]
+    name = f"tension_lanes_{number}_{kind}"
+    return simd.text(function, name, arguments, [["r[g]"], p], found)
 
 
 def _energies(law):

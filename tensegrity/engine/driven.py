@@ -198,7 +198,7 @@ class Locked(Exception):  # no error of a user's: which stage it was
         self.t, self.range = t, range
 
 
-class BoundDriven(Bound):  # type: ignore[misc]
+class BoundDriven(Bound):
     """Arrays u and v, advanced in place, with what was done on them.
 
     Attributes
@@ -209,6 +209,8 @@ class BoundDriven(Bound):  # type: ignore[misc]
     shown_sums : ndarray, (4,)
         The same, of what is shown.
     """
+
+    shown_sums: Any
 
     def __init__(
         self, loop: Any, forcing: Forcing, u: Array, v: Array, method: Splitting, dt: float
@@ -225,8 +227,8 @@ class BoundDriven(Bound):  # type: ignore[misc]
         np.divide(-np.expm1(-drifts[:, None] * rates), rates, out=glide, where=rates != 0)
         entries, moving, bonds = len(forcing.mass), len(forcing.moved), len(forcing.bonds.group)
         sizes = {"term": entries, "next": entries, "pull": entries + 1, "stretch": bonds}
-        sizes |= {"given": (moving + 1, schedule.degree)}
         arrays = {name: np.zeros(size) for name, size in sizes.items()}
+        arrays["given"] = np.zeros((moving + 1, schedule.degree))
         arrays |= {name: getattr(forcing, name) for name in ("mass", "heavy", "ground", "bond")}
         arrays |= {name: getattr(forcing, name).astype(np.int64) for name in ("moved", "forced")}
         arrays |= {"decay": np.exp(-drifts[:, None] * forcing.ground * weights), "glide": glide}

@@ -8,12 +8,11 @@ those of `methods.Splitting`; what runs is the C of `reverse.c`.
 from __future__ import annotations
 
 import ctypes
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from tensegrity.engine.bonds import PAIR, WALL, Bonds, integers, parameters
+from tensegrity.engine.bonds import PAIR, WALL, integers, parameters
 from tensegrity.engine.bound import Bound, stages
 from tensegrity.engine.codegen import reverse_text
 from tensegrity.engine.native import library
@@ -31,82 +30,58 @@ def _compiled(laws, own, wanted, dim, exact):
     return library(reverse_text(laws, own, wanted, dim, exact), flags)
 
 
-@dataclass(frozen=True, eq=False)
 class Layout:
     """Bonds as the loop backwards takes them, in the runs of the loop, and what it wants to know.
 
-    Attributes
+    Parameters
     ----------
     bonds : Bonds
     wanted : tuple of tuple of int
         For each law the numbers of the parameters by which derivatives are wanted.
     exact : bool
         Whether states are whole units of a grid.
+
+    Attributes
+    ----------
+    dim, sites : int
+        Coordinates of a site in a network, 0 on a line; number of sites.
+    rows : int
+        Of the arrays: sites, and in a network one that stands for all walls; on a line whole packs,
+        and one behind them.
+    shape : tuple of int
+        Of u, v and what belongs to them.
+    room : int
+        Places of bonds, and room for what C may write behind the last.
+    most : int
+        Most parameters wanted of any law.
+    kind : ndarray of int, (bonds,)
+        Index into `bonds.KINDS`.
+    ends : tuple of ndarray of int
+        Rows of both ends of each bond, that of the walls for a wall.
+    place : ndarray of int, (bonds,)
+        Where each bond is among the places of the loop.
     """
 
-    bonds: Bonds
-    wanted: tuple
-    exact: bool = False
-
-    @property
-    def dim(self):
-        """Coordinates of a site in a network, 0 on a line."""
-        return self.bonds.dim
-
-    @property
-    def sites(self):
-        """Number of sites."""
-        return len(self.bonds.inverse_mass)
-
-    @property
-    def rows(self):
-        """Rows of the arrays: sites, and in a network one that stands for all walls.
-
-        On a line whole packs, and one behind them.
-        """
-        return self.sites + 1 if self.dim else -(-self.sites // PACK) * PACK + PACK
-
-    @property
-    def shape(self):
-        """Shape of u, v and what belongs to them."""
-        return (self.rows, self.dim) if self.dim else (self.rows,)
-
-    @property
-    def room(self):
-        """Places of bonds, and room for what C may write behind the last."""
-        return max(len(self.bonds.runs.source), 0 if self.dim else self.rows) + PACK
-
-    @property
-    def most(self):
-        """Most parameters wanted of any law."""
-        return max((len(x) for x in self.wanted), default=0)
-
-    @cached_property
-    def kind(self):
-        """Index into `bonds.KINDS` of each bond."""
-        contacts = self.bonds.contacts
-        return np.full(len(self.bonds.group), PAIR) if contacts is None else contacts.kind
-
-    @cached_property
-    def ends(self):
-        """Rows of both ends of each bond, that of the walls for a wall."""
-        contacts = self.bonds.contacts
-        if contacts is None:
-            first = np.arange(len(self.bonds.group))
-            return first, first + 1
-        return np.where(self.kind == WALL, self.sites, contacts.first), contacts.second
-
-    @cached_property
-    def place(self):
-        """Where each bond is among the places of the loop; (bonds,)."""
-        source = self.bonds.runs.source
-        return np.flatnonzero(source >= 0)[np.argsort(source[source >= 0])]
+    def __init__(self, bonds, wanted, exact=False):
+        self.bonds, self.wanted, self._exact = bonds, wanted, exact
+        source, contacts, count = bonds.runs.source, bonds.contacts, len(bonds.group)
+        self.dim, self.sites = bonds.dim, len(bonds.inverse_mass)
+        packs = -(-self.sites // PACK) * PACK
+        self.rows = self.sites + 1 if self.dim else packs + PACK
+        self.shape = (self.rows, self.dim) if self.dim else (self.rows,)
+        self.room = max(len(source), 0 if self.dim else self.rows) + PACK
+        self.most = max((len(x) for x in wanted), default=0)
+        self.kind, self.ends = np.full(count, PAIR), (np.arange(count), np.arange(count) + 1)
+        if contacts is not None:
+            self.kind = contacts.kind
+            self.ends = np.where(self.kind == WALL, self.sites, contacts.first), contacts.second
+        self.place = np.flatnonzero(source >= 0)[np.argsort(source[source >= 0])]
 
     @cached_property
     def library(self):
         """The compiled text."""
         b = self.bonds
-        return _compiled(b.laws, b.own, self.wanted, self.dim, self.exact)
+        return _compiled(b.laws, b.own, self.wanted, self.dim, self._exact)
 
     def parameters(self, bonds):
         """Fields of a scene: `bonds.parameters`."""
