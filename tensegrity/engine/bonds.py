@@ -123,16 +123,6 @@ class Contacts:
         """Sites, walls, and one row more."""
         return len(self.load) + self.walls + 1
 
-    def placed(self, source):
-        """Geometry and rows of contacts in some order; a filling, -1, is of length 1 m at rest,
-        between the spare row and itself."""
-        real, geometry = source >= 0, np.zeros((len(self.geometry), len(source)))
-        geometry[0], geometry[-1] = 1, 1
-        geometry[:, real] = self.geometry[:, source[real]]
-        filled = np.where(real, source, 0)
-        rows = (np.where(real, x[filled], self.rows - 1) for x in (self.first, self.second))
-        return geometry, tuple(rows)
-
     def weights(self, inverse_mass):
         """Inverse mass of each row: 1 kg for a wall, whose velocity counts its impulse."""
         weights = np.zeros((self.rows, self.load.shape[1]))
@@ -154,7 +144,7 @@ class Runs:
     Attributes
     ----------
     source : ndarray of int, (places,)
-        The bond at each place, -1 for a filling.
+        The bond at each place.
     first : ndarray of int, (runs + 1,)
         First place of each run.
     law, own, kind : ndarray of int, (runs,)
@@ -169,8 +159,7 @@ class Runs:
 
     def members(self, run):
         """The bonds of a run."""
-        part = self.source[self.first[run] : self.first[run + 1]]
-        return part[part >= 0]
+        return self.source[self.first[run] : self.first[run + 1]]
 
 
 def line_runs(bonds):
@@ -199,24 +188,18 @@ def line_runs(bonds):
 
 
 def net_runs(bonds):
-    """Contacts in runs of one kind and law, each filled up to whole groups of `GROUP`."""
-    pair = bonds.law_of_bond * len(KINDS) + bonds.contacts.kind
-    first, source, found, own = [0], [], np.unique(pair), []
-    for number in found:
-        members = np.flatnonzero(pair == number)
-        group = bonds.group[members]
-        own.append(int(np.any(group != group[0])))
-        source += [members, np.full(-len(members) % GROUP, -1)]
-        first.append(first[-1] + len(members) + len(source[-1]))
-    for k, number in enumerate(found // len(KINDS)):
-        if is_long(bonds.laws[number]) and any(
-            own[j] for j in np.flatnonzero(found // len(KINDS) == number)
-        ):
-            own[k] = 1  # compiled once only
-    source = np.concatenate(source) if source else np.zeros(0, dtype=int)
-    return Runs(
-        source, np.array(first), found // len(KINDS), np.array(own, dtype=int), found % len(KINDS)
-    )
+    """Contacts in runs of one kind and law."""
+    number = bonds.law_of_bond * len(KINDS) + bonds.contacts.kind
+    found = np.unique(number)
+    members = [np.flatnonzero(number == one) for one in found]
+    own = np.array([np.ptp(bonds.group[part]) > 0 for part in members], dtype=int)
+    law, kind = np.divmod(found, len(KINDS))
+    for one in np.unique(law[own > 0]):
+        if is_long(bonds.laws[one]):
+            own[law == one] = 1  # compiled once only
+    first = np.cumsum([0, *map(len, members)])
+    source = np.concatenate([np.zeros(0, dtype=int), *members])
+    return Runs(source, first, law, own, kind)
 
 
 def parameters(bonds, runs, own, lanes=1):
@@ -226,7 +209,7 @@ def parameters(bonds, runs, own, lanes=1):
     shared = np.zeros((len(runs.law), bonds.parameters.shape[1]))
     columns, at = [np.zeros(0)], 0
     for k, law in enumerate(runs.law):
-        springs = bonds.group[_nearest(runs.source[runs.first[k] : runs.first[k + 1]])]
+        springs = bonds.group[runs.members(k)]
         shared[k] = bonds.parameters[springs.flat[0]]
         places[k] = at
         if runs.own[k]:
@@ -241,11 +224,6 @@ def parameters(bonds, runs, own, lanes=1):
 
 def integers(array):
     return np.ascontiguousarray(array, dtype=np.int64)
-
-
-def _nearest(source):
-    """The bond of each place, for a filling the one before it."""
-    return source[np.maximum.accumulate(np.where(source >= 0, np.arange(len(source)), 0))]
 
 
 def by_spring(group, springs, low, high):

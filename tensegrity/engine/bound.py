@@ -12,11 +12,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from tensegrity.engine import implicit, layout, march
+from tensegrity.engine import implicit, layout, march, openings
 from tensegrity.engine.bonds import by_spring, integers, parameters
 from tensegrity.engine.methods import Corrected, Midpoint, Splitting
 from tensegrity.engine.native import pointer
-from tensegrity.engine.openings import DEGREE, Openings
 from tensegrity.engine.structs import structure
 from tensegrity.errors import StabilityError
 
@@ -75,7 +74,7 @@ class Bound:
             self._pieces = [SCENE(**fields, **_piece(found, *ends, k, pieces)) for k, ends in cuts]
             fields |= _piece(found, 0, found.slices.tiles, 0, 1)
         else:  # what only networks have is left out
-            fields = dict.fromkeys(name for name, _ in SCENE._fields_) | fields
+            fields = dict.fromkeys(SCENE.kinds) | fields
         self._bind(SCENE(**fields), method)
         self.set_step(dt)
         self.forget_range()
@@ -174,25 +173,11 @@ class Bound:
 
     def _corrections(self, method):
         """Of a method that corrects where contacts open."""
-        loop, u, found = self._loop, self.u, Openings(self._bonds)
-        of_bonds = {name: getattr(found, name) for name in ("place", "side", "strength", "row")}
-        if loop.dim:
-            places = self._bonds.runs.source
-            none = dict.fromkeys(of_bonds, np.nan) | {"row": 0}
-            of_bonds = {
-                name: np.where(places >= 0, x[:, places], none[name])
-                for name, x in of_bonds.items()
-            }
-        elif u.ndim > 1:
-            shape = len(found.row), len(u) - 1, loop.lanes
-            of_bonds = {
-                name: np.broadcast_to(x.reshape(*shape[:2], -1), shape)
-                for name, x in of_bonds.items()
-            }
-        row = integers(of_bonds.pop("row"))
-        numbers = {name: getattr(found, name) for name in ("exponents", "betas", "tables")}
+        loop, u = self._loop, self.u
+        numbers = openings.contacts(self._bonds, loop.lanes)
         numbers |= dict(zip(("nodes", "weights", "offsets"), method.rule, strict=True))
-        numbers |= of_bonds | {"dt": [1.0]}
+        row = integers(numbers.pop("row"))
+        numbers["dt"] = [1.0]
         sizes = dict.fromkeys(("before", "rate_before", "after", "rate_after"), row.size)
         sizes |= dict.fromkeys(("u", "v", "end_u", "end_v", "end_a"), u.size)
         self._alone = steps = OPENINGS(
@@ -203,7 +188,7 @@ class Bound:
             bonds=row.size // len(row),
             entries=u.size,
             kicks=len(method.rule[0]),
-            degree=DEGREE,
+            degree=openings.DEGREE,
             known=0,
             begins=0,
             alone=0,

@@ -69,7 +69,7 @@ def c_text(laws, own=None, dim=0, steps="", helpers=()):
     lists = {"RUNS": runs, "EVALUATIONS": evaluations, "LAWS": zip(range(len(laws)))}
     flags = {"CHANGES": change is not None, "IN_PACKS": in_packs}
     parts += [f"{loop}.c", "steps.c", *STEPS[steps], *["evaluate.c"] * alone]
-    return _text(laws, own, [*scalars, *helpers], dim, packed, lists, flags, parts)
+    return whole(laws, own, [*scalars, *helpers], dim, packed, lists, flags, parts)
 
 
 def reverse_text(laws, own, wanted, dim, exact):
@@ -105,12 +105,11 @@ def reverse_text(laws, own, wanted, dim, exact):
             given, name = [["load(r + g * WIDE)"], p], f"slopes_{number}_{kind}"
             packed.append(simd.text(function, name, arguments, given, [found]))
     parts, lists = ["reverse.c", *["steps.c"] * exact], {"RUNS": runs, "SCALARS": scalars}
-    return _text(laws, own, hooks, dim, packed, lists, {"EXACT": exact}, parts)
+    return whole(laws, own, hooks, dim, packed, lists, {"EXACT": exact}, parts)
 
 
-def _text(laws, own, hooks, dim, packed, lists, flags, parts):
-    """The whole: CasADi's functions with the C that calls them, those of packs, what is listed as
-    macros, and the files of a loop."""
+def whole(laws, own, hooks, dim, packed, lists, flags, parts):
+    """C source of CasADi's functions with what calls them, those of packs, listed macros, files."""
     import casadi as ca
 
     generator, hooks = ca.CodeGenerator("laws.c"), [*hooks, *(geometry.helpers(dim) if dim else ())]

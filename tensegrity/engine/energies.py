@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity.engine import geometry
+from tensegrity.engine import codegen
 from tensegrity.engine.bonds import KINDS, integers
 from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.kept import kept
@@ -43,7 +43,8 @@ def _compiled() -> Any:
 @once
 def _elongations(dim: int) -> list[int | None]:
     """Addresses of the functions of each kind of contact; they stay where they are."""
-    text = kept(("elongations", dim), lambda: geometry.text(dim, "elongations.c"))
+    given: tuple[Any, ...] = (), (), (), dim, (), {}, {}, ["elongations.c"]
+    text = kept(("elongations", dim), lambda: codegen.whole(*given))
     found = library(text, [f"-DDIM={dim}"])
     return [pointer(found[f"{kind}_elongations"]) for kind in KINDS]
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from tensegrity.engine import simd
 from tensegrity.engine.law import to_casadi
-from tensegrity.engine.native import joined
 from tensegrity.once import once
 
 
@@ -32,7 +31,7 @@ def functions(dim):
 
 
 def helpers(dim):
-    """What `codegen.c_text` takes for the loop of a network."""
+    """What `codegen.whole` takes for a network."""
     for kind, function in functions(dim).items():
         yield (
             function,
@@ -40,17 +39,6 @@ def helpers(dim):
             "real *r, real *along) { const real *arg[] = {d, w, &g, &length}; "
             f"real *res[] = {{r, along}}; geometry_{kind}(arg, res, 0, 0, 0); }}",
         )
-
-
-def text(dim, file):
-    """C source of a file that needs the geometry alone."""
-    import casadi as ca
-
-    generator, hooks = ca.CodeGenerator("geometry.c"), []
-    for function, hook in helpers(dim):
-        generator.add(function)
-        hooks.append(hook)
-    return joined(["prelude.c", generator.dump(), *hooks, file])
 
 
 def side_by_side(dim):

@@ -62,17 +62,17 @@ def _line(loop, bonds, runs):
     if loop.lanes > 1 and weights.ndim == 1:
         weights = np.repeat(weights, loop.lanes)
     where = {"first": runs.first - runs.first[0], "law": 2 * runs.law + runs.own}
-    return _laid(loop, bonds, runs, {"w": weights}, where)
+    return _laid(loop, bonds, runs, {"w": weights} | where)
 
 
-def _laid(loop, bonds, runs, numbers, where, pieces=1, slices=None, **more):
+def _laid(loop, bonds, runs, fields, pieces=1, slices=None, **more):
     """With parameters of the places of runs, and where elongations are noted."""
-    given = parameters(bonds, runs, loop.own, loop.lanes)
     met_at, springs = elongations(bonds, runs, loop.lanes, pieces)
-    where |= {"own_at": given.pop("own_at"), "met_at": met_at}
-    fields = {name: loop.numbers(x) for name, x in (given | numbers).items()}
-    fields |= {name: integers(x) for name, x in where.items()} | more
-    return Laid(runs, springs, fields | {"runs": len(runs.law)}, slices)
+    fields |= parameters(bonds, runs, loop.own, loop.lanes) | {"met_at": met_at}
+    for name, values in fields.items():
+        is_real = np.asarray(values).dtype.kind == "f"
+        more[name] = loop.numbers(values) if is_real else integers(values)
+    return Laid(runs, springs, more | {"runs": len(runs.law)}, slices)
 
 
 def elongations(bonds, runs, lanes=1, pieces=1):
@@ -91,7 +91,7 @@ def elongations(bonds, runs, lanes=1, pieces=1):
     at, springs = [0], [np.zeros(0, dtype=int)]
     most = pieces * GROUP if bonds.contacts is not None else BLOCK
     for k, own in enumerate(runs.own):
-        group = bonds.group[runs.source[runs.first[k] : runs.first[k + 1]]]
+        group = bonds.group[runs.members(k)]
         if lanes > 1 and group.ndim == 1:
             group = np.repeat(group[:, None], lanes, axis=1)
         count = most if bonds.contacts is not None else min(most, lanes * len(group))
@@ -102,39 +102,27 @@ def elongations(bonds, runs, lanes=1, pieces=1):
 
 def _net(loop, bonds, pieces):
     runs, contacts, found = bonds.runs, bonds.contacts, slices(bonds)
-    place, (first, second) = contacts.placed(runs.source)
+    place = contacts.geometry[:, runs.source]
     entries = replace(runs, source=runs.source[found.contact], first=found.first)
     dim, sites = bonds.dim, len(contacts.load)
     places = np.zeros((contacts.rows + 1, dim))
     places[:sites] = contacts.positions
-    gap, gap_at, gap_each = _varying(place[dim, found.contact], found.first)
-    length, length_at, length_each = _varying(place[-1, found.contact], found.first)
-    normal, normal_at, pressing, pressed = _by_wall(bonds, found, place[:dim])
-    numbers = {
+    fields = {
         "w": contacts.weights(bonds.inverse_mass),
         "load": contacts.loads(),
         "geometry": place,
         "places": places,
-        "gap": gap,
-        "length": length,
-        "normal": normal,
-    }
-    where = {
-        "from": dim * first,
-        "to": dim * second,
+        "from": dim * contacts.first[runs.source],
+        "to": dim * contacts.second[runs.source],
         "first": runs.first,
         "law": 4 * runs.law + 2 * runs.kind + runs.own,
         "slice": found.slice,
         "begin": found.begin,
         "entry": found.first,
-        "gap_at": gap_at,
-        "gap_each": gap_each,
-        "length_at": length_at,
-        "length_each": length_each,
-        "normal_at": normal_at,
-        "pressing": pressing,
-        "pressed": pressed,
     }
+    fields |= _varying("gap", place[dim, found.contact], found.first)
+    fields |= _varying("length", place[-1, found.contact], found.first)
+    fields |= _by_wall(bonds, found, place[:dim])
     more = {
         "site": found.site.astype(np.int32),
         "other": found.other.astype(np.int32),
@@ -145,7 +133,7 @@ def _net(loop, bonds, pieces):
         "tiles": found.tiles,
         "loaded": bool(contacts.load.any()),
     }
-    return _laid(loop, bonds, entries, numbers, where, pieces, found, **more)
+    return _laid(loop, bonds, entries, fields, pieces, found, **more)
 
 
 def _by_wall(bonds, found, normal):
@@ -170,10 +158,11 @@ def _by_wall(bonds, found, normal):
     places, walls = (np.concatenate([np.zeros(0, dtype=int), *x]) for x in (places, walls))
     order = np.argsort(walls, kind="stable")
     begin = np.searchsorted(walls[order], np.arange(len(contacts.load), contacts.rows + 1))
-    return np.concatenate(kept), at, places[order], begin
+    normal = {"normal": np.concatenate(kept), "normal_at": np.array(at, dtype=int)}
+    return normal | {"pressing": places[order], "pressed": begin}
 
 
-def _varying(values, first):
+def _varying(name, values, first):
     """Values of the entries of each run, or `GROUP` equal ones; where these begin, and which."""
     kept, at, each = [np.zeros(0)], [], []
     for start, stop in pairwise(first):
@@ -181,7 +170,8 @@ def _varying(values, first):
         each.append(bool(np.any(part != part[0])))
         at.append(sum(map(len, kept)))
         kept.append(part if each[-1] else part[:GROUP])
-    return np.concatenate(kept), at, each
+    found = {"": np.concatenate(kept), "_at": np.array(at, int), "_each": np.array(each, int)}
+    return {name + ending: x for ending, x in found.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,8 +231,7 @@ def slices(bonds):
     parts, begun, groups = [], 0, 0
     for k in range(len(runs.law)):
         places = np.arange(runs.first[k], runs.first[k + 1])
-        places = places[runs.source[places] >= 0]
-        part = _run(contacts, runs.source[places], places, runs.kind[k] == PAIR, tiles)
+        part = _run(contacts, runs.members(k), places, runs.kind[k] == PAIR, tiles)
         part["slice"] += begun
         part["begin"] += groups
         parts.append(part)

@@ -85,25 +85,26 @@ static void run_of(const scene *c, const openings *o, integer s, const real *res
 {
     const integer n = c->contacts, start = c->first[s], last = c->first[s + 1];
     const real *restrict geometry = c->geometry, dt = *o->dt;
-    for (integer b = start; b < last; b += GROUP) {
-        real x[DIM][GROUP], y[DIM][GROUP], r[GROUP], change[GROUP];
-        const integer *restrict from = c->from + b, *restrict to = c->to + b;
-        for (int i = 0; i < GROUP; i++)
+    const integer *restrict from = c->from, *restrict to = c->to;
+    for (integer b = start; b < last; b += BLOCK) {
+        const integer some = last - b < BLOCK ? last - b : BLOCK;
+        real r[BLOCK], change[BLOCK];
+        EACH(some) {
+            real at[DIM], apart[DIM], along[DIM], speed[DIM];
+            const integer p = from[b + i], q = to[b + i];
             AXES(k) {
-                x[k][i] = wall ? u[to[i] + k] : u[to[i] + k] - u[from[i] + k];
-                y[k][i] = wall ? v[to[i] + k] : v[to[i] + k] - v[from[i] + k];
+                at[k] = geometry[k * n + b + i];
+                apart[k] = wall ? u[q + k] : u[q + k] - u[p + k];
+                speed[k] = wall ? v[q + k] : v[q + k] - v[p + k];
             }
-        EACH(GROUP) {
-            real at[DIM], apart[DIM], along[DIM];
-            r[i] = change[i] = 0;
             const real gap = geometry[DIM * n + b + i], length = geometry[(DIM + 1) * n + b + i];
-            AXES(k) at[k] = geometry[k * n + b + i], apart[k] = x[k][i];
+            r[i] = change[i] = 0;
             if (wall) wall_contact(at, apart, gap, length, r + i, along);
             else pair_contact(at, apart, gap, length, r + i, along);
-            AXES(k) change[i] += along[k] * y[k][i];
+            AXES(k) change[i] += along[k] * speed[k];
         }
         for (integer j = b; j < o->count; j += o->bonds)
-            EACH(GROUP) {
+            EACH(some) {
                 w[j + i] = o->side[j + i] * (r[i] - o->place[j + i]);
                 rate[j + i] = o->side[j + i] * dt * change[i];
             }

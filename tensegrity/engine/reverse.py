@@ -75,7 +75,7 @@ class Layout:
         if contacts is not None:
             self.kind = contacts.kind
             self.ends = np.where(self.kind == WALL, self.sites, contacts.first), contacts.second
-        self.place = np.flatnonzero(source >= 0)[np.argsort(source[source >= 0])]
+        self.place = np.argsort(source)
 
     @cached_property
     def library(self):
@@ -150,9 +150,8 @@ class Back:
         place = np.zeros((2, n))
         if dim:
             load[:sites] = b.contacts.load
-            place, _ = b.contacts.placed(runs.source)
-        entries, real = self.u.size, runs.source >= 0  # a filling is where walls are
-        first, second = (size * np.where(real, x[runs.source], sites) for x in layout.ends)
+            place = b.contacts.geometry[:, runs.source]
+        entries, (first, second) = self.u.size, (size * x[runs.source] for x in layout.ends)
         where = {"from": first, "to": second, "first": runs.first}
         where |= {"law": 2 * runs.law + runs.own, "wall": runs.kind == WALL}
         scratch = {"r": room, "f": room + 2, "k": room, "bent": room, "d": (layout.most, room)}

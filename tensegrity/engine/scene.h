@@ -8,13 +8,13 @@
 
    Rows of a network's u and v: the sites, the walls, one more that takes what is left over.  A
    wall's row collects its impulse in v.  The list of contacts comes in runs of one kind and one
-   law, filled up to whole groups of GROUP.  The forces are computed from a second list: GROUP sites
-   stand side by side in a slice, and their contacts with sites of higher numbers, or with walls, in
-   its groups.  A site adds these up in a register, and they are added to the other sites' rows with
-   the opposite sign: equal to the last bit.  What does not count in a group repeats another contact.
-   Slices come in tiles of TILE sites, which move as soon as the contacts of their tile are done.  A
-   thread has tiles, and rows of forces of its own, and does the contacts of the tiles before them
-   again that act on its sites: no sum depends on the number of threads. */
+   law.  The forces are computed from a second list: GROUP sites stand side by side in a slice, and
+   their contacts with sites of higher numbers, or with walls, in its groups.  A site adds these up
+   in a register, and they are added to the other sites' rows with the opposite sign: equal to the
+   last bit.  What does not count in a group repeats another contact.  Slices come in tiles of TILE
+   sites, which move as soon as the contacts of their tile are done.  A thread has tiles, and rows
+   of forces of its own, and does the contacts of the tiles before them again that act on its
+   sites: no sum depends on the number of threads. */
 
 #define BLOCK 64
 #define TILE 256

@@ -309,11 +309,8 @@ class Nystrom(Method):
             turned = [a * b for a, b in zip(self.velocities, self.nodes, strict=True)]
             self._require_sum("sum of the positions", self.positions, 0.5)
             self._require_sum("sum of velocities times nodes", turned, 0.5)
-        ahead = any(a for i, row in enumerate(self.matrix) for a in row[i:])
-        self._require(
-            not (self.explicit and ahead),
-            "the matrix must be 0 on its diagonal and above for the method to be explicit",
-        )
+        words = "the matrix must be 0 on its diagonal and above for the method to be explicit"
+        self._require(not any(a for i, row in enumerate(self.matrix) for a in row[i:]), words)
 
     @property
     def stages(self) -> int:

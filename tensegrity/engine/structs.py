@@ -26,6 +26,8 @@ class Structure(ctypes.Structure):
 
     Attributes
     ----------
+    kinds : dict of str
+        Types of all fields.
     filled : dict of str
         The values given, which live as long as C may look at them.
 
@@ -36,10 +38,10 @@ class Structure(ctypes.Structure):
     """
 
     __slots__ = ("filled",)
-    _kinds: ClassVar[dict[str, Any]]  # of the fields
+    kinds: ClassVar[dict[str, Any]]
 
     def __init__(self, **values: Any) -> None:
-        if wrong := values.keys() ^ self._kinds.keys():
+        if wrong := values.keys() ^ self.kinds.keys():
             raise TypeError(
                 f"{', '.join(sorted(wrong))} of {type(self).__name__}: missing or unknown"
             )
@@ -59,7 +61,7 @@ class Structure(ctypes.Structure):
         for name, value in values.items():
             if isinstance(value, np.ndarray):
                 value = address(value)
-            elif isinstance(value, Structure) and self._kinds[name] is ctypes.c_void_p:
+            elif isinstance(value, Structure) and self.kinds[name] is ctypes.c_void_p:
                 value = ctypes.addressof(value)
             if value is not None:
                 setattr(self, name, value)
@@ -77,5 +79,5 @@ def structure(file: str, name: str) -> Any:
         for one in names.split(","):
             found = ctypes.c_void_p if "*" in one else _NUMBERS.get(kind) or structure(file, kind)
             kinds[one.strip(" *\n")] = found
-    made = {"__slots__": (), "_kinds": kinds, "_fields_": list(kinds.items())}
+    made = {"__slots__": (), "kinds": kinds, "_fields_": list(kinds.items())}
     return type(name, (Structure,), made)
