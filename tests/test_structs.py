@@ -7,8 +7,7 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
-from tensegrity.engine.native import library
-from tensegrity.engine.structs import structure
+from tensegrity.engine.native import library, structure
 
 FOLDER = files("tensegrity.engine")
 PYTHON = "".join(x.read_text() for x in FOLDER.iterdir() if x.name.endswith(".py"))

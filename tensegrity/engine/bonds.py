@@ -123,19 +123,6 @@ class Contacts:
         """Sites, walls, and one row more."""
         return len(self.load) + self.walls + 1
 
-    def weights(self, inverse_mass):
-        """Inverse mass of each row: 1 kg for a wall, whose velocity counts its impulse."""
-        weights = np.zeros((self.rows, self.load.shape[1]))
-        weights[: len(self.load)] = inverse_mass[:, None]
-        weights[len(self.load) : -1] = 1
-        return weights
-
-    def loads(self):
-        """Constant force on each row [N]."""
-        loads = np.zeros((self.rows, self.load.shape[1]))
-        loads[: len(self.load)] = self.load
-        return loads
-
 
 @dataclass(frozen=True, eq=False)
 class Runs:

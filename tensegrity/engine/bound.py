@@ -15,8 +15,7 @@ import numpy as np
 from tensegrity.engine import implicit, layout, march, openings
 from tensegrity.engine.bonds import by_spring, integers, parameters
 from tensegrity.engine.methods import Corrected, Midpoint, Splitting
-from tensegrity.engine.native import pointer
-from tensegrity.engine.structs import structure
+from tensegrity.engine.native import pointer, structure
 from tensegrity.errors import StabilityError
 
 SCENE = structure("scene.h", "scene")

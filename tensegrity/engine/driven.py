@@ -20,7 +20,7 @@ from tensegrity.engine import march
 from tensegrity.engine.bound import Bound
 from tensegrity.engine.compiled import compiled
 from tensegrity.engine.law import Change
-from tensegrity.engine.structs import structure
+from tensegrity.engine.native import structure
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -35,7 +35,6 @@ FREE, APART, JOINED, TURNING = range(4)  # as in driven.c
 LEAST_TERMS = 12  # of the series of a drift
 NODES = 8  # instants of a drift from which prescribed velocities are taken as polynomials
 SMALL = 1e-17  # first term of the series that is left out, relative
-ROWS = "moved_u", "moved_v", "force", "force_rate", "shared", "domain", "series", "rubbed"
 LARGEST_DAMPING = 2.0  # of a drift: time times the largest rate of decay
 
 
@@ -85,11 +84,6 @@ class Forcing:
         return APART if self.ground.any() else FREE
 
     @property
-    def contacts(self) -> Any:
-        """Those of the bonds of a network."""
-        return self.bonds.contacts
-
-    @property
     def joined(self) -> Indices:
         """Numbers of the bonds of a network that have dashpots."""
         return np.flatnonzero(self.bond) if self.damped == TURNING else np.zeros(0, dtype=int)
@@ -102,8 +96,9 @@ class Forcing:
             total[1:] += 2 * self.bond
             total[:-1] += 2 * self.bond
         elif self.damped == TURNING:
-            by_site = total.reshape(len(self.contacts.load), -1)  # a view
-            for ends in (self.contacts.first, self.contacts.second):
+            of: Any = self.bonds.contacts
+            by_site = total.reshape(len(of.load), -1)  # a view
+            for ends in (of.first, of.second):
                 np.add.at(by_site, ends[self.joined], 2 * self.bond[self.joined, None])
         weights = np.divide(1, self.mass, out=np.zeros_like(total), where=self.mass > 0)
         return float(np.max(total * weights, initial=0.0))
@@ -233,7 +228,7 @@ class BoundDriven(Bound):
         arrays |= {name: getattr(forcing, name).astype(np.int64) for name in ("moved", "forced")}
         arrays |= {"decay": np.exp(-drifts[:, None] * forcing.ground * weights), "glide": glide}
         if forcing.damped == TURNING:
-            of, joined = forcing.contacts, forcing.joined
+            of, joined = forcing.bonds.contacts, forcing.joined
             ends = loop.dim * np.stack([of.first, of.second], axis=1)[joined]
             arrays |= {
                 "bond": forcing.bond[joined],
@@ -241,21 +236,19 @@ class BoundDriven(Bound):
                 "ends": ends.astype(np.int64),
                 "room": np.zeros((schedule.levels + 3, 2 * entries + 1)),
             }
-        later = dict.fromkeys((*ROWS, "ends", "apart", "room"))
-        return "driven", DRIVE(
-            **later | {name: np.ascontiguousarray(x) for name, x in arrays.items()},
-            sums=self.sums,
-            shown=self.shown_sums,
-            entries=entries,
-            moving=moving,
-            forcing=len(forcing.forced),
-            damped=forcing.damped,
-            degree=schedule.degree,
-            joined=len(forcing.joined),
-            levels=schedule.levels,
-            bonds=bonds,
-            stage=0,
-        )
+        arrays |= {"sums": self.sums, "shown": self.shown_sums}
+        numbers = {
+            "entries": entries,
+            "moving": moving,
+            "forcing": len(forcing.forced),
+            "damped": forcing.damped,
+            "degree": schedule.degree,
+            "joined": len(forcing.joined),
+            "levels": schedule.levels,
+            "bonds": bonds,
+        }
+        arrays = {name: np.ascontiguousarray(x) for name, x in arrays.items()}
+        return "driven", DRIVE(**dict.fromkeys(DRIVE.kinds) | arrays | numbers)  # others come later
 
     def go(self, done: int, end: int, wanted: Any = ()) -> int:
         """As `Bound.go`; velocities of what is moved are 0, and sums lack what masses and forces of

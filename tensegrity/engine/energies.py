@@ -13,8 +13,7 @@ from tensegrity.engine import codegen
 from tensegrity.engine.bonds import KINDS, integers
 from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.kept import kept
-from tensegrity.engine.native import address, joined, library, pointer
-from tensegrity.engine.structs import structure
+from tensegrity.engine.native import address, joined, library, pointer, structure
 from tensegrity.once import once
 
 if TYPE_CHECKING:

@@ -105,11 +105,12 @@ def _net(loop, bonds, pieces):
     place = contacts.geometry[:, runs.source]
     entries = replace(runs, source=runs.source[found.contact], first=found.first)
     dim, sites = bonds.dim, len(contacts.load)
-    places = np.zeros((contacts.rows + 1, dim))
-    places[:sites] = contacts.positions
+    places, w, load = np.zeros((3, contacts.rows + 1, dim))
+    places[:sites], w[:sites] = contacts.positions, bonds.inverse_mass[:, None]
+    load[:sites], w[sites : contacts.rows - 1] = contacts.load, 1  # velocities of walls: impulses
     fields = {
-        "w": contacts.weights(bonds.inverse_mass),
-        "load": contacts.loads(),
+        "w": w,
+        "load": load,
         "geometry": place,
         "places": places,
         "from": dim * contacts.first[runs.source],

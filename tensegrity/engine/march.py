@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from tensegrity.engine.native import address, joined, library
-from tensegrity.engine.structs import structure
+from tensegrity.engine.native import address, joined, library, structure
 from tensegrity.once import once
 
 if TYPE_CHECKING:

@@ -87,16 +87,13 @@ __attribute__((always_inline)) static inline void OF(run)(
 #endif
 }
 
-__attribute__((flatten)) static void OF(pairs)(
-    const scene *c, const real *u, integer s, integer t, real *restrict pull)
-{
-    OF(run)(c, u, s, t, pull, 0);
-}
-
-__attribute__((flatten)) static void OF(walls)(
-    const scene *c, const real *u, integer s, integer t, real *restrict pull)
-{
-    OF(run)(c, u, s, t, pull, 1);
-}
+#define CONTACTS(name, wall)                                                                \
+    __attribute__((flatten)) static void OF(name)(                                          \
+        const scene *c, const real *u, integer s, integer t, real *restrict pull)           \
+    {                                                                                       \
+        OF(run)(c, u, s, t, pull, wall);                                                    \
+    }
+CONTACTS(pairs, 0)
+CONTACTS(walls, 1)
 
 #undef CONTACT

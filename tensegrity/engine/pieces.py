@@ -14,7 +14,7 @@ import warnings
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import suppress
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from threading import Event, Lock, Thread
 
 import numpy as np
@@ -168,9 +168,8 @@ class BoundPieces(Threaded):
         done = 0
         while done < steps:
             part = min(self._together, steps - done)
-            for piece in self._parts:
-                piece.order = part, done > 0 or opened
-            for work in (_Piece.advance, _Piece.give):  # all take before any gives
+            advance = partial(_Piece.advance, steps=part, opened=done > 0 or opened)
+            for work in (advance, _Piece.give):  # all take before any gives
                 list(self._pool.map(work, self._parts))
             done += part
 
@@ -229,13 +228,12 @@ class _Piece:
         self.loop = Bound(loop, *self._local, weights, method, dt, runs=part, seen=mine)
         self._mine = slice(start, stop + (stop == total))
         self._inner = slice(start - low, self._mine.stop - low)
-        self.order = 0, False  # arguments of `advance_open`
 
-    def advance(self):
+    def advance(self, steps, opened):
         """Take what the neighbours gave, and do some steps."""
         for local, whole in zip(self._local, self._globals, strict=True):
             local[:] = whole[self._sites]
-        self.loop.advance_open(*self.order)
+        self.loop.advance_open(steps, opened)
 
     def give(self):
         """Hand out the part that is right."""

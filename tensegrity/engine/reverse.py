@@ -15,8 +15,7 @@ import numpy as np
 from tensegrity.engine.bonds import PAIR, WALL, integers, parameters
 from tensegrity.engine.bound import Bound, stages
 from tensegrity.engine.codegen import reverse_text
-from tensegrity.engine.native import library
-from tensegrity.engine.structs import structure
+from tensegrity.engine.native import library, structure
 from tensegrity.once import once
 
 SCENE = structure("reverse.c", "scene")
@@ -150,7 +149,7 @@ class Back:
         place = np.zeros((2, n))
         if dim:
             load[:sites] = b.contacts.load
-            place = b.contacts.geometry[:, runs.source]
+            place = np.ascontiguousarray(b.contacts.geometry[:, runs.source])
         entries, (first, second) = self.u.size, (size * x[runs.source] for x in layout.ends)
         where = {"from": first, "to": second, "first": runs.first}
         where |= {"law": 2 * runs.law + runs.own, "wall": runs.kind == WALL}

@@ -15,8 +15,7 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.branches.continuation import Settings, trace
-from tensegrity.engine.compiled import evaluated
-from tensegrity.engine.functions import Functions
+from tensegrity.engine.compiled import Functions, evaluated
 from tensegrity.engine.law import deflated, horner
 from tensegrity.errors import EquilibriumError, RangeError
 from tensegrity.once import once
