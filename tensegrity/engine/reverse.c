@@ -42,11 +42,10 @@ typedef struct {
 } seeds;
 
 /* Packs of bonds of one law: tensions, stiffnesses and derivatives by the parameters wanted. */
-typedef void packed(integer packs, integer apart, const real *r, real *f, real *k, real *d,
-                    const real *shared, const real *own, integer all);
 #define ARGUMENTS                                                                           \
     integer packs, integer apart, const real *restrict r, real *restrict f, real *restrict k, \
         real *restrict d, const real *restrict shared, const real *restrict own, integer all
+typedef void packed(ARGUMENTS);
 #define BOND_0(K) const real *p = shared;
 #define BOND_1(K)                                                                           \
     real p[PARAMETERS + 1];                                                                 \
