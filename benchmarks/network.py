@@ -179,9 +179,11 @@ def streamed(name):
     """Rows: bytes that pass in a step of a pack, and what moving as many takes here at least."""
     network = pack(*PACKS[name])
     _, u, v = bound(network, State(*np.zeros((2, *network.shape))), DT)
-    ((_, _, lists),) = dynamics(network).loop_bonds.laid.values()
+    (laid,) = dynamics(network).loop_bonds.laid.values()
     size = 2 * (u.nbytes + v.nbytes) + network.positions.nbytes
-    size += sum(x.nbytes for x in lists.values() if hasattr(x, "nbytes"))  # of sites and contacts
+    size += sum(
+        x.nbytes for x in laid.fields.values() if hasattr(x, "nbytes")
+    )  # of sites and contacts
     one, other = np.ones((2, size // 16))
     copied = least({"copy": lambda: np.copyto(one, other)})["copy"]
     contacts = len(network.springs)

@@ -40,7 +40,7 @@ class Bound:
     dt : float
         [s]
     pieces : int, optional
-        Parts of a network of about equal work, each to be advanced by a thread of its own: `part`.
+        Parts of a network of about equal work, each to be advanced by a thread of its own.
     runs : Runs, optional
         Of a chain, a part of those of `bonds`.
     seen : ndarray of bool, (runs,), optional
@@ -222,11 +222,6 @@ class Bound:
         `opened`."""
         if self._advance(*self._addresses, steps, opened):
             raise self.why_stopped()
-
-    def part(self, number, steps, opened):
-        """Advance one of the pieces, at the same time as all others; as `advance_open`."""
-        address = ctypes.addressof(self._pieces[number])
-        self._loop.library.advance_together(address, steps, opened)
 
     def why_stopped(self):
         """Why steps could not be done."""

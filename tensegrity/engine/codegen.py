@@ -6,15 +6,10 @@ used as they are written, between `prelude.c` and the text of a loop.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from tensegrity.engine import geometry, simd
 from tensegrity.engine.law import DERIVATIVES, Change, applied, facts, functions, interpret
 from tensegrity.engine.native import joined
 from tensegrity.once import once
-
-if TYPE_CHECKING:
-    from typing import Any
 
 LONG = 500  # instructions from which a law is compiled apart from the loop
 STEPS = {  # files of what advances, by the steps that a text is made for
@@ -55,7 +50,7 @@ def c_text(laws, own=None, dim=0, steps="", helpers=()):
     ]
     runs, parts, packed = [], ["scene.h"], geometry.side_by_side(dim) if dim else []
     for k, law in enumerate(laws[: len(laws) - (change is not None)]):
-        beside = bool(dim or change) or is_packed(law)
+        beside = bool(dim or change) or facts(law)["packed"]
         for kind in kinds(law, own[k]):
             runs.append((k, kind))
             flags = {"K": k, "OWNED": kind, "IS_LONG": is_long(law), "BESIDE": beside}
@@ -93,7 +88,7 @@ def reverse_text(laws, own, wanted, dim, exact):
         function, count = law_function(law, wanted[number]), len(wanted[number])
         mine = [(number, kind) for kind in (0, 1)[: 1 + (own[number] is not None)]]
         runs += mine
-        if exact or not is_packed(law):
+        if exact or not facts(law)["packed"]:
             scalars += [(*run, count) for run in mine]
             hooks.append(scalar(number, "slopes", function))
             hooks += [scalar(number, "tension", functions(law)["tension"])] * exact
@@ -143,7 +138,7 @@ def scalar(number, name, function):
     )
 
 
-def cost(law: Any) -> float:
+def cost(law):
     """Seconds that a tension takes in a compiled loop, roughly: counted, not measured."""
     return facts(law)["cost"]
 
@@ -151,11 +146,6 @@ def cost(law: Any) -> float:
 def is_long(law):
     """Whether a law is compiled apart from the loop, once."""
     return facts(law)["instructions"] > LONG
-
-
-def is_packed(law):
-    """Whether a tension takes roots or quotients, and nothing that packs of numbers lack."""
-    return facts(law)["packed"]
 
 
 def kinds(law, own):

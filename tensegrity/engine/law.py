@@ -258,8 +258,8 @@ def evaluate(law, order, parameters, r):
 @once
 def facts(law: Any) -> dict[str, Any]:
     """What is asked of a law besides its functions: names of its parameters, seconds that a
-    tension takes in a compiled loop, roughly: counted, not measured, its instructions, and whether
-    any of them makes pieces of it."""
+    tension takes in a compiled loop, roughly: counted, not measured, its instructions, whether any
+    of them makes pieces of it, and whether packs of numbers gain by it, and by the energy."""
     return kept(named("facts", (law,)), lambda: _facts(law))
 
 

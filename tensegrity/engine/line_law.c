@@ -52,7 +52,7 @@ void OF(tensions)(integer n, integer q, real *restrict r, const real *restrict s
 
 #define CARRY(n) for (int l = 0; l < LANES; l++) f[l] = f[(n) + l];
 #define PULL(j, n)                                                                          \
-    OF(tensions)(n, (j) - start, r, p, own, all, f + LANES);                           \
+    OF(tensions)(n, (j) - start, r, p, own, all, f + LANES);                                \
     RATES(n)
 
 __attribute__((flatten)) static void OF(stage)(

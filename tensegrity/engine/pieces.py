@@ -9,6 +9,7 @@ it.  So the result equals that of one loop bit for bit, whatever the number of t
 
 from __future__ import annotations
 
+import ctypes
 import os
 import warnings
 from concurrent.futures import ThreadPoolExecutor, wait
@@ -195,7 +196,8 @@ class BoundParts(Threaded):
         def turn(number):
             begin.wait()
             if complete:  # else the others will not come
-                self.part(number, steps, opened)
+                piece = ctypes.addressof(self._pieces[number])
+                self._loop.library.advance_together(piece, steps, opened)
 
         try:
             turns += [self._pool.submit(turn, k) for k in range(self._count)]
