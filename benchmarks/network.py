@@ -181,9 +181,8 @@ def streamed(name):
     _, u, v = bound(network, State(*np.zeros((2, *network.shape))), DT)
     (laid,) = dynamics(network).loop_bonds.laid.values()
     size = 2 * (u.nbytes + v.nbytes) + network.positions.nbytes
-    size += sum(
-        x.nbytes for x in laid.fields.values() if hasattr(x, "nbytes")
-    )  # of sites and contacts
+    arrays = [x for x in laid.fields.values() if hasattr(x, "nbytes")]  # of sites and contacts
+    size += sum(x.nbytes for x in arrays)
     one, other = np.ones((2, size // 16))
     copied = least({"copy": lambda: np.copyto(one, other)})["copy"]
     contacts = len(network.springs)
