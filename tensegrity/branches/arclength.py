@@ -15,7 +15,7 @@ from importlib.resources import files
 
 import numpy as np
 
-from tensegrity.engine.functions import PREFIX, Functions
+from tensegrity.engine.compiled import PREFIX, Functions
 from tensegrity.errors import CompilerError
 from tensegrity.once import once
 

@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity.engine.bonds import PAIR
+from tensegrity.engine.codegen import energy_function
 from tensegrity.engine.pulled import Pulled
-from tensegrity.engine.reverse_text import energy_function
 from tensegrity.errors import TensegrityError
 from tensegrity.scenes.dynamics import dynamics
 
 if TYPE_CHECKING:
     from typing import Any
 
-    from tensegrity.engine.reverse_layout import Layout
+    from tensegrity.engine.reverse import Layout
     from tensegrity.gradients.objective import Trace
     from tensegrity.scenes.scene import Scene
     from tensegrity.typing import Array, Indices

@@ -15,8 +15,7 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.branches.continuation import Settings, trace
-from tensegrity.engine.compiled import evaluated
-from tensegrity.engine.functions import Functions
+from tensegrity.engine.compiled import Functions, evaluated
 from tensegrity.engine.law import deflated, horner
 from tensegrity.errors import EquilibriumError, RangeError
 from tensegrity.once import once
@@ -85,7 +84,6 @@ class ElasticLaw:
     rigid_base: bool
     steps: int
     any_sides: bool = False
-    split = False
     compiled = ("energy",)
     name = property(repr)
 
