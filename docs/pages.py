@@ -39,7 +39,7 @@ ROOMS = {  # page: (title, modules whose public names it holds, modules document
     "methods": ("Methods of integration", [], ["tensegrity.engine.methods"]),
     "waves": ("Solitary waves", ["tensegrity.waves"],
               ["tensegrity.waves.asymptotics", "tensegrity.waves.solitary"]),
-    "lens": ("Lenses of chains", ["tensegrity.lens"], ["tensegrity.lens.focusing"]),
+    "lens": ("Lenses of chains", ["tensegrity.lens"], ["tensegrity.lens.radiation"]),
     "structures": ("Structures", ["tensegrity.structures"], []),
     "gradients": ("Gradients", ["tensegrity.gradients"], ["tensegrity.gradients.objective"]),
     "measure": ("Measures", [], ["tensegrity.measure.observables", "tensegrity.measure.budget"]),

@@ -8,7 +8,7 @@ from figures._limits import grid, prism_chain, slope
 from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.kernel import bind
 from tensegrity.engine.methods import METHODS
-from tensegrity.springs.corners import TAUT
+from tensegrity.springs.kinks import TAUT
 
 NAME = "limits_round_off"
 GROUP = "limits"

@@ -41,9 +41,8 @@ from tensegrity.structures.structure import Structure
 from tensegrity.structures.structure_path import StructurePath
 from tensegrity.structures.supports import held, plates
 from tensegrity.waves.prediction import Prediction, predict
-from tensegrity.waves.solitary import solitary_wave
+from tensegrity.waves.solitary import SolitaryWave, solitary_wave
 from tensegrity.waves.spectrum import Modes, dispersion, modes
-from tensegrity.waves.wave import SolitaryWave
 
 __all__ = [
     "Chain",

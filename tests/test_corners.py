@@ -18,7 +18,7 @@ from tensegrity import (
 )
 from tensegrity.engine.kernel import bind
 from tensegrity.engine.methods import METHODS
-from tensegrity.springs.corners import UNKNOWN
+from tensegrity.springs.kinks import UNKNOWN
 from tensegrity.structures.dynamics import BarSpring, StringSpring
 
 r, k, a = sp.symbols("r k a", real=True)

@@ -19,8 +19,7 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
-from tensegrity.lens.focusing import Focusing, focusing
-from tensegrity.lens.radiation import Ends
+from tensegrity.lens.radiation import Ends, Focusing, focusing
 from tensegrity.lens.struck import Arrivals, Struck, reach, wider
 from tensegrity.prisms.prism import Prism
 from tensegrity.progress import progress

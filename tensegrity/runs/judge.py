@@ -13,7 +13,7 @@ from tensegrity.engine.methods import Corrected
 from tensegrity.engine.openings import TREATED, is_treated
 from tensegrity.errors import TensegrityError
 from tensegrity.scenes.forcing import functions_of_time
-from tensegrity.springs.corners import TAUT
+from tensegrity.springs.kinks import TAUT
 from tensegrity.springs.potential import Potential
 from tensegrity.springs.power_law import PowerLaw
 
@@ -158,7 +158,7 @@ def exponents_met(scene, met):
 
 def may_open(scene):
     """Whether the force of any contact has a corner."""
-    return scene.follows or scene.spring_table.has_corners
+    return scene.follows or scene.spring_table.has_kinks
 
 
 def may_jump(scene):
@@ -169,7 +169,7 @@ def may_jump(scene):
 def corners_met(scene, met):
     """Springs, and corners of their forces between elongations met."""
     if not scene.follows:
-        return scene.spring_table.corners_within(met)
+        return scene.spring_table.kinks_within(met)
     given = scene.law.given
     spring = given if isinstance(given, Potential) else PowerLaw(1.0, 1.0)
     return [(spring, corner) for corner in spring.openings]

@@ -20,7 +20,7 @@ from tensegrity.engine.compiled import evaluated
 from tensegrity.engine.law import DerivedLaw, Law, check_law
 from tensegrity.errors import LockingError, TensegrityError
 from tensegrity.readonly import fixed
-from tensegrity.springs.corners import corners
+from tensegrity.springs.kinks import kinks
 
 if TYPE_CHECKING:
     from collections.abc import Hashable
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     import sympy as sp
     from numpy.typing import ArrayLike
 
-    from tensegrity.springs.corners import Corner
+    from tensegrity.springs.kinks import Kink
     from tensegrity.typing import Array
 
 
@@ -271,13 +271,13 @@ class Potential:
         return evaluated(self.law, order, self.values, flat).reshape(r.shape)
 
     @cached_property
-    def openings(self) -> tuple[Corner, ...]:
-        """Corners of the force, as of contacts that open: place [m], strength, exponent and side
-        of each, see `tensegrity.springs.corners`."""
+    def openings(self) -> tuple[Kink, ...]:
+        """Kinks of the force, as of contacts that open: place [m], strength, exponent and side
+        of each, see `tensegrity.springs.kinks`."""
         law = self.law
         if not isinstance(law, Law) or isinstance(law, DerivedLaw):  # of prisms, fitted: smooth
             return ()
-        return corners(law.energy, law.elongation, law.parameters, self.values, self._domain)
+        return kinks(law.energy, law.elongation, law.parameters, self.values, self._domain)
 
     @property
     def smooth(self) -> bool:

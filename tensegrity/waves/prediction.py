@@ -15,11 +15,11 @@ import numpy as np
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
+from tensegrity.root import root
 from tensegrity.springs.potential import Potential
 from tensegrity.waves.asymptotics import sound_speed
-from tensegrity.waves.excess import excess
+from tensegrity.waves.excess import excess, rises_from_rest
 from tensegrity.waves.family import NEAREST, SIGNS, STEADY, Family
-from tensegrity.waves.rises import rises_from_rest
 from tensegrity.waves.travelling import decay_rate
 
 if TYPE_CHECKING:
@@ -312,21 +312,10 @@ def _first_crest(side: Family) -> float:
     sizes = side.sizes[below]
     if not slower.size or slower[-1] + 1 >= sizes.size:
         return side.sign * side.rise.start
-    k = slower[-1]
-
-    def surplus(size: float) -> float:
-        r = side.sign * size
-        beyond, stored = float(side.beyond.tension(r)), float(side.beyond.energy(r))
-        tension = side.rest * r + beyond
-        twice = side.rest * r * r + 2 * (r * beyond - stored)
-        return tension * tension - (side.rest + side.rise.floor) * twice
-
-    from scipy.optimize import brentq
-
-    low, high = float(sizes[k]), float(sizes[k + 1])
-    if not surplus(low) <= 0 < surplus(high):
-        return side.sign * side.rise.start
-    return side.sign * brentq(surplus, low, high, xtol=1e-300, rtol=1e-12)
+    low, high = sizes[slower[-1]], sizes[slower[-1] + 1]
+    return side.sign * root(
+        lambda size: float(side.long_wave_at(size)) - side.rise.floor, low, high, relative=1e-12
+    )
 
 
 def _wall(side: Family) -> tuple[str, tuple[float, float], float, str]:
