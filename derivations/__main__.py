@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 from tqdm import tqdm
 
 from derivations import ledger, report
-from derivations.argument import NAMES
-from derivations.entry import Verdict
+from derivations.argument import NAMES, Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence

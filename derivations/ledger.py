@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 import mpmath
 import sympy as sp
 
-from derivations import ledger_paper, ledger_softening, ledger_talk, ledger_waves
-from derivations.entry import Entry, Verdict
+from derivations import ledger_paper, ledger_talk, ledger_waves
+from derivations.argument import Entry, Verdict
 
 if TYPE_CHECKING:
     from typing import Any
@@ -129,4 +129,4 @@ SIGNS = (
 def entries() -> tuple[Entry, ...]:
     """All entries, in the order of the sources."""
     sources = (*ledger_talk.ENTRIES, *ledger_waves.ENTRIES, *ledger_paper.ENTRIES)
-    return (*sources, *ledger_softening.ENTRIES)
+    return (*sources, *ledger_waves.OWN_ENTRIES)

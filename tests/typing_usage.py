@@ -90,7 +90,7 @@ from tensegrity import (
 )
 from tensegrity.engine import methods
 from tensegrity.export import to_c
-from tensegrity.measure import budget, observables
+from tensegrity.measure import observables
 from tensegrity.prisms.stability import first_loss, lowest
 from tensegrity.runs import tuning
 from tensegrity.typing import Array, Flags
@@ -319,7 +319,7 @@ def springs_elsewhere(spring: Potential) -> None:
 
 
 def measured(chain: Chain, run: Run) -> float:
-    passed = budget.beyond(run, 5)
+    passed = observables.beyond(run, 5)
     assert_type(passed.energy - passed.work, Array)
     assert_type(passed.momentum_error, float)
     assert_type(observables.pulses(chain, run.final)[0].momentum, float)
@@ -327,7 +327,7 @@ def measured(chain: Chain, run: Run) -> float:
     assert_type(observables.passage(run.t, run.u[:, 0], run.v[:, 0]), float)
     times = observables.arrival(run, 3) + observables.duration(run, 3, level=0.1)
     front = observables.tail_front(chain, run.final)
-    budget.beyond(chain, 5)  # type: ignore[arg-type]
+    observables.beyond(chain, 5)  # type: ignore[arg-type]
     observables.speed(run, 5)  # type: ignore[arg-type]
     observables.arrival(chain, 3)  # type: ignore[arg-type]
     observables.pulses(run, run.final)  # type: ignore[arg-type]
@@ -343,7 +343,7 @@ def tuned(chain: Chain, state: State) -> tuning.TunedRun:
     assert_type(observables.speed(run, (3, 9)), float)
     tuning.simulate_tuned(chain, state, 1.0, spring_at(0.0), dt=0.01)  # type: ignore[arg-type]
     tuning.simulate_tuned(chain, state, 1.0, spring_at)  # type: ignore[call-arg]
-    budget.beyond(run, 5)  # type: ignore[arg-type]
+    observables.beyond(run, 5)  # type: ignore[arg-type]
     return run
 
 

@@ -114,53 +114,59 @@ def _search(family, excess, start, target, reached):
     Steps are those of log(a/(end - a)), or log a where there is no end.  Where waves end on the
     way, the last one found is told by `reached`.
     """
-    largest, end = _last(family), min(family.end, family.rise.top)
+    largest, (place, size_at) = _last(family), _coordinate(min(family.end, family.rise.top))
     size, before = min(start, largest), None
     low, high = -math.inf, math.inf  # coordinates between which the wave must lie
     below = above = None  # waves found there
     reason = "the search did not settle"
     for _ in range(SEARCHES):
-        here, gap = math.log(size if math.isinf(end) else size / (end - size)), None
+        here, profile, gap = place(size), None, None
         try:
             profile = family.wave(size)
             gap = excess(profile)
         except (NoWave, ResolutionError) as error:
-            reason = error
+            profile, reason = None, error
         if gap is not None and abs(gap) < CLOSE:
             return profile
         if below if gap is None else not gap < 0:  # where there is no wave: behind those below
-            high, above = min(high, here), above if gap is None else profile
+            high, above = min(high, here), profile or above
         else:
-            low, below = max(low, here), below if gap is None else profile
-        narrow = high - low < NARROW
-        if below and (size == largest or (narrow and not above)):
-            raise _beyond(family, target, "above", reached, below, "largest")
-        if above and not below and narrow:
-            raise _beyond(family, target, "below", reached, above, "smallest")
+            low, below = max(low, here), profile or below
+        one_sided = high - low < NARROW and not (below and above)
+        if one_sided or (below and size == largest):
+            raise _beyond(family, target, reached, below, above)
         if (gap is None and size == largest) or high - low < SETTLED * (1 + abs(high)):
             break
-        step = _step(here, gap, before)
-        new = here + step
-        if not low < new < high:
-            new = (low + high) / 2 if math.isfinite(high - low) else here + step / 8
+        new = _next(here, gap, before, low, high)
         before = (here, gap) if gap is not None else None
-        size = min(math.exp(new) if math.isinf(end) else end / (1 + math.exp(-new)), largest)
+        size = min(size_at(new), largest)
     error = ResolutionError if isinstance(reason, ResolutionError) else TensegrityError
     raise error(f"{target}: no solitary wave of {family.name} found ({reason})")
 
 
-def _step(here, gap, before):
-    """A secant step from a place with some gap, and one before; outwards where there is no wave."""
-    if gap is None:
-        return FACTOR
-    slope = 1.0
-    if before and before[0] != here:
-        slope = max((gap - before[1]) / (here - before[0]), 0.2)
-    return max(-FACTOR, min(FACTOR, -gap / slope))
+def _coordinate(end):
+    """In which a search steps from size to size, and back."""
+    if math.isinf(end):
+        return math.log, math.exp
+    return lambda size: math.log(size / (end - size)), lambda new: end / (1 + math.exp(-new))
 
 
-def _beyond(family, target, side, reached, profile, last):
+def _next(here, gap, before, low, high):
+    """A secant step from a place with some gap, and one before, outwards where there is no wave;
+    between two places."""
+    slope, step = 1.0, FACTOR
+    if gap is not None:
+        if before and before[0] != here:
+            slope = max((gap - before[1]) / (here - before[0]), 0.2)
+        step = max(-FACTOR, min(FACTOR, -gap / slope))
+    if low < here + step < high:
+        return here + step
+    return (low + high) / 2 if math.isfinite(high - low) else here + step / 8
+
+
+def _beyond(family, target, reached, below, above):
     """The error for what lies beyond the last wave found on one side."""
+    side, profile, last = ("above", below, "largest") if below else ("below", above, "smallest")
     range_ = f"the {last} found before the end of the domain or of the family"
     if last == "smallest":
         with contextlib.suppress(TensegrityError):
