@@ -10,13 +10,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 from importlib import import_module
-from typing import TYPE_CHECKING
+from types import ModuleType
+from typing import Any
 
 import sympy as sp
-
-if TYPE_CHECKING:
-    from types import ModuleType
-    from typing import Any
 
 NAMES = (
     "prism",

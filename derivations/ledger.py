@@ -9,16 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 from random import Random
-from typing import TYPE_CHECKING
+from typing import Any
 
 import mpmath
 import sympy as sp
 
 from derivations import ledger_paper, ledger_talk, ledger_waves
 from derivations.argument import Entry, Verdict
-
-if TYPE_CHECKING:
-    from typing import Any
 
 POINTS, DIGITS = 50, 30
 EXPANDED_BELOW, SIMPLIFIED_BELOW = 400, 120  # operations beyond which points alone decide

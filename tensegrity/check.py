@@ -10,15 +10,12 @@ import os
 import sys
 from numbers import Integral, Real
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensegrity.errors import TensegrityError
-
-if TYPE_CHECKING:
-    from typing import Any
 
 LONGEST = 80  # characters of a value that a message shows
 

@@ -9,16 +9,13 @@ from __future__ import annotations
 import math
 import os
 import re
-from typing import TYPE_CHECKING
+from os import PathLike
+from pathlib import Path
 
 from tensegrity import check
 from tensegrity.engine.law import functions
 from tensegrity.errors import TensegrityError
 from tensegrity.springs.potential import Potential
-
-if TYPE_CHECKING:
-    from os import PathLike
-    from pathlib import Path
 
 QUANTITIES = {"energy": "V(r) [J]", "tension": "dV/dr [N], > 0 in extension",
               "stiffness": "d2V/dr2 [N/m]"}  # fmt: skip

@@ -13,26 +13,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.lens.radiation import Ends, Focusing, focusing
-from tensegrity.lens.struck import Arrivals, Struck, reach, wider
+from tensegrity.lens.struck import Arrivals, Reach, Struck, reach, wider
 from tensegrity.prisms.prism import Prism
 from tensegrity.progress import progress
 from tensegrity.readonly import fixed
 from tensegrity.runs.record import Record
+from tensegrity.runs.run import Run
 from tensegrity.scenes.scene import PER_SITE, SMALLEST_MASS
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from tensegrity.lens.struck import Reach
-    from tensegrity.runs.run import Run
-    from tensegrity.typing import Array
+from tensegrity.typing import Array
 
 MARGIN = 0.5  # of sqrt(m/k): the first pulse comes so much later than the soonest of the range
 LOWEST = 1e-9  # prestrain: there is no sound in chains without

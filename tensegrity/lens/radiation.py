@@ -22,18 +22,14 @@ fall like 1/R.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from tensegrity.errors import ResolutionError, TensegrityError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from typing import Any
-
-    from tensegrity.typing import Array
+from tensegrity.typing import Array
 
 TOLERANCE = 1e-9  # of the pressure that an end's fastest or steepest motion could make at most
 ROUND_OFF = 2e-15  # of velocities, and of what they change by in the last digits of instants

@@ -8,9 +8,10 @@ arrivals are those of runs, all prestrains side by side in the lanes of one.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,14 +21,10 @@ from tensegrity.prisms.prism import Prism
 from tensegrity.readonly import fixed
 from tensegrity.runs.integrate import simulate
 from tensegrity.runs.record import Record
+from tensegrity.runs.run import Run
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.ensemble import Ensemble
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from tensegrity.runs.run import Run
-    from tensegrity.typing import Array
+from tensegrity.typing import Array
 
 TOLERANCE = 1e-10  # of the runs: arrivals are then within 1e-8 s or so
 SAMPLES = 32  # prestrains of a range that are run: as many lanes as a processor likes

@@ -15,21 +15,17 @@ balance of the force at the held end.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.runs.run import Run
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.ensemble import Ensemble
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from tensegrity.scenes.scene import State
-    from tensegrity.typing import Array, Indices, Recorded
+from tensegrity.scenes.scene import State
+from tensegrity.typing import Array, Indices, Recorded
 
 ROUND_OFF = 1e-12  # of a crest: less is nothing
 CREST = 0.5  # an extremum counts as the pulse if it is this part of the largest

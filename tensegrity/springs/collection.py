@@ -7,22 +7,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
+from tensegrity.engine.bonds import Contacts
 from tensegrity.engine.compiled import evaluated, single
 from tensegrity.engine.energies import Energies
 from tensegrity.engine.search import Search, Ways
 from tensegrity.errors import StabilityError, TensegrityError
 from tensegrity.readonly import fixed
 from tensegrity.springs.potential import Potential
-
-if TYPE_CHECKING:
-    from typing import Any
-
-    from tensegrity.engine.bonds import Contacts
-    from tensegrity.typing import Array, Flags, Indices
+from tensegrity.typing import Array, Flags, Indices
 
 ORDERS = ("energy", "tension", "stiffness")
 CLOSE = np.logspace(-16, 0, 321)  # shares of a range at which a search looks

@@ -9,16 +9,13 @@ a series are all there is.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from fractions import Fraction
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import Any
 
 from tensegrity.engine.law import in_pieces
 from tensegrity.once import once
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from typing import Any
 
 DIGITS = 400
 NEAR = "1e-40"  # distance [m] at which a border is looked at: below what any law resolves

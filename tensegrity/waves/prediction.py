@@ -7,8 +7,8 @@ the spring at hand.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,9 +21,6 @@ from tensegrity.waves.asymptotics import sound_speed
 from tensegrity.waves.excess import excess, rises_from_rest
 from tensegrity.waves.family import NEAREST, SIGNS, STEADY, Family
 from tensegrity.waves.travelling import decay_rate
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 GROWTH = 1e-6  # relative rise of Q over the last factor of 2 in size, where it has no bound
 FARTHER = 2.0**11  # times what is left there, where the exponent is taken again

@@ -10,9 +10,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
@@ -21,18 +22,12 @@ from tensegrity.root import root
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.scene import State
 from tensegrity.springs.potential import Potential
+from tensegrity.typing import Array
 from tensegrity.waves.asymptotics import sound_speed
 from tensegrity.waves.by_target import near, sign_and_number, stiffness_above
 from tensegrity.waves.family import STROKE, Family, refined
 from tensegrity.waves.pieces import Integrals, beyond_kink, in_pieces
 from tensegrity.waves.travelling import NoWave, Series
-
-if TYPE_CHECKING:
-    from typing import Any
-
-    from numpy.typing import ArrayLike
-
-    from tensegrity.typing import Array
 
 LEAST_LEVEL = 1e-8  # of the crest, at which a width is asked for
 SHOWN = 1e-3  # of the crest, where a notebook's picture ends
