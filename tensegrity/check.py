@@ -8,6 +8,8 @@ from __future__ import annotations
 import math
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Any
@@ -173,6 +175,19 @@ def path(name: str, value: object) -> Path:
     if not Path(value).name or "\0" in str(value):
         raise TensegrityError(f"{name} {shown(str(value))} names no file")
     return Path(value)
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A new file beside another, whose place it takes once it is whole; where what writes it fails
+    the other stays as it was."""
+    new = path.with_name(path.name + ".new")
+    try:
+        yield new
+        os.replace(new, path)
+    except BaseException:
+        new.unlink(missing_ok=True)
+        raise
 
 
 def room(what: str, size: float) -> None:

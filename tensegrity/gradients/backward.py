@@ -14,7 +14,7 @@ import numpy as np
 
 from tensegrity.engine.reverse import Back, Seeds, Totals
 from tensegrity.engine.reverse_layout import Layout
-from tensegrity.progress import progress
+from tensegrity.notebook import progress
 from tensegrity.scenes.dynamics import dynamics
 
 if TYPE_CHECKING:

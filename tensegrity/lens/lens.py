@@ -21,8 +21,8 @@ from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.lens.radiation import Ends, Focusing, focusing
 from tensegrity.lens.struck import Arrivals, Reach, Struck, reach, wider
+from tensegrity.notebook import progress
 from tensegrity.prisms.prism import Prism
-from tensegrity.progress import progress
 from tensegrity.readonly import fixed
 from tensegrity.runs.record import Record
 from tensegrity.runs.run import Run
