@@ -204,13 +204,13 @@ class Ends:
         return [make_interp_spline(self.t, v, k=5) for v in self.velocity.T]
 
 
-def _face(radius: float, apart: float) -> tuple[Array, Array]:
-    """Distances of nodes on a piston from a point `apart` of its centre, weights of their mean:
-    Gauss's in the square of the radius, equal angles."""
-    nodes, weights = np.polynomial.legendre.leggauss(SELF if apart == 0 else RADII)
-    angle = np.pi * (np.arange(1 if apart == 0 else ANGLES) + 0.5) / ANGLES
+def _face(radius: float, separation: float) -> tuple[Array, Array]:
+    """Distances of nodes on a piston at a `separation` from its centre, weights of their
+    mean: Gauss's in the square of the radius, equal angles."""
+    nodes, weights = np.polynomial.legendre.leggauss(SELF if separation == 0 else RADII)
+    angle = np.pi * (np.arange(1 if separation == 0 else ANGLES) + 0.5) / ANGLES
     r = radius * np.sqrt((1 + nodes) / 2)
-    off = np.abs(apart + r[:, None] * np.exp(1j * angle)).ravel()
+    off = np.abs(separation + r[:, None] * np.exp(1j * angle)).ravel()
     return off, np.repeat(weights / 2, len(angle)) / len(angle)
 
 

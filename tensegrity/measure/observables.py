@@ -284,8 +284,8 @@ def width(x: Array, profile: ArrayLike, level: float = 0.05) -> float:
         raise TensegrityError(f"the profile does not fall to {level:g} of its crest on both sides")
 
     def crossing(low: int, high: int) -> float:
-        share = (level * size[top] - size[low]) / (size[high] - size[low])
-        return x[low] + share * (x[high] - x[low])
+        part = (level * size[top] - size[low]) / (size[high] - size[low])
+        return x[low] + part * (x[high] - x[low])
 
     return float(crossing(right[0], right[0] - 1) - crossing(left[-1], left[-1] + 1))
 

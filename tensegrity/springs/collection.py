@@ -39,14 +39,14 @@ class Springs:
     springs : sequence of Potential
         One for each bond.
     shape : tuple of int, optional
-        Of the bonds: (bonds,), or (bonds, lanes) with the lanes of a bond in a row.
+        Of the bonds: (bonds,), or (bonds, batch).
     lengths : ndarray, (bonds,), optional
         [m].  With them bonds of one spring count as different where their lengths are.
 
     Attributes
     ----------
     kinds : tuple
-        What tells the different springs apart, in other scenes too.
+        What the different springs are known by, in other scenes too.
     different : tuple of Potential
     group : ndarray of int, `shape`
         The number in `different` of each bond's spring.
@@ -113,19 +113,19 @@ class Springs:
         """Whether the force, or the energy, of any spring jumps."""
         return bool(np.any(self._kinks[0][:, 2] <= 0))
 
-    def exponents_within(self, met: Array) -> set[float]:
+    def exponents_within(self, ranges: Array) -> set[float]:
         """Those of `kinks_within`."""
-        return set(self._kinks[0][self._within(met), 2].tolist())
+        return set(self._kinks[0][self._within(ranges), 2].tolist())
 
-    def kinks_within(self, met: Array) -> list[tuple[Potential, list[float]]]:
-        """Springs, and kinks of theirs between elongations met (springs, 2) [m]; those that may be
-        anywhere too."""
+    def kinks_within(self, ranges: Array) -> list[tuple[Potential, list[float]]]:
+        """Springs, and kinks of theirs within ranges of elongation (springs, 2) [m]; those that
+        may be anywhere too."""
         kinks, spring = self._kinks
-        return [(self.different[spring[k]], kinks[k].tolist()) for k in self._within(met)]
+        return [(self.different[spring[k]], kinks[k].tolist()) for k in self._within(ranges)]
 
-    def _within(self, met):
+    def _within(self, ranges):
         kinks, spring = self._kinks
-        low, high = met[spring].T
+        low, high = ranges[spring].T
         return np.flatnonzero(~((kinks[:, 0] < low) | (kinks[:, 0] > high)))
 
     @cached_property

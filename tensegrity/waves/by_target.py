@@ -112,7 +112,7 @@ def _search(family, excess, start, target, reached):
     """Secant steps in the size until |excess| < CLOSE; excess must rise with the size.
 
     Steps are those of log(a/(end - a)), or log a where there is no end.  Where waves end on the
-    way, the last one found is told by `reached`.
+    way, the last one found is described by `reached`.
     """
     largest, (place, size_at) = _last(family), _coordinate(min(family.end, family.rise.top))
     size, before = min(start, largest), None

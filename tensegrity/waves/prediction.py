@@ -121,8 +121,6 @@ class PredictedFamily:
         That error is one of the distance to the wall, relative.  Raises `TensegrityError` for
         other families.
         """
-        from scipy.optimize import brentq
-
         speed = check.number("speed", speed, above=0, unit="sites/s")
         power, strength = self.wall
         if self.ends != "tent" or not power > 0:
@@ -142,7 +140,7 @@ class PredictedFamily:
         low = min((scale - 2 * math.log(stroke)) / power - 1.0, high - 1.0)
         if surplus(high) > 0:
             raise TensegrityError(f"speed {speed:g} sites/s is too slow for the limit of the tent")
-        left = math.exp(brentq(surplus, low, high, xtol=1e-14))
+        left = math.exp(root(surplus, low, high, 1e-14))
         return math.copysign(stroke - left, self.crests[1])
 
     def __str__(self) -> str:
