@@ -28,7 +28,7 @@ from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.scenes.network import Network
 from tensegrity.scenes.scene import State
-from tensegrity.typing import Array, Indices, Recorded
+from tensegrity.typing import Array, Indices
 
 ROUND_OFF = 1e-12  # of a crest: less is nothing
 CREST = 0.5  # an extremum counts as the pulse if it is this part of the largest
@@ -69,7 +69,7 @@ def passage(t: Array, elongation: Array, rate: Array) -> float:
     return float(start + brentq(curve, 0.0, t[first + 1] - start, xtol=1e-300, rtol=1e-14))
 
 
-def arrival(run: Recorded, bond: int) -> float:
+def arrival(run: Run, bond: int) -> float:
     """Instant [s] at which the crest of the leading pulse passes a bond.
 
     Parameters
@@ -93,7 +93,7 @@ def arrival(run: Recorded, bond: int) -> float:
     return passage(run.t, run.u[:, right] - run.u[:, left], run.v[:, right] - run.v[:, left])
 
 
-def speed(run: Recorded, bonds: tuple[int, int]) -> float:
+def speed(run: Run, bonds: tuple[int, int]) -> float:
     """Speed of the leading pulse between two bonds of a run, in sites per second."""
     if not isinstance(bonds, (tuple, list)) or len(bonds) != 2:
         raise TensegrityError(f"bonds {check.shown(bonds)} must be two numbers of bonds")
@@ -106,7 +106,7 @@ def speed(run: Recorded, bonds: tuple[int, int]) -> float:
     return (second - first) / (then - passed)
 
 
-def duration(run: Recorded, bond: int, level: float = 0.05) -> float:
+def duration(run: Run, bond: int, level: float = 0.05) -> float:
     """How long the leading pulse keeps a bond beyond `level` of its crest there [s].
 
     Times the speed it is a width in sites; exact for a wave of permanent form.
@@ -367,7 +367,7 @@ def beyond(run: Run, bond: int) -> Budget:
     ----------
     run : Run
         Of a chain whose last end is free, all sites recorded.  Springs that change while it
-        runs (`TunedRun`) are refused: the work of the change does not pass through the bond.
+        runs are refused: the work of the change does not pass through the bond.
     bond : int
         Bond j joins sites j and j + 1.
 
@@ -383,6 +383,8 @@ def beyond(run: Run, bond: int) -> Budget:
     chain = run.scene
     if not isinstance(chain, Chain):
         raise TensegrityError(f"the scene of the run is {type(chain).__name__}, not a Chain")
+    if chain.tune:
+        raise TensegrityError("the springs change in time: their work passes through no bond")
     bond = check.whole("bond", bond, least=0, below=chain.sites - 1)
     if run.sites != tuple(range(chain.sites)):
         raise TensegrityError(f"{len(run.sites)} of {chain.sites} sites recorded: record all")
