@@ -33,8 +33,7 @@ from tensegrity.scenes.network import Network
 from tensegrity.scenes.scene import State
 from tensegrity.scenes.walls import Wall
 from tensegrity.springs.polynomial import Polynomial
-from tensegrity.springs.potential import Potential
-from tensegrity.springs.power_law import PowerLaw
+from tensegrity.springs.potential import Potential, PowerLaw
 from tensegrity.structures.equilibrium import equilibrium
 from tensegrity.structures.path import control_path
 from tensegrity.structures.structure import Structure

@@ -645,13 +645,13 @@ FAULTS = (
     ),
     # springs
     Fault(
-        "tensegrity/springs/power_law.py",
+        "tensegrity/springs/potential.py",
         "derived.exponent: n,",
         "derived.exponent: n + 1,",
         "tests/test_prism.py::test_power_law_pushes_only",
     ),
     Fault(
-        "tensegrity/springs/power_law.py",
+        "tensegrity/springs/potential.py",
         "energy = closed * stored(pressed) - stored(overlap) + preload * r",
         "energy = closed * stored(pressed) + preload * r",
         "tests/test_prism.py::test_power_law_pushes_only",

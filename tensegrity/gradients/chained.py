@@ -16,7 +16,7 @@ from tensegrity.once import once
 from tensegrity.prisms.closed import polygon, rigid_law
 from tensegrity.prisms.condensed import ElasticPotential
 from tensegrity.springs.polynomial import Polynomial
-from tensegrity.springs.power_law import PowerLaw
+from tensegrity.springs.potential import PowerLaw
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

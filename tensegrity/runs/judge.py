@@ -14,8 +14,7 @@ from tensegrity.engine.openings import TREATED, is_treated
 from tensegrity.errors import TensegrityError
 from tensegrity.scenes.forcing import functions_of_time
 from tensegrity.springs.kinks import TAUT
-from tensegrity.springs.potential import Potential
-from tensegrity.springs.power_law import PowerLaw
+from tensegrity.springs.potential import Potential, PowerLaw
 
 EPSILON = sys.float_info.epsilon
 COARSE = 1e-4  # usual error of the first run
