@@ -32,17 +32,15 @@ from tensegrity.scenes.network import Network
 from tensegrity.scenes.scene import State
 from tensegrity.scenes.walls import Wall
 from tensegrity.springs.polynomial import Polynomial
-from tensegrity.springs.potential import Potential
-from tensegrity.springs.power_law import PowerLaw
+from tensegrity.springs.potential import Potential, PowerLaw
 from tensegrity.structures.equilibrium import equilibrium
 from tensegrity.structures.path import control_path
 from tensegrity.structures.structure import Structure
 from tensegrity.structures.structure_path import StructurePath
 from tensegrity.structures.supports import held, plates
 from tensegrity.waves.prediction import Prediction, predict
-from tensegrity.waves.solitary import solitary_wave
+from tensegrity.waves.solitary import SolitaryWave, solitary_wave
 from tensegrity.waves.spectrum import Modes, dispersion, modes
-from tensegrity.waves.wave import SolitaryWave
 
 __all__ = [
     "Chain",

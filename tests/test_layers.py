@@ -16,7 +16,6 @@ BASE = [
     "once",
     "readonly",
     "root",
-    "progress",
     "notebook",
 ]  # modules that every room may use
 ROOMS = [  # inside tensegrity: each may import what stands before it

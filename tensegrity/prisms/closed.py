@@ -56,10 +56,11 @@ def _of_fields(
 ) -> tuple[list[Any], tuple[Any, ...]]:
     """Expressions and the symbols of the fields, loaded height, preload and sides."""
     from derivations import prism as p
+    from derivations import regular
     from derivations import rigid_elastic as r
 
     fields = (p.base, p.reference_height, p.prestrain, p.k_cross, p.k_base, p.k_bar)
-    symbols = (*fields, r.loaded_height, r.preload, *r.SIDES)
+    symbols = (*fields, r.loaded_height, r.preload, *regular.SIDES)
     return list(derive(polygon(any_sides))), symbols
 
 

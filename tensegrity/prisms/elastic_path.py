@@ -103,7 +103,7 @@ def _columns(prism: Prism, branch: Branch) -> Columns:
 def _hanging(prism: Prism, max_height: float, below: Columns) -> Columns:
     """Rows above the point where base strings and bars unload, the highest first.
 
-    The states of `derivations.hanging`.  The energy is a sum of squares with positive weights
+    The upright states of `derivations.mixed`.  The energy is a sum of squares with positive weights
     there, hence stable.
     """
     cross, _, bar = prism.natural_lengths()
@@ -123,11 +123,11 @@ def _hanging(prism: Prism, max_height: float, below: Columns) -> Columns:
 
 def _hanging_forms(sides: int) -> tuple[list[Any], tuple[Any, ...]]:
     """(twist, squared base, load) of height, k_cross, natural lengths of cross string and bar."""
-    from derivations import hanging, prism, regular
+    from derivations import mixed, prism, regular
 
     symbols = (prism.height, prism.k_cross, prism.natural_cross, prism.natural_bar)
     of = regular.TRIANGLE if sides == 3 else regular.ANY
-    forms = hanging.upright_twist(of), hanging.base_squared(of), hanging.load(of)
+    forms = mixed.upright_twist(of), mixed.upright_base_squared(of), mixed.upright_load(of)
     if sides != 3:
         import sympy as sp
 

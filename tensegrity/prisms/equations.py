@@ -29,11 +29,12 @@ def _forms(rigid_base: bool, any_sides: bool) -> Any:
     import casadi as ca
 
     from derivations import mixed as derived
+    from derivations.regular import SIDES
 
     of = polygon(any_sides)
     z, p = ca.SX.sym("z", 4 - rigid_base), ca.SX.sym("p", 9 if any_sides else 6)
     unknowns = (ca.SX(0), *ca.vertsplit(z)) if rigid_base else ca.vertsplit(z)
-    symbols = (*derived.UNKNOWNS, *derived.PARAMETERS, *(derived.SIDES if any_sides else ()))
+    symbols = (*derived.UNKNOWNS, *derived.PARAMETERS, *(SIDES if any_sides else ()))
     forms = {
         "base": derived.base_equilibrium(of),
         "twist": derived.twist_equilibrium(of),

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity.once import once
-from tensegrity.springs.corners import TAUT
+from tensegrity.springs.kinks import TAUT
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity.errors import EquilibriumError
-from tensegrity.springs.corners import TAUT
+from tensegrity.springs.kinks import TAUT
 from tensegrity.structures.supports import Supports, left_over
 
 if TYPE_CHECKING:

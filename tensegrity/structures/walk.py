@@ -19,7 +19,7 @@ from tensegrity.branches.many import ManyProblem
 from tensegrity.branches.table import Event
 from tensegrity.errors import EquilibriumError
 from tensegrity.readonly import fixed
-from tensegrity.springs.corners import TAUT
+from tensegrity.springs.kinks import TAUT
 from tensegrity.structures.corner import chosen, piece_stretch, rays
 from tensegrity.structures.equations import Loading, Piece
 from tensegrity.structures.solve import NEUTRAL, NOTHING, least_part
