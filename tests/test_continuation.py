@@ -9,6 +9,7 @@ import pytest
 from tensegrity import Prism, TensegrityError, equilibrium_path
 from tensegrity.branches import continuation
 from tensegrity.branches.continuation import (
+    ROOM,
     Branch,
     ContinuationError,
     Problem,
@@ -16,7 +17,6 @@ from tensegrity.branches.continuation import (
     trace,
 )
 from tensegrity.branches.folds import fold_problem, fold_start
-from tensegrity.branches.following import ROOM
 
 
 def planar(residual, **extra):

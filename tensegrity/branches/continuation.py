@@ -9,33 +9,25 @@ is shortened; also where the bordered determinant changes its sign, as it does b
 and a neighbour that nearly meets it.  Folds are located on the extended system (Moore & Spence
 1980), roots of user functions on the system bordered by them; interpolation only starts both.
 
-A `Problem` is what is solved, `Settings` how, a `Branch` what came out.  Where there is a
-compiler all of it runs in one call of `follow.c`; without one, `_walked` does the same.
+A `Problem` is what is solved, `Settings` how, a `Branch` what came out.  The walk goes from event
+to event; what is quiet between two takes one call where the steps are compiled (`follow.c`).  An
+event function that changes its sign gives the interval; a guess on the cubic through both points
+is polished on the extended system of the event, and bisection steps in where that fails.
 """
 
 from __future__ import annotations
 
-import contextlib
 import math
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tensegrity import check
-from tensegrity.branches.arclength import (
-    SETTLED,
-    START_ITERATIONS,
-    TINY,
-    TWINS,
-    Machine,
-    virtual_start,
-)
-from tensegrity.branches.events import leave_start, located
-from tensegrity.branches.following import MANY, SHORT, followed
+from tensegrity.branches.arclength import SHORT, Machine
 from tensegrity.branches.table import Event, Table
 from tensegrity.engine.kept import kept, maker
-from tensegrity.errors import CompilerError, TensegrityError
+from tensegrity.errors import TensegrityError
 from tensegrity.once import once
 
 if TYPE_CHECKING:
@@ -46,6 +38,11 @@ if TYPE_CHECKING:
 
     from tensegrity.branches.many import ManyProblem
     from tensegrity.typing import Array
+
+START_ITERATIONS = 50
+BISECTIONS = 45  # where Newton's method does not locate an event
+ROOT_AT_START, FOLD_AT_START = 1e-14, 1e-8  # event functions that vanish at the first point
+ROOM = 256  # rows, at first
 
 
 class ContinuationError(TensegrityError):
@@ -259,8 +256,8 @@ def trace(
     """
     settings, machine = settings or Settings(), problem._machine
     start, p = _checked(machine, start, parameters, direction, stop)
-    rows, found, listed, end = _follow(machine, start, p, settings, direction, stop)
-    branch = _branch(machine, rows, found, listed, end if end in machine.kinds else "failed")
+    rows, events, end = _walked(machine, start, p, settings, direction, stop)
+    branch = _branch(machine, rows, events, end if end in machine.kinds else "failed")
     if end not in machine.kinds:
         failure = ContinuationError(f"{end}; last good point {_shown(machine, rows[-1])}")
         failure.branch = branch
@@ -268,43 +265,41 @@ def trace(
     return branch
 
 
-def _follow(machine, start, p, settings, direction, stop):
-    if machine.library:
-        with contextlib.suppress(CompilerError):
-            found = followed(machine, start, p, settings, direction, stop)
-            if found:
-                return found
-    return _walked(machine, start, p, settings, direction, stop)
-
-
 def _walked(machine, start, p, settings, direction, stop):
-    """What `followed` gives, in Python."""
-    here = _first_point(machine, start, p, settings, direction)
-    step = min(settings.first, settings.largest)
-    rows, events, end = [here], [], ""
-    before, here = virtual_start(here, step), replace(here, length=step)
-    signs = here.tests
-    while not end:
-        if len(rows) >= settings.points:
-            end = MANY.format(settings.points)
-            break
-        point, step = _step(machine, before, here, step, p, settings)
-        if point is None:
-            end = SHORT.format(settings.smallest)
-            break
-        before, here = here, point
-        if len(rows) == 1:
-            signs = leave_start(machine, rows[0], here, p, events)
-        for kind, point in located(machine, before, here, signs, p):
-            events.append((kind, len(rows) - (kind not in stop), point))
+    """Rows, events (kind, row, point) and the kind of event, or the failure, that ends them."""
+    first = _first_point(machine, start, p, settings, direction)
+    control = np.array(
+        [
+            min(settings.first, settings.largest),
+            settings.tolerance,
+            settings.residual,
+            settings.turn,
+            settings.largest,
+            settings.smallest,
+        ]
+    )
+    most, tests = settings.points, slice(machine.tests, machine.size)
+    rows = np.empty((min(ROOM, most), machine.size))
+    rows[0], rows[0, machine.length] = first, control[0]  # its length: the predictor has one
+    count, events, signs = 1, [], first[tests].copy()
+    while True:
+        if count == most:
+            return rows, events, f"{most} rows do not reach an end"
+        if count == len(rows):
+            rows = np.concatenate([rows, np.empty_like(rows)])[:most]
+        at_start = count == 1
+        answer, count = machine.steps(rows[:2] if at_start else rows, count, signs, control, p)
+        if answer == SHORT:
+            return rows[:count], events, f"the step fell below {settings.smallest:g}"
+        before, here = rows[count - 2 : count]
+        if at_start:
+            signs = _leave_start(machine, first, here, p, events)
+        for kind, point in _located(machine, before, here, signs, p):
+            events.append((kind, count - 1 - (kind not in stop), point))
             if kind in stop:
-                here, end = point, kind
-                break
-        rows.append(here)
-        signs = [new or old for new, old in zip(here.tests, signs, strict=True)]
-    found = np.array([point.numbers for _, _, point in events]).reshape(-1, machine.size)
-    listed = [(kind, row) for kind, row, _ in events]
-    return np.array([point.numbers for point in rows]), found, listed, end
+                rows[count - 1] = point
+                return rows[:count], events, kind
+        np.copyto(signs, here[tests], where=here[tests] != 0)
 
 
 def _checked(machine, start, parameters, direction, stop):
@@ -334,21 +329,17 @@ def _shown(machine, row):
 def _first_point(machine, z, p, settings, direction):
     """Nearest solution by least-norm Newton steps, which work at a fold as elsewhere."""
     for _ in range(START_ITERATIONS):
-        g, jacobian = machine.linearised(z, p)
-        finite = np.isfinite(g).all() and np.isfinite(jacobian).all()
-        if not finite:
+        move, tangent = machine.least_norm(z, p)
+        if not np.isfinite(move).all():
             break
-        left, sizes, right = np.linalg.svd(jacobian)
-        kept = sizes > 1e-15 * sizes[0]
-        move = ((g @ left)[kept] / sizes[kept]) @ right[:-1][kept]
-        tangent, z = right[-1], z - move
+        z = z - move
         if (np.abs(move) <= 1e-15 * (1 + np.abs(z))).all():
             break
     residual = math.nan
-    if finite:
+    if np.isfinite(move).all():
         lead = tangent[-1] if abs(tangent[-1]) > 1e-8 else tangent[np.argmax(np.abs(tangent))]
         point = machine.at(z, tangent if lead * direction > 0 else -tangent, p)
-        residual = point.residual
+        residual = point[machine.residual]
     if not residual <= settings.residual:
         raise ContinuationError(
             f"no solution near the start: residual {residual:.3g} at {_shown(machine, z)} is "
@@ -357,37 +348,103 @@ def _first_point(machine, z, p, settings, direction):
     return point
 
 
-def _step(machine, before, here, step, p, settings):
-    """The next point and the step to try after it; shorter steps until one is good."""
-    while step >= settings.smallest:
-        point, (error, moved, last, cosine) = machine.advance(before, here, step, p)
-        turned = math.acos(min(cosine, 1.0)) if cosine > 0 else math.inf
-        good = (
-            point.residual <= settings.residual
-            and last <= SETTLED
-            and moved <= step / 2
-            and turned <= settings.turn
-            and error <= settings.tolerance
-            and (point.side * here.side > 0 or step <= TWINS)
-        )
-        wanted = 0.9 * (settings.tolerance / (error + TINY)) ** 0.25
-        wanted = min(wanted, 0.8 * settings.turn / (turned + TINY))
-        if good:
-            return point, min(step * min(max(wanted, 0.3), 2.0), settings.largest)
-        step *= min(max(wanted, 0.1), 0.5) if wanted == wanted else 0.5
-    return None, step
+def _leave_start(machine, start, here, p, events):
+    """Signs of the event functions after a start; those that vanish there are events on it."""
+    tests = slice(machine.tests, machine.size)
+    signs, others, back = start[tests].copy(), here[tests], None
+    vanish = np.repeat([ROOT_AT_START, FOLD_AT_START], [len(machine.roots), len(machine.folds)])
+    vanish[machine.leaving] = math.inf
+    for i in np.flatnonzero(np.abs(signs) <= vanish).tolist():
+        signs[i] = others[i]
+        if i >= len(machine.roots) and back is None:
+            there = start.copy()
+            there[machine.length] = 1.0
+            control = np.array([-here[machine.length], *[0.0] * 5])
+            back = machine.advance(machine.before(there), there, control, p)[tests]
+        if i < len(machine.roots) or back[i] * others[i] < 0:
+            events.append((machine.kinds[i], 0, start))
+    return signs
 
 
-def _branch(machine, rows, found, events, end):
+def _located(machine, before, here, signs, p):
+    """Events between two points, in their order: (kind, point).
+
+    A root may be passed twice in a step that holds a fold: the fold divides it.
+    """
+    tests, m, roots = slice(machine.tests, machine.size), machine.m, len(machine.roots)
+    if not machine.passed(before, here, signs):
+        return []
+
+    def passed(start, end, numbers):
+        return [
+            (machine.kinds[i], _locate(machine, start, end, i, signs[i], p))
+            for i in numbers
+            if signs[i] * end[machine.tests + i] < 0
+        ]
+
+    def place(one):
+        return np.dot(one[1][:m] - before[:m], before[m : 2 * m])
+
+    def chord(start, point):
+        point = point.copy()
+        point[machine.length] = np.linalg.norm(point[:m] - start[:m])
+        return point
+
+    found = sorted(passed(before, here, range(roots, len(machine.kinds))), key=place)
+    ends = [*(point for _, point in found), here]
+    start = before
+    for end in ends:
+        found += passed(start, chord(start, end) if len(ends) > 1 else end, range(roots))
+        start, signs = end, np.where(end[tests] != 0, end[tests], signs)
+    if before[machine.side] * here[machine.side] < 0:
+        found.append(("bifurcation", _bifurcation(machine, before, here, p)))
+    return [(kind, chord(before, point)) for kind, point in sorted(found, key=place)]
+
+
+def _locate(machine, before, here, number, sign, p):
+    """The point where an event function vanishes between two points."""
+    m, test = machine.m, machine.tests + number
+    low = 0.0, before[test] or sign * ROOT_AT_START, before[:m]
+    high = 1.0, here[test], here[:m]
+    for _ in range(BISECTIONS):
+        part = low[0] + (high[0] - low[0]) * low[1] / (low[1] - high[1])
+        ends = low[2], high[2]
+        point = machine.approach(machine.kinds[number], before, here, part, ends, p)
+        if point is not None:
+            return point
+        part = (low[0] + high[0]) / 2
+        middle = machine.at(*machine.between(before, here, part), p)
+        if middle[test] * sign > 0:
+            low = part, middle[test], middle[:m]
+        else:
+            high = part, middle[test], middle[:m]
+    machine.on_curve(middle, before, here)
+    return middle
+
+
+def _bifurcation(machine, before, here, p):
+    """The point where the bordered determinant changes its sign between two points."""
+    low, high = 0.0, 1.0
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        point = machine.at(*machine.between(before, here, middle), p)
+        if point[machine.side] * before[machine.side] > 0:
+            low = middle
+        else:
+            high = middle
+    return point
+
+
+def _branch(machine, rows, events, end):
     m, count = machine.m, len(rows)
-    names, values = (*machine.names, *machine.tabulated), machine.judged
-    data = np.concatenate([rows, found])
+    names, values = (*machine.names, *machine.tabulated), machine.residual
+    data = np.concatenate([rows, *(point[None] for _, _, point in events)])
     z = np.sinh(data[:, :m]) * machine.scale
     table = np.hstack([z, data[:, 2 * m : values]])
     listed = [
         Event(kind, row, dict(zip(names, at, strict=True)))
-        for (kind, row), at in zip(events, table[count:].tolist(), strict=True)
+        for (kind, row, _), at in zip(events, table[count:].tolist(), strict=True)
     ]
     columns = dict(zip(names, table[:count].T.copy(), strict=True))
-    arc = np.concatenate([[0.0], np.cumsum(rows[1:, values + 1])])
+    arc = np.concatenate([[0.0], np.cumsum(rows[1:, machine.length])])
     return Branch(columns, listed, end, z[:count], rows[:, m : 2 * m].copy(), arc, rows[:, values])

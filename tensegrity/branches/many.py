@@ -15,12 +15,11 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from tensegrity.branches.arclength import (
-    FOLD_AT_START,
     ITERATIONS,
     POLISH,
-    ROOT_AT_START,
     TINY,
-    Point,
+    Stepper,
+    control_function,
 )
 
 if TYPE_CHECKING:
@@ -93,23 +92,15 @@ class _None:
         return 0
 
 
-class ManyMachine:
-    """The steps of `arclength.Machine`, on arrays; in unknowns asinh(u/scale)."""
+class ManyMachine(Stepper):
+    """The steps on arrays, in unknowns asinh(u/scale); they take no parameters."""
+
+    numbers = 0
 
     def __init__(self, equations: Any) -> None:
-        self.of = equations
-        self.m = len(equations.names)
-        self.scale = np.asarray(equations.scale, dtype=float)
-        self.roots, self.folds = tuple(equations.roots), tuple(equations.folds)
-        self.kinds = (*self.roots, *self.folds)
-        self.vanishing = np.repeat(
-            [ROOT_AT_START, FOLD_AT_START], [len(self.roots), len(self.folds)]
-        )
-        self.vanishing[equations.leaving] = np.inf
-        self.names, self.numbers = tuple(equations.names), 0
-        self.tabulated: tuple[str, ...] = ()
-        self.judged, self.library = 2 * self.m, None  # LAPACK is: no loop of its own
-        self.size = self.judged + 3 + len(self.kinds)
+        of = equations
+        super().__init__(of.names, of.scale, of.roots, of.folds)
+        self.of, self.leaving = equations, equations.leaving
         self._stationary = list(equations.folds.values())
 
     def unknowns(self, z: Array) -> Array:
@@ -121,34 +112,26 @@ class ManyMachine:
         g, jacobian = self.of.linearised(self.unknowns(z))
         return g, jacobian * (np.cosh(z) * self.scale)
 
-    def advance(self, before: Point, here: Point, step: float, p: Any) -> Any:
-        """The point `step` beyond `here`, and the figures by which it is judged."""
-        length, old, z0, tangent = here.length, before.z, here.z, here.tangent
-        t, slope = step / length, (z0 - old) / length
-        curve = tangent - slope
-        bend = (tangent + before.tangent - 2 * slope) * (1 + t)
-        guess = z0 + step * (tangent + t * (curve + bend))
-        return self._corrected(guess, tangent, z0, step, length)
-
-    def at(self, z: Array, tangent: Array, p: Any) -> Point:
-        """The point of the branch next to z in the plane normal to `tangent`."""
-        return self._corrected(z, tangent, z, 0.0, 1.0)[0]
+    def values(self, z: Array, p: Any) -> Any:
+        """None."""
+        return ()
 
     @np.errstate(all="ignore")  # iterations that run off are told by what is not finite
-    def _corrected(
-        self, guess: Array, tangent: Array, start: Array, step: float, length: float
-    ) -> Any:
+    def advance(self, before: Array, here: Array, control: Array, p: Any) -> Array:
+        """The row beyond `here`, whether it is good, and the step to try next."""
         from scipy.linalg import lapack
 
-        z, last, m = guess, math.inf, self.m
-        matrix, right = np.empty((m, m), order="F"), np.empty(m)
+        m, step, length = self.m, control[0], here[self.length]
+        tangent = here[m : 2 * m]
+        z = guess = self.predicted(before, here, step)
+        last, matrix, right = math.inf, np.empty((m, m), order="F"), np.empty(m)
         matrix[m - 1] = tangent
         for _ in range(ITERATIONS):
             g, matrix[: m - 1] = self.linearised(z, None)
             right[: m - 1], right[m - 1] = g, tangent @ (z - guess)
             move, info = lapack.dgesv(matrix, right)[2:]
             if info or not np.isfinite(move).all():
-                return self._nowhere(z), (math.inf,) * 2 + (math.nan, -1.0)
+                return self._nowhere(z, control)
             z, last = z - move, float(np.abs(move).max())
         g, matrix[: m - 1] = self.linearised(z, None)
         factors, pivots, info = lapack.dgetrf(matrix)
@@ -157,31 +140,24 @@ class ManyMachine:
         new = lapack.dgetrs(factors, pivots, end)[0]
         size = np.linalg.norm(new)
         if info or not np.isfinite(size):
-            return self._nowhere(z), (math.inf,) * 2 + (math.nan, -1.0)
+            return self._nowhere(z, control)
         new = new / size
         swaps = np.count_nonzero(pivots != np.arange(m))
         side = float(np.prod(np.sign(np.diag(factors)))) * (-1) ** swaps
-        missed = z - guess
-        cosine = float(new @ tangent)
-        share = (step / (step + length)) ** 2 / 8
-        error = float(np.abs(missed).max()) * share
-        arc = float(np.linalg.norm(z - start)) * (1 + (1 - cosine) / 12)
+        missed, cosine = z - guess, float(new @ tangent)
+        error = np.abs(missed).max() * (step / (step + length)) ** 2 / 8
+        arc = np.linalg.norm(z - here[:m]) * (1 + (1 - cosine) / 12)
         parts = new[self._stationary]
         parts[np.abs(parts) <= CONSTANT] = 0.0
-        tests = [*self.of.tests(self.unknowns(z)).tolist(), *parts.tolist()]
-        data = np.concatenate([z, new])
-        point = Point(m, data, float(np.abs(g).max()), arc, side, tests)
-        return point, (error, float(np.linalg.norm(missed)), last, cosine)
+        residual, sides = np.abs(g).max(), side * here[self.side]
+        figures = [error, np.linalg.norm(missed), last, cosine, residual, sides]
+        row = [z, new, [residual, arc, side], self.of.tests(self.unknowns(z)), parts]
+        return np.concatenate([*row, control_function()("control", figures, control)])
 
-    def _nowhere(self, z: Array) -> Point:
-        data = np.concatenate([z, np.zeros(self.m)])
-        return Point(self.m, data, math.inf, 0.0, 0.0, [0.0] * len(self.kinds))
-
-    def exactly_at(self, z: Array, tangent: Array, p: Any) -> Point:
-        """The point of the branch at a z that is known to round-off already."""
-        point = self.at(z, tangent, p)
-        point.data[: self.m] = z
-        return point
+    def _nowhere(self, z: Array, control: Array) -> Array:
+        row = self.row(z, np.zeros(self.m), 0.0)
+        row[self.residual] = math.inf
+        return np.append(row, [0.0, control[0] / 10])
 
     @np.errstate(all="ignore")
     def polish(self, kind: str, z: Array, tangent: Array, p: Any) -> Array | None:
@@ -214,18 +190,24 @@ class ManyMachine:
 
     def _stationary_at(self, number: int, z: Array, tangent: Array) -> Array | None:
         """Where the tangent has no part in an unknown, by the secant method; None if it fails."""
-        point, step, previous = self.at(z, tangent, None), SECANT, REACH
+        z, tangent = self._along(z, tangent)
+        step, previous = SECANT, REACH
         for _ in range(POLISH):
-            part = point.tangent[number]
-            point = self.at(point.z + step * point.tangent, point.tangent, None)
-            change = point.tangent[number] - part
-            if change == 0 or not math.isfinite(change) or not point.tangent.any():
+            part = tangent[number]
+            z, tangent = self._along(z + step * tangent, tangent)
+            change = tangent[number] - part
+            if change == 0 or not math.isfinite(change) or not tangent.any():
                 return None
-            step *= -point.tangent[number] / change
+            step *= -tangent[number] / change
             moved = abs(step)
             if moved <= 1e-15 or (moved < 1e-11 and moved >= previous / 4):
-                return np.asarray(point.z + step * point.tangent)
+                return np.asarray(z + step * tangent)
             if moved >= previous / 2:
                 return None
             previous = moved
         return None
+
+    def _along(self, z: Array, tangent: Array) -> tuple[Array, Array]:
+        """z and tangent of the point of the branch next to z."""
+        row = self.at(z, tangent, None)
+        return row[: self.m], row[self.m : 2 * self.m]

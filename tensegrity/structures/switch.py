@@ -94,8 +94,8 @@ def _opened(piece: Piece, u: Array, start: Array) -> Array | None:
     normal[:count] = start / (np.cosh(z) * machine.scale)[:count]
     normal /= np.linalg.norm(normal)
     point = machine.at(z + NEAR * normal, normal, None)
-    x = machine.unknowns(point.z)
-    if not (point.residual <= Settings.residual and x[-1] > u[-1]):
+    x = machine.unknowns(point[: machine.m])
+    if not (point[machine.residual] <= Settings.residual and x[-1] > u[-1]):
         return None
     same = (~piece.of.members.pulls_only | (piece.stretch(x) >= 0)) == piece.taut
     values = np.linalg.eigvalsh(piece.tangent(x)[:count, :count])

@@ -12,9 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity.branches.arclength import Point
 from tensegrity.branches.continuation import ContinuationError, Settings, trace
-from tensegrity.branches.events import between
 from tensegrity.branches.many import ManyProblem
 from tensegrity.branches.table import Event
 from tensegrity.errors import EquilibriumError
@@ -296,13 +294,8 @@ class Walk:
             count -= sum(t in (row, row + 1) for t in turns) if row in turns else 0
             if count < 1:
                 continue
-            ends = [
-                Point(
-                    machine.m, np.concatenate([scaled[i], traced.tangent[i]]), 0.0,
-                    float(traced.arc[i] - traced.arc[max(i - 1, 0)]), 0.0, [],
-                )
-                for i in (row, row + 1)
-            ]  # fmt: skip
+            length = traced.arc[row + 1] - traced.arc[row]
+            ends = [machine.row(scaled[i], traced.tangent[i], length) for i in (row, row + 1)]
             found.append((row, self._located(machine, ends, int(negative[row, 1])), count))
         return found
 
@@ -319,7 +312,7 @@ class Walk:
                 return row, u, 1
         return None
 
-    def _located(self, machine: Any, ends: list[Point], below: int) -> Array:
+    def _located(self, machine: Any, ends: list[Array], below: int) -> Array:
         """The point between two where the number of negative eigenvalues changes.
 
         At the point itself the equations are singular, and round-off moves a solution along the
@@ -327,13 +320,14 @@ class Walk:
         """
         from numpy.polynomial import chebyshev
 
-        after = self._negative(machine.of, machine.unknowns(ends[1].z))[1]
+        after = self._negative(machine.of, machine.unknowns(ends[1][: machine.m]))[1]
         number = below if after > below else below - 1
-        turns = ends[0].tangent[-1] * ends[1].tangent[-1] <= 0
+        m = machine.m
+        turns = ends[0][2 * m - 1] * ends[1][2 * m - 1] <= 0
         middle, half = 0.5, 0.5
-        for _ in range(1 + (ends[1].length > WIDE)):  # then nearer: eigenvalues cross elsewhere
+        for _ in range(1 + (ends[1][machine.length] > WIDE)):  # then nearer: eigenvalues cross elsewhere
             parts = middle + half * chebyshev.chebpts1(AROUND)
-            z = [machine.at(*between(ends[0], ends[1], part), None).z for part in parts.tolist()]
+            z = [machine.at(*machine.between(*ends, part), None)[:m] for part in parts.tolist()]
             us = np.array([machine.unknowns(one) for one in z])
             values = [np.linalg.eigvalsh(self._inner(machine.of, u))[number] for u in us]
             place = parts if turns else us[:, -1]  # round-off moves solutions along the path too
