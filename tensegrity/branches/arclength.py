@@ -30,9 +30,8 @@ SETTLED = 1e-7  # largest move of a step's last iteration; the next one would sq
 NEAR = 1e-3  # part of a step: what is farther from its cubic is on another branch
 ALIGNED = 0.99  # cosine to the cubic's tangent below which one is round-off, where branches meet
 TWINS = 1e-6  # branches nearer than this are taken to meet
+ROOT_AT_START, FOLD_AT_START = 1e-14, 1e-8  # event functions that vanish at the first point
 TINY = 1e-300  # keeps quotients of zeros finite
-PASSED, FULL, SHORT = range(3)  # what `steps` returns: an event lies in the last step, the rows
-# are full, the step is too short
 
 
 class Stepper:
@@ -49,6 +48,7 @@ class Stepper:
         self.residual = 2 * self.m + len(self.tabulated)  # places in a row
         self.length, self.side, self.tests = (self.residual + k for k in (1, 2, 3))
         self.size = self.tests + len(self.kinds)
+        self.vanishing = [*[ROOT_AT_START] * len(self.roots), *[FOLD_AT_START] * len(self.folds)]
 
     def row(self, z, tangent, length=1.0):
         """A point of which no more is known."""
@@ -106,42 +106,39 @@ class Stepper:
         return ((g @ left)[some] / sizes[some]) @ right[:-1][some], right[-1]
 
     def steps(self, rows, count, signs, control, p):
-        """Steps beyond `count` rows until something happens: what, and how many rows there are.
+        """Go on beyond `count` rows, till the last step holds an event, no step is good or the
+        rows are full; how many there are then.
 
         `control` is the step, which changes, tolerance, residual, turn, largest and smallest step.
+        `signs` become those that the tests had before the last step.
         """
         while count < len(rows):
-            good = False
+            good, here = False, rows[count - 1]
+            np.copyto(signs, here[self.tests :], where=here[self.tests :] != 0)
+            before = rows[count - 2] if count > 1 else self.before(here)
             while not good:
                 if not control[0] >= control[5]:
-                    return SHORT, count
-                here = rows[count - 1]
-                before = rows[count - 2] if count > 1 else self.before(here)
+                    return count
                 made = self.advance(before, here, control, p)
                 good, control[0] = made[self.size :]
-            rows[count] = made[: self.size]
+            rows[count] = made = made[: self.size]
             count += 1
-            if self.passed(here, rows[count - 1], signs):
-                return PASSED, count
-        return FULL, count
-
-    def passed(self, before, here, signs):
-        """Whether an event lies between two points; else the signs of its tests are renewed."""
-        tests = here[self.tests :]
-        if (signs * tests < 0).any() or not before[self.side] * here[self.side] > 0:
-            return True
-        np.copyto(signs, tests, where=tests != 0)
-        return False
+            crossed = (signs * made[self.tests :] < 0).any()
+            if crossed or not here[self.side] * made[self.side] > 0:
+                break
+        return count
 
     def approach(self, kind, before, here, part, ends, p):
         """The event of a kind next to a part of the way between two points, or None.
 
-        None also where it is farther from one of two `ends` than these are apart: another root.
+        None also where it is farther from one of two `ends` than they are from each other:
+        another root.
         """
         z, tangent = self.between(before, here, part)
         z = self.polish(kind, z, tangent, p)
-        reach = np.linalg.norm(ends[1] - ends[0]) + 1e-12
-        if z is None or any(np.linalg.norm(z - end) > reach for end in ends):
+        low, high = (end[: self.m] for end in ends)
+        reach = np.linalg.norm(high - low) + 1e-12
+        if z is None or any(np.linalg.norm(z - end) > reach for end in (low, high)):
             return None
         row = self.at(z, tangent, p)
         row[: self.m], row[2 * self.m : self.residual] = z, self.values(z, p)
@@ -173,13 +170,13 @@ class Machine(Stepper):
     def __init__(self, problem, facts, parts=None) -> None:
         names = (facts[key] for key in ("unknowns", "scale", "roots", "folds", "values"))
         super().__init__(*names)
-        self.numbers, self.leaving = facts["numbers"], []
+        self.numbers = facts["numbers"]
         self._parts, self._scaled = parts, once(lambda: _Scaled(problem))
         self.functions = Functions(self._named("machine"), self._made, self._follow())
         self.newton = once(self._made_newton)
         if library := self.functions.library:
             pointer, number = ctypes.c_void_p, ctypes.c_longlong
-            library.steps.argtypes = [*[pointer] * 5, number]
+            library.steps.argtypes = [*[pointer] * 4, number, number]
             library.at.argtypes = [pointer] * 4
             library.least_norm.argtypes = [pointer] * 3
             library.approach.argtypes = [*[pointer] * 4, ctypes.c_double, *[pointer] * 3, number]
@@ -266,10 +263,8 @@ class Machine(Stepper):
     def steps(self, rows, count, signs, control, p):
         if not self.functions.library:
             return super().steps(rows, count, signs, control, p)
-        reached = ctypes.c_longlong(count)
-        given = *map(address, (p, control, signs, rows)), ctypes.addressof(reached)
-        answer = self.functions.library.steps(*given, len(rows))
-        return answer, reached.value
+        given = map(address, (p, control, signs, rows))
+        return self.functions.library.steps(*given, count, len(rows))
 
     def approach(self, kind, before, here, part, ends, p):
         newton = self.newton(kind)[1]

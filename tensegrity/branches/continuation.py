@@ -19,12 +19,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, fields
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tensegrity import check
-from tensegrity.branches.arclength import SHORT, Machine
+from tensegrity.branches.arclength import ROOT_AT_START, Machine
 from tensegrity.branches.table import Event, Table
 from tensegrity.engine.kept import kept, maker
 from tensegrity.errors import TensegrityError
@@ -41,7 +42,6 @@ if TYPE_CHECKING:
 
 START_ITERATIONS = 50
 BISECTIONS = 45  # where Newton's method does not locate an event
-ROOT_AT_START, FOLD_AT_START = 1e-14, 1e-8  # event functions that vanish at the first point
 ROOM = 256  # rows, at first
 
 
@@ -278,28 +278,35 @@ def _walked(machine, start, p, settings, direction, stop):
             settings.smallest,
         ]
     )
-    most, tests = settings.points, slice(machine.tests, machine.size)
+    most, roots = settings.points, len(machine.roots)
     rows = np.empty((min(ROOM, most), machine.size))
     rows[0], rows[0, machine.length] = first, control[0]  # its length: the predictor has one
-    count, events, signs = 1, [], first[tests].copy()
-    while True:
-        if count == most:
-            return rows, events, f"{most} rows do not reach an end"
+    count, signs, events, folds = 1, np.zeros(len(machine.kinds)), [], []
+    for i, (test, least) in enumerate(
+        zip(first[machine.tests :].tolist(), machine.vanishing, strict=True)
+    ):
+        if abs(test) <= least:
+            rows[0, machine.tests + i] = 0.0  # it gets a sign with the first step
+            if i < roots:
+                events.append((machine.kinds[i], 0, first))
+            else:
+                folds.append(i)
+    while count < most:
         if count == len(rows):
             rows = np.concatenate([rows, np.empty_like(rows)])[:most]
-        at_start = count == 1
-        answer, count = machine.steps(rows[:2] if at_start else rows, count, signs, control, p)
-        if answer == SHORT:
+        last, count = count, machine.steps(rows, count, signs, control, p)
+        if count == last:
             return rows[:count], events, f"the step fell below {settings.smallest:g}"
-        before, here = rows[count - 2 : count]
-        if at_start:
-            signs = _leave_start(machine, first, here, p, events)
-        for kind, point in _located(machine, before, here, signs, p):
+        if folds:
+            events += _starting_folds(machine, rows, folds, p)
+            folds = []
+        before, here = rows[count - 2], rows[count - 1]
+        for kind, point in _located(machine, before, here, signs.tolist(), p):
             events.append((kind, count - 1 - (kind not in stop), point))
             if kind in stop:
-                rows[count - 1] = point
+                rows[count - 1] = _measured(machine, before, point)
                 return rows[:count], events, kind
-        np.copyto(signs, here[tests], where=here[tests] != 0)
+    return rows, events, f"{most} rows do not reach an end"
 
 
 def _checked(machine, start, parameters, direction, stop):
@@ -311,7 +318,7 @@ def _checked(machine, start, parameters, direction, stop):
             f"{start.size} start values and {p.size} parameters do not suit the problem, must be "
             f"{m} and {k}"
         )
-    if not np.isfinite(start).all() or np.isnan(p).any():
+    if not all(map(math.isfinite, start)) or any(map(math.isnan, p)):
         raise TensegrityError("start or parameters hold a value that is not finite")
     if direction not in (1, -1):
         raise TensegrityError(f"direction {direction!r} must be 1 or -1")
@@ -328,15 +335,16 @@ def _shown(machine, row):
 
 def _first_point(machine, z, p, settings, direction):
     """Nearest solution by least-norm Newton steps, which work at a fold as elsewhere."""
+    residual = math.nan
     for _ in range(START_ITERATIONS):
         move, tangent = machine.least_norm(z, p)
-        if not np.isfinite(move).all():
+        finite = math.isfinite(sum(move.tolist()))
+        if not finite:
             break
         z = z - move
-        if (np.abs(move) <= 1e-15 * (1 + np.abs(z))).all():
+        if all(abs(x) <= 1e-15 * (1 + abs(y)) for x, y in zip(move.tolist(), z.tolist())):
             break
-    residual = math.nan
-    if np.isfinite(move).all():
+    if finite:
         lead = tangent[-1] if abs(tangent[-1]) > 1e-8 else tangent[np.argmax(np.abs(tangent))]
         point = machine.at(z, tangent if lead * direction > 0 else -tangent, p)
         residual = point[machine.residual]
@@ -348,22 +356,13 @@ def _first_point(machine, z, p, settings, direction):
     return point
 
 
-def _leave_start(machine, start, here, p, events):
-    """Signs of the event functions after a start; those that vanish there are events on it."""
-    tests = slice(machine.tests, machine.size)
-    signs, others, back = start[tests].copy(), here[tests], None
-    vanish = np.repeat([ROOT_AT_START, FOLD_AT_START], [len(machine.roots), len(machine.folds)])
-    vanish[machine.leaving] = math.inf
-    for i in np.flatnonzero(np.abs(signs) <= vanish).tolist():
-        signs[i] = others[i]
-        if i >= len(machine.roots) and back is None:
-            there = start.copy()
-            there[machine.length] = 1.0
-            control = np.array([-here[machine.length], *[0.0] * 5])
-            back = machine.advance(machine.before(there), there, control, p)[tests]
-        if i < len(machine.roots) or back[i] * others[i] < 0:
-            events.append((machine.kinds[i], 0, start))
-    return signs
+def _starting_folds(machine, rows, folds, p):
+    """Which of the folds that vanish at the first row are events: they change sign there."""
+    here, control = rows[0].copy(), np.zeros(6)
+    here[machine.length], control[0] = 1.0, -rows[1, machine.length]
+    back = machine.advance(machine.before(here), here, control, p)
+    places = [(machine.kinds[i], machine.tests + i) for i in folds]
+    return [(kind, 0, rows[0].copy()) for kind, at in places if back[at] * rows[1, at] < 0]
 
 
 def _located(machine, before, here, signs, p):
@@ -371,41 +370,44 @@ def _located(machine, before, here, signs, p):
 
     A root may be passed twice in a step that holds a fold: the fold divides it.
     """
-    tests, m, roots = slice(machine.tests, machine.size), machine.m, len(machine.roots)
-    if not machine.passed(before, here, signs):
-        return []
+    m, roots = machine.m, len(machine.roots)
+    tests = here[machine.tests :].tolist()
+    crossed = [i for i, test in enumerate(tests) if signs[i] * test < 0]
 
-    def passed(start, end, numbers):
-        return [
-            (machine.kinds[i], _locate(machine, start, end, i, signs[i], p))
-            for i in numbers
-            if signs[i] * end[machine.tests + i] < 0
-        ]
+    def event(i, start, end):
+        return machine.kinds[i], _locate(machine, start, end, i, signs[i], p)
 
     def place(one):
-        return np.dot(one[1][:m] - before[:m], before[m : 2 * m])
+        return (one[1][:m] - before[:m]) @ before[m : 2 * m]
 
-    def chord(start, point):
-        point = point.copy()
-        point[machine.length] = np.linalg.norm(point[:m] - start[:m])
-        return point
-
-    found = sorted(passed(before, here, range(roots, len(machine.kinds))), key=place)
-    ends = [*(point for _, point in found), here]
-    start = before
-    for end in ends:
-        found += passed(start, chord(start, end) if len(ends) > 1 else end, range(roots))
-        start, signs = end, np.where(end[tests] != 0, end[tests], signs)
+    found = [event(i, before, here) for i in crossed if i >= roots]
+    if not found:
+        found = [event(i, before, here) for i in crossed]
+    else:
+        start, folds = before, [point for _, point in sorted(found, key=place)]
+        for end in (*folds, here):
+            tests = end[machine.tests :].tolist()
+            for i in range(roots):
+                if signs[i] * tests[i] < 0:
+                    found.append(event(i, start, _measured(machine, start, end)))
+            start, signs = end, [new or old for new, old in zip(tests, signs)]
     if before[machine.side] * here[machine.side] < 0:
         found.append(("bifurcation", _bifurcation(machine, before, here, p)))
-    return [(kind, chord(before, point)) for kind, point in sorted(found, key=place)]
+    return sorted(found, key=place) if len(found) > 1 else found
+
+
+def _measured(machine, start, end):
+    """A point with its distance from another one as the length of the step to it."""
+    end = end.copy()
+    end[machine.length] = math.dist(start[: machine.m].tolist(), end[: machine.m].tolist())
+    return end
 
 
 def _locate(machine, before, here, number, sign, p):
     """The point where an event function vanishes between two points."""
     m, test = machine.m, machine.tests + number
-    low = 0.0, before[test] or sign * ROOT_AT_START, before[:m]
-    high = 1.0, here[test], here[:m]
+    low = 0.0, float(before[test]) or sign * ROOT_AT_START, before
+    high = 1.0, float(here[test]), here
     for _ in range(BISECTIONS):
         part = low[0] + (high[0] - low[0]) * low[1] / (low[1] - high[1])
         ends = low[2], high[2]
@@ -415,9 +417,9 @@ def _locate(machine, before, here, number, sign, p):
         part = (low[0] + high[0]) / 2
         middle = machine.at(*machine.between(before, here, part), p)
         if middle[test] * sign > 0:
-            low = part, middle[test], middle[:m]
+            low = part, float(middle[test]), middle
         else:
-            high = part, middle[test], middle[:m]
+            high = part, float(middle[test]), middle
     machine.on_curve(middle, before, here)
     return middle
 
@@ -439,12 +441,12 @@ def _branch(machine, rows, events, end):
     m, count = machine.m, len(rows)
     names, values = (*machine.names, *machine.tabulated), machine.residual
     data = np.concatenate([rows, *(point[None] for _, _, point in events)])
-    z = np.sinh(data[:, :m]) * machine.scale
-    table = np.hstack([z, data[:, 2 * m : values]])
+    table = np.concatenate([np.sinh(data[:, :m]) * machine.scale, data[:, 2 * m : values]], axis=1)
     listed = [
         Event(kind, row, dict(zip(names, at, strict=True)))
         for (kind, row, _), at in zip(events, table[count:].tolist(), strict=True)
     ]
     columns = dict(zip(names, table[:count].T.copy(), strict=True))
-    arc = np.concatenate([[0.0], np.cumsum(rows[1:, machine.length])])
-    return Branch(columns, listed, end, z[:count], rows[:, m : 2 * m].copy(), arc, rows[:, values])
+    rows[0, machine.length] = 0.0
+    z, tangent, arc = table[:count, :m], rows[:, m : 2 * m].copy(), rows[:, machine.length].cumsum()
+    return Branch(columns, listed, end, z, tangent, arc, rows[:, values])

@@ -9,7 +9,6 @@ typedef long long integer;
 typedef int evaluate(const double **arg, double **res, integer *iw, double *w, int memory);
 
 enum { LENGTH = 2 * M + VALUES + 1, SIDE, TESTS };
-enum { PASSED, FULL, SHORT }; /* what `steps` returns */
 
 static void call(evaluate *f, double *out, const double *a, const double *b, const double *c,
                  const double *d)
@@ -83,32 +82,32 @@ static const double *tangential(const double *here, double *before)
     return before;
 }
 
-/* Rows behind those that are there; see Stepper.steps. */
-int steps(const double *p, double *control, double *signs, double *rows, integer *count,
+/* See Stepper.steps. */
+int steps(const double *p, double *control, double *signs, double *rows, integer count,
           integer room)
 {
-    while (*count < room) {
-        double *here = rows + SIZE * (*count - 1), *made = here + SIZE;
+    while (count < room) {
+        double *here = rows + SIZE * (count - 1), *made = here + SIZE;
         double first[SIZE], out[SIZE + 2];
-        const double *before = *count > 1 ? here - SIZE : tangential(here, first);
+        const double *before = count > 1 ? here - SIZE : tangential(here, first);
+        for (int kind = 0; kind < KINDS; kind++)
+            if (here[TESTS + kind] != 0)
+                signs[kind] = here[TESTS + kind];
         do {
             if (!(control[0] >= control[5]))
-                return SHORT;
+                return count;
             call(tensegrity_advance, out, before, here, control, p);
             control[0] = out[SIZE + 1];
         } while (!out[SIZE]);
         memcpy(made, out, SIZE * sizeof(double));
-        ++*count;
+        count++;
         int quiet = here[SIDE] * made[SIDE] > 0;
         for (int kind = 0; kind < KINDS; kind++)
             quiet &= !(signs[kind] * made[TESTS + kind] < 0);
         if (!quiet)
-            return PASSED;
-        for (int kind = 0; kind < KINDS; kind++)
-            if (made[TESTS + kind] != 0)
-                signs[kind] = made[TESTS + kind];
+            break;
     }
-    return FULL;
+    return count;
 }
 
 /* The point of the branch next to z in the plane normal to a tangent. */

@@ -100,7 +100,9 @@ class ManyMachine(Stepper):
     def __init__(self, equations: Any) -> None:
         of = equations
         super().__init__(of.names, of.scale, of.roots, of.folds)
-        self.of, self.leaving = equations, equations.leaving
+        self.of = equations
+        for number in equations.leaving:
+            self.vanishing[number] = math.inf
         self._stationary = list(equations.folds.values())
 
     def unknowns(self, z: Array) -> Array:
