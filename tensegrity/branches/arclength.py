@@ -197,6 +197,7 @@ class Machine(Stepper):
             "linear": ca.Function(
                 "linear", [s.z, s.p], [ca.vertcat(s.g, ca.vec(ca.densify(s.jacobian)))]
             ),
+            "start": _start(s),
             "values": ca.Function("values", [s.z, s.p], [s.values]),
             "between": ca.Function("between", [*rows[:2], part], [curve]),
             "near": ca.Function("near", rows, [ca.vertcat(*self.near(*rows))]),
@@ -223,10 +224,9 @@ class Machine(Stepper):
         new = new / ca.norm_2(new)
         values, scaled, roots, *slopes = tests(z, p)
         cosine = ca.dot(new, tangent)
-        # errors of cubics: 1/16 times this for interpolation by extrapolation, and a margin of 2
-        error = ca.norm_inf(z - guess) * (step / (step + length)) ** 2 / 8
-        arc = ca.norm_2(z - here) * (1 + (1 - cosine) / 12)  # chord to arc of a circle, order 4
-        side = _determinant(ca.vertcat(jacobian, border))
+        error, arc = measures(ca.norm_inf(z - guess), ca.norm_2(z - here), cosine, step, length)
+        triangle = _triangular(ca.vertcat(jacobian, border), m - 1)
+        side = (-1) ** (m - 1) * ca.det(ca.triu(triangle))
         moved, residual = ca.norm_2(z - guess), ca.norm_inf(scaled)
         tests = [roots, *(ca.dot(s, new) for s in slopes)]
         figures = (error, moved, moves[-1], cosine, residual, side * row[self.side])
@@ -291,19 +291,28 @@ class Machine(Stepper):
         return values[: m - 1], values[m - 1 :].reshape(m, m - 1).T
 
     def polish(self, kind, z, tangent, p):
-        """Newton's method on the system extended by an event; the point, or None."""
-        step, normal = self.newton(kind)[0], [tangent] if kind in self.folds else []
-        x = np.concatenate([z, *normal])
-        previous = math.inf
-        for _ in range(POLISH):
-            *new, moved = step("newton", x, *normal, p).tolist()
-            if not math.isfinite(moved):
-                return None
-            x = np.array(new)
-            if moved <= 1e-15 or (moved < 1e-11 and moved >= previous / 4):
-                return x[: self.m]
-            previous = moved
-        return None
+        """The z of an event by Newton's method on the system that it extends, or None."""
+        newton, normal = self.newton(kind)[0], [tangent] if kind in self.folds else []
+
+        def step(x):
+            *new, moved = newton("newton", x, *normal, p).tolist()
+            return np.array(new), moved
+
+        x = settled(step, np.concatenate([z, *normal]))
+        return None if x is None else x[: self.m]
+
+
+def settled(step, x):
+    """Where steps x -> (next x, how far it is) come to rest to round-off, or None."""
+    previous = math.inf
+    for _ in range(POLISH):
+        x, moved = step(x)
+        if not math.isfinite(moved):
+            return None
+        if moved <= 1e-15 or (moved < 1e-11 and moved >= previous / 4):
+            return x
+        previous = moved
+    return None
 
 
 class _Scaled:
@@ -347,6 +356,13 @@ class _Scaled:
         return ca.Function("newton", [x, *normal, self.p], [step])
 
 
+def measures(missed, chord, cosine, step, length):
+    """Error of the cubic through two points, and length of the branch between them."""
+    # errors of cubics: 1/16 times this for interpolation by extrapolation, and a margin of 2
+    error = missed * (step / (step + length)) ** 2 / 8
+    return error, chord * (1 + (1 - cosine) / 12)  # chord to arc of a circle, order 4
+
+
 def _controlled(figures, control):
     """Whether a step is good, and the next one to try, in CasADi."""
     import casadi as ca
@@ -384,16 +400,28 @@ def control_function():
     return Functions(("control",), made)
 
 
-def _determinant(matrix):
-    """Determinant of an SX matrix by Householder reflections."""
+def _start(s):
+    """The least-norm Newton step to g = 0, the unit vector along the branch, and how near the
+    Jacobian is to a lower rank, by the QR factors of its transpose."""
     import casadi as ca
 
-    matrix, size, product = ca.SX(matrix), matrix.shape[0], 1
-    for k in range(size - 1):
+    m = s.z.numel()
+    factors = _triangular(ca.horzcat(s.jacobian.T, ca.SX.eye(m)), m - 1)
+    triangle, across = ca.triu(factors[: m - 1, : m - 1]), factors[:, m - 1 :].T
+    move = across[:, : m - 1] @ ca.solve(triangle.T, s.g)
+    diagonal = ca.fabs(ca.diag(triangle))
+    start = ca.vertcat(move, across[:, m - 1], ca.mmin(diagonal) / (ca.mmax(diagonal) + TINY))
+    return ca.Function("start", [s.z, s.p], [start])
+
+
+def _triangular(matrix, columns):
+    """An SX matrix, so many of its columns made upper triangular by Householder reflections."""
+    import casadi as ca
+
+    matrix = ca.SX(matrix)
+    for k in range(columns):
         mirror = matrix[k:, k]
-        diagonal = -ca.if_else(mirror[0] < 0, -1, 1) * ca.norm_2(mirror)
-        mirror[0] -= diagonal
+        mirror[0] += ca.if_else(mirror[0] < 0, -1, 1) * ca.norm_2(mirror)
         share = 2 / (ca.dot(mirror, mirror) + TINY)
         matrix[k:, k:] -= mirror @ (share * (mirror.T @ matrix[k:, k:]))
-        product = -product * diagonal
-    return product * matrix[size - 1, size - 1]
+    return matrix

@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, fields
-from operator import itemgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -278,19 +277,16 @@ def _walked(machine, start, p, settings, direction, stop):
             settings.smallest,
         ]
     )
-    most, roots = settings.points, len(machine.roots)
-    rows = np.empty((min(ROOM, most), machine.size))
+    most, count, events, folds = settings.points, 1, [], []
+    rows, signs = np.empty((min(ROOM, most), machine.size)), np.zeros(len(machine.kinds))
     rows[0], rows[0, machine.length] = first, control[0]  # its length: the predictor has one
-    count, signs, events, folds = 1, np.zeros(len(machine.kinds)), [], []
-    for i, (test, least) in enumerate(
-        zip(first[machine.tests :].tolist(), machine.vanishing, strict=True)
-    ):
-        if abs(test) <= least:
+    for i, test in enumerate(first[machine.tests :].tolist()):
+        if abs(test) <= machine.vanishing[i]:
             rows[0, machine.tests + i] = 0.0  # it gets a sign with the first step
-            if i < roots:
-                events.append((machine.kinds[i], 0, first))
-            else:
+            if i >= len(machine.roots):
                 folds.append(i)
+            else:
+                events.append((machine.kinds[i], 0, first))
     while count < most:
         if count == len(rows):
             rows = np.concatenate([rows, np.empty_like(rows)])[:most]
@@ -342,7 +338,8 @@ def _first_point(machine, z, p, settings, direction):
         if not finite:
             break
         z = z - move
-        if all(abs(x) <= 1e-15 * (1 + abs(y)) for x, y in zip(move.tolist(), z.tolist())):
+        pairs = zip(move.tolist(), z.tolist(), strict=True)
+        if all(abs(x) <= 1e-15 * (1 + abs(at)) for x, at in pairs):
             break
     if finite:
         lead = tangent[-1] if abs(tangent[-1]) > 1e-8 else tangent[np.argmax(np.abs(tangent))]
@@ -390,7 +387,7 @@ def _located(machine, before, here, signs, p):
             for i in range(roots):
                 if signs[i] * tests[i] < 0:
                     found.append(event(i, start, _measured(machine, start, end)))
-            start, signs = end, [new or old for new, old in zip(tests, signs)]
+            start, signs = end, [new or old for new, old in zip(tests, signs, strict=True)]
     if before[machine.side] * here[machine.side] < 0:
         found.append(("bifurcation", _bifurcation(machine, before, here, p)))
     return sorted(found, key=place) if len(found) > 1 else found
@@ -405,7 +402,7 @@ def _measured(machine, start, end):
 
 def _locate(machine, before, here, number, sign, p):
     """The point where an event function vanishes between two points."""
-    m, test = machine.m, machine.tests + number
+    test = machine.tests + number
     low = 0.0, float(before[test]) or sign * ROOT_AT_START, before
     high = 1.0, float(here[test]), here
     for _ in range(BISECTIONS):

@@ -16,10 +16,10 @@ import numpy as np
 
 from tensegrity.branches.arclength import (
     ITERATIONS,
-    POLISH,
-    TINY,
     Stepper,
     control_function,
+    measures,
+    settled,
 )
 
 if TYPE_CHECKING:
@@ -123,7 +123,7 @@ class ManyMachine(Stepper):
         """The row beyond `here`, whether it is good, and the step to try next."""
         from scipy.linalg import lapack
 
-        m, step, length = self.m, control[0], here[self.length]
+        m, step = self.m, control[0]
         tangent = here[m : 2 * m]
         z = guess = self.predicted(before, here, step)
         last, matrix, right = math.inf, np.empty((m, m), order="F"), np.empty(m)
@@ -146,9 +146,8 @@ class ManyMachine(Stepper):
         new = new / size
         swaps = np.count_nonzero(pivots != np.arange(m))
         side = float(np.prod(np.sign(np.diag(factors)))) * (-1) ** swaps
-        missed, cosine = z - guess, float(new @ tangent)
-        error = np.abs(missed).max() * (step / (step + length)) ** 2 / 8
-        arc = np.linalg.norm(z - here[:m]) * (1 + (1 - cosine) / 12)
+        missed, chord, cosine = z - guess, np.linalg.norm(z - here[:m]), float(new @ tangent)
+        error, arc = measures(np.abs(missed).max(), chord, cosine, step, here[self.length])
         parts = new[self._stationary]
         parts[np.abs(parts) <= CONSTANT] = 0.0
         residual, sides = np.abs(g).max(), side * here[self.side]
@@ -169,45 +168,34 @@ class ManyMachine(Stepper):
         """
         if kind not in self.roots:
             return self._stationary_at(self._stationary[self.folds.index(kind)], z, tangent)
-        number, previous = self.roots.index(kind), math.inf
-        for _ in range(POLISH):
+        number = self.roots.index(kind)
+
+        def step(z: Array) -> tuple[Array, float]:
             u = self.unknowns(z)
             rates = np.cosh(z) * self.scale
             g, jacobian = self.of.linearised(u)
             row = self.of.test_gradient(u, number) * rates
-            system = np.vstack([jacobian * rates, row])
             right = np.append(g, self.of.tests(u)[number])
             try:
-                move = np.linalg.solve(system, right)
+                new = z - np.linalg.solve(np.vstack([jacobian * rates, row]), right)
             except np.linalg.LinAlgError:
-                return None
-            z = z - move
-            moved = float(np.linalg.norm(move / (1 + np.abs(z))))
-            if not math.isfinite(moved):
-                return None
-            if moved <= 1e-15 or (moved < 1e-11 and moved >= previous / 4):
-                return z
-            previous = moved + TINY
-        return None
+                return z, math.nan
+            return new, float(np.linalg.norm((new - z) / (1 + np.abs(new))))
+
+        return settled(step, z)
 
     def _stationary_at(self, number: int, z: Array, tangent: Array) -> Array | None:
         """Where the tangent has no part in an unknown, by the secant method; None if it fails."""
-        z, tangent = self._along(z, tangent)
-        step, previous = SECANT, REACH
-        for _ in range(POLISH):
-            part = tangent[number]
-            z, tangent = self._along(z + step * tangent, tangent)
-            change = tangent[number] - part
-            if change == 0 or not math.isfinite(change) or not tangent.any():
-                return None
-            step *= -tangent[number] / change
-            moved = abs(step)
-            if moved <= 1e-15 or (moved < 1e-11 and moved >= previous / 4):
-                return np.asarray(z + step * tangent)
-            if moved >= previous / 2:
-                return None
-            previous = moved
-        return None
+
+        def secant(x: tuple[Array, Array, float, float]) -> tuple[Any, float]:
+            z, tangent, step, reach = x
+            z, new = self._along(z + step * tangent, tangent)
+            step *= -new[number] / (new[number] - tangent[number])
+            good = new.any() and abs(step) < max(reach / 2, 1e-11)
+            return (z, new, step, abs(step)), abs(step) if good else math.nan
+
+        x = settled(secant, (*self._along(z, tangent), SECANT, REACH))
+        return None if x is None else x[0] + x[2] * x[1]
 
     def _along(self, z: Array, tangent: Array) -> tuple[Array, Array]:
         """z and tangent of the point of the branch next to z."""

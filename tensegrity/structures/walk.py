@@ -325,7 +325,9 @@ class Walk:
         m = machine.m
         turns = ends[0][2 * m - 1] * ends[1][2 * m - 1] <= 0
         middle, half = 0.5, 0.5
-        for _ in range(1 + (ends[1][machine.length] > WIDE)):  # then nearer: eigenvalues cross elsewhere
+        for _ in range(
+            1 + (ends[1][machine.length] > WIDE)
+        ):  # then nearer: eigenvalues cross elsewhere
             parts = middle + half * chebyshev.chebpts1(AROUND)
             z = [machine.at(*machine.between(*ends, part), None)[:m] for part in parts.tolist()]
             us = np.array([machine.unknowns(one) for one in z])
