@@ -8,8 +8,6 @@ takes both, with the same steps, the same acceptance and the same events.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -23,7 +21,7 @@ from tensegrity.branches.arclength import (
 )
 
 if TYPE_CHECKING:
-    from typing import Any
+    from typing import Any, Self
 
     from tensegrity.typing import Array, Indices
 
@@ -51,59 +49,20 @@ class Equations(Protocol):
         """Gradient of one of them, (m,)."""
 
 
-@dataclass(frozen=True, eq=False)
-class ManyProblem:
-    """A problem for `trace`; see `Equations`."""
-
-    equations: Any
-
-    @property
-    def unknowns(self) -> tuple[str, ...]:
-        """Names."""
-        return tuple(self.equations.names)
-
-    @property
-    def scale(self) -> Array:
-        """Sizes of the unknowns."""
-        return np.asarray(self.equations.scale)
-
-    @property
-    def values(self) -> tuple[str, ...]:
-        """No more columns than the unknowns."""
-        return ()
-
-    @property
-    def p(self) -> _None:
-        """No parameters."""
-        return _None()
-
-    @cached_property
-    def machine(self) -> ManyMachine:
-        """What steps along a branch."""
-        return ManyMachine(self.equations)
-
-    @property
-    def _machine(self) -> ManyMachine:
-        return self.machine
-
-
-class _None:
-    def numel(self) -> int:
-        return 0
-
-
-class ManyMachine(Stepper):
-    """The steps on arrays, in unknowns asinh(u/scale); they take no parameters."""
+class ManyProblem(Stepper):
+    """A problem for `trace`, of `Equations`; without parameters, in unknowns asinh(u/scale)."""
 
     numbers = 0
 
-    def __init__(self, equations: Any) -> None:
-        of = equations
+    def __init__(self, of: Any) -> None:
         super().__init__(of.names, of.scale, of.roots, of.folds)
-        self.of = equations
-        for number in equations.leaving:
+        self.of, self._stationary = of, list(of.folds.values())
+        for number in of.leaving:
             self.vanishing[number] = math.inf
-        self._stationary = list(equations.folds.values())
+
+    @property
+    def _machine(self) -> Self:
+        return self
 
     def unknowns(self, z: Array) -> Array:
         """u of scaled unknowns."""

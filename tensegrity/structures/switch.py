@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity.branches.continuation import Settings
-from tensegrity.branches.many import ManyMachine
+from tensegrity.branches.many import ManyProblem
 from tensegrity.structures.corner import choices
 from tensegrity.structures.equations import Piece
 
@@ -88,7 +88,7 @@ def _directions(piece: Piece, u: Array, corner: Indices, count: int) -> Array:
 def _opened(piece: Piece, u: Array, start: Array) -> Array | None:
     """The point of the branch that leaves u along one mode, at the amplitude `NEAR`; None where
     there is none, or none that is stable and beyond u."""
-    machine = ManyMachine(piece)
+    machine = ManyProblem(piece)
     z, count = np.arcsinh(u / machine.scale), len(start)
     normal = np.zeros(machine.m)
     normal[:count] = start / (np.cosh(z) * machine.scale)[:count]

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity.branches.continuation import ContinuationError, Settings, trace
-from tensegrity.branches.many import ManyMachine, ManyProblem
+from tensegrity.branches.many import ManyProblem
 from tensegrity.branches.table import Event
 from tensegrity.errors import EquilibriumError
 from tensegrity.readonly import fixed
@@ -291,7 +291,7 @@ class Walk:
         self, piece: Piece, traced: Branch, negative: Array, events: list[_Found]
     ) -> list[_Found]:
         """Where eigenvalues change their sign other than by a turn; how many is in the kind."""
-        turns, machine = [row for kind, row, _ in events if kind == self.turn], ManyMachine(piece)
+        turns, machine = [row for kind, row, _ in events if kind == self.turn], ManyProblem(piece)
         found, scaled = [], np.arcsinh(traced.z / piece.scale)
         for row in np.flatnonzero(np.diff(negative[:, 1])).tolist():
             count = abs(int(negative[row + 1, 1] - negative[row, 1]))
