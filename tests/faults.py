@@ -184,7 +184,7 @@ FAULTS = (
         "test_growing_bars_bow_then_snap_at_a_slack_corner_of_their_closed_form",
     ),
     Fault(
-        "tensegrity/structures/switch.py",
+        "tensegrity/structures/corner.py",
         "return x if close < SHRUNK * far or far <= NEAR * of.span else None",
         "return x",
         "tests/test_structure_snap.py::"

@@ -197,6 +197,7 @@ class Branch(Table):
     """
 
     p: Any  # numbers it was traced with, where they were kept
+    _by_row = ("z", "tangent", "arc", "residual")
 
     def __init__(
         self,
@@ -210,13 +211,6 @@ class Branch(Table):
     ) -> None:
         super().__init__(columns, events, end)
         self.z, self.tangent, self.arc, self.residual = z, tangent, arc, residual
-
-    def __getitem__(self, key: Any) -> Any:
-        part = super().__getitem__(key)
-        if isinstance(key, slice):
-            for name in ("z", "tangent", "arc", "residual"):
-                setattr(part, name, getattr(self, name)[key])
-        return part
 
 
 def trace(

@@ -19,11 +19,10 @@ from tensegrity.branches.table import Event
 from tensegrity.errors import EquilibriumError
 from tensegrity.readonly import fixed
 from tensegrity.springs.corners import TAUT
-from tensegrity.structures.corner import chosen, piece_stretch, rays
+from tensegrity.structures.corner import NONE, branches_off, chosen, piece_stretch, rays
 from tensegrity.structures.equations import Loading, Piece
 from tensegrity.structures.solve import NEUTRAL, NOTHING, least_part
 from tensegrity.structures.structure_path import StructurePath
-from tensegrity.structures.switch import NONE, branches_off
 
 if TYPE_CHECKING:
     from typing import Any
