@@ -174,12 +174,14 @@ class Machine(Stepper):
         self._parts, self._scaled = parts, once(lambda: _Scaled(problem))
         self.functions = Functions(self._named("machine"), self._made, self._follow())
         self.newton = once(self._made_newton)
-        if library := self.functions.library:
+        self.library = self.functions.library
+        if self.library:
             pointer, number = ctypes.c_void_p, ctypes.c_longlong
-            library.steps.argtypes = [*[pointer] * 4, number, number]
-            library.at.argtypes = [pointer] * 4
-            library.least_norm.argtypes = [pointer] * 3
-            library.approach.argtypes = [*[pointer] * 4, ctypes.c_double, *[pointer] * 3, number]
+            self.library.steps.argtypes = [*[pointer] * 4, number, number]
+            self.library.at.argtypes = [pointer] * 4
+            self.library.least_norm.argtypes = [pointer] * 3
+            several = [*[pointer] * 4, ctypes.c_double, *[pointer] * 3, number]
+            self.library.approach.argtypes = several
 
     def _named(self, *what):
         return self._parts and (*what, self._parts)
@@ -254,34 +256,32 @@ class Machine(Stepper):
         return self.functions("advance", before, here, control, p)
 
     def at(self, z, tangent, p):
-        if not self.functions.library:
+        if not self.library:
             return super().at(z, tangent, p)
         made = np.empty(self.size)
-        self.functions.library.at(*map(address, (p, z, tangent, made)))
+        self.library.at(*map(address, (p, z, tangent, made)))
         return made
 
     def steps(self, rows, count, signs, control, p):
-        if not self.functions.library:
+        if not self.library:
             return super().steps(rows, count, signs, control, p)
-        given = map(address, (p, control, signs, rows))
-        return self.functions.library.steps(*given, count, len(rows))
+        return self.library.steps(*map(address, (p, control, signs, rows)), count, len(rows))
 
     def approach(self, kind, before, here, part, ends, p):
         newton = self.newton(kind)[1]
-        if not (self.functions.library and newton):
+        if not (self.library and newton):
             return super().approach(kind, before, here, part, ends, p)
         made = np.empty(self.size)
         given = newton, *map(address, (p, before, here)), part, *map(address, (*ends, made))
-        good = self.functions.library.approach(*given, kind in self.folds)
-        return made if good else None
+        return made if self.library.approach(*given, kind in self.folds) else None
 
     def values(self, z, p):
         """Values to tabulate."""
         return self.functions("values", z, p)
 
     def least_norm(self, z, p):
-        found, library = np.empty((2, self.m)), self.functions.library
-        full_rank = library and library.least_norm(*map(address, (p, z, found)))
+        found = np.empty((2, self.m))
+        full_rank = self.library and self.library.least_norm(*map(address, (p, z, found)))
         return found if full_rank else super().least_norm(z, p)
 
     def linearised(self, z, p):
@@ -422,6 +422,6 @@ def _triangular(matrix, columns):
     for k in range(columns):
         mirror = matrix[k:, k]
         mirror[0] += ca.if_else(mirror[0] < 0, -1, 1) * ca.norm_2(mirror)
-        share = 2 / (ca.dot(mirror, mirror) + TINY)
-        matrix[k:, k:] -= mirror @ (share * (mirror.T @ matrix[k:, k:]))
+        factor = 2 / (ca.dot(mirror, mirror) + TINY)
+        matrix[k:, k:] -= mirror @ (factor * (mirror.T @ matrix[k:, k:]))
     return matrix

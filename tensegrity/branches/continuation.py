@@ -371,11 +371,14 @@ def _located(machine, before, here, signs, p):
     def place(one):
         return (one[1][:m] - before[:m]) @ before[m : 2 * m]
 
+    def ordered(events):
+        return sorted(events, key=place) if len(events) > 1 else events
+
     found = [event(i, before, here) for i in crossed if i >= roots]
     if not found:
         found = [event(i, before, here) for i in crossed]
     else:
-        start, folds = before, [point for _, point in sorted(found, key=place)]
+        start, folds = before, [point for _, point in ordered(found)]
         for end in (*folds, here):
             tests = end[machine.tests :].tolist()
             for i in range(roots):
@@ -384,7 +387,7 @@ def _located(machine, before, here, signs, p):
             start, signs = end, [new or old for new, old in zip(tests, signs, strict=True)]
     if before[machine.side] * here[machine.side] < 0:
         found.append(("bifurcation", _bifurcation(machine, before, here, p)))
-    return sorted(found, key=place) if len(found) > 1 else found
+    return ordered(found)
 
 
 def _measured(machine, start, end):
@@ -432,12 +435,14 @@ def _branch(machine, rows, events, end):
     m, count = machine.m, len(rows)
     names, values = (*machine.names, *machine.tabulated), machine.residual
     data = np.concatenate([rows, *(point[None] for _, _, point in events)])
-    table = np.concatenate([np.sinh(data[:, :m]) * machine.scale, data[:, 2 * m : values]], axis=1)
+    table = data[:, m:values].copy()
+    table[:, :m] = np.sinh(data[:, :m]) * machine.scale  # in the place of tangents
     listed = [
         Event(kind, row, dict(zip(names, at, strict=True)))
         for (kind, row, _), at in zip(events, table[count:].tolist(), strict=True)
     ]
     columns = dict(zip(names, table[:count].T.copy(), strict=True))
     rows[0, machine.length] = 0.0
-    z, tangent, arc = table[:count, :m], rows[:, m : 2 * m].copy(), rows[:, machine.length].cumsum()
-    return Branch(columns, listed, end, z, tangent, arc, rows[:, values])
+    arc = np.add.accumulate(rows[:, machine.length])
+    z, tangent, residual = table[:count, :m], rows[:, m : 2 * m].copy(), rows[:, values]
+    return Branch(columns, listed, end, z, tangent, arc, residual)
