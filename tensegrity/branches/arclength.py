@@ -199,7 +199,6 @@ class Machine(Stepper):
             "linear": ca.Function(
                 "linear", [s.z, s.p], [ca.vertcat(s.g, ca.vec(ca.densify(s.jacobian)))]
             ),
-            "start": _start(s),
             "values": ca.Function("values", [s.z, s.p], [s.values]),
             "between": ca.Function("between", [*rows[:2], part], [curve]),
             "near": ca.Function("near", rows, [ca.vertcat(*self.near(*rows))]),
@@ -227,8 +226,7 @@ class Machine(Stepper):
         values, scaled, roots, *slopes = tests(z, p)
         cosine = ca.dot(new, tangent)
         error, arc = measures(ca.norm_inf(z - guess), ca.norm_2(z - here), cosine, step, length)
-        triangle = _triangular(ca.vertcat(jacobian, border), m - 1)
-        side = (-1) ** (m - 1) * ca.det(ca.triu(triangle))
+        side = _determinant(ca.vertcat(jacobian, border))
         moved, residual = ca.norm_2(z - guess), ca.norm_inf(scaled)
         tests = [roots, *(ca.dot(s, new) for s in slopes)]
         figures = (error, moved, moves[-1], cosine, residual, side * row[self.side])
@@ -400,28 +398,16 @@ def control_function():
     return Functions(("control",), made)
 
 
-def _start(s):
-    """The least-norm Newton step to g = 0, the unit vector along the branch, and how near the
-    Jacobian is to a lower rank, by the QR factors of its transpose."""
+def _determinant(matrix):
+    """Determinant of an SX matrix by Householder reflections."""
     import casadi as ca
 
-    m = s.z.numel()
-    factors = _triangular(ca.horzcat(s.jacobian.T, ca.SX.eye(m)), m - 1)
-    triangle, across = ca.triu(factors[: m - 1, : m - 1]), factors[:, m - 1 :].T
-    move = across[:, : m - 1] @ ca.solve(triangle.T, s.g)
-    diagonal = ca.fabs(ca.diag(triangle))
-    start = ca.vertcat(move, across[:, m - 1], ca.mmin(diagonal) / (ca.mmax(diagonal) + TINY))
-    return ca.Function("start", [s.z, s.p], [start])
-
-
-def _triangular(matrix, columns):
-    """An SX matrix, so many of its columns made upper triangular by Householder reflections."""
-    import casadi as ca
-
-    matrix = ca.SX(matrix)
-    for k in range(columns):
+    matrix, size, product = ca.SX(matrix), matrix.shape[0], 1
+    for k in range(size - 1):
         mirror = matrix[k:, k]
-        mirror[0] += ca.if_else(mirror[0] < 0, -1, 1) * ca.norm_2(mirror)
+        diagonal = -ca.if_else(mirror[0] < 0, -1, 1) * ca.norm_2(mirror)
+        mirror[0] -= diagonal
         factor = 2 / (ca.dot(mirror, mirror) + TINY)
         matrix[k:, k:] -= mirror @ (factor * (mirror.T @ matrix[k:, k:]))
-    return matrix
+        product = -product * diagonal
+    return product * matrix[size - 1, size - 1]

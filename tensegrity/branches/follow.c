@@ -18,13 +18,58 @@ static void call(evaluate *f, double *out, const double *a, const double *b, con
     f(arg, res, 0, 0, 0);
 }
 
-/* See Stepper.least_norm; 0 where the rank is in doubt. */
-int least_norm(const double *p, const double *z, double *made)
+static double dot(const double *a, const double *b)
 {
-    double out[2 * M + 1];
-    call(tensegrity_start, out, z, p, 0, 0);
-    memcpy(made, out, 2 * M * sizeof(double));
-    return out[2 * M] > FULL_RANK;
+    double sum = 0;
+    for (int i = 0; i < M; i++)
+        sum += a[i] * b[i];
+    return sum;
+}
+
+/* Least-norm Newton step to g = 0 and the unit vector along the branch, from the QR factors of
+   the transposed Jacobian, whose columns are `rows`; 0 where its rank is in doubt. */
+int least_norm(const double *p, const double *z, double *move)
+{
+    double g[M * M], rows[M - 1][M], *along = move + M;
+    double q[M][M], scale[M], share[M], largest = 0; /* mirrors I - q share q', diagonal in scale */
+    call(tensegrity_linear, g, z, p, 0, 0);
+    for (int i = 0; i < M - 1; i++)
+        for (int j = 0; j < M; j++)
+            rows[i][j] = g[M - 1 + (M - 1) * j + i];
+    for (int k = 0; k < M - 1; k++) {
+        double square = 0;
+        for (int i = k; i < M; i++)
+            square += rows[k][i] * rows[k][i];
+        scale[k] = rows[k][k] > 0 ? -sqrt(square) : sqrt(square);
+        largest = fabs(scale[k]) > largest ? fabs(scale[k]) : largest;
+        for (int i = 0; i < M; i++)
+            q[k][i] = i < k ? 0 : rows[k][i] - (i == k) * scale[k];
+        share[k] = 2 / (square - rows[k][k] * rows[k][k] + q[k][k] * q[k][k] + TINY);
+        for (int j = k + 1; j < M - 1; j++) {
+            double product = share[k] * dot(q[k], rows[j]);
+            for (int i = k; i < M; i++)
+                rows[j][i] -= product * q[k][i];
+        }
+    }
+    for (int k = 0; k < M - 1; k++) {
+        if (!(fabs(scale[k]) > FULL_RANK * largest))
+            return 0;
+        double left = g[k];
+        for (int j = 0; j < k; j++)
+            left -= rows[k][j] * move[j];
+        move[k] = left / scale[k];
+    }
+    move[M - 1] = 0;
+    for (int i = 0; i < M; i++)
+        along[i] = i == M - 1;
+    for (int k = M - 2; k >= 0; k--) {
+        double of_move = share[k] * dot(q[k], move), of_along = share[k] * dot(q[k], along);
+        for (int i = k; i < M; i++) {
+            move[i] -= of_move * q[k][i];
+            along[i] -= of_along * q[k][i];
+        }
+    }
+    return 1;
 }
 
 /* A point before the first one, such that the cubic through both is the tangent. */
