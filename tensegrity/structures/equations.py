@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity.structures.members import member_blocks
+from tensegrity.engine import forces
 
 if TYPE_CHECKING:
     from tensegrity.structures.members import Members
@@ -244,8 +244,9 @@ class Piece:
 
     def tangent_of(self, d: Array, lengths: Array, density: Array) -> Array:
         """Tangent over the motions of the basis, (free, free)."""
-        members = self.of.members
-        blocks = member_blocks(d, lengths, density, members.stiffness, self.taut)
+        stiffness = np.where(self.taut, self.of.members.stiffness, 0.0)
+        density = np.where(self.taut, density, 0.0)
+        blocks = forces.tangents(d / lengths[:, None], stiffness, density)
         turned = np.matmul(blocks, self.of.gain.reshape(*d.shape, -1))
         return np.asarray(self.of.gain.T @ turned.reshape(self.of.gain.shape))
 

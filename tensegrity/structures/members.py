@@ -13,38 +13,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity.once import once
+from tensegrity.engine import forces
 from tensegrity.springs.corners import TAUT
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
     from typing import Any
 
     from tensegrity.typing import Array, Flags, Indices
-
-
-@once
-def _tangent(dim: int) -> Callable[..., Any]:
-    """Upper entries of the tangent of members in (d, length, density, stiffness)."""
-    import sympy as sp
-
-    from derivations import member
-
-    matrix = member.tangent(dim)
-    upper = [matrix[i, j] for i in range(dim) for j in range(i, dim)]
-    symbols = (*member.separation(dim), member.length, member.density, member.stiffness)
-    return sp.lambdify(symbols, upper, "numpy", cse=True)
-
-
-def member_blocks(d: Array, lengths: Array, density: Array, stiffness: Array, taut: Flags) -> Array:
-    """Tangent of each member in its own separation [N/m], (members, dim, dim)."""
-    members, dim = d.shape
-    upper = _tangent(dim)(*d.T, lengths, density, stiffness)
-    result = np.empty((members, dim, dim))
-    places = [(i, j) for i in range(dim) for j in range(i, dim)]
-    for (i, j), entry in zip(places, upper, strict=True):
-        result[:, i, j] = result[:, j, i] = np.where(taut, entry, 0.0)
-    return result
 
 
 @dataclass(frozen=True)
@@ -93,28 +68,15 @@ class Members:
         """Of the energy in the positions [N], (nodes, dim): minus the force on the nodes."""
         d, lengths = self.apart(positions)
         pull = (self.stiffness * self.elongations(lengths) / lengths)[:, None] * d
-        result = np.zeros_like(positions)
-        np.add.at(result, self.ends[:, 1], pull)
-        np.subtract.at(result, self.ends[:, 0], pull)
+        first, second = self.ends.T
+        result: Array = -forces.scattered(first, second, pull, len(positions))
         return result
 
     def tangent(self, positions: Array, within: float = TAUT) -> Any:
         """Hessian of the energy [N/m], sparse (nodes dim, nodes dim); `within` as of `taut`."""
-        import scipy.sparse as sparse
-
-        nodes, dim = positions.shape
         d, lengths = self.apart(positions)
         density = self.stiffness * self.elongations(lengths) / lengths
-        blocks = member_blocks(d, lengths, density, self.stiffness, self.taut(lengths, within))
-        axes = np.arange(dim)
-        first, second = (dim * self.ends[:, i, None] + axes for i in (0, 1))
-        rows, columns, values = [], [], []
-        for left, right, sign in (
-            (first, first, 1), (second, second, 1), (first, second, -1), (second, first, -1),
-        ):  # fmt: skip
-            rows.append(np.broadcast_to(left[:, :, None], blocks.shape).ravel())
-            columns.append(np.broadcast_to(right[:, None, :], blocks.shape).ravel())
-            values.append(sign * blocks.ravel())
-        size = nodes * dim
-        triplets = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
-        return sparse.coo_matrix(triplets, shape=(size, size)).tocsr()
+        stiffness = np.where(self.taut(lengths, within), self.stiffness, 0.0)
+        blocks = forces.tangents(d / lengths[:, None], stiffness, density)
+        first, second = self.ends.T
+        return forces.assembled(first, second, blocks, len(positions)).tocsr()
