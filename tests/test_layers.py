@@ -16,6 +16,7 @@ BASE = [
     "once",
     "readonly",
     "root",
+    "minimum",
     "progress",
     "notebook",
 ]  # modules that every room may use

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tensegrity.minimum import least_part
 from tensegrity.structures.equations import Piece
-from tensegrity.structures.solve import NOTHING, least_part
+from tensegrity.structures.supports import NOTHING
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

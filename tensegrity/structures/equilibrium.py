@@ -12,7 +12,7 @@ import numpy as np
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import fixed
-from tensegrity.structures.solve import settle
+from tensegrity.structures.members import settle
 from tensegrity.structures.structure import Structure
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""All members of a structure at once: lengths, tensions, energy, gradient and tangent.
+"""All members of a structure at once: lengths, tensions, energy, tangent, and equilibria.
 
 The forms are those of `derivations.member`.  Members are rows.  A string pulls where it is longer
 than its natural length, to the last bit; its stiffness jumps there, so that round-off would decide
@@ -14,12 +14,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity.engine import forces
+from tensegrity.errors import EquilibriumError
+from tensegrity.minimum import ROUND_OFF, STEPS, downhill
+from tensegrity.minimum import settle as minimised
 from tensegrity.springs.corners import TAUT
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from typing import Any
 
+    from tensegrity.structures.supports import Freedom
     from tensegrity.typing import Array, Flags, Indices
+
+SETTLED = 1e-10  # forces left, over the forces there are
+STEP, FARTHEST = 0.2, 100.0  # sizes of the structure: of one step, and that it may grow to
 
 
 @dataclass(frozen=True)
@@ -80,3 +88,76 @@ class Members:
         blocks = forces.tangents(d / lengths[:, None], stiffness, density)
         first, second = self.ends.T
         return forces.assembled(first, second, blocks, len(positions)).tocsr()
+
+
+@dataclass(frozen=True)
+class _Loaded:
+    """Members under constant loads, over the motions that are left: a `minimum.Energy`."""
+
+    members: Members
+    freedom: Freedom
+    start: Array
+    loads: Array
+
+    @property
+    def span(self) -> float:
+        """Size of the structure [m]."""
+        return float(np.ptp(self.start, axis=0).max())
+
+    @property
+    def longest(self) -> float:
+        return STEP * self.span
+
+    def energy(self, x: Array) -> tuple[float, float]:
+        stored, work = self.members.energy(x), float(np.sum(self.loads * (x - self.start)))
+        return stored - work, stored + abs(work)
+
+    def forces(self, x: Array) -> Array:
+        motions, rigid = self.freedom.motions, self.freedom.at(x).rigid
+        left = motions.T @ (self.loads - self.members.gradient(x)).ravel()
+        return np.asarray(motions @ (left - rigid @ (rigid.T @ left))).reshape(x.shape)
+
+    def largest(self, x: Array) -> float:
+        return max(np.abs(self.members.tensions(x)).max(), np.abs(self.loads).max())
+
+    def newton(self, x: Array, f: Array) -> Callable[[float], Array | None]:
+        from scipy.sparse import eye_array
+
+        # from rest the same way in any frame, then what the energy has: else it converges slowly
+        within = TAUT if x is self.start else 0.0
+        freedom = self.freedom.at(x)
+        force = freedom.motions.T @ f.ravel()
+        tangent = freedom.reduced(self.members.tangent(x, within))
+        softest = float(self.members.stiffness.min()) * eye_array(len(force))
+
+        def step(shift: float) -> Array | None:
+            move = downhill(tangent + shift * softest, freedom.rigid, force)
+            return None if move is None else (freedom.motions @ move).reshape(x.shape)
+
+        return step
+
+    def refuse(self, x: Array, f: Array) -> None:
+        if np.ptp(x, axis=0).max() > FARTHEST * self.span:
+            raise EquilibriumError(
+                "no equilibrium: under these loads the structure grows beyond "
+                f"{FARTHEST * self.span:g} m"
+            )
+
+
+def settle(members: Members, freedom: Freedom, positions: Array, loads: Array) -> Array:
+    """Positions of an equilibrium under constant loads, downhill in energy from given ones.
+
+    Raises
+    ------
+    EquilibriumError
+        If there is none nearby: loads drive a rigid motion, or the energy falls without end.
+    """
+    freedom.refuse_driven(positions, loads)
+    of = _Loaded(members, freedom, positions, loads)
+    x, f = minimised(of, positions)
+    left, size = np.abs(f).max(initial=0.0), of.largest(x)
+    if not left <= max(SETTLED * size, ROUND_OFF * members.stiffness.max() * of.span):
+        raise EquilibriumError(
+            f"no equilibrium found: {left:.3g} N are left of {size:.3g} N after {STEPS} iterations"
+        )
+    return x

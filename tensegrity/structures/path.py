@@ -15,7 +15,6 @@ from tensegrity import check
 from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.structures.equations import Loading
 from tensegrity.structures.equilibrium import nodal
-from tensegrity.structures.solve import refuse_driven
 from tensegrity.structures.structure import Structure
 from tensegrity.structures.structure_path import StructurePath
 from tensegrity.structures.supports import Supports
@@ -141,5 +140,5 @@ def _plate(structure: Structure, supports: Supports | None) -> Plates | None:
 
 def _motions(structure: Structure, supports: Supports | None, pattern: Array) -> Array:
     freedom = structure.freedom(supports)
-    refuse_driven(freedom, structure.positions, pattern)
+    freedom.refuse_driven(structure.positions, pattern)
     return np.asarray(freedom.motions @ freedom.complement())

@@ -19,9 +19,8 @@ from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.notebook import page, wires
 from tensegrity.readonly import ReadOnly, fixed
 from tensegrity.structures import given, prestress, statics
-from tensegrity.structures.members import Members
-from tensegrity.structures.solve import Freedom, lowest_eigenvalues, settle
-from tensegrity.structures.supports import Supports
+from tensegrity.structures.members import Members, settle
+from tensegrity.structures.supports import Freedom, Supports
 
 if TYPE_CHECKING:
     from typing import Any
@@ -324,25 +323,16 @@ class Structure(ReadOnly):
         """
         count = check.whole("count", count, least=1)
         freedom = self.freedom(supports)
-        tangent, weights = self.stiffness(), np.repeat(self.mass, self.dim)
-        floor = self.least_eigenvalue_bound
-        squares, vectors = lowest_eigenvalues(tangent, freedom, weights, count, floor)
-        if np.ptp(self.mass) == 0:
-            values = squares * self.mass[0]
+        tangent, mass = self.stiffness(), np.repeat(self.mass, self.dim)
+        squares, vectors = freedom.lowest(tangent, mass, count)
+        if np.ptp(mass) == 0:
+            values = squares * mass[0]
         else:
-            values = lowest_eigenvalues(tangent, freedom, None, count, floor)[0]
+            values = freedom.lowest(tangent, np.ones(len(mass)), count)[0]
         shapes = vectors.T.reshape(-1, *self.positions.shape)
         largest = np.sqrt(np.sum(shapes**2, axis=2)).max(axis=1)
         frequencies = np.sign(squares) * np.sqrt(np.abs(squares))
         return Modes(values, frequencies, shapes / largest[:, None, None])
-
-    @property
-    def least_eigenvalue_bound(self) -> float:
-        """A bound [N/m] from below of the eigenvalues of the tangent, by members that push."""
-        pushed = np.maximum(-self.densities, 0.0)
-        return -2 * float(
-            np.max(np.bincount(self.ends.ravel(), np.repeat(pushed, 2), minlength=self.nodes))
-        )
 
     def is_stable(self, supports: Supports | None = None) -> bool:
         """Whether every motion that supports leave costs energy, rigid motions apart; one that
@@ -350,9 +340,7 @@ class Structure(ReadOnly):
         freedom = self.freedom(supports)
         if freedom.motions.shape[1] == freedom.rigid.shape[1]:
             return True  # nothing can move
-        values, _ = lowest_eigenvalues(
-            self.stiffness(), freedom, None, 1, self.least_eigenvalue_bound
-        )
+        values = freedom.lowest(self.stiffness(), np.ones(self.positions.size), 1)[0]
         return bool(values[0] > SOFT * self.stiffnesses.max())
 
     def freedom(self, supports: Supports | None) -> Freedom:
