@@ -18,6 +18,7 @@ import numpy as np
 from tensegrity import EquilibriumError, minimum
 from tensegrity.engine import forces
 from tensegrity.readonly import ReadOnly, fixed
+from tensegrity.scenes.dynamics import dynamics
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -82,31 +83,31 @@ class _Listed:
         self._whole, self._at = scene, np.zeros(scene.shape)
         self._radius = radii(scene)
         self.longest = LONGEST * self._radius
-        self._scene: Any = scene.listed(self._at)
-        watch: Any = scene.clearance
-        self._room = watch.skin / 4 if scene.follows else np.inf
+        of = dynamics(scene)
+        self._listed: Any = of.listed(self._at)
+        self._room = of.clearance.skin / 4 if of.follows else np.inf
 
     def _pulled(self, u: Array) -> tuple[Any, Array, Array, Array]:
-        """The scene with its contacts there, their elongations and directions, and tensions."""
+        """Dynamics with the contacts there, their elongations and directions, and tensions."""
         if np.abs(u - self._at).max() > self._room:
-            self._scene, self._at = self._whole.listed(u), u
-        r, along = forces.elongations(self._scene.contact_bonds, u)
-        return self._scene, r, along, self._scene.spring_table.evaluate("tension", r)
+            self._listed, self._at = dynamics(self._whole).listed(u), u
+        of = self._listed
+        r, along = forces.elongations(of.contact_bonds, u)
+        return of, r, along, of.springs.evaluate("tension", r)
 
     def forces(self, u: Array) -> Array:
-        scene, _, along, tension = self._pulled(u)
-        pull: Array = forces.pulls(scene.contact_bonds, tension, along)[: scene.sites]
-        return pull + scene.loads
+        of, _, along, tension = self._pulled(u)
+        pull: Array = forces.pulls(of.contact_bonds, tension, along)[: of.sites]
+        return pull + self._whole.loads
 
     def energy(self, u: Array) -> tuple[float, float]:
-        scene, r, _, _ = self._pulled(u)
-        stored = float(scene.spring_table.evaluate("energy", r).sum())
-        work = float(np.sum(scene.loads * u))
+        of, r, _, _ = self._pulled(u)
+        stored = float(of.springs.evaluate("energy", r).sum())
+        work = float(np.sum(self._whole.loads * u))
         return stored - work, stored + abs(work)
 
     def largest(self, u: Array) -> float:
-        scene, _, _, tension = self._pulled(u)
-        return max(np.abs(tension).max(initial=0.0), np.abs(scene.loads).max())
+        return max(np.abs(self._pulled(u)[-1]).max(initial=0.0), np.abs(self._whole.loads).max())
 
     def carrying(self, u: Array) -> int:
         """Number of contacts that carry."""
@@ -115,8 +116,8 @@ class _Listed:
     def newton(self, u: Array, f: Array) -> Callable[[float], Array | None]:
         from scipy.sparse import eye_array
 
-        scene, r, along, tension = self._pulled(u)
-        bonds, table, rigid = scene.contact_bonds, scene.spring_table, np.zeros((f.size, 0))
+        of, r, along, tension = self._pulled(u)
+        bonds, table, rigid = of.contact_bonds, of.springs, np.zeros((f.size, 0))
         least = GUESS * self._radius.min()
         pressed = np.minimum(r, -least)
         secant = table.evaluate("tension", pressed) / pressed

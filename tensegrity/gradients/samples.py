@@ -15,6 +15,7 @@ from tensegrity.engine.bonds import PAIR
 from tensegrity.engine.forces import Pulled
 from tensegrity.engine.reverse_text import energy_function
 from tensegrity.errors import TensegrityError
+from tensegrity.scenes.dynamics import dynamics
 
 if TYPE_CHECKING:
     from typing import Any
@@ -232,7 +233,7 @@ class Part:
         pulled = self._pulled(np.flatnonzero(np.isin(first, sites) | np.isin(second, sites)))
         at = [view.rows_u.index(s) for s in sites]
         force = pulled.forces()[:, at] + self._loads(sites)
-        kick = self._closing[:, None] * view.scene.inverse_mass[sites]
+        kick = self._closing[:, None] * dynamics(view.scene).inverse_mass[sites]
         return v + kick[..., None] * force, pulled, force
 
     def _add_velocity(self, sites: list[int], by_v: Array) -> None:
@@ -242,7 +243,7 @@ class Part:
         _, pulled, force = self._velocity(sites)
         if pulled is None:
             return
-        kick = self._closing[:, None] * view.scene.inverse_mass[sites]
+        kick = self._closing[:, None] * dynamics(view.scene).inverse_mass[sites]
         by_force = np.zeros(self._u.shape)
         by_force[:, [view.rows_u.index(s) for s in sites]] = kick[..., None] * by_v
         self._add(pulled, pulled.back(by_force=by_force))
