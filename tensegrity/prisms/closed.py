@@ -6,6 +6,7 @@ III.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -21,7 +22,7 @@ from tensegrity.root import root
 from tensegrity.springs.potential import Potential, call
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable
     from typing import Any
 
 DIGITS = 40  # decimals in which numbers are computed before they are rounded
@@ -39,28 +40,35 @@ def _decimals() -> Any:
     return context
 
 
-def exact(
-    derive: Callable[[Any], Iterable[Any]], prism: Any, height: float = 1.0, preload: float = 0.0
-) -> list[Any]:
-    """Values of derived expressions to `DIGITS` decimals, the prism's fields taken as exact."""
+def exact(name: str, prism: Any, height: float = 1.0, preload: float = 0.0) -> list[Any]:
+    """Values of a quantity of `_of_fields` to `DIGITS` decimals, the prism's fields taken as
+    exact."""
     fields = (prism.base, prism.height, prism.prestrain, prism.k_cross, prism.k_base, prism.k_bar)
     own = _decimals()
     angle = own.pi / prism.sides
     sides = (own.mpf(prism.sides), own.sin(angle), own.cos(angle))
     values = [own.mpf(x) for x in (*fields, height, preload)]
-    return run(program_of(_of_fields, derive, prism.sides != 3), own, (*values, *sides))
+    return run(program_of(_of_fields, name, prism.sides != 3), own, (*values, *sides))
 
 
-def _of_fields(
-    derive: Callable[[Any], Iterable[Any]], any_sides: bool
-) -> tuple[list[Any], tuple[Any, ...]]:
+def _of_fields(name: str, any_sides: bool) -> tuple[list[Any], tuple[Any, ...]]:
     """Expressions and the symbols of the fields, loaded height, preload and sides."""
+    from derivations import elastic, rigid_parameters
     from derivations import prism as p
     from derivations import rigid_elastic as r
 
+    forms: dict[str, Callable[[Any], Any]] = {
+        "natural lengths": p.natural_lengths,  # of cross strings, base strings and bars [m]
+        "least k_base": p.least_k_base,  # at which the natural length of the bases is 0 [N/m]
+        "locking height squared": r.locking_height_squared,  # [m^2]; below 0 if flat before that
+        "axial stiffness": elastic.axial_stiffness_of_prism,  # at the reference state [N/m]
+        "parameters": rigid_parameters.parameter_expressions,  # of `rigid_law`
+    }
+    found = forms[name](polygon(any_sides))
+    found = found.values() if isinstance(found, dict) else found
     fields = (p.base, p.reference_height, p.prestrain, p.k_cross, p.k_base, p.k_bar)
     symbols = (*fields, r.loaded_height, r.preload, *r.SIDES)
-    return list(derive(polygon(any_sides))), symbols
+    return list(found) if isinstance(found, Iterable) else [found], symbols
 
 
 def polygon(any_sides: bool) -> Any:
@@ -68,41 +76,6 @@ def polygon(any_sides: bool) -> Any:
     from derivations import regular
 
     return regular.ANY if any_sides else regular.TRIANGLE
-
-
-def natural_lengths(of: Any) -> Iterable[Any]:
-    """Of cross strings, base strings and bars [m]."""
-    from derivations import prism as derived
-
-    return derived.natural_lengths(of)
-
-
-def locking_height_squared(of: Any) -> list[Any]:
-    """[m^2]; below 0 where the prism is flat before its bars meet."""
-    from derivations import rigid_elastic as derived
-
-    return [derived.locking_height_squared(of)]
-
-
-def least_k_base(of: Any) -> list[Any]:
-    """At which the natural length of the bases is 0 [N/m]."""
-    from derivations import prism as derived
-
-    return [derived.least_k_base(of)]
-
-
-def axial_stiffness(of: Any) -> list[Any]:
-    """Of the total axial force at the reference state [N/m]."""
-    from derivations import elastic as derived
-
-    return [derived.axial_stiffness_of_prism(of)]
-
-
-def parameters(of: Any) -> Iterable[Any]:
-    """Of `rigid_law`, about the loaded height."""
-    from derivations import rigid_parameters as derived
-
-    return derived.parameter_expressions(of).values()
 
 
 def rigid_potential(prism: Any, preload: float) -> Potential:
@@ -115,13 +88,13 @@ def rigid_potential(prism: Any, preload: float) -> Potential:
 
 def _about(prism: Any, height: float, preload: float) -> Potential:
     law, role = rigid_law(prism.sides != 3), _roles()
-    numbers = exact(parameters, prism, height, preload)
+    numbers = exact("parameters", prism, height, preload)
     if prism.prestrain == 0:  # what is proportional to it is round-off of many decimals
-        sizes = exact(parameters, replace(prism, prestrain=0.1), height, preload)
+        sizes = exact("parameters", replace(prism, prestrain=0.1), height, preload)
         pairs = zip(numbers, sizes, strict=True)
         numbers = [x if abs(x) > NOTHING * abs(y) else x * 0 for x, y in pairs]
     values = dict(zip(law.parameters, numbers, strict=True))
-    (locking_squared,) = exact(locking_height_squared, prism)
+    (locking_squared,) = exact("locking height squared", prism)
     if locking_squared <= 0:
         values |= {role["lock"]: height, role["far_lock"]: height}
         values |= {role["no_lock"]: -locking_squared}
@@ -184,8 +157,8 @@ def rigid_programs() -> dict[str, Any]:
     """
     names = [str(name) for name in rigid_law().parameters]
     return {
-        "parameters": program_of(_of_fields, parameters, False),
-        "locking": program_of(_of_fields, locking_height_squared, False),
+        "parameters": program_of(_of_fields, "parameters", False),
+        "locking": program_of(_of_fields, "locking height squared", False),
         "places": {role: names.index(name) for role, name in _roles().items()},
     }
 

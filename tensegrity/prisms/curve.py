@@ -16,7 +16,7 @@ import numpy as np
 from tensegrity.errors import LockingError, TensegrityError
 from tensegrity.once import once
 from tensegrity.prisms.condensed import ElasticPotential
-from tensegrity.prisms.equations import numbers, problem
+from tensegrity.prisms.equations import kind_of, numbers, problem
 
 if TYPE_CHECKING:
     from typing import Any
@@ -61,9 +61,8 @@ class Curve:
 
     def __init__(self, prism: Prism, shortening: Array) -> None:
         self.prism, self.x = prism, shortening
-        self._kind = math.isinf(prism.k_base), prism.sides != 3
         self._p = numbers(prism)
-        self._step, self._last = _functions(*self._kind)
+        self._step, self._last = _functions(*kind_of(prism))
         self._at, self._inner, self._rates = self._traced(np.zeros(len(NAMES) + 1))
 
     def made(self, theta: Array) -> Prism:

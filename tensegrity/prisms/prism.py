@@ -17,7 +17,6 @@ import numpy as np
 from tensegrity import check
 from tensegrity.errors import NoLocking, TensegrityError
 from tensegrity.notebook import page, wires
-from tensegrity.prisms import closed
 from tensegrity.prisms.closed import exact, rigid_potential
 from tensegrity.springs.potential import Potential, call
 
@@ -82,7 +81,7 @@ class Prism:
         for name in ("k_base", "k_bar"):
             self._check(name, above=0, finite=False, unit="N/m")
         if self.natural_lengths().base <= 0:
-            (least,) = map(float, exact(closed.least_k_base, self))
+            (least,) = map(float, exact("least k_base", self))
             raise TensegrityError(
                 f"k_base {self.k_base:g} N/m must be above {least:g} N/m, "
                 "below which the natural length of the base strings is not positive"
@@ -211,7 +210,7 @@ class Prism:
 
     def natural_lengths(self) -> NaturalLengths:
         """Unstressed lengths of cross strings, base strings and bars [m], as a named tuple."""
-        return NaturalLengths(*(float(x) for x in exact(closed.natural_lengths, self)))
+        return NaturalLengths(*(float(x) for x in exact("natural lengths", self)))
 
     def locking_height(self) -> float:
         """Height at which the bars of the rigid prism meet (twist pi) [m].
@@ -221,7 +220,7 @@ class Prism:
         NoLocking
             If the prism is so thick that it collapses flat (height 0) before that.
         """
-        (squared,) = exact(closed.locking_height_squared, self)
+        (squared,) = exact("locking height squared", self)
         if squared <= 0:
             raise NoLocking(
                 f"height {self.height:g} m of this prism is not above "
@@ -236,7 +235,7 @@ class Prism:
         Zero where the prestrain is zero: the reference is then a sonic vacuum.  Closed form,
         with rigid members as those of no compliance (seeds/000, part III, "Axial stiffness").
         """
-        (stiffness,) = exact(closed.axial_stiffness, self)
+        (stiffness,) = exact("axial stiffness", self)
         return float(stiffness)
 
     def potential(self, preload: float = 0.0) -> Potential:
