@@ -19,9 +19,8 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import EquilibriumError, TensegrityError
-from tensegrity.prisms.curve import NAMES, loads
+from tensegrity.prisms.curve import NAMES, OFF, RESOLVED, Misfit, intervals, loads
 from tensegrity.prisms.prism import Prism
-from tensegrity.prisms.profile import OFF, RESOLVED, Misfit, intervals
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -152,19 +151,16 @@ class Fit:
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Points, fitted curve and its 95 % band; returns the Matplotlib axes."""
-        if axes is None:
-            import matplotlib.pyplot as plt
-
-            axes = plt.figure().add_subplot()
+        drawn: Axes = check.axes(axes)
         order = np.argsort(self.shortening)
         x, y = self.shortening[order], self.computed()[order]
         w = self._quantile(0.95) * self.band()[order]
-        axes.plot(self.shortening, self.load, "o", ms=3, color="0.4", label="points")
-        axes.plot(x, y, "-", color="C0", label="fitted prism")
-        axes.fill_between(x, y - w, y + w, color="C0", alpha=0.25, label="95 % band")
-        axes.set(xlabel="shortening [m]", ylabel="axial load [N], compression > 0")
-        axes.legend(frameon=False)
-        return axes
+        drawn.plot(self.shortening, self.load, "o", ms=3, color="0.4", label="points")
+        drawn.plot(x, y, "-", color="C0", label="fitted prism")
+        drawn.fill_between(x, y - w, y + w, color="C0", alpha=0.25, label="95 % band")
+        drawn.set(xlabel="shortening [m]", ylabel="axial load [N], compression > 0")
+        drawn.legend(frameon=False)
+        return drawn
 
 
 def fit(
