@@ -34,8 +34,7 @@ from tensegrity.scenes.walls import Wall
 from tensegrity.springs.polynomial import Polynomial
 from tensegrity.springs.potential import Potential
 from tensegrity.springs.power_law import PowerLaw
-from tensegrity.structures.equilibrium import equilibrium
-from tensegrity.structures.path import control_path
+from tensegrity.structures.path import control_path, equilibrium
 from tensegrity.structures.structure import Structure
 from tensegrity.structures.structure_path import StructurePath
 from tensegrity.structures.supports import held, plates

@@ -18,8 +18,15 @@ from tensegrity import check
 from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.notebook import page, wires
 from tensegrity.readonly import ReadOnly, fixed
-from tensegrity.structures import given, prestress, statics
-from tensegrity.structures.members import Members, settle
+from tensegrity.structures import statics
+from tensegrity.structures.members import (
+    Members,
+    each,
+    ends_of,
+    refuse_double,
+    rigid_plates,
+    settle,
+)
 from tensegrity.structures.supports import Freedom, Supports
 
 if TYPE_CHECKING:
@@ -112,25 +119,23 @@ class Structure(ReadOnly):
             raise TensegrityError(f"positions have shape {places.shape}, must be (nodes, 2) or 3")
         self.positions = check.vector("positions", places, places.shape)
         nodes = len(places)
-        pairs = [
-            given.pairs(name, ends, nodes) for name, ends in (("bar", bars), ("string", strings))
-        ]
+        pairs = [ends_of(name, ends, nodes) for name, ends in (("bar", bars), ("string", strings))]
         self.ends = np.concatenate(pairs)
         self.is_string = np.arange(len(self.ends)) >= len(pairs[0])
         if not len(self.ends):
             raise TensegrityError("0 bars and strings, must be at least 1")
-        given.refuse_double(self.ends, len(pairs[0]))
+        refuse_double(self.ends, len(pairs[0]))
         alone = sorted(set(range(nodes)) - set(self.ends.ravel().tolist()))
         if alone:
             raise TensegrityError(f"node {alone[0]} is in no member")
         self.stiffnesses = np.concatenate(
             [
-                given.each(name, k, len(of), "N/m")
+                each(name, k, len(of), "N/m")
                 for name, k, of in zip(("k_bar", "k_string"), (k_bar, k_string), pairs, strict=True)
             ]
         )
-        self.mass = given.each("mass", mass, nodes, "kg")
-        self.platforms = given.platforms(platforms, nodes)
+        self.mass = each("mass", mass, nodes, "kg")
+        self.platforms = rigid_plates(platforms, nodes)
         lengths = self.lengths
         least = 1e-12 * np.ptp(places, axis=0).max()
         bad = np.flatnonzero(~((lengths > least) & (lengths < np.inf)))
@@ -143,7 +148,7 @@ class Structure(ReadOnly):
         if natural_lengths is None:
             self.natural_lengths = lengths
         else:
-            self.natural_lengths = given.each("natural length", natural_lengths, len(lengths), "m")
+            self.natural_lengths = each("natural length", natural_lengths, len(lengths), "m")
 
     def name_of(self, member: int) -> str:
         """A member in words."""
@@ -263,10 +268,10 @@ class Structure(ReadOnly):
         if (force_densities is None) == (prestrain is None):
             raise TensegrityError("give force_densities or prestrain, one of them")
         if prestrain is None:
-            q = prestress.checked(self, force_densities)
+            q = statics.checked(self, force_densities)
         else:
-            q = prestress.of_prestrain(self, prestrain)
-        prestress.refuse_pushing(self, q)
+            q = statics.of_prestrain(self, prestrain)
+        statics.refuse_pushing(self, q)
         natural = self.lengths * (1 - q / self.stiffnesses)
         bad = np.flatnonzero(~(natural > 0))
         if bad.size:
