@@ -92,7 +92,6 @@ from tensegrity.engine import methods
 from tensegrity.export import to_c
 from tensegrity.measure import budget, observables
 from tensegrity.prisms.stability import first_loss, lowest
-from tensegrity.runs import tuning
 from tensegrity.typing import Array, Flags
 from tensegrity.waves import asymptotics
 
@@ -224,11 +223,11 @@ def chains(spring: Potential) -> Run:
     Record(times=1.0)  # type: ignore[arg-type]
     Ensemble([chain], scenes=[chain])  # type: ignore[misc]
     chain.forces(None)  # type: ignore[arg-type]
-    simulate(chain, state)  # type: ignore[call-arg]
-    simulate(spring, state, 1.0)  # type: ignore[arg-type]
-    simulate(chain, np.zeros(20), 1.0)  # type: ignore[arg-type]
-    simulate(chain, state, 1.0, tol="1e-8")  # type: ignore[arg-type]
-    simulate(chain, state, 1.0, "verlet")  # type: ignore[call-arg]
+    simulate(chain, state)  # type: ignore[call-overload]
+    simulate(spring, state, 1.0)  # type: ignore[call-overload]
+    simulate(chain, np.zeros(20), 1.0)  # type: ignore[call-overload]
+    simulate(chain, state, 1.0, tol="1e-8")  # type: ignore[call-overload]
+    simulate(chain, state, 1.0, "verlet")  # type: ignore[call-overload]
     return run
 
 
@@ -242,7 +241,7 @@ def kept(chain: Chain, state: State) -> Run:
     resume("rows.npy", state)  # type: ignore[arg-type]
     run.save()  # type: ignore[call-arg]
     Record(path=3)  # type: ignore[arg-type]
-    simulate(chain, state, 10.0, method=6)  # type: ignore[arg-type]
+    simulate(chain, state, 10.0, method=6)  # type: ignore[call-overload]
     return run
 
 
@@ -273,7 +272,9 @@ def networks(spring: Potential) -> Array:
         contacts="follow",
         law=lambda site, other: beads if isinstance(other, Wall) else spring,
     )
-    assert_type(loose.angular_momentum(run.final), float | Array)
+    assert_type(observables.angular_momentum(loose, run.final), float | Array)
+    assert_type(observables.directions(loose, run.u), Array)
+    assert_type(observables.wall_gaps(loose, run.u), Array)
     Network([(0.0, 0.5)], [], (), radius=1.0, contacts="follow", law=1.5)  # type: ignore[arg-type]
     Network([(0.0, 0.5)], [], spring, walls=floor)  # type: ignore[arg-type]
     Network([(0.0, 0.5)], [], spring, 1.0, 1.0, (), [])  # type: ignore[call-arg]
@@ -334,16 +335,16 @@ def measured(chain: Chain, run: Run) -> float:
     return times + front + observables.speed(run, (3, 9)) + observables.width(run.t, run.energy)
 
 
-def tuned(chain: Chain, state: State) -> tuning.TunedRun:
+def tuned(state: State) -> Run:
     def spring_at(t: float) -> Potential:
         return Prism(1.0, 0.7, 0.01 + 0.01 * t, 1.0).potential()
 
-    run = tuning.simulate_tuned(chain, state, 1.0, spring_at, dt=0.01)
-    assert_type(run.energy - run.work, Array)
+    chain = Chain(spring_at(0.0), 20, tune=spring_at)
+    run = simulate(chain, state, 1.0, dt=0.01)
+    assert_type(run.work, Array | None)
     assert_type(observables.speed(run, (3, 9)), float)
-    tuning.simulate_tuned(chain, state, 1.0, spring_at(0.0), dt=0.01)  # type: ignore[arg-type]
-    tuning.simulate_tuned(chain, state, 1.0, spring_at)  # type: ignore[call-arg]
-    budget.beyond(run, 5)  # type: ignore[arg-type]
+    Chain(spring_at(0.0), 20, tune=spring_at(0.0))  # type: ignore[arg-type]
+    budget.beyond(run.final, 5)  # type: ignore[arg-type]
     return run
 
 
@@ -429,6 +430,9 @@ def sensed(run: Run) -> Array:
     assert_type(sensors.overlaps(run, "stem 1"), tuple[float, float])
     assert_type(sensors.speed(run, "stem 1", (3, 7)), float)
     mean = sensors.mean_force(run, "stem 1", 3)
+    guide = run.scene
+    assert_type(sensors.wall_sites(guide, "floor"), list[int])
+    assert_type(sensors.wall_forces(guide, run.u, "floor"), Array)
     assert_type(sensors.energy_shares(run) + sensors.effective_number(run), Array)
     assert_type(sensors.participation_ratio(run) + sensors.virial_ratio(run), Array)
     sensors.peak(run.t)  # type: ignore[call-arg]

@@ -12,15 +12,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity import check
+from tensegrity.engine import forces
 from tensegrity.errors import TensegrityError
 from tensegrity.scenes.chain import Chain
+from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.ensemble import Ensemble
+from tensegrity.scenes.network import Network
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
+    from tensegrity.runs.run import Run
     from tensegrity.scenes.scene import State
-    from tensegrity.typing import Array, Indices, Recorded
+    from tensegrity.typing import Array, Indices
 
 ROUND_OFF = 1e-12  # of a crest: less is nothing
 CREST = 0.5  # an extremum counts as the pulse if it is this part of the largest
@@ -60,7 +64,7 @@ def passage(t: Array, elongation: Array, rate: Array) -> float:
     return float(start + brentq(curve, 0.0, t[first + 1] - start, xtol=1e-300, rtol=1e-14))
 
 
-def arrival(run: Recorded, bond: int) -> float:
+def arrival(run: Run, bond: int) -> float:
     """Instant [s] at which the crest of the leading pulse passes a bond.
 
     Parameters
@@ -84,7 +88,7 @@ def arrival(run: Recorded, bond: int) -> float:
     return passage(run.t, run.u[:, right] - run.u[:, left], run.v[:, right] - run.v[:, left])
 
 
-def speed(run: Recorded, bonds: tuple[int, int]) -> float:
+def speed(run: Run, bonds: tuple[int, int]) -> float:
     """Speed of the leading pulse between two bonds of a run, in sites per second."""
     if not isinstance(bonds, (tuple, list)) or len(bonds) != 2:
         raise TensegrityError(f"bonds {check.shown(bonds)} must be two numbers of bonds")
@@ -97,7 +101,7 @@ def speed(run: Recorded, bonds: tuple[int, int]) -> float:
     return (second - first) / (then - passed)
 
 
-def duration(run: Recorded, bond: int, level: float = 0.05) -> float:
+def duration(run: Run, bond: int, level: float = 0.05) -> float:
     """How long the leading pulse keeps a bond beyond `level` of its crest there [s].
 
     Times the speed it is a width in sites; exact for a wave of permanent form.
@@ -282,3 +286,44 @@ def width(x: Array, profile: ArrayLike, level: float = 0.05) -> float:
         return x[low] + share * (x[high] - x[low])
 
     return float(crossing(right[0], right[0] - 1) - crossing(left[-1], left[-1] + 1))
+
+
+def angular_momentum(network: Network, state: State) -> float | Array:
+    """Total angular momentum of a network about the origin [kg m^2/s]; a float, in space (3,)."""
+    check.kind("network", network, Network)
+    network.momentum(state)  # refuses what is no state of the network
+    momentum = network.mass[:, None] * state.v
+    x = network.positions + state.u
+    if network.dim == 1:
+        return 0.0
+    if network.dim == 2:
+        return float(np.sum(x[:, 0] * momentum[:, 1] - x[:, 1] * momentum[:, 0]))
+    return np.cross(x, momentum).sum(axis=0)
+
+
+def directions(network: Network, u: ArrayLike) -> Array:
+    """Unit vector of each bond of a network, from its first site to its second.
+
+    Parameters
+    ----------
+    network : Network
+    u : array_like, (..., sites, dim)
+        Displacements [m].
+
+    Returns
+    -------
+    ndarray, (..., bonds, dim)
+    """
+    check.kind("network", network, Network)
+    u = check.rows("displacements", u, network.shape)
+    along = forces.elongations(dynamics(network).contact_bonds, u)[1]
+    return check.finite("direction", along[..., : len(network.bonds), :])
+
+
+def wall_gaps(network: Network, u: ArrayLike) -> Array:
+    """Distance of each wall contact of a network from the wall's plane less the radius [m].
+
+    Parameters as for `directions`; (..., wall contacts).
+    """
+    check.kind("network", network, Network)
+    return check.finite("gap", dynamics(network).stretch(u)[..., len(network.bonds) :])

@@ -10,14 +10,14 @@ from tensegrity import check
 from tensegrity.errors import TensegrityError
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    from typing import Any
 
-    from tensegrity.typing import Recorded
+    from matplotlib.axes import Axes
 
 FAINTEST = 1e-4  # of the largest energy density: the lower end of the colours
 
 
-def energy_density(run: Recorded, axes: Axes | None = None) -> Axes:
+def energy_density(run: Any, axes: Axes | None = None) -> Axes:
     """Energy of each site against time, logarithmic colours; returns the axes."""
     from matplotlib.colors import LogNorm
 

@@ -22,8 +22,7 @@ class Problem:
     checks and recorded energies are those of `scene`.  `choice` says what chose the step: "dt",
     "tol" or "default".  Of a trial `rows` may be left out.  The `outlook` is that of the scene and
     the state.  `observe` are pairs of a user's function and a record that says when it is called,
-    `tuning` are springs in time that the scene does not say itself, and `bind` is what binds arrays
-    u, v to a method and a step [s], if that is not the scene.
+    and `bind` is what binds arrays u, v to a method and a step [s], if that is not the scene.
     """
 
     scene: Any
@@ -37,7 +36,6 @@ class Problem:
     outlook: Outlook | None = None
     given: float | None = None
     observe: tuple[Any, ...] = ()
-    tuning: Any = None
     bind: Any = None
 
     def __post_init__(self):
@@ -57,7 +55,7 @@ class Problem:
     @property
     def is_forced(self):
         """Whether time counts."""
-        return self.dynamics.is_driven or self.tuning is not None
+        return self.dynamics.is_driven
 
     @property
     def force(self):

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity import check
-from tensegrity.engine import forces
 from tensegrity.errors import TensegrityError
 from tensegrity.notebook import page, wires
 from tensegrity.scenes.contact_geometry import contact_geometry
@@ -41,10 +40,9 @@ from tensegrity.springs.potential import Potential
 if TYPE_CHECKING:
     from typing import Any, Self
 
-    import sympy as sp
     from numpy.typing import ArrayLike
 
-    from tensegrity.scenes.forcing import Damping, Drive
+    from tensegrity.scenes.forcing import Damping, Drive, Tune
     from tensegrity.typing import Array
 
 
@@ -88,9 +86,8 @@ class Network(Scene):
         {site: Drive}: motions that are prescribed, and forces that depend on time.
     damping : Damping, optional
         Dashpots in the bonds and to the ground.
-    tune : dict of str to sympy.Expr, optional
-        {name: expression of t}: arguments of the spring that depend on time; one spring for all
-        bonds then, with the values at t = 0, and no contacts with walls.
+    tune : dict of str to sympy.Expr, or callable t -> Potential, optional
+        As of a `Chain`; no contacts with walls then.
     """
 
     def __init__(
@@ -112,7 +109,7 @@ class Network(Scene):
         law: Potential | Callable[[int, int | Wall], Potential] | None = None,
         drive: Mapping[int, Drive] | None = None,
         damping: Damping | None = None,
-        tune: Mapping[str, sp.Expr | float] | None = None,
+        tune: Tune | None = None,
     ) -> None:
         self.positions = numbers("positions", positions)
         if self.positions.ndim != 2 or self.positions.shape[1] not in (1, 2, 3):
@@ -207,16 +204,6 @@ class Network(Scene):
         """Elongation of each bond [m]; (..., bonds)."""
         return check.finite("elongation", dynamics(self).stretch(u)[..., : len(self.bonds)])
 
-    def direction(self, u: Array) -> Array:
-        """Unit vector of each bond, from its first site to its second; (..., bonds, dim)."""
-        u = check.rows("displacements", u, self.shape)
-        along = forces.elongations(dynamics(self).contact_bonds, u)[1][..., : len(self.bonds), :]
-        return check.finite("direction", along)
-
-    def wall_gap(self, u: ArrayLike) -> Array:
-        """Gap of each wall contact [m]: distance from the wall's plane less the radius."""
-        return check.finite("gap", dynamics(self).stretch(u)[..., len(self.bonds) :])
-
     def bond_energy(self, u: ArrayLike) -> Array:
         """Energy of each bond [J]; (..., bonds)."""
         return dynamics(self).each("energy", u)[..., : len(self.bonds)]
@@ -248,16 +235,6 @@ class Network(Scene):
         """Total momentum [kg m/s]; (dim,)."""
         self._refuse_other(state)
         return self.mass @ state.v
-
-    def angular_momentum(self, state: State) -> float | Array:
-        """Total angular momentum about the origin [kg m^2/s]; a float, in space (3,)."""
-        self._refuse_other(state)
-        x, p = self.positions + state.u, self.mass[:, None] * state.v
-        if self.dim == 1:
-            return 0.0
-        if self.dim == 2:
-            return float(np.sum(x[:, 0] * p[:, 1] - x[:, 1] * p[:, 0]))
-        return np.cross(x, p).sum(axis=0)
 
     def _repr_html_(self) -> str:
         rows = {

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from tensegrity.runs.run import Run  # noqa: F401 (what a scene's runs give)
     from tensegrity.scenes.forcing import Damping, Drive
     from tensegrity.springs.potential import Potential
     from tensegrity.typing import Array
@@ -84,7 +83,7 @@ def known_state(u: Array, v: Array) -> State:
     return state
 
 
-class Scene(HasDynamics["Run"]):
+class Scene(HasDynamics):
     """Base of scenes: masses joined by bonds, as data.
 
     A scene has `sites` of `dim` coordinates, their `mass` (sites,), the numbers of those `held`,
@@ -100,13 +99,13 @@ class Scene(HasDynamics["Run"]):
         Motions that are prescribed, and forces that depend on time, of some sites.
     damping : Damping or None
         Dashpots.
-    tune : dict of str to expression
-        Arguments of the springs that depend on time.
+    tune : dict of str to expression, or callable t -> Potential
+        Arguments of the springs that depend on time, or the spring of an instant.
     """
 
     drive: Mapping[int, Drive] = FixedDict()
     damping: Damping | None = None
-    tune: Mapping[str, Any] = FixedDict()
+    tune: Any = FixedDict()
     sites: int
     dim: int
     mass: Array
