@@ -15,9 +15,9 @@ from tensegrity.errors import (
 from tensegrity.gradients import objective
 from tensegrity.gradients.compute import gradient
 from tensegrity.lens.lens import Lens
+from tensegrity.prisms.closed import member_stiffness
 from tensegrity.prisms.contact import bar_contact
 from tensegrity.prisms.fit import fit
-from tensegrity.prisms.members import member_stiffness
 from tensegrity.prisms.path import EquilibriumPath, equilibrium_path, equilibrium_paths
 from tensegrity.prisms.prism import Prism, column
 from tensegrity.runs.integrate import simulate

@@ -1,33 +1,44 @@
-"""Prisms in closed form: numbers to many decimals, and the potential of those with rigid members.
+"""Prisms in closed form: numbers to many decimals, from what is cut and measured, and rigid ones.
 
-The forms are those of `derivations`, at a prism's fields taken as exact.  Source: seeds/000, part
-III.
+The forms are those of `derivations`, at a prism's fields taken as exact.  With rigid bases and bars
+potential and path are closed forms too.  Source: seeds/000, part III; natural lengths, moduli and
+diameters: `derivations.polygon`, "From cut lengths".
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tensegrity import check
 from tensegrity.engine.kept import kept
 from tensegrity.engine.law import DerivedLaw, Law
 from tensegrity.engine.programs import derived as program_of
 from tensegrity.engine.programs import run
-from tensegrity.errors import EquilibriumError
+from tensegrity.errors import EquilibriumError, NoLocking
 from tensegrity.once import once
 from tensegrity.root import root
 from tensegrity.springs.potential import Potential, call
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
     from typing import Any
+
+    from tensegrity.typing import Array
+
+    Columns = dict[str, Any]
+    Found = tuple[str, int, dict[str, float]]  # kind, row, numbers
+    Parts = tuple[list[Columns], list[Found], str, bool]  # end, and whether it begins upright
 
 DIGITS = 40  # decimals in which numbers are computed before they are rounded
 NOTHING = 1e-30  # of a number with some prestrain: none without
 SAMPLES = 4000  # elongations among which a limit point is looked for
+STATE = ("height", "twist", "base", "load")  # columns of a path
+ROWS = 200  # of a path
 
 
 @once
@@ -173,3 +184,181 @@ def _roles() -> dict[str, str]:
         return {x: str(getattr(derived, x)) for x in ("lock", "far_lock", "no_lock", "stroke")}
 
     return kept(("roles of the rigid law",), make)
+
+
+def rigid_path(prism: Any, min_height: float, max_load: float, max_height: float | None) -> Parts:
+    """Rows of the closed form, closer towards where the prism locks, and events."""
+    potential = prism.potential()
+    low, _ = potential.domain
+    try:
+        end, kind = prism.locking_height() - prism.height, "contact"
+    except NoLocking:
+        end, kind = -prism.height, "flat"
+    if min_height - prism.height > end:
+        end, kind = min_height - prism.height, "height"
+
+    part = np.linspace(0.0, 1.0, ROWS + 1)
+    r = end * (1 - (1 - part) ** 4 if kind == "contact" else part)
+    r = r[r > low] if kind != "height" else r
+    if kind == "flat":
+        r = np.append(r[r > -prism.height], np.nextafter(-prism.height, 0.0))
+    load = -potential.tension(r)
+    events = []
+
+    turning = potential.stiffness(r)
+    for i in np.flatnonzero(turning[:-1] * turning[1:] < 0).tolist():
+        at = root(lambda x: float(potential.stiffness(x)), r[i + 1], r[i])
+        events.append(("fold", i, at))
+    over = np.flatnonzero(load >= max_load)
+    if over.size or (kind == "contact" and math.isfinite(max_load)):
+        first = int(over[0]) if over.size else len(r)
+        nearest = r[first] if over.size else np.nextafter(low, 0)
+        at = root(lambda x: -float(potential.tension(x)) - max_load, nearest, r[first - 1])
+        r, kind = np.append(r[:first], at), "load"
+        events = [event for event in events if event[2] >= at]
+    elif kind in ("contact", "flat"):
+        events.append((kind, len(r) - 1, end))
+
+    rows, upright = 0, False
+    if max_height is not None:
+        up = _stretched(prism, potential, max_height)
+        r, rows = np.concatenate([up, r]), len(up)
+        upright = max_height - prism.height >= potential.domain[1]
+    columns = _rigid_columns(prism, potential, r)
+    if prism.prestrain == 0:
+        events = [("slack", 0, 0.0), *events]
+    listed = []
+    for name, row, at in events:
+        locked = name in ("contact", "flat")
+        one = _rigid_columns(prism, potential, np.array([at]), locked)
+        numbers_there = {key: float(one[key][0]) for key in STATE}
+        if name == "contact":
+            numbers_there["load"] = math.inf
+        listed.append((name, row + rows, numbers_there))
+    return [columns], listed, kind, upright
+
+
+def _stretched(prism: Any, potential: Potential, max_height: float) -> Array:
+    """Elongations above the reference, the highest first."""
+    top = min(max_height - prism.height, potential.domain[1])
+    part = np.linspace(1.0, 0.0, ROWS + 1)[:-1]
+    r = top * (1 - (1 - part) ** 4)
+    return r[r < potential.domain[1]]
+
+
+def _rigid_columns(prism: Any, potential: Potential, r: Array, locked: bool = False) -> Columns:
+    """Numbers at elongations r; at a locked end no load (0 where flat) and no stiffness."""
+    shared = len(rigid_law().parameters)  # without the number of sides
+    (half,) = run(program_of(_half_turn), np, (r, *potential.values[:shared]))
+    load = np.zeros_like(r) if locked else -potential.tension(r)
+    stiff = np.full(r.shape, np.inf) if locked else potential.stiffness(r)
+    return {
+        "height": prism.height + r,
+        "twist": prism.reference_twist + 2 * np.arctan(half),
+        "base": np.full(r.shape, prism.base),
+        "load": load,
+        "stable_load": stiff >= 0,  # zero without prestrain, at a minimum of the energy
+        "stable_height": np.ones(r.shape, dtype=bool),
+    }
+
+
+def _half_turn() -> tuple[list[Any], tuple[Any, ...]]:
+    """Tangent of half the turn from the reference, from constant length of bars and bases."""
+    from derivations import rigid_elastic as form
+
+    return [form.half_turn()], (form.elongation, *form.PARAMETERS)
+
+
+def member_stiffness(modulus: float, area: float, length: float) -> float:
+    """Spring constant of a member.
+
+    Parameters
+    ----------
+    modulus : float
+        Young's modulus [Pa].
+    area : float
+        Cross section [m^2].
+    length : float
+        Natural length [m]: not the stressed one.
+
+    Returns
+    -------
+    float
+        EA over the natural length [N/m].
+    """
+    modulus = check.number("modulus", modulus, above=0, unit="Pa")
+    area = check.number("area", area, above=0, unit="m^2")
+    length = check.number("length", length, above=0, unit="m")
+    return check.number("stiffness", modulus * area / length, above=0, unit="N/m")
+
+
+def assembled(
+    lengths: Sequence[float], stiffness: Sequence[float], sides: int
+) -> tuple[float, float, float]:
+    """(base, height, prestrain) of the prism that such members make; see `Prism.from_members`."""
+    from scipy.optimize import brentq
+
+    sine = math.sin(math.pi / sides)
+    cross, base, bar = lengths
+    if not 1e-100 < min(lengths) <= max(lengths) < 1e100:
+        raise EquilibriumError(
+            f"natural lengths {min(lengths):g} to {max(lengths):g} m must be within 1e-100 to 1e100"
+        )
+    needed = cross**2 + base**2 / sine
+    if not bar**2 > needed:
+        raise EquilibriumError(
+            f"bars of natural length {bar:g} m leave all strings slack: bN^2 = {bar**2:.9g} m^2 "
+            f"must be above sN^2 + lN^2/sin(pi/{sides}) = {needed:.9g} m^2"
+        )
+    if not 1e-100 < min(stiffness) <= stiffness[0] < 1e100:
+        raise EquilibriumError(
+            f"stiffness {min(stiffness):g} N/m must be above 1e-100 and k_cross {stiffness[0]:g} "
+            "N/m below 1e100"
+        )
+    condition, stretched, level = _assembly()
+    softness = [1 / k for k in stiffness]
+    most = min(stiffness[0], 2 * sine * stiffness[1])
+
+    def gap(x: float) -> float:
+        return condition(x, *lengths, *softness, sine)
+
+    high = most * (1 - 1e-16)
+    if not gap(0.0) * gap(high) < 0:
+        raise EquilibriumError(
+            f"bar {lengths[2]:g} m is too long beside cross {lengths[0]:g} m and base "
+            f"{lengths[1]:g} m: no numbers are near enough to the stress that strings take then"
+        )
+    density = brentq(gap, 0.0, high, xtol=1e-300, rtol=1e-15)
+    length, side, _ = stretched(density, *lengths, *softness, sine)
+    squared = level(length, side, sine)
+    if not squared > 0:
+        raise EquilibriumError(
+            f"these members make no prism: h^2 = {squared:.6g} m^2 must be above 0 (cross strings "
+            f"of {length:g} m beside a base of {side:g} m)"
+        )
+    return side, math.sqrt(squared), density / (stiffness[0] - density)
+
+
+@once
+def _assembly() -> tuple[Callable[..., Any], ...]:
+    """Condition, lengths and squared height as functions; stiffnesses enter as compliances."""
+    import sympy as sp
+
+    from derivations import polygon, prism, regular
+
+    softness = sp.symbols("c_1:4", nonnegative=True)
+    constants = (prism.k_cross, prism.k_base, prism.k_bar)
+    condition, lengths = polygon.members_condition()
+    soft = dict(zip(constants, (1 / c for c in softness), strict=True))
+    symbols = (polygon.cross_density, *polygon.natural_lengths, *softness, regular.half_sine)
+    forms = [sp.cancel(length.subs(soft)) for length in lengths]
+    squares = [form**2 for form in forms]
+    gap = squares[2] - squares[0] - squares[1] / regular.half_sine
+    if sp.simplify(gap - condition.subs(soft)) != 0:
+        raise ArithmeticError("the condition on members is not that of their lengths")
+    cross = sp.Symbol("s", positive=True)
+    return (
+        sp.lambdify(symbols, gap, "math"),
+        sp.lambdify(symbols, forms, "math"),
+        sp.lambdify((cross, prism.base, regular.half_sine), polygon.height_squared(), "math"),
+    )

@@ -13,17 +13,17 @@ import numpy as np
 
 from tensegrity.branches.continuation import Settings, trace
 from tensegrity.engine.programs import derived, run
+from tensegrity.prisms.closed import STATE
 from tensegrity.prisms.condensed import stable
 from tensegrity.prisms.equations import kind_of, numbers, problem
-from tensegrity.prisms.rigid_path import STATE
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from typing import Any
 
     from tensegrity.branches.continuation import Branch
+    from tensegrity.prisms.closed import Columns, Found, Parts
     from tensegrity.prisms.prism import Prism
-    from tensegrity.prisms.rigid_path import Columns, Found, Parts
 
 ROWS = 200  # of the part where base strings are slack
 SETTINGS = Settings(tolerance=1e-8, largest=0.05)

@@ -17,7 +17,7 @@ import numpy as np
 from tensegrity import check
 from tensegrity.errors import NoLocking, TensegrityError
 from tensegrity.notebook import page, wires
-from tensegrity.prisms.closed import exact, rigid_potential
+from tensegrity.prisms.closed import assembled, exact, rigid_potential
 from tensegrity.springs.potential import Potential, call
 
 if TYPE_CHECKING:
@@ -118,8 +118,6 @@ class Prism:
             If the bars are too short to stress the strings, or so short in comparison with the
             base that there is no height.
         """
-        from tensegrity.prisms.members import assembled
-
         given = {"cross": cross, "base": base, "bar": bar}
         lengths = [check.number(name, x, above=0, unit="m") for name, x in given.items()]
         k_cross = check.number("k_cross", k_cross, above=0, unit="N/m")
