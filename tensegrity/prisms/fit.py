@@ -300,11 +300,8 @@ def _unidentified(
     prism: Prism, names: tuple[str, ...], deviation: Array, x: Array, noise: float
 ) -> tuple[str, ...]:
     """Free parameters with large errors; and held ones of which the curve says nothing."""
-    words = []
-    for name, error in zip(names, deviation, strict=False):
-        if error > LARGE:
-            words.append(f"{name}: its standard error is {100 * error:.3g} % of it")
-    loose = [n for n, error in zip(names, deviation, strict=False) if error > LARGE]
+    loose = {n: error for n, error in zip(names, deviation, strict=False) if error > LARGE}
+    words = [f"{n}: its standard error is {100 * error:.3g} % of it" for n, error in loose.items()]
     if {"prestrain", "k_cross"} <= {*loose}:
         force = prism.k_cross * prism.prestrain / (1 + prism.prestrain)
         words.append(f"only k_cross p0/(1 + p0) is known of both, {force:.4g} N/m")

@@ -228,8 +228,7 @@ class Piece:
         """Forces left in the motions over their size, and the Jacobian of that."""
         of, members = self.of, self.of.members
         d, lengths = self.apart(u)
-        natural = self.natural(u)
-        pulls = np.where(self.taut, members.stiffness * (lengths - natural), 0.0)
+        pulls = self.tensions(u)
         density = pulls / lengths
         along = of.basis.T @ of.along
         left = of.gain.T @ (density[:, None] * d).ravel() - of.weight
@@ -245,7 +244,6 @@ class Piece:
     def tangent_of(self, d: Array, lengths: Array, density: Array) -> Array:
         """Tangent over the motions of the basis, (free, free)."""
         stiffness = np.where(self.taut, self.of.members.stiffness, 0.0)
-        density = np.where(self.taut, density, 0.0)
         blocks = forces.tangents(d / lengths[:, None], stiffness, density)
         turned = np.matmul(blocks, self.of.gain.reshape(*d.shape, -1))
         return np.asarray(self.of.gain.T @ turned.reshape(self.of.gain.shape))
@@ -253,8 +251,7 @@ class Piece:
     def tangent(self, u: Array) -> Array:
         """The same at a point."""
         d, lengths = self.apart(u)
-        density = self.of.members.stiffness * (lengths - self.natural(u)) / lengths
-        return self.tangent_of(d, lengths, density)
+        return self.tangent_of(d, lengths, self.tensions(u) / lengths)
 
     def tests(self, u: Array) -> Array:
         """Functions that vanish at events, (roots,)."""
