@@ -216,7 +216,10 @@ class Piece:
 
     def tensions(self, u: Array) -> Array:
         """[N], (members,)."""
-        lengths = self.apart(u)[1]
+        return self._pulls(u, self.apart(u)[1])
+
+    def _pulls(self, u: Array, lengths: Array) -> Array:
+        """Tensions at known lengths of the members."""
         pulls = self.of.members.stiffness * (lengths - self.natural(u))
         return np.where(self.taut, pulls, 0.0)
 
@@ -228,7 +231,7 @@ class Piece:
         """Forces left in the motions over their size, and the Jacobian of that."""
         of, members = self.of, self.of.members
         d, lengths = self.apart(u)
-        pulls = self.tensions(u)
+        pulls = self._pulls(u, lengths)
         density = pulls / lengths
         along = of.basis.T @ of.along
         left = of.gain.T @ (density[:, None] * d).ravel() - of.weight
@@ -251,7 +254,7 @@ class Piece:
     def tangent(self, u: Array) -> Array:
         """The same at a point."""
         d, lengths = self.apart(u)
-        return self.tangent_of(d, lengths, self.tensions(u) / lengths)
+        return self.tangent_of(d, lengths, self._pulls(u, lengths) / lengths)
 
     def tests(self, u: Array) -> Array:
         """Functions that vanish at events, (roots,)."""
