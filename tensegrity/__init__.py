@@ -20,9 +20,8 @@ from tensegrity.prisms.contact import bar_contact
 from tensegrity.prisms.fit import fit
 from tensegrity.prisms.path import EquilibriumPath, equilibrium_path, equilibrium_paths
 from tensegrity.prisms.prism import Prism, column
-from tensegrity.runs.integrate import simulate
+from tensegrity.runs.integrate import resume, simulate
 from tensegrity.runs.record import Record
-from tensegrity.runs.resuming import resume
 from tensegrity.runs.run import Run
 from tensegrity.runs.sweep import sweep
 from tensegrity.scenes.chain import Chain

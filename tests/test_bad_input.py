@@ -22,7 +22,7 @@ from test_types import PUBLIC
 
 import granular
 import tensegrity as ts
-from granular import design
+from granular import contact_network, design
 from granular.lammps import run_lammps, to_lammps
 from granular.layout import crossed_layout, diamond_layout, y_layout
 from tensegrity import objective
@@ -242,8 +242,8 @@ CALLS = [  # where other arguments are needed, or several in one call
     (granular.hexagonal_pack, {"rows": 2, "columns": 2, "sides": STEEL, "striker": STRIKER}),
     (granular.pack, {"beads": [BEAD] * 2, "walls": {"floor": (WALL, STEEL)}, "contacts": "fixed",
                      "gravity": 0.0, "preload": {}}),
-    (granular.observables.wall_forces, {"scene": CUBE, "u": CUBE.at_rest().u, "name": "floor"}),
-    (granular.observables.wall_sites, {"scene": CUBE, "name": "floor"}),
+    (contact_network.wall_forces, {"scene": CUBE, "u": CUBE.at_rest().u, "name": "floor"}),
+    (contact_network.wall_sites, {"scene": CUBE, "name": "floor"}),
     (CUBE.distance, {"part": "layer 1", "numbers": (1, 2)}),
     (granular.wall_force, {"run": PACKED, "name": "floor", "each": True}),
     (to_lammps, {"scene": CUBE, "state": CUBE.start(), "t_end": 1e-5, "dt": 1e-6, "every": 2}),

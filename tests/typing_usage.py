@@ -23,6 +23,7 @@ from granular import (
     Striker,
     bead_of_mass,
     coated,
+    contact_network,
     diamond_guide,
     fcc_pack,
     hertz,
@@ -431,8 +432,8 @@ def sensed(run: Run) -> Array:
     assert_type(sensors.speed(run, "stem 1", (3, 7)), float)
     mean = sensors.mean_force(run, "stem 1", 3)
     guide = run.scene
-    assert_type(sensors.wall_sites(guide, "floor"), list[int])
-    assert_type(sensors.wall_forces(guide, run.u, "floor"), Array)
+    assert_type(contact_network.wall_sites(guide, "floor"), list[int])
+    assert_type(contact_network.wall_forces(guide, run.u, "floor"), Array)
     assert_type(sensors.energy_shares(run) + sensors.effective_number(run), Array)
     assert_type(sensors.participation_ratio(run) + sensors.virial_ratio(run), Array)
     sensors.peak(run.t)  # type: ignore[call-arg]
