@@ -82,7 +82,7 @@ class _Listed:
 
     def __init__(self, scene: Assembly) -> None:
         self._whole, self._at = scene, np.zeros(scene.shape)
-        self._radius = radii(scene)
+        self._radius = np.array([bead.radius for bead in scene.beads])
         self.longest = LONGEST * self._radius
         of = dynamics(scene)
         self._listed: Any = of.listed(self._at)
@@ -144,8 +144,3 @@ class _Listed:
                 f"{FARTHEST * self._radius[site]:.3g} m, a tenth of its radius, and "
                 f"{np.linalg.norm(f[site]):.3g} N on it are not carried"
             )
-
-
-def radii(scene: Assembly) -> Array:
-    """Radius of each bead [m], (sites,)."""
-    return np.array([bead.radius for bead in scene.beads])
