@@ -584,8 +584,8 @@ FAULTS = (
     ),
     Fault(
         "tensegrity/engine/forces.py",
-        "(second, first, -1, pair),",
-        "(second, first, 1, pair),",
+        "parts += [(first, first, block, pair), (second, first, -block, pair)]",
+        "parts += [(first, first, block, pair), (second, first, block, pair)]",
         "tests/test_one_engine.py::"
         "test_forces_are_the_slope_of_the_energy_and_stiffness_that_of_the_forces",
     ),
