@@ -131,6 +131,14 @@ def test_beads_without_support_and_bad_loads_are_refused(make, words):
         make()
 
 
+def test_overlaps_at_rest_grow_as_gravity_to_two_thirds_also_far_below_round_off_of_places():
+    small, large = (
+        fcc_pack(2, 2, bead=STEEL, floor=WALL, sides=SOFT, gravity=g).equilibrium.u
+        for g in (1e-20, 1e-14)
+    )
+    np.testing.assert_allclose(large / small, 1e4, rtol=1e-6)
+
+
 def test_what_finds_no_rest_says_so_by_its_class():
     with pytest.raises(EquilibriumError):
         fcc_pack(1, 1, bead=STEEL, gravity=G)
