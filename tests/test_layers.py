@@ -16,6 +16,7 @@ BASE = [
     "once",
     "readonly",
     "root",
+    "minimum",
     "notebook",
 ]  # modules that every room may use
 ROOMS = [  # inside tensegrity: each may import what stands before it

@@ -34,8 +34,6 @@ INNER = {  # what nobody calls but the modules around them
     "pieces",
     "pulled",
     "reverse",
-    "reverse_layout",
-    "reverse_text",
     "rows",
     "springs",
     "tolerance",

@@ -13,17 +13,17 @@ import numpy as np
 
 from tensegrity.branches.continuation import Settings, trace
 from tensegrity.engine.programs import derived, run
+from tensegrity.prisms.closed import STATE
 from tensegrity.prisms.condensed import stable
-from tensegrity.prisms.equations import numbers, problem
-from tensegrity.prisms.rigid_path import STATE
+from tensegrity.prisms.equations import kind_of, numbers, problem
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from typing import Any
 
     from tensegrity.branches.continuation import Branch
+    from tensegrity.prisms.closed import Columns, Found, Parts
     from tensegrity.prisms.prism import Prism
-    from tensegrity.prisms.rigid_path import Columns, Found, Parts
 
 ROWS = 200  # of the part where base strings are slack
 SETTINGS = Settings(tolerance=1e-8, largest=0.05)
@@ -58,13 +58,12 @@ def _branch(
     prism: Prism, p: list[float], direction: int, stop: tuple[str, ...]
 ) -> tuple[Branch, list[Found]]:
     """The branch in the problem's units, and its events in SI units as (kind, row, numbers)."""
-    rigid_base = math.isinf(prism.k_base)
-    of, start = problem(rigid_base, prism.sides != 3), np.zeros(4 - rigid_base)
+    of, start = problem(*kind_of(prism)), np.zeros(4 - kind_of(prism)[0])
     branch = trace(of, start, p, SETTINGS, direction, stop)
     branch.p = p
     kinds = {"contact": "contact", "unloaded": "slack"}
     kinds |= {kind: kind for kind in ("fold", "turn", "flat", "bifurcation")}
-    if rigid_base:
+    if kind_of(prism)[0]:
         del kinds["unloaded"]  # rigid bases do not go slack
     events = []
     for event in branch.events:

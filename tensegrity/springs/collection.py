@@ -13,8 +13,7 @@ import numpy as np
 
 from tensegrity.engine.bonds import Contacts
 from tensegrity.engine.compiled import evaluated, single
-from tensegrity.engine.energies import Energies
-from tensegrity.engine.search import Search, Ways
+from tensegrity.engine.energies import Energies, Search, Ways
 from tensegrity.errors import StabilityError, TensegrityError
 from tensegrity.readonly import fixed
 from tensegrity.springs.potential import Potential
@@ -260,7 +259,7 @@ class Springs:
         return last.reshape(-1, 2), locks[::2] | locks[1::2]
 
     def _first(self, energy, ends, numbers, looks):
-        """As `first` in search.c, of springs side by side, which need not be compiled."""
+        """As `first` in energies.c, of springs side by side, which need not be compiled."""
         before, beyond, every, found = np.zeros(len(ends)), ends, np.arange(len(ends)), []
         for shares in looks:
             r = before + shares[:, None] * (beyond - before)
@@ -273,7 +272,7 @@ class Springs:
         return beyond, found[0]
 
     def _size(self, energy, signs, numbers):
-        """As `size` in search.c."""
+        """As `size` in energies.c."""
         r = signs * WAYS.sizes[:, None]
         with np.errstate(all="ignore"):  # powers over- and underflow
             known = np.isfinite(self._each("stiffness", r, numbers))

@@ -48,7 +48,6 @@ class PolynomialLaw:
     """
 
     degree: int
-    split = False
     compiled = ("energy", "tension")
     name = property(repr)
 
