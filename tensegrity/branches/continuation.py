@@ -294,7 +294,7 @@ def _walked(machine, start, p, settings, direction, stop):
         for kind, point in _located(machine, before, here, signs.tolist(), p):
             events.append((kind, count - 1 - (kind not in stop), point))
             if kind in stop:
-                rows[count - 1] = _measured(machine, before, point)
+                here[:] = _measured(machine, before, point)
                 return rows[:count], events, kind
     return rows, events, f"{most} rows do not reach an end"
 
@@ -378,13 +378,13 @@ def _located(machine, before, here, signs, p):
     if not found:
         found = [event(i, before, here) for i in crossed]
     else:
-        start, folds = before, [point for _, point in ordered(found)]
-        for end in (*folds, here):
+        start = before
+        for end in (*(fold for _, fold in ordered(found)), here):
             tests = end[machine.tests :].tolist()
-            for i in range(roots):
-                if signs[i] * tests[i] < 0:
-                    found.append(event(i, start, _measured(machine, start, end)))
-            start, signs = end, [new or old for new, old in zip(tests, signs, strict=True)]
+            part = [i for i in range(roots) if signs[i] * tests[i] < 0]
+            found += [event(i, start, _measured(machine, start, end)) for i in part]
+            if end is not here:
+                start, signs = end, [new or old for new, old in zip(tests, signs, strict=True)]
     if before[machine.side] * here[machine.side] < 0:
         found.append(("bifurcation", _bifurcation(machine, before, here, p)))
     return ordered(found)
