@@ -27,7 +27,7 @@ from tensegrity.engine import kernel, reverse
 from tensegrity.engine.bonds import Bonds
 from tensegrity.engine.march import Wanted
 from tensegrity.engine.methods import METHODS
-from tensegrity.engine.reverse_layout import Layout
+from tensegrity.engine.reverse import Layout
 
 if TYPE_CHECKING:
     from typing import Any

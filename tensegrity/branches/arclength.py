@@ -19,7 +19,7 @@ from importlib.resources import files
 
 import numpy as np
 
-from tensegrity.engine.functions import PREFIX, Functions
+from tensegrity.engine.compiled import PREFIX, Functions
 from tensegrity.engine.native import address
 from tensegrity.once import once
 

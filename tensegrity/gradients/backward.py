@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity.engine.reverse import Back, Seeds, Totals
-from tensegrity.engine.reverse_layout import Layout
-from tensegrity.progress import progress
+from tensegrity.engine.reverse import Back, Layout, Seeds, Totals
+from tensegrity.notebook import progress
 from tensegrity.scenes.dynamics import dynamics
 
 if TYPE_CHECKING:
@@ -102,7 +101,7 @@ class Backward:
         del forward.states[middle]
 
     def _moving(self) -> list[Array]:
-        return [self._main.ub, self._main.vb, self.totals.w, self.totals.p, self.totals.g]
+        return [self._main.ub, self._main.vb, *self.totals.arrays]
 
     def _steps(self, a: int, b: int) -> None:
         """Undo the steps from b to a."""

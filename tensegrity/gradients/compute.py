@@ -18,9 +18,9 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.engine import methods, native, pieces
+from tensegrity.engine.codegen import depends_on
 from tensegrity.engine.methods import Splitting
-from tensegrity.engine.reverse_layout import Layout
-from tensegrity.engine.reverse_text import depends_on
+from tensegrity.engine.reverse import Layout
 from tensegrity.errors import TensegrityError
 from tensegrity.gradients import chained
 from tensegrity.gradients.backward import Backward
@@ -374,10 +374,9 @@ def _gradient(
 ) -> Any:
     """One objective's result."""
     p, g, m, w = explicit
-    order, sites = layout.order, layout.sites
-    p[:, order] += back.totals.p[k]
-    g[order] += back.totals.g[k]
-    by_w = back.totals.w[k, :sites]
+    p += back.totals.p[k]
+    g += back.totals.g[k]
+    by_w = back.totals.w[k]
     w += by_w if by_w.ndim == 1 else by_w.sum(axis=1)
     mass = m - w * dynamics(scene).inverse_mass ** 2
     u, v = back.u[k].copy(), back.v[k].copy()

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from typing import Any
 
     from tensegrity.engine.methods import Splitting
-    from tensegrity.engine.reverse_layout import Layout
+    from tensegrity.engine.reverse import Layout
     from tensegrity.gradients.samples import View
     from tensegrity.runs.run import Run
     from tensegrity.scenes.scene import Scene

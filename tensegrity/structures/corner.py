@@ -24,8 +24,9 @@ import numpy as np
 
 from tensegrity.branches.continuation import Settings
 from tensegrity.branches.many import ManyProblem
+from tensegrity.minimum import least_part
 from tensegrity.structures.equations import Piece
-from tensegrity.structures.solve import NOTHING, least_part
+from tensegrity.structures.supports import NOTHING
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -17,12 +17,13 @@ from tensegrity.branches.continuation import ContinuationError, Settings, trace
 from tensegrity.branches.many import ManyProblem
 from tensegrity.branches.table import Event
 from tensegrity.errors import EquilibriumError
+from tensegrity.minimum import least_part
 from tensegrity.readonly import fixed
-from tensegrity.springs.corners import TAUT
+from tensegrity.springs.kinks import TAUT
 from tensegrity.structures.corner import NONE, branches_off, chosen, piece_stretch, rays
 from tensegrity.structures.equations import Loading, Piece
-from tensegrity.structures.solve import NEUTRAL, NOTHING, least_part
 from tensegrity.structures.structure_path import StructurePath
+from tensegrity.structures.supports import NOTHING
 
 if TYPE_CHECKING:
     from typing import Any
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
 
 SETTINGS = Settings(tolerance=1e-8, largest=0.05, points=4000)
 FIRST = 300  # rows of a piece that are followed before it is looked whether the path leaves it
+NEUTRAL = 1e-10  # eigenvalues below this part of the stiffness are zero
 CORNER = TAUT  # stretch below which a string is at its natural length where a piece ends
 PIECES = 100
 ROUND_OFF = 1e-13  # eigenvalues above minus this part of the stiffness are not negative
