@@ -328,12 +328,12 @@ def _first_point(machine, z, p, settings, direction):
     residual = math.nan
     for _ in range(START_ITERATIONS):
         move, tangent = machine.least_norm(z, p)
-        finite = math.isfinite(sum(move.tolist()))
+        moves = move.tolist()
+        finite = math.isfinite(sum(moves))
         if not finite:
             break
         z = z - move
-        pairs = zip(move.tolist(), z.tolist(), strict=True)
-        if all(abs(x) <= 1e-15 * (1 + abs(at)) for x, at in pairs):
+        if all(abs(x) <= 1e-15 * (1 + abs(at)) for x, at in zip(moves, z.tolist(), strict=True)):
             break
     if finite:
         lead = tangent[-1] if abs(tangent[-1]) > 1e-8 else tangent[np.argmax(np.abs(tangent))]
