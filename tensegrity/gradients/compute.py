@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,15 +20,15 @@ import numpy as np
 from tensegrity import check
 from tensegrity.engine import methods, native, pieces
 from tensegrity.engine.methods import Splitting
+from tensegrity.engine.reverse import Seeds
 from tensegrity.engine.reverse_layout import Layout
 from tensegrity.engine.reverse_text import depends_on
 from tensegrity.errors import TensegrityError
-from tensegrity.gradients import chained
-from tensegrity.gradients.backward import Backward
-from tensegrity.gradients.forward import Forward
+from tensegrity.gradients import result
+from tensegrity.gradients.adjoint import Backward, Forward
 from tensegrity.gradients.objective import ALWAYS, Objective, Trace, objective_of
 from tensegrity.gradients.result import Gradient, digits
-from tensegrity.gradients.samples import View
+from tensegrity.gradients.samples import Samples, View
 from tensegrity.readonly import fixed
 from tensegrity.runs.problem import MOST_STEPS
 from tensegrity.scenes.ensemble import Ensemble
@@ -42,6 +43,19 @@ if TYPE_CHECKING:
 
 STATES = 8  # kept of a run, evenly spaced
 MARGIN = 4.0  # of a grid's largest |u| and |v| over those of a run
+
+
+@dataclass(frozen=True)
+class _Task:
+    """What `gradient` was asked for, checked; the scene and its state apart."""
+
+    objectives: tuple[Objective, ...]
+    t_end: float
+    dt: float
+    method: Splitting
+    wanted: Sequence[str] | None
+    exact: bool
+    checkpoints: int | None
 
 
 def gradient(
@@ -119,10 +133,8 @@ def gradient(
         if one.latest > t_end * (1 + 1e-12):
             raise TensegrityError(f"{one!r} needs {one.latest:g} s, the run ends at {t_end:g} s")
     native.require()
-    if isinstance(scene, Ensemble):
-        found = _lanes(objectives, scene, state, (t_end, dt, splitting, wanted, exact, checkpoints))
-    else:
-        found = _one(objectives, scene, state, t_end, dt, splitting, wanted, exact, checkpoints)
+    task = _Task(objectives, t_end, dt, splitting, wanted, exact, checkpoints)
+    found = (_of_lanes if isinstance(scene, Ensemble) else _of_scene)(task, scene, state)
     return found if many else found[0]
 
 
@@ -138,20 +150,19 @@ def _splitting(method: str | Method) -> Splitting:
     return found
 
 
-def _lanes(objectives: Any, scene: Any, state: Any, rest: Any) -> Any:
+def _of_lanes(task: _Task, scene: Any, state: Any) -> Any:
     """Those of each scene, on threads: the loops free the interpreter."""
-    t_end, dt, *others = rest
 
-    def one(lane: Any) -> Any:
-        return _one(objectives, scene.scenes[lane], scene.lane(state, lane), t_end, dt, *others)
+    def one(lane: int) -> Any:
+        return _of_scene(task, scene.scenes[lane], scene.lane(state, lane))
 
     first = one(0)  # compiles what all need
     with ThreadPoolExecutor(pieces.threads()) as pool:
         each = [first, *pool.map(one, range(1, scene.lanes))]
-    return [_stacked(scene, [lane[k] for lane in each]) for k in range(len(objectives))]
+    return [_stacked(lanes) for lanes in zip(*each, strict=True)]
 
 
-def _stacked(scene: Any, found: Any) -> Any:
+def _stacked(found: Sequence[Gradient]) -> LaneGradient:
     return LaneGradient(
         value=np.array([x.value for x in found]),  # type: ignore[arg-type]
         run=tuple(x.run for x in found),  # type: ignore[arg-type]
@@ -174,122 +185,115 @@ class LaneGradient(Gradient):
         return np.stack([lane.by(name) for lane in self._scene], axis=-1)
 
 
-def _one(
-    objectives: Any,
-    scene: Any,
-    state: Any,
-    t_end: Any,
-    dt: Any,
-    method: Any,
-    wanted: Any,
-    exact: Any,
-    checkpoints: Any,
-) -> Any:
+def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
+    """Those of one scene: its run, traces of it, and the pass backwards."""
     if scene.follows:
         raise TensegrityError(
             "contacts that come and go have no gradient here: give the scene those that act, with "
             "contacts='fixed'"
         )
     for spring in scene.spring_table.different:
-        chained.refuse(spring)
-    traces = tuple(dict.fromkeys(trace for one in objectives for trace in one.traces))
-    stored = any(trace.kind == "energy" for trace in traces)
-    names, numbers = _wanted(scene, wanted, stored)
-    layout = Layout(scene.loop_bonds, numbers, exact)
+        result.refuse(spring)
+    traces = tuple(dict.fromkeys(trace for one in task.objectives for trace in one.traces))
+    names = _names(scene, task.wanted)
+    numbers = _numbers(scene, names, any(trace.kind == "energy" for trace in traces))
+    layout = Layout(scene.loop_bonds, numbers, task.exact)
     view = View(scene, layout, traces)
-    steps = _steps(t_end, dt)
-    dt = t_end / steps if steps else dt
-    windows = [_window(one, steps, dt) for one in objectives]
+    steps = _steps(task)
+    dt = task.t_end / steps if steps else task.dt
+    windows = [_window(one, steps, dt) for one in task.objectives]
     window = min(w[0] for w in windows), max(w[1] for w in windows)
     check.room(
         f"traces of {steps} steps at {len(view.places)} places",
-        8.0
-        * (window[1] - window[0] + 1)
-        * (len(view.places) * (1 + len(objectives)) + len(traces)),
+        8.0 * (window[1] - window[0] + 1) * (len(view.places) * (1 + len(windows)) + len(traces)),
     )
-    states = STATES if checkpoints is None else max(STATES, math.isqrt(steps // checkpoints + 1))
-    apart = max(1, -(-steps // states))
-    grid = None
-    if exact:
-        state, grid = _on_grid(scene, state, t_end, dt, method)
-    run_of = (scene, state, method, dt, steps, view, window, apart, layout, grid)
-    forward = Forward(*run_of)
-    run = forward.run(t_end)
+    every = task.checkpoints
+    states = STATES if every is None else max(STATES, math.isqrt(steps // every + 1))
+    state, grid = _on_grid(task, scene, state, dt) if task.exact else (state, None)
+    stride = max(1, -(-steps // states))
+    forward = Forward(state, task.method, dt, steps, view, window, stride, grid)
+    run = forward.run(task.t_end)
     if not run.complete:
         raise KeyboardInterrupt
-    t = dt * np.arange(window[0], window[1] + 1)
-    read = _Read(view, forward.rows, forward.closing)
-    y = np.array([read.value(trace) for trace in traces])
-    values, by_rows = [], np.zeros((len(objectives), *forward.rows.shape))
-    explicit = []
-    for k, (one, part) in enumerate(zip(objectives, windows, strict=True)):
+    t = dt * np.arange(window[0], window[1] + 1, dtype=float)
+    samples = Samples(view, forward.rows, forward.closing)
+    y = np.array([samples.values(trace) for trace in traces])
+    by_rows: Array = np.zeros((len(windows), *forward.rows.shape))
+    values, explicit = [], []
+    for k, (one, part) in enumerate(zip(task.objectives, windows, strict=True)):
         inside = slice(part[0] - window[0], part[1] - window[0] + 1)
         mine = [traces.index(trace) for trace in one.traces]
         value, slope = one.rule(t[inside], y[mine, inside])
         if not (np.isfinite(value) and np.isfinite(slope).all()):
             raise TensegrityError(f"{one!r} is {value} with derivatives that are not finite")
+        slopes = np.zeros((len(mine), len(t)))
+        slopes[:, inside] = slope
+        by_rows[k], rest = samples.back(one.traces, slopes)
         values.append(value)
-        whole = np.zeros((len(mine), len(t)))
-        whole[:, inside] = slope
-        by_rows[k], rest = read.back(one.traces, whole)
         explicit.append(rest)
-    back = Backward(forward, by_rows, checkpoints)
-    largest = tuple(max(float(np.abs(s[k]).max()) for s in forward.states.values()) for k in (0, 1))
-    return [
-        _gradient(scene, run, layout, names, back, k, values[k], explicit[k], largest)
-        for k in range(len(objectives))
-    ]
+    back = Backward(layout, task.method, dt, len(windows), grid)
+    cotangents = Seeds(by_rows, view.places, view.of_u, window[0])
+    back.go(forward.states, cotangents, forward.again, every)
+    found = []
+    for k, (value, rest) in enumerate(zip(values, explicit, strict=True)):
+        u, v, mass, parameters, shift = _by_all(scene, layout, back, k, rest)
+        left = digits(value, u, v, back.largest)
+        found.append(
+            Gradient(float(value), run, u, v, mass, parameters, shift, back.reversal, left, scene,
+                     names)
+        )  # fmt: skip
+    return found
 
 
-def _wanted(scene: Any, wanted: Any, stored: Any) -> Any:
-    """Names that `by` will know, and for each law the numbers of the parameters they move.
+def _names(scene: Any, wanted: Any) -> tuple[str, ...]:
+    """What `by` will know."""
+    table = scene.spring_table
+    known = dict.fromkeys(name for spring in table.different for name in result.names(spring))
+    known |= dict.fromkeys(getattr(scene, "bead_arguments", ()))
+    if wanted is None:
+        return tuple(known)
+    if isinstance(wanted, str) or not isinstance(wanted, (Sequence, set, frozenset)):
+        raise TensegrityError(f"wanted {check.shown(wanted)} must be a sequence of names")
+    symbols = {str(s) for law in table.table[0] for s in law.parameters}
+    for name in wanted:
+        check.kind("name that is wanted", name, str)
+        if name not in known and name not in symbols:
+            raise TensegrityError(f"wanted {check.shown(name)} is not one of {', '.join(known)}")
+    return tuple(dict.fromkeys(wanted))
 
-    Only of those that the tension depends on, unless the energy is asked for, which has more.
+
+def _numbers(scene: Any, names: Sequence[str], stored: bool) -> tuple[tuple[int, ...], ...]:
+    """For each law the numbers of the parameters that the arguments of these names move.
+
+    Only of those that the tension depends on, unless the energy is `stored`, which has more.
     """
     table = scene.spring_table
     laws, law, parameters = table.table
-    known = {name: None for spring in table.different for name in chained.names(spring)}
-    beads = dict.fromkeys(getattr(scene, "bead_arguments", ()))
-    symbols = {str(s) for one in laws for s in one.parameters}
-    if wanted is None:
-        names = tuple({**known, **beads})
-    else:
-        if isinstance(wanted, str) or not isinstance(wanted, (Sequence, set, frozenset)):
-            raise TensegrityError(f"wanted {check.shown(wanted)} must be a sequence of names")
-        for name in wanted:
-            check.kind("name that is wanted", name, str)
-        names = tuple(dict.fromkeys(wanted))
-        for name in names:
-            if name not in known and name not in beads and name not in symbols:
-                every = ", ".join({**known, **beads})
-                raise TensegrityError(f"wanted {check.shown(name)} is not one of {every}")
-    springs = [name for name in names if name in known]
-    if any(name in beads for name in names):
-        springs += [name for name in ("stiffness", "preload") if name in known]
-    found: list[set[int]] = [set() for _ in laws]
-    for name in dict.fromkeys(springs):
-        each = chained.slopes(table.different, name, parameters.shape[1])
-        for number in range(len(laws)):
-            found[number] |= set(np.flatnonzero(each[law == number].any(axis=0)).tolist())
+    known = {name for spring in table.different for name in result.names(spring)}
+    of_beads = set(names) & set(getattr(scene, "bead_arguments", ()))
+    moved = {*names, *(("stiffness", "preload") if of_beads else ())} & known
+    each = [result.slopes(table.different, name, parameters.shape[1]) != 0 for name in moved]
+    depends = np.any(each, axis=0) if each else np.zeros(parameters.shape, dtype=bool)
+    found = []
     for number, one in enumerate(laws):
-        own = [str(s) for s in one.parameters]
-        found[number] |= {own.index(name) for name in names if name in own and name not in known}
-        if not stored:
-            found[number] &= depends_on(one)
-    return names, tuple(tuple(sorted(x)) for x in found)
+        mine = set(np.flatnonzero(depends[law == number].any(axis=0)).tolist())
+        mine |= {k for k, s in enumerate(one.parameters) if str(s) in {*names} - known}
+        found.append(tuple(sorted(mine if stored else mine & depends_on(one))))
+    return tuple(found)
 
 
-def _steps(t_end: float, dt: float) -> int:
+def _steps(task: _Task) -> int:
     """How many steps `simulate` does."""
-    steps = t_end / dt * (1 - 1e-12)
+    steps = task.t_end / task.dt * (1 - 1e-12)
     if not steps <= MOST_STEPS:
         raise TensegrityError(
-            f"t_end {t_end:g} s takes {steps:.3g} steps of {dt:.3g} s, more than {MOST_STEPS:.0e}"
+            f"t_end {task.t_end:g} s takes {steps:.3g} steps of {task.dt:.3g} s, more than "
+            f"{MOST_STEPS:.0e}"
         )
     return math.ceil(steps)
 
 
-def _window(one: Any, steps: Any, dt: Any) -> Any:
+def _window(one: Objective, steps: int, dt: float) -> tuple[int, int]:
     """First and last step that an objective looks at."""
     if one.over is None:
         return steps, steps
@@ -303,74 +307,22 @@ def _window(one: Any, steps: Any, dt: Any) -> Any:
     return first, last
 
 
-def _on_grid(scene: Any, state: Any, t_end: Any, dt: Any, method: Any) -> Any:
+def _on_grid(task: _Task, scene: Any, state: Any, dt: float) -> tuple[State, tuple[float, float]]:
     """The state rounded to a grid that holds the whole run, and what rounds to it."""
     from tensegrity.runs.integrate import simulate
 
-    run = simulate(scene, state, t_end, method=method, dt=dt)
+    run = simulate(scene, state, task.t_end, method=task.method, dt=dt)
     grid, rounded = [], []
-    for start, kept in ((state.u, run.u), (state.v, run.v)):
-        largest = MARGIN * max(float(np.abs(kept).max()), float(np.abs(start).max()), 1e-290)
+    for start, rows in ((state.u, run.u), (state.v, run.v)):
+        largest = MARGIN * max(float(np.abs(rows).max()), float(np.abs(start).max()), 1e-290)
         big = 1.5 * 2.0 ** math.ceil(math.log2(largest))
         grid.append(big)
         rounded.append((start + big) - big)
-    return State(*rounded), tuple(grid)
+    return State(*rounded), (grid[0], grid[1])
 
 
-class _Read:
-    """Traces from samples, some steps at once."""
-
-    def __init__(self, view: Any, rows: Any, closing: Any) -> None:
-        self._view, self._rows, self._closing = view, rows, closing
-        self._parts = [slice(k, k + view.most) for k in range(0, len(rows), view.most)]
-        self._kept = self._view.part(rows, closing) if len(self._parts) == 1 else None
-
-    def _part(self, inside: Any, fresh: bool = False) -> Any:
-        """Kept where it is one of all steps, with the derivatives begun anew."""
-        if fresh or self._kept is None:
-            return self._view.part(self._rows[inside], self._closing[inside])
-        self._kept.forget()
-        return self._kept
-
-    def value(self, trace: Any) -> Any:
-        """A trace, (steps,)."""
-        return np.concatenate([self._part(inside).value(trace) for inside in self._parts])
-
-    def back(self, traces: Any, slopes: Any) -> Any:
-        """Derivatives by the samples, and by parameters, elongations, masses and their inverses.
-
-        Only steps that count are looked at: of a peak there are three.
-        """
-        rows, rest = np.zeros(self._rows.shape), None
-        used = np.flatnonzero(slopes.any(axis=0))
-        few = 0 < len(used) < len(rows) / 2
-        for inside in self._few(used) if few else self._parts:
-            part = self._part(inside, fresh=few)
-            for trace, slope in zip(traces, slopes, strict=True):
-                if slope[inside].any():
-                    part.add(trace, slope[inside])
-            rows[inside] = part.rows
-            found = part.p.copy(), part.g.copy(), part.m.copy(), part.w.copy()
-            rest = found if rest is None else tuple(a + b for a, b in zip(rest, found, strict=True))
-        return rows, rest
-
-    def _few(self, used: Any) -> Any:
-        """Numbers of steps, as many as are looked at at once; at least one part."""
-        return np.array_split(used, max(1, -(-len(used) // self._view.most)))
-
-
-def _gradient(
-    scene: Any,
-    run: Any,
-    layout: Any,
-    names: Any,
-    back: Any,
-    k: Any,
-    value: Any,
-    explicit: Any,
-    largest: Any,
-) -> Any:
-    """One objective's result."""
+def _by_all(scene: Any, layout: Layout, back: Backward, k: int, explicit: Any) -> tuple[Any, ...]:
+    """Derivatives of one objective by u, v, masses, parameters and elongations, read-only."""
     p, g, m, w = explicit
     order, sites = layout.order, layout.sites
     p[:, order] += back.totals.p[k]
@@ -389,6 +341,4 @@ def _gradient(
             column[law == number] = p[row, law == number]
     for array in (u, v, mass, g):
         array.flags.writeable = False
-    left = digits(value, u, v, largest)
-    return Gradient(float(value), run, u, v, mass, fixed(parameters), g, back.reversal, left, scene,
-                    names)  # fmt: skip
+    return u, v, mass, fixed(parameters), g

@@ -17,6 +17,7 @@ from tensegrity.engine.reverse_text import energy_function
 from tensegrity.errors import TensegrityError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from typing import Any
 
     from tensegrity.engine.reverse_layout import Layout
@@ -43,7 +44,7 @@ class View:
         of_u: set[int] = set()
         of_v: set[int] = set()
         for trace in traces:
-            bonds, sites = self._parts(trace)
+            bonds, sites = self.parts(trace)
             of_u.update(*(end[bonds].tolist() for end in layout.ends))
             of_v.update(sites if trace.kind in ("velocity", "energy") else ())
             of_u.update(sites)
@@ -57,7 +58,7 @@ class View:
         ], dtype=np.int64)  # fmt: skip
         self.of_u = len(self.rows_u) * self.axes
 
-    def _parts(self, trace: Trace) -> tuple[Indices, list[int]]:
+    def parts(self, trace: Trace) -> tuple[Indices, list[int]]:
         """Bonds and sites that a trace is made of."""
         kind, where, scene = trace.kind, trace.where, self.scene
         first, second = self.layout.ends
@@ -93,28 +94,63 @@ class View:
             raise TensegrityError(f"wall {wall} has no contact in the scene's list")
         return found
 
-    def part(self, rows: Array, closing: Array) -> Part:
-        """Samples (steps, places) as arrays that traces are computed from."""
-        return Part(self, rows, closing)
-
     @property
     def most(self) -> int:
         """Steps whose samples traces are computed from at once."""
         return max(1, AT_ONCE // max(1, len(self.places) * (4 + self.layout.most)))
 
 
-class Part:
-    """Some steps of a run, and derivatives by their samples and by what else traces depend on.
+class Samples:
+    """All samples of a run, of which so many steps are looked at at once as have room.
 
-    Attributes
+    Parameters
     ----------
+    view : View
     rows : ndarray, (steps, places)
-        Derivatives by the samples.
-    p : ndarray, (wanted, bonds)
-    g, m : ndarray, (bonds,), (sites,)
-        By the parameters, by the elongations of bonds, by the masses.
-    w : ndarray, (sites,)
-        By the inverse masses.
+    closing : ndarray, (steps,)
+        Times that velocities lack a kick for [s].
+    """
+
+    def __init__(self, view: View, rows: Array, closing: Array) -> None:
+        self._view, self._rows, self._closing = view, rows, closing
+        self._slices = [slice(k, k + view.most) for k in range(0, len(rows), view.most)]
+        self._whole = Part(view, rows, closing) if len(self._slices) == 1 else None
+
+    def _part(self, inside: Any) -> Part:
+        return Part(self._view, self._rows[inside], self._closing[inside])
+
+    def values(self, trace: Trace) -> Array:
+        """A trace, (steps,)."""
+        parts = (self._whole or self._part(inside) for inside in self._slices)
+        return np.concatenate([part.value(trace) for part in parts])
+
+    def back(self, traces: Sequence[Trace], slopes: Array) -> tuple[Array, Any]:
+        """Derivatives by the samples, and by parameters, elongations, masses and their inverses.
+
+        Parameters
+        ----------
+        traces : sequence of Trace
+        slopes : ndarray, (traces, steps)
+            By these.  Only steps that count are looked at: of a peak there are three.
+        """
+        rows, rest = np.zeros(self._rows.shape), None
+        used, most = np.flatnonzero(slopes.any(axis=0)), self._view.most
+        few = 0 < len(used) < len(rows) / 2
+        slices = np.array_split(used, -(-len(used) // most)) if few else self._slices
+        for inside in slices:
+            part = self._part(inside) if few or self._whole is None else self._whole
+            rows[inside], *found = part.back(traces, slopes[:, inside])
+            rest = found if rest is None else [a + b for a, b in zip(rest, found, strict=True)]
+        return rows, rest
+
+
+class Part:
+    """Some steps of a run: traces, and derivatives by their samples and what else they depend on.
+
+    Parameters
+    ----------
+    view, rows, closing
+        As of `Samples`.
     """
 
     def __init__(self, view: View, rows: Array, closing: Array) -> None:
@@ -122,85 +158,80 @@ class Part:
         count, axes = len(rows), view.axes
         self._u = rows[:, : view.of_u].reshape(count, -1, axes)
         self._v = rows[:, view.of_u :].reshape(count, -1, axes)
-        layout = view.layout
         if view.walls:
             self._u = np.concatenate([self._u, np.zeros((count, 1, axes))], axis=1)
-        self._rows_u = [*view.rows_u, *[layout.sites] * view.walls]
-        self._kept: dict[Any, Any] = {}
-        self.forget()
+        self._rows_u = [*view.rows_u, *[view.layout.sites] * view.walls]
+        self._forces: dict[Any, Pulled] = {}
 
-    def forget(self) -> None:
-        """Begin all derivatives anew."""
-        layout = self._view.layout
+    def back(self, traces: Sequence[Trace], slopes: Array) -> tuple[Array, ...]:
+        """Derivatives (steps, places) by the samples; (wanted, bonds) by the parameters, (bonds,)
+        by elongations, (sites,) by masses and by their inverses, from those by traces."""
+        layout, count = self._view.layout, len(self._u)
         bonds = len(layout.bonds.group)
         self._ub, self._vb = np.zeros(self._u.shape), np.zeros(self._v.shape)
-        self.p, self.g = np.zeros((layout.most, bonds)), np.zeros(bonds)
-        self.m, self.w = np.zeros((2, layout.sites))
-
-    @property
-    def rows(self) -> Array:
-        """Derivatives by the samples, (steps, places)."""
-        count = len(self._ub)
+        self._p, self._g = np.zeros((layout.most, bonds)), np.zeros(bonds)
+        self._m, self._w = np.zeros((2, layout.sites))
+        for trace, slope in zip(traces, slopes, strict=True):
+            if slope.any():
+                self._add(trace, slope)
         by_u = self._ub[:, : len(self._view.rows_u)].reshape(count, -1)
-        return np.concatenate([by_u, self._vb.reshape(count, -1)], axis=1)
+        by_samples = np.concatenate([by_u, self._vb.reshape(count, -1)], axis=1)
+        return by_samples, self._p, self._g, self._m, self._w
 
     def _pulled(self, members: Indices) -> Pulled:
         key = members.tobytes()
-        if key not in self._kept:
+        if key not in self._forces:
             pulled = Pulled(self._view.layout, members, self._rows_u)
             pulled.at(self._u if self._view.layout.dim else self._u[..., 0])
-            self._kept[key] = pulled
-        return self._kept[key]
+            self._forces[key] = pulled
+        return self._forces[key]
 
-    def _add(self, pulled: Pulled, found: tuple[Array, Array, Array]) -> None:
-        by_u, by_p, by_g = found
+    def _add_pulled(self, bonds: Indices, **slopes: Array) -> None:
+        """Derivatives by forces, tensions or elongations of bonds; see `Pulled.back`."""
+        by_u, by_p, by_g = self._pulled(bonds).back(**slopes)
         self._ub += by_u if self._view.layout.dim else by_u[..., None]
-        self.p[:, pulled.members] += by_p.sum(axis=1)
-        self.g[pulled.members] += by_g.sum(axis=0)
+        self._p[:, bonds] += by_p.sum(axis=1)
+        self._g[bonds] += by_g.sum(axis=0)
 
     def value(self, trace: Trace) -> Array:
         """A trace; (steps,)."""
-        view = self._view
-        bonds, sites = view._parts(trace)
+        bonds, sites = self._view.parts(trace)
         if trace.kind in ("bond", "wall"):
             return -self._pulled(bonds).f.sum(axis=1)
         if trace.kind == "displacement":
-            return self._u[:, view.rows_u.index(trace.where), trace.axis]
+            return self._u[:, self._rows(sites)[0], trace.axis]
+        v = self._velocity(bonds, sites)[0]
         if trace.kind == "velocity":
-            return self._velocity(sites)[0][:, 0, trace.axis]
-        v = self._velocity(sites)[0]
-        kinetic = 0.5 * np.sum(view.scene.mass[sites] * np.sum(v**2, axis=-1), axis=-1)
-        stored, share = self._stored(bonds), self._shares(bonds, sites)
-        at = [view.rows_u.index(s) for s in sites]
-        return (
-            kinetic + stored[0] @ share - np.sum(self._loads(sites) * self._u[:, at], axis=(1, 2))
-        )
+            return v[:, 0, trace.axis]
+        kinetic = 0.5 * np.sum(self._view.scene.mass[sites] * np.sum(v**2, axis=-1), axis=-1)
+        stored = self._stored(bonds)[0] @ self._shares(bonds, sites)
+        pushed = np.sum(self._loads(sites) * self._u[:, self._rows(sites)], axis=(1, 2))
+        return kinetic + stored - pushed
 
-    def add(self, trace: Trace, slope: Array) -> None:
+    def _add(self, trace: Trace, slope: Array) -> None:
         """Carry back the derivatives (steps,) by a trace."""
-        view = self._view
-        bonds, sites = view._parts(trace)
+        bonds, sites = self._view.parts(trace)
         if trace.kind in ("bond", "wall"):
-            pulled = self._pulled(bonds)
             by_tension = np.repeat(-slope[:, None], len(bonds), axis=1)
-            self._add(pulled, pulled.back(by_tension=by_tension))
+            self._add_pulled(bonds, by_tension=by_tension)
         elif trace.kind == "displacement":
-            self._ub[:, view.rows_u.index(trace.where), trace.axis] += slope
+            self._ub[:, self._rows(sites)[0], trace.axis] += slope
         elif trace.kind == "velocity":
-            by_v = np.zeros((len(slope), 1, view.axes))
+            by_v = np.zeros((len(slope), 1, self._view.axes))
             by_v[:, 0, trace.axis] = slope
-            self._add_velocity(sites, by_v)
+            self._add_velocity(bonds, sites, by_v)
         else:
-            v, mass = self._velocity(sites)[0], view.scene.mass[sites]
-            self._add_velocity(sites, slope[:, None, None] * mass[:, None] * v)
-            self.m[sites] += 0.5 * slope @ np.sum(v**2, axis=-1)
-            at = [view.rows_u.index(s) for s in sites]
-            self._ub[:, at] -= slope[:, None, None] * self._loads(sites)
-            pulled, share = self._pulled(bonds), self._shares(bonds, sites)
-            stored = self._stored(bonds)
-            weight = slope[:, None] * share
-            self._add(pulled, pulled.back(by_elongation=weight * stored[1]))
-            self.p[:, bonds] += np.sum(weight * stored[2:], axis=1)
+            v, mass = self._velocity(bonds, sites)[0], self._view.scene.mass[sites]
+            self._add_velocity(bonds, sites, slope[:, None, None] * mass[:, None] * v)
+            self._m[sites] += 0.5 * slope @ np.sum(v**2, axis=-1)
+            self._ub[:, self._rows(sites)] -= slope[:, None, None] * self._loads(sites)
+            stored, weight = self._stored(bonds), slope[:, None] * self._shares(bonds, sites)
+            self._add_pulled(bonds, by_elongation=weight * stored[1])
+            self._p[:, bonds] += np.sum(weight * stored[2:], axis=1)
+
+    def _rows(self, sites: list[int]) -> list[int]:
+        """Of some sites among the displacements."""
+        return [self._view.rows_u.index(s) for s in sites]
 
     def _loads(self, sites: list[int]) -> Array:
         loads = np.broadcast_to(self._view.scene.loads, self._view.scene.shape)
@@ -224,30 +255,21 @@ class Part:
             found[: len(answer), :, column] = answer
         return found
 
-    def _velocity(self, sites: list[int]) -> tuple[Array, Any, Array]:
-        """Velocities with the closing kick, and what gave it; (steps, sites, axes)."""
+    def _velocity(self, bonds: Indices, sites: list[int]) -> tuple[Array, Array]:
+        """Velocities with the closing kick, and the forces that gave it; (steps, sites, axes)."""
         view = self._view
+        force = self._pulled(bonds).forces().reshape(*self._u.shape)
+        force = force[:, self._rows(sites)] + self._loads(sites)
         v = self._v[:, [view.rows_v.index(s) for s in sites]]
-        if not self._closing.any():
-            return v, None, np.zeros(0)
-        first, second = view.layout.ends
-        pulled = self._pulled(np.flatnonzero(np.isin(first, sites) | np.isin(second, sites)))
-        force = pulled.forces().reshape(*self._u.shape)
-        at = [view.rows_u.index(s) for s in sites]
-        force = force[:, at] + self._loads(sites)
         kick = self._closing[:, None] * view.scene.inverse_mass[sites]
-        return v + kick[..., None] * force, pulled, force
+        return v + kick[..., None] * force, force
 
-    def _add_velocity(self, sites: list[int], by_v: Array) -> None:
+    def _add_velocity(self, bonds: Indices, sites: list[int], by_v: Array) -> None:
         view = self._view
-        at = [view.rows_v.index(s) for s in sites]
-        self._vb[:, at] += by_v
-        _, pulled, force = self._velocity(sites)
-        if pulled is None:
-            return
+        self._vb[:, [view.rows_v.index(s) for s in sites]] += by_v
+        force = self._velocity(bonds, sites)[1]
         kick = self._closing[:, None] * view.scene.inverse_mass[sites]
         by_force = np.zeros(self._u.shape)
-        by_force[:, [view.rows_u.index(s) for s in sites]] = kick[..., None] * by_v
-        by_force = by_force if view.layout.dim else by_force[..., 0]
-        self._add(pulled, pulled.back(by_force=by_force))
-        self.w[sites] += np.sum(self._closing[:, None, None] * by_v * force, axis=(0, 2))
+        by_force[:, self._rows(sites)] = kick[..., None] * by_v
+        self._add_pulled(bonds, by_force=by_force if view.layout.dim else by_force[..., 0])
+        self._w[sites] += np.sum(self._closing[:, None, None] * by_v * force, axis=(0, 2))

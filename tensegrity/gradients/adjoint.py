@@ -1,0 +1,311 @@
+"""A run whose derivatives are wanted, and the pass backwards through it, to its first state.
+
+The run is a march, of which samples and some states are observed.  What the pass returns to is
+compared with these states.  Where round-off has grown, as it does in chaos, a part is done again
+from states nearer to each other, computed anew.
+"""
+
+from __future__ import annotations
+
+import math
+from contextlib import nullcontext
+from dataclasses import replace
+from functools import partial
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tensegrity.engine import kernel
+from tensegrity.engine.march import Wanted
+from tensegrity.engine.reverse import Back, OnGrid, Seeds, Totals
+from tensegrity.engine.reverse_layout import Layout
+from tensegrity.progress import progress
+from tensegrity.runs.march import march
+from tensegrity.runs.problem import Problem
+from tensegrity.runs.record import Record
+from tensegrity.scenes.scene import State
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from typing import Any
+
+    from tensegrity.engine.bonds import Bonds
+    from tensegrity.engine.methods import Splitting
+    from tensegrity.gradients.samples import View
+    from tensegrity.runs.run import Run
+    from tensegrity.typing import Array, Indices
+
+    Pair = tuple[Array, Array]
+
+ROWS = 4  # of the run that is given back, after the first: each is a stop that costs
+LIMIT = 1e-9  # of the largest |u| and |v|: how far off a state may be that is returned to
+WORK = 4_000_000  # bonds x stages x steps in one call: some 20 ms
+
+
+class Forward:
+    """A run, its samples, and some of its states: an observer of its march.
+
+    Parameters
+    ----------
+    state : State
+    method : Splitting
+    dt : float
+        The step [s], exactly.
+    steps : int
+    view : View
+        What is sampled, and of which scene.
+    window : (int, int)
+        After which steps, from and to.
+    stride : int
+        Steps between two states that are kept, beside the first and the last.
+    grid : (float, float), optional
+        What rounds moves of u and v; with it the loop of the layout runs.
+
+    Attributes
+    ----------
+    rows : ndarray, (steps of the window, places)
+    closing : ndarray, (steps of the window,)
+        Times that velocities in the rows lack a kick for [s].
+    states : dict of int to (ndarray, ndarray)
+        u and v of the sites, as the loop had them after that number of steps.
+    """
+
+    def __init__(
+        self,
+        state: State,
+        method: Splitting,
+        dt: float,
+        steps: int,
+        view: View,
+        window: tuple[int, int],
+        stride: int,
+        grid: tuple[float, float] | None = None,
+    ) -> None:
+        self._start, self._method, self._dt, self._steps = state, method, dt, steps
+        self._view, self._grid, self._window = view, grid, window
+        at = np.arange(window[0], window[1] + 1)
+        self.rows = np.empty((len(at), len(view.places)))
+        self.closing = np.where(at > 0, method.kicks[-1] * dt, 0.0)
+        self.states: dict[int, Pair] = {}
+        self._stops = np.unique(np.append(np.arange(0, steps + 1, stride), steps))
+        self._next = window[0]
+
+    def run(self, t_end: float) -> Run:
+        """Do it."""
+        record = Record(every=max(1, -(-self._steps // ROWS)))
+        bind = None if self._grid is None else self._bind
+        problem = Problem(self._view.scene, self._start, t_end, self._method, record, bind=bind)
+        run = march(problem, self._steps, observers=[self]).run()
+        return run if self._grid is None else replace(run, impulse=None)
+
+    def wanted(self, end: int) -> Sequence[Wanted]:
+        """Samples of the window and states, as the loop has them; see `runs.observers.Samples`."""
+        first, view = self._window[0], self._view
+        self._stop = max(self._next, min(end, self._window[1]) + 1)
+        rows = self.rows[self._next - first : self._stop - first]
+        at = np.arange(self._next, self._stop)
+        stops = self._stops[len(self.states) : self._stops.searchsorted(end, side="right")]
+        u, v = np.empty((2, len(stops), *view.scene.shape))
+        self._got = Wanted(stops, u, v, raw=True)
+        every = (Wanted(at, rows, places=view.places, of_u=view.of_u), self._got)
+        return [one for one in every if len(one.at)]
+
+    def take(self, motion: Any) -> None:
+        """Keep what was got."""
+        self._next = self._stop
+        states = zip(self._got.at.tolist(), self._got.u, self._got.v, strict=True)
+        self.states |= {k: (u, v) for k, u, v in states}
+
+    def _bind(self, u: Array, v: Array, method: Splitting, dt: float) -> OnGrid:
+        assert self._grid is not None
+        return OnGrid(self._view.layout, u, v, method, dt, self._grid)
+
+    def again(self, k: int, steps: int) -> Pair:
+        """u and v of the sites some steps after a state that was kept, by the same loop."""
+        scene = self._view.scene
+        u, v = scene.arrays(State(*self.states[k]))
+        bind = scene.bind if self._grid is None else self._bind
+        bind(u, v, self._method, self._dt).advance_open(steps, k > 0)
+        return u[: scene.sites].copy(), v[: scene.sites].copy()
+
+
+class Backward:
+    """The pass from the end of a run to its start, bound once for runs of one layout.
+
+    Parameters
+    ----------
+    layout : Layout
+    method : Splitting
+    dt : float
+        [s]
+    objectives : int
+    grid : (float, float), optional
+        What rounded moves of u and v.
+
+    Attributes
+    ----------
+    u, v : ndarray, (objectives, sites[, dim])
+        Derivatives by the state at the start.
+    totals : Totals
+    reversal : float
+        Largest difference of a state returned to from that of the run [m, m/s].
+    largest : (float, float)
+        |u| and |v| in the states known of the last run.
+    """
+
+    def __init__(
+        self,
+        layout: Layout,
+        method: Splitting,
+        dt: float,
+        objectives: int,
+        grid: tuple[float, float] | None = None,
+    ) -> None:
+        self.totals, self.reversal, self._exact = Totals(layout, objectives), 0.0, grid is not None
+        self._main = Back(layout, method, dt, self.totals, grid or (0.0, 0.0))
+        self._most = max(1, WORK // (max(1, len(layout.bonds.group)) * method.stages))
+        self.u, self.v = (x[:, : layout.sites] for x in (self._main.ub, self._main.vb))
+
+    def retune(self, bonds: Bonds) -> None:
+        """Begin anew for a run with other masses and parameters; see `engine.reverse.Back`."""
+        self._main.retune(bonds)
+
+    def go(
+        self,
+        states: dict[int, Pair],
+        cotangents: Seeds,
+        again: Callable[[int, int], Pair] | None = None,
+        stride: int | None = None,
+    ) -> None:
+        """Carry derivatives to the start.
+
+        Parameters
+        ----------
+        states : dict of int to (ndarray, ndarray)
+            Known of the run, by numbers of steps: the last, and those that it returns to.
+        cotangents : Seeds
+            What objectives have to do with states.
+        again : callable (k, steps) -> (u, v), optional
+            Computes the state some steps after one that is known; needed where others are known
+            than the last.
+        stride : int, optional
+            Most steps between two states that are returned to.
+        """
+        self._states, self._cotangents = states, cotangents
+        self._again: Any = again
+        u, v = (max(float(np.abs(x[k]).max()) for x in states.values()) for k in (0, 1))
+        self.largest = u, v
+        stops = sorted(states)
+        last, main = stops[-1], self._main
+        main.set(*states[last])
+        main.sow(cotangents, last)
+        with progress(last, "step") if last > self._most else nullcontext() as self._bar:
+            for a, b in [*pairwise(stops)][::-1]:
+                self._through([*range(a, b, stride or b - a), b])
+            self._undo(0, stops[0])  # to nothing that is known
+
+    def _through(self, stops: list[int]) -> None:
+        """From the state after the last of these steps to that after the first, both known."""
+        parts = list(pairwise(stops))
+        for a, b in parts[:-1]:
+            self._states[b] = self._again(a, b - a)
+        for a, b in parts[::-1]:
+            self._carry(a, b)
+        for stop in stops[1:-1]:
+            del self._states[stop]
+
+    def _carry(self, a: int, b: int) -> None:
+        """The same in one go, or in two where it strays."""
+        before = [x.copy() for x in self._sums()]
+        self._undo(a, b)
+        if self._miss(a) <= LIMIT or b - a == 1 or self._exact:
+            for x, y in zip(self._main.state(), self._states[a], strict=True):
+                self.reversal = max(self.reversal, float(np.abs(x - y).max()))
+            self._main.set(*self._states[a])
+            return
+        for array, values in zip(self._sums(), before, strict=True):
+            array[:] = values
+        self._main.set(*self._states[b])
+        self._through([a, (a + b) // 2, b])
+
+    def _sums(self) -> list[Array]:
+        totals = self.totals
+        return [self._main.ub, self._main.vb, totals.w, totals.p, totals.g]
+
+    def _undo(self, a: int, b: int) -> None:
+        """The steps from b to a."""
+        while b > a:
+            many = min(b - a, self._most)
+            self._main.reverse(many, b, self._cotangents, opened=b - many > 0)
+            b -= many
+            if self._bar is not None:
+                self._bar.update(min(many, self._bar.total - self._bar.n))
+
+    def _miss(self, k: int) -> float:
+        """Distance from a state of the run, in its largest displacement and velocity."""
+        off = zip(self._main.state(), self._states[k], self.largest, strict=True)
+        found = max(float(np.abs(x - y).max()) / (scale or 1.0) for x, y, scale in off)
+        return found if math.isfinite(found) else math.inf
+
+
+class Repeated:
+    """A run of a line that is done over and over, with other masses and parameters, and its passes
+    backwards: all is bound once, and nothing is looked after.
+
+    Parameters
+    ----------
+    bonds : Bonds
+        Others have the same laws in the same runs.
+    method : Splitting
+    dt : float
+        [s]
+    steps : int
+    places : ndarray of int, (places,)
+        Sites whose displacements are sampled.
+    wanted : tuple of tuple of int
+        As of `engine.reverse_layout.Layout`.
+    """
+
+    def __init__(
+        self,
+        bonds: Bonds,
+        method: Splitting,
+        dt: float,
+        steps: int,
+        places: Indices,
+        wanted: tuple[tuple[int, ...], ...],
+    ) -> None:
+        self._bonds, self._places, self._steps = bonds, places, steps
+        self._u, self._v = np.zeros((2, len(bonds.inverse_mass)))
+        self._loop = kernel.bind(self._u, self._v, bonds, method, dt)
+        self._rows = np.empty((steps, len(places)))
+        at = np.arange(1, steps + 1)
+        self._samples = Wanted(at, self._rows, places=places, of_u=len(places))
+        self._bind = partial(Backward, Layout(bonds, wanted), method, dt)
+        self._passes: dict[int, Backward] = {}  # by the number of objectives
+
+    def run(self, bonds: Bonds, u: Any, v: Any) -> Array:
+        """Displacements of the places after each step of a run from u and v; (steps, places), until
+        the next."""
+        self._bonds, self._u[:], self._v[:] = bonds, u, v
+        self._loop.retune(bonds)
+        self._loop.go(0, self._steps, [self._samples])
+        return self._rows
+
+    def back(self, by_rows: Array) -> Totals:
+        """Derivatives of objectives by what the last run depends on, until the next.
+
+        Parameters
+        ----------
+        by_rows : ndarray, (objectives, steps, places)
+            By the displacements that `run` gave.
+        """
+        count = len(by_rows)
+        if count not in self._passes:
+            self._passes[count] = self._bind(count)
+        found = self._passes[count]
+        found.retune(self._bonds)
+        states = {self._steps: (self._u, self._v)}
+        found.go(states, Seeds(by_rows, self._places, len(self._places), 1))
+        return found.totals
