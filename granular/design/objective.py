@@ -1,4 +1,4 @@
-"""The largest force on the wall behind a chain that is struck, for many chains at once.
+"""What a design is worth: the largest force on a wall, of many chains at once or of any scene.
 
 Chains of equally many beads run side by side in lanes of one compiled loop, each with masses and
 contacts of its own.  What a lane computes does not depend on the lanes beside it, to the bit, so
@@ -13,22 +13,25 @@ contact that the beads of a design could make in any order.  With it the force i
 its limit for steel beads of 4 and 10 mm, with twice the step within 1e-3; a hundredth of that is
 typical.  A maximum that comes late, after many collisions, moves more, since chaos magnifies
 errors: 1e-2 was seen in chains of soft and hard beads; `search` therefore computes what it finds
-again, with finer steps.
+again, with finer steps.  Any other scene of beads, which a function builds from a design, is run by
+itself (`wall_peak`).
 Source: seeds/000, part II, "Hertz interaction potentials".
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from granular import observables
 from granular.beads import Bead, Striker, beads_of
-from granular.design.designs import Designs
+from granular.design.spaces import Designs, Space
 from granular.materials import Material
-from tensegrity import PowerLaw, TensegrityError, check
+from tensegrity import PowerLaw, Record, TensegrityError, check, simulate
 from tensegrity.engine import kernel, native
 from tensegrity.engine.bonds import Bonds
 from tensegrity.engine.march import Wanted
@@ -47,6 +50,10 @@ WIDTHS = (8, 16, 32, 64)  # lanes of a compiled loop
 KEPT = 512  # steps of which the last bead's motion is kept at a time
 MOST = 10**8  # steps
 PATIENCE = 1000  # windows that are searched for the arrival of a wave
+EVERY = 2  # steps between the values that a spline goes through
+PART = 16  # chains that one worker is given
+
+Build = Callable[[Sequence[Bead]], tuple[Any, str]]
 
 
 class Peaks(NamedTuple):
@@ -306,3 +313,66 @@ def not_arrived(
     return TensegrityError(
         f"t_end {t_end:g} s is before the wave through design {number} arrives{when}"
     )
+
+
+def wall_peak(build: Build, beads: Sequence[Bead], t_end: float, dt: float) -> tuple[float, float]:
+    """Largest force on a wall [N], between the steps too, and when [s].
+
+    As `granular.observables.largest` finds it among values at every `EVERY`-th step.  A largest
+    force that is the last one, still rising, is inf: the wave has not arrived.
+
+    Parameters
+    ----------
+    build : callable
+        Of the beads, gives a scene with a striker and the name of one of its walls.
+    beads : sequence of Bead
+    t_end, dt : float
+        [s].
+    """
+    try:
+        scene, name = build(beads)
+    except (TypeError, ValueError) as error:
+        raise TensegrityError(f"build {check.shown(build)} gives no scene: {error}") from error
+    kept = Record(every=EVERY, sites=scene.touches_wall(name))
+    run = simulate(scene, scene.start(), t_end, method=METHOD, dt=dt, record=kept)
+    time, force = observables.largest(run.t, observables.wall_force(run, name))
+    return (force, time) if force > 0 and time < run.t[-1] else (math.inf, t_end)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What a design is worth: rows of genes -> forces on the wall; sent to workers.
+
+    Attributes
+    ----------
+    space : Space
+    striker : Striker
+    wall : Material
+    t_end, dt : float
+        [s].
+    build : callable or None
+    """
+
+    space: Space
+    striker: Striker
+    wall: Material
+    t_end: float
+    dt: float
+    build: Build | None
+
+    def __call__(self, genes: Array) -> Array:
+        """Forces [N]; inf where the wave has not arrived before `t_end`."""
+        if self.build is None:
+            steps = step_count(self.dt, self.t_end, self.dt)
+            designs = self.space.designs(genes)
+            found = largest(designs, self.striker, self.wall, self.t_end, steps)
+            return np.where(np.isfinite(found.first), found.force, np.inf)
+        each = (wall_peak(self.build, self.space.beads(x), self.t_end, self.dt) for x in genes)
+        return np.array([force for force, _ in each])
+
+    unit = "design"
+
+    @property
+    def part(self) -> int:
+        """Designs that one worker is given."""
+        return PART if self.build is None else 1
