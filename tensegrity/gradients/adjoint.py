@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
     from tensegrity.engine.bonds import Bonds
     from tensegrity.engine.methods import Splitting
-    from tensegrity.gradients.samples import View
+    from tensegrity.gradients.samples import Samples
     from tensegrity.runs.run import Run
     from tensegrity.typing import Array, Indices
 
@@ -53,7 +53,7 @@ class Forward:
     dt : float
         The step [s], exactly.
     steps : int
-    view : View
+    samples : Samples
         What is sampled, and of which scene.
     window : (int, int)
         After which steps, from and to.
@@ -77,15 +77,15 @@ class Forward:
         method: Splitting,
         dt: float,
         steps: int,
-        view: View,
+        samples: Samples,
         window: tuple[int, int],
         stride: int,
         grid: tuple[float, float] | None = None,
     ) -> None:
         self._start, self._method, self._dt, self._steps = state, method, dt, steps
-        self._view, self._grid, self._window = view, grid, window
+        self._of, self._grid, self._window = samples, grid, window
         at = np.arange(window[0], window[1] + 1)
-        self.rows = np.empty((len(at), len(view.places)))
+        self.rows = np.empty((len(at), len(samples.places)))
         self.closing = np.where(at > 0, method.kicks[-1] * dt, 0.0)
         self.states: dict[int, Pair] = {}
         self._stops = np.unique(np.append(np.arange(0, steps + 1, stride), steps))
@@ -95,20 +95,20 @@ class Forward:
         """Do it."""
         record = Record(every=max(1, -(-self._steps // ROWS)))
         bind = None if self._grid is None else self._bind
-        problem = Problem(self._view.scene, self._start, t_end, self._method, record, bind=bind)
+        problem = Problem(self._of.scene, self._start, t_end, self._method, record, bind=bind)
         run = march(problem, self._steps, observers=[self]).run()
         return run if self._grid is None else replace(run, impulse=None)
 
     def wanted(self, end: int) -> Sequence[Wanted]:
         """Samples of the window and states, as the loop has them; see `runs.observers.Samples`."""
-        first, view = self._window[0], self._view
+        first, of = self._window[0], self._of
         self._stop = max(self._next, min(end, self._window[1]) + 1)
         rows = self.rows[self._next - first : self._stop - first]
         at = np.arange(self._next, self._stop)
         stops = self._stops[len(self.states) : self._stops.searchsorted(end, side="right")]
-        u, v = np.empty((2, len(stops), *view.scene.shape))
+        u, v = np.empty((2, len(stops), *of.scene.shape))
         self._got = Wanted(stops, u, v, raw=True)
-        every = (Wanted(at, rows, places=view.places, of_u=view.of_u), self._got)
+        every = (Wanted(at, rows, places=of.places, of_u=of.of_u), self._got)
         return [one for one in every if len(one.at)]
 
     def take(self, motion: Any) -> None:
@@ -119,11 +119,11 @@ class Forward:
 
     def _bind(self, u: Array, v: Array, method: Splitting, dt: float) -> OnGrid:
         assert self._grid is not None
-        return OnGrid(self._view.layout, u, v, method, dt, self._grid)
+        return OnGrid(self._of.layout, u, v, method, dt, self._grid)
 
     def again(self, k: int, steps: int) -> Pair:
         """u and v of the sites some steps after a state that was kept, by the same loop."""
-        scene = self._view.scene
+        scene = self._of.scene
         u, v = scene.arrays(State(*self.states[k]))
         bind = scene.bind if self._grid is None else self._bind
         bind(u, v, self._method, self._dt).advance_open(steps, k > 0)

@@ -26,18 +26,20 @@ from tensegrity.engine.reverse_text import depends_on
 from tensegrity.errors import TensegrityError
 from tensegrity.gradients import result
 from tensegrity.gradients.adjoint import Backward, Forward
-from tensegrity.gradients.objective import ALWAYS, Objective, Trace, objective_of
+from tensegrity.gradients.objective import Objective, Trace, objective_of
 from tensegrity.gradients.result import Gradient, digits
-from tensegrity.gradients.samples import Samples, View
+from tensegrity.gradients.samples import Samples
 from tensegrity.readonly import fixed
-from tensegrity.runs.problem import MOST_STEPS
+from tensegrity.runs.problem import count
 from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.scenes.forcing import refuse
 from tensegrity.scenes.scene import Scene, State
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
     from typing import Any
 
+    from tensegrity.engine.law import Law
     from tensegrity.engine.methods import Method
     from tensegrity.typing import Array
 
@@ -163,18 +165,23 @@ def _of_lanes(task: _Task, scene: Any, state: Any) -> Any:
 
 
 def _stacked(found: Sequence[Gradient]) -> LaneGradient:
+    arrays: dict[str, Any] = {
+        name: np.stack([getattr(one, name) for one in found], axis=-1)
+        for name in ("value", "u", "v", "mass", "shift")
+    }
+    parameters = {
+        name: np.stack([one.parameters[name] for one in found], axis=-1)
+        for name in found[0].parameters
+    }
     return LaneGradient(
-        value=np.array([x.value for x in found]),  # type: ignore[arg-type]
-        run=tuple(x.run for x in found),  # type: ignore[arg-type]
-        **{k: np.stack([getattr(x, k) for x in found], axis=-1)
-           for k in ("u", "v", "mass", "shift")},
-        parameters=fixed({k: np.stack([x.parameters[k] for x in found], axis=-1)
-                          for k in found[0].parameters}),
-        reversal=max(x.reversal for x in found),
-        digits=min(x.digits for x in found),
+        **arrays,
+        parameters=fixed(parameters),
+        run=tuple(one.run for one in found),  # type: ignore[arg-type]
+        reversal=max(one.reversal for one in found),
+        digits=min(one.digits for one in found),
         _scene=tuple(found),
         _names=found[0]._names,
-    )  # fmt: skip
+    )
 
 
 class LaneGradient(Gradient):
@@ -195,66 +202,80 @@ def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
     for spring in scene.spring_table.different:
         result.refuse(spring)
     traces = tuple(dict.fromkeys(trace for one in task.objectives for trace in one.traces))
-    names = _names(scene, task.wanted)
-    numbers = _numbers(scene, names, any(trace.kind == "energy" for trace in traces))
+    names, numbers = _wanted(scene, task.wanted, any(trace.kind == "energy" for trace in traces))
     layout = Layout(scene.loop_bonds, numbers, task.exact)
-    view = View(scene, layout, traces)
-    steps = _steps(task)
+    samples = Samples(scene, layout, traces)
+    steps = count(task, task.dt)
     dt = task.t_end / steps if steps else task.dt
     windows = [_window(one, steps, dt) for one in task.objectives]
-    window = min(w[0] for w in windows), max(w[1] for w in windows)
+    first, last = min(w[0] for w in windows), max(w[1] for w in windows)
     check.room(
-        f"traces of {steps} steps at {len(view.places)} places",
-        8.0 * (window[1] - window[0] + 1) * (len(view.places) * (1 + len(windows)) + len(traces)),
+        f"traces of {steps} steps at {len(samples.places)} places",
+        8.0 * (last - first + 1) * (len(samples.places) * (1 + len(windows)) + len(traces)),
     )
     every = task.checkpoints
     states = STATES if every is None else max(STATES, math.isqrt(steps // every + 1))
     state, grid = _on_grid(task, scene, state, dt) if task.exact else (state, None)
     stride = max(1, -(-steps // states))
-    forward = Forward(state, task.method, dt, steps, view, window, stride, grid)
+    forward = Forward(state, task.method, dt, steps, samples, (first, last), stride, grid)
     run = forward.run(task.t_end)
     if not run.complete:
         raise KeyboardInterrupt
-    t = dt * np.arange(window[0], window[1] + 1, dtype=float)
-    samples = Samples(view, forward.rows, forward.closing)
-    y = np.array([samples.values(trace) for trace in traces])
-    by_rows: Array = np.zeros((len(windows), *forward.rows.shape))
-    values, explicit = [], []
-    for k, (one, part) in enumerate(zip(task.objectives, windows, strict=True)):
-        inside = slice(part[0] - window[0], part[1] - window[0] + 1)
-        mine = [traces.index(trace) for trace in one.traces]
+    t = dt * np.arange(first, last + 1, dtype=float)
+    sampled = forward.rows, forward.closing
+    y = samples.values(*sampled)
+    values, each = [], []
+    for one, (start, stop) in zip(task.objectives, windows, strict=True):
+        inside, mine = slice(start - first, stop - first + 1), list(map(traces.index, one.traces))
         value, slope = one.rule(t[inside], y[mine, inside])
         if not (np.isfinite(value) and np.isfinite(slope).all()):
             raise TensegrityError(f"{one!r} is {value} with derivatives that are not finite")
-        slopes = np.zeros((len(mine), len(t)))
-        slopes[:, inside] = slope
-        by_rows[k], rest = samples.back(one.traces, slopes)
-        values.append(value)
-        explicit.append(rest)
+        slopes = np.zeros(y.shape)
+        np.add.at(slopes[:, inside], mine, slope)
+        values.append(float(value))
+        each.append(samples.back(slopes, *sampled))
     back = Backward(layout, task.method, dt, len(windows), grid)
-    cotangents = Seeds(by_rows, view.places, view.of_u, window[0])
+    by_rows = np.array([by_samples for by_samples, *_ in each])
+    cotangents = Seeds(by_rows, samples.places, samples.of_u, first)
     back.go(forward.states, cotangents, forward.again, every)
     found = []
-    for k, (value, rest) in enumerate(zip(values, explicit, strict=True)):
-        u, v, mass, parameters, shift = _by_all(scene, layout, back, k, rest)
+    for k, (value, (_, *rest)) in enumerate(zip(values, each, strict=True)):
+        u, v, mass, p, g = _by_all(scene, layout, back, k, *rest)
         left = digits(value, u, v, back.largest)
-        found.append(
-            Gradient(float(value), run, u, v, mass, parameters, shift, back.reversal, left, scene,
-                     names)
-        )  # fmt: skip
+        found.append(Gradient(value, run, u, v, mass, p, g, back.reversal, left, scene, names))
     return found
 
 
-def _names(scene: Any, wanted: Any) -> tuple[str, ...]:
-    """What `by` will know."""
+def _wanted(
+    scene: Any, wanted: Any, stored: bool
+) -> tuple[tuple[str, ...], tuple[tuple[int, ...], ...]]:
+    """What `by` will know, and for each law the numbers of the parameters that these names move.
+
+    Only of those that the tension depends on, unless the energy is `stored`, which has more.
+    """
     table = scene.spring_table
-    known = dict.fromkeys(name for spring in table.different for name in result.names(spring))
-    known |= dict.fromkeys(getattr(scene, "bead_arguments", ()))
-    if wanted is None:
-        return tuple(known)
+    laws, law, parameters = table.table
+    of_springs = {name: None for spring in table.different for name in result.names(spring)}
+    of_beads = dict.fromkeys(getattr(scene, "bead_arguments", ()))
+    known = of_springs | of_beads
+    names = tuple(known) if wanted is None else _checked(wanted, known, laws)
+    moved = {*names, *(("stiffness", "preload") if of_beads.keys() & names else ())}
+    of = table.different, parameters.shape[1]
+    slopes = [result.slopes(*of, name) for name in moved & of_springs.keys()]
+    depends = np.any(slopes, axis=0) if slopes else np.zeros(parameters.shape, dtype=bool)
+    symbols, found = {*names} - of_springs.keys(), []
+    for number, one in enumerate(laws):
+        mine = set(np.flatnonzero(depends[law == number].any(axis=0)).tolist())
+        mine |= {k for k, s in enumerate(one.parameters) if str(s) in symbols}
+        found.append(tuple(sorted(mine if stored else mine & depends_on(one))))
+    return names, tuple(found)
+
+
+def _checked(wanted: Any, known: Iterable[str], laws: Iterable[Law]) -> tuple[str, ...]:
+    """Names that are wanted, if there are such."""
     if isinstance(wanted, str) or not isinstance(wanted, (Sequence, set, frozenset)):
         raise TensegrityError(f"wanted {check.shown(wanted)} must be a sequence of names")
-    symbols = {str(s) for law in table.table[0] for s in law.parameters}
+    symbols = {str(s) for law in laws for s in law.parameters}
     for name in wanted:
         check.kind("name that is wanted", name, str)
         if name not in known and name not in symbols:
@@ -262,45 +283,12 @@ def _names(scene: Any, wanted: Any) -> tuple[str, ...]:
     return tuple(dict.fromkeys(wanted))
 
 
-def _numbers(scene: Any, names: Sequence[str], stored: bool) -> tuple[tuple[int, ...], ...]:
-    """For each law the numbers of the parameters that the arguments of these names move.
-
-    Only of those that the tension depends on, unless the energy is `stored`, which has more.
-    """
-    table = scene.spring_table
-    laws, law, parameters = table.table
-    known = {name for spring in table.different for name in result.names(spring)}
-    of_beads = set(names) & set(getattr(scene, "bead_arguments", ()))
-    moved = {*names, *(("stiffness", "preload") if of_beads else ())} & known
-    each = [result.slopes(table.different, name, parameters.shape[1]) != 0 for name in moved]
-    depends = np.any(each, axis=0) if each else np.zeros(parameters.shape, dtype=bool)
-    found = []
-    for number, one in enumerate(laws):
-        mine = set(np.flatnonzero(depends[law == number].any(axis=0)).tolist())
-        mine |= {k for k, s in enumerate(one.parameters) if str(s) in {*names} - known}
-        found.append(tuple(sorted(mine if stored else mine & depends_on(one))))
-    return tuple(found)
-
-
-def _steps(task: _Task) -> int:
-    """How many steps `simulate` does."""
-    steps = task.t_end / task.dt * (1 - 1e-12)
-    if not steps <= MOST_STEPS:
-        raise TensegrityError(
-            f"t_end {task.t_end:g} s takes {steps:.3g} steps of {task.dt:.3g} s, more than "
-            f"{MOST_STEPS:.0e}"
-        )
-    return math.ceil(steps)
-
-
 def _window(one: Objective, steps: int, dt: float) -> tuple[int, int]:
     """First and last step that an objective looks at."""
     if one.over is None:
         return steps, steps
-    if one.over == ALWAYS:
-        return 0, steps
-    first = min(max(0, math.ceil(one.over[0] / dt * (1 - 1e-12))), steps)
-    last = min(math.floor(one.over[1] / dt * (1 + 1e-12)), steps)
+    first = math.ceil(min(one.over[0] / dt * (1 - 1e-12), steps))
+    last = math.floor(min(one.over[1] / dt * (1 + 1e-12), steps))
     if last < first:
         raise TensegrityError(f"no step of {dt:g} s ends between {one.over[0]:g} s and "
                               f"{one.over[1]:g} s")  # fmt: skip
@@ -312,33 +300,28 @@ def _on_grid(task: _Task, scene: Any, state: Any, dt: float) -> tuple[State, tup
     from tensegrity.runs.integrate import simulate
 
     run = simulate(scene, state, task.t_end, method=task.method, dt=dt)
-    grid, rounded = [], []
-    for start, rows in ((state.u, run.u), (state.v, run.v)):
-        largest = MARGIN * max(float(np.abs(rows).max()), float(np.abs(start).max()), 1e-290)
-        big = 1.5 * 2.0 ** math.ceil(math.log2(largest))
-        grid.append(big)
-        rounded.append((start + big) - big)
-    return State(*rounded), (grid[0], grid[1])
+    largest = (MARGIN * max(float(np.abs(rows).max()), 1e-290) for rows in (run.u, run.v))
+    a, b = (1.5 * 2.0 ** math.ceil(math.log2(x)) for x in largest)
+    return State((state.u + a) - a, (state.v + b) - b), (a, b)
 
 
-def _by_all(scene: Any, layout: Layout, back: Backward, k: int, explicit: Any) -> tuple[Any, ...]:
-    """Derivatives of one objective by u, v, masses, parameters and elongations, read-only."""
-    p, g, m, w = explicit
+def _by_all(
+    scene: Any, layout: Layout, back: Backward, k: int, p: Array, g: Array, m: Array, w: Array
+) -> Any:
+    """Derivatives of one objective by u, v, masses, parameters and elongations, read-only; of the
+    last four those that do not pass through states are given."""
     order, sites = layout.order, layout.sites
     p[:, order] += back.totals.p[k]
     g[order] += back.totals.g[k]
-    by_w = back.totals.w[k, :sites]
-    w += by_w if by_w.ndim == 1 else by_w.sum(axis=1)
-    mass = m - w * scene.inverse_mass**2
+    w += back.totals.w[k, :sites].reshape(sites, -1).sum(axis=1)
+    mass = m - w * layout.bonds.inverse_mass**2
     u, v = back.u[k].copy(), back.v[k].copy()
-    held = list(scene.held)
-    u[held], v[held], mass[held] = 0, 0, 0
+    for array in (u, v, mass):
+        array[list(scene.held)] = 0
     law = layout.bonds.law_of_bond
     parameters: dict[str, Array] = {}
     for number, one in enumerate(layout.bonds.laws):
         for row, place in enumerate(layout.wanted[number]):
             column = parameters.setdefault(str(one.parameters[place]), np.zeros(len(law)))
             column[law == number] = p[row, law == number]
-    for array in (u, v, mass, g):
-        array.flags.writeable = False
-    return u, v, mass, fixed(parameters), g
+    return [fixed(x) for x in (u, v, mass, parameters, g)]

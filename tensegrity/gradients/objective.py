@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import permutations
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -168,10 +169,8 @@ def impulse(bond: int | None = None, wall: int | None = None) -> Objective:
     """Impulse of a load [N s], compression > 0: the trapezoid rule over the steps."""
 
     def rule(t: Any, y: Any) -> Any:
-        weights = np.zeros(len(t))
         half = np.diff(t) / 2
-        weights[:-1] += half
-        weights[1:] += half
+        weights = np.append(half, 0) + np.append(0, half)
         return float(weights @ y[0]), weights[None]
 
     return Objective((load(bond, wall),), rule, ALWAYS, "impulse")
@@ -220,8 +219,7 @@ def misfit(trace: Trace, t: ArrayLike, values: ArrayLike) -> Objective:
         check.vector(name, x, x.shape)
     if np.any(np.diff(t) <= 0) or t[0] < 0:
         raise TensegrityError("t must increase, from 0 s or later")
-    times = t.copy()
-    wanted = values.copy()
+    times, wanted = t.copy(), values.copy()
 
     def rule(t: Any, y: Any) -> Any:
         first, weights = _cubic(t, times)
@@ -290,22 +288,36 @@ def _window(over: Any) -> tuple[float, float]:
     return first, last
 
 
+def crest(y: Array, at: Any) -> Array:
+    """Weights of samples `at` - 1, `at` and `at` + 1 in the vertex of the parabola through them.
+
+    These are also the derivatives of the vertex by the samples: where it is highest, it does not
+    move the height.
+
+    Parameters
+    ----------
+    y : ndarray, (n,)
+        Samples, equally far from each other.
+    at : ndarray of int, any shape
+
+    Returns
+    -------
+    ndarray, (*shape of at, 3)
+    """
+    before, here, after = (y[at + k] for k in (-1, 0, 1))
+    s = (after - before) / (2 * (2 * here - before - after))
+    return np.stack([s * (s - 1) / 2, 1 - s**2, s * (s + 1) / 2], axis=-1)
+
+
 def _peak(t: Array, y: Array) -> tuple[float, Array]:
-    """Vertex of the parabola through three samples, equally far apart."""
     trace, slope = y[0], np.zeros_like(y)
     k = int(np.argmax(trace))
-    if k in (0, len(trace) - 1):
-        slope[0, k] = 1
-        return float(trace[k]), slope
-    before, here, after = trace[k - 1 : k + 2].tolist()
-    bend, tilt = before - 2 * here + after, (after - before) / 2
-    if bend == 0:
-        slope[0, k] = 1
-        return here, slope
-    # value = here - tilt^2/(2 bend)
-    by_tilt, by_bend = -tilt / bend, tilt**2 / (2 * bend**2)
-    slope[0, k - 1 : k + 2] = (by_bend - by_tilt / 2, 1 - 2 * by_bend, by_bend + by_tilt / 2)
-    return here - tilt**2 / (2 * bend), slope
+    near = slice(k - 1, k + 2)
+    if 0 < k < len(trace) - 1 and trace[near].min() < trace[k]:
+        slope[0, near] = crest(trace, k)
+        return float(slope[0, near] @ trace[near]), slope
+    slope[0, k] = 1
+    return float(trace[k]), slope
 
 
 def _cubic(t: Array, times: Array) -> tuple[Any, Array]:
@@ -324,10 +336,8 @@ def _cubic(t: Array, times: Array) -> tuple[Any, Array]:
     first = np.clip(np.floor(place).astype(int) - 1, 0, len(t) - count)
     x = place - first
     weights = np.ones((len(times), count))
-    for i in range(count):
-        for j in range(count):
-            if i != j:
-                weights[:, i] *= (x - j) / (i - j)
+    for i, j in permutations(range(count), 2):
+        weights[:, i] *= (x - j) / (i - j)
     return first, weights
 
 

@@ -106,7 +106,7 @@ class Gradient:
         springs, found = table.different, np.zeros(len(table.group))
         laws, law, _ = table.table
         most = max(len(one.parameters) for one in laws)
-        each = slopes(springs, name, most)[table.group]
+        each = slopes(springs, most, name)[table.group]
         for number, one in enumerate(laws):
             mine = law[table.group] == number
             for k, symbol in enumerate(one.parameters):
@@ -125,9 +125,8 @@ class Gradient:
 
 def digits(value: float, by_u: Array, by_v: Array, largest: tuple[float, float]) -> float:
     """Digits of a value that one rounding of the largest |u| and |v| leaves."""
-    moved = [float(np.abs(x).max(initial=0)) * scale for x, scale in zip((by_u, by_v), largest,
-             strict=True)]  # fmt: skip
-    noise = np.finfo(float).eps * max(moved)
+    moved = zip((by_u, by_v), largest, strict=True)
+    noise = np.finfo(float).eps * max(np.abs(x).max(initial=0) * scale for x, scale in moved)
     if noise == 0:
         return float(DIGITS)
     if value == 0:
@@ -172,7 +171,7 @@ def _rigid() -> tuple[Law, Law]:
     return rigid_law(), rigid_law(any_sides=True)
 
 
-def slopes(springs: Sequence[Potential], name: str, most: int) -> Array:
+def slopes(springs: Sequence[Potential], most: int, name: str) -> Array:
     """Derivatives of the parameters of springs by one of their `names`.
 
     Returns
@@ -181,42 +180,33 @@ def slopes(springs: Sequence[Potential], name: str, most: int) -> Array:
         0 for springs that have no such argument.
     """
     found = np.zeros((len(springs), most))
-    mine = [k for k, spring in enumerate(springs) if name in names(spring)]
-    prisms: list[int] = []
-    for any_sides, law in enumerate(_rigid()):
-        some = [k for k in mine if springs[k].law == law]
-        if some:
-            values = np.array([springs[k].values for k in some])
-            found[some, : values.shape[1]] = _of_prisms(values, name, bool(any_sides))
-            prisms += some
-    powers = [k for k in mine if isinstance(springs[k], PowerLaw)]
-    if powers:
-        found[powers, :3] = _of_power_laws([springs[k] for k in powers], name)
-    for k in set(mine) - {*prisms, *powers}:
-        found[k, list(springs[k].parameters).index(name)] = 1
+    alike: dict[Any, list[int]] = {}
+    for k, spring in enumerate(springs):
+        if name in names(spring):
+            alike.setdefault((spring.law, isinstance(spring, PowerLaw)), []).append(k)
+    for (law, _), mine in alike.items():
+        one: Any = springs[mine[0]]
+        values = np.array([springs[k].values for k in mine])
+        if law in _rigid():
+            rows = _of_prisms(values, name, law == _rigid()[1])
+        elif isinstance(one, PowerLaw):
+            rows = _of_power_laws(values, name, one.exponent)
+        else:
+            rows = np.eye(len(one.parameters))[list(one.parameters).index(name)]
+        found[mine, : values.shape[1]] = rows
     return found
 
 
-def _of_power_laws(springs: Sequence[Any], name: str) -> Array:
-    """At a fixed preload the overlap at rest depends on the stiffness, and on the preload."""
-    found = np.zeros((len(springs), 3))
-    found[:, POWER.index(name)] = 1
-    stiffness, preload, _ = np.array([spring.values for spring in springs]).T
-    exponent = np.array([spring.exponent for spring in springs])
-    loaded = (preload > 0) | (name == "preload")
-    given = (x[loaded] for x in (stiffness, preload, exponent))
-    found[loaded, 2] = _overlap_slope(name)(*given)
+def _of_power_laws(values: Array, name: str, exponent: float) -> Array:
+    """At a fixed preload the overlap at rest, (preload/stiffness)^(1/exponent), depends on the
+    stiffness, and on the preload."""
+    found = np.tile(np.eye(3)[POWER.index(name)], (len(values), 1))
+    loaded = (values[:, 1] > 0) | (name == "preload")
+    stiffness, preload, _ = values[loaded].T
+    ratio = preload / stiffness
+    by_ratio = ratio ** (1 / exponent - 1) / exponent
+    found[loaded, 2] = by_ratio * (1 if name == "preload" else -ratio) / stiffness
     return found
-
-
-@once
-def _overlap_slope(name: str) -> Any:
-    import sympy as sp
-
-    symbols = sp.symbols("stiffness preload n", positive=True)
-    stiffness, preload, n = symbols
-    overlap = (preload / stiffness) ** (1 / n)
-    return sp.lambdify(symbols, sp.simplify(overlap.diff(symbols[POWER.index(name)])), "numpy")
 
 
 def _of_prisms(values: Array, name: str, any_sides: bool) -> Array:
