@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tensegrity.engine.methods import Nystrom
+from tensegrity.scenes.dynamics import dynamics
 
 
 class Stepped(NamedTuple):
@@ -30,13 +31,13 @@ class Stepped(NamedTuple):
 
 def stepped(scene, state, method, dt, steps):
     """A chain or a network after some steps of a splitting without processor, or of Nystrom's."""
-    walls, moves, seen = np.zeros((scene.wall_count, *state.u.shape[1:])), [], []
+    walls, moves, seen = np.zeros((dynamics(scene).wall_count, *state.u.shape[1:])), [], []
     u, v = np.concatenate([state.u, walls]), np.concatenate([state.v, walls])
-    mobility = scene.inverse_mass.reshape(-1, *[1] * (u.ndim - 1))
+    mobility = dynamics(scene).inverse_mass.reshape(-1, *[1] * (u.ndim - 1))
 
     def acceleration(u):
         u = u[: scene.sites]
-        seen.append(scene.stretch(u))
+        seen.append(dynamics(scene).stretch(u))
         push = np.zeros_like(walls)
         if len(walls):
             for (_, wall), load in zip(scene.wall_contacts, scene.wall_load(u), strict=True):
@@ -46,8 +47,8 @@ def stepped(scene, state, method, dt, steps):
     step = nystrom if isinstance(method, Nystrom) else split
     for _ in range(steps):
         u, v = step(method, dt, acceleration, u, v, moves)
-    r, group = np.array(seen), scene.spring_table.group
-    each = [r[:, group == spring] for spring in range(len(scene.spring_table))]
+    r, group = np.array(seen), dynamics(scene).springs.group
+    each = [r[:, group == spring] for spring in range(len(dynamics(scene).springs))]
     met = np.array([(x.min(), x.max()) for x in each])
     return Stepped(u, v, met, sum(np.abs(move[: scene.sites]).max() for move in moves))
 

@@ -18,6 +18,7 @@ from tensegrity import (
 )
 from tensegrity.engine.kernel import bind
 from tensegrity.engine.methods import METHODS
+from tensegrity.scenes.dynamics import dynamics
 from tensegrity.springs.corners import UNKNOWN
 from tensegrity.structures.dynamics import BarSpring, StringSpring
 
@@ -124,8 +125,8 @@ def order(scene, state, method):
     counts = np.unique(np.geomspace(40, 300, 24).astype(int))
 
     def moved(n, method):
-        u, v = scene.arrays(state)
-        bind(u, v, scene.loop_bonds, method, 8.0 / n).advance(int(n))
+        u, v = dynamics(scene).arrays(state)
+        bind(u, v, dynamics(scene).loop_bonds, method, 8.0 / n).advance(int(n))
         return np.stack([u[: scene.sites], v[: scene.sites]])
 
     exact = moved(3000, METHOD)
@@ -245,8 +246,8 @@ def test_steps_given_run_over_a_jump_with_an_error_of_first_order():
     exact = f - largest * np.sin(0.3 * back + phase)
     steps, errors = np.unique(np.geomspace(50, 2000, 40).astype(int)), []
     for n in steps.tolist():
-        u, v = chain.arrays(chain.at_rest({1: speed}))
-        bind(u, v, chain.loop_bonds, METHODS["rkn6"], 1.3 * back / n).advance(n)
+        u, v = dynamics(chain).arrays(chain.at_rest({1: speed}))
+        bind(u, v, dynamics(chain).loop_bonds, METHODS["rkn6"], 1.3 * back / n).advance(n)
         errors.append(abs(u[1] - exact))
     assert -np.polyfit(np.log(steps), np.log(errors), 1)[0] == pytest.approx(1, abs=0.35)
     assert max(errors * steps) < 3

@@ -31,6 +31,7 @@ from tensegrity import (
 )
 from tensegrity.runs import archive
 from tensegrity.runs.record import beside
+from tensegrity.scenes.dynamics import dynamics
 
 T = sp.Symbol("t")
 CUBIC = series(0, 1 / 4, length=1.0)
@@ -207,17 +208,17 @@ def test_lanes_run_as_their_scenes_alone(how):
     state = together.at_rest({3: [0.1, 0.2, 0.3]})
     record = Record(times=[0.0, 0.31, 1.0, 2.0])
     run = simulate(together, state, 2.0, record=record, **how)
-    work, loss, energy = np.zeros((3, len(run.t)))
+    work, loss, energy = np.zeros((3, len(run.t), 3))
     for lane, scene in enumerate(scenes):
         mine = together.lane(state, lane)
         given = {"dt": run.dt, "method": run.method, "record": record}
         alone = simulate(scene, mine, 2.0, **given)
-        if scene.is_driven:
+        if dynamics(scene).is_driven:
             np.testing.assert_array_equal(run.u[..., lane], alone.u)
             np.testing.assert_array_equal(run.final.v[..., lane], alone.final.v)
-            work, loss = work + alone.work, loss + alone.loss
+            work[:, lane], loss[:, lane] = alone.work, alone.loss
         np.testing.assert_allclose(run.u[..., lane], alone.u, atol=1e-14)
-        energy = energy + alone.energy
+        energy[:, lane] = alone.energy
     for one, other in ((run.work, work), (run.loss, loss), (run.energy, energy)):
         np.testing.assert_allclose(one, other, rtol=1e-13, atol=1e-17)
     assert run.energy_error < 1e-5

@@ -11,6 +11,7 @@ from tensegrity import Chain, Prism, RangeError, equilibrium_path, simulate
 from tensegrity.engine.kernel import bind
 from tensegrity.engine.law import functions
 from tensegrity.engine.methods import METHODS
+from tensegrity.scenes.dynamics import dynamics
 from tensegrity.waves.asymptotics import sound_speed
 
 INF = math.inf
@@ -55,7 +56,7 @@ def test_the_loop_takes_the_elastic_law():
     chain = Chain(softening(), 131)
     u, v = 0.05 * np.sin(np.arange(131) ** 2), np.zeros(131)
     single = replace(METHODS["verlet"], kicks=(1.0, 0.0))
-    bound = bind(u, v, chain.loop_bonds, single, 0.1)
+    bound = bind(u, v, dynamics(chain).loop_bonds, single, 0.1)
     f = np.concatenate([[0], chain.springs[0].tension(np.diff(u)), [0]])
     bound.advance(1)
     np.testing.assert_allclose(v, 0.1 * np.diff(f), rtol=0, atol=1e-15)

@@ -12,6 +12,7 @@ from tensegrity.engine.compiled import evaluated
 from tensegrity.engine.kernel import bind
 from tensegrity.engine.law import evaluate
 from tensegrity.engine.methods import METHODS
+from tensegrity.scenes.dynamics import dynamics
 
 EXPLICIT = [method for method in METHODS.values() if method.explicit]
 
@@ -24,7 +25,7 @@ def mixed_chain():
 
 def advanced(chain, state, method, dt, steps):
     u, v = state.u.copy(), state.v.copy()
-    bound = bind(u, v, chain.loop_bonds, method, dt)
+    bound = bind(u, v, dynamics(chain).loop_bonds, method, dt)
     bound.advance(steps)
     return u, v, bound.range.copy()
 
@@ -32,9 +33,9 @@ def advanced(chain, state, method, dt, steps):
 def plain_verlet(chain, state, dt, steps):
     u, v = state.u.copy(), state.v.copy()
     for _ in range(steps):
-        v += dt / 2 * plain_forces(chain, u) * chain.inverse_mass
+        v += dt / 2 * plain_forces(chain, u) * dynamics(chain).inverse_mass
         u += dt * v
-        v += dt / 2 * plain_forces(chain, u) * chain.inverse_mass
+        v += dt / 2 * plain_forces(chain, u) * dynamics(chain).inverse_mass
     return u, v
 
 

@@ -20,6 +20,7 @@ from tensegrity.engine.methods import METHODS
 from tensegrity.engine.native import library
 from tensegrity.engine.pieces import BoundParts
 from tensegrity.engine.slices import TILE, slices
+from tensegrity.scenes.dynamics import dynamics
 
 WITHOUT = ["", "-mno-avx512f", "-mno-avx"]  # what a processor may lack
 
@@ -141,7 +142,7 @@ def far():
 
 def lists(network):
     """Number, slice, lane, other row and kind of each entry of the lists that counts, in turn."""
-    bonds = network.loop_bonds
+    bonds = dynamics(network).loop_bonds
     found, contacts = slices(bonds), bonds.contacts
     group, lane = np.divmod(np.flatnonzero(found.counts), GROUP)
     row = np.searchsorted(found.begin, group, side="right") - 1
@@ -155,7 +156,7 @@ def lists(network):
 @pytest.mark.parametrize("make", [box, lambda: patch(23), far])
 def test_lists_have_every_contact_once(make):
     network = make()
-    assert slices(network.loop_bonds).tiles == -(-network.sites // TILE) > 2
+    assert slices(dynamics(network).loop_bonds).tiles == -(-network.sites // TILE) > 2
     assert sorted(lists(network)[0]) == list(range(len(network.springs)))
 
 
@@ -192,8 +193,8 @@ def test_listed_contacts_that_do_not_touch_change_no_bit(flag, monkeypatch):
             places, np.argwhere(np.triu(listed | listed.T)), PowerLaw(1.0, 1.5), lengths=1.0,
             radius=0.5, walls=walls, wall_contacts=contacts, wall_spring=PowerLaw(1.0, 1.5),
         )  # fmt: skip
-        bonds = network.loop_bonds
-        u, v = network.arrays(State(0 * velocity, velocity))
+        bonds = dynamics(network).loop_bonds
+        u, v = dynamics(network).arrays(State(0 * velocity, velocity))
         bound = BoundNet(Compiled.of(bonds), u, v, bonds, METHODS["verlet"], 0.01)
         bound.advance(30)
         found.append((u, v))
@@ -227,9 +228,9 @@ def sums(network, u):
 @pytest.mark.parametrize("make", [box, lambda: patch(23), far])
 def test_forces_are_the_sums_over_all_contacts(make):
     network, dt = make(), 1e-10
-    bonds = network.loop_bonds
+    bonds = dynamics(network).loop_bonds
     moved = 0.02 * np.random.default_rng(4).standard_normal(network.shape)
-    u, v = network.arrays(State(moved, np.zeros(network.shape)))
+    u, v = dynamics(network).arrays(State(moved, np.zeros(network.shape)))
     BoundNet(Compiled.of(bonds), u, v, bonds, METHODS["verlet"], dt).advance(1)
     force, on_walls = sums(network, moved)
     want = np.concatenate([force / network.mass[:, None], on_walls])
@@ -244,8 +245,8 @@ def test_threads_give_the_bits_of_one(make, count):
     velocity = 0.1 * np.random.default_rng(2).standard_normal(network.shape)
     found = []
     for kind in (BoundNet, BoundParts):
-        u, v = network.arrays(State(np.zeros(network.shape), velocity))
-        bonds = network.loop_bonds
+        u, v = dynamics(network).arrays(State(np.zeros(network.shape), velocity))
+        bonds = dynamics(network).loop_bonds
         given = Compiled.of(bonds), u, v, bonds, METHODS["verlet"], 0.05
         bound = kind(*given, *([count] if kind is BoundParts else []))
         for steps in (1, 40):
@@ -268,9 +269,9 @@ def test_two_that_push_each_other_get_opposite_velocities_to_the_last_bit(dim, f
     bonds = np.stack([where[:count], where[count:]], axis=1)
     apart = np.linalg.norm(two - one, axis=1)
     network = Network(positions[order], bonds, PowerLaw(1.0, 1.5), lengths=1.05 * apart)
-    u, v = network.arrays(network.at_rest())
-    loop = Compiled.of(network.loop_bonds)
-    BoundNet(loop, u, v, network.loop_bonds, METHODS["rkn6"], 0.1).advance(50)
+    u, v = dynamics(network).arrays(network.at_rest())
+    loop = Compiled.of(dynamics(network).loop_bonds)
+    BoundNet(loop, u, v, dynamics(network).loop_bonds, METHODS["rkn6"], 0.1).advance(50)
     assert np.abs(v).max() > 0.01
     np.testing.assert_array_equal(v[where[:count]], -v[where[count:]])
 
@@ -281,8 +282,8 @@ def test_processors_agree(flag, monkeypatch):
     state, found = pushed(network), []
     for given in ("", flag):
         monkeypatch.setenv("CC", f"{shutil.which('cc') or shutil.which('gcc')} {given}")
-        u, v = network.arrays(state)
-        bonds = network.loop_bonds
+        u, v = dynamics(network).arrays(state)
+        bonds = dynamics(network).loop_bonds
         bound = BoundNet(Compiled.of(bonds), u, v, bonds, METHODS["rkn6"], 0.1)
         bound.advance(40)
         found.append((u, v, bound.range))

@@ -23,6 +23,7 @@ from tensegrity import (
     simulate,
 )
 from tensegrity.engine.methods import METHODS
+from tensegrity.scenes.dynamics import dynamics
 
 R = sp.Symbol("r")
 EXPLICIT = [method for method in METHODS.values() if method.explicit]
@@ -88,8 +89,8 @@ def test_steps_solve_the_equations_of_the_rule(name, share):
         np.testing.assert_allclose(given, -dt * on_sites, rtol=0, atol=1e-12 * np.abs(given).max())
         assert np.abs(given).max() > 0
     for spring, (low, high) in enumerate(run.met):
-        of = scene.spring_table.group == spring
-        seen = np.array([scene.stretch(u)[of] for u in (*middle, *run.u)])
+        of = dynamics(scene).springs.group == spring
+        seen = np.array([dynamics(scene).stretch(u)[of] for u in (*middle, *run.u)])
         assert (low, high) == pytest.approx(
             (min(seen.min(), 0), max(seen.max(), 0)), abs=1e-14 * size
         )
@@ -192,7 +193,7 @@ def test_steps_go_far_beyond_the_limit_of_every_explicit_method(scene):
     """The soft bonds are followed to the order of the method; for the stiff ones the step is tens
     of what any explicit method here allows."""
     scene, state = scene()
-    fastest = scene.frequency(scene.present_ranges(state.u))
+    fastest = dynamics(scene).frequency(dynamics(scene).present_ranges(state.u))
     exact = simulate(scene, state, 6.0, method="rkn6", dt=0.001).final.u
     errors = []
     for dt in (0.2, 0.1, 0.05):

@@ -27,6 +27,7 @@ from tensegrity import (
 from tensegrity.engine import forces
 from tensegrity.engine.kernel import bind
 from tensegrity.engine.methods import METHODS
+from tensegrity.scenes.dynamics import dynamics
 
 RUNNING = [name for name, method in METHODS.items() if method.explicit]
 LINE = [(k, k + 1) for k in range(19)]
@@ -195,8 +196,8 @@ def test_loop_is_that_of_numpy(make, name):
     network, method = make(), METHODS[name]
     state = network.at_rest({0: [0.3, 0.0, 0.1][: network.dim]})
     dt = 1e-6 if network.walls else 0.1
-    u, v = network.arrays(state)
-    bound = bind(u, v, network.loop_bonds, method, dt)
+    u, v = dynamics(network).arrays(state)
+    bound = bind(u, v, dynamics(network).loop_bonds, method, dt)
     bound.advance(40)
     plain = stepped(network, state, method, dt, 40)
     rows = len(plain.v)
@@ -294,7 +295,7 @@ def test_steps_follow_what_loads_do_where_nothing_opens():
     )
     run = simulate(network, network.at_rest(), 5.0)
     method = METHODS[run.method]
-    assert run.dt <= method.step * method.scale / network.frequency(run.met) * (1 + 1e-9)
+    assert run.dt <= method.step * method.scale / dynamics(network).frequency(run.met) * (1 + 1e-9)
     fine = simulate(network, network.at_rest(), 5.0, dt=run.dt / 8, method="rkn6").final.u
     np.testing.assert_allclose(run.final.u, fine, rtol=0, atol=1e-6 * fine.max())
 
@@ -322,7 +323,7 @@ def test_the_limit_bounds_the_fastest_mode():
 
     columns = [(force(h * e) - force(-h * e)) / (2 * h) for e in np.eye(n)]
     exact = math.sqrt(-np.linalg.eigvalsh((np.array(columns) + np.array(columns).T) / 2)[0])
-    bound = network.frequency(network.present_ranges(np.zeros(network.shape)))
+    bound = dynamics(network).frequency(dynamics(network).present_ranges(np.zeros(network.shape)))
     assert exact * (1 - 1e-4) < bound < 1.8 * exact
 
 
@@ -427,9 +428,9 @@ def test_recorded_sites_and_a_file_keep_all_coordinates(tmp_path):
 def test_elongations_and_energies_in_parts_have_the_same_bits(monkeypatch, part):
     scene = fork()
     u = 1e-6 * np.random.default_rng(3).standard_normal((5, *scene.shape))
-    scene.__dict__["energies_at_once"] = None  # in NumPy, as without a compiler
-    whole = scene.stretch(u), scene.energies(u, u)
+    dynamics(scene).__dict__["energies_in_one_call"] = None  # in NumPy, as without a compiler
+    whole = dynamics(scene).stretch(u), dynamics(scene).energies(u, u)
     monkeypatch.setattr(forces, "PART", part)
-    monkeypatch.setattr("tensegrity.scenes.network.IN_CACHE", part)
-    np.testing.assert_array_equal(scene.stretch(u), whole[0])
-    np.testing.assert_array_equal(scene.energies(u, u), whole[1])
+    monkeypatch.setattr("tensegrity.scenes.network_dynamics.IN_CACHE", part)
+    np.testing.assert_array_equal(dynamics(scene).stretch(u), whole[0])
+    np.testing.assert_array_equal(dynamics(scene).energies(u, u), whole[1])

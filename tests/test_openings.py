@@ -31,6 +31,7 @@ from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.kernel import bind
 from tensegrity.engine.methods import METHODS, Corrected
 from tensegrity.engine.openings import beta, hurwitz, zetas
+from tensegrity.scenes.dynamics import dynamics
 
 EXPONENTS = (1.0, 1.5, 2.0, 2.5, 3.0)
 METHOD = METHODS["corrected6"]
@@ -66,8 +67,8 @@ def thrown(network):
 
 def moved(scene, state, t_end, steps, method=METHOD):
     """u and v of the sites after so many steps of the bare loop."""
-    u, v = scene.arrays(state)
-    bind(u, v, scene.loop_bonds, method, t_end / steps).advance(steps)
+    u, v = dynamics(scene).arrays(state)
+    bind(u, v, dynamics(scene).loop_bonds, method, t_end / steps).advance(steps)
     return np.stack([u[: scene.sites], v[: scene.sites]])
 
 
@@ -149,7 +150,7 @@ class Told(Compiled):
 
 def told(n, name, *numbers, opens=False):
     """What one of these finds for the contact of two beads that touch."""
-    bonds = row(n, 2).loop_bonds
+    bonds = dynamics(row(n, 2)).loop_bonds
     engine, given, found = Told.of(bonds), np.array(numbers, dtype=float), np.empty(2)
     bound = bind(*np.zeros((2, 2)), bonds, METHOD, 0.1, engine)
     call, address = engine.library[name], ctypes.c_void_p
@@ -269,8 +270,8 @@ def test_order_is_the_exponent_and_three_not_and_one(where, n):
 
 def all_along(scene, state, t_end, steps):
     """u and v of the sites after each step, as they are looked at, and as they go on."""
-    u, v = scene.arrays(state)
-    loop, found = bind(u, v, scene.loop_bonds, METHOD, t_end / steps), ([], [])
+    u, v = dynamics(scene).arrays(state)
+    loop, found = bind(u, v, dynamics(scene).loop_bonds, METHOD, t_end / steps), ([], [])
     for step in range(steps):
         loop.advance_open(1, step > 0)
         loop.show()
@@ -457,8 +458,8 @@ def test_energy_over_long_times_is_kept_better_than_without_corrections():
 def test_looking_at_a_run_changes_no_bit(parts):
     for scene, state in ((row(1.5), blow(row(1.5))), (cluster(1.5), thrown(cluster(1.5)))):
         whole = moved(scene, state, 6.0, 100)
-        u, v = scene.arrays(state)
-        loop = bind(u, v, scene.loop_bonds, METHOD, 0.06)
+        u, v = dynamics(scene).arrays(state)
+        loop = bind(u, v, dynamics(scene).loop_bonds, METHOD, 0.06)
         for k, part in enumerate(parts):
             loop.forget_range()
             loop.advance(part, opened=k > 0)
@@ -470,8 +471,8 @@ def test_lanes_are_corrected_like_chains_alone():
     together = Ensemble(chains)
     start = blow(chains[0])
     states = State(*(np.repeat(x[:, None], 8, axis=1) for x in (start.u, start.v)))
-    u, v = together.arrays(states)
-    together.bind(u, v, METHOD, 0.1).advance(90)
+    u, v = dynamics(together).arrays(states)
+    dynamics(together).bind(u, v, METHOD, 0.1).advance(90)
     for lane, chain in enumerate(chains):
         alone = moved(chain, start, 9.0, 90)
         np.testing.assert_allclose([u[:, lane], v[:, lane]], alone, rtol=0, atol=1e-14)

@@ -12,6 +12,7 @@ from tensegrity.engine.bound_line import BoundLine
 from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.methods import METHODS
 from tensegrity.engine.pieces import HALO, LONG, BoundPieces, start_of_block
+from tensegrity.scenes.dynamics import dynamics
 
 
 def uniform(sites=LONG + 4321):
@@ -33,15 +34,15 @@ def test_pieces_equal_the_whole_bit_for_bit(scene, threads, method):
     rng = np.random.default_rng(5)
     start = 1e-5 * rng.standard_normal((2, chain.sites))
     # so close to the limit that what is wrong at a cut travels a site a stage without fading
-    ranges = chain.present_ranges(np.stack([start[0], -start[0]]).max(axis=0))
-    dt = 0.99 * method.stability_limit / chain.frequency(ranges)
+    ranges = dynamics(chain).present_ranges(np.stack([start[0], -start[0]]).max(axis=0))
+    dt = 0.99 * method.stability_limit / dynamics(chain).frequency(ranges)
     start[:, chain.held] = 0
-    engine = Compiled.of(chain.loop_bonds)
+    engine = Compiled.of(dynamics(chain).loop_bonds)
     steps = 2 * (HALO // method.stages) + 7
     results = []
     for divided in (False, True):
         u, v = start.copy()
-        parts = u, v, chain.loop_bonds, method, dt
+        parts = u, v, dynamics(chain).loop_bonds, method, dt
         loop = BoundPieces(engine, *parts, threads) if divided else BoundLine(engine, *parts)
         for n in (1, steps):  # a second call takes up what the first left
             loop.advance(n)

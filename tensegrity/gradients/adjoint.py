@@ -24,6 +24,7 @@ from tensegrity.progress import progress
 from tensegrity.runs.march import march
 from tensegrity.runs.problem import Problem
 from tensegrity.runs.record import Record
+from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.scene import State
 
 if TYPE_CHECKING:
@@ -123,11 +124,11 @@ class Forward:
 
     def again(self, k: int, steps: int) -> Pair:
         """u and v of the sites some steps after a state that was kept, by the same loop."""
-        scene = self._of.scene
-        u, v = scene.arrays(State(*self.states[k]))
-        bind = scene.bind if self._grid is None else self._bind
+        of = dynamics(self._of.scene)
+        u, v = of.arrays(State(*self.states[k]))
+        bind = of.bind if self._grid is None else self._bind
         bind(u, v, self._method, self._dt).advance_open(steps, k > 0)
-        return u[: scene.sites].copy(), v[: scene.sites].copy()
+        return u[: of.sites].copy(), v[: of.sites].copy()
 
 
 class Backward:

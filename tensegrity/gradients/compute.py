@@ -31,6 +31,7 @@ from tensegrity.gradients.result import Gradient, digits
 from tensegrity.gradients.samples import Samples
 from tensegrity.readonly import fixed
 from tensegrity.runs.problem import count
+from tensegrity.scenes.dynamics import HasDynamics, dynamics
 from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.scenes.forcing import refuse
 from tensegrity.scenes.scene import Scene, State
@@ -117,7 +118,7 @@ def gradient(
     objectives = tuple(map(objective_of, objective if many else (objective,)))  # type: ignore
     if not objectives:
         raise TensegrityError("objective is an empty sequence: nothing to differentiate")
-    if not isinstance(scene, Scene):
+    if not isinstance(scene, HasDynamics):
         raise TensegrityError(f"scene {check.shown(scene)} is not a scene, such as a Chain")
     refuse(scene, "a gradient")
     scene.check(state)
@@ -194,16 +195,17 @@ class LaneGradient(Gradient):
 
 def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
     """Those of one scene: its run, traces of it, and the pass backwards."""
-    if scene.follows:
+    of = dynamics(scene)
+    if of.follows:
         raise TensegrityError(
             "contacts that come and go have no gradient here: give the scene those that act, with "
             "contacts='fixed'"
         )
-    for spring in scene.spring_table.different:
+    for spring in of.springs.different:
         result.refuse(spring)
     traces = tuple(dict.fromkeys(trace for one in task.objectives for trace in one.traces))
     names, numbers = _wanted(scene, task.wanted, any(trace.kind == "energy" for trace in traces))
-    layout = Layout(scene.loop_bonds, numbers, task.exact)
+    layout = Layout(of.loop_bonds, numbers, task.exact)
     samples = Samples(scene, layout, traces)
     steps = count(task, task.dt)
     dt = task.t_end / steps if steps else task.dt
@@ -253,15 +255,15 @@ def _wanted(
 
     Only of those that the tension depends on, unless the energy is `stored`, which has more.
     """
-    table = scene.spring_table
+    table = dynamics(scene).springs
     laws, law, parameters = table.table
     of_springs = {name: None for spring in table.different for name in result.names(spring)}
     of_beads = dict.fromkeys(getattr(scene, "bead_arguments", ()))
     known = of_springs | of_beads
     names = tuple(known) if wanted is None else _checked(wanted, known, laws)
     moved = {*names, *(("stiffness", "preload") if of_beads.keys() & names else ())}
-    of = table.different, parameters.shape[1]
-    slopes = [result.slopes(*of, name) for name in moved & of_springs.keys()]
+    given = table.different, parameters.shape[1]
+    slopes = [result.slopes(*given, name) for name in moved & of_springs.keys()]
     depends = np.any(slopes, axis=0) if slopes else np.zeros(parameters.shape, dtype=bool)
     symbols, found = {*names} - of_springs.keys(), []
     for number, one in enumerate(laws):

@@ -17,6 +17,7 @@ from tensegrity.errors import TensegrityError
 from tensegrity.once import once
 from tensegrity.prisms.closed import polygon, rigid_law
 from tensegrity.prisms.condensed import ElasticPotential
+from tensegrity.scenes.dynamics import dynamics
 from tensegrity.springs.polynomial import Polynomial
 from tensegrity.springs.power_law import PowerLaw
 
@@ -102,7 +103,7 @@ class Gradient:
 
     def _along(self, name: str) -> Array:
         """By an argument of the springs."""
-        table = self._scene.spring_table
+        table = dynamics(self._scene).springs
         springs, found = table.different, np.zeros(len(table.group))
         laws, law, _ = table.table
         most = max(len(one.parameters) for one in laws)

@@ -11,19 +11,22 @@ from tensegrity.errors import TensegrityError
 from tensegrity.runs.observers import watching
 from tensegrity.runs.problem import Problem
 from tensegrity.runs.record import Record
-from tensegrity.runs.run import Run, changed, known
+from tensegrity.runs.run import changed, known
 from tensegrity.runs.step import default_step, fixed_step
 from tensegrity.runs.stepping import Outlook
 from tensegrity.runs.tolerance import ROUND_OFF, to_tolerance
-from tensegrity.scenes.scene import Scene
+from tensegrity.scenes.dynamics import HasDynamics, dynamics
 
 if TYPE_CHECKING:
+    from typing import Any
+
     from tensegrity.runs.observers import Observe
-    from tensegrity.scenes.scene import Scene, State
+    from tensegrity.scenes.dynamics import Result_co
+    from tensegrity.scenes.scene import State
 
 
 def simulate(
-    scene: Scene,
+    scene: HasDynamics[Result_co],
     state: State,
     t_end: float,
     *,
@@ -32,12 +35,12 @@ def simulate(
     tol: float | None = None,
     record: Record | None = None,
     observe: Observe | None = None,
-) -> Run:
+) -> Result_co:
     """Advance a scene in time.
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene or Ensemble
         A `Chain`, a `Network`, an `Ensemble`, or what `granular` builds.
     state : State
         Initial displacements [m] and velocities [m/s]; not changed.
@@ -70,9 +73,9 @@ def simulate(
     Returns
     -------
     Run
-        Also after Ctrl-C, with `complete` False and what was recorded until then; with `tol`
-        that may be a trial with a coarser step, kept in memory and at about 500 instants.
-        `stopped` says which observer ended it, and when.
+        Of an `Ensemble` a `RunBatch`.  Also after Ctrl-C, with `complete` False and what was
+        recorded until then; with `tol` that may be a trial with a coarser step, kept in memory and
+        at about 500 instants.  `stopped` says which observer ended it, and when.
 
     Raises
     ------
@@ -88,23 +91,24 @@ def simulate(
         A row or a state could not be written; with `.run`, the part done.
     """
     started = time.perf_counter()
-    if not isinstance(scene, Scene):
+    if not isinstance(scene, HasDynamics):
         raise TensegrityError(f"scene {scene!r} is not a scene, such as a Chain")
-    energy = scene.check(state)
+    of = dynamics(scene)
+    energy = of.checked(state)
     t_end = check.number("t_end", t_end, least=0, unit="s")
     dt = None if dt is None else check.number("dt", dt, above=0, unit="s")
     tol = None if tol is None else check.number("tol", tol, least=ROUND_OFF)
     if dt is not None and tol is not None:
         raise TensegrityError(f"dt {dt!r} s and tol {tol!r} exclude each other: give one")
     if method is None:
-        method = methods.default(dt, tol, not scene.is_driven and scene.opens)
+        method = methods.default(dt, tol, not of.is_driven and of.opens)
     method = methods.find(method)
     record = Record() if record is None else record
     check.kind("record", record, Record)
     record.check(scene.sites, t_end)
     native.require()
     choice = "dt" if dt is not None else "default" if tol is None else "tol"
-    outlook = Outlook(scene, state, energy)
+    outlook = Outlook(of, state, energy)
     problem = known(
         Problem,
         scene=scene,
@@ -117,6 +121,7 @@ def simulate(
         outlook=outlook,
         given=dt,
     )
+    run: Any
     if dt is not None:
         run = fixed_step(problem, dt)
     elif tol is not None:
