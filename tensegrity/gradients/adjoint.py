@@ -7,10 +7,9 @@ from states nearer to each other, computed anew.
 
 from __future__ import annotations
 
-import math
 from contextlib import nullcontext
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -28,7 +27,7 @@ from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.scene import State
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
     from typing import Any
 
     from tensegrity.engine.bonds import Bonds
@@ -84,50 +83,44 @@ class Forward:
         grid: tuple[float, float] | None = None,
     ) -> None:
         self._start, self._method, self._dt, self._steps = state, method, dt, steps
-        self._of, self._grid, self._window = samples, grid, window
+        self._scene = samples.scene
+        self._bind: Any = None if grid is None else partial(OnGrid, samples.layout, grid=grid)
         at = np.arange(window[0], window[1] + 1)
         self.rows = np.empty((len(at), len(samples.places)))
         self.closing = np.where(at > 0, method.kicks[-1] * dt, 0.0)
-        self.states: dict[int, Pair] = {}
-        self._stops = np.unique(np.append(np.arange(0, steps + 1, stride), steps))
-        self._next = window[0]
+        stops = np.unique(np.append(np.arange(0, steps + 1, stride), steps))
+        u, v = np.empty((2, len(stops), *self._scene.shape))
+        self.states = {k: (u[i], v[i]) for i, k in enumerate(stops.tolist())}
+        sampled = Wanted(at, self.rows, places=samples.places, of_u=samples.of_u)
+        self._wanted = sampled, Wanted(stops, u, v, raw=True)
+        self._begun = self._ended = [0, 0]
 
     def run(self, t_end: float) -> Run:
         """Do it."""
         record = Record(every=max(1, -(-self._steps // ROWS)))
-        bind = None if self._grid is None else self._bind
-        problem = Problem(self._of.scene, self._start, t_end, self._method, record, bind=bind)
+        problem = Problem(self._scene, self._start, t_end, self._method, record, bind=self._bind)
         run = march(problem, self._steps, observers=[self]).run()
-        return run if self._grid is None else replace(run, impulse=None)
+        return run if self._bind is None else replace(run, impulse=None)
 
-    def wanted(self, end: int) -> Sequence[Wanted]:
+    def wanted(self, end: int) -> list[Wanted]:
         """Samples of the window and states, as the loop has them; see `runs.observers.Samples`."""
-        first, of = self._window[0], self._of
-        self._stop = max(self._next, min(end, self._window[1]) + 1)
-        rows = self.rows[self._next - first : self._stop - first]
-        at = np.arange(self._next, self._stop)
-        stops = self._stops[len(self.states) : self._stops.searchsorted(end, side="right")]
-        u, v = np.empty((2, len(stops), *of.scene.shape))
-        self._got = Wanted(stops, u, v, raw=True)
-        every = (Wanted(at, rows, places=of.places, of_u=of.of_u), self._got)
-        return [one for one in every if len(one.at)]
+        self._ended = [int(one.at.searchsorted(end, side="right")) for one in self._wanted]
+        parts = zip(self._wanted, map(slice, self._begun, self._ended), strict=True)
+        each = (
+            Wanted(x.at[here], x.u[here], None if x.v is None else x.v[here], *x[3:])
+            for x, here in parts
+        )
+        return [one for one in each if len(one.at)]
 
     def take(self, motion: Any) -> None:
-        """Keep what was got."""
-        self._next = self._stop
-        states = zip(self._got.at.tolist(), self._got.u, self._got.v, strict=True)
-        self.states |= {k: (u, v) for k, u, v in states}
-
-    def _bind(self, u: Array, v: Array, method: Splitting, dt: float) -> OnGrid:
-        assert self._grid is not None
-        return OnGrid(self._of.layout, u, v, method, dt, self._grid)
+        """Count what was got."""
+        self._begun = self._ended
 
     def again(self, k: int, steps: int) -> Pair:
         """u and v of the sites some steps after a state that was kept, by the same loop."""
-        of = dynamics(self._of.scene)
+        of = dynamics(self._scene)
         u, v = of.arrays(State(*self.states[k]))
-        bind = of.bind if self._grid is None else self._bind
-        bind(u, v, self._method, self._dt).advance_open(steps, k > 0)
+        (self._bind or of.bind)(u, v, self._method, self._dt).advance_open(steps, k > 0)
         return u[: of.sites].copy(), v[: of.sites].copy()
 
 
@@ -163,8 +156,10 @@ class Backward:
         objectives: int,
         grid: tuple[float, float] | None = None,
     ) -> None:
-        self.totals, self.reversal, self._exact = Totals(layout, objectives), 0.0, grid is not None
-        self._main = Back(layout, method, dt, self.totals, grid or (0.0, 0.0))
+        self.totals = totals = Totals(layout, objectives)
+        self.reversal, self._exact = 0.0, grid is not None
+        self._main = Back(layout, method, dt, totals, grid or (0.0, 0.0))
+        self._sums = [self._main.ub, self._main.vb, totals.w, totals.p, totals.g]
         self._most = max(1, WORK // (max(1, len(layout.bonds.group)) * method.stages))
         self.u, self.v = (x[:, : layout.sites] for x in (self._main.ub, self._main.vb))
 
@@ -207,32 +202,27 @@ class Backward:
             self._undo(0, stops[0])  # to nothing that is known
 
     def _through(self, stops: list[int]) -> None:
-        """From the state after the last of these steps to that after the first, both known."""
+        """From the state after the last of these steps to that after the first, both known; a part
+        where it strays is gone through again in two."""
         parts = list(pairwise(stops))
         for a, b in parts[:-1]:
             self._states[b] = self._again(a, b - a)
         for a, b in parts[::-1]:
-            self._carry(a, b)
+            before = [x.copy() for x in self._sums]
+            self._undo(a, b)
+            states = zip(self._main.state(), self._states[a], strict=True)
+            off = [float(np.abs(x - y).max()) for x, y in states]
+            is_near = np.max(np.divide(off, [x or 1.0 for x in self.largest])) <= LIMIT
+            if is_near or b - a == 1 or self._exact:
+                self.reversal = max(self.reversal, *off)
+                self._main.set(*self._states[a])
+                continue
+            for array, values in zip(self._sums, before, strict=True):
+                array[:] = values
+            self._main.set(*self._states[b])
+            self._through([a, (a + b) // 2, b])
         for stop in stops[1:-1]:
             del self._states[stop]
-
-    def _carry(self, a: int, b: int) -> None:
-        """The same in one go, or in two where it strays."""
-        before = [x.copy() for x in self._sums()]
-        self._undo(a, b)
-        if self._miss(a) <= LIMIT or b - a == 1 or self._exact:
-            for x, y in zip(self._main.state(), self._states[a], strict=True):
-                self.reversal = max(self.reversal, float(np.abs(x - y).max()))
-            self._main.set(*self._states[a])
-            return
-        for array, values in zip(self._sums(), before, strict=True):
-            array[:] = values
-        self._main.set(*self._states[b])
-        self._through([a, (a + b) // 2, b])
-
-    def _sums(self) -> list[Array]:
-        totals = self.totals
-        return [self._main.ub, self._main.vb, totals.w, totals.p, totals.g]
 
     def _undo(self, a: int, b: int) -> None:
         """The steps from b to a."""
@@ -242,12 +232,6 @@ class Backward:
             b -= many
             if self._bar is not None:
                 self._bar.update(min(many, self._bar.total - self._bar.n))
-
-    def _miss(self, k: int) -> float:
-        """Distance from a state of the run, in its largest displacement and velocity."""
-        off = zip(self._main.state(), self._states[k], self.largest, strict=True)
-        found = max(float(np.abs(x - y).max()) / (scale or 1.0) for x, y, scale in off)
-        return found if math.isfinite(found) else math.inf
 
 
 class Repeated:
@@ -283,8 +267,7 @@ class Repeated:
         self._rows = np.empty((steps, len(places)))
         at = np.arange(1, steps + 1)
         self._samples = Wanted(at, self._rows, places=places, of_u=len(places))
-        self._bind = partial(Backward, Layout(bonds, wanted), method, dt)
-        self._passes: dict[int, Backward] = {}  # by the number of objectives
+        self._backward = cache(partial(Backward, Layout(bonds, wanted), method, dt))
 
     def run(self, bonds: Bonds, u: Any, v: Any) -> Array:
         """Displacements of the places after each step of a run from u and v; (steps, places), until
@@ -302,10 +285,7 @@ class Repeated:
         by_rows : ndarray, (objectives, steps, places)
             By the displacements that `run` gave.
         """
-        count = len(by_rows)
-        if count not in self._passes:
-            self._passes[count] = self._bind(count)
-        found = self._passes[count]
+        found = self._backward(len(by_rows))  # objectives
         found.retune(self._bonds)
         states = {self._steps: (self._u, self._v)}
         found.go(states, Seeds(by_rows, self._places, len(self._places), 1))

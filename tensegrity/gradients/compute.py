@@ -19,7 +19,6 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.engine import methods, native, pieces
-from tensegrity.engine.methods import Splitting
 from tensegrity.engine.reverse import Seeds
 from tensegrity.engine.reverse_layout import Layout
 from tensegrity.engine.reverse_text import depends_on
@@ -34,14 +33,14 @@ from tensegrity.runs.problem import count
 from tensegrity.scenes.dynamics import HasDynamics, dynamics
 from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.scenes.forcing import refuse
-from tensegrity.scenes.scene import Scene, State
+from tensegrity.scenes.scene import State
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
     from typing import Any
 
     from tensegrity.engine.law import Law
-    from tensegrity.engine.methods import Method
+    from tensegrity.scenes.scene import Scene
     from tensegrity.typing import Array
 
 STATES = 8  # kept of a run, evenly spaced
@@ -55,7 +54,7 @@ class _Task:
     objectives: tuple[Objective, ...]
     t_end: float
     dt: float
-    method: Splitting
+    method: methods.Splitting
     wanted: Sequence[str] | None
     exact: bool
     checkpoints: int | None
@@ -67,7 +66,7 @@ def gradient(
     state: State,
     t_end: float,
     dt: float | None = None,
-    method: str | Method = "verlet",
+    method: str | methods.Method = "verlet",
     wanted: Sequence[str] | None = None,
     exact: bool = False,
     checkpoints: int | None = None,
@@ -141,11 +140,11 @@ def gradient(
     return found if many else found[0]
 
 
-def _splitting(method: str | Method) -> Splitting:
+def _splitting(method: str | methods.Method) -> methods.Splitting:
     found: Any = methods.find(method)
-    if type(found) is not Splitting:
+    if type(found) is not methods.Splitting:
         reason = "its stages are none that can be undone one by one"
-        if isinstance(found, (Splitting, methods.Corrected)):
+        if isinstance(found, (methods.Splitting, methods.Corrected)):
             reason = "it has more than kicks and drifts, whose adjoint alone is derived here"
         raise TensegrityError(
             f"method {found.name!r} has no gradient, because {reason}: take verlet or rkn6"
@@ -166,17 +165,14 @@ def _of_lanes(task: _Task, scene: Any, state: Any) -> Any:
 
 
 def _stacked(found: Sequence[Gradient]) -> LaneGradient:
-    arrays: dict[str, Any] = {
-        name: np.stack([getattr(one, name) for one in found], axis=-1)
-        for name in ("value", "u", "v", "mass", "shift")
-    }
-    parameters = {
-        name: np.stack([one.parameters[name] for one in found], axis=-1)
-        for name in found[0].parameters
-    }
+    def lanes_last(each: Sequence[Any]) -> Any:
+        if isinstance(each[0], dict):
+            return fixed({name: lanes_last([x[name] for x in each]) for name in each[0]})
+        return np.stack(each, axis=-1)
+
+    names = ("value", "u", "v", "mass", "parameters", "shift")
     return LaneGradient(
-        **arrays,
-        parameters=fixed(parameters),
+        **{name: lanes_last([getattr(one, name) for one in found]) for name in names},
         run=tuple(one.run for one in found),  # type: ignore[arg-type]
         reversal=max(one.reversal for one in found),
         digits=min(one.digits for one in found),
@@ -236,16 +232,23 @@ def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
         np.add.at(slopes[:, inside], mine, slope)
         values.append(float(value))
         each.append(samples.back(slopes, *sampled))
+    by_rows, p, g, m, w = map(np.array, zip(*each, strict=True))
     back = Backward(layout, task.method, dt, len(windows), grid)
-    by_rows = np.array([by_samples for by_samples, *_ in each])
     cotangents = Seeds(by_rows, samples.places, samples.of_u, first)
     back.go(forward.states, cotangents, forward.again, every)
-    found = []
-    for k, (value, (_, *rest)) in enumerate(zip(values, each, strict=True)):
-        u, v, mass, p, g = _by_all(scene, layout, back, k, *rest)
-        left = digits(value, u, v, back.largest)
-        found.append(Gradient(value, run, u, v, mass, p, g, back.reversal, left, scene, names))
-    return found
+    p[..., layout.order] += back.totals.p
+    g[:, layout.order] += back.totals.g
+    w += back.totals.w[:, : of.sites].reshape(*w.shape, -1).sum(axis=-1)
+    u, v, mass = back.u.copy(), back.v.copy(), m - w * of.inverse_mass**2
+    for array in (u, v, mass):
+        array[:, list(scene.held)] = 0
+    return [
+        Gradient(
+            value, run, fixed(u[k]), fixed(v[k]), fixed(mass[k]), _by_name(layout, p[k]),
+            fixed(g[k]), back.reversal, digits(value, u[k], v[k], back.largest), scene, names,
+        )
+        for k, value in enumerate(values)
+    ]  # fmt: skip
 
 
 def _wanted(
@@ -262,8 +265,7 @@ def _wanted(
     known = of_springs | of_beads
     names = tuple(known) if wanted is None else _checked(wanted, known, laws)
     moved = {*names, *(("stiffness", "preload") if of_beads.keys() & names else ())}
-    given = table.different, parameters.shape[1]
-    slopes = [result.slopes(*given, name) for name in moved & of_springs.keys()]
+    slopes = [result.slopes(table, name) for name in moved & of_springs.keys()]
     depends = np.any(slopes, axis=0) if slopes else np.zeros(parameters.shape, dtype=bool)
     symbols, found = {*names} - of_springs.keys(), []
     for number, one in enumerate(laws):
@@ -307,23 +309,12 @@ def _on_grid(task: _Task, scene: Any, state: Any, dt: float) -> tuple[State, tup
     return State((state.u + a) - a, (state.v + b) - b), (a, b)
 
 
-def _by_all(
-    scene: Any, layout: Layout, back: Backward, k: int, p: Array, g: Array, m: Array, w: Array
-) -> Any:
-    """Derivatives of one objective by u, v, masses, parameters and elongations, read-only; of the
-    last four those that do not pass through states are given."""
-    order, sites = layout.order, layout.sites
-    p[:, order] += back.totals.p[k]
-    g[order] += back.totals.g[k]
-    w += back.totals.w[k, :sites].reshape(sites, -1).sum(axis=1)
-    mass = m - w * layout.bonds.inverse_mass**2
-    u, v = back.u[k].copy(), back.v[k].copy()
-    for array in (u, v, mass):
-        array[list(scene.held)] = 0
+def _by_name(layout: Layout, p: Array) -> Any:
+    """Derivatives by parameters, {name: (bonds,)}, of those by what is wanted of each law."""
     law = layout.bonds.law_of_bond
-    parameters: dict[str, Array] = {}
+    found: dict[str, Array] = {}
     for number, one in enumerate(layout.bonds.laws):
         for row, place in enumerate(layout.wanted[number]):
-            column = parameters.setdefault(str(one.parameters[place]), np.zeros(len(law)))
+            column = found.setdefault(str(one.parameters[place]), np.zeros(len(law)))
             column[law == number] = p[row, law == number]
-    return [fixed(x) for x in (u, v, mass, parameters, g)]
+    return fixed(found)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import permutations
 from typing import TYPE_CHECKING
 
@@ -16,6 +17,7 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+from tensegrity.root import root
 
 if TYPE_CHECKING:
     from typing import Any
@@ -27,6 +29,7 @@ if TYPE_CHECKING:
     Rule = Callable[[Array, Array], tuple[float, ArrayLike]]
 
 STEEPEST = 1000.0  # exponent of a p-norm
+TINY = 1e-30  # step of a derivative through the complex plane
 
 
 @dataclass(frozen=True)
@@ -191,11 +194,8 @@ def arrival(site: int, displacement: float) -> Objective:
         By `gradient`, where the site never passes it.
     """
     level = check.number("displacement", displacement, unit="m")
-
-    def rule(t: Any, y: Any) -> Any:
-        return _arrival(t, y, level, f"site {site}")
-
     trace = Trace("displacement", check.whole("site", site, least=0))
+    rule = partial(_arrival, level=level, who=f"site {site}")
     return Objective((trace,), rule, ALWAYS, "arrival")
 
 
@@ -334,16 +334,18 @@ def _cubic(t: Array, times: Array) -> tuple[Any, Array]:
     dt = (t[-1] - t[0]) / (len(t) - 1) if len(t) > 1 else 1.0
     place = (times - t[0]) / dt
     first = np.clip(np.floor(place).astype(int) - 1, 0, len(t) - count)
-    x = place - first
-    weights = np.ones((len(times), count))
+    return first, _weights(place - first, count)
+
+
+def _weights(x: Any, count: int) -> Array:
+    """Of samples at 0, 1, .., count - 1 in the polynomial through them at x; (.., count)."""
+    weights = np.ones((*np.shape(x), count), dtype=np.result_type(x, float))
     for i, j in permutations(range(count), 2):
-        weights[:, i] *= (x - j) / (i - j)
-    return first, weights
+        weights[..., i] *= (x - j) / (i - j)
+    return weights
 
 
 def _arrival(t: Array, y: Array, level: float, who: str) -> tuple[float, Array]:
-    from scipy.optimize import brentq
-
     above = y[0] - level
     crossed = np.flatnonzero((above[:-1] * above[1:] <= 0) & (above[:-1] != above[1:]))
     if not crossed.size:
@@ -351,19 +353,13 @@ def _arrival(t: Array, y: Array, level: float, who: str) -> tuple[float, Array]:
             f"{who} never passes {level:g} m: it goes from {y[0].min():.6g} m to "
             f"{y[0].max():.6g} m up to {t[-1]:.6g} s"
         )
-    k = int(crossed[0])
-    first = int(np.clip(k - 1, 0, len(t) - min(4, len(t))))
-    samples = above[first : first + min(4, len(t))]
-    dt, nodes = t[1] - t[0], np.arange(len(samples))
-    fit = np.polynomial.Polynomial.fit(nodes, samples, len(nodes) - 1, domain=[0, 1], window=[0, 1])
-    low, high = k - first, k - first + 1
-    x = brentq(fit, low, high, xtol=1e-15, rtol=1e-15) if fit(low) * fit(high) < 0 else (
-        float(low if abs(fit(low)) <= abs(fit(high)) else high)
-    )  # fmt: skip
-    rate = float(fit.deriv()(x))
+    k, count = int(crossed[0]), min(4, len(t))
+    first = min(max(k - 1, 0), len(t) - count)
+    here, dt = slice(first, first + count), t[1] - t[0]
+    x = root(lambda x: float(_weights(x, count) @ above[here]), k - first, k - first + 1)
+    rate = float((_weights(x + 1j * TINY, count) @ above[here]).imag / TINY)
     if rate == 0:
         raise TensegrityError(f"{who} touches {level:g} m at {t[first] + x * dt:.6g} s, no passage")
-    _, weights = _cubic(nodes.astype(float), np.array([x]))
     slope = np.zeros_like(y)
-    slope[0, first : first + len(nodes)] = -dt * weights[0] / rate
+    slope[0, here] = -dt * _weights(x, count) / rate
     return float(t[first] + x * dt), slope

@@ -13,6 +13,8 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.engine.law import Law
+from tensegrity.engine.programs import derived as program_of
+from tensegrity.engine.programs import run
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
 from tensegrity.prisms.closed import polygon, rigid_law
@@ -22,13 +24,15 @@ from tensegrity.springs.polynomial import Polynomial
 from tensegrity.springs.power_law import PowerLaw
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
     from typing import Any
 
     from tensegrity.runs.run import Run
+    from tensegrity.springs.collection import Springs
     from tensegrity.springs.potential import Potential
     from tensegrity.typing import Array
 
+TINY = 1e-30  # step of a derivative through the complex plane
 DIGITS = -np.log10(np.finfo(float).eps)
 PRISM = ("prestrain", "height", "k_cross")
 POWER = ("stiffness", "preload")
@@ -104,10 +108,8 @@ class Gradient:
     def _along(self, name: str) -> Array:
         """By an argument of the springs."""
         table = dynamics(self._scene).springs
-        springs, found = table.different, np.zeros(len(table.group))
         laws, law, _ = table.table
-        most = max(len(one.parameters) for one in laws)
-        each = slopes(springs, most, name)[table.group]
+        found, each = np.zeros(len(table.group)), slopes(table, name)[table.group]
         for number, one in enumerate(laws):
             mine = law[table.group] == number
             for k, symbol in enumerate(one.parameters):
@@ -172,15 +174,15 @@ def _rigid() -> tuple[Law, Law]:
     return rigid_law(), rigid_law(any_sides=True)
 
 
-def slopes(springs: Sequence[Potential], most: int, name: str) -> Array:
-    """Derivatives of the parameters of springs by one of their `names`.
+def slopes(table: Springs, name: str) -> Array:
+    """Derivatives of the parameters of different springs by one of their `names`.
 
     Returns
     -------
-    ndarray, (springs, most)
+    ndarray, (springs, parameters)
         0 for springs that have no such argument.
     """
-    found = np.zeros((len(springs), most))
+    springs, found = table.different, np.zeros(table.table[2].shape)
     alike: dict[Any, list[int]] = {}
     for k, spring in enumerate(springs):
         if name in names(spring):
@@ -223,36 +225,31 @@ def _of_prisms(values: Array, name: str, any_sides: bool) -> Array:
     prestrain = np.sqrt(known[derived.squared_0]) / known[derived.natural] - 1
     shape = (of.sides, of.sine, of.cosine)  # of a triangle numbers
     sides = [known[x] if any_sides else np.full(loaded.shape, float(x)) for x in shape]
-    given = (2 * sides[1] * np.sqrt(known[derived.area]), loaded - known[derived.shift],
-             np.maximum(prestrain, 0), known[derived.stiffness], loaded, preload,
-             *sides)  # fmt: skip
-    found = np.empty(values.shape)
+    arguments = np.maximum(prestrain, 0), loaded - known[derived.shift], known[derived.stiffness]
+    base = 2 * sides[1] * np.sqrt(known[derived.area])
+    given = np.array([*arguments, loaded, base, preload, *sides], dtype=complex)
+    found, steps = np.empty(values.shape), np.eye(len(given))[:, [PRISM.index(name), len(PRISM)]]
     collapsed = known[derived.no_lock] != 0
-    for kind in (False, True):
-        mine = np.flatnonzero(collapsed == kind)
-        if not mine.size:
-            continue
-        slopes = _prism_slopes(kind, name, any_sides)(*(x[mine] for x in given))
-        direct, by_loaded = np.array([[np.broadcast_to(x, mine.shape) for x in row]
-                                      for row in slopes])  # fmt: skip
+    for kind in np.unique(collapsed).tolist():
+        mine = collapsed == kind
+        numbers = given[:, None, mine] + 1j * TINY * steps[..., None]
+        forms = run(program_of(_prism_forms, kind, any_sides), np, numbers)
+        slopes = [np.broadcast_to(x, numbers[0].shape).imag / TINY for x in forms]
+        direct, by_loaded = np.array(slopes).swapaxes(0, 1)
         moved = np.where(preload[mine] > 0, -direct[-1] / by_loaded[-1], float(name == "height"))
         found[mine] = (direct[:-1] + moved * by_loaded[:-1]).T
     return found
 
 
-@once
-def _prism_slopes(collapses: bool, name: str, any_sides: bool) -> Any:
-    """Derivatives by one argument, the others fixed, and by the loaded height: two rows, of all
-    parameters and at last of dU/dh at that height."""
+def _prism_forms(collapses: bool, any_sides: bool) -> tuple[list[Any], tuple[Any, ...]]:
+    """All parameters of a rigid prism's law and at last its load at the loaded height, dU/dh; and
+    the symbols of the arguments `PRISM`, the loaded height, and what else they depend on."""
     import sympy as sp
 
     from derivations import prism
     from derivations import rigid_elastic as derived
     from derivations.rigid_parameters import parameter_expressions
 
-    by = {"prestrain": prism.prestrain, "height": prism.reference_height, "k_cross": prism.k_cross}
-    symbols = (prism.base, prism.reference_height, prism.prestrain, prism.k_cross,
-               derived.loaded_height, derived.preload, *derived.SIDES)  # fmt: skip
     of = polygon(any_sides)
     forms = dict(parameter_expressions(of))
     load = derived.force(of=of).subs({
@@ -264,6 +261,6 @@ def _prism_slopes(collapses: bool, name: str, any_sides: bool) -> Any:
     if collapses:  # as `Prism.potential` has it
         forms |= {derived.lock: derived.loaded_height, derived.far_lock: derived.loaded_height}
         forms |= {derived.no_lock: -derived.locking_height_squared(of)}
-    rows = [[sp.diff(x, y) for x in (*forms.values(), load)]
-            for y in (by[name], derived.loaded_height)]  # fmt: skip
-    return sp.lambdify(symbols, rows, "numpy", cse=True)
+    symbols = (prism.prestrain, prism.reference_height, prism.k_cross, derived.loaded_height,
+               prism.base, derived.preload, *derived.SIDES)  # fmt: skip
+    return [*forms.values(), load], symbols
