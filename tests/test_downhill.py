@@ -137,11 +137,11 @@ def test_every_maximum_has_slopes_of_its_own(rng):
 
 def test_the_top_of_a_parabola_is_its_maximum():
     t = np.arange(9.0)
-    steps, shares = _maxima(5 - (t - 3.3) ** 2)
+    heights, steps, shares = _maxima(5 - (t - 3.3) ** 2)
     assert steps.tolist() == [[2, 3, 4]]
     assert shares.sum() == pytest.approx(1, rel=1e-15)
-    assert (shares * (5 - (steps - 3.3) ** 2)).sum() == pytest.approx(5, rel=1e-15)
-    steps, shares = _maxima(t)  # still rising
+    assert heights == pytest.approx([5], rel=1e-15)
+    _, steps, shares = _maxima(t)  # still rising
     assert (steps.tolist(), shares.tolist()) == ([[6, 7, 8]], [[0, 0, 1]])
 
 

@@ -22,7 +22,7 @@ import numpy as np
 
 from granular.design.objective import EXPONENT, step_count
 from granular.design.spaces import SLACK
-from tensegrity import PowerLaw, TensegrityError
+from tensegrity import PowerLaw, TensegrityError, objective
 from tensegrity.engine.bonds import Bonds
 from tensegrity.engine.methods import METHODS
 from tensegrity.gradients.adjoint import Repeated
@@ -125,44 +125,32 @@ class Pass:
         """Largest force [N]; the p-norm of the force over that of 1 N all the time [N]; and its
         slopes [N/m], (count,)."""
         force = self.force(sizes)
-        top = force.max()
-        powers = (force / top) ** (p - 1)
-        mean = float(np.mean(powers * force / top))
-        value = top * mean ** (1 / p)
-        by_force = value / top * powers / (mean * len(force))
-        steps, weights = _maxima(force)
-        largest = float((weights * force[steps]).sum(axis=1).max())
-        return largest, value, self.slopes(force, by_force[None])[0]
+        t = self._t_end / len(force) * np.arange(1, len(force) + 1)
+        value, by_force = objective.p_norm(objective.load(wall=0), p).rule(t, force[None])
+        scale = self._t_end ** (-1 / p)
+        return _maxima(force)[0].max(), value * scale, self.slopes(force, by_force * scale)[0]
 
     def peaks(self, sizes: Array) -> tuple[Array, Array]:
         """The highest maxima of the force [N], the first the largest; (PEAKS,), 0 where there are
         fewer.  Their slopes [N/m]; (PEAKS, count)."""
         force = self.force(sizes)
-        steps, weights = _maxima(force)
-        values = np.zeros(PEAKS)
-        by_force = np.zeros((PEAKS, len(force)))
-        heights = (weights * force[steps]).sum(axis=1)
+        heights, steps, weights = _maxima(force)
+        values, by_force = np.zeros(PEAKS), np.zeros((PEAKS, len(force)))
         for k, number in enumerate(np.argsort(-heights, kind="stable")[:PEAKS]):
             values[k] = heights[number]
             by_force[k, steps[number]] = weights[number]
         return values, self.slopes(force, by_force)
 
 
-def _maxima(force: Array) -> tuple[Indices, Array]:
-    """Three steps around each maximum, and the weights of their forces in the parabola's top.
-
-    These are also the derivatives of the top: where it is highest, it does not move the height.  A
-    force that still rises at the end has its maximum there.
-    """
+def _maxima(force: Array) -> tuple[Array, Indices, Array]:
+    """Height of each maximum, by a parabola, three steps around it, and the weights of their forces
+    in it.  A force that still rises at the end has its maximum there."""
     top = np.flatnonzero((force[1:-1] > force[:-2]) & (force[1:-1] >= force[2:])) + 1
-    before, at, after = force[top - 1], force[top], force[top + 1]
-    s = (after - before) / (2 * (2 * at - before - after))
-    weights = np.stack([s * (s - 1) / 2, 1 - s**2, s * (s + 1) / 2], axis=1)
-    steps = top[:, None] + np.arange(-1, 2)
+    weights = objective.crest(force, top)
     if force[-1] > force[-2]:
-        steps = np.concatenate([steps, [[len(force) - 3, len(force) - 2, len(force) - 1]]])
-        weights = np.concatenate([weights, [[0.0, 0.0, 1.0]]])
-    return steps, weights
+        top, weights = np.append(top, len(force) - 2), np.append(weights, [[0.0, 0.0, 1.0]], axis=0)
+    steps = top[:, None] + np.arange(-1, 2)
+    return (weights * force[steps]).sum(axis=1), steps, weights
 
 
 class Way(NamedTuple):
