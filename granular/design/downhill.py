@@ -125,7 +125,7 @@ class Pass:
         """Largest force [N]; the p-norm of the force over that of 1 N all the time [N]; and its
         slopes [N/m], (count,)."""
         force = self.force(sizes)
-        t = self._t_end / len(force) * np.arange(1, len(force) + 1)
+        t: Any = self._t_end / len(force) * np.arange(1, len(force) + 1)
         value, by_force = objective.p_norm(objective.load(wall=0), p).rule(t, force[None])
         scale = self._t_end ** (-1 / p)
         return _maxima(force)[0].max(), value * scale, self.slopes(force, by_force * scale)[0]
