@@ -11,6 +11,7 @@ from granular import Bead, Striker, chain, fcc_pack, hertz, hexagonal_pack, mate
 from granular.sensitivity import by_beads
 from tensegrity import Network, Potential, PowerLaw, State, TensegrityError, Wall, gradient
 from tensegrity import objective as o
+from tensegrity.measure.observables import wall_gaps
 from tensegrity.scenes.dynamics import dynamics
 
 R, K = sp.symbols("r k")
@@ -56,7 +57,7 @@ def test_gradients_of_networks_are_those_of_complex_steps(dim, method):
     found = gradient(asked, network, State(u, v), steps * dt, dt, method)
     tension = tension_of(ENERGY, R, K)
     normal = network.walls[0].normal
-    gaps = network.wall_gap(np.zeros((6, dim)))
+    gaps = wall_gaps(network, np.zeros((6, dim)))
     contact = network.springs[-1]
     constant, preload, overlap = contact.values
 

@@ -261,7 +261,7 @@ def _wanted(
     table = dynamics(scene).springs
     laws, law, parameters = table.table
     of_springs = {name: None for spring in table.different for name in result.names(spring)}
-    of_beads = dict.fromkeys(getattr(scene, "bead_arguments", ()))
+    of_beads = dict.fromkeys(dynamics(scene).arguments)
     known = of_springs | of_beads
     names = tuple(known) if wanted is None else _checked(wanted, known, laws)
     moved = {*names, *(("stiffness", "preload") if of_beads.keys() & names else ())}
