@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from granular.beads import Bead, Striker
+from granular.layout import TOUCH
 from granular.materials import Material
 from granular.pack import PER_BEAD, Pack, per_place
-from granular.places import TOUCH
 from tensegrity import TensegrityError, Wall, check
 
 if TYPE_CHECKING:
