@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from granular.beads import Bead
     from granular.contact import Contact, ContactLaw
     from granular.materials import Material
-    from granular.statics import Equilibrium
     from tensegrity.springs.power_law import PowerLaw
     from tensegrity.typing import Array
 
@@ -40,7 +39,6 @@ class Assembly(Crystal, Network):
         Of each wall; walls of one name count together.
     """
 
-    equilibrium: Equilibrium | None
     wall_names: tuple[str, ...]
     _wall_materials: tuple[Material, ...]
     _rest: Array  # displacements [m] in equilibrium under the loads

@@ -20,7 +20,7 @@ from granular.beads import Bead, Striker
 from granular.contact import checked_law, hertz
 from granular.layout import TOUCH, Layout, diamond_layout, y_layout
 from granular.materials import Material, materials
-from granular.statics import rest_of
+from granular.statics import Equilibrium, rest_of
 from tensegrity import State, TensegrityError, Wall, check
 from tensegrity.scenes.clearance import Clearance
 
@@ -63,6 +63,8 @@ class Guide(Assembly):
     equilibrium : Equilibrium or None
         How the beads rest under their loads, the striker apart; None without loads.
     """
+
+    equilibrium: Equilibrium | None
 
     def __init__(
         self,

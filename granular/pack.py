@@ -21,7 +21,7 @@ from granular.contact import hertz
 from granular.crystal import site_name
 from granular.layout import TOUCH
 from granular.materials import Material
-from granular.statics import rest_of
+from granular.statics import Equilibrium, rest_of
 from tensegrity import State, TensegrityError, Wall, check
 
 if TYPE_CHECKING:
@@ -71,6 +71,8 @@ class Pack(Assembly):
     equilibrium : Equilibrium or None
         How the beads rest under their loads, the striker apart; None without loads.
     """
+
+    equilibrium: Equilibrium | None
 
     def __init__(
         self,

@@ -66,7 +66,8 @@ def rest_of(scene: Assembly, **unstruck: Any) -> Equilibrium | None:
         return None
     if scene.striker is None:
         return settle(scene)
-    return type(scene)(**scene._made_of | unstruck).equilibrium
+    made: Any = type(scene)(**scene._made_of | unstruck)
+    return made.equilibrium
 
 
 def settle(scene: Assembly) -> Equilibrium:

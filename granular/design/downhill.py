@@ -26,6 +26,7 @@ from tensegrity import PowerLaw, TensegrityError, objective
 from tensegrity.engine.bonds import Bonds
 from tensegrity.engine.methods import METHODS
 from tensegrity.gradients.adjoint import Repeated
+from tensegrity.root import crest
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -146,7 +147,7 @@ def _maxima(force: Array) -> tuple[Array, Indices, Array]:
     """Height of each maximum, by a parabola, three steps around it, and the weights of their forces
     in it.  A force that still rises at the end has its maximum there."""
     top = np.flatnonzero((force[1:-1] > force[:-2]) & (force[1:-1] >= force[2:])) + 1
-    weights = objective.crest(force, top)
+    weights = crest(force, top)
     if force[-1] > force[-2]:
         top, weights = np.append(top, len(force) - 2), np.append(weights, [[0.0, 0.0, 1.0]], axis=0)
     steps = top[:, None] + np.arange(-1, 2)

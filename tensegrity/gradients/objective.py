@@ -17,7 +17,7 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
-from tensegrity.root import root
+from tensegrity.root import crest, root
 
 if TYPE_CHECKING:
     from typing import Any
@@ -286,27 +286,6 @@ def _window(over: Any) -> tuple[float, float]:
     if not first < last:
         raise TensegrityError(f"over ({first:g}, {last:g}) s must be an interval")
     return first, last
-
-
-def crest(y: Array, at: Any) -> Array:
-    """Weights of samples `at` - 1, `at` and `at` + 1 in the vertex of the parabola through them.
-
-    These are also the derivatives of the vertex by the samples: where it is highest, it does not
-    move the height.
-
-    Parameters
-    ----------
-    y : ndarray, (n,)
-        Samples, equally far from each other.
-    at : ndarray of int, any shape
-
-    Returns
-    -------
-    ndarray, (*shape of at, 3)
-    """
-    before, here, after = (y[at + k] for k in (-1, 0, 1))
-    s = (after - before) / (2 * (2 * here - before - after))
-    return np.stack([s * (s - 1) / 2, 1 - s**2, s * (s + 1) / 2], axis=-1)
 
 
 def _peak(t: Array, y: Array) -> tuple[float, Array]:
