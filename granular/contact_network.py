@@ -30,9 +30,9 @@ def contacts_of(scene: Any) -> ChainContacts | AssemblyContacts:
 
 
 def wall_sites(scene: Crystal, name: str) -> list[int]:
-    """Sites on which the forces on the walls of a name depend: all where contacts come and go.
+    """Sites on which the forces on the walls of a name depend: what `granular.wall_force` wants.
 
-    `granular.observables.wall_force` wants them recorded.
+    All where contacts come and go.
     """
     check.kind("scene", scene, Crystal)
     return contacts_of(scene).of_wall(name)
@@ -47,7 +47,7 @@ def wall_forces(scene: Crystal, u: ArrayLike, name: str) -> Array:
     u : array_like, (..., sites[, dim])
         [m]
     name : str
-        As for `granular.observables.wall_force`.
+        As for `granular.wall_force`.
 
     Returns
     -------

@@ -12,9 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from granular.contact_network import contacts_of
-from granular.contact_network import wall_forces as wall_forces
-from granular.contact_network import wall_sites as wall_sites
+from granular.contact_network import contacts_of, wall_forces, wall_sites
 from granular.crystal import beads_by_site, crystal_of, rows, whole
 from tensegrity import TensegrityError, check
 from tensegrity.measure.observables import passage
@@ -80,7 +78,7 @@ def wall_force(run: Run, name: str, each: bool = False) -> Array:
     ----------
     run : Run
         Of a chain, a guide or a pack, with all beads recorded that can touch the wall: those of
-        `wall_sites(scene, name)`.
+        `granular.contact_network.wall_sites(scene, name)`.
     name : str
         Such as "floor"; "start" and "end" of a chain.  Walls of one name count together.
     each : bool, optional

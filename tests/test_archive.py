@@ -139,7 +139,7 @@ def test_two_scenes_that_differ_have_different_fingerprints(name):
 
 
 def test_a_run_with_polynomials_and_rows_in_a_file_comes_back(tmp_path, monkeypatch):
-    monkeypatch.setattr("tensegrity.runs.fitted.WORTH", -np.inf)
+    monkeypatch.setattr("tensegrity.runs.tolerance.WORTH", -np.inf)
     scene, state = elastic()
     run = simulate(scene, state, 3.0, tol=1e-6, record=Record(path=tmp_path / "rows.npy"))
     assert run.force.startswith("polynomial")

@@ -11,7 +11,6 @@ from scipy.interpolate import BarycentricInterpolator
 from figures import _scenes
 from tensegrity import Chain, Ensemble, Record, TensegrityError, simulate
 from tensegrity.measure.budget import beyond
-from tensegrity.runs.tuning import simulate_tuned
 
 ALL = Record(every=1)
 
@@ -90,8 +89,9 @@ def test_bad_input_says_what_and_why():
     with pytest.raises(TensegrityError, match="the last site is fixed"):
         beyond(run, 3)
     spring = chain.springs[0]
-    tuned = simulate_tuned(chain, smooth_blow(chain), 2.0, lambda t: spring, dt=0.1, record=ALL)
-    with pytest.raises(TensegrityError, match="run is TunedRun, not a Run"):
+    changing = Chain(spring, 12, tune=lambda t: spring)
+    tuned = simulate(changing, smooth_blow(chain), 2.0, dt=0.1, record=ALL)
+    with pytest.raises(TensegrityError, match="the springs change in time"):
         beyond(tuned, 3)
     lanes = Ensemble(chain, 2)
     with pytest.raises(TensegrityError, match="is Ensemble, not a Chain"):

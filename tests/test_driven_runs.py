@@ -157,7 +157,7 @@ def test_a_disk_that_is_full_leaves_the_rows_before(tmp_path, monkeypatch):
         left[0] -= 1
         return shown(self, count)
 
-    from tensegrity.runs.rows import FileRows
+    from tensegrity.runs.recorder import FileRows
 
     shown = FileRows._show
     monkeypatch.setattr(FileRows, "_show", full)

@@ -21,8 +21,8 @@ from tensegrity import (
     simulate,
 )
 from tensegrity.engine.methods import METHODS
-from tensegrity.runs.judge import SLOWER, Judge, order_left
 from tensegrity.runs.problem import Problem
+from tensegrity.runs.step import SLOWER, ErrorEstimator, order_left
 from tensegrity.scenes.dynamics import dynamics
 
 EXPLICIT = [name for name, method in METHODS.items() if method.explicit]
@@ -450,7 +450,7 @@ def test_how_much_an_error_estimate_trusts_the_order():
     """Half of it before it was seen, nearly all of it then, and no more than was seen."""
     chain = prism_chain()
     problem = Problem(chain, smooth_blow(chain), 1.0, METHODS["rkn6"], Record())
-    one = Judge(problem, np.array([[-0.01, 0.01]]), 1e-6)
+    one = ErrorEstimator(problem, np.array([[-0.01, 0.01]]), 1e-6)
     order = 6 - SLOWER
     assert one.estimate([(1 / 2, 1e-6)]) == pytest.approx(1e-6 / (2 ** (order / 2) - 1))
 

@@ -20,7 +20,7 @@ from tensegrity import (
     simulate,
 )
 from tensegrity.errors import LockingError, StabilityError
-from tensegrity.runs import trial
+from tensegrity.runs import tolerance
 from tensegrity.scenes.clearance import Clearance
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.scene import State
@@ -188,9 +188,9 @@ def test_a_run_between_tells_what_far_coarser_ones_cannot(monkeypatch):
     prism = Prism(1.0, 0.7, 0.01, 1.0).potential()
     chain, steps = Chain(prism, 60), []
     energy = 0.9 * float(prism.energy(prism.domain[0]))
-    refined = trial.refined
+    refined = tolerance.refined
     monkeypatch.setattr(
-        trial, "refined", lambda p, n, *rest: steps.append(n) or refined(p, n, *rest)
+        tolerance, "refined", lambda p, n, *rest: steps.append(n) or refined(p, n, *rest)
     )
     run = simulate(chain, chain.at_rest({30: np.sqrt(2 * energy)}), 40.0, tol=1e-9)
     assert any(later < sooner for sooner, later in pairwise(steps))

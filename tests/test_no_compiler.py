@@ -108,12 +108,12 @@ def refused(folder):
         simulate,
         sweep,
     )
-    from tensegrity.runs.tuning import simulate_tuned
 
     prism, steel = Prism(1.0, 0.7, 0.1, 1.0), materials["steel"]
     chain = Chain(prism.potential(), 6)
     start, kept = chain.at_rest({0: 0.01}), Record(path=folder / "new.npy", checkpoint=0.0)
     driven = Chain(prism.potential(), 6, drive={0: Drive(force=0.01)})
+    tuned = Chain(prism.potential(), 6, tune=lambda t: prism.potential())
     bead = Bead(5e-3, steel)
     blow = {"striker": Striker(bead, 0.5), "wall": steel, "t_end": 1e-3}
     sizes, file = Sizes(4, (4e-3, 6e-3), 0.02, steel), folder / "new.json"
@@ -122,7 +122,7 @@ def refused(folder):
         "driven": lambda: simulate(driven, driven.at_rest(), 1.0, dt=0.1, record=kept),
         "resume": lambda: resume(folder / "old.npy"),
         "gradient": lambda: gradient(objective.displacement(2), chain, start, 1.0, 0.1),
-        "tuned": lambda: simulate_tuned(chain, start, 1.0, lambda t: prism.potential(), dt=0.1),
+        "tuned": lambda: simulate(tuned, start, 1.0, dt=0.1),
         "sweep": lambda: sweep(lambda t: simulate(chain, start, t), [1, 2], None, file),
         "threads": lambda: sweep(lambda t: simulate(chain, start, t), [1, 2], pool, file),
         "search": lambda: search(sizes, **blow, method="cma", checkpoint=file),

@@ -246,7 +246,7 @@ def test_a_stop_and_a_disk_that_is_full_leave_the_last_row_as_the_end(tmp_path, 
             raise OSError(28, "No space left on device")
         return write(*given)
 
-    monkeypatch.setattr("tensegrity.runs.rows.os.pwrite", full)
+    monkeypatch.setattr("tensegrity.runs.recorder.os.pwrite", full)
     record = Record(every=2, path=tmp_path / "rows.npy")
     with pytest.raises(RecordError) as caught:
         simulate(scene, state, 4.0, record=record, observe=Seen(3.0), **HOW)

@@ -330,9 +330,9 @@ def test_every_method_keeps_its_order_in_a_network(method):
 
 
 def test_a_tolerance_takes_fitted_forces_in_a_network_too(monkeypatch):
-    from tensegrity.runs import fitted
+    from tensegrity.runs import tolerance
 
-    monkeypatch.setattr(fitted, "WORTH", -1.0)
+    monkeypatch.setattr(tolerance, "WORTH", -1.0)
     network = braced(3)
     state = pushed(network, 0.02)
     run = simulate(network, state, 3.0, tol=1e-6)

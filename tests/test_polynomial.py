@@ -30,7 +30,7 @@ from tensegrity import (
 )
 from tensegrity.engine.kernel import bind
 from tensegrity.engine.methods import METHODS
-from tensegrity.runs import fitted, tolerance
+from tensegrity.runs import tolerance
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.springs import polynomial
 
@@ -271,7 +271,7 @@ def reference(scene, t_end):
 @pytest.mark.parametrize("scene", ["rigid", "elastic"])
 def test_a_tolerance_is_kept_with_polynomials(monkeypatch, scene, tol):
     """Against the exact law in extended precision."""
-    monkeypatch.setattr(fitted, "WORTH", -math.inf)
+    monkeypatch.setattr(tolerance, "WORTH", -math.inf)
     chain, state, u, v = reference(scene, 40.0)
     run = simulate(chain, state, 40.0, tol=tol)
     assert "polynomial of degree" in run.force
@@ -282,7 +282,7 @@ def test_a_tolerance_is_kept_with_polynomials(monkeypatch, scene, tol):
 
 
 def test_fits_get_better_with_the_tolerance(monkeypatch):
-    monkeypatch.setattr(fitted, "WORTH", -math.inf)
+    monkeypatch.setattr(tolerance, "WORTH", -math.inf)
     chain, state = soft_blow()
     degrees = []
     for tol in (1e-3, 1e-6, 1e-9):
@@ -292,11 +292,11 @@ def test_fits_get_better_with_the_tolerance(monkeypatch):
 
 
 def test_a_fit_whose_error_shows_in_the_motion_is_refined(monkeypatch):
-    monkeypatch.setattr(fitted, "WORTH", -math.inf)
+    monkeypatch.setattr(tolerance, "WORTH", -math.inf)
     chain = prism_chain()
     state = smooth_blow(chain)
     exact = simulate(chain, state, 20.0, method="rkn6", dt=0.02)
-    monkeypatch.setattr(fitted, "FIRST_ERROR", 1e5)
+    monkeypatch.setattr(tolerance, "FIRST_ERROR", 1e5)
     run = simulate(chain, state, 20.0, tol=1e-8)
     assert int(run.force.split()[3]) > Polynomial(chain.springs[0], *run.met[0], 1e-3).degree
     assert error_of(run, exact.final.u, exact.final.v) < 1e-8
@@ -304,7 +304,7 @@ def test_a_fit_whose_error_shows_in_the_motion_is_refined(monkeypatch):
 
 def test_contacts_that_open_stay_exact(monkeypatch):
     """No polynomial comes near a stiffness that has a kink."""
-    monkeypatch.setattr(fitted, "WORTH", -math.inf)
+    monkeypatch.setattr(tolerance, "WORTH", -math.inf)
     chain = Chain(PowerLaw(1.0, 1.5), 20)
     assert simulate(chain, chain.at_rest({0: 1.0}), 10.0, tol=1e-5).force == "exact"
 
@@ -322,7 +322,7 @@ def test_a_long_run_of_elastic_prisms_takes_polynomials_by_itself():
 
 
 def test_a_range_left_is_widened(monkeypatch):
-    monkeypatch.setattr(fitted, "WORTH", -math.inf)
+    monkeypatch.setattr(tolerance, "WORTH", -math.inf)
     monkeypatch.setattr(tolerance, "MARGINS", (-0.2, 0.5))
     chain, state = soft_blow()
     run = simulate(chain, state, 20.0, tol=1e-6)
@@ -335,7 +335,7 @@ def test_a_range_left_is_widened(monkeypatch):
 
 @pytest.mark.parametrize("at", [1, 10, 25, 40])
 def test_interrupt_while_polynomials_are_tried(monkeypatch, at):
-    monkeypatch.setattr(fitted, "WORTH", -math.inf)
+    monkeypatch.setattr(tolerance, "WORTH", -math.inf)
     chain, state = soft_blow()
     calls = interrupted(monkeypatch, at)
     run = simulate(chain, state, 10.0, tol=1e-9, record=Record(every=5))
@@ -348,7 +348,7 @@ def test_polynomial_and_exact_waves_agree_within_the_tolerance(monkeypatch):
     chain, state = soft_blow(120)
     runs = []
     for worth in (-math.inf, math.inf):
-        monkeypatch.setattr(fitted, "WORTH", worth)
+        monkeypatch.setattr(tolerance, "WORTH", worth)
         runs.append(simulate(chain, state, 90.0, tol=1e-8))
     polynomial, exact = runs
     assert polynomial.force != exact.force == "exact"

@@ -9,7 +9,7 @@ import pytest
 from scenes import prism_chain, short_attempts, smooth_blow
 
 from tensegrity import Record, TensegrityError, resume, simulate
-from tensegrity.runs import rows
+from tensegrity.runs import recorder
 
 HERE = os.path.dirname(__file__)
 ROW = 8 * (2 + 2 * 20)  # bytes of a row of 20 sites
@@ -68,7 +68,7 @@ def test_any_write_may_fail_or_end_short(tmp_path, monkeypatch, part, lasting):
             return write(file, data, place)
 
         path, error = tmp_path / f"{bad}.npy", None
-        monkeypatch.setattr(rows.os, "pwrite", failing)
+        monkeypatch.setattr(recorder.os, "pwrite", failing)
         try:
             run(path)
         except TensegrityError as found:
@@ -161,18 +161,18 @@ def test_an_interrupt_anywhere_loses_nothing(tmp_path, monkeypatch, options, lin
 
 def test_a_file_is_there_once_its_header_is(tmp_path, monkeypatch):
     """Nobody who looks, or is killed before, finds an empty one."""
-    path, looks, write = tmp_path / "run.npy", [], rows._write
+    path, looks, write = tmp_path / "run.npy", [], recorder._write
 
     def full(file, data, place):
         looks.append(path.exists())
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(rows, "_write", full)
+    monkeypatch.setattr(recorder, "_write", full)
     with pytest.raises(TensegrityError, match="No space left on device after 0 rows"):
         run(path)
     assert looks == [False]
     assert not any(tmp_path.iterdir())
-    monkeypatch.setattr(rows, "_write", write)
+    monkeypatch.setattr(recorder, "_write", write)
     assert run(path).u.tobytes() == run().u.tobytes()
 
 

@@ -29,7 +29,7 @@ from tensegrity import (
     resume,
     simulate,
 )
-from tensegrity.runs import rows, step
+from tensegrity.runs import recorder, step
 from tensegrity.runs.record import beside
 
 STEEL = Bead(4.76e-3, materials["steel"])
@@ -114,7 +114,7 @@ def test_an_interrupted_run_goes_on_to_the_same_bits(tmp_path, monkeypatch, name
     scene, state = make()
     record = {"every": 1} if kind == "every" else {"interval": t_end / 21.3}
     if name == "tolerance":
-        monkeypatch.setattr("tensegrity.runs.fitted.WORTH", np.inf)
+        monkeypatch.setattr("tensegrity.runs.tolerance.WORTH", np.inf)
     whole = simulate(scene, state, t_end, **options, record=Record(sites=[1, 0], **record))
     path = tmp_path / "run.npy"
     interrupt(monkeypatch, at)
@@ -145,7 +145,7 @@ def test_a_full_disk_loses_the_row_and_not_the_run(tmp_path, monkeypatch):
             raise OSError(28, "No space left on device")
         return write(file, data, place)
 
-    monkeypatch.setattr("tensegrity.runs.rows.os.pwrite", full)
+    monkeypatch.setattr("tensegrity.runs.recorder.os.pwrite", full)
     record = Record(every=2, path=path, checkpoint=0.0)
     with pytest.raises(RecordError, match="No space left") as caught:
         simulate(scene, state, 8.0, dt=0.1, record=record)
@@ -178,7 +178,7 @@ def test_a_state_that_cannot_be_written_leaves_the_one_before(tmp_path, monkeypa
 
 def test_no_state_of_a_trial_stands_beside_the_rows_of_the_next(tmp_path, monkeypatch):
     scene, state = guide()
-    path, begin, calls = tmp_path / "run.npy", rows.FileRows.__init__, []
+    path, begin, calls = tmp_path / "run.npy", recorder.FileRows.__init__, []
     expected = step.expected_steps  # too few: the run is begun anew with more
     monkeypatch.setattr(step, "expected_steps", lambda *given: expected(*given) // 16)
 
@@ -188,7 +188,7 @@ def test_no_state_of_a_trial_stands_beside_the_rows_of_the_next(tmp_path, monkey
         if len(calls) == 2:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(rows.FileRows, "__init__", killed)
+    monkeypatch.setattr(recorder.FileRows, "__init__", killed)
     with pytest.raises(KeyboardInterrupt):
         simulate(scene, state, 5e-5, record=Record(path=path, checkpoint=1e9))
     assert calls == [False, False]
@@ -363,7 +363,7 @@ def test_a_second_run_of_a_path_is_refused_before_it_writes(tmp_path, monkeypatc
 
 def test_of_two_runs_that_begin_a_path_at_once_one_is_refused(tmp_path, monkeypatch):
     """The other begins between the look for the file and its own."""
-    (scene, state), path, write, inner = blow(), tmp_path / "run.npy", rows._write, []
+    (scene, state), path, write, inner = blow(), tmp_path / "run.npy", recorder._write, []
 
     def later(file, data, place):
         if not inner:
@@ -372,7 +372,7 @@ def test_of_two_runs_that_begin_a_path_at_once_one_is_refused(tmp_path, monkeypa
                 simulate(scene, state, 1.0, dt=0.1, record=Record(path=path))
         write(file, data, place)
 
-    monkeypatch.setattr(rows, "_write", later)
+    monkeypatch.setattr(recorder, "_write", later)
     run = simulate(scene, state, 1.0, dt=0.1, record=Record(path=path))
     assert inner
     assert np.array_equal(np.load(path)["u"], run.u)

@@ -22,7 +22,7 @@ from tensegrity import (
     simulate,
 )
 from tensegrity.engine.compiled import single
-from tensegrity.runs.guard import Guard
+from tensegrity.runs.problem import Guard
 from tensegrity.springs import collection
 from tensegrity.springs.collection import ORDERS, Springs
 

@@ -29,6 +29,7 @@ import numpy as np
 
 from granular import observables
 from granular.beads import Bead, Striker, beads_of
+from granular.contact_network import wall_sites
 from granular.design.spaces import Designs, Space
 from granular.materials import Material
 from tensegrity import PowerLaw, Record, TensegrityError, check, simulate
@@ -333,7 +334,7 @@ def wall_peak(build: Build, beads: Sequence[Bead], t_end: float, dt: float) -> t
         scene, name = build(beads)
     except (TypeError, ValueError) as error:
         raise TensegrityError(f"build {check.shown(build)} gives no scene: {error}") from error
-    kept = Record(every=EVERY, sites=observables.wall_sites(scene, name))
+    kept = Record(every=EVERY, sites=wall_sites(scene, name))
     run = simulate(scene, scene.start(), t_end, method=METHOD, dt=dt, record=kept)
     time, force = observables.largest(run.t, observables.wall_force(run, name))
     return (force, time) if force > 0 and time < run.t[-1] else (math.inf, t_end)

@@ -103,7 +103,7 @@ class Forward:
         return run if self._bind is None else replace(run, impulse=None)
 
     def wanted(self, end: int) -> list[Wanted]:
-        """Samples of the window and states, as the loop has them; see `runs.observers.Samples`."""
+        """Samples of the window and states, as the loop has them; see `runs.record.Samples`."""
         self._ended = [int(one.at.searchsorted(end, side="right")) for one in self._wanted]
         parts = zip(self._wanted, map(slice, self._begun, self._ended), strict=True)
         each = (
