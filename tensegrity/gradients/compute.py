@@ -36,10 +36,8 @@ from tensegrity.scenes.forcing import refuse
 from tensegrity.scenes.scene import State
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
     from typing import Any
 
-    from tensegrity.engine.law import Law
     from tensegrity.scenes.scene import Scene
     from tensegrity.typing import Array
 
@@ -275,7 +273,7 @@ def _wanted(
     return names, tuple(found)
 
 
-def _checked(wanted: Any, known: Iterable[str], laws: Iterable[Law]) -> tuple[str, ...]:
+def _checked(wanted: Any, known: Any, laws: Any) -> tuple[str, ...]:
     """Names that are wanted, if there are such."""
     if isinstance(wanted, str) or not isinstance(wanted, (Sequence, set, frozenset)):
         raise TensegrityError(f"wanted {check.shown(wanted)} must be a sequence of names")

@@ -163,9 +163,8 @@ def p_norm(trace: Trace, p: float = 32, over: tuple[float, float] | None = None)
         value = largest * mean ** (1 / p)
         return value, (dt * (ratio ** (p - 1)) * mean ** (1 / p - 1))[None]
 
-    window = _window(over)
-    latest = window[1] if over is not None else 0.0
-    return Objective((_trace(trace),), rule, window, f"{p:g}-norm", latest)
+    latest = 0.0 if over is None else _window(over)[1]
+    return Objective((_trace(trace),), rule, _window(over), f"{p:g}-norm", latest)
 
 
 def impulse(bond: int | None = None, wall: int | None = None) -> Objective:

@@ -16,7 +16,6 @@ from tensegrity.engine.law import Law
 from tensegrity.engine.programs import derived as program_of
 from tensegrity.engine.programs import run
 from tensegrity.errors import TensegrityError
-from tensegrity.once import once
 from tensegrity.prisms.closed import polygon, rigid_law
 from tensegrity.prisms.condensed import ElasticPotential
 from tensegrity.scenes.dynamics import dynamics
@@ -36,6 +35,7 @@ TINY = 1e-30  # step of a derivative through the complex plane
 DIGITS = -np.log10(np.finfo(float).eps)
 PRISM = ("prestrain", "height", "k_cross")
 POWER = ("stiffness", "preload")
+RIGID = rigid_law(), rigid_law(any_sides=True)  # of triangular prisms, and of any number of sides
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,18 +160,12 @@ def refuse(spring: Potential) -> None:
 
 def names(spring: Potential) -> tuple[str, ...]:
     """What a gradient can be asked for, by the arguments of this spring."""
-    if spring.law in _rigid():
+    if spring.law in RIGID:
         return PRISM
     if isinstance(spring, PowerLaw):
         preload = spring.values[1]
         return POWER if preload > 0 or spring.exponent == 1 else POWER[:1]
     return tuple(spring.parameters)
-
-
-@once
-def _rigid() -> tuple[Law, Law]:
-    """Of triangular prisms, and of those with any number of sides."""
-    return rigid_law(), rigid_law(any_sides=True)
 
 
 def slopes(table: Springs, name: str) -> Array:
@@ -190,8 +184,8 @@ def slopes(table: Springs, name: str) -> Array:
     for (law, _), mine in alike.items():
         one: Any = springs[mine[0]]
         values = np.array([springs[k].values for k in mine])
-        if law in _rigid():
-            rows = _of_prisms(values, name, law == _rigid()[1])
+        if law in RIGID:
+            rows = _of_prisms(values, name, law == RIGID[1])
         elif isinstance(one, PowerLaw):
             rows = _of_power_laws(values, name, one.exponent)
         else:
