@@ -72,6 +72,7 @@ class Guide(Assembly):
         beads: Mapping[str, Bead],
         wall: Material,
         striker: Striker | None = None,
+        *,
         end: Material | None = None,
         law: ContactLaw = hertz,
         gravity: float = 0.0,
@@ -294,7 +295,8 @@ def y_guide(
     """
     beads = _filling(bead, branches)
     layout = y_layout(stem, branch, half_angle, bead.diameter, gap, through)
-    return Guide(layout, beads, wall, striker, end, law, gravity, preload, drive, damping)
+    forces: Any = {"gravity": gravity, "preload": preload, "drive": drive, "damping": damping}
+    return Guide(layout, beads, wall, striker, end=end, law=law, **forces)
 
 
 def diamond_guide(
@@ -323,7 +325,8 @@ def diamond_guide(
     """
     beads = {**_filling(bead, branches), "stem 2": bead}
     layout = diamond_layout(stem, branch, half_angle, bead.diameter, gap, through)
-    return Guide(layout, beads, wall, striker, end, law, gravity, preload, drive, damping)
+    forces: Any = {"gravity": gravity, "preload": preload, "drive": drive, "damping": damping}
+    return Guide(layout, beads, wall, striker, end=end, law=law, **forces)
 
 
 def _filling(bead: Bead, branches: tuple[Bead, Bead] | None) -> dict[str, Bead]:

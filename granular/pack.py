@@ -80,6 +80,7 @@ class Pack(Assembly):
         beads: Bead | Sequence[Bead],
         walls: Walls | None = None,
         contacts: str = "fixed",
+        *,
         parts: Mapping[str, tuple[int, ...]] | None = None,
         striker: Striker | None = None,
         approach: tuple[ArrayLike, ArrayLike] | None = None,
