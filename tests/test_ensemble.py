@@ -20,7 +20,7 @@ from tensegrity import (
     simulate,
 )
 from tensegrity.measure.observables import arrival
-from tensegrity.scenes import batch as lanes_room
+from tensegrity.scenes import ensemble as lanes_room
 
 SPEEDS = np.linspace(-0.01, 0.03, 13)  # 8 lanes together and 5 beside copies
 
