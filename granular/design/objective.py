@@ -41,7 +41,7 @@ from tensegrity.engine.methods import METHODS
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from tensegrity.typing import Array, Indices
+    from tensegrity.typing import Array
 
 METHOD: Any = METHODS["rkn6"]
 EXPONENT = 1.5  # of Hertz's law; `granular.contact` derives it
@@ -64,14 +64,11 @@ class Peaks(NamedTuple):
     ----------
     force : ndarray, (designs,)
         Largest [N].
-    time : ndarray, (designs,)
-        When [s].
     first : ndarray, (designs,)
         When the first pulse had its maximum [s]; inf where it had none yet.
     """
 
     force: Array
-    time: Array
     first: Array
 
 
@@ -211,29 +208,16 @@ def largest(designs: Designs, striker: Striker, wall: Material, t_end: float, st
 
 def _peaks(moving: _Moving, wall_contact: Array, steps: int) -> Peaks:
     """The same for as many as run in one loop, from their start."""
-    dt, count = moving.dt, wall_contact.size
-    overlap, time, first = np.zeros((3, count))
-    first[:] = math.inf
-
-    def keep(values: Array, lanes: Indices, times: Array) -> None:
-        order = np.argsort(values, kind="stable")  # of what a lane is given the last one stays
-        best, when = np.zeros((2, count))
-        best[lanes[order]], when[lanes[order]] = values[order], times[order]
-        higher = best > overlap
-        overlap[higher], time[higher] = best[higher], when[higher]
-
+    dt, overlap = moving.dt, np.zeros(wall_contact.size)
+    first = np.full(overlap.shape, math.inf)
     for done in range(0, steps, KEPT):
         u, v = moving.follow(min(KEPT, steps - done))
         step, lane = np.nonzero((v[:-1] > 0) & (v[1:] <= 0))
         ends = u[step, lane], u[step + 1, lane], dt * v[step, lane], dt * v[step + 1, lane]
         share, top = _top(*ends)
-        times = (done + step + share) * dt
-        keep(top, lane, times)
-        early = np.full(count, math.inf)
-        early[lane[::-1]] = times[::-1]
-        first = np.minimum(first, early)
-    keep(u[-1], np.arange(count), np.full(count, dt * steps))
-    return Peaks(wall_contact * overlap**EXPONENT, time, first)
+        np.maximum.at(overlap, lane, top)
+        np.minimum.at(first, lane, (done + step + share) * dt)
+    return Peaks(wall_contact * np.maximum(overlap, u[-1]) ** EXPONENT, first)
 
 
 class _Moving:
