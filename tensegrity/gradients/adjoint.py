@@ -17,13 +17,10 @@ import numpy as np
 
 from tensegrity.engine import kernel
 from tensegrity.engine.march import Wanted
-from tensegrity.engine.reverse import Back, OnGrid, Seeds, Totals
+from tensegrity.engine.reverse import Back, Seeds, Totals
 from tensegrity.engine.reverse_layout import Layout
 from tensegrity.progress import progress
 from tensegrity.runs.march import march
-from tensegrity.runs.problem import Problem
-from tensegrity.runs.record import Record
-from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.scene import State
 
 if TYPE_CHECKING:
@@ -33,12 +30,12 @@ if TYPE_CHECKING:
     from tensegrity.engine.bonds import Bonds
     from tensegrity.engine.methods import Splitting
     from tensegrity.gradients.samples import Samples
+    from tensegrity.runs.problem import Problem
     from tensegrity.runs.run import Run
     from tensegrity.typing import Array, Indices
 
     Pair = tuple[Array, Array]
 
-ROWS = 4  # of the run that is given back, after the first: each is a stop that costs
 LIMIT = 1e-9  # of the largest |u| and |v|: how far off a state may be that is returned to
 WORK = 4_000_000  # bonds x stages x steps in one call: some 20 ms
 
@@ -48,19 +45,15 @@ class Forward:
 
     Parameters
     ----------
-    state : State
-    method : Splitting
-    dt : float
-        The step [s], exactly.
+    problem : Problem
+        If it binds a loop of its own, then one whose moves are rounded to a grid.
     steps : int
     samples : Samples
-        What is sampled, and of which scene.
+        What is sampled.
     window : (int, int)
         After which steps, from and to.
     stride : int
         Steps between two states that are kept, beside the first and the last.
-    grid : (float, float), optional
-        What rounds moves of u and v; with it the loop of the layout runs.
 
     Attributes
     ----------
@@ -72,35 +65,24 @@ class Forward:
     """
 
     def __init__(
-        self,
-        state: State,
-        method: Splitting,
-        dt: float,
-        steps: int,
-        samples: Samples,
-        window: tuple[int, int],
-        stride: int,
-        grid: tuple[float, float] | None = None,
+        self, problem: Problem, steps: int, samples: Samples, window: tuple[int, int], stride: int
     ) -> None:
-        self._start, self._method, self._dt, self._steps = state, method, dt, steps
-        self._scene = samples.scene
-        self._bind: Any = None if grid is None else partial(OnGrid, samples.layout, grid=grid)
+        method: Any = problem.method
+        self._problem, self._steps, self._dt = problem, steps, problem.t_end / max(steps, 1)
         at = np.arange(window[0], window[1] + 1)
         self.rows = np.empty((len(at), len(samples.places)))
-        self.closing = np.where(at > 0, method.kicks[-1] * dt, 0.0)
+        self.closing = np.where(at > 0, method.kicks[-1] * self._dt, 0.0)
         stops = np.unique(np.append(np.arange(0, steps + 1, stride), steps))
-        u, v = np.empty((2, len(stops), *self._scene.shape))
+        u, v = np.empty((2, len(stops), *problem.scene.shape))
         self.states = {k: (u[i], v[i]) for i, k in enumerate(stops.tolist())}
         sampled = Wanted(at, self.rows, places=samples.places, of_u=samples.of_u)
         self._wanted = sampled, Wanted(stops, u, v, raw=True)
         self._begun = self._ended = [0, 0]
 
-    def run(self, t_end: float) -> Run:
+    def run(self) -> Run:
         """Do it."""
-        record = Record(every=max(1, -(-self._steps // ROWS)))
-        problem = Problem(self._scene, self._start, t_end, self._method, record, bind=self._bind)
-        run = march(problem, self._steps, observers=[self]).run()
-        return run if self._bind is None else replace(run, impulse=None)
+        run = march(self._problem, self._steps, observers=[self]).run()
+        return run if self._problem.bind is None else replace(run, impulse=None)
 
     def wanted(self, end: int) -> list[Wanted]:
         """Samples of the window and states, as the loop has them; see `runs.record.Samples`."""
@@ -118,9 +100,9 @@ class Forward:
 
     def again(self, k: int, steps: int) -> Pair:
         """u and v of the sites some steps after a state that was kept, by the same loop."""
-        of = dynamics(self._scene)
+        of, bind = self._problem.dynamics, self._problem.bind
         u, v = of.arrays(State(*self.states[k]))
-        (self._bind or of.bind)(u, v, self._method, self._dt).advance_open(steps, k > 0)
+        (bind or of.bind)(u, v, self._problem.method, self._dt).advance_open(steps, k > 0)
         return u[: of.sites].copy(), v[: of.sites].copy()
 
 

@@ -13,13 +13,14 @@ import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tensegrity import check
 from tensegrity.engine import methods, native, pieces
-from tensegrity.engine.reverse import Seeds
+from tensegrity.engine.reverse import OnGrid, Seeds
 from tensegrity.engine.reverse_layout import Layout
 from tensegrity.engine.reverse_text import depends_on
 from tensegrity.errors import TensegrityError
@@ -29,7 +30,8 @@ from tensegrity.gradients.objective import Objective, Trace, objective_of
 from tensegrity.gradients.result import Gradient, digits
 from tensegrity.gradients.samples import Samples
 from tensegrity.readonly import fixed
-from tensegrity.runs.problem import count
+from tensegrity.runs.problem import Problem, count
+from tensegrity.runs.record import Record
 from tensegrity.scenes.dynamics import HasDynamics, dynamics
 from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.scenes.forcing import refuse
@@ -41,6 +43,7 @@ if TYPE_CHECKING:
     from tensegrity.scenes.scene import Scene
     from tensegrity.typing import Array
 
+ROWS = 4  # of the run that is given back, after the first: each is a stop that costs
 STATES = 8  # kept of a run, evenly spaced
 MARGIN = 4.0  # of a grid's largest |u| and |v| over those of a run
 
@@ -212,9 +215,11 @@ def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
     every = task.checkpoints
     states = STATES if every is None else max(STATES, math.isqrt(steps // every + 1))
     state, grid = _on_grid(task, scene, state, dt) if task.exact else (state, None)
-    stride = max(1, -(-steps // states))
-    forward = Forward(state, task.method, dt, steps, samples, (first, last), stride, grid)
-    run = forward.run(task.t_end)
+    bind = None if grid is None else partial(OnGrid, layout, grid=grid)
+    record = Record(every=max(1, -(-steps // ROWS)))
+    problem = Problem(scene, state, task.t_end, task.method, record, bind=bind)
+    forward = Forward(problem, steps, samples, (first, last), max(1, -(-steps // states)))
+    run = forward.run()
     if not run.complete:
         raise KeyboardInterrupt
     t = dt * np.arange(first, last + 1, dtype=float)
