@@ -71,9 +71,8 @@ class Pass:
         count = space.count + 1
         self._law = PowerLaw(1.0, EXPONENT).law
         contacts = np.arange(1.0, count + 1)  # such that each bond has a constant of its own
-        bonds, last = self._bonds(contacts, np.zeros(count)), np.array([count - 1])
-        dt, method = t_end / steps, cast("Splitting", METHODS["verlet"])
-        self._repeated = Repeated(bonds, method, dt, steps, last, ((0,),))
+        bonds, method = self._bonds(contacts, np.zeros(count)), cast("Splitting", METHODS["verlet"])
+        self._repeated = Repeated(bonds, method, t_end / steps, steps, count - 1, (0,))
         self._v = np.zeros(count + 1)
         self._v[0] = striker.speed
 
@@ -90,7 +89,7 @@ class Pass:
         self._designs = self._space.designs(sizes[None]).behind(self._striker.bead)
         contacts = self._designs.contacts(self._wall)[0]
         bonds = self._bonds(contacts, 1 / self._designs.mass[0])
-        self._moved = self._repeated.run(bonds, 0.0, self._v)[:, 0]
+        self._moved = self._repeated.run(bonds, 0.0, self._v)
         self._constant = contacts[-1]
         force = self._constant * np.maximum(self._moved, 0) ** EXPONENT
         if not force.any():
@@ -111,7 +110,7 @@ class Pass:
             Derivatives of objectives by it.
         """
         stiff = EXPONENT * np.divide(force, self._moved, out=np.zeros_like(force), where=force > 0)
-        totals = self._repeated.back((by_force * stiff)[..., None])
+        totals = self._repeated.back(by_force * stiff)
         by_constant = totals.p[:, 0].copy()
         by_constant[:, -1] += by_force @ force / self._constant
         moved: Any = self._sizes[None] * (1 + 1j * TINY)

@@ -24,7 +24,6 @@ from tensegrity.runs.march import march
 from tensegrity.scenes.scene import State
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
     from typing import Any
 
     from tensegrity.engine.bonds import Bonds
@@ -32,9 +31,10 @@ if TYPE_CHECKING:
     from tensegrity.gradients.samples import Samples
     from tensegrity.runs.problem import Problem
     from tensegrity.runs.run import Run
-    from tensegrity.typing import Array, Indices
+    from tensegrity.typing import Array
 
     Pair = tuple[Array, Array]
+    Grid = tuple[float, float]
 
 LIMIT = 1e-9  # of the largest |u| and |v|: how far off a state may be that is returned to
 WORK = 4_000_000  # bonds x stages x steps in one call: some 20 ms
@@ -116,7 +116,7 @@ class Backward:
     dt : float
         [s]
     objectives : int
-    grid : (float, float), optional
+    grid : (float, float), or None
         What rounded moves of u and v.
 
     Attributes
@@ -136,7 +136,7 @@ class Backward:
         method: Splitting,
         dt: float,
         objectives: int,
-        grid: tuple[float, float] | None = None,
+        grid: Grid | None = None,
     ) -> None:
         self.totals = totals = Totals(layout, objectives)
         self.reversal, self._exact = 0.0, grid is not None
@@ -153,7 +153,7 @@ class Backward:
         self,
         states: dict[int, Pair],
         cotangents: Seeds,
-        again: Callable[[int, int], Pair] | None = None,
+        again: Any = None,
         stride: int | None = None,
     ) -> None:
         """Carry derivatives to the start.
@@ -170,8 +170,7 @@ class Backward:
         stride : int, optional
             Most steps between two states that are returned to.
         """
-        self._states, self._cotangents = states, cotangents
-        self._again: Any = again
+        self._states, self._cotangents, self._again = states, cotangents, again
         u, v = (max(float(np.abs(x[k]).max()) for x in states.values()) for k in (0, 1))
         self.largest = u, v
         stops = sorted(states)
@@ -217,58 +216,47 @@ class Backward:
 
 
 class Repeated:
-    """A run of a line that is done over and over, with other masses and parameters, and its passes
-    backwards: all is bound once, and nothing is looked after.
+    """A run of a line of one law that is done over and over, with other masses and parameters, and
+    its passes backwards: all is bound once, and nothing is looked after.
 
     Parameters
     ----------
     bonds : Bonds
-        Others have the same laws in the same runs.
+        Others are in the same runs.
     method : Splitting
     dt : float
         [s]
     steps : int
-    places : ndarray of int, (places,)
-        Sites whose displacements are sampled.
-    wanted : tuple of tuple of int
-        As of `engine.reverse_layout.Layout`.
+    place : int
+        Site whose displacement is sampled.
+    wanted : tuple of int
+        Numbers of the law's parameters by which there are derivatives.
     """
 
     def __init__(
-        self,
-        bonds: Bonds,
-        method: Splitting,
-        dt: float,
-        steps: int,
-        places: Indices,
-        wanted: tuple[tuple[int, ...], ...],
+        self, bonds: Bonds, method: Splitting, dt: float, steps: int, place: int, wanted: Any
     ) -> None:
-        self._bonds, self._places, self._steps = bonds, places, steps
+        self._bonds, self._places, self._steps = bonds, np.array([place]), steps
         self._u, self._v = np.zeros((2, len(bonds.inverse_mass)))
         self._loop = kernel.bind(self._u, self._v, bonds, method, dt)
-        self._rows = np.empty((steps, len(places)))
-        at = np.arange(1, steps + 1)
-        self._samples = Wanted(at, self._rows, places=places, of_u=len(places))
-        self._backward = cache(partial(Backward, Layout(bonds, wanted), method, dt))
+        self._rows = np.empty((steps, 1))
+        self._samples = Wanted(np.arange(1, steps + 1), self._rows, places=self._places, of_u=1)
+        layout = Layout(bonds, (wanted,))
+        self._backward = cache(partial(Backward, layout, method, dt, grid=None))
 
     def run(self, bonds: Bonds, u: Any, v: Any) -> Array:
-        """Displacements of the places after each step of a run from u and v; (steps, places), until
-        the next."""
+        """Displacement of the place after each step of a run from u and v; (steps,), until the
+        next."""
         self._bonds, self._u[:], self._v[:] = bonds, u, v
         self._loop.retune(bonds)
         self._loop.go(0, self._steps, [self._samples])
-        return self._rows
+        return self._rows[:, 0]
 
     def back(self, by_rows: Array) -> Totals:
-        """Derivatives of objectives by what the last run depends on, until the next.
-
-        Parameters
-        ----------
-        by_rows : ndarray, (objectives, steps, places)
-            By the displacements that `run` gave.
-        """
-        found = self._backward(len(by_rows))  # objectives
+        """Derivatives of objectives by what the last run depends on, until the next; of those by
+        the displacements that `run` gave, (objectives, steps)."""
+        found = self._backward(objectives=len(by_rows))
         found.retune(self._bonds)
         states = {self._steps: (self._u, self._v)}
-        found.go(states, Seeds(by_rows, self._places, len(self._places), 1))
+        found.go(states, Seeds(by_rows[..., None], self._places, 1, 1))
         return found.totals
