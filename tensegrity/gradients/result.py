@@ -1,7 +1,7 @@
 """What `gradient` returns, and the chain rule from laws to what a user built springs from.
 
-The parameters of a law follow from the arguments of a prism or a power law by formulas, which SymPy
-differentiates.
+The parameters of a law follow from the arguments of a prism by derived formulas, which a step into
+the complex plane differentiates, and from those of a power law by its overlap at rest.
 """
 
 from __future__ import annotations
@@ -130,10 +130,8 @@ def digits(value: float, by_u: Array, by_v: Array, largest: tuple[float, float])
     """Digits of a value that one rounding of the largest |u| and |v| leaves."""
     moved = zip((by_u, by_v), largest, strict=True)
     noise = np.finfo(float).eps * max(np.abs(x).max(initial=0) * scale for x, scale in moved)
-    if noise == 0:
-        return float(DIGITS)
-    if value == 0:
-        return 0.0
+    if noise == 0 or value == 0:
+        return 0.0 if noise else float(DIGITS)
     return float(np.clip(np.log10(abs(value) / noise), 0, DIGITS))
 
 
@@ -163,8 +161,7 @@ def names(spring: Potential) -> tuple[str, ...]:
     if spring.law in RIGID:
         return PRISM
     if isinstance(spring, PowerLaw):
-        preload = spring.values[1]
-        return POWER if preload > 0 or spring.exponent == 1 else POWER[:1]
+        return POWER if spring.values[1] > 0 or spring.exponent == 1 else POWER[:1]
     return tuple(spring.parameters)
 
 
