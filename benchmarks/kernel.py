@@ -19,7 +19,7 @@ from benchmarks._charts import FOLDER, charted
 from benchmarks._timing import best, table
 from benchmarks.chain import UNITS, machine_bound, unit_calls
 from tensegrity import Chain, Polynomial, Potential, PowerLaw, Prism, ResolutionError, simulate
-from tensegrity.engine.bound_line import BoundLine
+from tensegrity.engine.bound import Bound
 from tensegrity.engine.compiled import Compiled, evaluated, single
 from tensegrity.engine.kernel import bind
 from tensegrity.engine.law import functions
@@ -192,7 +192,7 @@ def long_chains():
             u, v = 1e-3 * np.sin(np.arange(sites) % 1000.0), np.zeros(sites)
             parts = u, v, dynamics(chain).loop_bonds, METHODS["verlet"], DT
             pieces = BoundPieces(engine, *parts, threads) if threads else None
-            loop = pieces or BoundLine(engine, *parts)
+            loop = pieces or Bound(engine, *parts)
             loops[threads] = lambda loop=loop, steps=steps: loop.advance(steps)
         times = best(loops)
         found[sites] = [times[n] * 1e9 / steps / (sites - 1) for n in (0, 1, 2)]

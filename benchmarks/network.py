@@ -25,7 +25,7 @@ from benchmarks._timing import table
 from granular import Striker, y_guide
 from tensegrity import Record, State, simulate
 from tensegrity.engine import pieces
-from tensegrity.engine.bound_net import BoundNet
+from tensegrity.engine.bound import Bound
 from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.methods import METHODS
 from tensegrity.scenes.dynamics import dynamics
@@ -43,7 +43,7 @@ def bound(scene, state, dt, threads=1):
     u, v = dynamics(scene).arrays(state)
     bonds = dynamics(scene).loop_bonds
     given = Compiled.of(bonds), u, v, bonds, METHODS["verlet"], dt
-    return (BoundNet(*given) if threads == 1 else pieces.BoundParts(*given, threads)), u, v
+    return (Bound(*given) if threads == 1 else pieces.BoundParts(*given, threads)), u, v
 
 
 def _numba(network, velocity, steps):
@@ -179,9 +179,10 @@ def streamed(name):
     """Rows: bytes that pass in a step of a pack, and what moving as many takes here at least."""
     network = pack(*PACKS[name])
     _, u, v = bound(network, State(*np.zeros((2, *network.shape))), DT)
-    ((_, _, lists),) = dynamics(network).loop_bonds.laid.values()
+    (laid,) = dynamics(network).loop_bonds.laid.values()
     size = 2 * (u.nbytes + v.nbytes) + network.positions.nbytes
-    size += sum(x.nbytes for x in lists.values() if hasattr(x, "nbytes"))  # of sites and contacts
+    arrays = [x for x in laid.fields.values() if hasattr(x, "nbytes")]  # of sites and contacts
+    size += sum(x.nbytes for x in arrays)
     one, other = np.ones((2, size // 16))
     copied = least({"copy": lambda: np.copyto(one, other)})["copy"]
     contacts = len(network.springs)

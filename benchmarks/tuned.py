@@ -15,8 +15,8 @@ import numpy as np
 from benchmarks._timing import table
 from tensegrity import Chain, Prism, Record, simulate
 from tensegrity.engine.compiled import single
+from tensegrity.engine.law import Change
 from tensegrity.engine.methods import METHODS
-from tensegrity.engine.timed import Change
 from tensegrity.springs.tuned import Tuned
 
 STEPS, DT, ROUNDS = 200, 0.05, 3
@@ -51,16 +51,16 @@ class InPython:
             now = step * DT
             if step % 2 == 0:
                 p = self._springs.at(np.array([now]))[0]
-                energy = self._law.evaluate(0, 0, p, np.diff(u)).sum()
+                energy = self._law.evaluate(0, p, np.diff(u)).sum()
                 rows.append((now, energy + np.sum(v**2) / 2, u.copy(), v.copy(), work))
             for kick, drift in zip(method.kicks, (*method.drifts, 0.0), strict=True):
                 if kick:
                     at, r = np.array([now]), np.diff(u)
                     p = self._springs.at(at)[0]
-                    tension = self._law.evaluate(0, 1, p, r)
+                    tension = self._law.evaluate(1, p, r)
                     v += kick * DT * self._weights * np.diff(tension, prepend=0.0, append=0.0)
                     numbers = np.concatenate([p, self._springs.rates(at)[0]])
-                    work += kick * DT * np.sum(self._change.evaluate(0, 0, numbers, r))
+                    work += kick * DT * np.sum(self._change.evaluate(0, numbers, r))
                 u += drift * DT * v
                 now += drift * DT
         return u, v, work

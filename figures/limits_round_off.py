@@ -9,7 +9,7 @@ from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.kernel import bind
 from tensegrity.engine.methods import METHODS
 from tensegrity.scenes.dynamics import dynamics
-from tensegrity.springs.corners import TAUT
+from tensegrity.springs.kinks import TAUT
 
 NAME = "limits_round_off"
 GROUP = "limits"
@@ -34,7 +34,7 @@ def energy(engine, chain, u, v):
     u, v = u.astype(engine.dtype), v.astype(engine.dtype)
     r, v = np.diff(u), v - v.mean()
     (values,) = dynamics(chain).loop_bonds.parameters
-    bonds = engine.evaluate(0, 0, values, np.ascontiguousarray(r))
+    bonds = engine.evaluate(0, values, np.ascontiguousarray(r))
     return bonds.sum() + (v**2).sum() / 2
 
 

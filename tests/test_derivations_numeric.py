@@ -38,7 +38,7 @@ def test_casadi_c_and_sympy_agree_on_the_same_points(exact, order, rng):
         law, values = potential.law, potential.values
         results = {
             "casadi": functions(law)[ORDERS[order]](r.reshape(1, -1), values).full().ravel(),
-            "c": Compiled((law,)).evaluate(0, order, values, r),
+            "c": Compiled((law,)).evaluate(order, values, r),
         }
         with mpmath.workdps(50):
             known = [mpmath.mpf(x) for x in fields]

@@ -11,15 +11,14 @@ import sympy as sp
 from networks import patch, pushed
 
 from tensegrity import Chain, Network, PowerLaw, Prism, State, Wall, simulate
-from tensegrity.engine import driven, lanes, native
+from tensegrity.engine import driven, native, simd
 from tensegrity.engine.bonds import GROUP, PAIR
-from tensegrity.engine.bound_net import BoundNet
-from tensegrity.engine.codegen import joined
+from tensegrity.engine.bound import Bound
 from tensegrity.engine.compiled import Compiled
+from tensegrity.engine.layout import TILE, slices
 from tensegrity.engine.methods import METHODS
-from tensegrity.engine.native import library
+from tensegrity.engine.native import joined, library
 from tensegrity.engine.pieces import BoundParts
-from tensegrity.engine.slices import TILE, slices
 from tensegrity.scenes.dynamics import dynamics
 
 WITHOUT = ["", "-mno-avx512f", "-mno-avx"]  # what a processor may lack
@@ -28,10 +27,10 @@ WITHOUT = ["", "-mno-avx512f", "-mno-avx"]  # what a processor may lack
 @cache
 def built(forms, flag):
     """The compiled text of functions of one argument, all in one library."""
-    parts = ["prelude.c", "#define DIM 1", "lanes.c"]
+    parts = ["prelude.c", "#define DIM 1", "simd.c"]
     for k, form in enumerate(forms):
         parts.append(
-            lanes.text(made(form), f"made{k}", "const pack *x, pack *y", [["x[g]"]], [["y[g]"]])
+            simd.text(made(form), f"made{k}", "const pack *x, pack *y", [["x[g]"]], [["y[g]"]])
         )
         parts.append(
             f"void call{k}(integer n, const real *x, real *y)\n{{\n    pack a, b;\n"
@@ -195,7 +194,7 @@ def test_listed_contacts_that_do_not_touch_change_no_bit(flag, monkeypatch):
         )  # fmt: skip
         bonds = dynamics(network).loop_bonds
         u, v = dynamics(network).arrays(State(0 * velocity, velocity))
-        bound = BoundNet(Compiled.of(bonds), u, v, bonds, METHODS["verlet"], 0.01)
+        bound = Bound(Compiled.of(bonds), u, v, bonds, METHODS["verlet"], 0.01)
         bound.advance(30)
         found.append((u, v))
     assert len(network.bonds) > 1.5 * np.sum(np.triu(touch))
@@ -231,7 +230,7 @@ def test_forces_are_the_sums_over_all_contacts(make):
     bonds = dynamics(network).loop_bonds
     moved = 0.02 * np.random.default_rng(4).standard_normal(network.shape)
     u, v = dynamics(network).arrays(State(moved, np.zeros(network.shape)))
-    BoundNet(Compiled.of(bonds), u, v, bonds, METHODS["verlet"], dt).advance(1)
+    Bound(Compiled.of(bonds), u, v, bonds, METHODS["verlet"], dt).advance(1)
     force, on_walls = sums(network, moved)
     want = np.concatenate([force / network.mass[:, None], on_walls])
     found = v[: len(want)] / dt
@@ -244,7 +243,7 @@ def test_threads_give_the_bits_of_one(make, count):
     network = make()
     velocity = 0.1 * np.random.default_rng(2).standard_normal(network.shape)
     found = []
-    for kind in (BoundNet, BoundParts):
+    for kind in (Bound, BoundParts):
         u, v = dynamics(network).arrays(State(np.zeros(network.shape), velocity))
         bonds = dynamics(network).loop_bonds
         given = Compiled.of(bonds), u, v, bonds, METHODS["verlet"], 0.05
@@ -271,7 +270,7 @@ def test_two_that_push_each_other_get_opposite_velocities_to_the_last_bit(dim, f
     network = Network(positions[order], bonds, PowerLaw(1.0, 1.5), lengths=1.05 * apart)
     u, v = dynamics(network).arrays(network.at_rest())
     loop = Compiled.of(dynamics(network).loop_bonds)
-    BoundNet(loop, u, v, dynamics(network).loop_bonds, METHODS["rkn6"], 0.1).advance(50)
+    Bound(loop, u, v, dynamics(network).loop_bonds, METHODS["rkn6"], 0.1).advance(50)
     assert np.abs(v).max() > 0.01
     np.testing.assert_array_equal(v[where[:count]], -v[where[count:]])
 
@@ -284,7 +283,7 @@ def test_processors_agree(flag, monkeypatch):
         monkeypatch.setenv("CC", f"{shutil.which('cc') or shutil.which('gcc')} {given}")
         u, v = dynamics(network).arrays(state)
         bonds = dynamics(network).loop_bonds
-        bound = BoundNet(Compiled.of(bonds), u, v, bonds, METHODS["rkn6"], 0.1)
+        bound = Bound(Compiled.of(bonds), u, v, bonds, METHODS["rkn6"], 0.1)
         bound.advance(40)
         found.append((u, v, bound.range))
     for one, two in zip(*found, strict=True):
@@ -298,7 +297,7 @@ def test_springs_that_change_find_room_for_a_block_of_narrow_packs(monkeypatch):
     wide = simulate(chain, state, 1.0, dt=0.02)
     monkeypatch.setattr(native, "NATIVE", "-O3")
     monkeypatch.setattr(native, "WIDE", ())
-    monkeypatch.setattr(driven, "_loop", driven.DrivenLoop)
+    monkeypatch.setattr(driven, "compiled", Compiled)
     narrow = simulate(chain, state, 1.0, dt=0.02)
     np.testing.assert_allclose(narrow.u, wide.u, atol=1e-14)
     np.testing.assert_allclose(narrow.work, wide.work, atol=1e-17)

@@ -8,7 +8,7 @@ import pytest
 
 from tensegrity import Chain, PowerLaw, Prism, TensegrityError, simulate
 from tensegrity.engine import pieces
-from tensegrity.engine.bound_line import BoundLine
+from tensegrity.engine.bound import Bound
 from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.methods import METHODS
 from tensegrity.engine.pieces import HALO, LONG, BoundPieces, start_of_block
@@ -43,7 +43,7 @@ def test_pieces_equal_the_whole_bit_for_bit(scene, threads, method):
     for divided in (False, True):
         u, v = start.copy()
         parts = u, v, dynamics(chain).loop_bonds, method, dt
-        loop = BoundPieces(engine, *parts, threads) if divided else BoundLine(engine, *parts)
+        loop = BoundPieces(engine, *parts, threads) if divided else Bound(engine, *parts)
         for n in (1, steps):  # a second call takes up what the first left
             loop.advance(n)
         results.append((u, v, loop.range.copy()))

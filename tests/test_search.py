@@ -90,8 +90,8 @@ class OfTheSameValues(Springs):
             spring = self.different[number]
             points, found = np.ascontiguousarray(r[:, column]), np.empty(len(r))
             given = (ctypes.c_void_p(x.ctypes.data) for x in (spring.values, points, found))
-            single(spring.law).values(
-                *map(ctypes.c_longlong, (0, ORDERS.index(name), len(r))), *given
+            single(spring.law).library.values(
+                *map(ctypes.c_longlong, (ORDERS.index(name), len(r))), *given
             )
             out[:, column] = found
         return out

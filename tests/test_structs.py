@@ -7,8 +7,7 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
-from tensegrity.engine.native import library
-from tensegrity.engine.structs import structure
+from tensegrity.engine.native import library, structure
 
 FOLDER = files("tensegrity.engine")
 PYTHON = "".join(x.read_text() for x in FOLDER.iterdir() if x.name.endswith(".py"))
@@ -29,7 +28,7 @@ def test_fields_are_where_the_compiler_has_them(file, name):
 
 
 def test_every_field_is_given_by_its_name_and_no_other():
-    looks, begins = structure("search.c", "looks"), np.arange(2)
+    looks, begins = structure("energies.c", "looks"), np.arange(2)
     made = looks(count=1, begins=begins, shares=None)
     assert (made.begins, made.shares, made.count) == (begins.ctypes.data, None, 1)
     for wrong in ({"count": 1, "begins": begins}, {**made.filled, "end": 1}):

@@ -34,8 +34,6 @@ INNER = {  # what nobody calls but the modules around them
     "pieces",
     "pulled",
     "reverse",
-    "reverse_layout",
-    "reverse_text",
     "rows",
     "springs",
     "tolerance",
@@ -50,7 +48,6 @@ MODULES = sorted(
 PUBLIC = [  # modules whose names a user takes from the module
     "tensegrity.waves.asymptotics",
     "tensegrity.export",
-    "tensegrity.measure.budget",
     "tensegrity.engine.methods",
     "tensegrity.gradients.objective",
     "tensegrity.measure.observables",

@@ -11,7 +11,7 @@ from pathlib import Path
 import casadi as ca
 
 from tensegrity import Prism
-from tensegrity.engine.codegen import c_text
+from tensegrity.engine.codegen import c_text, scalar
 from tensegrity.engine.law import functions, to_casadi
 from tensegrity.engine.methods import METHODS
 from tensegrity.prisms.closed import rigid_law, rigid_programs
@@ -33,8 +33,10 @@ def missing() -> str:
 def text() -> str:
     """All of the C."""
     elastic = ELASTIC.law
-    helpers = [_helper(elastic, 1, "stiffness"), *_approximate()]
-    loop = c_text((rigid_law(), elastic), "line", None, helpers)
+    laws = rigid_law(), elastic
+    given = {0: ("energy", "stiffness", "slope"), 1: ("energy", "stiffness")}  # and the tension
+    more = [scalar(k, name, functions(laws[k])[name]) for k in given for name in given[k]]
+    loop = c_text(laws, helpers=[*more, *_approximate()])
     programs = rigid_programs()
     own = ", ".join(map(repr, ELASTIC.values.tolist()))
     numbers = {
@@ -59,18 +61,6 @@ def text() -> str:
         program_text("locking_height_squared", programs["locking"]),
         *(f'#line 1 "{name}"\n{(FOLDER / name).read_text()}' for name in ("live.c", "wave.c")),
     ])  # fmt: skip
-
-
-def _helper(law, number, name):
-    """A derivative of a law that the loop itself does not need, and how it is called."""
-    function = functions(law)[name]
-    inner = f"law{number}_{name}"
-    symbols = function.sx_in()
-    hook = (
-        f"static real {name}_{number}(real r, const real *p) {{ real y; const real *arg[] = "
-        f"{{&r, p}}; real *res[] = {{&y}}; {inner}(arg, res, 0, 0, 0); return y; }}"
-    )
-    return ca.Function(inner, symbols, [function(*symbols)]), hook
 
 
 def _approximate():

@@ -22,12 +22,12 @@ enum { FINE, LOCKED, TOO_LONG };
 static real u[SITES], v[SITES], w[SITES], u_before[SITES], v_before[SITES];
 static real bond[SITES], passed[SITES], crest[SITES];
 static real shared[SEGMENTS * PARAMETERS], domain[SEGMENTS][2];
-static real range[2 * BLOCK * SEGMENTS]; /* of the springs at each place of a block */
+static real lowest[BLOCK * SEGMENTS], highest[BLOCK * SEGMENTS]; /* at each place of a block */
 static integer first[SEGMENTS + 1], law[SEGMENTS], own_at[SEGMENTS];
-static const integer range_at[SEGMENTS] = {0, 2 * BLOCK};
+static const integer met_at[SEGMENTS + 1] = {0, BLOCK, 2 * BLOCK};
 static real kicks[STAGES + 1], drifts[STAGES], none[1], now;
-static scene chain = {u, v, w, shared, none, kicks, drifts, range, first, law, own_at, range_at,
-                      0, STAGES, CLOSING};
+static scene chain = {u, v, w, shared, none, kicks, drifts, lowest, highest, first, law, own_at,
+                      met_at, 0, STAGES, CLOSING};
 
 EXPORT(displacement) real *displacement(void) { return u; }
 EXPORT(velocity) real *velocity(void) { return v; }
@@ -53,7 +53,7 @@ EXPORT(value) real value(int segment, int order, real r)
         }
     switch (order) {
     case 0: return energy_1(r, p);
-    case 1: return tail_1(r, head_1(r, p), p);
+    case 1: return tension_1(r, p);
     default: return stiffness_1(r, p);
     }
 }
@@ -124,7 +124,7 @@ EXPORT(elastic) real elastic(int segment)
 /* No elongation was met. */
 static void forget(void)
 {
-    EACH(2 * BLOCK * SEGMENTS) range[i] = 0;
+    EACH(BLOCK * SEGMENTS) lowest[i] = highest[i] = 0;
 }
 
 /* So many springs in each segment, the first mass held or not; all at rest. */
@@ -218,9 +218,9 @@ static int judged(real dt)
 {
     for (int s = 0; s < chain.runs; s++) {
         const integer springs = first[s + 1] - first[s], places = springs < BLOCK ? springs : BLOCK;
-        const real *range_low = range + range_at[s], *range_high = range_low + places;
+        const integer at = met_at[s];
         real low = 0, high = 0;
-        EACH(places) low = smaller(range_low[i], low), high = larger(range_high[i], high);
+        EACH(places) low = smaller(lowest[at + i], low), high = larger(highest[at + i], high);
         if (!(low > domain[s][0] && high < domain[s][1])) return LOCKED;
         const real k = larger(value(s, 2, low), value(s, 2, high));
         if (!(dt <= ROUGH * largest_step(k))) return TOO_LONG;

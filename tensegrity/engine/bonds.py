@@ -19,8 +19,8 @@ PAIR, WALL = 0, 1
 KINDS = ("pair", "wall")
 SHORT = 64  # bonds: in a chain, fewer equal ones in a row may join a run of unequal ones
 FEW = 4  # rows of so short that a law does without
-GROUP = 8  # as in lanes.c
-BLOCK = 64  # as in line.h
+GROUP = 8  # as in simd.c
+BLOCK = 64  # as in scene.h
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,19 +123,6 @@ class Contacts:
         """Sites, walls, and one row more."""
         return len(self.load) + self.walls + 1
 
-    def weights(self, inverse_mass):
-        """Inverse mass of each row: 1 kg for a wall, whose velocity counts its impulse."""
-        weights = np.zeros((self.rows, self.load.shape[1]))
-        weights[: len(self.load)] = inverse_mass[:, None]
-        weights[len(self.load) : -1] = 1
-        return weights
-
-    def loads(self):
-        """Constant force on each row [N]."""
-        loads = np.zeros((self.rows, self.load.shape[1]))
-        loads[: len(self.load)] = self.load
-        return loads
-
 
 @dataclass(frozen=True, eq=False)
 class Runs:
@@ -144,7 +131,7 @@ class Runs:
     Attributes
     ----------
     source : ndarray of int, (places,)
-        The bond at each place, -1 for a filling.
+        The bond at each place.
     first : ndarray of int, (runs + 1,)
         First place of each run.
     law, own, kind : ndarray of int, (runs,)
@@ -159,8 +146,7 @@ class Runs:
 
     def members(self, run):
         """The bonds of a run."""
-        part = self.source[self.first[run] : self.first[run + 1]]
-        return part[part >= 0]
+        return self.source[self.first[run] : self.first[run + 1]]
 
 
 def line_runs(bonds):
@@ -189,24 +175,42 @@ def line_runs(bonds):
 
 
 def net_runs(bonds):
-    """Contacts in runs of one kind and law, each filled up to whole groups of `GROUP`."""
-    pair = bonds.law_of_bond * len(KINDS) + bonds.contacts.kind
-    first, source, found, own = [0], [], np.unique(pair), []
-    for number in found:
-        members = np.flatnonzero(pair == number)
-        group = bonds.group[members]
-        own.append(int(np.any(group != group[0])))
-        source += [members, np.full(-len(members) % GROUP, -1)]
-        first.append(first[-1] + len(members) + len(source[-1]))
-    for k, number in enumerate(found // len(KINDS)):
-        if is_long(bonds.laws[number]) and any(
-            own[j] for j in np.flatnonzero(found // len(KINDS) == number)
-        ):
-            own[k] = 1  # compiled once only
-    source = np.concatenate(source) if source else np.zeros(0, dtype=int)
-    return Runs(
-        source, np.array(first), found // len(KINDS), np.array(own, dtype=int), found % len(KINDS)
-    )
+    """Contacts in runs of one kind and law."""
+    number = bonds.law_of_bond * len(KINDS) + bonds.contacts.kind
+    found = np.unique(number)
+    members = [np.flatnonzero(number == one) for one in found]
+    own = np.array([np.ptp(bonds.group[part]) > 0 for part in members], dtype=int)
+    law, kind = np.divmod(found, len(KINDS))
+    for one in np.unique(law[own > 0]):
+        if is_long(bonds.laws[one]):
+            own[law == one] = 1  # compiled once only
+    first = np.cumsum([0, *map(len, members)])
+    source = np.concatenate([np.zeros(0, dtype=int), *members])
+    return Runs(source, first, law, own, kind)
+
+
+def parameters(bonds, runs, own, lanes=1):
+    """Fields of a scene: `shared`, what bonds of a run have in common, (runs, most); those of their
+    `own`, as a loop was compiled for, and where these begin, `own_at`."""
+    places = np.zeros(len(runs.law), dtype=np.int64)
+    shared = np.zeros((len(runs.law), bonds.parameters.shape[1]))
+    columns, at = [np.zeros(0)], 0
+    for k, law in enumerate(runs.law):
+        springs = bonds.group[runs.members(k)]
+        shared[k] = bonds.parameters[springs.flat[0]]
+        places[k] = at
+        if runs.own[k]:
+            if lanes > 1 and springs.ndim == 1:  # the same in all lanes
+                springs = np.repeat(springs[:, None], lanes, axis=1)
+            rows = bonds.parameters[:, list(own[law])][springs]  # (places[, lanes], own)
+            columns.append(np.moveaxis(rows, -1, 0).ravel())
+            at += columns[-1].size
+    columns.append(np.zeros(GROUP))  # packs may read beyond the last
+    return {"shared": shared, "own": np.concatenate(columns), "own_at": places}
+
+
+def integers(array):
+    return np.ascontiguousarray(array, dtype=np.int64)
 
 
 def by_spring(group, springs, low, high):

@@ -1,71 +1,136 @@
-"""Arrays bound to a compiled loop: what lines and networks have in common."""
+"""A scene's arrays bound to a compiled loop: of a chain, chains side by side or a network, for all
+methods.
+
+C takes structures that it declares itself: the loop's `scene`, which is bonds, masses and a
+splitting's coefficients, and for other methods one more.
+"""
 
 from __future__ import annotations
 
 import ctypes
+from itertools import pairwise
 
 import numpy as np
 
-from tensegrity.engine import implicit, march
+from tensegrity.engine import implicit, layout, march, openings
+from tensegrity.engine.bonds import by_spring, integers, parameters
 from tensegrity.engine.methods import Corrected, Midpoint, Splitting
-from tensegrity.engine.openings import DEGREE, Openings
-from tensegrity.engine.structs import structure
+from tensegrity.engine.native import pointer, structure
 from tensegrity.errors import StabilityError
 
+SCENE = structure("scene.h", "scene")
 NYSTROM = structure("steps.c", "nystrom")
 IMPLICIT = structure("implicit.c", "implicit")
-OPENINGS = structure("openings.h", "openings")
+OPENINGS = structure("overlaps.c", "openings")
+CACHE = 8  # numbers in a line of a cache
+ROW = 1, 1, 2, 4  # numbers in a site's row of forces, by coordinates: as in simd.c
 
 
 class Bound:
     """Arrays bound to a loop: `advance` costs no more than a call.
 
+    Parameters
+    ----------
+    loop : Compiled
+    u, v : ndarray
+        What is advanced in place: (sites,) or (sites, lanes) of chains; of a network (rows, dim),
+        rows being sites, walls, and a spare one.
+    bonds : Bonds
+    method : Method
+    dt : float
+        [s]
+    pieces : int, optional
+        Parts of a network of about equal work, each to be advanced by a thread of its own.
+    runs : Runs, optional
+        Of a chain, a part of those of `bonds`.
+    seen : ndarray of bool, (runs,), optional
+        Those whose elongations count; by default all.
+
     Attributes
     ----------
     u, v : ndarray
-        What is advanced; v lacks the closing kick of the last step.
+        Between steps v lacks the closing kick of the last.
     shown : tuple of ndarray
         Copies of u and v at the end of `go`, as the state there.
     sizes : (int, int)
         Numbers of u that sites have, and walls behind them.
-    springs : int
-        Different ones.
-    range : ndarray, (springs, 2)
-        Smallest and largest elongation of each since `forget_range`.
-    travel : float
-        Bound on how far any coordinate of a site moved since then [m]; networks only.
     """
 
-    _openings = _dt = None
+    _dt = _alone = shown_sums = None
 
-    def _set_steps(self, loop, scene, bonds, method, dt, moving, walls=0, places=None):
-        """Prepare the functions of a method's steps."""
-        self._scene, self.sizes = scene, (moving, walls)
-        self.u, self.v = scene.filled["u"], scene.filled["v"]
-        self.shown = np.empty_like(self.u), np.empty_like(self.v)
-        self._of_step, functions, second = [], (loop.advance, loop.show), None
-        self._scale_with_step(scene, "kicks", "drifts")
-        if isinstance(method, Corrected):
-            functions = loop.openings
-            second = self._openings = self._set_openings(loop, bonds, method, places)
-        elif isinstance(method, Midpoint):
-            functions, second = (loop.implicit, None), self._set_implicit(loop, bonds, method)
-        elif not isinstance(method, Splitting):
-            functions = loop.advance_nystrom, None
-            second = self._set_nystrom(loop, method, moving)
-        self.functions, self._second = functions, second
-        self.addresses = ctypes.addressof(scene), second and ctypes.addressof(second)
-        self._march = self.loop_of(functions, second)
+    def __init__(self, loop, u, v, bonds, method, dt, pieces=1, runs=None, seen=None):
+        self._loop, self._bonds, self.u, self.v = loop, bonds, u, v
+        self._laid = found = layout.laid(loop, bonds, pieces, runs)
+        self.sizes, self._travel = (u.size, 0), np.zeros(1, dtype=loop.dtype)
+        self._set_ranges(found.springs, found.fields["met_at"], seen)
+        fields = found.fields | stages(method, 1.0, loop.dtype)
+        fields |= {"u": u, "v": v, "low": self._low, "high": self._high}
+        if loop.dim:
+            sites = fields["sites"]
+            self.sizes = loop.dim * sites, loop.dim * (fields["rows"] - 1 - sites)
+            fields |= self._room(pieces) | {"travel": self._travel}
+            cuts = enumerate(pairwise(found.slices.shares(pieces)))
+            self._pieces = [SCENE(**fields, **_piece(found, *ends, k, pieces)) for k, ends in cuts]
+            fields |= _piece(found, 0, found.slices.tiles, 0, 1)
+        else:  # what only networks have is left out
+            fields = dict.fromkeys(SCENE.kinds) | fields
+        self._bind(SCENE(**fields), method)
         self.set_step(dt)
+        self.forget_range()
 
-    def loop_of(self, functions, method, sums=None):
-        """What `march.c` takes: functions that advance and show, and what they take."""
-        advance, show = (one and march.pointer(one) for one in functions)
+    def _set_ranges(self, springs, met_at, seen=None):
+        """Room for the smallest and the largest elongation met, where the loop notes them."""
+        self._seen = slice(None) if seen is None else np.repeat(seen, np.diff(met_at))
+        self._springs = springs[self._seen]
+        self._each = np.array_equal(self._springs, np.arange(len(self._bonds.law)))
+        self._low, self._high = np.empty((2, len(springs)), dtype=self._loop.dtype)
+
+    def _room(self, pieces):
+        """What a network's loop works in."""
+        fields, dtype, load = self._laid.fields, self._loop.dtype, self._bonds.contacts.load
+        size = pieces * len(load) * ROW[self._loop.dim]
+        room = np.zeros(size + CACHE, dtype=dtype)
+        pull = room[-room.ctypes.data // room.itemsize % CACHE :][:size]  # no row in two lines
+        pull.reshape(pieces, len(load), -1)[..., : self._loop.dim] = load
+        return {
+            "near": np.zeros((2, self.u.size) if pieces > 1 else 0, dtype=dtype),
+            "pull": pull,
+            "press": np.zeros_like(fields["normal"]),
+            "force": np.zeros(self.u[len(load) :].shape, dtype=dtype),
+            "farthest": np.zeros(pieces, dtype=dtype),
+            "gate": np.zeros(16, dtype=np.int64),
+        }
+
+    # methods
+
+    def _bind(self, scene, method):
+        """Prepare a method's steps, with what they take besides the scene."""
+        self._scene, self._of_step = scene, []
+        self._scale_with_step(scene, "kicks", "drifts")
+        kind, self._second = self._steps(method)
+        self._advance, self._show = self._loop.steps(kind)
+        self._addresses = [x and ctypes.addressof(x) for x in (scene, self._second)]
+        self.shown = np.empty_like(self.u), np.empty_like(self.v)
+        self._march = self._marched(self._advance)
+
+    def _marched(self, advance):
+        """What `march.c` takes of a loop that a function advances."""
         return march.LOOP(
-            advance=advance, show=show, scene=self._scene, method=method, u=self.u, v=self.v,
-            shown_u=self.shown[0], shown_v=self.shown[1], sums=sums, travel=self._travel,
-            size=self.u.size, sum_count=2,
+            advance=pointer(advance), show=self._show and pointer(self._show), scene=self._scene,
+            method=self._second, u=self.u, v=self.v, shown_u=self.shown[0], shown_v=self.shown[1],
+            sums=self.shown_sums, travel=self._travel, size=self.u.size, sum_count=2,
         )  # fmt: skip
+
+    def _steps(self, method):
+        """The kind of a method's steps, and its structure."""
+        if isinstance(method, Splitting):
+            return "", None
+        if isinstance(method, Corrected):
+            return "openings", self._corrections(method)
+        if isinstance(method, Midpoint):
+            self._words = f"is too large for {method.name}: its equations were not solved in "
+            return "implicit", self._equations()
+        return "nystrom", self._accelerations(method)
 
     def _scale_with_step(self, structure, *names, power=1):
         """Let numbers of a structure, of a step of 1 s, go with the power of a step."""
@@ -81,23 +146,9 @@ class Bound:
         for array, of_one, power in self._of_step:
             np.multiply(of_one, array.dtype.type(dt) ** power, out=array)
 
-    def _set_implicit(self, loop, bonds, method):
-        """Prepare the steps of the midpoint rule."""
-        steps = IMPLICIT(**implicit.fields(loop, self.u, bonds), travel=self._travel)
-        self._scale_with_step(steps, "dt")
-        self._words = f"is too large for {method.name}: its equations were not solved in "
-        return steps
-
-    def why_stopped(self):
-        """Why steps could not be done."""
-        return StabilityError(
-            f"dt {self._dt:.6g} s {self._words}{implicit.ITERATIONS} iterations; the springs "
-            "change too much within a step"
-        )
-
-    def _set_nystrom(self, loop, method, moving):
-        """Prepare the steps of a method that sums accelerations."""
-        rows = "nodes", "velocities", "matrix", "positions"
+    def _accelerations(self, method):
+        """Of a method that sums accelerations."""
+        loop, rows = self._loop, ("nodes", "velocities", "matrix", "positions")
         steps = NYSTROM(
             **{name: np.array(getattr(method, name), dtype=loop.dtype) for name in rows},
             dt=np.ones(1, dtype=loop.dtype),
@@ -106,48 +157,50 @@ class Bound:
             travel=self._travel,
             stages=method.stages,
             count=self.u.size,
-            moving=moving,
+            moving=self.sizes[0],
         )
         self._scale_with_step(steps, "nodes", "velocities", "dt")
         self._scale_with_step(steps, "matrix", "positions", power=2)
         return steps
 
-    def _set_openings(self, loop, bonds, method, places):
-        """Prepare the steps of a corrected method; `places` are those of the loop's contacts."""
-        found, u = Openings(bonds), self.u
-        of_bonds = {name: getattr(found, name) for name in ("place", "side", "strength", "row")}
-        if places is not None:
-            real = places >= 0
-            none = dict.fromkeys(of_bonds, np.nan) | {"row": 0}
-            of_bonds = {k: np.where(real, x[:, places], none[k]) for k, x in of_bonds.items()}
-        elif u.ndim > 1:
-            shape = len(found.row), len(u) - 1, self._lanes
-            of_bonds = {
-                name: np.broadcast_to(x.reshape(*shape[:2], -1), shape)
-                for name, x in of_bonds.items()
-            }
-        row = integers(of_bonds.pop("row"))
-        numbers = {name: getattr(found, name) for name in ("exponents", "betas", "tables")}
+    def _equations(self):
+        """Of the implicit midpoint rule."""
+        fields = implicit.fields(self._loop, self.u, self._bonds)
+        steps = IMPLICIT(**fields, travel=self._travel)
+        self._scale_with_step(steps, "dt")
+        return steps
+
+    def _corrections(self, method):
+        """Of a method that corrects where contacts open."""
+        loop, u = self._loop, self.u
+        numbers = openings.contacts(self._bonds, loop.lanes)
         numbers |= dict(zip(("nodes", "weights", "offsets"), method.rule, strict=True))
-        numbers |= of_bonds | {"dt": [1.0]}
-        overlaps = "before", "rate_before", "after", "rate_after"
-        states = "u", "v", "end_u", "end_v", "end_a"
-        steps = OPENINGS(
+        row = integers(numbers.pop("row"))
+        numbers["dt"] = [1.0]
+        sizes = dict.fromkeys(("before", "rate_before", "after", "rate_after"), row.size)
+        sizes |= dict.fromkeys(("u", "v", "end_u", "end_v", "end_a"), u.size)
+        self._alone = steps = OPENINGS(
             **{name: loop.numbers(x) for name, x in numbers.items()},
-            **{name: np.zeros(row.size, dtype=loop.dtype) for name in overlaps},
-            **{name: np.zeros(u.size, dtype=loop.dtype) for name in states},
+            **{name: np.zeros(size, dtype=loop.dtype) for name, size in sizes.items()},
             row=row,
             count=row.size,
             bonds=row.size // len(row),
             entries=u.size,
             kicks=len(method.rule[0]),
-            degree=DEGREE,
+            degree=openings.DEGREE,
             known=0,
             begins=0,
             alone=0,
         )
         self._scale_with_step(steps, "dt")
         return steps
+
+    def stand_alone(self):
+        """Say that steps have none before them and none behind."""
+        if self._alone is not None:
+            self._alone.alone = 1
+
+    # motion
 
     def go(self, done, end, wanted=()):
         """Advance from step `done` of a run to `end`, which is shown, and take what is `Wanted`.
@@ -159,38 +212,47 @@ class Bound:
     def advance(self, steps, opened=False):
         """Advance u and v by whole steps, in place; `opened` says whether others came before, where
         that matters to a method."""
-        advance, show = self.functions
-        corrects = self._openings is not None
-        if advance(*self.addresses, steps, opened and corrects):
-            raise self.why_stopped()
-        if show is not None and not corrects:
-            show(*self.addresses, self.u.ctypes.data, self.v.ctypes.data)
+        corrects = self._alone is not None
+        self.advance_open(steps, opened and corrects)
+        if self._show is not None and not corrects:
+            self._show(*self._addresses, self.u.ctypes.data, self.v.ctypes.data)
 
     def advance_open(self, steps, opened):
         """Steps without the closing kick of the last, which begin with that of the step before if
         `opened`."""
-        self.functions[0](*self.addresses, steps, opened)
+        if self._advance(*self._addresses, steps, opened):
+            raise self.why_stopped()
 
-    def show(self):
-        """Make `shown` the state after the last step of `advance_open`."""
-        for copy, array in zip(self.shown, (self.u, self.v), strict=True):
-            copy[...] = array
-        function = self.functions[1]
-        if function is not None:
-            function(*self.addresses, *(x.ctypes.data for x in self.shown))
+    def why_stopped(self):
+        """Why steps could not be done."""
+        return StabilityError(
+            f"dt {self._dt:.6g} s {self._words}{implicit.ITERATIONS} iterations; the springs "
+            "change too much within a step"
+        )
+
+    def retune(self, bonds):
+        """Go on with the masses and parameters of other bonds, of the same laws and in the same
+        runs of a chain.  What it was made of changes with it."""
+        fields = parameters(bonds, self._laid.runs, self._loop.own, self._loop.lanes)
+        for name, values in (fields | {"w": bonds.inverse_mass}).items():
+            self._scene.filled[name][:] = values
+
+    def forget_range(self):
+        """Start anew to record elongations and the way travelled."""
+        self._low[:], self._high[:], self._travel[:] = np.inf, -np.inf, 0
 
     @property
-    def address(self):
-        """Where the structure is that the loop takes."""
-        return self.addresses[0]
-
-    def stand_alone(self):
-        """Say that steps have none before them and none behind."""
-        if self._openings is not None:
-            self._openings.alone = 1
+    def range(self):
+        """Smallest and largest elongation of each different spring since `forget_range`, (springs,
+        2)."""
+        low, high = self._low[self._seen], self._high[self._seen]
+        if self._each:
+            return np.stack((low, high), axis=1)
+        return by_spring(self._springs, len(self._bonds.law), low, high)
 
     @property
     def travel(self):
+        """Bound on how far any coordinate of a site moved since then [m]; of networks."""
         return float(self._travel[0])
 
 
@@ -205,5 +267,13 @@ def stages(method, dt, dtype=np.float64):
     return {"kicks": kicks, "drifts": drifts, "stages": count, "closing": int(kicks[-1] != 0)}
 
 
-def integers(array):
-    return np.ascontiguousarray(array, dtype=np.int64)
+def _piece(laid, tile, last, number, pieces):
+    """What a thread does of a network: the tiles to the last one."""
+    return {
+        "tile": tile,
+        "last_tile": last,
+        "before": laid.slices.needed[tile],
+        "reach": laid.slices.reach[last],
+        "piece": number,
+        "pieces": pieces,
+    }

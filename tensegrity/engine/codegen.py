@@ -1,138 +1,144 @@
-"""C text of a loop over bonds, from their laws.
+"""C text of a loop over bonds, from their laws: forwards, and backwards with derivatives.
 
-CasADi writes the C of a law's functions; the text is used as CasADi writes it, between `prelude.c`
-and the text of a loop.
+CasADi writes the C of a law's functions, and `simd` that for several bonds side by side; both are
+used as they are written, between `prelude.c` and the text of a loop.
 """
 
 from __future__ import annotations
 
-from importlib.resources import files
-from typing import TYPE_CHECKING
-
-from tensegrity.engine import lanes
-from tensegrity.engine.law import DERIVATIVES, Change, facts, functions
-
-if TYPE_CHECKING:
-    from typing import Any
+from tensegrity.engine import geometry, simd
+from tensegrity.engine.law import DERIVATIVES, Change, applied, facts, functions, interpret
+from tensegrity.engine.native import joined
+from tensegrity.once import once
 
 LONG = 500  # instructions from which a law is compiled apart from the loop
+STEPS = {  # files of what advances, by the steps that a text is made for
+    "": (),
+    "openings": ("overlaps.c", "openings.c"),
+    "implicit": ("implicit.c",),
+    "driven": ("driven.c",),
+}
 
 
-def c_text(
-    laws, loop="line", own=None, helpers=(), packed=(), openings=False, extra=(), implicit=False
-):
+def c_text(laws, own=None, dim=0, steps="", helpers=()):
     """C source of a loop over bonds of the given laws, numbered in their order.
 
     Parameters
     ----------
     laws : sequence of Law
         Or one law whose parameters change in time, and its `Change`.
-    loop : str
-        "line" or "net": the files `<loop>.h`, `<loop>_law.c`, once for each kind of run, and
-        `<loop>.c`.
     own : sequence of (tuple of int or None), optional
         For each law the numbers of the parameters that bonds of a run may each have their own of;
         None where no run has bonds that the loop tells apart.
-    helpers : sequence of (casadi.Function, str)
-        What the loop needs besides, and the C by which it is called.
-    packed : sequence of str
-        C of what the loop needs besides for several contacts side by side.
-    openings : bool, optional
-        Whether the steps of corrected methods are among it.
-    extra : sequence of str
-        Files, or C, behind the loop.
-    implicit : bool, optional
-        Whether implicit steps are among it, and the stiffness of every law.
+    dim : int, optional
+        Coordinates of a site in a network; 0 for a line.  Files taken are `<loop>_law.c`, once for
+        each kind of run, and `<loop>.c`, of the loop "line" or "net".
+    steps : str, optional
+        The steps in `STEPS` that are among it, besides those of `steps.c`.
+    helpers : sequence of (casadi.Function, str), optional
+        What is needed besides, and the C by which it is called.
     """
+    own, loop = own or (None,) * len(laws), "net" if dim else "line"
+    change = next((law for law in laws if isinstance(law, Change)), None)
+    alone = not dim and own == (None,)  # then it is looked at outside of a loop too
+    names = laws[0].compiled if alone else ()
+    more = (*names, *["stiffness"] * (steps == "implicit"))
+    scalars = [
+        scalar(number, name, functions(law)[name])
+        for number, law in enumerate(laws)
+        for name in (["energy"] if law is change else dict.fromkeys(("tension", *more)))
+    ]
+    runs, parts, packed = [], ["scene.h"], geometry.side_by_side(dim) if dim else []
+    for k, law in enumerate(laws[: len(laws) - (change is not None)]):
+        beside = bool(dim or change) or facts(law)["packed"]
+        for kind in kinds(law, own[k]):
+            runs.append((k, kind))
+            flags = {"K": k, "OWNED": kind, "IS_LONG": is_long(law), "BESIDE": beside}
+            parts += [*_defined(flags), f"{loop}_law.c", *(f"#undef {x}" for x in flags)]
+            if beside:
+                packed.append(_tensions(k, kind, law, own[k], change, dim))
+    in_packs = alone and facts(laws[0])["packed_energy"]
+    if in_packs:
+        packed += ["#if WIDE == 8", _energies(laws[0]), "#endif"]
+    evaluations = [(DERIVATIVES.index(name), name) for name in names]
+    lists = {"RUNS": runs, "EVALUATIONS": evaluations, "LAWS": zip(range(len(laws)))}
+    flags = {"CHANGES": change is not None, "IN_PACKS": in_packs}
+    parts += [f"{loop}.c", "steps.c", *STEPS[steps], *["evaluate.c"] * alone]
+    return whole(laws, own, [*scalars, *helpers], dim, packed, lists, flags, parts)
+
+
+def reverse_text(laws, own, wanted, dim, exact):
+    """C source of the loop backwards: `reverse.c`.
+
+    Parameters
+    ----------
+    laws, own, dim
+        As of `c_text`.
+    wanted : sequence of tuple of int
+        For each law the numbers of the parameters by which derivatives are wanted.
+    exact : bool
+        Whether states are whole units of a grid; then it goes forwards too.
+    """
+    arguments = (
+        "integer apart, const real *r, real *f, real *k, real *d, const real *shared, "
+        "const real *own, integer all"
+    )
+    hooks, packed, runs, scalars = [], [], [], []
+    for number, law in enumerate(laws):
+        function, count = law_function(law, wanted[number]), len(wanted[number])
+        mine = [(number, kind) for kind in (0, 1)[: 1 + (own[number] is not None)]]
+        runs += mine
+        if exact or not facts(law)["packed"]:
+            scalars += [(*run, count) for run in mine]
+            hooks.append(scalar(number, "slopes", function))
+            hooks += [scalar(number, "tension", functions(law)["tension"])] * exact
+            continue
+        found = [f"INTO({x} + g * WIDE)" for x in ("f", "k")]
+        found += [f"INTO(d + {m} * apart + g * WIDE)" for m in range(count)]
+        for _, kind in mine:
+            p = _packs(law, own[number] if kind else (), "wide(shared[{}])")
+            given, name = [["load(r + g * WIDE)"], p], f"slopes_{number}_{kind}"
+            packed.append(simd.text(function, name, arguments, given, [found]))
+    parts, lists = ["reverse.c", *["steps.c"] * exact], {"RUNS": runs, "SCALARS": scalars}
+    return whole(laws, own, hooks, dim, packed, lists, {"EXACT": exact}, parts)
+
+
+def whole(laws, own, hooks, dim, packed, lists, flags, parts):
+    """C source of CasADi's functions with what calls them, those of packs, listed macros, files."""
     import casadi as ca
 
-    own = own or (None,) * len(laws)
-    pulling = [law for law in laws if not isinstance(law, Change)]
-    change = laws[-1] if len(pulling) < len(laws) else None
-    generator = ca.CodeGenerator("laws.c")
-    hooks = []
-    for number, law in enumerate(laws):
-        more = ["stiffness"] if implicit and "stiffness" not in law.compiled else []
-        for name in law.compiled if law is change else (*law.compiled, *more, "head", "tail"):
-            hooks.append(scalar(generator, number, name, functions(law)[name]))
-        if own[number] is not None:
-            hooks.append(take(number, len(law.parameters), own[number]))
-    for function, hook in helpers:
+    generator, hooks = ca.CodeGenerator("laws.c"), [*hooks, *(geometry.helpers(dim) if dim else ())]
+    for function, _ in hooks:
         generator.add(function)
-        hooks.append(hook)
-    beside = [bool(packed or change) or is_packed(law) for law in pulling]
-    hooks += ["lanes.c", *packed, *_lanes(pulling, own, beside, change, line=not packed)]
-    hooks += ["#if WIDE == 8", *_energy_lanes(laws), "#endif"]
-    energies = " ".join(
-        f"X({number}, {int(facts(law)['packed_energy'])})"
-        for number, law in enumerate(laws)
-        if "energy" in law.compiled
-    )
-    runs = [
-        (number, kind) for number, law in enumerate(pulling) for kind in kinds(law, own[number])
-    ]
-    evaluations = " ".join(
-        f"X({number}, {DERIVATIVES.index(name)}, {name})"
-        for number, law in enumerate(laws)
-        for name in law.compiled
-    )
-    parts = ["subnormal.c", "prelude.c", generator.dump(), *hooks]
-    parts += [
-        f"#define PARAMETERS {max((len(law.parameters) for law in laws), default=0)}",
-        f"#define RUNS(X) {' '.join(f'X({number}, {kind})' for number, kind in runs)}",
-        f"#define CHANGES {change is not None:d}",
-        f"#define EVALUATIONS(X) {evaluations}",
-        f"#define ENERGIES(X) {energies}",
-        f"{loop}.h",
-    ]
-    for number, kind in runs:
-        long = int(is_long(laws[number]))
-        parts += run_text(f"{loop}_law.c", number, kind, beside[number], IS_LONG=long)
-    parts += [f"{loop}.c", "stages.h", "steps.c"]
-    parts += ["openings.h", f"{loop}_openings.c", "openings.c"] * openings
-    parts += ["evaluate.c", *["values.c"] * (loop == "line" and own == (None,))]
-    if implicit:
-        parts += [f"#define LAWS(X) {' '.join(f'X({k})' for k in range(len(laws)))}", "implicit.c"]
-    return joined([*parts, *extra])
+    takes = [_take(k, law, own[k]) for k, law in enumerate(laws) if own[k] is not None]
+    defines = {"PARAMETERS": max((len(law.parameters) for law in laws), default=0)}
+    defines |= flags
+    for name, rows in lists.items():
+        defines[f"{name}(X)"] = " ".join(f"X({', '.join(map(str, row))})" for row in rows)
+    begin = ["prelude.c", generator.dump(), *(hook for _, hook in hooks), *takes, "simd.c"]
+    return joined([*begin, *packed, *_defined(defines), *parts])
 
 
-def add(generator, number, name, function):
-    """Have CasADi write a function of a law, of scalars; its name."""
+def _defined(values):
+    return [f"#define {x} {int(y) if isinstance(y, bool) else y}" for x, y in values.items()]
+
+
+def scalar(number, name, function):
+    """A law's function of scalars for CasADi to write, and the C that calls it as
+    `<name>_<number>(r, p)`; for several results with a place for them behind p."""
     import casadi as ca
 
     unique, sx = f"law{number}_{name}", function.sx_in()
-    generator.add(ca.Function(unique, sx, [function(*sx)]))
-    return unique
-
-
-def scalar(generator, number, name, function):
-    """C that calls such a function, of one result, as `<name>_<number>(r, p)`."""
-    unique = add(generator, number, name, function)
-    takes = ("real r, real h" if name == "tail" else "real r") + ", const real *p"
-    gives = "&r, &h, p" if name == "tail" else "&r, p"
-    return (
-        f"static inline real {name}_{number}({takes}) {{ real y; const real *arg[] = "
-        f"{{{gives}}}; real *res[] = {{&y}}; {unique}(arg, res, 0, 0, 0); return y; }}"
+    takes, begin, to, end = "real r, const real *p", "real y; ", "&y", " return y;"
+    if function.numel_out() > 1:
+        takes, begin, to, end = f"{takes}, real *y", "", "y", ""
+    return ca.Function(unique, sx, [function(*sx)]), (
+        f"static inline {'real' if end else 'void'} {name}_{number}({takes}) {{ {begin}const real "
+        f"*arg[] = {{&r, p}}; real *res[] = {{{to}}}; {unique}(arg, res, 0, 0, 0);{end} }}"
     )
 
 
-def run_text(file, number, kind, beside, **more):
-    """Parts of the text of one kind of runs of a law, what it is told defined around them."""
-    beside = f"({int(beside)} && (WIDE == 8 || CHANGES))"
-    told = {"K": number, "OWNED": kind, **more, "BESIDE": beside}
-    return [*(f"#define {x} {y}" for x, y in told.items()), file, *(f"#undef {x}" for x in told)]
-
-
-def joined(parts):
-    """C of parts, each a text or the name of a file of the loop, whose lines messages name."""
-    folder = files(__package__)
-    return "\n".join(
-        f'#line 1 "{part}"\n{folder.joinpath(part).read_text()}'
-        if part.endswith((".c", ".h")) else part for part in parts
-    )  # fmt: skip
-
-
-def cost(law: Any) -> float:
+def cost(law):
     """Seconds that a tension takes in a compiled loop, roughly: counted, not measured."""
     return facts(law)["cost"]
 
@@ -149,54 +155,135 @@ def kinds(law, own):
     return (1,) if is_long(law) else (0, 1)
 
 
-def is_packed(law):
-    """Whether a tension takes roots or quotients, and nothing that packs of numbers lack."""
-    return facts(law)["packed"]
-
-
-def packs(law, own, one):
+def _packs(law, own, one, wide="WIDE"):
     """C of pack number g of each parameter: `one` of its number, or of its own column."""
     return [
-        f"load(own + {own.index(k)} * all + g * GROUP)" if k in own else one.format(k)
+        f"load(own + {own.index(k)} * all + g * {wide})" if k in own else one.format(k)
         for k in range(len(law.parameters))
     ]
 
 
-def _lanes(laws, own, beside, change, line):
+def _tensions(number, kind, law, own, change, dim):
     """C of the tensions of several contacts, `tension_lanes_<law>_<kind of run>`; of bonds on a
     line that change the rates of their energies too, in packs behind."""
-    shared, one = ("real", "wide(p[{}])") if line else ("pack", "p[{}]")
+    shared, one = ("pack", "p[{}]") if dim else ("real", "wide(p[{}])")
     arguments = f"const pack *r, const {shared} *p, const real *own, integer all, pack *f"
-    for number, law in enumerate(laws):
-        if not beside[number]:
-            continue
-        for kind in kinds(law, own[number]):
-            p = packs(law, own[number] if kind else (), one)
-            function, found = functions(law)["tension"], [["f[g]"]]
-            if change and line:
-                p = packs(change, (), one)
-                function, found = change.both(), [["f[g]"], ["f[n + g]"]]
-            name = f"tension_lanes_{number}_{kind}"
-            yield lanes.text(function, name, arguments, [["r[g]"], p], found)
+    p = _packs(law, own if kind else (), one, "GROUP")
+    function, found = functions(law)["tension"], [["f[g]"]]
+    if change and not dim:
+        p = _packs(change, (), one)
+        function, found = change.both(), [["f[g]"], ["f[n + g]"]]
+    name = f"tension_lanes_{number}_{kind}"
+    return simd.text(function, name, arguments, [["r[g]"], p], found)
 
 
-def _energy_lanes(laws):
-    """C of the energies of several bonds, `energy_lanes_<law>`."""
-    for number, law in enumerate(laws):
-        if facts(law)["packed_energy"]:
-            p = packs(law, (), "wide(p[{}])")
-            arguments, energy = "const pack *r, const real *p, pack *e", functions(law)["energy"]
-            name = f"energy_lanes_{number}"
-            yield lanes.text(energy, name, arguments, [["r[g]"], p], [["e[g]"]])
+def _energies(law):
+    """C of the energies of several bonds, `energy_lanes_0`."""
+    arguments, p = "const pack *r, const real *p, pack *e", _packs(law, (), "wide(p[{}])")
+    return simd.text(
+        functions(law)["energy"], "energy_lanes_0", arguments, [["r[g]"], p], [["e[g]"]]
+    )
 
 
-def take(number, count, own):
+def _take(number, law, own):
     """C that gathers the parameters of bond q of a run, those of its own from columns of `all`."""
     each = " ".join(
         f"p[{k}] = own[{own.index(k)} * all + q];" if k in own else f"p[{k}] = shared[{k}];"
-        for k in range(count)
+        for k in range(len(law.parameters))
     )
     return (
         f"static inline void take_{number}(real *p, const real *restrict shared, "
         f"const real *restrict own, integer all, integer q) {{ {each} }}"
     )
+
+
+@once
+def law_function(law, wanted):
+    """CasADi function (r, p) -> tension, stiffness, derivatives of the tension by p[wanted]."""
+    import casadi as ca
+
+    r, p, (_, tension, stiffness, _) = law.forms()
+    slopes = ca.gradient(tension, p) if law.parameters else ca.SX(0, 1)
+    forms = ca.cse(ca.vertcat(tension, stiffness, slopes[list(wanted)]))
+    values, found = _without_divisions(ca.Function("law", [r, p], [forms]), r, p)
+    q, inner = [x for x, _ in found], ca.vertcat(*(symbol for _, symbol in found))
+    for _ in found:  # a denominator may have others in it
+        q = [ca.substitute(x, inner, 1 / ca.vertcat(*q)) for x in q]
+    return ca.Function("law", [r, p], [ca.substitute(values, inner, 1 / ca.vertcat(*q))])
+
+
+def _without_divisions(function, r, p):
+    """Outputs with symbols for reciprocals, and pairs of a denominator and its symbol.
+
+    A reciprocal of a factor of another denominator is made from that: where nothing is chosen, so
+    that one that is 0 spoils the others anyhow.
+    """
+    import casadi as ca
+
+    inputs = [[r], ca.vertsplit(p) if p.numel() else []]
+    known = {}
+    operations = map(function.instruction_id, range(function.n_instructions()))
+    chosen = {ca.OP_IF_ELSE_ZERO, ca.OP_NOT, ca.OP_AND, ca.OP_OR}.intersection(operations)
+
+    def reciprocal(x):
+        key = x.element_hash()
+        if key not in known:
+            if x.is_op(ca.OP_TWICE):
+                return 0.5 * reciprocal(x.dep(0))
+            if x.is_op(ca.OP_ADD) and x.dep(0).is_op(ca.OP_LE) and x.dep(1).is_op(ca.OP_LE):
+                return 1.5 - 0.5 * x  # of 1 or 2: how an extremum chooses
+            known[key] = x, ca.SX.sym(f"i{len(known)}")
+        return known[key][1]
+
+    def apply(operation, *values):
+        if operation == ca.OP_DIV and not values[1].is_constant():
+            return values[0] * reciprocal(values[1])
+        return reciprocal(*values) if operation == ca.OP_INV else applied(operation, *values)
+
+    values = ca.vertcat(*interpret(function, inputs, apply))
+    if chosen:
+        return values, list(known.values())
+    kept = []
+    for x, symbol in known.values():
+        for whole, other in known.values():
+            rest = None if whole is x else _rest(whole, x)
+            if rest is not None:
+                values = ca.substitute(values, symbol, rest * other)
+                break
+        else:
+            kept.append((x, symbol))
+    return values, kept
+
+
+def _rest(product, factor):
+    """What is left of a product without a factor, or None where it has no such factor."""
+    import casadi as ca
+
+    if product.element_hash() == factor.element_hash():
+        return ca.SX(1)
+    if product.is_op(ca.OP_MUL):
+        one, other = product.dep(0), product.dep(1)
+        for mine, left in ((one, other), (other, one)):
+            rest = _rest(mine, factor)
+            if rest is not None:
+                return rest * left
+    return None
+
+
+@once
+def depends_on(law):
+    """Numbers of the parameters that the tension of a law depends on."""
+    import casadi as ca
+
+    _, p, (_, tension, _, _) = law.forms()
+    return frozenset(k for k in range(p.numel()) if ca.depends_on(tension, p[k]))
+
+
+@once
+def energy_function(law, wanted):
+    """CasADi function (r, p) -> energy, tension, derivatives of the energy by p[wanted]."""
+    import casadi as ca
+
+    r, p, (energy, tension, _, _) = law.forms()
+    slopes = ca.gradient(energy, p) if law.parameters else ca.SX(0, 1)
+    return ca.Function("stored", [r, p], [ca.vertcat(energy, tension, slopes[list(wanted)])])

@@ -8,20 +8,7 @@
    of the exponential function, in which prescribed velocities stand as polynomials.  In a network
    G turns with the bonds: such a drift is an extrapolated midpoint rule, of the method's order. */
 
-#ifndef BLOCK
-#define BLOCK 64
-#endif
 #define PARTS 8 /* sums at a time, so that additions do not wait for each other */
-#define ADD(n, term)                                                                        \
-    ({                                                                                      \
-        real part[PARTS] = {0}, sum = 0;                                                    \
-        integer q = 0;                                                                      \
-        for (; q + PARTS <= (n); q += PARTS)                                                \
-            for (int l = 0; l < PARTS; l++) { const integer i = q + l; part[l] += (term); } \
-        for (integer i = q; i < (n); i++) sum += (term);                                    \
-        for (int l = 0; l < PARTS; l++) sum += part[l];                                     \
-        sum;                                                                                \
-    })
 
 typedef struct {
     const real *moved_u, *moved_v;   /* (drifts, moved) after each; (kicks, moved) */
@@ -111,7 +98,13 @@ static void span(const scene *c, const drive *d, real *least, real *most)
 static real energy_of(const drive *d, const real *restrict v)
 {
     const real *restrict m = d->mass;
-    return ADD(d->entries, m[i] * v[i] * v[i]) / 2;
+    real part[PARTS] = {0}, sum = 0;
+    integer i = 0;
+    for (; i + PARTS <= d->entries; i += PARTS)
+        for (int l = 0; l < PARTS; l++) part[l] += m[i + l] * v[i + l] * v[i + l];
+    for (; i < d->entries; i++) sum += m[i] * v[i] * v[i];
+    for (int l = 0; l < PARTS; l++) sum += part[l];
+    return sum / 2;
 }
 
 /* A drift with dashpots from the sites to the ground. */
@@ -302,7 +295,7 @@ integer advance_driven(const scene *given, drive *d, integer steps, integer open
     scene here = *given;
     for (integer k = 0; k < steps; k++)
         for (integer i = 0; i < here.stages; i++, d->stage++) {
-            const real a = kick(&here, i, k > 0 || opened);
+            const real a = KICK(&here, i, k > 0 || opened);
             if (driven_stage(&here, d, d->stage, i, a, here.drifts[i])) return 1;
         }
     return 0;

@@ -11,30 +11,189 @@ turn, G follows u: they vanish as well, and the drift is solved to the order of 
 
 from __future__ import annotations
 
-import ctypes
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tensegrity.engine import march
-from tensegrity.engine.bound_line import BoundLine
-from tensegrity.engine.bound_net import BoundNet
-from tensegrity.engine.compiled import Compiled
+from tensegrity.engine.bound import Bound
+from tensegrity.engine.compiled import compiled
 from tensegrity.engine.law import Change
-from tensegrity.engine.structs import structure
-from tensegrity.engine.timed import ROWS, TURNING, Forcing, Locked, Schedule
-from tensegrity.once import once
+from tensegrity.engine.native import structure
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from typing import Any
 
+    from tensegrity.engine.bonds import Bonds
     from tensegrity.engine.methods import Splitting
-    from tensegrity.typing import Array
+    from tensegrity.typing import Array, Indices
 
 DRIVE = structure("driven.c", "drive")
+FREE, APART, JOINED, TURNING = range(4)  # as in driven.c
+LEAST_TERMS = 12  # of the series of a drift
+NODES = 8  # instants of a drift from which prescribed velocities are taken as polynomials
+SMALL = 1e-17  # first term of the series that is left out, relative
+LARGEST_DAMPING = 2.0  # of a drift: time times the largest rate of decay
 
 
-class BoundDriven:
+@dataclass(frozen=True, eq=False)
+class Forcing:
+    """What time does to a scene, as its loop takes it.
+
+    Entries are those of u, one after the other.
+
+    Attributes
+    ----------
+    bonds : Bonds
+        Of the scene.
+    moved, forced : ndarray of int
+        Entries whose motion is prescribed, and those that get a force.
+    motion, force : callable (t, order) -> ndarray, (t.size, entries)
+        Displacements [m], forces [N], and their rates for order 1.
+    mass : ndarray, (entries,)
+        [kg]; 0 where the motion is prescribed.
+    heavy : ndarray, (moved,)
+        Masses there [kg].
+    ground : ndarray, (entries,)
+        Dashpots to the ground [N s/m].
+    bond : ndarray, (bonds,)
+        Dashpots in the bonds [N s/m]; not in contacts with walls, which stand behind the bonds.
+    tuning : object or None
+        Springs that change: `law`, the numbers of parameters that are `moving`, `at(t)` and
+        `numbers(t)`, rows for each of t.
+    """
+
+    bonds: Bonds
+    moved: Indices
+    forced: Indices
+    motion: Callable[[Array, int], Array]
+    force: Callable[[Array, int], Array]
+    mass: Array
+    heavy: Array
+    ground: Array
+    bond: Array
+    tuning: Any
+
+    @property
+    def damped(self) -> int:
+        """What dashpots there are, as `driven.c` counts."""
+        if self.bond.any():
+            return JOINED if self.bonds.contacts is None else TURNING
+        return APART if self.ground.any() else FREE
+
+    @property
+    def joined(self) -> Indices:
+        """Numbers of the bonds of a network that have dashpots."""
+        return np.flatnonzero(self.bond) if self.damped == TURNING else np.zeros(0, dtype=int)
+
+    @property
+    def decay(self) -> float:
+        """Bound on the rates at which velocities decay by dashpots [1/s]."""
+        total = self.ground.copy()
+        if self.damped == JOINED:
+            total[1:] += 2 * self.bond
+            total[:-1] += 2 * self.bond
+        elif self.damped == TURNING:
+            of: Any = self.bonds.contacts
+            by_site = total.reshape(len(of.load), -1)  # a view
+            for ends in (of.first, of.second):
+                np.add.at(by_site, ends[self.joined], 2 * self.bond[self.joined, None])
+        weights = np.divide(1, self.mass, out=np.zeros_like(total), where=self.mass > 0)
+        return float(np.max(total * weights, initial=0.0))
+
+
+class Schedule:
+    """Rows of numbers for all kicks and drifts of some steps, from their times alone.
+
+    Parameters
+    ----------
+    forcing : Forcing
+    method : Splitting
+    dt : float
+        [s]
+    """
+
+    def __init__(self, forcing: Forcing, method: Splitting, dt: float) -> None:
+        self._forcing, self._dt = forcing, dt
+        self.kicks, self.drifts = (np.multiply(x, dt) for x in (method.kicks, method.drifts))
+        self._within = np.concatenate([[0.0], np.cumsum(self.drifts)[:-1]])
+        self.degree, self.levels = self._terms(), -(-method.order // 2)
+        nodes = (1 - np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)) / 2
+        self._nodes, self._solve = nodes, np.linalg.inv(np.vander(nodes, increasing=True))
+        self._gauss, self._weights = np.polynomial.legendre.leggauss(NODES)
+
+    def _terms(self) -> int:
+        """Terms of the series of a drift that count."""
+        if self._forcing.damped != JOINED:
+            return LEAST_TERMS
+        size, term, count = float(np.abs(self.drifts).max()) * self._forcing.decay, 1.0, 0
+        while term > SMALL or count < LEAST_TERMS:
+            count += 1
+            term *= size / count
+        return count
+
+    def times(self, first: int, steps: int, origin: float = 0.0) -> Array:
+        """Instants of the kicks, and of the end [s]; (steps stages + 1,)."""
+        starts = origin + self._dt * np.arange(first, first + steps + 1)
+        return np.append((starts[:-1, None] + self._within).ravel(), starts[-1])
+
+    def width(self) -> int:
+        """Numbers that a step takes."""
+        forcing, width = self._forcing, 1
+        width += len(forcing.moved) * (2 + self.degree * (1 + (forcing.damped > 0)))
+        width += 2 * len(forcing.forced)
+        if forcing.tuning is not None:
+            width += 4 * forcing.bonds.parameters.shape[1]
+        return width * len(self.drifts)
+
+    def rows(self, first: int, steps: int, origin: float = 0.0) -> dict[str, Array]:
+        """The arrays of `driven.c` that depend on time, from step `first` after `origin` on."""
+        forcing, at = self._forcing, self.times(first, steps, origin)
+        found = {}
+        if forcing.moved.size:
+            found["moved_u"] = forcing.motion(at[1:], 0)
+            found["moved_v"] = forcing.motion(at, 1)
+            if forcing.damped:
+                found |= self._between(at, steps)
+        if forcing.forced.size:
+            found["force"], found["force_rate"] = (forcing.force(at, k) for k in (0, 1))
+        if forcing.tuning is not None:
+            found["shared"], found["domain"] = forcing.tuning.numbers(at)
+        return {name: np.ascontiguousarray(rows, dtype=float) for name, rows in found.items()}
+
+    def _between(self, at: Array, steps: int) -> dict[str, Array]:
+        """Prescribed velocities within drifts: as polynomials, or what they lose by rubbing."""
+        starts, lengths = at[:-1], np.tile(self.drifts, steps)
+        moved, ground = self._forcing.moved, self._forcing.ground
+        if self._forcing.damped >= JOINED:
+            nodes = starts[:, None] + lengths[:, None] * self._nodes
+            values = self._forcing.motion(nodes.ravel(), 1).reshape(*nodes.shape, len(moved))
+            series = np.zeros((len(starts), len(moved), self.degree))
+            series[..., :NODES] = np.einsum("kx,sxm->smk", self._solve, values)
+            return {"series": series}
+        nodes = starts[:, None] + lengths[:, None] * (1 + self._gauss) / 2
+        squares = self._forcing.motion(nodes.ravel(), 1).reshape(*nodes.shape, len(moved)) ** 2
+        return {"rubbed": lengths * ((squares @ ground[moved]) @ self._weights) / 2}
+
+
+class Locked(Exception):  # no error of a user's: which stage it was
+    """A spring of a chain whose springs change reached an end of its domain.
+
+    Parameters
+    ----------
+    t : float
+        When [s].
+    range : ndarray, (2,)
+        Smallest and largest elongation of that stage and those before [m].
+    """
+
+    def __init__(self, t: float, range: Array) -> None:
+        self.t, self.range = t, range
+
+
+class BoundDriven(Bound):
     """Arrays u and v, advanced in place, with what was done on them.
 
     Attributes
@@ -42,55 +201,54 @@ class BoundDriven:
     sums : ndarray, (4,)
         Work of drivers [J], without what their masses and forces store; loss in dashpots [J];
         smallest and largest elongation met, where springs change [m].
+    shown_sums : ndarray, (4,)
+        The same, of what is shown.
     """
+
+    shown_sums: Any
 
     def __init__(
         self, loop: Any, forcing: Forcing, u: Array, v: Array, method: Splitting, dt: float
     ) -> None:
-        self._forcing, self.u, self.v = forcing, u, v
-        self.schedule = Schedule(forcing, method, dt)
-        self.sums = np.array([0.0, 0.0, np.inf, -np.inf])
-        self.shown_sums = self.sums.copy()
-        drifts, weights = self.schedule.drifts, 1 / np.where(forcing.mass, forcing.mass, 1.0)
+        self._forcing, self.schedule = forcing, Schedule(forcing, method, dt)
+        self.sums, self.shown_sums = np.array([[0.0, 0.0, np.inf, -np.inf]] * 2)
+        super().__init__(loop, u, v, forcing.bonds, method, dt)
+
+    def _steps(self, method: Splitting) -> Any:
+        forcing, schedule, loop = self._forcing, self.schedule, self._loop
+        drifts, weights = schedule.drifts, 1 / np.where(forcing.mass, forcing.mass, 1.0)
         rates = forcing.ground * weights * np.ones_like(drifts)[:, None]
         glide = drifts[:, None] * np.ones_like(rates)
         np.divide(-np.expm1(-drifts[:, None] * rates), rates, out=glide, where=rates != 0)
-        kind = BoundNet if loop.dim else BoundLine
-        self._bound, self._loop = kind(loop, u, v, forcing.bonds, method, dt), loop
-        self.sizes, self.shown = self._bound.sizes, self._bound.shown
-        entries, degree, levels = len(forcing.mass), self.schedule.degree, self.schedule.levels
-        moving, bonds = len(forcing.moved), len(forcing.bonds.group)
+        entries, moving, bonds = len(forcing.mass), len(forcing.moved), len(forcing.bonds.group)
         sizes = {"term": entries, "next": entries, "pull": entries + 1, "stretch": bonds}
         arrays = {name: np.zeros(size) for name, size in sizes.items()}
+        arrays["given"] = np.zeros((moving + 1, schedule.degree))
         arrays |= {name: getattr(forcing, name) for name in ("mass", "heavy", "ground", "bond")}
         arrays |= {name: getattr(forcing, name).astype(np.int64) for name in ("moved", "forced")}
         arrays |= {"decay": np.exp(-drifts[:, None] * forcing.ground * weights), "glide": glide}
-        arrays |= {"sums": self.sums, "shown": self.shown_sums}
-        arrays["given"] = np.zeros((moving + 1, degree))
         if forcing.damped == TURNING:
-            of, joined = forcing.contacts, forcing.joined
+            of, joined = forcing.bonds.contacts, forcing.joined
             ends = loop.dim * np.stack([of.first, of.second], axis=1)[joined]
             arrays |= {
                 "bond": forcing.bond[joined],
                 "apart": of.geometry[:, joined].T,
                 "ends": ends.astype(np.int64),
-                "room": np.zeros((levels + 3, 2 * entries + 1)),
+                "room": np.zeros((schedule.levels + 3, 2 * entries + 1)),
             }
-        later = dict.fromkeys((*ROWS, "ends", "apart", "room"))
-        self._drive = DRIVE(
-            **later | {name: np.ascontiguousarray(x) for name, x in arrays.items()},
-            entries=entries,
-            moving=moving,
-            forcing=len(forcing.forced),
-            damped=forcing.damped,
-            degree=degree,
-            joined=len(forcing.joined),
-            levels=levels,
-            bonds=bonds,
-            stage=0,
-        )
-        functions = loop.advance_driven, loop.show_driven
-        self._march = self._bound.loop_of(functions, self._drive, self.shown_sums)  # type: ignore[no-untyped-call]
+        arrays |= {"sums": self.sums, "shown": self.shown_sums}
+        numbers = {
+            "entries": entries,
+            "moving": moving,
+            "forcing": len(forcing.forced),
+            "damped": forcing.damped,
+            "degree": schedule.degree,
+            "joined": len(forcing.joined),
+            "levels": schedule.levels,
+            "bonds": bonds,
+        }
+        arrays = {name: np.ascontiguousarray(x) for name, x in arrays.items()}
+        return "driven", DRIVE(**dict.fromkeys(DRIVE.kinds) | arrays | numbers)  # others come later
 
     def go(self, done: int, end: int, wanted: Any = ()) -> int:
         """As `Bound.go`; velocities of what is moved are 0, and sums lack what masses and forces of
@@ -101,77 +259,38 @@ class BoundDriven:
         Locked
             A spring that changes met an end of its domain; u and v are of no use then.
         """
-        return self._advance(
-            done, end - done, lambda: march.go(self._march, done, end, wanted, *self.sizes)
-        )
+        return self._timed(done, end - done, lambda: super(BoundDriven, self).go(done, end, wanted))
 
     def short(self, t: float) -> None:
         """One step alone that begins at t [s], in place, and closed."""
-        function, addresses = self._loop, (self._bound.address, ctypes.addressof(self._drive))
 
-        def step() -> Any:
+        def step() -> int:
             u, v = (x.ctypes.data for x in (self.u, self.v))
-            stopped = function.advance_driven(*addresses, 1, False)
-            return stopped or function.show_driven(*addresses, u, v)
+            stopped: int = self._advance(*self._addresses, 1, False)
+            return stopped or self._show(*self._addresses, u, v)
 
-        self._advance(0, 1, step, t)
+        self._timed(0, 1, step, t)
         self.sums[:] = self.shown_sums
 
-    def _advance(self, first: int, steps: int, do: Any, origin: float = 0.0) -> int:
+    def _timed(self, first: int, steps: int, do: Callable[[], int], origin: float = 0.0) -> int:
         """Do steps from number `first` after `origin` [s] on."""
-        self._drive.fill(**self.schedule.rows(first, max(steps, 1), origin))
-        self._drive.stage, self.shown_sums[:] = 0, self.sums
+        self._second.fill(**self.schedule.rows(first, max(steps, 1), origin))
+        self._second.stage, self.shown_sums[:] = 0, self.sums
         found = do()
         if found == march.STOPPED:
             times = self.schedule.times(first, steps, origin)
-            raise Locked(float(times[self._drive.stage]), self.sums[2:].copy())
+            raise Locked(float(times[self._second.stage]), self.sums[2:].copy())
         return found
 
     def forget_range(self) -> None:
         """Start anew to record elongations; work and loss stay."""
         self.sums[2:] = np.inf, -np.inf
-        self._bound.forget_range()  # type: ignore[no-untyped-call]
-
-    @property
-    def travel(self) -> float:
-        """Bound on how far any coordinate of a site moved since `forget_range` [m]; of networks."""
-        return self._bound.travel
+        super().forget_range()
 
     @property
     def range(self) -> Array:
-        """Smallest and largest elongation of each spring since `forget_range`; (springs, 2)."""
-        return self._bound.range if self._forcing.tuning is None else self.sums[2:][None].copy()
-
-
-class DrivenLoop(Compiled):
-    """Laws, their loop, and behind it steps in which time counts.
-
-    Parameters
-    ----------
-    laws : tuple of Law
-        Where springs change, the one law and its `Change`.
-    own, dim
-        As those of `Compiled`.
-    """
-
-    kind, corrects = "driven", False
-    extra = ("driven.c",)
-
-    def __init__(self, laws: Any, own: Any, dim: int) -> None:
-        super().__init__(laws, own, dim)  # type: ignore[no-untyped-call]
-        address, number = ctypes.c_void_p, ctypes.c_longlong
-        for name, arguments in (
-            ("advance_driven", [address] * 2 + [number] * 2),
-            ("show_driven", [address] * 4),
-        ):
-            function = self.library[name]
-            function.argtypes, function.restype = arguments, number
-            setattr(self, name, function)
-
-
-@once
-def _loop(laws: Any, own: Any, dim: int) -> DrivenLoop:
-    return DrivenLoop(laws, own, dim)
+        """As of `Bound`."""
+        return super().range if self._forcing.tuning is None else self.sums[2:][None].copy()
 
 
 def bind(forcing: Forcing, u: Array, v: Array, method: Splitting, dt: float) -> BoundDriven:
@@ -180,4 +299,4 @@ def bind(forcing: Forcing, u: Array, v: Array, method: Splitting, dt: float) -> 
     laws, own = bonds.laws, bonds.own
     if forcing.tuning is not None:
         laws, own = (laws[0], Change(laws[0], forcing.tuning.moving)), (None, None)
-    return BoundDriven(_loop(laws, own, bonds.dim), forcing, u, v, method, dt)
+    return BoundDriven(compiled(laws, own, bonds.dim, 1), forcing, u, v, method, dt)

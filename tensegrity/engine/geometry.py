@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from tensegrity.engine import lanes
-from tensegrity.engine.codegen import joined
+from tensegrity.engine import simd
 from tensegrity.engine.law import to_casadi
 from tensegrity.once import once
 
@@ -32,7 +31,7 @@ def functions(dim):
 
 
 def helpers(dim):
-    """What `codegen.c_text` takes for the loop of a network."""
+    """What `codegen.whole` takes for a network."""
     for kind, function in functions(dim).items():
         yield (
             function,
@@ -42,19 +41,8 @@ def helpers(dim):
         )
 
 
-def text(dim, file):
-    """C source of a file that needs the geometry alone."""
-    import casadi as ca
-
-    generator, hooks = ca.CodeGenerator("geometry.c"), []
-    for function, hook in helpers(dim):
-        generator.add(function)
-        hooks.append(hook)
-    return joined(["subnormal.c", "prelude.c", generator.dump(), *hooks, file])
-
-
 def side_by_side(dim):
-    """C of the same for several contacts at once; see `lanes.halves`."""
+    """C of the same for several contacts at once; see `simd.halves`."""
     axes = [[f"{name}[{k}]" for k in range(dim)] for name in ("d", "w")]
     along = [f"along[{k}][g]" for k in range(dim)]
     each = [["load(gap + g * each_gap)"], ["load(length + g * each_length)"]]
@@ -63,7 +51,7 @@ def side_by_side(dim):
         "pack (*along)[ROOM]"
     )
     found = [
-        lanes.halves(
+        simd.halves(
             function, kind, "const pack *d, const pack *w", arguments, [*axes, *each],
             [["r[g]"], along],
         )

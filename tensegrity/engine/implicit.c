@@ -65,9 +65,7 @@ static int linearised(const scene *c, const implicit *m)
             apart, moved, m->geometry[DIM * bonds + b], length, &r, along);
         switch (m->law[b]) {
 #define LAW_CASE(K)                                                                         \
-    case K:                                                                                 \
-        tension = tail_##K(r, head_##K(r, p), p), stiffness = stiffness_##K(r, p);          \
-        break;
+    case K: tension = tension_##K(r, p), stiffness = stiffness_##K(r, p); break;
             LAWS(LAW_CASE)
         }
         const real across = DIM > 1 && !wall ? tension / (length + r) : 0; /* it turns */

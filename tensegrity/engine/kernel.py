@@ -23,8 +23,7 @@ time of one where their sites stand side by side; contacts of a network fill it 
 from __future__ import annotations
 
 from tensegrity.engine import pieces
-from tensegrity.engine.bound_line import BoundLine
-from tensegrity.engine.bound_net import BoundNet
+from tensegrity.engine.bound import Bound
 from tensegrity.engine.compiled import compiled
 from tensegrity.engine.methods import Splitting
 
@@ -57,4 +56,4 @@ def bind(u, v, bonds, method, dt, loop=None, divided=True):
     if count > 1:
         kind = pieces.BoundParts if bonds.dim else pieces.BoundPieces
         return kind(loop, u, v, bonds, method, dt, count)
-    return (BoundNet if bonds.dim else BoundLine)(loop, u, v, bonds, method, dt)
+    return Bound(loop, u, v, bonds, method, dt)

@@ -2,8 +2,8 @@
 
 A `Law` is a scalar energy of one elongation with named parameters, which CasADi differentiates
 (unless the law brings its own form of the tension).  A law may also be made of CasADi expressions
-from the start: what is asked of it is a hash, `parameters`, `forms()`, and `split` and `compiled`
-as in `Law`.  What is generated from a law that has a `name`, for good and in every process, is
+from the start: what is asked of it is a hash, `parameters`, `forms()`, and `compiled` as in
+`Law`.  What is generated from a law that has a `name`, for good and in every process, is
 kept: see `tensegrity.engine.kept`.
 """
 
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity.engine import lanes
+from tensegrity.engine import simd
 from tensegrity.engine.kept import kept, maker
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
@@ -51,7 +51,6 @@ class Law:
     parameters: tuple[sp.Symbol, ...] = ()
     tension: sp.Expr | None = None
     through: tuple[tuple[sp.Symbol, sp.Expr, sp.Expr], ...] = ()
-    split = True  # the compiled loop may compute a square root of it ahead
     compiled = DERIVATIVES  # what is compiled besides the tension in the loop
     name = ""  # what stands for it in other processes, if anything does
 
@@ -232,22 +231,15 @@ def functions(law: Any) -> Any:
     -------
     dict of casadi.Function
         "energy", "tension", "stiffness", "slope": (r, parameters) -> value, each the
-        derivative of the one before it; and the tension in two parts for the compiled loop,
-        "head": (r, parameters) -> h, an innermost square root of it, and
-        "tail": (r, h, parameters) -> tension.
+        derivative of the one before it.
     """
     import casadi as ca
 
     r, p, forms = law.forms()
-    result = {
+    return {
         name: ca.Function(name, [r, p], [form])
         for name, form in zip(DERIVATIVES, forms, strict=True)
     }
-    h = ca.SX.sym("h")
-    head, tail = _split_at_root(result["tension"], r, h, p) if law.split else (ca.SX(0), forms[1])
-    result["head"] = ca.Function("head", [r, p], [head])
-    result["tail"] = ca.Function("tail", [r, h, p], [tail])
-    return result
 
 
 def evaluate(law, order, parameters, r):
@@ -266,8 +258,8 @@ def evaluate(law, order, parameters, r):
 @once
 def facts(law: Any) -> dict[str, Any]:
     """What is asked of a law besides its functions: names of its parameters, seconds that a
-    tension takes in a compiled loop, roughly: counted, not measured, its instructions, and whether
-    any of them makes pieces of it."""
+    tension takes in a compiled loop, roughly: counted, not measured, its instructions, whether any
+    of them makes pieces of it, and whether packs of numbers gain by it, and by the energy."""
     return kept(named("facts", (law,)), lambda: _facts(law))
 
 
@@ -283,9 +275,9 @@ def _facts(law):
         "parameters": [str(parameter) for parameter in _given(law).parameters],
         "cost": 4e-11 * sum(slow.get(one, 1) for one in done),
         "cut": any(one in cuts for one in done),
-        "instructions": functions(law)["tail"].n_instructions(),
-        "packed": lanes.gains(tension),
-        "packed_energy": "energy" in law.compiled and lanes.gains(functions(law)["energy"]),
+        "instructions": tension.n_instructions(),
+        "packed": simd.gains(tension),
+        "packed_energy": "energy" in law.compiled and simd.gains(functions(law)["energy"]),
     }
 
 
@@ -307,7 +299,6 @@ class Change:
 
     law: Law
     moving: tuple[int, ...] | None = None
-    split = False
     compiled = ("energy",)
 
     @property
@@ -374,24 +365,3 @@ def interpret(function, inputs, apply):
 def applied(operation, value, *other):
     """The result of an operation of CasADi, by its number."""
     return (value.binary if other else value.unary)(operation, value, *other)
-
-
-def _split_at_root(tension, r, h, p):
-    """The first square root met that depends on r, and the tension in terms of it as h.
-
-    Computed in a loop of its own it halves the longest chain of slow operations, which
-    otherwise is what the processor waits for, rather than their number.
-    """
-    import casadi as ca
-
-    roots = []
-
-    def apply(operation, *values):
-        value = applied(operation, *values)
-        if not roots and operation == ca.OP_SQRT and ca.depends_on(value, r):
-            roots.append(value)
-            return h
-        return value
-
-    tail = interpret(tension, [[r], ca.vertsplit(p) if p.numel() else []], apply)[0]
-    return (roots[0] if roots else ca.SX(0)), tail

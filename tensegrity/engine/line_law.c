@@ -1,22 +1,11 @@
 /* A stage over a run of bonds of law number K of a chain.
 
    A stage is a kick v += a w (tension right - tension left) followed by a drift u += b v, done
-   in one pass over the run in blocks that stay in the nearest cache.  The innermost square root
-   of a law (head) is computed in the loop that updates the block before, apart from the rest
-   (tail): what limits a processor here is the longest chain of slow operations that fits its
-   window, not their number alone.  A law with roots or quotients whose processor has estimates
-   to start them from is computed for several bonds side by side instead: `lanes.c`. */
+   in one pass over the run in blocks that stay in the nearest cache.  A law with roots or quotients
+   is computed for several bonds side by side: `simd.c`. */
 
-#if OWNED
-#define P(q) real p[PARAMETERS + 1]; LAW(take)(p, shared, own, all, q);
-#define PLACE(q) (q)
-#define RANGES all
-#else
-/* Each place of a block has a range. */
-#define P(q)
-#define PLACE(q) i
-#define RANGES (all < BLOCK ? all : BLOCK)
-#endif
+/* A bond with parameters of its own has a range too; of others each place of a block. */
+#define PLACE(q) (OWNED ? (q) : i)
 #if CHANGES
 /* Where springs change, rates of their energies come in packs behind tensions, and are summed for
    each place of a block; how far springs come was looked at before. */
@@ -29,87 +18,75 @@
     high[PLACE(q)] = r[i] > high[PLACE(q)] ? r[i] : high[PLACE(q)];
 #endif
 
-#if BESIDE
-#define HEAD(j)                                                                             \
+#define STRETCH(j)                                                                          \
     r[i] = u[(j) + i + LANES] - u[(j) + i];                                                 \
     SEEN((j) - start + i)
-#else
-#define HEAD(j)                                                                             \
-    P((j) - start + i)                                                                      \
-    r[i] = u[(j) + i + LANES] - u[(j) + i];                                                 \
-    SEEN((j) - start + i)                                                                   \
-    h[i] = LAW(head)(r[i], p);
-#endif
 
 #define UPDATE(j)                                                                           \
     v[(j) + i] += a * w[(j) + i] * (f[i + LANES] - f[i]);                                   \
     u[(j) + i] += b * v[(j) + i];
 
-#if BESIDE
-/* Tensions of n bonds from bond q of the run on; a last pack that is not full repeats a bond. */
-static inline void OF(beside)(integer n, integer q, real *r, const real *shared, const real *own,
-                              integer all, real *f)
+/* Tensions of n bonds from bond q of the run on; a last pack that is not full repeats a bond.  A
+   long law is compiled once only, apart from where it is called. */
+#if IS_LONG
+__attribute__((noinline, flatten)) static
+#else
+static inline
+#endif
+void OF(tensions)(integer n, integer q, real *restrict r, const real *restrict shared,
+                  const real *restrict own, integer all, real *restrict f)
 {
+#if BESIDE
     for (integer i = n; i % WIDE; i++) r[i] = r[n - 1];
     OF(tension_lanes)((n + WIDE - 1) / WIDE, (const pack *)r, shared, own + q, all, (pack *)f);
+#elif OWNED
+    EACH(n) {
+        real p[PARAMETERS + 1];
+        LAW(take)(p, shared, own, all, q + i);
+        f[i] = LAW(tension)(r[i], p);
+    }
+#else
+    EACH(n) f[i] = LAW(tension)(r[i], shared);
+#endif
 }
-#define TAILS(j, n)                                                                         \
-    OF(beside)(n, (j) - start, r, shared, own, all, f + LANES);                             \
+
+#define CARRY(n) for (int l = 0; l < LANES; l++) f[l] = f[(n) + l];
+#define PULL(j, n)                                                                          \
+    OF(tensions)(n, (j) - start, r, p, own, all, f + LANES);                                \
     RATES(n)
-#elif IS_LONG
-/* A long law is kept in a function of its own, so that it is compiled once only. */
-__attribute__((noinline, flatten)) static void OF(row)(
-    integer n, const real *restrict r, const real *restrict h, real *restrict f,
-    const real *shared, const real *own, integer all)
-{
-#if OWNED
-    EACH(n) { P(i) f[i] = LAW(tail)(r[i], h[i], p); }
-#else
-    EACH(n) f[i] = LAW(tail)(r[i], h[i], shared);
-#endif
-}
-#if OWNED
-#define TAILS(j, n) OF(row)(n, r, h, f + LANES, shared, own + ((j) - start), all);
-#else
-#define TAILS(j, n) OF(row)(n, r, h, f + LANES, p, own, all);
-#endif
-#else
-#define TAILS(j, n) EACH(n) { P((j) - start + i) f[i + LANES] = LAW(tail)(r[i], h[i], p); }
-#endif
 
 __attribute__((flatten)) static void OF(stage)(
     const scene *c, integer s, real a, real b, real *left)
 {
-    SIDE real r[BLOCK], h[BLOCK], room[(1 + CHANGES) * BLOCK + LANES + WIDE];
-    real *const f = room + BEFORE, part[BLOCK] = {0};
+    __attribute__((aligned(64))) real r[BLOCK], room[(1 + CHANGES) * BLOCK + LANES + WIDE];
+    real part[BLOCK] = {0};
+    real *const f = room + (WIDE - LANES % WIDE) % WIDE; /* tensions of a block begin with a pack */
     real *restrict u = c->u, *restrict v = c->v;
     const real *restrict w = c->w;
     const integer start = LANES * c->first[s], last = LANES * c->first[s + 1];
     const integer all = last - start;
     const real *restrict shared = c->shared + s * PARAMETERS, *restrict own = c->own + c->own_at[s];
-    real *restrict low = c->range + c->range_at[s], *restrict high = low + RANGES;
-    integer j = start;
-#if !OWNED
-    real p[PARAMETERS + 1];
+    real *restrict low = c->low + c->met_at[s], *restrict high = c->high + c->met_at[s];
+    real p[PARAMETERS + 1]; /* which is there: the compiler need not look whether it is */
     for (int i = 0; i < PARAMETERS; i++) p[i] = shared[i];
-#endif
+    integer j = start;
     for (int l = 0; l < LANES; l++) f[l] = left[l];
     integer odd = all % BLOCK;
     if (odd) {
-        EACH(odd) { HEAD(j) }
-        TAILS(j, odd)
+        EACH(odd) { STRETCH(j) }
+        PULL(j, odd)
         EACH(odd) { UPDATE(j) }
         CARRY(odd)
         j += odd;
     }
     if (j < last) {
-        EACH(BLOCK) { HEAD(j) }
+        EACH(BLOCK) { STRETCH(j) }
         for (; j + BLOCK < last; j += BLOCK) {
-            TAILS(j, BLOCK)
-            EACH(BLOCK) { HEAD(j + BLOCK) UPDATE(j) }
+            PULL(j, BLOCK)
+            EACH(BLOCK) { STRETCH(j + BLOCK) UPDATE(j) }
             CARRY(BLOCK)
         }
-        TAILS(j, BLOCK)
+        PULL(j, BLOCK)
         EACH(BLOCK) { UPDATE(j) }
         CARRY(BLOCK)
     }
@@ -119,11 +96,10 @@ __attribute__((flatten)) static void OF(stage)(
 #endif
 }
 
-#undef P
+#undef PLACE
 #undef SEEN
 #undef RATES
-#undef PLACE
-#undef RANGES
-#undef HEAD
+#undef STRETCH
 #undef UPDATE
-#undef TAILS
+#undef CARRY
+#undef PULL

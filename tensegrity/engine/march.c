@@ -5,8 +5,6 @@
 
 #include <string.h>
 
-typedef long long integer;
-
 /* A bound loop: `advance` goes on without the closing kick of its last step, `opened` by that of the
    step before; `show` makes copies of u and v the state there, 0 where they are it already.  Both
    return whether they had to stop. */

@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from tensegrity.engine.codegen import joined
-from tensegrity.engine.native import address, library
-from tensegrity.engine.structs import structure
+from tensegrity.engine.native import address, joined, library, structure
 from tensegrity.once import once
 
 if TYPE_CHECKING:
@@ -83,10 +81,7 @@ class Wanted(NamedTuple):
 
 @once
 def _compiled() -> Any:
-    found = library(joined(["subnormal.c", "march.c"])).go
-    found.argtypes = [_ADDRESS, _NUMBER, _NUMBER, _ADDRESS, _NUMBER, _NUMBER]
-    found.restype = _NUMBER
-    return found
+    return library(joined(["prelude.c", "march.c"])).go
 
 
 def go(loop: Any, done: int, end: int, wanted: Sequence[Wanted], sites: int, walls: int) -> int:
@@ -127,8 +122,3 @@ def _told(one: Wanted, sites: int, walls: int) -> Any:
     if travel is not None:
         told.travel = address(travel)
     return told
-
-
-def pointer(function: Any) -> Any:
-    """The address of a function of a library, or of one of Python that C may call."""
-    return ctypes.cast(function, _ADDRESS).value

@@ -13,12 +13,13 @@ from __future__ import annotations
 from fractions import Fraction
 
 from tensegrity import check
-from tensegrity.engine.nystrom import Nystrom, nystrom_of
 from tensegrity.engine.schemes import (
     Corrected,
     Method,
     Midpoint,
+    Nystrom,
     Splitting,
+    nystrom_of,
     palindrome,
 )
 from tensegrity.errors import TensegrityError

@@ -1,8 +1,9 @@
-"""Compile generated C, keep the result in a private cache, load it.
+"""Compile generated C, keep the result in a private cache, load it; structures that C takes.
 
 An entry of the cache is a folder named by the hash of all that decides its content (text,
 compiler, flags, processor).  It is built beside and renamed, so it is either whole or absent;
-its library is checked against a digest before the process loads it.
+its library is checked against a digest before the process loads it.  The fields of structures are
+read from the C text.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import ctypes
 import hashlib
 import os
 import platform
+import re
 import shlex
 import shutil
 import signal
@@ -19,10 +21,15 @@ import subprocess
 import sys
 import tempfile
 from functools import cache
+from importlib.resources import files
 from pathlib import Path
+from typing import Any, ClassVar, Self
+
+import numpy as np
 
 from tensegrity.engine.kept import cache_folder, kept, size_limit, trim, use
 from tensegrity.errors import CompilerError
+from tensegrity.once import once
 
 # -fno-semantic-interposition: else CasADi's helpers, which have external linkage, stay calls.
 # -fno-math-errno -fno-trapping-math: else sqrt and comparisons keep the loops scalar.
@@ -57,6 +64,11 @@ def address(array):
 
 
 _first_byte = ctypes.c_char.from_buffer
+
+
+def pointer(function):
+    """The address of a function of a library, or of one of Python that C may call."""
+    return ctypes.cast(function, ctypes.c_void_p).value
 
 
 def compilers():
@@ -181,7 +193,8 @@ def library(text, extra_flags=()):
     Returns
     -------
     ctypes.CDLL
-        Calls into it release the interpreter's lock.
+        Calls into it release the interpreter's lock; its functions take and give what the text
+        declares.
 
     Raises
     ------
@@ -199,13 +212,43 @@ def library(text, extra_flags=()):
             continue
         for flags in ((*FLAGS, NATIVE, *WIDE), (*FLAGS, NATIVE), FLAGS):
             try:
-                return _load(text, command, identity, (*flags, *extra_flags))
+                return _declared(_load(text, command, identity, (*flags, *extra_flags)), text)
             except CompilerError as error:
                 complaint = str(error)
                 if command in hung:
                     break
         complaints.append(complaint)
     raise CompilerError("; ".join(complaints) or "no C compiler found")
+
+
+DECLARED = re.compile(
+    r"^(?:__attribute__\(\(\w+\)\) )?(void|integer) (\w+)\(([^()]*)\)", re.MULTILINE
+)
+
+
+def joined(parts):
+    """C of parts, each a text or the name of a file of the engine, whose lines messages name."""
+    folder = files(__package__)
+    return "\n".join(
+        f'#line 1 "{part}"\n{folder.joinpath(part).read_text()}'
+        if part.endswith((".c", ".h")) else part for part in parts
+    )  # fmt: skip
+
+
+def _declared(found, text):
+    """A library whose functions have the arguments of their declarations, at the begin of lines."""
+    for gives, name, takes in DECLARED.findall(text):
+        function = getattr(found, name, None)
+        if function is not None:
+            function.restype = ctypes.c_longlong if gives == "integer" else None
+            function.argtypes = [_kind(one) for one in takes.split(",") if one not in ("", "void")]
+    return found
+
+
+def _kind(declared):
+    if "*" in declared:
+        return ctypes.c_void_p
+    return ctypes.c_double if "double" in declared else ctypes.c_longlong
 
 
 def _load(text, command, identity, flags):
@@ -269,3 +312,74 @@ def _discard(entry):
         with contextlib.suppress(OSError):  # somebody else was quicker
             os.rename(entry, aside / entry.name)
         shutil.rmtree(aside, ignore_errors=True)
+
+
+_NUMBERS = {"integer": ctypes.c_longlong, "double": ctypes.c_double}
+
+
+class Structure(ctypes.Structure):
+    """A structure of C, all of whose fields are given by name.
+
+    Parameters
+    ----------
+    values : ndarray, Structure, int, float or None
+        For a pointer an array or a structure, of which C gets the address, or an address; None
+        leaves a field as it is, 0 at first.
+
+    Attributes
+    ----------
+    kinds : dict of str
+        Types of all fields.
+    filled : dict of str
+        The values given, which live as long as C may look at them.
+
+    Raises
+    ------
+    TypeError
+        Names are missing, or unknown.
+    """
+
+    __slots__ = ("filled",)
+    kinds: ClassVar[dict[str, Any]]
+
+    def __init__(self, **values: Any) -> None:
+        if wrong := values.keys() ^ self.kinds.keys():
+            raise TypeError(
+                f"{', '.join(sorted(wrong))} of {type(self).__name__}: missing or unknown"
+            )
+        self.filled: dict[str, Any] = {}
+        self.fill(**values)
+
+    @classmethod
+    def of(cls, **values: int) -> Self:
+        """One of numbers and addresses alone, of some fields; the others are 0."""
+        made = cls.__new__(cls)
+        ctypes.Structure.__init__(made, **values)
+        return made
+
+    def fill(self, **values: Any) -> None:
+        """Give some fields other values."""
+        self.filled |= values
+        for name, value in values.items():
+            if isinstance(value, np.ndarray):
+                value = address(value)
+            elif isinstance(value, Structure) and self.kinds[name] is ctypes.c_void_p:
+                value = ctypes.addressof(value)
+            if value is not None:
+                setattr(self, name, value)
+
+
+@once
+def structure(file: str, name: str) -> Any:
+    """The `Structure` that a file of the engine declares as `typedef struct {...} name;`."""
+    text = files(__package__).joinpath(file).read_text()
+    text = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
+    text = re.sub(r"\(\*(\w+)\)\([^()]*\)", r"*\1", text)  # functions, as other pointers
+    (body,) = re.findall(rf"typedef struct \{{([^{{}}]*)\}} {name};", text)
+    kinds: dict[str, Any] = {}
+    for kind, names in re.findall(r"(?:const )?(?:unsigned )?(\w+) ([^;]*);", body):
+        for one in names.split(","):
+            found = ctypes.c_void_p if "*" in one else _NUMBERS.get(kind) or structure(file, kind)
+            kinds[one.strip(" *\n")] = found
+    made = {"__slots__": (), "kinds": kinds, "_fields_": list(kinds.items())}
+    return type(name, (Structure,), made)

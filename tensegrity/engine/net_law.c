@@ -14,7 +14,7 @@ __attribute__((always_inline)) static inline void OF(run)(
     real *restrict low = c->low + c->met_at[s], *restrict high = c->high + c->met_at[s];
     for (int k = 0; k < PARAMETERS; k++) p[k] = wide(shared[k]);
 #if !OWNED
-    low += c->piece * c->runs * GROUP, high += c->piece * c->runs * GROUP;
+    low += c->piece * GROUP, high += c->piece * GROUP;
     pack least = load(low), most = load(high);
 #endif
     for (int part = 0; part < GROUP; part += WIDE)
@@ -87,16 +87,13 @@ __attribute__((always_inline)) static inline void OF(run)(
 #endif
 }
 
-__attribute__((flatten)) static void OF(pairs)(
-    const scene *c, const real *u, integer s, integer t, real *restrict pull)
-{
-    OF(run)(c, u, s, t, pull, 0);
-}
-
-__attribute__((flatten)) static void OF(walls)(
-    const scene *c, const real *u, integer s, integer t, real *restrict pull)
-{
-    OF(run)(c, u, s, t, pull, 1);
-}
+#define CONTACTS(name, wall)                                                                \
+    __attribute__((flatten)) static void OF(name)(                                          \
+        const scene *c, const real *u, integer s, integer t, real *restrict pull)           \
+    {                                                                                       \
+        OF(run)(c, u, s, t, pull, wall);                                                    \
+    }
+CONTACTS(pairs, 0)
+CONTACTS(walls, 1)
 
 #undef CONTACT

@@ -59,30 +59,30 @@ def is_treated(exponent):
     return (exponent >= LOWEST) & (exponent <= HIGHEST)
 
 
-class Openings:
-    """Contacts of a scene that open.
+def contacts(bonds, lanes=1):
+    """Contacts that open, at the places of a loop.
 
-    Attributes
-    ----------
-    place, side, strength : ndarray, (corners, *shape of the springs of all bonds)
-        A contact is closed where its overlap, side (elongation - place), is positive [m]; then
-        its tension has the part side strength overlap^exponent [N].  A force with several corners
-        is that of several contacts; NaN behind the last one of a bond.
-    row : ndarray of int, shape of these
-        In `exponents`.
-    exponents : ndarray, (rows,)
-    betas : ndarray, (rows,)
-    tables : ndarray, (rows, 3, DEGREE + 1)
+    Returns
+    -------
+    dict of ndarray
+        "place", "side", "strength", (corners, places[, lanes]): a contact is closed where its
+        overlap, side (elongation - place), is positive [m]; then its tension has the part side
+        strength overlap^exponent [N].  A force with several corners is that of several contacts;
+        NaN behind the last one of a bond.  "row", shape of these, in "exponents", (rows,); of each
+        "betas", (rows,), and "tables", (rows, 3, DEGREE + 1).
     """
-
-    def __init__(self, bonds):
-        place, strength, exponent, side = np.moveaxis(bonds.openings, -1, 0)
-        within = is_treated(exponent)
-        self.exponents = np.unique(exponent[within])
-        rows = np.searchsorted(self.exponents, np.where(within, exponent, 0.0))
-        self.place, self.side, self.strength = (
-            np.where(within, x, np.nan)[:, bonds.group] for x in (place, side, strength)
-        )
-        self.row = np.where(within, rows, 0)[:, bonds.group]
-        self.tables = np.array([zetas(x) for x in self.exponents.tolist()])
-        self.betas = np.array([beta(x) for x in self.exponents.tolist()])
+    place, strength, exponent, side = np.moveaxis(bonds.openings, -1, 0)
+    within, springs = is_treated(exponent), bonds.group
+    if bonds.contacts is not None:
+        springs = springs[bonds.runs.source]
+    elif lanes > 1 and springs.ndim == 1:
+        springs = np.repeat(springs[:, None], lanes, axis=1)
+    exponents = np.unique(exponent[within])
+    rows = np.searchsorted(exponents, np.where(within, exponent, 0.0))
+    found = {"place": place, "side": side, "strength": strength}
+    return {name: np.where(within, x, np.nan)[:, springs] for name, x in found.items()} | {
+        "row": np.where(within, rows, 0)[:, springs],
+        "exponents": exponents,
+        "betas": np.array([beta(x) for x in exponents.tolist()]),
+        "tables": np.array([zetas(x) for x in exponents.tolist()]),
+    }

@@ -9,24 +9,23 @@ it.  So the result equals that of one loop bit for bit, whatever the number of t
 
 from __future__ import annotations
 
+import ctypes
 import os
 import warnings
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import suppress
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from threading import Event, Lock, Thread
 
 import numpy as np
 
 from tensegrity import check
-from tensegrity.engine import march
-from tensegrity.engine.bound_line import BoundLine
-from tensegrity.engine.bound_net import BoundNet
+from tensegrity.engine.bonds import BLOCK
+from tensegrity.engine.bound import Bound
 from tensegrity.engine.march import STEPS
 from tensegrity.errors import TensegrityError
 
-BLOCK = 64  # as in line.h
 HALO = 4 * BLOCK
 PIECE = 512 * BLOCK  # bonds: what two arrays of them take fits the cache of one processor
 LONG = 2 * PIECE  # bonds from which pieces are worth it
@@ -83,41 +82,22 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_forget_threads)
 
 
-class Threaded:
-    """A scene advanced in place on several threads; as `Bound`, which `_whole` is of all of it.
+class Threaded(Bound):
+    """A scene advanced in place on several threads.
 
     What `march.c` calls to advance is a function of Python, which hands out the work.  It is called
     on a thread of its own: Ctrl-C, which comes to the main one, must not end it half done.
     """
 
-    def __init__(self, whole, count) -> None:
-        self._whole, self._pool, self._count = whole, _pool(count), count
-        self.u, self.v, self.shown, self.sizes = whole.u, whole.v, whole.shown, whole.sizes
-        self.set_step, self.forget_range, self.show = whole.set_step, whole.forget_range, whole.show
-        self._failure = None
+    def _take_threads(self, count):
+        self._pool, self._count, self._failure = _pool(count), count, None
         self._called = STEPS(self._called_by_march)
-        functions = self._called, whole.functions[1]
-        self._loop = whole.loop_of(functions, None)
-
-    @property
-    def range(self):
-        """Smallest and largest elongation of each different spring since `forget_range`."""
-        return self._whole.range
-
-    @property
-    def travel(self):
-        """Bound on how far any coordinate of a site moved since then [m]."""
-        return self._whole.travel
-
-    def stand_alone(self):
-        """As `Bound.stand_alone`: splittings do so anyway."""
+        self._march = self._marched(self._called)
 
     def go(self, done, end, wanted=()):
         """As `Bound.go`."""
         found = []
-        worker = Thread(
-            target=lambda: found.append(march.go(self._loop, done, end, wanted, *self.sizes))
-        )
+        worker = Thread(target=lambda: found.append(super(Threaded, self).go(done, end, wanted)))
         worker.start()
         try:
             worker.join()
@@ -129,12 +109,6 @@ class Threaded:
         if failure is not None:
             raise failure
         return found[0]
-
-    def advance(self, steps):
-        """Advance u and v by whole steps."""
-        self.advance_open(steps, False)
-        self.show()
-        self.u[...], self.v[...] = self.shown
 
     def _called_by_march(self, scene, method, steps, opened):
         try:
@@ -161,30 +135,33 @@ class BoundPieces(Threaded):
     """
 
     def __init__(self, loop, u, v, bonds, method, dt, count) -> None:
-        super().__init__(BoundLine(loop, u, v, bonds, method, dt), count)
         self._together = (HALO - 2) // method.stages  # steps between two exchanges
         total = len(bonds.group)
         pieces = count * -(-total // (count * PIECE))
         ends = [start_of_block(bonds.runs.first, total * k // pieces) for k in range(pieces)]
-        self._pieces = [
+        self._parts = [
             _Piece(loop, u, v, bonds, method, dt, start, stop)
             for start, stop in zip(ends, [*ends[1:], total], strict=True)
         ]
+        super().__init__(loop, u, v, bonds, method, dt)
+        self._take_threads(count)
 
     def set_step(self, dt):
         """As `Bound.set_step`."""
-        for bound in (self._whole, *(piece.loop for piece in self._pieces)):
-            bound.set_step(dt)
+        super().set_step(dt)
+        for piece in self._parts:
+            piece.loop.set_step(dt)
 
     def forget_range(self):
         """Start anew to record elongations."""
-        for bound in (self._whole, *(piece.loop for piece in self._pieces)):
-            bound.forget_range()
+        super().forget_range()
+        for piece in self._parts:
+            piece.loop.forget_range()
 
     @property
     def range(self):
         """Smallest and largest elongation of each different spring since `forget_range`."""
-        each = np.array([self._whole.range, *(piece.loop.range for piece in self._pieces)])
+        each = np.array([super().range, *(piece.loop.range for piece in self._parts)])
         return np.stack([each[..., 0].min(axis=0), each[..., 1].max(axis=0)], axis=1)
 
     def advance_open(self, steps, opened):
@@ -192,34 +169,35 @@ class BoundPieces(Threaded):
         done = 0
         while done < steps:
             part = min(self._together, steps - done)
-            for piece in self._pieces:
-                piece.order = part, done > 0 or opened
-            for work in (_Piece.advance, _Piece.give):  # all take before any gives
-                list(self._pool.map(work, self._pieces))
+            advance = partial(_Piece.advance, steps=part, opened=done > 0 or opened)
+            for work in (advance, _Piece.give):  # all take before any gives
+                list(self._pool.map(work, self._parts))
             done += part
 
 
 class BoundParts(Threaded):
-    """A network advanced in place, a piece on each thread; as `BoundNet`.
+    """A network advanced in place, a piece on each thread.
 
     The threads wait for each other in every stage, so all must run at once: one network has the
     pool, and another that comes meanwhile is advanced as one piece, with the same result.
     """
 
     def __init__(self, loop, u, v, bonds, method, dt, count) -> None:
-        super().__init__(BoundNet(loop, u, v, bonds, method, dt, count), count)
+        super().__init__(loop, u, v, bonds, method, dt, count)
+        self._take_threads(count)
 
     def advance_open(self, steps, opened):
         """As `Bound.advance_open`."""
         if not _alone.acquire(blocking=False):
-            self._whole.advance_open(steps, opened)
+            super().advance_open(steps, opened)
             return
         begin, turns, complete = Event(), [], []
 
         def turn(number):
             begin.wait()
             if complete:  # else the others will not come
-                self._whole.part(number, steps, opened)
+                piece = ctypes.addressof(self._pieces[number])
+                self._loop.library.advance_together(piece, steps, opened)
 
         try:
             turns += [self._pool.submit(turn, k) for k in range(self._count)]
@@ -249,16 +227,15 @@ class _Piece:
         self._local = u[self._sites].copy(), v[self._sites].copy()
         weights = replace(bonds, inverse_mass=bonds.inverse_mass[self._sites])
         mine = (edges[:-1] >= start) & (edges[:-1] < stop)
-        self.loop = BoundLine(loop, *self._local, weights, method, dt, part, mine)
+        self.loop = Bound(loop, *self._local, weights, method, dt, runs=part, seen=mine)
         self._mine = slice(start, stop + (stop == total))
         self._inner = slice(start - low, self._mine.stop - low)
-        self.order = 0, False  # arguments of `advance_open`
 
-    def advance(self):
+    def advance(self, steps, opened):
         """Take what the neighbours gave, and do some steps."""
         for local, whole in zip(self._local, self._globals, strict=True):
             local[:] = whole[self._sites]
-        self.loop.advance_open(*self.order)
+        self.loop.advance_open(steps, opened)
 
     def give(self):
         """Hand out the part that is right."""

@@ -1,4 +1,4 @@
-/* Goes in front of the C that CasADi generates, so that it can stay as generated.
+/* Goes in front of all C, also of that which CasADi generates, so that it can stay as generated.
 
    Compilers do not vectorise the library's pow, fmax and fmin: powers with a constant exponent
    that is a multiple of 1/4 become products and square roots (decided after inlining), and the
@@ -47,3 +47,45 @@ static inline real smaller(real x, real y) { return x < y ? x : y; }
 #define PASTE(a, b) PASTED(a, b)
 #define LAW(name) PASTE(name, K)
 #define OF(name) PASTE(LAW(name), OWNED)
+
+/* The kick of stage i of a step: the first includes the closing kick of the step before, where it
+   comes `after` one. */
+#define KICK(c, i, after)                                                                   \
+    ((c)->kicks[i] + ((after) && (i) == 0 && (c)->closing ? (c)->kicks[(c)->stages] : 0))
+
+/* FLUSH, first in a function, makes numbers below the smallest normal one 0 until it returns.
+   Ahead of a front sites move by such numbers, and each would take as long as hundreds of others. */
+
+#if defined(__GNUC__) && defined(__SSE2__)
+#include <xmmintrin.h>
+typedef unsigned rounding;
+static inline rounding flushed(void)
+{
+    const rounding was = _mm_getcsr();
+    if ((was & 0x8040) != 0x8040) _mm_setcsr(was | 0x8040); /* results, and what is read */
+    return was;
+}
+static inline void restored(const rounding *was)
+{
+    if ((*was & 0x8040) != 0x8040) _mm_setcsr(*was); /* which takes longer than to look */
+}
+#elif defined(__GNUC__) && defined(__aarch64__)
+typedef unsigned long rounding;
+static inline rounding flushed(void)
+{
+    rounding was;
+    __asm__ volatile("mrs %0, fpcr" : "=r"(was));
+    __asm__ volatile("msr fpcr, %0" : : "r"(was | 1ul << 24));
+    return was;
+}
+static inline void restored(const rounding *was)
+{
+    __asm__ volatile("msr fpcr, %0" : : "r"(*was));
+}
+#endif
+
+#if defined(__GNUC__) && (defined(__SSE2__) || defined(__aarch64__))
+#define FLUSH __attribute__((cleanup(restored))) const rounding was = flushed();
+#else
+#define FLUSH
+#endif

@@ -2,23 +2,118 @@
 
 A stage of a splitting can be undone from its result, so the derivatives of what was computed need
 no states kept: the adjoint of each stage is done where the stage is undone.  A method's rows are
-those of `methods.Splitting`; what runs is the C of `reverse_*.c`.
+those of `methods.Splitting`; what runs is the C of `reverse.c`.
 """
 
 from __future__ import annotations
 
 import ctypes
+from functools import cached_property
 
 import numpy as np
 
-from tensegrity.engine import march
-from tensegrity.engine.bonds import WALL, by_spring
-from tensegrity.engine.bound import integers, stages
-from tensegrity.engine.reverse_layout import PACK
-from tensegrity.engine.structs import structure
+from tensegrity.engine.bonds import PAIR, WALL, integers, parameters
+from tensegrity.engine.bound import Bound, stages
+from tensegrity.engine.codegen import reverse_text
+from tensegrity.engine.native import library, structure
+from tensegrity.once import once
 
-SCENE = structure("reverse.h", "scene")
-SEEDS = structure("reverse.h", "seeds")
+SCENE = structure("reverse.c", "scene")
+SEEDS = structure("reverse.c", "seeds")
+PACK = 8  # numbers that C may write or read behind the last
+
+
+@once
+def _compiled(laws, own, wanted, dim, exact):
+    flags = [f"-DDIM={dim}"] if dim else []
+    return library(reverse_text(laws, own, wanted, dim, exact), flags)
+
+
+class Layout:
+    """Bonds as the loop backwards takes them, in the runs of the loop, and what it wants to know.
+
+    Parameters
+    ----------
+    bonds : Bonds
+    wanted : tuple of tuple of int
+        For each law the numbers of the parameters by which derivatives are wanted.
+    exact : bool
+        Whether states are whole units of a grid.
+
+    Attributes
+    ----------
+    dim, sites : int
+        Coordinates of a site in a network, 0 on a line; number of sites.
+    rows : int
+        Of the arrays: sites, and in a network one that stands for all walls; on a line whole packs,
+        and one behind them.
+    shape : tuple of int
+        Of u, v and what belongs to them.
+    room : int
+        Places of bonds, and room for what C may write behind the last.
+    most : int
+        Most parameters wanted of any law.
+    kind : ndarray of int, (bonds,)
+        Index into `bonds.KINDS`.
+    ends : tuple of ndarray of int
+        Rows of both ends of each bond, that of the walls for a wall.
+    place : ndarray of int, (bonds,)
+        Where each bond is among the places of the loop.
+    """
+
+    def __init__(self, bonds, wanted, exact=False):
+        self.bonds, self.wanted, self._exact = bonds, wanted, exact
+        source, contacts, count = bonds.runs.source, bonds.contacts, len(bonds.group)
+        self.dim, self.sites = bonds.dim, len(bonds.inverse_mass)
+        packs = -(-self.sites // PACK) * PACK
+        self.rows = self.sites + 1 if self.dim else packs + PACK
+        self.shape = (self.rows, self.dim) if self.dim else (self.rows,)
+        self.room = max(len(source), 0 if self.dim else self.rows) + PACK
+        self.most = max((len(x) for x in wanted), default=0)
+        self.kind, self.ends = np.full(count, PAIR), (np.arange(count), np.arange(count) + 1)
+        if contacts is not None:
+            self.kind = contacts.kind
+            self.ends = np.where(self.kind == WALL, self.sites, contacts.first), contacts.second
+        self.place = np.argsort(source)
+
+    @cached_property
+    def library(self):
+        """The compiled text."""
+        b = self.bonds
+        return _compiled(b.laws, b.own, self.wanted, self.dim, self._exact)
+
+    def parameters(self, bonds):
+        """Fields of a scene: `bonds.parameters`."""
+        return parameters(bonds, self.bonds.runs, self.bonds.own)
+
+    def laws_at(self, r, members):
+        """Tension, stiffness, and derivatives by what is wanted, of some bonds.
+
+        Parameters
+        ----------
+        r : ndarray, (..., members)
+        members : ndarray of int
+
+        Returns
+        -------
+        f, k : ndarray, (..., members)
+        d : ndarray, (most wanted, ..., members)
+        """
+        f, k, d = np.empty(r.shape), np.empty(r.shape), np.zeros((self.most, *r.shape))
+        for group in np.unique(self.bonds.group[members]):
+            mine = np.flatnonzero(self.bonds.group[members] == group)
+            law = int(self.bonds.law[group])
+            count = len(self.wanted[law])
+            flat = np.ascontiguousarray(r[..., mine]).ravel()
+            p = np.ascontiguousarray(self.bonds.parameters[group])
+            room = flat.size + PACK
+            found, flat = np.empty((2 + count, room)), np.append(flat, np.zeros(PACK))
+            places = [x.ctypes.data for x in (p, flat, found[0], found[1])]
+            places.append(found.ctypes.data + 2 * found.strides[0])
+            self.library.evaluate(law, room - PACK, room, *places)
+            found = found[:, :-PACK].reshape(-1, *r.shape[:-1], len(mine))
+            f[..., mine], k[..., mine], d[:count, ..., mine] = found[0], found[1], found[2:]
+        return f, k, d
 
 
 class Back:
@@ -41,63 +136,62 @@ class Back:
         Where the run is.
     ub, vb : ndarray, (objectives, rows[, dim])
         Derivatives by these.
+    scene : Structure
     """
 
     def __init__(self, layout, method, dt, totals, grid=(0.0, 0.0)):
         self.layout, self._totals = layout, totals
-        steps = stages(method, dt)
-        b, dim, n, room = layout.bonds, layout.dim, len(layout.bonds.group), layout.room
-        self.u, self.v = np.zeros((2, *layout.shape))
+        b, dim, runs, room = layout.bonds, layout.dim, layout.bonds.runs, layout.room
+        n, sites, size = len(runs.source), layout.sites, max(dim, 1)
+        self.u, self.v, w, load = np.zeros((4, *layout.shape))
         self.ub, self.vb = np.zeros((2, totals.objectives, *layout.shape))
-        w, load = np.zeros((2, *layout.shape))
-        w[: layout.sites] = b.inverse_mass[:, None] if dim else b.inverse_mass
-        place = np.zeros((dim + 2, n))
+        w[:sites] = b.inverse_mass[:, None] if dim else b.inverse_mass
+        place = np.zeros((2, n))
         if dim:
-            load[: layout.sites] = b.contacts.load
-            place = np.ascontiguousarray(b.contacts.geometry[:, layout.order])
-        first, second = (max(dim, 1) * x[layout.order] for x in layout.ends)
-        entries = self.u.size
-        self._low, self._high, self._travel = np.empty(n), np.empty(n), np.zeros(1)
-        self.forget_range()
-        law, wall = 2 * layout.run_law + layout.run_own, layout.kind[layout.order] == WALL
-        where = {"from": first, "to": second, "first": layout.first, "law": law}
-        where["wall"] = wall[layout.first[:-1]]
+            load[:sites] = b.contacts.load
+            place = np.ascontiguousarray(b.contacts.geometry[:, runs.source])
+        entries, (first, second) = self.u.size, (size * x[runs.source] for x in layout.ends)
+        where = {"from": first, "to": second, "first": runs.first}
+        where |= {"law": 2 * runs.law + runs.own, "wall": runs.kind == WALL}
         scratch = {"r": room, "f": room + 2, "k": room, "bent": room, "d": (layout.most, room)}
         scratch |= {"along": (dim, n), "pull": entries, "turn": entries}
-        state = {"u": self.u, "v": self.v, "w": w, "ub": self.ub, "vb": self.vb}
-        met = {"low": self._low, "high": self._high, "travel": self._travel}
-        counts = {"runs": len(layout.run_law), "bonds": n, "entries": entries, "apart": room}
-        self._structure = SCENE(
-            **steps,
+        scratch |= {"low": n, "high": n, "travel": 1}
+        self.scene = SCENE(
+            **stages(method, dt),
             **layout.parameters(b),
             **{name: integers(x) for name, x in where.items()},
             **{name: np.zeros(size) for name, size in scratch.items()},
-            **state,
-            **met,
-            **counts,
+            u=self.u,
+            v=self.v,
+            w=w,
+            ub=self.ub,
+            vb=self.vb,
             load=load,
             geometry=place,
             grid=np.array(grid),
-            wb=totals.whole_w,
-            pb=totals.whole_p,
-            gb=totals.g,
-            moving=layout.sites * max(dim, 1),
+            wb=totals.arrays[0],
+            pb=totals.arrays[1],
+            gb=totals.arrays[2],
+            runs=len(runs.law),
+            bonds=n,
+            entries=entries,
+            apart=room,
+            moving=sites * size,
             objectives=totals.objectives,
             wanted=layout.most,
             room=entries if dim else entries - PACK,
         )
-        self.address = ctypes.addressof(self._structure)
+        self._address = ctypes.addressof(self.scene)
 
     def retune(self, bonds):
         """Begin anew with the masses and parameters of other bonds, in the same runs of a line.
 
         Derivatives and totals are 0 then.
         """
-        self._structure.filled["w"][: self.layout.sites] = bonds.inverse_mass
+        self.scene.filled["w"][: self.layout.sites] = bonds.inverse_mass
         for name, values in self.layout.parameters(bonds).items():
-            self._structure.filled[name][:] = values
-        totals = self._totals
-        for array in (self.ub, self.vb, totals.w, totals.p, totals.g):
+            self.scene.filled[name][:] = values
+        for array in (self.ub, self.vb, *self._totals.arrays):
             array[:] = 0
 
     def set(self, u, v):
@@ -122,33 +216,16 @@ class Back:
             has not its own.
         """
         given = None if seeds is None else seeds.address
-        self.layout.library.reverse(self.address, steps, opened, last, given)
+        self.layout.library.reverse(self._address, steps, opened, last, given)
 
     def sow(self, seeds, k):
         """Add what objectives have to do with the state after step number k."""
-        self.layout.library.sow(self.address, seeds.address, k)
-
-    # forwards, on a grid
-
-    def forget_range(self):
-        """Start anew to record elongations and the way travelled."""
-        self._low[:], self._high[:], self._travel[:] = np.inf, -np.inf, 0
-
-    @property
-    def range(self):
-        """Smallest and largest elongation of each different spring since `forget_range`."""
-        b = self.layout.bonds
-        return by_spring(b.group[self.layout.order], len(b.law), self._low, self._high)
-
-    @property
-    def travel(self):
-        """Bound on how far any coordinate of a site moved since then [m]."""
-        return float(self._travel[0])
+        self.layout.library.sow(self._address, seeds.address, k)
 
 
-class OnGrid:
+class OnGrid(Bound):
     """A scene whose moves are rounded to whole units of a grid, so that steps can be undone to the
-    last bit; as `bound.Bound`, without rows behind the sites.
+    last bit; as `Bound`, without rows behind the sites.
 
     Parameters
     ----------
@@ -162,53 +239,32 @@ class OnGrid:
     """
 
     def __init__(self, layout, u, v, method, dt, grid):
-        self._back = back = Back(layout, method, dt, Totals(layout, 0), grid)
-        self.u, self.v, self._sites = u, v, layout.sites
-        self.shown, self._shown = (
-            (u.copy(), v.copy()),
-            (np.zeros_like(back.u), np.zeros_like(back.v)),
+        back = Back(layout, method, dt, Totals(layout, 0), grid)
+        self._bonds, self._scene, self._second = layout.bonds, back.scene, None
+        self._low, self._high, self._travel = (
+            back.scene.filled[name] for name in ("low", "high", "travel")
         )
-        self.forget_range = back.forget_range
-        functions = layout.library.advance, layout.library.show
-        advance, show = map(march.pointer, functions)
-        self._loop = march.LOOP(
-            advance=advance,
-            show=show,
-            scene=back.address,
-            method=None,
-            u=back.u,
-            v=back.v,
-            shown_u=self._shown[0],
-            shown_v=self._shown[1],
-            sums=None,
-            travel=back._travel,
-            size=back.u.size,
-            sum_count=0,
-        )
+        self._seen, self._springs, self._each = layout.place, layout.bonds.group, False
+        self._sites, self.sizes = layout.sites, (layout.sites * max(layout.dim, 1), 0)
+        self._advance, self._show = layout.library.advance, layout.library.show
+        self.u, self.v, self.shown = back.u, back.v, (back.u.copy(), back.v.copy())
+        self._march, self._inner = self._marched(self._advance), (back.u, back.v, *self.shown)
+        self.u, self.v, self.shown = u, v, (u.copy(), v.copy())
+        self.forget_range()
 
     def go(self, done, end, wanted=()):
         """As `Bound.go`."""
-        back, sites = self._back, self._sites
-        back.set(self.u[:sites], self.v[:sites])
-        stopped = march.go(self._loop, done, end, wanted, sites * max(back.layout.dim, 1), 0)
-        self.u[:sites], self.v[:sites] = back.state()
-        for array, shown in zip(self.shown, self._shown, strict=True):
-            array[:sites] = shown[:sites]
+        outer, sites = (self.u, self.v, *self.shown), self._sites
+        for mine, given in zip(self._inner[:2], outer, strict=False):
+            mine[:sites] = given[:sites]
+        stopped = super().go(done, end, wanted)
+        for mine, given in zip(self._inner, outer, strict=True):
+            given[:sites] = mine[:sites]
         return stopped
 
     def advance_open(self, steps, opened):
         """As `Bound.advance_open`."""
         self.go(int(opened), int(opened) + steps)
-
-    @property
-    def range(self):
-        """Smallest and largest elongation of each different spring since `forget_range`."""
-        return self._back.range
-
-    @property
-    def travel(self):
-        """Bound on how far any coordinate of a site moved since then [m]."""
-        return self._back.travel
 
 
 class Totals:
@@ -216,21 +272,32 @@ class Totals:
 
     Attributes
     ----------
-    w : ndarray, (objectives, rows[, dim]), on a line (objectives, sites)
-        Derivatives by the inverse mass of every entry.
-    p : ndarray, (objectives, wanted, bonds)
-        By the parameters; bonds in the order of the layout.
-    g : ndarray, (objectives, bonds)
-        By the elongations, in a network.
+    arrays : tuple of ndarray
+        All of them, as the loop has them.
     """
 
     def __init__(self, layout, objectives):
-        n = len(layout.bonds.group)
-        self.objectives = objectives
-        self.whole_w = np.zeros((objectives, *layout.shape))
-        self.w = self.whole_w if layout.dim else self.whole_w[:, : layout.sites]
-        self.whole_p = np.zeros((objectives, layout.most, layout.room))
-        self.p, self.g = self.whole_p[..., :n], np.zeros((objectives, n))
+        self.objectives, self._layout = objectives, layout
+        self.arrays = (
+            np.zeros((objectives, *layout.shape)),
+            np.zeros((objectives, layout.most, layout.room)),
+            np.zeros((objectives, len(layout.bonds.runs.source))),
+        )
+
+    @property
+    def w(self):
+        """Derivatives by the inverse mass of every entry; (objectives, sites[, dim])."""
+        return self.arrays[0][:, : self._layout.sites]
+
+    @property
+    def p(self):
+        """By the parameters; (objectives, wanted, bonds)."""
+        return self.arrays[1][..., self._layout.place]
+
+    @property
+    def g(self):
+        """By the elongations, in a network; (objectives, bonds)."""
+        return self.arrays[2][:, self._layout.place]
 
 
 class Seeds:
@@ -248,9 +315,12 @@ class Seeds:
     """
 
     def __init__(self, rows, places, of_u, begin):
-        self.rows = np.ascontiguousarray(rows, dtype=float)
-        self.places = np.ascontiguousarray(places, dtype=np.int64)
-        self.of_u, self.begin, self.end = of_u, begin, begin + rows.shape[1] - 1
-        arrays, count = {"rows": self.rows, "places": self.places}, len(self.places)
-        self._structure = SEEDS(**arrays, count=count, of_u=of_u, begin=begin, end=self.end)
+        self._structure = SEEDS(
+            rows=np.ascontiguousarray(rows, dtype=float),
+            places=integers(places),
+            count=len(places),
+            of_u=of_u,
+            begin=begin,
+            end=begin + rows.shape[1] - 1,
+        )
         self.address = ctypes.addressof(self._structure)

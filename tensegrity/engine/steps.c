@@ -13,7 +13,7 @@ integer advance(const scene *c, const void *none, integer steps, integer opened)
     FLUSH
     for (integer k = 0; k < steps; k++)
         for (integer i = 0; i < c->stages; i++)
-            stage(c, kick(c, i, k > 0 || opened), c->drifts[i]);
+            stage(c, KICK(c, i, k > 0 || opened), c->drifts[i]);
     return 0;
 }
 

@@ -17,9 +17,8 @@ import numpy as np
 
 from tensegrity.engine import kernel
 from tensegrity.engine.march import Wanted
-from tensegrity.engine.reverse import Back, Seeds, Totals
-from tensegrity.engine.reverse_layout import Layout
-from tensegrity.progress import progress
+from tensegrity.engine.reverse import Back, Layout, Seeds, Totals
+from tensegrity.notebook import progress
 from tensegrity.runs.march import march
 from tensegrity.scenes.scene import State
 
@@ -141,7 +140,7 @@ class Backward:
         self.totals = totals = Totals(layout, objectives)
         self.reversal, self._exact = 0.0, grid is not None
         self._main = Back(layout, method, dt, totals, grid or (0.0, 0.0))
-        self._sums = [self._main.ub, self._main.vb, totals.w, totals.p, totals.g]
+        self._sums = [self._main.ub, self._main.vb, *totals.arrays]
         self._most = max(1, WORK // (max(1, len(layout.bonds.group)) * method.stages))
         self.u, self.v = (x[:, : layout.sites] for x in (self._main.ub, self._main.vb))
 

@@ -20,9 +20,8 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.engine import methods, native, pieces
-from tensegrity.engine.reverse import OnGrid, Seeds
-from tensegrity.engine.reverse_layout import Layout
-from tensegrity.engine.reverse_text import depends_on
+from tensegrity.engine.codegen import depends_on
+from tensegrity.engine.reverse import Layout, OnGrid, Seeds
 from tensegrity.errors import TensegrityError
 from tensegrity.gradients import result
 from tensegrity.gradients.adjoint import Backward, Forward
@@ -239,9 +238,9 @@ def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
     back = Backward(layout, task.method, dt, len(windows), grid)
     cotangents = Seeds(by_rows, samples.places, samples.of_u, first)
     back.go(forward.states, cotangents, forward.again, every)
-    p[..., layout.order] += back.totals.p
-    g[:, layout.order] += back.totals.g
-    w += back.totals.w[:, : of.sites].reshape(*w.shape, -1).sum(axis=-1)
+    p += back.totals.p
+    g += back.totals.g
+    w += back.totals.w.reshape(*w.shape, -1).sum(axis=-1)
     u, v, mass = back.u.copy(), back.v.copy(), m - w * of.inverse_mass**2
     for array in (u, v, mass):
         array[:, list(scene.held)] = 0

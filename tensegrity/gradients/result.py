@@ -20,7 +20,7 @@ from tensegrity.prisms.closed import polygon, rigid_law
 from tensegrity.prisms.condensed import ElasticPotential
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.springs.polynomial import Polynomial
-from tensegrity.springs.power_law import PowerLaw
+from tensegrity.springs.potential import PowerLaw
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -237,7 +237,7 @@ def _prism_forms(collapses: bool, any_sides: bool) -> tuple[list[Any], tuple[Any
     the symbols of the arguments `PRISM`, the loaded height, and what else they depend on."""
     import sympy as sp
 
-    from derivations import prism
+    from derivations import prism, regular
     from derivations import rigid_elastic as derived
     from derivations.rigid_parameters import parameter_expressions
 
@@ -253,5 +253,5 @@ def _prism_forms(collapses: bool, any_sides: bool) -> tuple[list[Any], tuple[Any
         forms |= {derived.lock: derived.loaded_height, derived.far_lock: derived.loaded_height}
         forms |= {derived.no_lock: -derived.locking_height_squared(of)}
     symbols = (prism.prestrain, prism.reference_height, prism.k_cross, derived.loaded_height,
-               prism.base, derived.preload, *derived.SIDES)  # fmt: skip
+               prism.base, derived.preload, *regular.SIDES)  # fmt: skip
     return [*forms.values(), load], symbols

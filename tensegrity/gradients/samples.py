@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity.engine.bonds import PAIR
-from tensegrity.engine.pulled import Pulled
-from tensegrity.engine.reverse_text import energy_function
+from tensegrity.engine.codegen import energy_function
+from tensegrity.engine.forces import Pulled
 from tensegrity.errors import TensegrityError
 
 if TYPE_CHECKING:
     from typing import Any
 
-    from tensegrity.engine.reverse_layout import Layout
+    from tensegrity.engine.reverse import Layout
     from tensegrity.gradients.objective import Trace
     from tensegrity.scenes.scene import Scene
     from tensegrity.typing import Array, Indices
@@ -225,20 +225,19 @@ class _Part:
     def _pulled(self, bonds: Indices) -> Pulled:
         key, layout = bonds.tobytes(), self._of.layout
         if key not in self._forces:
-            self._forces[key] = Pulled(layout, bonds, self._of.rows_u)
-            self._forces[key].at(self._u if layout.dim else self._u[..., 0])
+            self._forces[key] = Pulled(layout, bonds, self._of.rows_u, self._u)
         return self._forces[key]
 
     def _add_pulled(self, bonds: Indices, **slopes: Array) -> None:
         """Derivatives by forces, tensions or elongations of bonds; see `Pulled.back`."""
         by_u, by_p, by_g = self._pulled(bonds).back(**slopes)
-        self._ub += by_u.reshape(self._u.shape)
+        self._ub += by_u
         self._p[:, bonds] += by_p.sum(axis=1)
         self._g[bonds] += by_g.sum(axis=0)
 
     def _velocity(self, bonds: Indices, sites: Indices) -> tuple[Array, Array]:
         """Velocities with the closing kick, and the forces that gave it; (steps, sites, axes)."""
-        force = self._pulled(bonds).forces().reshape(self._u.shape)
+        force = self._pulled(bonds).forces()
         force = force[:, self._rows(sites)] + self._loads(sites)
         v = self._v[:, np.searchsorted(self._of.rows_v, sites)]
         return v + self._kick(sites) * force, force
@@ -252,5 +251,5 @@ class _Part:
         force = self._velocity(bonds, sites)[1]
         by_force = np.zeros(self._u.shape)
         by_force[:, self._rows(sites)] = self._kick(sites) * by_v
-        self._add_pulled(bonds, by_force=by_force if self._of.layout.dim else by_force[..., 0])
+        self._add_pulled(bonds, by_force=by_force)
         self._w[sites] += np.sum(self._closing * by_v * force, axis=(0, 2))

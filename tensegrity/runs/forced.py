@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity.engine import driven
+from tensegrity.engine.driven import LARGEST_DAMPING, Locked
 from tensegrity.engine.methods import Splitting
-from tensegrity.engine.timed import LARGEST_DAMPING, Locked
 from tensegrity.errors import LockingError, StabilityError, TensegrityError
 from tensegrity.runs.motion import Motion, Point
 from tensegrity.scenes.forcing import check_start, forcing_of

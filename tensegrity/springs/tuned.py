@@ -55,11 +55,6 @@ class Shifted:
     law: Law
 
     @property
-    def split(self) -> bool:
-        """As that of the law."""
-        return self.law.split
-
-    @property
     def compiled(self) -> Any:
         """As that of the law."""
         return self.law.compiled
@@ -135,7 +130,7 @@ class Tuned:
         loop, r = single(self.law), np.ascontiguousarray(r)
         out, parameters = np.empty_like(r), np.ascontiguousarray(self.at(t))
         for p, row, found in zip(parameters, r, out, strict=True):
-            loop.energies[0](0, r.shape[-1], *(x.ctypes.data for x in (p, row, found)))
+            loop.library.values(0, r.shape[-1], *(x.ctypes.data for x in (p, row, found)))
         return out
 
     def evaluate(self, order: int, p: Array, r: Array) -> Array:

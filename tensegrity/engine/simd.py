@@ -1,4 +1,4 @@
-"""CasADi functions as C that works on several elongations side by side; see `lanes.c`.
+"""CasADi functions as C that works on several elongations side by side; see `simd.c`.
 
 CasADi writes scalar C, of which compilers make vectors only where they can and with the
 processor's own roots.  Here the same instructions are written for packs of numbers: one

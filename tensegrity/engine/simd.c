@@ -70,6 +70,8 @@ PACKED mask load_integers(const integer *at)
     return y;
 }
 PACKED void store(real *at, pack x) { __builtin_memcpy(at, &x, sizeof x); }
+typedef pack loose __attribute__((aligned(8), may_alias));
+#define INTO(at) (*(loose *)(at)) /* a pack anywhere */
 
 #if WIDE == 8
 PACKED pack larger_of(pack x, pack y) { return _mm512_max_pd(x, y); }

@@ -1,8 +1,8 @@
-"""The list of contacts as the loop of a network takes it.
+"""Bonds laid out as compiled loops take them: of a chain in runs, of a network in slices.
 
-`GROUP` sites stand side by side in a slice, and their contacts with sites of higher numbers, or
-with walls, one below the other in its groups.  What a contact does to its other site is added to
-that one's row at once, group by group and in a group lane by lane.
+In a network `GROUP` sites stand side by side in a slice, and their contacts with sites of higher
+numbers, or with walls, one below the other in its groups.  What a contact does to its other site is
+added to that one's row at once, group by group and in a group lane by lane.
 
 Contacts that are listed but do not touch add nothing, and change no order either: which sites
 share a slice is said by the scene (`Contacts.crowding`) where lists may come and go, and of the
@@ -13,14 +13,166 @@ slice's; it does not count.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from tensegrity.engine.bonds import GROUP, PAIR
+from tensegrity.engine.bonds import BLOCK, GROUP, PAIR, WALL, Runs, integers, parameters
 
-TILE = 256  # sites, as in net.h
+TILE = 256  # sites, as in scene.h
 GUESSES = 3
+
+
+class Laid(NamedTuple):
+    """What a loop takes that depends neither on the motion nor on the method.
+
+    Attributes
+    ----------
+    runs : Runs
+        Places for which the loop has parameters.
+    springs : ndarray of int
+        The spring of each place where it notes elongations.
+    fields : dict of str
+        Of the structure `scene` of the loop.
+    slices : Slices or None
+        Of a network.
+    """
+
+    runs: Runs
+    springs: np.ndarray
+    fields: dict[str, Any]
+    slices: Any = None
+
+
+def laid(loop, bonds, pieces=1, runs=None):
+    """Bonds as a loop takes them, on some threads, or some runs of a chain: made once, if not of
+    other runs than theirs."""
+    if runs is not None:
+        return _line(loop, bonds, runs)
+    if (loop, pieces) not in bonds.laid:
+        found = _net(loop, bonds, pieces) if loop.dim else _line(loop, bonds, bonds.runs)
+        bonds.laid[loop, pieces] = found
+    return bonds.laid[loop, pieces]
+
+
+def _line(loop, bonds, runs):
+    weights = np.asarray(bonds.inverse_mass)
+    if loop.lanes > 1 and weights.ndim == 1:
+        weights = np.repeat(weights, loop.lanes)
+    where = {"first": runs.first - runs.first[0], "law": 2 * runs.law + runs.own}
+    return _laid(loop, bonds, runs, {"w": weights} | where)
+
+
+def _laid(loop, bonds, runs, fields, pieces=1, slices=None, **more):
+    """With parameters of the places of runs, and where elongations are noted."""
+    met_at, springs = elongations(bonds, runs, loop.lanes, pieces)
+    fields |= parameters(bonds, runs, loop.own, loop.lanes) | {"met_at": met_at}
+    for name, values in fields.items():
+        is_real = np.asarray(values).dtype.kind == "f"
+        more[name] = loop.numbers(values) if is_real else integers(values)
+    return Laid(runs, springs, more | {"runs": len(runs.law)}, slices)
+
+
+def elongations(bonds, runs, lanes=1, pieces=1):
+    """Where a loop notes the elongations that it meets.
+
+    For each bond of runs with parameters of their own; of other runs in as many places as are done
+    side by side, of a network those of each piece.
+
+    Returns
+    -------
+    met_at : ndarray of int64, (runs + 1,)
+        Where those of a run begin.
+    springs : ndarray of int, (places,)
+        The spring of each.
+    """
+    at, springs = [0], [np.zeros(0, dtype=int)]
+    most = pieces * GROUP if bonds.contacts is not None else BLOCK
+    for k, own in enumerate(runs.own):
+        group = bonds.group[runs.members(k)]
+        if lanes > 1 and group.ndim == 1:
+            group = np.repeat(group[:, None], lanes, axis=1)
+        count = most if bonds.contacts is not None else min(most, lanes * len(group))
+        springs.append(group.ravel() if own else np.full(count, group.flat[0]))
+        at.append(at[-1] + springs[-1].size)
+    return np.array(at, dtype=np.int64), np.concatenate(springs)
+
+
+def _net(loop, bonds, pieces):
+    runs, contacts, found = bonds.runs, bonds.contacts, slices(bonds)
+    place = contacts.geometry[:, runs.source]
+    entries = replace(runs, source=runs.source[found.contact], first=found.first)
+    dim, sites = bonds.dim, len(contacts.load)
+    places, w, load = np.zeros((3, contacts.rows + 1, dim))
+    places[:sites], w[:sites] = contacts.positions, bonds.inverse_mass[:, None]
+    load[:sites], w[sites : contacts.rows - 1] = contacts.load, 1  # velocities of walls: impulses
+    fields = {
+        "w": w,
+        "load": load,
+        "geometry": place,
+        "places": places,
+        "from": dim * contacts.first[runs.source],
+        "to": dim * contacts.second[runs.source],
+        "first": runs.first,
+        "law": 4 * runs.law + 2 * runs.kind + runs.own,
+        "slice": found.slice,
+        "begin": found.begin,
+        "entry": found.first,
+    }
+    fields |= _varying("gap", place[dim, found.contact], found.first)
+    fields |= _varying("length", place[-1, found.contact], found.first)
+    fields |= _by_wall(bonds, found, place[:dim])
+    more = {
+        "site": found.site.astype(np.int32),
+        "other": found.other.astype(np.int32),
+        "counts": np.packbits(found.counts, bitorder="little"),
+        "contacts": len(runs.source),
+        "sites": sites,
+        "rows": contacts.rows,
+        "tiles": found.tiles,
+        "loaded": bool(contacts.load.any()),
+    }
+    return _laid(loop, bonds, entries, fields, pieces, found, **more)
+
+
+def _by_wall(bonds, found, normal):
+    """Contacts with walls as the loop takes them.
+
+    Normals of the groups of each run with walls, and where these begin; where among these the
+    contacts are, wall by wall and else in the order of the list, and where those with each wall
+    begin.
+    """
+    runs, contacts = bonds.runs, bonds.contacts
+    dim, kept, at, places, walls = len(normal), [np.zeros(0)], [], [], []
+    for k, kind in enumerate(runs.kind):
+        at.append(sum(map(len, kept)))
+        if kind == WALL:
+            part = slice(*found.first[k : k + 2])
+            entries, counting = found.contact[part], np.flatnonzero(found.counts[part])
+            groups = normal[:, entries].reshape(dim, -1, GROUP)
+            kept.append(groups.swapaxes(0, 1).ravel())
+            order = counting[np.argsort(entries[counting])]
+            places.append(at[-1] + order // GROUP * GROUP * dim + order % GROUP)
+            walls.append(found.other[part][order])
+    places, walls = (np.concatenate([np.zeros(0, dtype=int), *x]) for x in (places, walls))
+    order = np.argsort(walls, kind="stable")
+    begin = np.searchsorted(walls[order], np.arange(len(contacts.load), contacts.rows + 1))
+    normal = {"normal": np.concatenate(kept), "normal_at": np.array(at, dtype=int)}
+    return normal | {"pressing": places[order], "pressed": begin}
+
+
+def _varying(name, values, first):
+    """Values of the entries of each run, or `GROUP` equal ones; where these begin, and which."""
+    kept, at, each = [np.zeros(0)], [], []
+    for start, stop in pairwise(first):
+        part = values[start:stop]
+        each.append(bool(np.any(part != part[0])))
+        at.append(sum(map(len, kept)))
+        kept.append(part if each[-1] else part[:GROUP])
+    found = {"": np.concatenate(kept), "_at": np.array(at, int), "_each": np.array(each, int)}
+    return {name + ending: x for ending, x in found.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,8 +232,7 @@ def slices(bonds):
     parts, begun, groups = [], 0, 0
     for k in range(len(runs.law)):
         places = np.arange(runs.first[k], runs.first[k + 1])
-        places = places[runs.source[places] >= 0]
-        part = _run(contacts, runs.source[places], places, runs.kind[k] == PAIR, tiles)
+        part = _run(contacts, runs.members(k), places, runs.kind[k] == PAIR, tiles)
         part["slice"] += begun
         part["begin"] += groups
         parts.append(part)

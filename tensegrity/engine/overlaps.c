@@ -1,0 +1,220 @@
+/* Overlaps of contacts, and what their rows get where one opens or closes.
+
+   A contact is closed where w = side (elongation - place) > 0; then its
+   tension has the part side strength w^exponent.  A bond whose force has several corners is as
+   many contacts, contact k bonds + b for corner k of bond b; NaN where a bond has less. */
+typedef struct {
+    const real *place, *side, *strength; /* (contacts) */
+    const real *exponents, *betas;       /* (rows), integral of (y (1 - y))^exponent */
+    const real *tables;                  /* (rows, 3, degree + 1), `openings.zetas` */
+    const real *nodes, *weights, *offsets; /* (kicks) of a step, over dt, dt and dt^2 */
+    const real *dt;
+    real *before, *rate_before, *after, *rate_after; /* (contacts) overlap, and rate times dt */
+    real *u, *v;                         /* (entries) at the begin of a step */
+    real *end_u, *end_v, *end_a;         /* (entries) at its end, before it is corrected */
+    const integer *row;                  /* (contacts) of its exponent */
+    integer count, bonds, entries, kicks, degree; /* contacts, and those of one corner each */
+    integer known; /* of the last step: 0 nothing, 1 where it began in u and v, 2 its overlaps */
+    integer begins; /* whether the next step is the first of a run */
+    integer alone; /* whether steps have none before and none behind them: each ends as it is shown */
+} openings;
+
+#ifndef DIM /* a line, which does not turn */
+#define DIM 1
+#define AXES(k) for (int k = 0; k < DIM; k++)
+#define FROM(b) ((b) % o->bonds)
+#define TO(b) ((b) % o->bonds + LANES)
+
+static void overlaps(const scene *c, const openings *o, const real *restrict u,
+                     const real *restrict v, real *restrict w, real *restrict d)
+{
+    const real dt = *o->dt;
+    for (integer start = 0; start < o->count; start += o->bonds) {
+        const real *restrict place = o->place + start, *restrict side = o->side + start;
+        EACH(o->bonds) {
+            w[start + i] = side[i] * ((u[i + LANES] - u[i]) - place[i]);
+            d[start + i] = side[i] * dt * (v[i + LANES] - v[i]);
+        }
+    }
+}
+
+static int may_pass(const scene *c, const openings *o)
+{
+    for (integer s = 0; s < c->runs; s++) {
+        const integer start = LANES * c->first[s];
+        const integer ranges = c->met_at[s + 1] - c->met_at[s];
+        const real *low = c->low + c->met_at[s], *high = c->high + c->met_at[s];
+        integer any = 0;
+        for (integer k = 0; k < o->count; k += o->bonds) {
+            const real *place = o->place + k + start; /* those of one spring are the same */
+            if (c->law[s] & 1) EACH(ranges) any |= (low[i] <= place[i]) & (high[i] >= place[i]);
+            else EACH(ranges) any |= (low[i] <= *place) & (high[i] >= *place);
+        }
+        if (any) return 1;
+    }
+    return 0;
+}
+
+static void remember(const scene *c, const openings *o) {}
+
+static real line_at(const scene *c, const openings *o, integer contact, real x, real *line,
+                    real *turn)
+{
+    return *line = 1, *turn = 0;
+}
+
+static void give(const scene *c, const openings *o, integer b, real w, real x, real total,
+                 real moment, real turning)
+{
+    const integer from = FROM(b), to = TO(b);
+    const real dt = *o->dt, side = o->side[b], left = c->w[from], right = c->w[to];
+    const real impulse = dt * side * total;
+    real shift = dt * (dt * side * moment + (1 - x) * impulse);
+    if (fabs(shift) * (left + right) >= fabs(w)) shift = 0; /* it would change side once more */
+    c->v[from] += left * impulse;
+    c->v[to] -= right * impulse;
+    c->u[from] += left * shift;
+    c->u[to] -= right * shift;
+}
+#else
+#define FROM(b) c->from[(b) % o->bonds]
+#define TO(b) c->to[(b) % o->bonds]
+
+static void run_of(const scene *c, const openings *o, integer s, const real *restrict u,
+                   const real *restrict v, real *restrict w, real *restrict rate, const int wall)
+{
+    const integer n = c->contacts, start = c->first[s], last = c->first[s + 1];
+    const real *restrict geometry = c->geometry, dt = *o->dt;
+    const integer *restrict from = c->from, *restrict to = c->to;
+    for (integer b = start; b < last; b += BLOCK) {
+        const integer some = last - b < BLOCK ? last - b : BLOCK;
+        real r[BLOCK], change[BLOCK];
+        EACH(some) {
+            real at[DIM], apart[DIM], along[DIM], speed[DIM];
+            const integer p = from[b + i], q = to[b + i];
+            AXES(k) {
+                at[k] = geometry[k * n + b + i];
+                apart[k] = wall ? u[q + k] : u[q + k] - u[p + k];
+                speed[k] = wall ? v[q + k] : v[q + k] - v[p + k];
+            }
+            const real gap = geometry[DIM * n + b + i], length = geometry[(DIM + 1) * n + b + i];
+            r[i] = change[i] = 0;
+            if (wall) wall_contact(at, apart, gap, length, r + i, along);
+            else pair_contact(at, apart, gap, length, r + i, along);
+            AXES(k) change[i] += along[k] * speed[k];
+        }
+        for (integer j = b; j < o->count; j += o->bonds)
+            EACH(some) {
+                w[j + i] = o->side[j + i] * (r[i] - o->place[j + i]);
+                rate[j + i] = o->side[j + i] * dt * change[i];
+            }
+    }
+}
+
+__attribute__((flatten)) static void overlaps(const scene *c, const openings *o, const real *u,
+                                              const real *v, real *w, real *d)
+{
+    for (integer s = 0; s < c->runs; s++)
+        if (c->law[s] & 2) run_of(c, o, s, u, v, w, d, 1);
+        else run_of(c, o, s, u, v, w, d, 0);
+}
+
+/* By what all contacts of a run met together: each of them met no more. */
+static int may_pass(const scene *c, const openings *o)
+{
+    integer any = 0;
+    for (integer s = 0; s < c->runs; s++) {
+        const real *low = c->low + c->met_at[s], *high = c->high + c->met_at[s];
+        const integer start = c->first[s], count = c->first[s + 1] - start;
+        const integer met = c->met_at[s + 1] - c->met_at[s];
+        real least = low[0], most = high[0];
+        EACH(met) least = smaller(low[i], least), most = larger(high[i], most);
+        for (integer k = start; k < o->count; k += o->bonds)
+            EACH(count) any |= (least <= o->place[k + i]) & (most >= o->place[k + i]);
+    }
+    return any != 0;
+}
+
+static void remember(const scene *c, const openings *o)
+{
+    acceleration(c, c->u, o->end_a, o->entries);
+    EACH(o->entries) o->end_u[i] = c->u[i], o->end_v[i] = c->v[i];
+}
+
+static int is_wall(const scene *c, integer b)
+{
+    integer s = 0;
+    while (c->first[s + 1] <= b) s++;
+    return (c->law[s] & 2) != 0;
+}
+
+/* The line of contact at the event, a part 1 - x of the step ago, how fast it turned, and how
+   long it was; the last two are 0 where it does not turn. */
+static real line_at(const scene *c, const openings *o, integer contact, real x, real *line,
+                    real *turn)
+{
+    const integer b = contact % o->bonds;
+    const real back = (1 - x) * *o->dt;
+    AXES(k) line[k] = c->geometry[k * c->contacts + b], turn[k] = 0;
+    if (DIM == 1 || is_wall(c, b)) return 0;
+    const integer from = FROM(b), to = TO(b);
+    real square = 0, along = 0;
+    AXES(k) {
+        const real pull = o->end_a[to + k] - o->end_a[from + k];
+        const real speed = o->end_v[to + k] - o->end_v[from + k];
+        line[k] += o->end_u[to + k] - o->end_u[from + k] - back * (speed - back / 2 * pull);
+        turn[k] = speed - back * pull;
+        square += line[k] * line[k];
+    }
+    const real length = sqrt(square);
+    AXES(k) line[k] /= length, along += line[k] * turn[k];
+    AXES(k) turn[k] = (turn[k] - along * line[k]) / length;
+    return length;
+}
+
+/* Add what was rounded before, so that equal and opposite ones cancel to the last bit. */
+static void add(real *to, real part)
+{
+    __asm__("" : "+m"(part));
+    *to += part;
+}
+
+static void give(const scene *c, const openings *o, integer b, real w, real x, real total,
+                 real moment, real turning)
+{
+    const integer from = FROM(b), to = TO(b);
+    const real dt = *o->dt, back = (1 - x) * dt;
+    real line[DIM], turn[DIM], impulse[DIM], shift[DIM], size = 0, mobility = 0;
+    line_at(c, o, b, x, line, turn);
+    AXES(k) {
+        impulse[k] = dt * o->side[b] * (total * line[k] + dt * turning * turn[k]);
+        shift[k] = dt * dt * o->side[b] * moment * line[k] + back * impulse[k];
+        size += fabs(shift[k]);
+        mobility = larger(mobility, c->w[from + k] + c->w[to + k]);
+    }
+    const real share = size * mobility >= fabs(w) ? 0 : 1; /* else it would change side once more */
+    AXES(k) {
+        add(c->v + from + k, c->w[from + k] * impulse[k]);
+        add(c->v + to + k, -c->w[to + k] * impulse[k]);
+        add(c->u + from + k, c->w[from + k] * share * shift[k]);
+        add(c->u + to + k, -c->w[to + k] * share * shift[k]);
+    }
+}
+#endif
+
+static real mobility(const scene *c, const openings *o, integer b, real x)
+{
+    const integer from = FROM(b), to = TO(b);
+    real line[DIM], turn[DIM], sum = 0;
+    line_at(c, o, b, x, line, turn);
+    AXES(k) sum += line[k] * line[k] * (c->w[from + k] + c->w[to + k]);
+    return sum;
+}
+
+static real swing(const scene *c, const openings *o, integer b, real x)
+{
+    real line[DIM], turn[DIM], square = 0;
+    const real length = line_at(c, o, b, x, line, turn), dt = *o->dt;
+    AXES(k) square += turn[k] * turn[k];
+    return o->side[b] * dt * dt * length * square;
+}
