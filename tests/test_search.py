@@ -23,6 +23,7 @@ from tensegrity import (
 )
 from tensegrity.engine.compiled import single
 from tensegrity.runs.problem import Guard
+from tensegrity.scenes.dynamics import dynamics
 from tensegrity.springs import collection
 from tensegrity.springs.collection import ORDERS, Springs
 
@@ -251,7 +252,7 @@ def test_without_a_compiler_numpy_searches(monkeypatch):
 @pytest.mark.parametrize("more", [(), (3.0, 4.0)])
 def test_an_elongation_at_an_end_of_a_domain_is_not_inside(more):
     springs = [quadratic(k, domain=(-0.1, 0.2)) for k in (1.0, *more)]
-    guard = Guard(None, Chain(springs, len(springs) + 1), 0.1, 1.0)
+    guard = Guard(None, dynamics(Chain(springs, len(springs) + 1)), 0.1, 1.0)
     met, near = np.zeros((len(springs), 2)), 1 - 1e-12
     for spring in range(len(springs)):
         for side, end in enumerate((-0.1, 0.2)):

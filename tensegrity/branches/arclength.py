@@ -105,26 +105,26 @@ class Stepper:
         some = sizes > 1e-15 * sizes[0]
         return ((g @ left)[some] / sizes[some]) @ right[:-1][some], right[-1]
 
-    def steps(self, rows, count, signs, control, p):
+    def steps(self, rows, count, control, p):
         """Go on beyond `count` rows, till the last step holds an event, no step is good or the
         rows are full; how many there are then.
 
         `control` is the step, which changes, tolerance, residual, turn, largest and smallest step.
-        `signs` become those that the tests had before the last step.
+        Tests that vanish in a row get the sign that they had before.
         """
         while count < len(rows):
             good, here = False, rows[count - 1]
-            np.copyto(signs, here[self.tests :], where=here[self.tests :] != 0)
             before = rows[count - 2] if count > 1 else self.before(here)
             while not good:
                 if not control[0] >= control[5]:
                     return count
                 made = self.advance(before, here, control, p)
                 good, control[0] = made[self.size :]
-            rows[count] = made = made[: self.size]
+            rows[count] = made[: self.size]
+            tests, signs = rows[count, self.tests :], here[self.tests :]
+            np.copyto(tests, ROOT_AT_START * signs, where=tests == 0)
             count += 1
-            crossed = (signs * made[self.tests :] < 0).any()
-            if crossed or not here[self.side] * made[self.side] > 0:
+            if (signs * tests < 0).any() or not here[self.side] * made[self.side] > 0:
                 break
         return count
 
@@ -177,7 +177,7 @@ class Machine(Stepper):
         self.library = self.functions.library
         if self.library:
             pointer, number = ctypes.c_void_p, ctypes.c_longlong
-            self.library.steps.argtypes = [*[pointer] * 4, number, number]
+            self.library.steps.argtypes = [*[pointer] * 3, number, number]
             self.library.at.argtypes = [pointer] * 4
             self.library.least_norm.argtypes = [pointer] * 3
             several = [*[pointer] * 4, ctypes.c_double, *[pointer] * 3, number]
@@ -237,6 +237,7 @@ class Machine(Stepper):
         """C of the loop, with the numbers that it is made for."""
         sizes = {"M": self.m, "VALUES": len(self.tabulated), "KINDS": len(self.kinds)}
         sizes |= {"POLISH": POLISH, "ALIGNED": ALIGNED, "FULL_RANK": FULL_RANK, "TINY": TINY}
+        sizes |= {"ROOT_AT_START": ROOT_AT_START}
         defined = [f"#define {name} {number!r}" for name, number in sizes.items()]
         text = files(__package__).joinpath("follow.c").read_text()
         return "\n".join([*defined, '#line 1 "follow.c"', text])
@@ -260,10 +261,10 @@ class Machine(Stepper):
         self.library.at(*map(address, (p, z, tangent, made)))
         return made
 
-    def steps(self, rows, count, signs, control, p):
+    def steps(self, rows, count, control, p):
         if not self.library:
-            return super().steps(rows, count, signs, control, p)
-        return self.library.steps(*map(address, (p, control, signs, rows)), count, len(rows))
+            return super().steps(rows, count, control, p)
+        return self.library.steps(*map(address, (p, control, rows)), count, len(rows))
 
     def approach(self, kind, before, here, part, ends, p):
         newton = self.newton(kind)[1]

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity import check
-from tensegrity.branches.arclength import ROOT_AT_START, Machine
+from tensegrity.branches.arclength import Machine
 from tensegrity.branches.table import Event, Table
 from tensegrity.engine.kept import kept, maker
 from tensegrity.errors import TensegrityError
@@ -272,7 +272,7 @@ def _walked(machine, start, p, settings, direction, stop):
         ]
     )
     most, count, events, folds = settings.points, 1, [], []
-    rows, signs = np.empty((min(ROOM, most), machine.size)), np.zeros(len(machine.kinds))
+    rows = np.empty((min(ROOM, most), machine.size))
     rows[0], rows[0, machine.length] = first, control[0]  # its length: the predictor has one
     for i, test in enumerate(first[machine.tests :].tolist()):
         if abs(test) <= machine.vanishing[i]:
@@ -284,17 +284,17 @@ def _walked(machine, start, p, settings, direction, stop):
     while count < most:
         if count == len(rows):
             rows = np.concatenate([rows, np.empty_like(rows)])[:most]
-        last, count = count, machine.steps(rows, count, signs, control, p)
+        last, count = count, machine.steps(rows, count, control, p)
         if count == last:
             return rows[:count], events, f"the step fell below {settings.smallest:g}"
         if folds:
             events += _starting_folds(machine, rows, folds, p)
             folds = []
         before, here = rows[count - 2], rows[count - 1]
-        for kind, point in _located(machine, before, here, signs.tolist(), p):
+        for kind, point in _located(machine, before, here, p):
             events.append((kind, count - 1 - (kind not in stop), point))
             if kind in stop:
-                rows[count - 1] = _measured(machine, before, point)
+                here[:] = _measured(machine, before, point)
                 return rows[:count], events, kind
     return rows, events, f"{most} rows do not reach an end"
 
@@ -356,13 +356,13 @@ def _starting_folds(machine, rows, folds, p):
     return [(kind, 0, rows[0].copy()) for kind, at in places if back[at] * rows[1, at] < 0]
 
 
-def _located(machine, before, here, signs, p):
+def _located(machine, before, here, p):
     """Events between two points, in their order: (kind, point).
 
     A root may be passed twice in a step that holds a fold: the fold divides it.
     """
     m, roots = machine.m, len(machine.roots)
-    tests = here[machine.tests :].tolist()
+    signs, tests = before[machine.tests :].tolist(), here[machine.tests :].tolist()
     crossed = [i for i, test in enumerate(tests) if signs[i] * test < 0]
 
     def event(i, start, end):
@@ -378,13 +378,13 @@ def _located(machine, before, here, signs, p):
     if not found:
         found = [event(i, before, here) for i in crossed]
     else:
-        start, folds = before, [point for _, point in ordered(found)]
-        for end in (*folds, here):
+        start = before
+        for end in (*(fold for _, fold in ordered(found)), here):
             tests = end[machine.tests :].tolist()
-            for i in range(roots):
-                if signs[i] * tests[i] < 0:
-                    found.append(event(i, start, _measured(machine, start, end)))
-            start, signs = end, [new or old for new, old in zip(tests, signs, strict=True)]
+            part = [i for i in range(roots) if signs[i] * tests[i] < 0]
+            found += [event(i, start, _measured(machine, start, end)) for i in part]
+            if end is not here:
+                start, signs = end, [new or old for new, old in zip(tests, signs, strict=True)]
     if before[machine.side] * here[machine.side] < 0:
         found.append(("bifurcation", _bifurcation(machine, before, here, p)))
     return ordered(found)
@@ -400,7 +400,7 @@ def _measured(machine, start, end):
 def _locate(machine, before, here, number, sign, p):
     """The point where an event function vanishes between two points."""
     test = machine.tests + number
-    low = 0.0, float(before[test]) or sign * ROOT_AT_START, before
+    low = 0.0, float(before[test]), before
     high = 1.0, float(here[test]), here
     for _ in range(BISECTIONS):
         part = low[0] + (high[0] - low[0]) * low[1] / (low[1] - high[1])

@@ -83,16 +83,12 @@ static const double *tangential(const double *here, double *before)
 }
 
 /* See Stepper.steps. */
-int steps(const double *p, double *control, double *signs, double *rows, integer count,
-          integer room)
+int steps(const double *p, double *control, double *rows, integer count, integer room)
 {
     while (count < room) {
         double *here = rows + SIZE * (count - 1), *made = here + SIZE;
         double first[SIZE], out[SIZE + 2];
         const double *before = count > 1 ? here - SIZE : tangential(here, first);
-        for (int kind = 0; kind < KINDS; kind++)
-            if (here[TESTS + kind] != 0)
-                signs[kind] = here[TESTS + kind];
         do {
             if (!(control[0] >= control[5]))
                 return count;
@@ -102,8 +98,11 @@ int steps(const double *p, double *control, double *signs, double *rows, integer
         memcpy(made, out, SIZE * sizeof(double));
         count++;
         int quiet = here[SIDE] * made[SIDE] > 0;
-        for (int kind = 0; kind < KINDS; kind++)
-            quiet &= !(signs[kind] * made[TESTS + kind] < 0);
+        for (int kind = TESTS; kind < SIZE; kind++) {
+            if (made[kind] == 0)
+                made[kind] = ROOT_AT_START * here[kind];
+            quiet &= !(here[kind] * made[kind] < 0);
+        }
         if (!quiet)
             break;
     }

@@ -21,8 +21,8 @@ typedef struct {
 } loop;
 
 /* States after the steps `at`, increasing: the first `size` numbers of u and v, `walls` of v from
-   `behind` on, sums, and the way travelled by then; as the loop has them if `raw`.  Or, where there are `places`, these entries
-   of u, `of_u` of them, and then of v, as the loop has them. */
+   `behind` on, sums, and the way travelled by then; as the loop has them if `raw`.  Or, where there
+   are `places`, these entries of u, `of_u` of them, and then of v, as the loop has them. */
 typedef struct {
     const integer *at, *places;
     double *u, *v, *impulse, *sums, *travel;
@@ -66,8 +66,8 @@ static int is_finite(const double *x, integer n)
     return all == 0;
 }
 
-/* Go from step `done` to `end`, which is shown; a run begins with step 0, as it is.  Whether all is well, the loop had to stop, or the
-   first `sites` numbers are not finite. */
+/* Go from step `done` to `end`, which is shown; a run begins with step 0, as it is.  Whether all is
+   well, the loop had to stop, or the first `sites` numbers are not finite. */
 integer go(const loop *l, integer done, integer end, wanted *each, integer count, integer sites)
 {
     FLUSH
