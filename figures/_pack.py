@@ -9,7 +9,7 @@ import numpy as np
 
 from granular import Bead, Striker, hexagonal_pack, materials
 from granular.design import Choice, Order, objective, search
-from granular.design.packs import wall_peak
+from granular.design.objective import wall_peak
 from tensegrity import sweep
 
 STEEL, PTFE = materials["steel"], materials["ptfe"]

@@ -72,14 +72,14 @@ SCENES = {
     "T1": Scene(
         "order of 10 steel beads of 10 mm and 10 of 4 mm",
         Order(halves(BIG, SMALL)), 1e-3,
-        {"ga": (10, 5000), "cma": (3, 5000), "catcma": (3, 5000)},
+        {"ga": (10, 5000)},
         {"uniform 10 mm": of("steel"), "uniform 4 mm": of("steel", 4e-3),
          "stepped": halves(BIG, SMALL), "alternating": [BIG, SMALL] * (COUNT // 2)},
     ),
     "T2": Scene(
         "order of 10 steel and 10 PTFE beads of 10 mm",
         Order(halves(BIG, SOFT)), 8e-3,
-        {"ga": (10, 5000), "cma": (3, 5000), "catcma": (3, 5000)},
+        {"ga": (10, 5000)},
         {"uniform steel": of("steel"), "uniform PTFE": of("ptfe"),
          "stepped": halves(BIG, SOFT), "alternating": [BIG, SOFT] * (COUNT // 2)},
     ),
@@ -92,7 +92,7 @@ SCENES = {
     "M": Scene(
         "materials of 20 beads of 10 mm, six to choose from",
         Choice(COUNT, 10e-3, [materials[name] for name in NAMES]), 12e-3,
-        {"ga": (3, 40000), "catcma": (2, 20000)},
+        {"ga": (3, 40000)},
         {"uniform steel": of("steel"), "uniform rubber": of("rubber"),
          "stepped": halves(BIG, SOFT), "alternating": [BIG, SOFT] * (COUNT // 2)},
     ),

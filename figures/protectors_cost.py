@@ -12,7 +12,7 @@ import numpy as np
 from figures import _pack
 from figures import _protectors as common
 from granular.design import objective
-from granular.design.packs import wall_peak
+from granular.design.objective import wall_peak
 
 NAME = "protectors_cost"
 GROUP = "protectors"

@@ -11,7 +11,7 @@ GROUP = "protectors"
 
 MARKS = np.unique(np.round(np.logspace(0, np.log10(40000), 200)).astype(int))
 BETTER = "random ones better than the stepped one"
-COLOURS = {"ga": "C0", "cma": "C1", "catcma": "C2"}
+COLOURS = {"ga": "C0", "cma": "C1"}
 
 
 def curve(history):

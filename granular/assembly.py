@@ -101,16 +101,24 @@ class SharedSprings:
 
     def __init__(self, law: ContactLaw) -> None:
         self._law = law
-        self._known: dict[tuple[Bead, Bead | Material], PowerLaw] = {}
+        self._known: dict[tuple[Bead, Bead | Material], tuple[Contact, PowerLaw]] = {}
         self._quick: dict[tuple[int, int], tuple[Bead, Bead | Material, PowerLaw]] = {}
-        self.contacts: list[Contact] = []
+
+    @property
+    def contacts(self) -> list[Contact]:
+        """In the order in which the law was asked for them."""
+        return [contact for contact, _ in self._known.values()]
+
+    def contact(self, bead: Bead, other: Bead | Material) -> Contact:
+        """That of two partners, for which the law is asked once."""
+        if (bead, other) not in self._known:
+            contact = contact_of(self._law, bead, other)
+            self._known[bead, other] = contact, contact.spring()
+        return self._known[bead, other][0]
 
     def __call__(self, bead: Bead, other: Bead | Material) -> PowerLaw:
         same = id(bead), id(other)
-        if same not in self._quick:
-            pair = bead, other
-            if pair not in self._known:
-                self.contacts.append(contact_of(self._law, bead, other))
-                self._known[pair] = self.contacts[-1].spring()
-            self._quick[same] = bead, other, self._known[pair]  # the two are kept: ids stay theirs
+        if same not in self._quick:  # the two are kept there: ids stay theirs
+            self.contact(bead, other)
+            self._quick[same] = bead, other, self._known[bead, other][1]
         return self._quick[same][-1]

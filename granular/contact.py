@@ -26,6 +26,9 @@ if TYPE_CHECKING:
     ContactLaw = Callable[[Bead, Bead | Material], "Contact"]
 
 
+TINY = 1e-30  # step of a derivative through the complex plane
+
+
 @dataclass(frozen=True)
 class Contact:
     """A power law that pushes only.
@@ -145,22 +148,14 @@ def hertz_constants(modulus: Array, poisson: Array, radius: Array, *other: Array
     return np.asarray(constants)
 
 
-def hertz_slopes(
-    modulus: Array, poisson: Array, radius: Array, *other: Array
-) -> tuple[Array, Array]:
-    """Derivatives of `hertz_constants` by the radius of the bead, and of its partner [N/m^2.5]."""
-    modulus_2, poisson_2, radius_2 = other
-    numbers = (modulus, modulus_2, poisson, poisson_2, radius, radius_2)
-    by_radius, by_other = run(derived(_slopes), np, numbers)
-    return np.asarray(by_radius), np.asarray(by_other)
-
-
-def _slopes() -> tuple[list[Any], tuple[Any, ...]]:
-    """Derivatives of alpha of two spheres by both radii, and the symbols of its numbers."""
-    import sympy as sp
-
-    (pair,), numbers = _constants("pair")
-    return [sp.diff(pair, radius) for radius in numbers[-2:]], numbers
+def hertz_slopes(*numbers: Array, by: str = "radius") -> tuple[Array, Array]:
+    """Derivatives of `hertz_constants`, of the same numbers, by one of the bead and that of its
+    partner: by the "radius" [N/m^2.5] or the "modulus" [N/(Pa m^1.5)]."""
+    place = ("modulus", "poisson", "radius").index(by)
+    steps = 1j * TINY * np.eye(6)[[place, place + 3]]
+    moved = ([x + h if h else x for x, h in zip(numbers, step, strict=True)] for step in steps)
+    one, other = (hertz_constants(*x).imag / TINY for x in moved)
+    return one, other
 
 
 def _constants(kind: str) -> tuple[list[Any], tuple[Any, ...]]:

@@ -18,10 +18,9 @@ import numpy as np
 from granular.assembly import Assembly, AssemblyDynamics, SharedSprings
 from granular.beads import Bead, Striker
 from granular.contact import checked_law, hertz
-from granular.layout import diamond_layout, y_layout
+from granular.layout import TOUCH, Layout, diamond_layout, y_layout
 from granular.materials import Material, materials
-from granular.places import TOUCH, Layout
-from granular.statics import settle
+from granular.statics import Equilibrium, rest_of
 from tensegrity import State, TensegrityError, Wall, check
 from tensegrity.scenes.clearance import Clearance
 
@@ -29,8 +28,7 @@ if TYPE_CHECKING:
     from typing import Any
 
     from granular.contact import ContactLaw
-    from granular.places import Piece
-    from granular.statics import Equilibrium
+    from granular.layout import Piece
     from tensegrity import Damping, Drive
     from tensegrity.typing import Array, Indices
 
@@ -74,6 +72,7 @@ class Guide(Assembly):
         beads: Mapping[str, Bead],
         wall: Material,
         striker: Striker | None = None,
+        *,
         end: Material | None = None,
         law: ContactLaw = hertz,
         gravity: float = 0.0,
@@ -81,49 +80,21 @@ class Guide(Assembly):
         drive: Mapping[int, Drive] | None = None,
         damping: Damping | None = None,
     ) -> None:
-        check.kind("layout", layout, Layout)
-        sides = len(layout.walls)
-        check.kind("wall", wall, Material)
-        if end is not None:
-            check.kind("end", end, Material)
-        if striker is not None:
-            check.kind("striker", striker, Striker)
-        _fill(layout, beads)
-        gravity = check.number("gravity", gravity, least=0, unit="m/s^2")
-        preload = check.number("preload", preload, least=0, unit="N")
+        gravity, preload = _checked(layout, beads, wall, striker, end, gravity, preload)
         self._made_of = {
             "layout": layout, "beads": beads, "wall": wall, "striker": striker, "end": end,
             "gravity": gravity, "preload": preload,
         }  # fmt: skip
-        loaded = gravity > 0 or preload > 0
-        if loaded and end is None:
-            raise TensegrityError(
-                f"gravity {gravity:g} m/s^2 and preload {preload:g} N need an end: without walls "
-                "behind the last beads nothing carries them"
-            )
-        found = None
-        if striker is not None and loaded:
-            found = Guide(**self._made_of | {"striker": None, "law": law}).equilibrium
+        sides, first = len(layout.walls), int(striker is not None)
         if end is not None:
-            layout = layout.stopped([p for p in layout.parts if p in _last_parts(layout)])
+            layout = layout.stopped(_last_parts(layout))
         layout.check()
         self.layout, self.striker = layout, striker
         self.wall_names = tuple(piece.name for piece in layout.walls)
-        stops = () if end is None else (end,) * (len(layout.walls) - sides)
-        self._wall_materials = (wall,) * sides + stops
-        first = 0 if striker is None else 1
-        parts = {p: tuple(b + first for b in sites) for p, sites in layout.parts.items()}
-        filled = [beads[part] for part, sites in layout.parts.items() for _ in sites]
-        positions, bonds = layout.positions, layout.contacts() + first
-        if striker is not None:
-            parts = {"striker": (0,), **parts}
-            filled = [striker.bead, *filled]
-            before = positions[0] - [striker.bead.radius + filled[1].radius, 0.0]
-            positions = np.concatenate([[before], positions])
-            bonds = np.concatenate([[[0, 1]], bonds])
-        self.parts, self.beads = parts, tuple(filled)
+        solids: Any = (wall,) * sides + (end,) * (len(layout.walls) - sides)
+        self._wall_materials = solids
+        positions, bonds, self.parts, self.beads = _filled(layout, beads, striker)
         touched = np.add(layout.wall_contacts(), (first, 0))
-        solids: Any = [self._wall_materials[number] for _, number in touched]
         springs = SharedSprings(checked_law(law))
         super().__init__(
             positions,
@@ -132,9 +103,7 @@ class Guide(Assembly):
             mass=[bead.mass for bead in self.beads],
             walls=[_wall(piece) for piece in layout.walls],
             wall_contacts=touched,
-            wall_spring=[
-                springs(self.beads[b], solid) for (b, _), solid in zip(touched, solids, strict=True)
-            ],
+            wall_spring=[springs(self.beads[b], solids[wall]) for b, wall in touched],
             wall_gaps=layout.wall_gaps(),
             radius=None if layout.blind else [bead.radius for bead in self.beads],
             loads=_loads(self.beads, first, gravity, preload),
@@ -142,9 +111,7 @@ class Guide(Assembly):
             damping=damping,
         )
         self._contacts = springs.contacts
-        if striker is None and loaded:
-            found = settle(self)
-        self.equilibrium = found
+        self.equilibrium = found = rest_of(self, striker=None, law=springs.contact)
         rest = np.zeros(self.shape)
         if found is not None:  # a striker is taken along by the bead before which it stands
             rest = found.u if striker is None else np.concatenate([found.u[:1], found.u])
@@ -200,8 +167,21 @@ def _loads(beads: tuple[Bead, ...], first: int, gravity: float, preload: float) 
     return loads
 
 
-def _fill(layout: Layout, beads: Mapping[str, Bead]) -> None:
-    """Refuse beads that do not fit the layout."""
+def _checked(
+    layout: Layout,
+    beads: Mapping[str, Bead],
+    wall: Material,
+    striker: Striker | None,
+    end: Material | None,
+    gravity: float,
+    preload: float,
+) -> tuple[float, float]:
+    """Gravity and preload; what does not fit together is refused."""
+    check.kind("layout", layout, Layout)
+    check.kind("wall", wall, Material)
+    for name, given, kind in (("end", end, Material), ("striker", striker, Striker)):
+        if given is not None:
+            check.kind(name, given, kind)
     if not isinstance(beads, Mapping):
         raise TensegrityError(f"beads {check.shown(beads)} must be a dict of parts and Beads")
     for part in layout.parts:
@@ -214,6 +194,30 @@ def _fill(layout: Layout, beads: Mapping[str, Bead]) -> None:
                 f"{layout.diameter:.6g} m: others would overlap, or leave gaps, by up to "
                 f"{abs(bead.diameter - layout.diameter):.3g} m"
             )
+    gravity = check.number("gravity", gravity, least=0, unit="m/s^2")
+    preload = check.number("preload", preload, least=0, unit="N")
+    if end is None and (gravity > 0 or preload > 0):
+        raise TensegrityError(
+            f"gravity {gravity:g} m/s^2 and preload {preload:g} N need an end: without walls "
+            "behind the last beads nothing carries them"
+        )
+    return gravity, preload
+
+
+def _filled(
+    layout: Layout, beads: Mapping[str, Bead], striker: Striker | None
+) -> tuple[Array, Indices, dict[str, tuple[int, ...]], tuple[Bead, ...]]:
+    """Positions, bonds, parts and beads of a layout, the striker before the first bead."""
+    filled = [beads[part] for part, sites in layout.parts.items() for _ in sites]
+    positions, bonds = layout.positions, layout.contacts()
+    if striker is None:
+        return positions, bonds, dict(layout.parts), tuple(filled)
+    before = positions[0] - [striker.bead.radius + filled[0].radius, 0.0]
+    parts = {part: tuple(b + 1 for b in sites) for part, sites in layout.parts.items()}
+    return (
+        np.concatenate([[before], positions]), np.concatenate([[[0, 1]], bonds + 1]),
+        {"striker": (0,), **parts}, (striker.bead, *filled),
+    )  # fmt: skip
 
 
 def _last_parts(layout: Layout) -> tuple[str, ...]:
@@ -291,7 +295,8 @@ def y_guide(
     """
     beads = _filling(bead, branches)
     layout = y_layout(stem, branch, half_angle, bead.diameter, gap, through)
-    return Guide(layout, beads, wall, striker, end, law, gravity, preload, drive, damping)
+    forces: Any = {"gravity": gravity, "preload": preload, "drive": drive, "damping": damping}
+    return Guide(layout, beads, wall, striker, end=end, law=law, **forces)
 
 
 def diamond_guide(
@@ -320,7 +325,8 @@ def diamond_guide(
     """
     beads = {**_filling(bead, branches), "stem 2": bead}
     layout = diamond_layout(stem, branch, half_angle, bead.diameter, gap, through)
-    return Guide(layout, beads, wall, striker, end, law, gravity, preload, drive, damping)
+    forces: Any = {"gravity": gravity, "preload": preload, "drive": drive, "damping": damping}
+    return Guide(layout, beads, wall, striker, end=end, law=law, **forces)
 
 
 def _filling(bead: Bead, branches: tuple[Bead, Bead] | None) -> dict[str, Bead]:

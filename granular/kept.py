@@ -13,9 +13,9 @@ from granular.beads import Bead, Striker
 from granular.chain import BeadChain
 from granular.contact import Contact
 from granular.guide import Guide
+from granular.layout import Layout, Piece
 from granular.materials import Material
 from granular.pack import Pack
-from granular.places import Layout, Piece
 from tensegrity.runs.archive import in_time, register
 
 if TYPE_CHECKING:

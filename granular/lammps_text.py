@@ -134,45 +134,36 @@ class Laid:
 
     def _walls(self, types: list[int], kinds: list[Bead], name: str, every: int) -> list[str]:
         """Lines of the walls: a fix for each wall and type of bead, and their sums in a file."""
-        lines, sums = [], []
+        lines: list[str] = []
         groups: dict[tuple[str, ...], str] = {}
-        index = {site: k for k, site in enumerate(self.sites)}
         for w, wall in enumerate(self.walls):
-            point, normal = _numbers(wall.point), _numbers(wall.normal)
-            lines.append(f"region plane{w} plane {point} {normal}")
+            lines.append(f"region plane{w} plane {_numbers(wall.point)} {_numbers(wall.normal)}")
             parts = []
             for kind, bead in enumerate(kinds, 1):
-                held = [index[site] for site in wall.sites or ()]
-                ids = [str(k + 1) for k in held if types[k] == kind]
-                said = [f"id {' '.join(ids[k : k + 50])}" for k in range(0, len(ids), 50)]
-                members = (f"type {kind}",) if wall.sites is None else tuple(said)
+                members = self._pushed(wall, types, kind)
                 if not members:
                     continue
                 if members not in groups:
-                    lines += [f"group touch{len(groups)} {some}" for some in members]
-                who = groups.setdefault(members, f"touch{len(groups)}")
+                    groups[members] = f"touch{len(groups)}"
+                    lines += [f"group {groups[members]} {some}" for some in members]
+                who, part = groups[members], f"{w}x{kind}"
                 k = hertz(bead, wall.material).constant / math.sqrt(bead.radius)
-                lines.append(
-                    f"fix wall{w}x{kind} {who} wall/gran/region granular hertz {k:.17g} 0 "
-                    f"tangential linear_nohistory 0 0 region plane{w} contacts"
-                )
-                array = f"f_wall{w}x{kind}"
-                lines.append(
-                    f"compute sum{w}x{kind} {who} reduce sum {array}[2] {array}[3] {array}[4]"
-                )
-                parts.append(f"sum{w}x{kind}")
-            pull = [
-                "+".join(f"c_{part}[{axis + 1}]*({-n:.17g})" for part in parts)
-                for axis, n in enumerate(wall.normal)
-                if n
-            ]
+                sums = " ".join(f"f_wall{part}[{axis}]" for axis in (2, 3, 4))
+                lines += [
+                    f"fix wall{part} {who} wall/gran/region granular hertz {k:.17g} 0 "
+                    f"tangential linear_nohistory 0 0 region plane{w} contacts",
+                    f"compute sum{part} {who} reduce sum {sums}",
+                ]
+                parts.append(f"c_sum{part}")
+            along = [(axis, n) for axis, n in enumerate(wall.normal, 1) if n]
+            pull = ("+".join(f"{part}[{axis}]*({-n:.17g})" for part in parts) for axis, n in along)
             total = "+".join(f"({x})" for x in pull) if parts else "0"
             lines.append(f"variable wall{w} equal -({total})")
-            sums.append(f"v_wall{w}")
-        if sums:
+        if self.walls:
             title = " ".join(json.dumps(wall.name) for wall in self.walls).replace("'", "\\u0027")
+            every_wall = " ".join(f"v_wall{w}" for w in range(len(self.walls)))
             lines.append(
-                f"fix sums all ave/time {every} 1 {every} {' '.join(sums)} "
+                f"fix sums all ave/time {every} 1 {every} {every_wall} "
                 f"file {_file(name, 'walls')} format \" %.17g\" title1 '# step {title}'"
             )
         if len(groups) > GROUPS:
@@ -181,6 +172,15 @@ class Laid:
                 "groups that LAMMPS has"
             )
         return lines
+
+    def _pushed(self, wall: Plane, types: list[int], kind: int) -> tuple[str, ...]:
+        """The beads of a type that a wall pushes, as groups take them."""
+        if wall.sites is None:
+            return (f"type {kind}",)
+        index = {site: k for k, site in enumerate(self.sites)}
+        held = map(index.__getitem__, wall.sites)
+        ids = [str(k + 1) for k in held if types[k] == kind]
+        return tuple(f"id {' '.join(ids[k : k + 50])}" for k in range(0, len(ids), 50))
 
 
 def _file(name: str, ending: str) -> str:

@@ -13,13 +13,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from granular.beads import Bead, Striker
+from granular.layout import TOUCH
 from granular.materials import Material
 from granular.pack import PER_BEAD, Pack, per_place
-from granular.places import TOUCH
 from tensegrity import TensegrityError, Wall, check
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
+    from typing import Any
 
     from numpy.typing import ArrayLike
 
@@ -110,10 +111,10 @@ def fcc_pack(
     )
     hit = (layers - 1) * side**2 + row * side + column
     approach = _approach(striker, places[hit], beads[hit], (0, 0, 1), (0, 0, -1), 0.0)
-    pressed = _pressed(preload, parts[f"layer {layers}"], 3)
-    kind = _kind(contacts, 0.0)
+    pressed, kind = _pressed(preload, parts[f"layer {layers}"], 3), _kind(contacts, 0.0)
+    forces: Any = {"gravity": gravity, "preload": pressed, "drive": drive, "damping": damping}
     return Pack(
-        places, beads, walls, kind, parts, striker, approach, gravity, pressed, drive, damping
+        places, beads, walls, kind, parts=parts, striker=striker, approach=approach, **forces
     )
 
 
@@ -196,10 +197,10 @@ def hexagonal_pack(
     hit = (columns - 1) // 2 if struck is None else _within("struck", struck, columns)
     gap = check.number("gap", gap, least=0, unit="m")
     approach = _approach(striker, places[hit], beads[hit], offset, direction, gap)
-    pressed = _pressed(preload, parts["row 1"], 2)
-    kind = _kind(contacts, gap)
+    pressed, kind = _pressed(preload, parts["row 1"], 2), _kind(contacts, gap)
+    forces: Any = {"gravity": gravity, "preload": pressed, "drive": drive, "damping": damping}
     return Pack(
-        places, beads, walls, kind, parts, striker, approach, gravity, pressed, drive, damping
+        places, beads, walls, kind, parts=parts, striker=striker, approach=approach, **forces
     )
 
 

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from granular.contact_network import contacts_of
+from granular.contact_network import contacts_of, wall_forces, wall_sites
 from granular.crystal import beads_by_site, crystal_of, rows, whole
 from tensegrity import TensegrityError, check
 from tensegrity.measure.observables import passage
 from tensegrity.root import root
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import ArrayLike
 
@@ -53,22 +53,22 @@ def sensor_force(run: Run, part: str, number: int) -> Array:
         Not a run, or one of a scene without beads; no such bead; the bead or a neighbour was not
         recorded.
     """
-    return _sensed(run, part, number, lambda u, site: contacts_of(run.scene).cosines(u, site))
+    forces, along = _sensed(run, part, number)
+    return (forces * along).sum(axis=-1) / 2
 
 
 def mean_force(run: Run, part: str, number: int) -> Array:
     """Half the sum of the forces of a bead's contacts [N], (T,), whatever their directions."""
-    return _sensed(run, part, number, lambda u, site: 1.0)
+    return _sensed(run, part, number)[0].sum(axis=-1) / 2
 
 
-def _sensed(
-    run: Run, part: str, number: int, share: Callable[[Array, int], Array | float]
-) -> Array:
+def _sensed(run: Run, part: str, number: int) -> tuple[Array, Array]:
+    """Forces of a bead's contacts [N], and their cosines to its displacement; (T, contacts)."""
     scene = crystal_of(run)
     site, contacts = scene.site(part, number), contacts_of(scene)
     u = rows(run, contacts.neighbours(site))
-    touching = contacts.of_site(site)
-    return (scene.contact_forces(u)[:, touching] * share(u, site)).sum(axis=-1) / 2
+    forces = scene.contact_forces(u)[:, contacts.of_site(site)]
+    return forces, contacts.cosines(u, site)
 
 
 def wall_force(run: Run, name: str, each: bool = False) -> Array:
@@ -94,10 +94,9 @@ def wall_force(run: Run, name: str, each: bool = False) -> Array:
     TensegrityError
         No such wall; a bead that can touch it was not recorded.
     """
-    contacts = contacts_of(crystal_of(run))
+    scene = crystal_of(run)
     each = check.truth("each", each)
-    u = rows(run, contacts.of_wall(name))
-    forces = contacts.wall_forces(u, name)
+    forces = wall_forces(scene, rows(run, wall_sites(scene, name)), name)
     return forces if each else forces.sum(axis=-1)
 
 

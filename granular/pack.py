@@ -10,6 +10,7 @@ Source: seeds/000, part II, "2D granular crystals/systems", "3D granular crystal
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,9 +19,9 @@ from granular.assembly import Assembly, SharedSprings
 from granular.beads import Bead, Striker, beads_of
 from granular.contact import hertz
 from granular.crystal import site_name
+from granular.layout import TOUCH
 from granular.materials import Material
-from granular.places import TOUCH
-from granular.statics import settle
+from granular.statics import Equilibrium, rest_of
 from tensegrity import State, TensegrityError, Wall, check
 
 if TYPE_CHECKING:
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from granular.statics import Equilibrium
     from tensegrity import Damping, Drive
     from tensegrity.typing import Array, Indices
 
@@ -80,6 +80,7 @@ class Pack(Assembly):
         beads: Bead | Sequence[Bead],
         walls: Walls | None = None,
         contacts: str = "fixed",
+        *,
         parts: Mapping[str, tuple[int, ...]] | None = None,
         striker: Striker | None = None,
         approach: tuple[ArrayLike, ArrayLike] | None = None,
@@ -123,9 +124,6 @@ class Pack(Assembly):
             touched = touched[endless[touched[:, 1]]]
             followed = _Law(filled, planes, solids, springs)
         loads = _loads(filled, places.shape, gravity, preload)
-        found = None
-        if striker is not None and loads.any():
-            found = Pack(**self._made_of | {"striker": None, "approach": None}).equilibrium
         super().__init__(
             places,
             bonds,
@@ -142,9 +140,7 @@ class Pack(Assembly):
             drive=drive,
             damping=damping,
         )
-        if striker is None and loads.any():
-            found = settle(self)
-        self.equilibrium = found
+        self.equilibrium = rest_of(self, striker=None, approach=None)
         self._rest = self._at_rest(radius)
 
     def _touching(
@@ -263,24 +259,20 @@ def _loads(
     return loads
 
 
+@dataclass(frozen=True)
 class _Law:
     """The springs of contacts that form, by sites and walls."""
 
-    def __init__(
-        self,
-        beads: Sequence[Bead],
-        walls: Sequence[Wall],
-        solids: Sequence[Material],
-        springs: SharedSprings,
-    ) -> None:
-        self._beads, self._springs = beads, springs
-        self._walls, self._solids = walls, solids
+    beads: Sequence[Bead]
+    walls: Sequence[Wall]
+    solids: Sequence[Material]
+    springs: SharedSprings
 
     def __call__(self, site: int, other: int | Wall) -> Any:
         if isinstance(other, Wall):
-            number = next(k for k, wall in enumerate(self._walls) if wall is other)
-            return self._springs(self._beads[site], self._solids[number])
-        return self._springs(self._beads[site], self._beads[other])
+            number = next(k for k, wall in enumerate(self.walls) if wall is other)
+            return self.springs(self.beads[site], self.solids[number])
+        return self.springs(self.beads[site], self.beads[other])
 
 
 def pack(

@@ -7,24 +7,23 @@ touch whatever their diameters are.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from granular.beads import Bead, volume
-from granular.contact import Contact, hertz
+from granular.contact import TINY, Contact, hertz, hertz_slopes
 from granular.materials import Material
 from tensegrity import PowerLaw, TensegrityError, check
-from tensegrity.once import once
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from tensegrity import Potential
     from tensegrity.typing import Array
 
 NAMES = ("diameter", "modulus")
-TINY = 1e-30  # step of a derivative through the complex plane
 
 
 def by_beads(
@@ -62,21 +61,24 @@ def by_beads(
     check.kind("name", name, str)
     if name not in NAMES:
         raise TensegrityError(f"name {check.shown(name)} is not one of {', '.join(NAMES)}")
-    found = np.zeros(by_mass.shape)
+    found, solids = np.zeros(by_mass.shape), []
     for k, (one, other) in enumerate(pairs):
         partner = other if isinstance(other, Material) else beads[other]
-        law, spring = hertz(beads[one], partner), springs[k]
-        if not _is(spring, law):
+        if not _is(springs[k], hertz(beads[one], partner)):
             raise TensegrityError(
-                f"contact {k}, {spring!r}, is not Hertz's: it does not say how it depends on the "
-                f"{name} of beads"
+                f"contact {k}, {springs[k]!r}, is not Hertz's: it does not say how it depends on "
+                f"the {name} of beads"
             )
-        ends = [one] if isinstance(other, Material) else [one, other]
-        for end, slope in zip(ends, _slopes(name, beads[one], partner), strict=True):
-            bead = beads[end]
+        solids.append((*_solid(beads[one]), *_solid(partner)))
+    by = {"diameter": "radius", "modulus": "modulus"}[name]
+    both = np.transpose(hertz_slopes(*np.reshape(solids, (-1, 6)).T, by=by))
+    for k, (pair, slopes) in enumerate(zip(pairs, both, strict=True)):
+        for end, slope in zip(pair, slopes, strict=True):
+            if isinstance(end, Material):
+                continue
             if name == "modulus":
                 found[end] += by_constant[k] * slope
-            elif bead.contact_radius == bead.radius:
+            elif beads[end].contact_radius == beads[end].radius:
                 found[end] += by_constant[k] * slope / 2
             if name == "diameter" and by_gap is not None:
                 found[end] -= by_gap[k] / 2
@@ -84,6 +86,13 @@ def by_beads(
         for site, bead in enumerate(beads):
             found[site] += by_mass[site] * mass_slope(bead)
     return found
+
+
+def _solid(body: Bead | Material) -> tuple[float, float, float]:
+    """Modulus [Pa], Poisson's ratio and contact radius [m] of a bead or a wall."""
+    if isinstance(body, Material):
+        return body.modulus, body.poisson, math.inf
+    return body.material.modulus, body.material.poisson, body.contact_radius
 
 
 def _is(spring: Potential, law: Contact) -> bool:
@@ -99,36 +108,3 @@ def mass_slope(bead: Bead) -> float:
     if bead.mass != density * volume(bead.diameter):
         return 0.0
     return density * volume(complex(bead.diameter, TINY)).imag / TINY  # type: ignore[arg-type]
-
-
-def _slopes(name: str, bead: Bead, partner: Bead | Material) -> list[float]:
-    """Derivatives of Hertz's constant by the radius or the modulus of each bead."""
-    pair, wall = _functions(name)
-    one = bead.material
-    if isinstance(partner, Material):
-        return [
-            wall(one.modulus, partner.modulus, one.poisson, partner.poisson, bead.contact_radius)
-        ]
-    two = partner.material
-    given = one.modulus, two.modulus, one.poisson, two.poisson
-    return list(pair(*given, bead.contact_radius, partner.contact_radius))
-
-
-@once
-def _functions(name: str) -> tuple[Callable[..., list[float]], Callable[..., float]]:
-    import sympy as sp
-
-    from derivations import contact as derived
-
-    by = {"diameter": (derived.radius_1, derived.radius_2)}
-    by["modulus"] = (derived.modulus_1, derived.modulus_2)
-    solids = (derived.modulus_1, derived.modulus_2, derived.poisson_1, derived.poisson_2)
-    pair, _ = derived.hertz_constant()
-    wall = derived.wall_constant()
-    return (
-        sp.lambdify(
-            (*solids, derived.radius_1, derived.radius_2),
-            [sp.diff(pair, x) for x in by[name]], "math",
-        ),
-        sp.lambdify((*solids, derived.radius_1), sp.diff(wall, by[name][0]), "math"),
-    )  # fmt: skip

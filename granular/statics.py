@@ -56,6 +56,19 @@ class Equilibrium(ReadOnly):
         object.__setattr__(self, "u", fixed(self.u))
 
 
+def rest_of(scene: Assembly, **unstruck: Any) -> Equilibrium | None:
+    """How the beads of a scene rest under their loads, the striker apart; None without loads.
+
+    A scene with a striker is made again with these other arguments, without it.
+    """
+    if not np.any(scene.loads):
+        return None
+    if scene.striker is None:
+        return settle(scene)
+    made: Any = type(scene)(**scene._made_of | unstruck)
+    return made.equilibrium
+
+
 def settle(scene: Assembly) -> Equilibrium:
     """Where the beads of a scene come to rest under its loads.
 

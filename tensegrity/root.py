@@ -1,6 +1,6 @@
-"""A root of a function between two places where its signs differ.
+"""A root of a function between two places where its signs differ, and the crest of samples.
 
-Chandrupatla's method (Advances in Engineering Software 28, 145 (1997)): inverse quadratic
+Roots: Chandrupatla's method (Advances in Engineering Software 28, 145 (1997)): inverse quadratic
 interpolation where that is sound, else halving.  SciPy has as good ones, but to import it takes
 longer than most of what a first call of this package does.
 """
@@ -10,6 +10,14 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from tensegrity.typing import Array
 
 STEPS = 3000  # halvings from the largest number to the smallest, and some more
 ROUND_OFF = sys.float_info.epsilon
@@ -55,3 +63,24 @@ def root(
             part = at_a / (at_b - at_a) * at_c / (at_b - at_c)
             part += (c - a) / (b - a) * at_a / (at_c - at_a) * at_b / (at_c - at_b)
     raise ValueError(f"no root found between {low:g} and {high:g}")
+
+
+def crest(y: Array, at: Any) -> Array:
+    """Weights of samples `at` - 1, `at` and `at` + 1 in the vertex of the parabola through them.
+
+    These are also the derivatives of the vertex by the samples: where it is highest, it does not
+    move the height.
+
+    Parameters
+    ----------
+    y : ndarray, (n,)
+        Samples, equally far from each other.
+    at : ndarray of int, any shape
+
+    Returns
+    -------
+    ndarray, (*shape of at, 3)
+    """
+    before, here, after = (y[at + k] for k in (-1, 0, 1))
+    s = (after - before) / (2 * (2 * here - before - after))
+    return np.stack([s * (s - 1) / 2, 1 - s**2, s * (s + 1) / 2], axis=-1)

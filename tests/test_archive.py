@@ -12,7 +12,7 @@ from crafted import crafted
 from networks import fork, patch, pushed
 from test_resume import elastic, guide, lanes, struck, toda
 
-from granular import Bead, Striker, diamond_guide, materials, power
+from granular import Bead, Striker, diamond_guide, materials, power, y_guide
 from tensegrity import (
     Chain,
     Network,
@@ -63,6 +63,16 @@ def diamond():
     return scene, scene.start()
 
 
+def loaded():
+    """Its equilibrium is that of the guide without the striker."""
+    steel = Bead(4.76e-3, materials["steel"])
+    scene = y_guide(
+        3, 4, bead=steel, striker=Striker(steel, 0.5), end=materials["ptfe"], gravity=9.81,
+        law=power(2e9, 1.4),
+    )  # fmt: skip
+    return scene, scene.start()
+
+
 def tower():
     """A prism in all coordinates: strings that pull only, bars; one string is slack."""
     prism = Prism(1.0, 0.7, 0.05, 1.0, 10.0, 100.0)
@@ -86,6 +96,7 @@ SCENES = {
     "beads": (struck, 3e-5),
     "guide": (guide, 3e-5),
     "diamond": (diamond, 3e-5),
+    "loaded guide": (loaded, 3e-5),
     "structure": (tower, 1.0),
     "polynomials": (fitted, 2.0),
 }

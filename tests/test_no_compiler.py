@@ -139,7 +139,7 @@ def refused(folder):
         "tuned": lambda: simulate(tuned, start, 1.0, dt=0.1),
         "sweep": lambda: sweep(lambda t: simulate(chain, start, t), [1, 2], None, file),
         "threads": lambda: sweep(lambda t: simulate(chain, start, t), [1, 2], pool, file),
-        "search": lambda: search(sizes, **blow, checkpoint=file),
+        "search": lambda: search(sizes, **blow, method="cma", checkpoint=file),
         "downhill": lambda: search(sizes, **blow, method="gradient", checkpoint=file),
         "peak_force": lambda: peak_force([bead] * 4, **blow),
         "lens": lambda: Lens(prism, focus=(0.0, 5.0)),

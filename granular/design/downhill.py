@@ -16,25 +16,26 @@ environment a search takes a third of the time.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
-from granular.design import objective
+from granular.design.objective import EXPONENT, step_count
 from granular.design.spaces import SLACK
-from tensegrity import PowerLaw, TensegrityError
-from tensegrity.engine import kernel, reverse
+from tensegrity import PowerLaw, TensegrityError, objective
 from tensegrity.engine.bonds import Bonds
-from tensegrity.engine.march import Wanted
 from tensegrity.engine.methods import METHODS
-from tensegrity.engine.reverse import Layout
+from tensegrity.gradients.adjoint import Repeated
+from tensegrity.root import crest
 
 if TYPE_CHECKING:
-    from typing import Any
+    from collections.abc import Callable
 
     from granular.beads import Striker
+    from granular.design.objective import Problem
     from granular.design.spaces import Sizes
     from granular.materials import Material
+    from tensegrity.engine.methods import Splitting
     from tensegrity.typing import Array, Indices
 
 PARTS = 12  # steps of velocity Verlet in one of a search's
@@ -66,51 +67,34 @@ class Pass:
     def __init__(
         self, space: Sizes, striker: Striker, wall: Material, t_end: float, steps: int
     ) -> None:
-        self._space, self._striker, self._wall = space, striker, wall
-        self._steps, self._dt = steps, t_end / steps
-        self._method = METHODS["verlet"]
+        self._space, self._striker, self._wall, self._t_end = space, striker, wall, t_end
         count = space.count + 1
-        law = PowerLaw(1.0, objective.EXPONENT).law
-        self._rows = np.empty((steps, 1))  # displacement of the last bead after each step
-        self._place = np.array([count - 1])
-        self._table = np.zeros((count, len(law.parameters)))
-        self._table[:, 0] = np.arange(1, count + 1)  # such that each bond has its own
-        self._law, self._weights = law, np.zeros(count + 1)
-        bonds = self._bonds()
-        self._u, self._v = np.zeros((2, len(self._weights)))
-        self._loop = kernel.bind(self._u, self._v, bonds, self._method, self._dt)
-        self._layout = Layout(bonds, ((0,),))
-        self._back: dict[int, Any] = {}
+        self._law = PowerLaw(1.0, EXPONENT).law
+        contacts = np.arange(1.0, count + 1)  # such that each bond has a constant of its own
+        bonds, method = self._bonds(contacts, np.zeros(count)), cast("Splitting", METHODS["verlet"])
+        self._repeated = Repeated(bonds, method, t_end / steps, steps, count - 1, (0,))
+        self._v = np.zeros(count + 1)
+        self._v[0] = striker.speed
 
-    def _bonds(self) -> Bonds:
-        numbers = np.arange(len(self._table))
-        return Bonds(
-            (self._law,), np.zeros_like(numbers), self._table.copy(), numbers, self._weights.copy()
-        )
-
-    def _backward(self, objectives: int) -> tuple[Any, Any]:
-        """A pass backwards for so many objectives, and what it adds up."""
-        if objectives not in self._back:
-            totals = reverse.Totals(self._layout, objectives)
-            made = reverse.Back(self._layout, self._method, self._dt, totals)
-            self._back[objectives] = made, totals
-        return self._back[objectives]
+    def _bonds(self, contacts: Array, weights: Array) -> Bonds:
+        """Of constants of contacts and inverse masses; the wall behind them is held."""
+        numbers = np.arange(len(contacts))
+        table = np.zeros((len(contacts), len(self._law.parameters)))
+        table[:, 0] = contacts
+        return Bonds((self._law,), 0 * numbers, table, numbers, np.append(weights, 0.0))
 
     def force(self, sizes: Array) -> Array:
         """On the wall after each step [N]; (steps,)."""
-        all_ = self._space.designs(sizes[None]).behind(self._striker.bead)
-        self._table[:, 0], self._weights[:-1] = all_.contacts(self._wall)[0], 1 / all_.mass[0]
-        self._sizes, self._designs = sizes, all_
-        self._now = self._bonds()
-        self._loop.retune(self._now)
-        self._u[:], self._v[:] = 0, 0
-        self._v[0] = self._striker.speed
-        at = np.arange(self._steps) + 1
-        self._loop.go(0, self._steps, [Wanted(at, self._rows, places=self._place, of_u=1)])
-        force = self._table[-1, 0] * np.maximum(self._rows[:, 0], 0) ** objective.EXPONENT
+        self._sizes = sizes
+        self._designs = self._space.designs(sizes[None]).behind(self._striker.bead)
+        contacts = self._designs.contacts(self._wall)[0]
+        bonds = self._bonds(contacts, 1 / self._designs.mass[0])
+        self._moved = self._repeated.run(bonds, 0.0, self._v)
+        self._constant = contacts[-1]
+        force = self._constant * np.maximum(self._moved, 0) ** EXPONENT
         if not force.any():
             raise NotArrived(
-                f"no wave reaches the wall before t_end {self._dt * self._steps:g} s through beads "
+                f"no wave reaches the wall before t_end {self._t_end:g} s through beads "
                 f"of {', '.join(f'{1e3 * d:.4g}' for d in sizes)} mm"
             )
         return force
@@ -125,17 +109,10 @@ class Pass:
         by_force : ndarray, (objectives, steps)
             Derivatives of objectives by it.
         """
-        back, totals = self._backward(len(by_force))
-        back.retune(self._now)
-        stiff = objective.EXPONENT * np.divide(
-            force, self._rows[:, 0], out=np.zeros_like(force), where=force > 0
-        )
-        seeds = reverse.Seeds((by_force * stiff)[..., None], self._place, 1, 1)
-        back.set(self._u, self._v)
-        back.sow(seeds, self._steps)
-        back.reverse(self._steps, self._steps, seeds)
+        stiff = EXPONENT * np.divide(force, self._moved, out=np.zeros_like(force), where=force > 0)
+        totals = self._repeated.back(by_force * stiff)
         by_constant = totals.p[:, 0].copy()
-        by_constant[:, -1] += by_force @ force / self._table[-1, 0]
+        by_constant[:, -1] += by_force @ force / self._constant
         moved: Any = self._sizes[None] * (1 + 1j * TINY)
         all_ = self._space.designs(moved)
         weight = (1 / all_.mass[0]).imag / (TINY * self._sizes)
@@ -148,44 +125,32 @@ class Pass:
         """Largest force [N]; the p-norm of the force over that of 1 N all the time [N]; and its
         slopes [N/m], (count,)."""
         force = self.force(sizes)
-        top = force.max()
-        powers = (force / top) ** (p - 1)
-        mean = float(np.mean(powers * force / top))
-        value = top * mean ** (1 / p)
-        by_force = value / top * powers / (mean * len(force))
-        steps, shares = _maxima(force)
-        largest = float((shares * force[steps]).sum(axis=1).max())
-        return largest, value, self.slopes(force, by_force[None])[0]
+        t: Any = self._t_end / len(force) * np.arange(1, len(force) + 1)
+        value, by_force = objective.p_norm(objective.load(wall=0), p).rule(t, force[None])
+        scale = self._t_end ** (-1 / p)
+        return _maxima(force)[0].max(), value * scale, self.slopes(force, by_force * scale)[0]
 
     def peaks(self, sizes: Array) -> tuple[Array, Array]:
         """The highest maxima of the force [N], the first the largest; (PEAKS,), 0 where there are
         fewer.  Their slopes [N/m]; (PEAKS, count)."""
         force = self.force(sizes)
-        steps, shares = _maxima(force)
-        values = np.zeros(PEAKS)
-        by_force = np.zeros((PEAKS, len(force)))
-        heights = (shares * force[steps]).sum(axis=1)
+        heights, steps, weights = _maxima(force)
+        values, by_force = np.zeros(PEAKS), np.zeros((PEAKS, len(force)))
         for k, number in enumerate(np.argsort(-heights, kind="stable")[:PEAKS]):
             values[k] = heights[number]
-            by_force[k, steps[number]] = shares[number]
+            by_force[k, steps[number]] = weights[number]
         return values, self.slopes(force, by_force)
 
 
-def _maxima(force: Array) -> tuple[Indices, Array]:
-    """Three steps around each maximum, and the shares of their forces in the parabola's top.
-
-    These are also the derivatives of the top: where it is highest, it does not move the height.  A
-    force that still rises at the end has its maximum there.
-    """
+def _maxima(force: Array) -> tuple[Array, Indices, Array]:
+    """Height of each maximum, by a parabola, three steps around it, and the weights of their forces
+    in it.  A force that still rises at the end has its maximum there."""
     top = np.flatnonzero((force[1:-1] > force[:-2]) & (force[1:-1] >= force[2:])) + 1
-    before, at, after = force[top - 1], force[top], force[top + 1]
-    s = (after - before) / (2 * (2 * at - before - after))
-    shares = np.stack([s * (s - 1) / 2, 1 - s**2, s * (s + 1) / 2], axis=1)
-    steps = top[:, None] + np.arange(-1, 2)
+    weights = crest(force, top)
     if force[-1] > force[-2]:
-        steps = np.concatenate([steps, [[len(force) - 3, len(force) - 2, len(force) - 1]]])
-        shares = np.concatenate([shares, [[0.0, 0.0, 1.0]]])
-    return steps, shares
+        top, weights = np.append(top, len(force) - 2), np.append(weights, [[0.0, 0.0, 1.0]], axis=0)
+    steps = top[:, None] + np.arange(-1, 2)
+    return (weights * force[steps]).sum(axis=1), steps, weights
 
 
 class Way(NamedTuple):
@@ -209,23 +174,22 @@ class Descents:
 
     Attributes
     ----------
-    space : Sizes
-    striker : Striker
-    wall : Material
-    t_end, dt : float
-        Time, and step of a search [s], of which `PARTS` are made.
+    problem : Problem
+        Of chains, whose steps are made of `PARTS`.
     """
 
-    space: Sizes
-    striker: Striker
-    wall: Material
-    t_end: float
-    dt: float
+    problem: Problem
+    unit = "start"
+    part = 1  # starts that one worker is given
 
-    def __call__(self, start: Array) -> Way:
-        steps = PARTS * objective.step_count(self.dt, self.t_end, self.dt)
-        one = Pass(self.space, self.striker, self.wall, self.t_end, steps)
-        return downhill(one, self.space, start)
+    def __call__(self, starts: Array) -> Way:
+        """The way from one start, (1, count); without designs where no wave arrives through it."""
+        of, start = self.problem, starts[0]
+        space = cast("Sizes", of.space)
+        if not np.isfinite(of(starts)[0]):
+            return Way(starts[:0], np.empty(0))
+        steps = PARTS * step_count(of.dt, of.t_end, of.dt)
+        return downhill(Pass(space, of.striker, of.wall, of.t_end, steps), space, start)
 
 
 def downhill(one: Pass, space: Sizes, start: Array) -> Way:
@@ -245,7 +209,7 @@ def downhill(one: Pass, space: Sizes, start: Array) -> Way:
     rows: list[Array] = []
     forces: list[float] = []
 
-    def kept(x: Array, force: float) -> None:
+    def keep(x: Array, force: float) -> None:
         rows.append(x)
         forces.append(force)
 
@@ -254,7 +218,7 @@ def downhill(one: Pass, space: Sizes, start: Array) -> Way:
         if not _fits(space, sizes):  # by round-off of the quadratic program
             sizes = space.projected(sizes)
         largest, value, slopes = one.norm(sizes, p)
-        kept(sizes, largest)
+        keep(sizes, largest)
         return float(np.log(value)), slopes * high / value
 
     x = space.projected(start) / high
@@ -267,7 +231,7 @@ def downhill(one: Pass, space: Sizes, start: Array) -> Way:
                              "jac": lambda x: np.ones(x.size)},
             )  # fmt: skip
             x = space.projected(found.x * high) / high
-        _pressed(one, space, rows[int(np.argmin(forces))], kept)
+        _pressed(one, space, rows[int(np.argmin(forces))], keep)
     except NotArrived:
         pass
     return Way(np.array(rows).reshape(-1, x.size), np.array(forces))
@@ -280,14 +244,14 @@ def _fits(space: Sizes, sizes: Array) -> bool:
     return bool(inside and abs(sizes.sum() - space.length) <= SLACK * space.length)
 
 
-def _pressed(one: Pass, space: Sizes, start: Array, kept: Any) -> None:
+def _pressed(one: Pass, space: Sizes, start: Array, keep: Callable[..., None]) -> None:
     """Go on from a start with all of the highest maxima in view."""
     from scipy.optimize import linprog
 
     low, high = space.diameters
     sizes, reach = space.projected(start), REACH
     values, slopes = one.peaks(sizes)
-    kept(sizes, values[0])
+    keep(sizes, values[0])
     cost = np.append(np.zeros(space.count), 1.0)
     level = np.append(np.ones(space.count), 0.0)[None]
     for _ in range(PROGRAMS):
@@ -305,7 +269,7 @@ def _pressed(one: Pass, space: Sizes, start: Array, kept: Any) -> None:
             return
         trial = space.projected(sizes + high * found.x[:-1])
         there = one.peaks(trial)
-        kept(trial, there[0][0])
+        keep(trial, there[0][0])
         gain = np.log(there[0][0] / values[0]) / found.x[-1]  # 1: as the slopes promise
         if gain > 0:
             sizes, (values, slopes) = trial, there

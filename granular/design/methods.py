@@ -1,20 +1,21 @@
 """Search methods: each proposes rows of genes and is told what they are worth.
 
-A method is a generator: it yields rows (n, count) and is sent their forces (n,), the less the
-better.  All that it does follows from the space, the random numbers it is given and what it is
-told; so a search that was broken off goes on by telling it again.  It may propose what it did
-before, which costs nothing, and may end.
+A method is a generator: it yields rows (n, count) and is sent the best design that each of them led
+to, itself but for ways downhill, and their forces (n,), the less the better.  All that it does
+follows from the space, the random numbers it is given and what it is told; so a search that was
+broken off goes on by telling it again.  It may propose what it did before, which costs nothing, and
+may end.
 
-The genetic method moves orders and choices by steps of our own.  The covariance matrix adaptation
-of diameters, of random keys for orders, and its form for categories are those of `cmaes`
-(N. Hansen, arXiv:1604.00772; R. Hamano et al., arXiv:2504.07884).
+Orders and choices are searched by a genetic method, with steps of our own; diameters from many
+starts downhill or, of scenes that are built, by covariance matrix adaptation, that of `cmaes`
+(N. Hansen, arXiv:1604.00772).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -55,13 +56,13 @@ def genetic(space: Order | Choice, rng: np.random.Generator) -> Proposals:
         return np.array(found)
 
     while len(first := new(lambda: space.random(rng, POPULATION))):
-        rows, forces = first, (yield first)
+        rows, forces = yield first
         stale = 0
         while stale < STALE:
             made = new(partial(_children, space, rng, *_ranked(rows, forces)))
             if not len(made):
                 break
-            values = yield made
+            made, values = yield made
             stale = 0 if values.min() < forces.min() else stale + 1
             rows, forces = _ranked(np.concatenate([rows, made]), np.append(forces, values))
             rows, forces = rows[:POPULATION], forces[:POPULATION]
@@ -86,53 +87,29 @@ def _children(
     return made
 
 
-def adapting(space: Order | Sizes, rng: np.random.Generator) -> Proposals:
-    """A normal distribution of diameters, projected to the length, or of random keys."""
+def adapting(space: Sizes, rng: np.random.Generator) -> Proposals:
+    """A normal distribution of diameters, projected to the length."""
     from cmaes import CMA
 
-    low, high = space.diameters if isinstance(space, Sizes) else (0.0, 1.0)
+    low, high = space.diameters
     bounds = np.tile([0.0, 1.0], (space.count, 1))
     while True:
-        start = rng.uniform(0.3, 0.7, space.count)
-        optimizer = CMA(start, SIGMA, bounds, seed=_seed(rng), population_size=POPULATION)
+        start, seed = rng.uniform(0.3, 0.7, space.count), int(rng.integers(2**31))
+        optimizer = CMA(start, SIGMA, bounds, seed=seed, population_size=POPULATION)
         stale, best = 0, np.inf
         while stale < STALE and not optimizer.should_stop():
             asked = np.array([optimizer.ask() for _ in range(POPULATION)])
-            genes = low + (high - low) * asked
-            rows = space.projected(genes) if isinstance(space, Sizes) else space.from_keys(genes)
-            values = yield rows
-            told = (rows - low) / (high - low) if isinstance(space, Sizes) else asked
-            optimizer.tell(list(zip(told, _finite(values), strict=True)))
-            stale = 0 if values.min() < best else stale + 1
-            best = min(best, values.min())
-
-
-def categorical(space: Order | Choice, rng: np.random.Generator) -> Proposals:
-    """A distribution of kinds for each bead; rows of an order are repaired to its beads."""
-    from cmaes import CatCMAwM
-
-    kinds = len(space.kinds)
-    while True:
-        optimizer = CatCMAwM(
-            c_space=[kinds] * space.count, population_size=POPULATION, seed=_seed(rng)
-        )
-        stale, best = 0, np.inf
-        while stale < STALE:
-            asked = [optimizer.ask() for _ in range(POPULATION)]
-            rows = np.array([one.c.argmax(axis=1) for one in asked])
-            if isinstance(space, Order):
-                rows = np.array([space.repaired(rng, row) for row in rows])
-            values = yield rows
-            optimizer.tell(list(zip(asked, _finite(values), strict=True)))
+            rows, values = yield space.projected(low + (high - low) * asked)
+            worst = 2 * values[np.isfinite(values)].max(initial=0.5)
+            finite = np.where(np.isfinite(values), values, worst)  # what has no number ranks last
+            genes = (rows - low) / (high - low)
+            optimizer.tell(list(zip(genes, finite.tolist(), strict=True)))
             stale = 0 if values.min() < best else stale + 1
             best = min(best, values.min())
 
 
 def starting(space: Sizes, rng: np.random.Generator) -> Proposals:
-    """Starts from which to go downhill: drawn evenly, and near the lowest places found.
-
-    It is told the lowest place on the way from each start, and its force.
-    """
+    """Starts from which to go downhill: drawn evenly, and near the lowest places found."""
     rows, forces = np.empty((0, space.count)), np.empty(0)
     while True:
         starts = space.random(rng, STARTS)
@@ -157,44 +134,36 @@ def _apart(rows: Any, least: float) -> list[int]:
     return kept
 
 
-class Row(NamedTuple):
-    """A method: what proposes, and for which spaces; the first one suits them best; why not for
-    others."""
-
-    propose: Callable[[Any, np.random.Generator], Proposals]
-    spaces: tuple[type, ...]
-    population: int = POPULATION
-    reason: str = ""
-
-
-METHODS = {
-    "ga": Row(genetic, (Order, Choice)),
-    "cma": Row(adapting, (Sizes, Order)),
-    "catcma": Row(categorical, (Choice, Order)),
-    "gradient": Row(starting, (Sizes,), reason=", whose genes are kinds and have no slopes"),
+METHODS: dict[str, tuple[Callable[..., Proposals], tuple[type, ...]]] = {
+    "ga": (genetic, (Order, Choice)),
+    "gradient": (starting, (Sizes,)),
+    "cma": (adapting, (Sizes,)),
 }
+"""What proposes, and for which spaces."""
 
 
-def suits(method: str | None, space: Space) -> tuple[str, Any, int]:
-    """Name, generator and population of the method asked for, or of the first that suits."""
-    fitting = [name for name, row in METHODS.items() if isinstance(space, row.spaces)]
-    name = fitting[0] if method is None else method
-    if not isinstance(name, str) or name not in METHODS:
+def suits(method: str | None, space: Space, is_built: bool) -> tuple[str, Callable[..., Proposals]]:
+    """Name and generator of the method asked for, or of that which suits a space best.
+
+    Parameters
+    ----------
+    method : str or None
+    space : Space
+    is_built : bool
+        Whether a function builds the scenes, through which there are no slopes.
+    """
+    if method is None:
+        method = "ga" if not isinstance(space, Sizes) else "cma" if is_built else "gradient"
+    if not isinstance(method, str) or method not in METHODS:
         raise TensegrityError(f"method {check.shown(method)} is not one of {', '.join(METHODS)}")
-    if name not in fitting:
+    propose, spaces = METHODS[method]
+    if not isinstance(space, spaces):
+        fitting = [name for name, (_, kinds) in METHODS.items() if isinstance(space, kinds)]
+        reason = ", whose genes are kinds and have no slopes" if method == "gradient" else ""
         raise TensegrityError(
-            f"method {name!r} does not search {type(space).__name__}{METHODS[name].reason}: "
+            f"method {method!r} does not search {type(space).__name__}{reason}: "
             f"take {' or '.join(fitting)}"
         )
-    return name, METHODS[name].propose, METHODS[name].population
-
-
-def _seed(rng: np.random.Generator) -> int:
-    return int(rng.integers(2**31))
-
-
-def _finite(forces: Array) -> list[float]:
-    """Forces as an optimiser takes them: what has no number ranks last."""
-    finite = forces[np.isfinite(forces)]
-    worst = finite.max() if len(finite) else 1.0
-    return np.where(np.isfinite(forces), forces, 2 * worst).tolist()
+    if method == "gradient" and is_built:
+        raise TensegrityError(f"method {method!r} follows chains before a wall: no build is taken")
+    return method, propose

@@ -1,4 +1,4 @@
-"""The largest force on the wall behind a chain that is struck, for many chains at once.
+"""What a design is worth: the largest force on a wall, of many chains at once or of any scene.
 
 Chains of equally many beads run side by side in lanes of one compiled loop, each with masses and
 contacts of its own.  What a lane computes does not depend on the lanes beside it, to the bit, so
@@ -13,22 +13,26 @@ contact that the beads of a design could make in any order.  With it the force i
 its limit for steel beads of 4 and 10 mm, with twice the step within 1e-3; a hundredth of that is
 typical.  A maximum that comes late, after many collisions, moves more, since chaos magnifies
 errors: 1e-2 was seen in chains of soft and hard beads; `search` therefore computes what it finds
-again, with finer steps.
+again, with finer steps.  Any other scene of beads, which a function builds from a design, is run by
+itself (`wall_peak`).
 Source: seeds/000, part II, "Hertz interaction potentials".
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from granular import observables
 from granular.beads import Bead, Striker, beads_of
-from granular.design.designs import Designs
+from granular.contact_network import wall_sites
+from granular.design.spaces import Designs, Space
 from granular.materials import Material
-from tensegrity import PowerLaw, TensegrityError, check
+from tensegrity import PowerLaw, Record, TensegrityError, check, simulate
 from tensegrity.engine import kernel, native
 from tensegrity.engine.bonds import Bonds
 from tensegrity.engine.march import Wanted
@@ -37,7 +41,7 @@ from tensegrity.engine.methods import METHODS
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from tensegrity.typing import Array, Indices
+    from tensegrity.typing import Array
 
 METHOD: Any = METHODS["rkn6"]
 EXPONENT = 1.5  # of Hertz's law; `granular.contact` derives it
@@ -47,6 +51,10 @@ WIDTHS = (8, 16, 32, 64)  # lanes of a compiled loop
 KEPT = 512  # steps of which the last bead's motion is kept at a time
 MOST = 10**8  # steps
 PATIENCE = 1000  # windows that are searched for the arrival of a wave
+EVERY = 2  # steps between the values that a spline goes through
+PART = 16  # chains that one worker is given
+
+Build = Callable[[Sequence[Bead]], tuple[Any, str]]
 
 
 class Peaks(NamedTuple):
@@ -56,14 +64,11 @@ class Peaks(NamedTuple):
     ----------
     force : ndarray, (designs,)
         Largest [N].
-    time : ndarray, (designs,)
-        When [s].
     first : ndarray, (designs,)
         When the first pulse had its maximum [s]; inf where it had none yet.
     """
 
     force: Array
-    time: Array
     first: Array
 
 
@@ -203,29 +208,16 @@ def largest(designs: Designs, striker: Striker, wall: Material, t_end: float, st
 
 def _peaks(moving: _Moving, wall_contact: Array, steps: int) -> Peaks:
     """The same for as many as run in one loop, from their start."""
-    dt, count = moving.dt, wall_contact.size
-    overlap, time, first = np.zeros((3, count))
-    first[:] = math.inf
-
-    def keep(values: Array, lanes: Indices, times: Array) -> None:
-        order = np.argsort(values, kind="stable")  # of what a lane is given the last one stays
-        best, when = np.zeros((2, count))
-        best[lanes[order]], when[lanes[order]] = values[order], times[order]
-        higher = best > overlap
-        overlap[higher], time[higher] = best[higher], when[higher]
-
+    dt, overlap = moving.dt, np.zeros(wall_contact.size)
+    first = np.full(overlap.shape, math.inf)
     for done in range(0, steps, KEPT):
         u, v = moving.follow(min(KEPT, steps - done))
         step, lane = np.nonzero((v[:-1] > 0) & (v[1:] <= 0))
         ends = u[step, lane], u[step + 1, lane], dt * v[step, lane], dt * v[step + 1, lane]
         share, top = _top(*ends)
-        times = (done + step + share) * dt
-        keep(top, lane, times)
-        early = np.full(count, math.inf)
-        early[lane[::-1]] = times[::-1]
-        first = np.minimum(first, early)
-    keep(u[-1], np.arange(count), np.full(count, dt * steps))
-    return Peaks(wall_contact * overlap**EXPONENT, time, first)
+        np.maximum.at(overlap, lane, top)
+        np.minimum.at(first, lane, (done + step + share) * dt)
+    return Peaks(wall_contact * np.maximum(overlap, u[-1]) ** EXPONENT, first)
 
 
 class _Moving:
@@ -306,3 +298,66 @@ def not_arrived(
     return TensegrityError(
         f"t_end {t_end:g} s is before the wave through design {number} arrives{when}"
     )
+
+
+def wall_peak(build: Build, beads: Sequence[Bead], t_end: float, dt: float) -> tuple[float, float]:
+    """Largest force on a wall [N], between the steps too, and when [s].
+
+    As `granular.observables.largest` finds it among values at every `EVERY`-th step.  A largest
+    force that is the last one, still rising, is inf: the wave has not arrived.
+
+    Parameters
+    ----------
+    build : callable
+        Of the beads, gives a scene with a striker and the name of one of its walls.
+    beads : sequence of Bead
+    t_end, dt : float
+        [s].
+    """
+    try:
+        scene, name = build(beads)
+    except (TypeError, ValueError) as error:
+        raise TensegrityError(f"build {check.shown(build)} gives no scene: {error}") from error
+    kept = Record(every=EVERY, sites=wall_sites(scene, name))
+    run = simulate(scene, scene.start(), t_end, method=METHOD, dt=dt, record=kept)
+    time, force = observables.largest(run.t, observables.wall_force(run, name))
+    return (force, time) if force > 0 and time < run.t[-1] else (math.inf, t_end)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What a design is worth: rows of genes -> forces on the wall; sent to workers.
+
+    Attributes
+    ----------
+    space : Space
+    striker : Striker
+    wall : Material
+    t_end, dt : float
+        [s].
+    build : callable or None
+    """
+
+    space: Space
+    striker: Striker
+    wall: Material
+    t_end: float
+    dt: float
+    build: Build | None
+
+    def __call__(self, genes: Array) -> Array:
+        """Forces [N]; inf where the wave has not arrived before `t_end`."""
+        if self.build is None:
+            steps = step_count(self.dt, self.t_end, self.dt)
+            designs = self.space.designs(genes)
+            found = largest(designs, self.striker, self.wall, self.t_end, steps)
+            return np.where(np.isfinite(found.first), found.force, np.inf)
+        each = (wall_peak(self.build, self.space.beads(x), self.t_end, self.dt) for x in genes)
+        return np.array([force for force, _ in each])
+
+    unit = "design"
+
+    @property
+    def part(self) -> int:
+        """Designs that one worker is given."""
+        return PART if self.build is None else 1

@@ -9,10 +9,9 @@ The best of them are computed again, see `granular.design.finalists`.
 from __future__ import annotations
 
 import hashlib
-import itertools
 import os
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,8 +20,8 @@ from granular.beads import Striker
 from granular.design import objective
 from granular.design.downhill import Descents, Way
 from granular.design.finalists import KEPT, Best, chosen
-from granular.design.methods import METHODS, starting, suits
-from granular.design.packs import Build, wall_peak
+from granular.design.methods import POPULATION, suits
+from granular.design.objective import Build, Problem
 from granular.design.spaces import Choice, Order, Sizes, Space
 from granular.materials import Material
 from tensegrity import TensegrityError, check
@@ -32,54 +31,13 @@ from tensegrity.runs import archive
 from tensegrity.runs.sweep import Crew, Failed, keep, require_same
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
     from tensegrity.typing import Array
 
 COARSE = 2.0  # steps of a search over the default ones
 IDLE = 30  # batches without a new design, after which a search ends
-PART = 16  # chains that one worker is given
-
-
-@dataclass(frozen=True)
-class Problem:
-    """What a design is worth: rows of genes -> forces on the wall; sent to workers.
-
-    Attributes
-    ----------
-    space : Space
-    striker : Striker
-    wall : Material
-    t_end, dt : float
-        [s].
-    build : callable or None
-    """
-
-    space: Space
-    striker: Striker
-    wall: Material
-    t_end: float
-    dt: float
-    build: Build | None
-
-    def __call__(self, genes: Array) -> Array:
-        """Forces [N]; inf where the wave has not arrived before `t_end`."""
-        if self.build is None:
-            steps = objective.step_count(self.dt, self.t_end, self.dt)
-            designs = self.space.designs(genes)
-            found = objective.largest(designs, self.striker, self.wall, self.t_end, steps)
-            return np.where(np.isfinite(found.first), found.force, np.inf)
-        each = (wall_peak(self.build, self.space.beads(x), self.t_end, self.dt) for x in genes)
-        return np.array([force for force, _ in each])
-
-    @property
-    def part(self) -> int:
-        """Designs that one worker is given."""
-        return PART if self.build is None else 1
-
-    def at(self, t_end: float, dt: float) -> Problem:
-        """The same with another time and step."""
-        return Problem(self.space, self.striker, self.wall, t_end, dt, self.build)
 
 
 def search(
@@ -108,11 +66,10 @@ def search(
     build : callable, optional
         Of the beads of a design, gives a scene with a striker and the name of a wall of it, such
         as ``(hexagonal_pack(bead=beads, ...), "floor")``; by default a chain before the wall.
-    method : {"ga", "cma", "catcma", "gradient"}, optional
-        "ga": a genetic method, for `Order` and `Choice`.  "cma": covariance matrix adaptation, for
-        `Sizes`, and by random keys for `Order`.  "catcma": the same for categories, for `Choice`
-        and, repaired, for `Order`.  "gradient": from many starts downhill, for `Sizes` of chains,
-        see `granular.design.downhill`.  By default "cma" for `Sizes`, else "ga".
+    method : {"ga", "gradient", "cma"}, optional
+        "ga": a genetic method, for `Order` and `Choice`.  "gradient": from many starts downhill,
+        for `Sizes` of chains, see `granular.design.downhill`.  "cma": covariance matrix adaptation,
+        for `Sizes`.  By default what suits the space; for `Sizes` "gradient", with a `build` "cma".
     budget : int, optional
         Different designs that are computed at most, at least one population; with "gradient"
         passes, each of which computes one design and its slopes.
@@ -144,25 +101,21 @@ def search(
     t_end = check.number("t_end", t_end, above=0, unit="s")
     if build is not None and not callable(build):
         raise TensegrityError(f"build {check.shown(build)} cannot be called")
-    name, propose, population = suits(method, space)
+    name, propose = suits(method, space, build is not None)
     budget = check.whole("budget", budget, least=1)
-    if budget < population:
+    if budget < POPULATION:
         raise TensegrityError(
-            f"budget {budget} is below one population of {name!r}, {population} designs"
+            f"budget {budget} is below one population of {name!r}, {POPULATION} designs"
         )
-    apart = METHODS[name].propose is starting
-    if apart and build is not None:
-        raise TensegrityError(f"method {name!r} follows chains before a wall: no build is taken")
     seed = check.whole("seed", seed, least=0)
     unit = float(space.all_kinds.behind(striker.bead).unit(wall, striker.speed)[0])
     dt = t_end / objective.step_count(unit, t_end, COARSE * objective.SHARE * unit)
     native.require()
     problem = Problem(space, striker, wall, t_end, dt, build)
     with Crew(executor) as crew:
-        kind = _Descending if apart else _Trail
-        trail = kind(problem, crew, budget, checkpoint, name, seed)
+        trail = _Trail(problem, crew, budget, checkpoint, name, seed)
         try:
-            with progress(budget, "design", trail.kept) as trail.bar:
+            with progress(budget, "design", trail.begun) as trail.bar:
                 trail.follow(propose(space, np.random.default_rng(seed)))
         except KeyboardInterrupt:
             if not trail.forces:
@@ -170,32 +123,41 @@ def search(
         return trail.best()
 
 
-def _parts(data: dict[str, Any]) -> tuple[dict[str, Any], Array, str, Any]:
-    """What a checkpoint holds: of what, forces, a digest of their designs, and ways downhill."""
+def _parts(data: dict[str, Any]) -> tuple[dict[str, Any], list[tuple[Any, Array]], str]:
+    """What a checkpoint holds: of what, the best design and the forces of each way, a digest."""
     check.kind("of", data["of"], dict)
     forces = archive.array("forces", data["forces"], (None,), are_finite=False)
     check.kind("digest", data["digest"], str)
     counts, rows = data.get("counts", ()), data.get("rows", ())
     if len(counts) != len(rows) or (len(counts) and np.sum(counts) != len(forces)):
         raise TensegrityError(f"{len(rows)} ways of {np.sum(counts)} forces, of {len(forces)}")
-    return data["of"], forces, data["digest"], (counts, rows)
+    if not len(counts):  # of a design each
+        return data["of"], [(None, force) for force in forces[:, None]], data["digest"]
+    ways = np.split(forces, np.cumsum(counts)[:-1])
+    return data["of"], list(zip(rows, ways, strict=True)), data["digest"]
 
 
 class _Trail:
-    """The designs of a search and what they are worth, in memory and in a file."""
+    """The designs of a search and what they are worth, in memory and in a file.
+
+    Every row that is proposed leads to one design or more: to itself, or to all on a way downhill.
+    The budget is that of designs.
+    """
 
     def __init__(
         self, problem: Problem, crew: Crew, budget: int, path: Any, method: str, seed: int
     ) -> None:
         self._problem, self._crew, self._budget = problem, crew, budget
-        self._method, self._seed, self.bar = method, seed, None
+        self._method, self._seed, self.bar, self.failed = method, seed, None, 0
+        self._leads = Descents(problem) if method == "gradient" else problem
         self.forces: list[float] = []
-        self._known: dict[bytes, float] = {}
+        self._known: dict[bytes, tuple[Array, float]] = {}  # the best design of each row
         self._top, self._top_forces = np.empty((0, problem.space.count)), np.empty(0)
-        self._digest, self.failed = hashlib.sha256(), 0
+        self._whole: list[tuple[Any, int]] = []  # best design of ways within the budget, and count
+        self._written, self._digest = 0, hashlib.sha256()
         self._path: Path | None = None if path is None else check.path("checkpoint", path)
-        self._old, self._old_digest = np.empty(0), ""
-        self._old_places: Any = (), ()  # of ways downhill
+        self._old: list[tuple[Any, Array]] = []
+        self._old_digest = ""
         build = problem.build
         named = "" if build is None else f"{build.__module__}.{getattr(build, '__qualname__', '')}"
         self._of = {
@@ -206,61 +168,96 @@ class _Trail:
         if self._path is not None and self._path.exists():
             of, *old = archive.read(self._path, "search", _parts)
             require_same(self._path, "search", of, self._of)
-            self._old, self._old_digest, self._old_places = old
+            self._old, self._old_digest = old
+            self._written = len(self._old)
 
     @property
-    def kept(self) -> int:
+    def begun(self) -> int:
         """Designs that the file had."""
-        return min(len(self._old), self._budget)
+        return min(sum(len(forces) for _, forces in self._old), self._budget)
 
     def follow(self, proposals: Any) -> None:
         """Compute what a method proposes, until it ends or the budget does."""
         rows, idle = next(proposals, None), 0
         while rows is not None:
             before = len(self.forces)
-            forces = self._values(rows)
+            found = self._values(rows)
             idle = 0 if len(self.forces) > before else idle + 1
             if len(self.forces) >= self._budget or idle == IDLE:
                 return
             try:
-                rows = proposals.send(forces)
+                rows = proposals.send(found)
             except StopIteration:
                 return
 
-    def _values(self, rows: Array) -> Any:
-        """Forces of rows, those of new ones computed; inf beyond the budget."""
+    def _values(self, rows: Array) -> tuple[Array, Array]:
+        """The best design that each row leads to, and its force; inf beyond the budget."""
         keys = [row.tobytes() for row in rows]
         new = {key: k for k, key in reversed(list(enumerate(keys))) if key not in self._known}
         numbers = sorted(new.values())[: self._budget - len(self.forces)]
-        if numbers:
-            self._add([keys[k] for k in numbers], rows[numbers])
-        return np.array([self._known.get(key, np.inf) for key in keys])
-
-    def _add(self, keys: list[bytes], rows: Array) -> None:
-        begun = len(self.forces)
-        forces = self._old[begun : begun + len(rows)]
-        for key in keys[: len(forces)]:
-            self._digest.update(key)
-        if begun < len(self._old) <= begun + len(rows):
-            self._require_same_digest()
-        fresh = rows[len(forces) :]
-        if len(fresh):
-            computed = self._computed(self._problem, fresh, begun + len(forces))
-            for key in keys[len(forces) :]:
-                self._digest.update(key)
-            forces = np.concatenate([forces, computed])
-        self.forces += forces.tolist()
-        self._known.update(zip(keys, forces.tolist(), strict=True))
-        every, values = np.concatenate([self._top, rows]), np.append(self._top_forces, forces)
-        order = np.argsort(values, kind="stable")[:KEPT]
-        self._top, self._top_forces = every[order].astype(rows.dtype), values[order]
-        if self.bar is not None:
-            self.bar.update(len(fresh))
-        if len(fresh) and self._path is not None:
-            data = {"of": self._of, "forces": np.array(self.forces)}
-            keep(self._path, "search", data | {"digest": self._digest.hexdigest()})
-        if not begun and not np.isfinite(forces).any():
+        is_first, waiting = not self.forces, iter(numbers)
+        for ways in self._ways(rows[numbers]):
+            mine = [keys[next(waiting)] for _ in ways]
+            for key, way in zip(mine, ways, strict=True):
+                self._take(key, way)
+            self._rank([self._known[key] for key in mine if key in self._known])
+            self._write()
+            if len(self.forces) >= self._budget:
+                break
+        best = [self._known.get(key, (row, np.inf)) for key, row in zip(keys, rows, strict=True)]
+        found, values = (np.array(x) for x in zip(*best, strict=True))
+        if is_first and not np.isfinite(values).any():
             self._refuse_early(rows)
+        return found, values
+
+    def _ways(self, rows: Array) -> Iterator[list[Way]]:
+        """What rows lead to, in lists of what is known together: by the file, or computed."""
+        begun = len(self._whole)
+        old = self._old[begun : begun + len(rows)]
+        yield [
+            Way(np.repeat([row if best is None else best], len(forces), axis=0), forces)
+            for row, (best, forces) in zip(rows, old, strict=False)
+        ]
+        yield from self._computed(self._leads, rows[len(old) :], begun + len(old))
+
+    def _take(self, key: bytes, way: Way) -> None:
+        """Count a way, as far as the budget goes."""
+        is_fresh = len(self._whole) >= len(self._old)
+        forces = way.forces[: self._budget - len(self.forces)]
+        self.forces += forces.tolist()
+        best = way.rows[int(np.argmin(forces))] if len(forces) else None
+        if best is not None:
+            self._known[key] = best, float(forces.min())
+        if is_fresh and self.bar is not None:
+            self.bar.update(len(forces))
+        if len(forces) == len(way.forces):  # a larger budget goes the others again
+            self._digest.update(key)
+            self._whole.append((best, len(forces)))
+            if len(self._whole) == len(self._old):
+                self._require_same_digest()
+
+    def _rank(self, designs: list[tuple[Array, float]]) -> None:
+        """Note those among the best."""
+        if not designs:
+            return
+        rows, values = (np.array(x) for x in zip(*designs, strict=True))
+        top, forces = np.concatenate([self._top, rows]), np.append(self._top_forces, values)
+        order = np.argsort(forces, kind="stable")[:KEPT]
+        self._top, self._top_forces = top[order].astype(rows.dtype), forces[order]
+
+    def _write(self) -> None:
+        """Keep what is new."""
+        if self._path is None or len(self._whole) <= self._written:
+            return
+        self._written = len(self._whole)
+        rows, counts = zip(*self._whole, strict=True)
+        data = {
+            "of": self._of, "forces": np.array(self.forces[: sum(counts)]),
+            "digest": self._digest.hexdigest(),
+        }  # fmt: skip
+        if isinstance(self._leads, Descents):
+            data |= {"counts": np.array(counts), "rows": np.array(rows)}
+        keep(self._path, "search", data)
 
     def _require_same_digest(self) -> None:
         if self._digest.hexdigest() != self._old_digest:
@@ -276,24 +273,36 @@ class _Trail:
             raise objective.not_arrived(0, design, problem.striker, problem.wall, problem.t_end)
         raise TensegrityError(f"no wave reaches the wall before t_end {problem.t_end:g} s")
 
-    def _computed(self, problem: Problem, rows: Array, number: int = 0) -> Array:
-        """Forces of rows, in parts where there are workers; `number` is that of the first."""
-        size = problem.part if self._crew.is_apart else len(rows)
+    def _computed(
+        self, leads: Problem | Descents, rows: Array, number: int = 0
+    ) -> Iterator[list[Way]]:
+        """Ways from rows in their order, in lists of those that one worker computes; `number` is
+        that of the first."""
+        size = leads.part
+        if size > 1 and not self._crew.is_apart:
+            size = max(1, len(rows))
         parts = [rows[k : k + size] for k in range(0, len(rows), size)]
-        forces = np.empty(len(rows))
-        for k, result in self._crew.outcomes(problem, parts):
-            mine = slice(k * size, (k + 1) * size)
+        done: dict[int, list[Way]] = {}
+        given = 0
+        for k, result in self._crew.outcomes(leads, parts):
             if isinstance(result, Failed):
                 if not result.lost:
-                    raise TensegrityError(f"design {number + k * size}: {result.error}")
+                    raise TensegrityError(f"{leads.unit} {number + k * size}: {result.error}")
                 self.failed += len(parts[k])
                 result = np.full(len(parts[k]), np.inf)
-            forces[mine] = result
-        if np.isnan(forces).any():
-            bad = int(np.argmax(np.isnan(forces)))
-            beads = check.shown(problem.space.beads(rows[bad]))
-            raise TensegrityError(f"the force of design {number + bad} is nan N: {beads}")
-        return forces
+            if not isinstance(result, Way):
+                pairs = zip(parts[k][:, None], result[:, None], strict=True)
+                done[k] = [Way(*pair) for pair in pairs]
+            else:
+                done[k] = [result]
+            for j, way in enumerate(done[k]):
+                if np.isnan(way.forces).any():
+                    beads = check.shown(self._problem.space.beads(way.rows[0]))
+                    where = number + k * size + j
+                    raise TensegrityError(f"the force of {leads.unit} {where} is nan N: {beads}")
+            while given in done:
+                yield done.pop(given)
+                given += 1
 
     def best(self) -> Best:
         """The best design that does not move with the step, in the longer window too."""
@@ -302,7 +311,8 @@ class _Trail:
             raise TensegrityError(f"no design of {len(self.forces)} has a force at the wall")
 
         def force(t_end: float, dt: float, rows: Array) -> Array:
-            return self._computed(problem.at(t_end, dt), rows)
+            parts = self._computed(replace(problem, t_end=t_end, dt=dt), rows)
+            return np.concatenate([way.forces for ways in parts for way in ways])
 
         row, again, converged, rejected = chosen(
             force, problem.t_end, problem.dt, self._top[some], self._top_forces[some]
@@ -313,79 +323,3 @@ class _Trail:
             converged_in_time=converged, again=again, rejected=rejected,
             failed=self.failed, method=self._method, seed=self._seed,
         )  # fmt: skip
-
-
-class _Descending(_Trail):
-    """Ways downhill from starts, one after the other however they are computed."""
-
-    def __init__(self, *given: Any) -> None:
-        super().__init__(*given)
-        problem = self._problem
-        space: Any = problem.space
-        self._descents = Descents(space, problem.striker, problem.wall, problem.t_end, problem.dt)
-        counts, rows = self._old_places
-        parts = np.split(self._old, np.cumsum(counts)[:-1]) if len(counts) else []
-        self._ways = list(zip(rows, parts, strict=True))  # lowest place and all forces of each
-        self._started = 0
-
-    def _values(self, rows: Array) -> tuple[Array, Array]:
-        """The lowest place on the way from each start, and its force; inf beyond the budget."""
-        begun = self._started
-        if not begun and not self._ways and not np.isfinite(self._problem(rows)).any():
-            self._refuse_early(rows)
-        found, values = rows.copy(), np.full(len(rows), np.inf)
-        known = self._ways[begun : begun + len(rows)]
-        ways = itertools.chain(known, self._fresh(rows[len(known) :], begun + len(known)))
-        for k, (place, forces) in enumerate(ways):
-            self._started += 1
-            self._digest.update(rows[k].tobytes())
-            if self._started == len(self._ways) and k < len(known):
-                self._require_same_digest()
-            left = self._budget - len(self.forces)
-            whole = len(forces) <= left
-            if k < len(known):
-                lowest = place
-            else:
-                lowest = place[int(np.argmin(forces[:left]))] if len(forces) else rows[k]
-            self.forces += forces[:left].tolist()
-            if len(forces):
-                found[k], values[k] = lowest, forces[:left].min()
-                self._top = np.concatenate([self._top, lowest[None]])
-                self._top_forces = np.append(self._top_forces, values[k])
-            if k >= len(known):
-                self._keep(lowest, forces, whole)
-            if len(self.forces) >= self._budget:
-                break
-        order = np.argsort(self._top_forces, kind="stable")[:KEPT]
-        self._top, self._top_forces = self._top[order], self._top_forces[order]
-        return found, values
-
-    def _keep(self, lowest: Array, forces: Array, whole: bool) -> None:
-        if self.bar is not None:
-            self.bar.update(min(len(forces), self.bar.total - self.bar.n))
-        if not whole:
-            return  # a larger budget goes it again
-        self._ways.append((lowest, forces))
-        if self._path is not None:
-            data = {
-                "of": self._of, "forces": np.concatenate([f for _, f in self._ways]),
-                "counts": np.array([len(f) for _, f in self._ways]),
-                "rows": np.array([row for row, _ in self._ways]),
-                "digest": self._digest.hexdigest(),
-            }  # fmt: skip
-            keep(self._path, "search", data)
-
-    def _fresh(self, rows: Array, number: int) -> Any:
-        """Ways from starts in their order; `number` is that of the first."""
-        done: dict[int, Way] = {}
-        given = 0
-        for k, result in self._crew.outcomes(self._descents, list(rows)):
-            if isinstance(result, Failed):
-                if not result.lost:
-                    raise TensegrityError(f"start {number + k}: {result.error}")
-                self.failed += 1
-                result = Way(rows[:0], np.empty(0))
-            done[k] = result
-            while given in done:
-                yield done.pop(given)
-                given += 1

@@ -1,11 +1,13 @@
 """What may be changed in a protector: the order of given beads, their sizes, or their materials.
 
 A design is a row of genes: numbers of kinds of beads, or diameters.  Spaces know how to draw rows
-at random, what the beads of a row are, and, where genes are kinds, how two rows make a third.
+at random, what the beads of a row are, one by one or as arrays of many chains, and, where genes
+are kinds, how two rows make a third.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from granular.beads import Bead, volume
-from granular.design.designs import Designs
+from granular.contact import hertz_constants, hertz_slopes
 from granular.materials import Material
 from tensegrity import TensegrityError, check
 
@@ -25,6 +27,77 @@ if TYPE_CHECKING:
 
 HALVINGS = 60  # of the interval in which a shift is sought
 SLACK = 1e-12  # of a length, relative
+
+
+@dataclass(frozen=True, eq=False)
+class Designs:
+    """Chains of equally many beads, as arrays.
+
+    Attributes
+    ----------
+    mass, modulus, poisson, radius : ndarray, (designs, beads)
+        [kg], [Pa], 1, and of the contacts [m].
+    """
+
+    mass: Array
+    modulus: Array
+    poisson: Array
+    radius: Array
+
+    @classmethod
+    def of(cls, chains: Sequence[Sequence[Bead]]) -> Designs:
+        """Those of sequences of beads."""
+        rows = [
+            [(b.mass, b.material.modulus, b.material.poisson, b.contact_radius) for b in chain]
+            for chain in chains
+        ]
+        return cls(*np.moveaxis(np.array(rows), -1, 0))
+
+    def __len__(self) -> int:
+        return len(self.mass)
+
+    def __getitem__(self, which: Any) -> Designs:
+        return Designs(*(np.atleast_2d(x[which]) for x in self.columns))
+
+    @property
+    def columns(self) -> tuple[Array, Array, Array, Array]:
+        """All four."""
+        return self.mass, self.modulus, self.poisson, self.radius
+
+    def behind(self, striker: Bead) -> Designs:
+        """The same chains with the striker as first bead."""
+        first = Designs.of([[striker]])
+        return Designs(*(
+            np.concatenate([np.broadcast_to(one, (len(self), 1)), all_], axis=1)
+            for one, all_ in zip(first.columns, self.columns, strict=True)
+        ))  # fmt: skip
+
+    def contacts(self, wall: Material) -> Array:
+        """Constants of the contacts, the wall's last [N/m^1.5]; (designs, beads)."""
+        return hertz_constants(*self._partners(wall))
+
+    def contact_slopes(self, wall: Material) -> tuple[Array, Array]:
+        """Derivatives of these by the radius before and behind each contact [N/m^2.5]."""
+        return hertz_slopes(*self._partners(wall))
+
+    def _partners(self, wall: Material) -> tuple[Array, ...]:
+        """What both sides of the contacts are made of, the wall's last."""
+        solid = self.modulus, self.poisson, self.radius
+        last = wall.modulus, wall.poisson, math.inf
+        after = (np.append(x[:, 1:], np.full((len(self), 1), y), axis=1)
+                 for x, y in zip(solid, last, strict=True))  # fmt: skip
+        return *solid, *after
+
+    def unit(self, wall: Material, speed: float) -> Array:
+        """Time unit [s] of the fastest contact that the beads could make; (designs,)."""
+        wall_as_bead = math.inf, wall.modulus, wall.poisson, math.inf
+        mass, *solid = (
+            np.append(x, np.full((len(self), 1), y), axis=1)[:, :, None]
+            for x, y in zip(self.columns, wall_as_bead, strict=True)
+        )
+        other, *partner = (x[:, None, :] for x in self.columns)
+        rate = ((1 / mass + 1 / other) * hertz_constants(*solid, *partner)) ** 2 * speed
+        return rate.max(axis=(1, 2)) ** -0.2
 
 
 class Kinds:
@@ -116,23 +189,6 @@ class Order(Kinds):
         np.put_along_axis(swapped, first, np.take_along_axis(rows, second, axis=1), axis=1)
         np.put_along_axis(swapped, second, np.take_along_axis(rows, first, axis=1), axis=1)
         return np.where(rng.random((len(rows), 1)) < 0.5, swapped, moved(rng, rows))
-
-    def from_keys(self, keys: Array) -> Indices:
-        """Rows in which sites of larger keys get later kinds; shape of keys."""
-        row = np.sort(self.row)
-        return row[np.argsort(np.argsort(keys, axis=-1, kind="stable"), axis=-1)]
-
-    def repaired(self, rng: Generator, row: Indices) -> Indices:
-        """The row with as few kinds changed as the given beads allow."""
-        row = row.copy()
-        wanted = np.bincount(self.row, minlength=len(self.kinds))
-        surplus = np.bincount(row, minlength=len(self.kinds)) - wanted
-        missing = np.repeat(np.arange(len(wanted)), np.maximum(-surplus, 0))
-        sites = [rng.choice(np.flatnonzero(row == k), n, replace=False)
-                 for k, n in enumerate(surplus) if n > 0]  # fmt: skip
-        if sites:
-            row[np.concatenate(sites)] = rng.permutation(missing)
-        return row
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,30 +21,43 @@ import numpy as np
 from tensegrity import check
 from tensegrity.engine import methods, native, pieces
 from tensegrity.engine.codegen import depends_on
-from tensegrity.engine.methods import Splitting
-from tensegrity.engine.reverse import Layout
+from tensegrity.engine.reverse import Layout, OnGrid, Seeds
 from tensegrity.errors import TensegrityError
-from tensegrity.gradients import chained
-from tensegrity.gradients.backward import Backward
-from tensegrity.gradients.forward import Forward
-from tensegrity.gradients.objective import ALWAYS, Objective, Trace, objective_of
+from tensegrity.gradients import result
+from tensegrity.gradients.adjoint import Backward, Forward
+from tensegrity.gradients.objective import Objective, Trace, objective_of
 from tensegrity.gradients.result import Gradient, digits
-from tensegrity.gradients.samples import View
+from tensegrity.gradients.samples import Samples
 from tensegrity.readonly import fixed
-from tensegrity.runs.problem import MOST_STEPS
+from tensegrity.runs.problem import Problem, count
+from tensegrity.runs.record import Record
 from tensegrity.scenes.dynamics import HasDynamics, dynamics
 from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.scenes.forcing import refuse
-from tensegrity.scenes.scene import Scene, State
+from tensegrity.scenes.scene import State
 
 if TYPE_CHECKING:
     from typing import Any
 
-    from tensegrity.engine.methods import Method
+    from tensegrity.scenes.scene import Scene
     from tensegrity.typing import Array
 
+ROWS = 4  # of the run that is given back, after the first: each is a stop that costs
 STATES = 8  # kept of a run, evenly spaced
 MARGIN = 4.0  # of a grid's largest |u| and |v| over those of a run
+
+
+@dataclass(frozen=True)
+class _Task:
+    """What `gradient` was asked for, checked; the scene and its state apart."""
+
+    objectives: tuple[Objective, ...]
+    t_end: float
+    dt: float
+    method: methods.Splitting
+    wanted: Sequence[str] | None
+    exact: bool
+    checkpoints: int | None
 
 
 def gradient(
@@ -51,7 +66,7 @@ def gradient(
     state: State,
     t_end: float,
     dt: float | None = None,
-    method: str | Method = "verlet",
+    method: str | methods.Method = "verlet",
     wanted: Sequence[str] | None = None,
     exact: bool = False,
     checkpoints: int | None = None,
@@ -120,18 +135,16 @@ def gradient(
         if one.latest > t_end * (1 + 1e-12):
             raise TensegrityError(f"{one!r} needs {one.latest:g} s, the run ends at {t_end:g} s")
     native.require()
-    if isinstance(scene, Ensemble):
-        found = _lanes(objectives, scene, state, (t_end, dt, splitting, wanted, exact, checkpoints))
-    else:
-        found = _one(objectives, scene, state, t_end, dt, splitting, wanted, exact, checkpoints)
+    task = _Task(objectives, t_end, dt, splitting, wanted, exact, checkpoints)
+    found = (_of_lanes if isinstance(scene, Ensemble) else _of_scene)(task, scene, state)
     return found if many else found[0]
 
 
-def _splitting(method: str | Method) -> Splitting:
+def _splitting(method: str | methods.Method) -> methods.Splitting:
     found: Any = methods.find(method)
-    if type(found) is not Splitting:
+    if type(found) is not methods.Splitting:
         reason = "its stages are none that can be undone one by one"
-        if isinstance(found, (Splitting, methods.Corrected)):
+        if isinstance(found, (methods.Splitting, methods.Corrected)):
             reason = "it has more than kicks and drifts, whose adjoint alone is derived here"
         raise TensegrityError(
             f"method {found.name!r} has no gradient, because {reason}: take verlet or rkn6"
@@ -139,32 +152,33 @@ def _splitting(method: str | Method) -> Splitting:
     return found
 
 
-def _lanes(objectives: Any, scene: Any, state: Any, rest: Any) -> Any:
+def _of_lanes(task: _Task, scene: Any, state: Any) -> Any:
     """Those of each scene, on threads: the loops free the interpreter."""
-    t_end, dt, *others = rest
 
-    def one(lane: Any) -> Any:
-        return _one(objectives, scene.scenes[lane], scene.lane(state, lane), t_end, dt, *others)
+    def one(lane: int) -> Any:
+        return _of_scene(task, scene.scenes[lane], scene.lane(state, lane))
 
     first = one(0)  # compiles what all need
     with ThreadPoolExecutor(pieces.threads()) as pool:
         each = [first, *pool.map(one, range(1, scene.lanes))]
-    return [_stacked(scene, [lane[k] for lane in each]) for k in range(len(objectives))]
+    return [_stacked(lanes) for lanes in zip(*each, strict=True)]
 
 
-def _stacked(scene: Any, found: Any) -> Any:
+def _stacked(found: Sequence[Gradient]) -> LaneGradient:
+    def lanes_last(each: Sequence[Any]) -> Any:
+        if isinstance(each[0], dict):
+            return fixed({name: lanes_last([x[name] for x in each]) for name in each[0]})
+        return np.stack(each, axis=-1)
+
+    names = ("value", "u", "v", "mass", "parameters", "shift")
     return LaneGradient(
-        value=np.array([x.value for x in found]),  # type: ignore[arg-type]
-        run=tuple(x.run for x in found),  # type: ignore[arg-type]
-        **{k: np.stack([getattr(x, k) for x in found], axis=-1)
-           for k in ("u", "v", "mass", "shift")},
-        parameters=fixed({k: np.stack([x.parameters[k] for x in found], axis=-1)
-                          for k in found[0].parameters}),
-        reversal=max(x.reversal for x in found),
-        digits=min(x.digits for x in found),
+        **{name: lanes_last([getattr(one, name) for one in found]) for name in names},
+        run=tuple(one.run for one in found),  # type: ignore[arg-type]
+        reversal=max(one.reversal for one in found),
+        digits=min(one.digits for one in found),
         _scene=tuple(found),
         _names=found[0]._names,
-    )  # fmt: skip
+    )
 
 
 class LaneGradient(Gradient):
@@ -175,17 +189,8 @@ class LaneGradient(Gradient):
         return np.stack([lane.by(name) for lane in self._scene], axis=-1)
 
 
-def _one(
-    objectives: Any,
-    scene: Any,
-    state: Any,
-    t_end: Any,
-    dt: Any,
-    method: Any,
-    wanted: Any,
-    exact: Any,
-    checkpoints: Any,
-) -> Any:
+def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
+    """Those of one scene: its run, traces of it, and the pass backwards."""
     of = dynamics(scene)
     if of.follows:
         raise TensegrityError(
@@ -193,203 +198,125 @@ def _one(
             "contacts='fixed'"
         )
     for spring in of.springs.different:
-        chained.refuse(spring)
-    traces = tuple(dict.fromkeys(trace for one in objectives for trace in one.traces))
-    stored = any(trace.kind == "energy" for trace in traces)
-    names, numbers = _wanted(scene, wanted, stored)
-    layout = Layout(of.loop_bonds, numbers, exact)
-    view = View(scene, layout, traces)
-    steps = _steps(t_end, dt)
-    dt = t_end / steps if steps else dt
-    windows = [_window(one, steps, dt) for one in objectives]
-    window = min(w[0] for w in windows), max(w[1] for w in windows)
+        result.refuse(spring)
+    traces = tuple(dict.fromkeys(trace for one in task.objectives for trace in one.traces))
+    names, numbers = _wanted(scene, task.wanted, any(trace.kind == "energy" for trace in traces))
+    layout = Layout(of.loop_bonds, numbers, task.exact)
+    samples = Samples(scene, layout, traces)
+    steps = count(task, task.dt)
+    dt = task.t_end / steps if steps else task.dt
+    windows = [_window(one, steps, dt) for one in task.objectives]
+    first, last = min(w[0] for w in windows), max(w[1] for w in windows)
     check.room(
-        f"traces of {steps} steps at {len(view.places)} places",
-        8.0
-        * (window[1] - window[0] + 1)
-        * (len(view.places) * (1 + len(objectives)) + len(traces)),
+        f"traces of {steps} steps at {len(samples.places)} places",
+        8.0 * (last - first + 1) * (len(samples.places) * (1 + len(windows)) + len(traces)),
     )
-    states = STATES if checkpoints is None else max(STATES, math.isqrt(steps // checkpoints + 1))
-    apart = max(1, -(-steps // states))
-    grid = None
-    if exact:
-        state, grid = _on_grid(scene, state, t_end, dt, method)
-    run_of = (scene, state, method, dt, steps, view, window, apart, layout, grid)
-    forward = Forward(*run_of)
-    run = forward.run(t_end)
+    every = task.checkpoints
+    states = STATES if every is None else max(STATES, math.isqrt(steps // every + 1))
+    state, grid = _on_grid(task, scene, state, dt) if task.exact else (state, None)
+    bind = None if grid is None else partial(OnGrid, layout, grid=grid)
+    record = Record(every=max(1, -(-steps // ROWS)))
+    problem = Problem(scene, state, task.t_end, task.method, record, bind=bind)
+    forward = Forward(problem, steps, samples, (first, last), max(1, -(-steps // states)))
+    run = forward.run()
     if not run.complete:
         raise KeyboardInterrupt
-    t = dt * np.arange(window[0], window[1] + 1)
-    read = _Read(view, forward.rows, forward.closing)
-    y = np.array([read.value(trace) for trace in traces])
-    values, by_rows = [], np.zeros((len(objectives), *forward.rows.shape))
-    explicit = []
-    for k, (one, part) in enumerate(zip(objectives, windows, strict=True)):
-        inside = slice(part[0] - window[0], part[1] - window[0] + 1)
-        mine = [traces.index(trace) for trace in one.traces]
+    t = dt * np.arange(first, last + 1, dtype=float)
+    sampled = forward.rows, forward.closing
+    y = samples.values(*sampled)
+    values, each = [], []
+    for one, (start, stop) in zip(task.objectives, windows, strict=True):
+        inside, mine = slice(start - first, stop - first + 1), list(map(traces.index, one.traces))
         value, slope = one.rule(t[inside], y[mine, inside])
         if not (np.isfinite(value) and np.isfinite(slope).all()):
             raise TensegrityError(f"{one!r} is {value} with derivatives that are not finite")
-        values.append(value)
-        whole = np.zeros((len(mine), len(t)))
-        whole[:, inside] = slope
-        by_rows[k], rest = read.back(one.traces, whole)
-        explicit.append(rest)
-    back = Backward(forward, by_rows, checkpoints)
-    largest = tuple(max(float(np.abs(s[k]).max()) for s in forward.states.values()) for k in (0, 1))
+        slopes = np.zeros(y.shape)
+        np.add.at(slopes[:, inside], mine, slope)
+        values.append(float(value))
+        each.append(samples.back(slopes, *sampled))
+    by_rows, p, g, m, w = map(np.array, zip(*each, strict=True))
+    back = Backward(layout, task.method, dt, len(windows), grid)
+    cotangents = Seeds(by_rows, samples.places, samples.of_u, first)
+    back.go(forward.states, cotangents, forward.again, every)
+    p += back.totals.p
+    g += back.totals.g
+    w += back.totals.w.reshape(*w.shape, -1).sum(axis=-1)
+    u, v, mass = back.u.copy(), back.v.copy(), m - w * of.inverse_mass**2
+    for array in (u, v, mass):
+        array[:, list(scene.held)] = 0
     return [
-        _gradient(scene, run, layout, names, back, k, values[k], explicit[k], largest)
-        for k in range(len(objectives))
-    ]
+        Gradient(
+            value, run, fixed(u[k]), fixed(v[k]), fixed(mass[k]), _by_name(layout, p[k]),
+            fixed(g[k]), back.reversal, digits(value, u[k], v[k], back.largest), scene, names,
+        )
+        for k, value in enumerate(values)
+    ]  # fmt: skip
 
 
-def _wanted(scene: Any, wanted: Any, stored: Any) -> Any:
-    """Names that `by` will know, and for each law the numbers of the parameters they move.
+def _wanted(
+    scene: Any, wanted: Any, stored: bool
+) -> tuple[tuple[str, ...], tuple[tuple[int, ...], ...]]:
+    """What `by` will know, and for each law the numbers of the parameters that these names move.
 
-    Only of those that the tension depends on, unless the energy is asked for, which has more.
+    Only of those that the tension depends on, unless the energy is `stored`, which has more.
     """
     table = dynamics(scene).springs
     laws, law, parameters = table.table
-    known = {name: None for spring in table.different for name in chained.names(spring)}
-    beads = dict.fromkeys(dynamics(scene).arguments)
-    symbols = {str(s) for one in laws for s in one.parameters}
-    if wanted is None:
-        names = tuple({**known, **beads})
-    else:
-        if isinstance(wanted, str) or not isinstance(wanted, (Sequence, set, frozenset)):
-            raise TensegrityError(f"wanted {check.shown(wanted)} must be a sequence of names")
-        for name in wanted:
-            check.kind("name that is wanted", name, str)
-        names = tuple(dict.fromkeys(wanted))
-        for name in names:
-            if name not in known and name not in beads and name not in symbols:
-                every = ", ".join({**known, **beads})
-                raise TensegrityError(f"wanted {check.shown(name)} is not one of {every}")
-    springs = [name for name in names if name in known]
-    if any(name in beads for name in names):
-        springs += [name for name in ("stiffness", "preload") if name in known]
-    found: list[set[int]] = [set() for _ in laws]
-    for name in dict.fromkeys(springs):
-        each = chained.slopes(table.different, name, parameters.shape[1])
-        for number in range(len(laws)):
-            found[number] |= set(np.flatnonzero(each[law == number].any(axis=0)).tolist())
+    of_springs = {name: None for spring in table.different for name in result.names(spring)}
+    of_beads = dict.fromkeys(dynamics(scene).arguments)
+    known = of_springs | of_beads
+    names = tuple(known) if wanted is None else _checked(wanted, known, laws)
+    moved = {*names, *(("stiffness", "preload") if of_beads.keys() & names else ())}
+    slopes = [result.slopes(table, name) for name in moved & of_springs.keys()]
+    depends = np.any(slopes, axis=0) if slopes else np.zeros(parameters.shape, dtype=bool)
+    symbols, found = {*names} - of_springs.keys(), []
     for number, one in enumerate(laws):
-        own = [str(s) for s in one.parameters]
-        found[number] |= {own.index(name) for name in names if name in own and name not in known}
-        if not stored:
-            found[number] &= depends_on(one)
-    return names, tuple(tuple(sorted(x)) for x in found)
+        mine = set(np.flatnonzero(depends[law == number].any(axis=0)).tolist())
+        mine |= {k for k, s in enumerate(one.parameters) if str(s) in symbols}
+        found.append(tuple(sorted(mine if stored else mine & depends_on(one))))
+    return names, tuple(found)
 
 
-def _steps(t_end: float, dt: float) -> int:
-    """How many steps `simulate` does."""
-    steps = t_end / dt * (1 - 1e-12)
-    if not steps <= MOST_STEPS:
-        raise TensegrityError(
-            f"t_end {t_end:g} s takes {steps:.3g} steps of {dt:.3g} s, more than {MOST_STEPS:.0e}"
-        )
-    return math.ceil(steps)
+def _checked(wanted: Any, known: Any, laws: Any) -> tuple[str, ...]:
+    """Names that are wanted, if there are such."""
+    if isinstance(wanted, str) or not isinstance(wanted, (Sequence, set, frozenset)):
+        raise TensegrityError(f"wanted {check.shown(wanted)} must be a sequence of names")
+    symbols = {str(s) for law in laws for s in law.parameters}
+    for name in wanted:
+        check.kind("name that is wanted", name, str)
+        if name not in known and name not in symbols:
+            raise TensegrityError(f"wanted {check.shown(name)} is not one of {', '.join(known)}")
+    return tuple(dict.fromkeys(wanted))
 
 
-def _window(one: Any, steps: Any, dt: Any) -> Any:
+def _window(one: Objective, steps: int, dt: float) -> tuple[int, int]:
     """First and last step that an objective looks at."""
     if one.over is None:
         return steps, steps
-    if one.over == ALWAYS:
-        return 0, steps
-    first = min(max(0, math.ceil(one.over[0] / dt * (1 - 1e-12))), steps)
-    last = min(math.floor(one.over[1] / dt * (1 + 1e-12)), steps)
+    first = math.ceil(min(one.over[0] / dt * (1 - 1e-12), steps))
+    last = math.floor(min(one.over[1] / dt * (1 + 1e-12), steps))
     if last < first:
         raise TensegrityError(f"no step of {dt:g} s ends between {one.over[0]:g} s and "
                               f"{one.over[1]:g} s")  # fmt: skip
     return first, last
 
 
-def _on_grid(scene: Any, state: Any, t_end: Any, dt: Any, method: Any) -> Any:
+def _on_grid(task: _Task, scene: Any, state: Any, dt: float) -> tuple[State, tuple[float, float]]:
     """The state rounded to a grid that holds the whole run, and what rounds to it."""
     from tensegrity.runs.integrate import simulate
 
-    run = simulate(scene, state, t_end, method=method, dt=dt)
-    grid, rounded = [], []
-    for start, kept in ((state.u, run.u), (state.v, run.v)):
-        largest = MARGIN * max(float(np.abs(kept).max()), float(np.abs(start).max()), 1e-290)
-        big = 1.5 * 2.0 ** math.ceil(math.log2(largest))
-        grid.append(big)
-        rounded.append((start + big) - big)
-    return State(*rounded), tuple(grid)
+    run = simulate(scene, state, task.t_end, method=task.method, dt=dt)
+    largest = (MARGIN * max(float(np.abs(rows).max()), 1e-290) for rows in (run.u, run.v))
+    a, b = (1.5 * 2.0 ** math.ceil(math.log2(x)) for x in largest)
+    return State((state.u + a) - a, (state.v + b) - b), (a, b)
 
 
-class _Read:
-    """Traces from samples, some steps at once."""
-
-    def __init__(self, view: Any, rows: Any, closing: Any) -> None:
-        self._view, self._rows, self._closing = view, rows, closing
-        self._parts = [slice(k, k + view.most) for k in range(0, len(rows), view.most)]
-        self._kept = self._view.part(rows, closing) if len(self._parts) == 1 else None
-
-    def _part(self, inside: Any, fresh: bool = False) -> Any:
-        """Kept where it is one of all steps, with the derivatives begun anew."""
-        if fresh or self._kept is None:
-            return self._view.part(self._rows[inside], self._closing[inside])
-        self._kept.forget()
-        return self._kept
-
-    def value(self, trace: Any) -> Any:
-        """A trace, (steps,)."""
-        return np.concatenate([self._part(inside).value(trace) for inside in self._parts])
-
-    def back(self, traces: Any, slopes: Any) -> Any:
-        """Derivatives by the samples, and by parameters, elongations, masses and their inverses.
-
-        Only steps that count are looked at: of a peak there are three.
-        """
-        rows, rest = np.zeros(self._rows.shape), None
-        used = np.flatnonzero(slopes.any(axis=0))
-        few = 0 < len(used) < len(rows) / 2
-        for inside in self._few(used) if few else self._parts:
-            part = self._part(inside, fresh=few)
-            for trace, slope in zip(traces, slopes, strict=True):
-                if slope[inside].any():
-                    part.add(trace, slope[inside])
-            rows[inside] = part.rows
-            found = part.p.copy(), part.g.copy(), part.m.copy(), part.w.copy()
-            rest = found if rest is None else tuple(a + b for a, b in zip(rest, found, strict=True))
-        return rows, rest
-
-    def _few(self, used: Any) -> Any:
-        """Numbers of steps, as many as are looked at at once; at least one part."""
-        return np.array_split(used, max(1, -(-len(used) // self._view.most)))
-
-
-def _gradient(
-    scene: Any,
-    run: Any,
-    layout: Any,
-    names: Any,
-    back: Any,
-    k: Any,
-    value: Any,
-    explicit: Any,
-    largest: Any,
-) -> Any:
-    """One objective's result."""
-    p, g, m, w = explicit
-    p += back.totals.p[k]
-    g += back.totals.g[k]
-    by_w = back.totals.w[k]
-    w += by_w if by_w.ndim == 1 else by_w.sum(axis=1)
-    mass = m - w * dynamics(scene).inverse_mass ** 2
-    u, v = back.u[k].copy(), back.v[k].copy()
-    held = list(scene.held)
-    u[held], v[held], mass[held] = 0, 0, 0
+def _by_name(layout: Layout, p: Array) -> Any:
+    """Derivatives by parameters, {name: (bonds,)}, of those by what is wanted of each law."""
     law = layout.bonds.law_of_bond
-    parameters: dict[str, Array] = {}
+    found: dict[str, Array] = {}
     for number, one in enumerate(layout.bonds.laws):
         for row, place in enumerate(layout.wanted[number]):
-            column = parameters.setdefault(str(one.parameters[place]), np.zeros(len(law)))
+            column = found.setdefault(str(one.parameters[place]), np.zeros(len(law)))
             column[law == number] = p[row, law == number]
-    for array in (u, v, mass, g):
-        array.flags.writeable = False
-    left = digits(value, u, v, largest)
-    return Gradient(float(value), run, u, v, mass, fixed(parameters), g, back.reversal, left, scene,
-                    names)  # fmt: skip
+    return fixed(found)

@@ -9,12 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
+from itertools import permutations
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+from tensegrity.root import crest, root
 
 if TYPE_CHECKING:
     from typing import Any
@@ -26,6 +29,7 @@ if TYPE_CHECKING:
     Rule = Callable[[Array, Array], tuple[float, ArrayLike]]
 
 STEEPEST = 1000.0  # exponent of a p-norm
+TINY = 1e-30  # step of a derivative through the complex plane
 
 
 @dataclass(frozen=True)
@@ -159,19 +163,16 @@ def p_norm(trace: Trace, p: float = 32, over: tuple[float, float] | None = None)
         value = largest * mean ** (1 / p)
         return value, (dt * (ratio ** (p - 1)) * mean ** (1 / p - 1))[None]
 
-    window = _window(over)
-    latest = window[1] if over is not None else 0.0
-    return Objective((_trace(trace),), rule, window, f"{p:g}-norm", latest)
+    latest = 0.0 if over is None else _window(over)[1]
+    return Objective((_trace(trace),), rule, _window(over), f"{p:g}-norm", latest)
 
 
 def impulse(bond: int | None = None, wall: int | None = None) -> Objective:
     """Impulse of a load [N s], compression > 0: the trapezoid rule over the steps."""
 
     def rule(t: Any, y: Any) -> Any:
-        weights = np.zeros(len(t))
         half = np.diff(t) / 2
-        weights[:-1] += half
-        weights[1:] += half
+        weights = np.append(half, 0) + np.append(0, half)
         return float(weights @ y[0]), weights[None]
 
     return Objective((load(bond, wall),), rule, ALWAYS, "impulse")
@@ -192,11 +193,8 @@ def arrival(site: int, displacement: float) -> Objective:
         By `gradient`, where the site never passes it.
     """
     level = check.number("displacement", displacement, unit="m")
-
-    def rule(t: Any, y: Any) -> Any:
-        return _arrival(t, y, level, f"site {site}")
-
     trace = Trace("displacement", check.whole("site", site, least=0))
+    rule = partial(_arrival, level=level, who=f"site {site}")
     return Objective((trace,), rule, ALWAYS, "arrival")
 
 
@@ -220,8 +218,7 @@ def misfit(trace: Trace, t: ArrayLike, values: ArrayLike) -> Objective:
         check.vector(name, x, x.shape)
     if np.any(np.diff(t) <= 0) or t[0] < 0:
         raise TensegrityError("t must increase, from 0 s or later")
-    times = t.copy()
-    wanted = values.copy()
+    times, wanted = t.copy(), values.copy()
 
     def rule(t: Any, y: Any) -> Any:
         first, weights = _cubic(t, times)
@@ -291,21 +288,14 @@ def _window(over: Any) -> tuple[float, float]:
 
 
 def _peak(t: Array, y: Array) -> tuple[float, Array]:
-    """Vertex of the parabola through three samples, equally far apart."""
     trace, slope = y[0], np.zeros_like(y)
     k = int(np.argmax(trace))
-    if k in (0, len(trace) - 1):
-        slope[0, k] = 1
-        return float(trace[k]), slope
-    before, here, after = trace[k - 1 : k + 2].tolist()
-    bend, tilt = before - 2 * here + after, (after - before) / 2
-    if bend == 0:
-        slope[0, k] = 1
-        return here, slope
-    # value = here - tilt^2/(2 bend)
-    by_tilt, by_bend = -tilt / bend, tilt**2 / (2 * bend**2)
-    slope[0, k - 1 : k + 2] = (by_bend - by_tilt / 2, 1 - 2 * by_bend, by_bend + by_tilt / 2)
-    return here - tilt**2 / (2 * bend), slope
+    near = slice(k - 1, k + 2)
+    if 0 < k < len(trace) - 1 and trace[near].min() < trace[k]:
+        slope[0, near] = crest(trace, k)
+        return float(slope[0, near] @ trace[near]), slope
+    slope[0, k] = 1
+    return float(trace[k]), slope
 
 
 def _cubic(t: Array, times: Array) -> tuple[Any, Array]:
@@ -322,18 +312,18 @@ def _cubic(t: Array, times: Array) -> tuple[Any, Array]:
     dt = (t[-1] - t[0]) / (len(t) - 1) if len(t) > 1 else 1.0
     place = (times - t[0]) / dt
     first = np.clip(np.floor(place).astype(int) - 1, 0, len(t) - count)
-    x = place - first
-    weights = np.ones((len(times), count))
-    for i in range(count):
-        for j in range(count):
-            if i != j:
-                weights[:, i] *= (x - j) / (i - j)
-    return first, weights
+    return first, _weights(place - first, count)
+
+
+def _weights(x: Any, count: int) -> Array:
+    """Of samples at 0, 1, .., count - 1 in the polynomial through them at x; (.., count)."""
+    weights = np.ones((*np.shape(x), count), dtype=np.result_type(x, float))
+    for i, j in permutations(range(count), 2):
+        weights[..., i] *= (x - j) / (i - j)
+    return weights
 
 
 def _arrival(t: Array, y: Array, level: float, who: str) -> tuple[float, Array]:
-    from scipy.optimize import brentq
-
     above = y[0] - level
     crossed = np.flatnonzero((above[:-1] * above[1:] <= 0) & (above[:-1] != above[1:]))
     if not crossed.size:
@@ -341,19 +331,13 @@ def _arrival(t: Array, y: Array, level: float, who: str) -> tuple[float, Array]:
             f"{who} never passes {level:g} m: it goes from {y[0].min():.6g} m to "
             f"{y[0].max():.6g} m up to {t[-1]:.6g} s"
         )
-    k = int(crossed[0])
-    first = int(np.clip(k - 1, 0, len(t) - min(4, len(t))))
-    samples = above[first : first + min(4, len(t))]
-    dt, nodes = t[1] - t[0], np.arange(len(samples))
-    fit = np.polynomial.Polynomial.fit(nodes, samples, len(nodes) - 1, domain=[0, 1], window=[0, 1])
-    low, high = k - first, k - first + 1
-    x = brentq(fit, low, high, xtol=1e-15, rtol=1e-15) if fit(low) * fit(high) < 0 else (
-        float(low if abs(fit(low)) <= abs(fit(high)) else high)
-    )  # fmt: skip
-    rate = float(fit.deriv()(x))
+    k, count = int(crossed[0]), min(4, len(t))
+    first = min(max(k - 1, 0), len(t) - count)
+    here, dt = slice(first, first + count), t[1] - t[0]
+    x = root(lambda x: float(_weights(x, count) @ above[here]), k - first, k - first + 1)
+    rate = float((_weights(x + 1j * TINY, count) @ above[here]).imag / TINY)
     if rate == 0:
         raise TensegrityError(f"{who} touches {level:g} m at {t[first] + x * dt:.6g} s, no passage")
-    _, weights = _cubic(nodes.astype(float), np.array([x]))
     slope = np.zeros_like(y)
-    slope[0, first : first + len(nodes)] = -dt * weights[0] / rate
+    slope[0, here] = -dt * _weights(x, count) / rate
     return float(t[first] + x * dt), slope

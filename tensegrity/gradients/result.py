@@ -1,4 +1,8 @@
-"""What `gradient` returns."""
+"""What `gradient` returns, and the chain rule from laws to what a user built springs from.
+
+The parameters of a law follow from the arguments of a prism by derived formulas, which a step into
+the complex plane differentiates, and from those of a power law by its overlap at rest.
+"""
 
 from __future__ import annotations
 
@@ -8,18 +12,30 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity import check
+from tensegrity.engine.law import Law
+from tensegrity.engine.programs import derived as program_of
+from tensegrity.engine.programs import run
 from tensegrity.errors import TensegrityError
-from tensegrity.gradients import chained
+from tensegrity.prisms.closed import polygon, rigid_law
+from tensegrity.prisms.condensed import ElasticPotential
 from tensegrity.scenes.dynamics import dynamics
+from tensegrity.springs.polynomial import Polynomial
+from tensegrity.springs.potential import PowerLaw
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from typing import Any
 
     from tensegrity.runs.run import Run
+    from tensegrity.springs.collection import Springs
+    from tensegrity.springs.potential import Potential
     from tensegrity.typing import Array
 
+TINY = 1e-30  # step of a derivative through the complex plane
 DIGITS = -np.log10(np.finfo(float).eps)
+PRISM = ("prestrain", "height", "k_cross")
+POWER = ("stiffness", "preload")
+RIGID = rigid_law(), rigid_law(any_sides=True)  # of triangular prisms, and of any number of sides
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,10 +108,8 @@ class Gradient:
     def _along(self, name: str) -> Array:
         """By an argument of the springs."""
         table = dynamics(self._scene).springs
-        springs, found = table.different, np.zeros(len(table.group))
         laws, law, _ = table.table
-        most = max(len(one.parameters) for one in laws)
-        each = chained.slopes(springs, name, most)[table.group]
+        found, each = np.zeros(len(table.group)), slopes(table, name)[table.group]
         for number, one in enumerate(laws):
             mine = law[table.group] == number
             for k, symbol in enumerate(one.parameters):
@@ -114,11 +128,130 @@ class Gradient:
 
 def digits(value: float, by_u: Array, by_v: Array, largest: tuple[float, float]) -> float:
     """Digits of a value that one rounding of the largest |u| and |v| leaves."""
-    moved = [float(np.abs(x).max(initial=0)) * scale for x, scale in zip((by_u, by_v), largest,
-             strict=True)]  # fmt: skip
-    noise = np.finfo(float).eps * max(moved)
-    if noise == 0:
-        return float(DIGITS)
-    if value == 0:
-        return 0.0
+    moved = zip((by_u, by_v), largest, strict=True)
+    noise = np.finfo(float).eps * max(np.abs(x).max(initial=0) * scale for x, scale in moved)
+    if noise == 0 or value == 0:
+        return 0.0 if noise else float(DIGITS)
     return float(np.clip(np.log10(abs(value) / noise), 0, DIGITS))
+
+
+def refuse(spring: Potential) -> None:
+    """Refuse a spring through which there is no derivative, saying why."""
+    if isinstance(spring, Polynomial):
+        raise TensegrityError(
+            f"{spring!r} stands for another spring: a gradient would be that of the fit, give the "
+            "spring itself"
+        )
+    if isinstance(spring, ElasticPotential):
+        raise TensegrityError(
+            f"{spring!r} has elastic members: the inner equilibrium that its tension solves for is "
+            "not differentiated by its parameters; take k_base = k_bar = inf"
+        )
+    if isinstance(spring, PowerLaw) and spring.exponent < 1:
+        raise TensegrityError(
+            f"exponent {spring.exponent:g} of {spring!r} is below 1: its stiffness has no bound "
+            "where the contact opens, and no derivative passes there"
+        )
+    if not isinstance(spring.law, Law):
+        raise TensegrityError(f"{spring!r} is no law whose parameters have a meaning")
+
+
+def names(spring: Potential) -> tuple[str, ...]:
+    """What a gradient can be asked for, by the arguments of this spring."""
+    if spring.law in RIGID:
+        return PRISM
+    if isinstance(spring, PowerLaw):
+        return POWER if spring.values[1] > 0 or spring.exponent == 1 else POWER[:1]
+    return tuple(spring.parameters)
+
+
+def slopes(table: Springs, name: str) -> Array:
+    """Derivatives of the parameters of different springs by one of their `names`.
+
+    Returns
+    -------
+    ndarray, (springs, parameters)
+        0 for springs that have no such argument.
+    """
+    springs, found = table.different, np.zeros(table.table[2].shape)
+    alike: dict[Any, list[int]] = {}
+    for k, spring in enumerate(springs):
+        if name in names(spring):
+            alike.setdefault((spring.law, isinstance(spring, PowerLaw)), []).append(k)
+    for (law, _), mine in alike.items():
+        one: Any = springs[mine[0]]
+        values = np.array([springs[k].values for k in mine])
+        if law in RIGID:
+            rows = _of_prisms(values, name, law == RIGID[1])
+        elif isinstance(one, PowerLaw):
+            rows = _of_power_laws(values, name, one.exponent)
+        else:
+            rows = np.eye(len(one.parameters))[list(one.parameters).index(name)]
+        found[mine, : values.shape[1]] = rows
+    return found
+
+
+def _of_power_laws(values: Array, name: str, exponent: float) -> Array:
+    """At a fixed preload the overlap at rest, (preload/stiffness)^(1/exponent), depends on the
+    stiffness, and on the preload."""
+    found = np.tile(np.eye(3)[POWER.index(name)], (len(values), 1))
+    loaded = (values[:, 1] > 0) | (name == "preload")
+    stiffness, preload, _ = values[loaded].T
+    ratio = preload / stiffness
+    by_ratio = ratio ** (1 / exponent - 1) / exponent
+    found[loaded, 2] = by_ratio * (1 if name == "preload" else -ratio) / stiffness
+    return found
+
+
+def _of_prisms(values: Array, name: str, any_sides: bool) -> Array:
+    """The loaded height moves with the others, so that the preload stays.
+
+    The numbers of a prism are read from those of its law: no more is kept of it.
+    """
+    from derivations import rigid_elastic as derived
+
+    of = polygon(any_sides)
+    known = dict(zip(derived.parameters_of(of), values.T, strict=True))
+    loaded, preload = known[derived.length_at_rest], known[derived.preload]
+    prestrain = np.sqrt(known[derived.squared_0]) / known[derived.natural] - 1
+    shape = (of.sides, of.sine, of.cosine)  # of a triangle numbers
+    sides = [known[x] if any_sides else np.full(loaded.shape, float(x)) for x in shape]
+    arguments = np.maximum(prestrain, 0), loaded - known[derived.shift], known[derived.stiffness]
+    base = 2 * sides[1] * np.sqrt(known[derived.area])
+    given = np.array([*arguments, loaded, base, preload, *sides], dtype=complex)
+    found, steps = np.empty(values.shape), np.eye(len(given))[:, [PRISM.index(name), len(PRISM)]]
+    collapsed = known[derived.no_lock] != 0
+    for kind in np.unique(collapsed).tolist():
+        mine = collapsed == kind
+        numbers = given[:, None, mine] + 1j * TINY * steps[..., None]
+        forms = run(program_of(_prism_forms, kind, any_sides), np, numbers)
+        slopes = [np.broadcast_to(x, numbers[0].shape).imag / TINY for x in forms]
+        direct, by_loaded = np.array(slopes).swapaxes(0, 1)
+        moved = np.where(preload[mine] > 0, -direct[-1] / by_loaded[-1], float(name == "height"))
+        found[mine] = (direct[:-1] + moved * by_loaded[:-1]).T
+    return found
+
+
+def _prism_forms(collapses: bool, any_sides: bool) -> tuple[list[Any], tuple[Any, ...]]:
+    """All parameters of a rigid prism's law and at last its load at the loaded height, dU/dh; and
+    the symbols of the arguments `PRISM`, the loaded height, and what else they depend on."""
+    import sympy as sp
+
+    from derivations import prism, regular
+    from derivations import rigid_elastic as derived
+    from derivations.rigid_parameters import parameter_expressions
+
+    of = polygon(any_sides)
+    forms = dict(parameter_expressions(of))
+    load = derived.force(of=of).subs({
+        derived.height: derived.loaded_height,
+        derived.circumradius: sp.sqrt(forms[derived.area]),
+        derived.bar: (forms[derived.far_stroke] + forms[derived.stroke]) / 2,
+        derived.natural_cross: forms[derived.natural],
+    })  # fmt: skip
+    if collapses:  # as `Prism.potential` has it
+        forms |= {derived.lock: derived.loaded_height, derived.far_lock: derived.loaded_height}
+        forms |= {derived.no_lock: -derived.locking_height_squared(of)}
+    symbols = (prism.prestrain, prism.reference_height, prism.k_cross, derived.loaded_height,
+               prism.base, derived.preload, *regular.SIDES)  # fmt: skip
+    return [*forms.values(), load], symbols

@@ -15,7 +15,6 @@ from tensegrity.engine.bonds import PAIR
 from tensegrity.engine.codegen import energy_function
 from tensegrity.engine.forces import Pulled
 from tensegrity.errors import TensegrityError
-from tensegrity.scenes.dynamics import dynamics
 
 if TYPE_CHECKING:
     from typing import Any
@@ -28,56 +27,61 @@ if TYPE_CHECKING:
 AT_ONCE = 4_000_000  # numbers that a trace is computed from at once
 
 
-class View:
-    """A scene as traces see it: which bonds and rows they are made of.
+class Samples:
+    """What traces of a scene are made of: bonds, sites, and entries of u and v that are sampled.
 
     Parameters
     ----------
     scene : Scene
     layout : Layout
     traces : sequence of Trace
+
+    Attributes
+    ----------
+    parts : dict of Trace to (ndarray of int, ndarray of int)
+        Bonds and sites of each.
+    places : ndarray of int
+        Entries of u, and behind them of v.
+    of_u : int
+        How many are of u.
     """
 
     def __init__(self, scene: Scene, layout: Layout, traces: tuple[Trace, ...]) -> None:
         self.scene, self.layout = scene, layout
         self.axes = max(layout.dim, 1)
+        self.parts = {trace: self._parts(trace) for trace in traces}
         of_u: set[int] = set()
         of_v: set[int] = set()
-        for trace in traces:
-            bonds, sites = self._parts(trace)
-            of_u.update(*(end[bonds].tolist() for end in layout.ends))
-            of_v.update(sites if trace.kind in ("velocity", "energy") else ())
-            of_u.update(sites)
-        rows = sorted(of_u)
-        self.rows_u = [r for r in rows if r < layout.sites]
-        self.walls = len(self.rows_u) < len(rows)
-        self.rows_v = sorted(of_v)
-        self.places = np.array([
-            row * self.axes + axis
-            for part in (self.rows_u, self.rows_v) for row in part for axis in range(self.axes)
-        ], dtype=np.int64)  # fmt: skip
-        self.of_u = len(self.rows_u) * self.axes
+        for trace, (bonds, sites) in self.parts.items():
+            of_u.update(sites.tolist(), *(end[bonds].tolist() for end in layout.ends))
+            of_v.update(sites.tolist() if trace.kind in ("velocity", "energy") else ())
+        self.walls = int(layout.dim > 0 and layout.sites in of_u)
+        self.rows_u, self.rows_v = np.array(sorted(of_u), dtype=int), sorted(of_v)
+        moving = [*self.rows_u[: len(of_u) - self.walls], *self.rows_v]
+        axes = np.arange(self.axes)
+        self.places = np.add.outer(np.array(moving, dtype=int) * self.axes, axes).ravel()
+        self.of_u = len(self.places) - len(of_v) * self.axes
+        self._most = max(1, AT_ONCE // max(1, len(self.places) * (4 + layout.most)))
 
-    def _parts(self, trace: Trace) -> tuple[Indices, list[int]]:
-        """Bonds and sites that a trace is made of."""
-        kind, where, scene = trace.kind, trace.where, self.scene
+    def _parts(self, trace: Trace) -> tuple[Indices, Indices]:
+        kind, where, none = trace.kind, trace.where, np.zeros(0, dtype=int)
         first, second = self.layout.ends
         if kind == "bond":
             if where >= len(first):
                 raise TensegrityError(f"bond {where} must be below {len(first)}")
-            return np.array([where]), []
+            return np.array([where]), none
         if kind == "wall":
-            return self.wall_bonds(where), []
-        sites = list(range(scene.sites)) if where is None else list(np.atleast_1d(where))
-        if max(sites) >= scene.sites:
-            raise TensegrityError(f"site {max(sites)} must be below {scene.sites}")
+            return self._of_wall(where), none
+        sites = np.arange(self.scene.sites) if where is None else np.atleast_1d(where)
+        if sites.max() >= self.scene.sites:
+            raise TensegrityError(f"site {sites.max()} must be below {self.scene.sites}")
         if trace.axis >= self.axes:
             raise TensegrityError(f"axis {trace.axis} must be below {self.axes}")
         if kind == "displacement":
-            return np.zeros(0, dtype=int), sites
+            return none, sites
         return np.flatnonzero(np.isin(first, sites) | np.isin(second, sites)), sites
 
-    def wall_bonds(self, wall: int) -> Indices:
+    def _of_wall(self, wall: int) -> Indices:
         """Bonds whose load is that of a wall, or of a held end of a chain."""
         contacts, scene = self.layout.bonds.contacts, self.scene
         if contacts is None:
@@ -94,126 +98,121 @@ class View:
             raise TensegrityError(f"wall {wall} has no contact in the scene's list")
         return found
 
-    def part(self, rows: Array, closing: Array) -> Part:
-        """Samples (steps, places) as arrays that traces are computed from."""
-        return Part(self, rows, closing)
+    def values(self, rows: Array, closing: Array) -> Array:
+        """All traces, (traces, steps).
 
-    @property
-    def most(self) -> int:
-        """Steps whose samples traces are computed from at once."""
-        return max(1, AT_ONCE // max(1, len(self.places) * (4 + self.layout.most)))
+        Parameters
+        ----------
+        rows : ndarray, (steps, places)
+            Samples.
+        closing : ndarray, (steps,)
+            Times that velocities in them lack a kick for [s].
+        """
+        parts = (slice(k, k + self._most) for k in range(0, len(rows), self._most))
+        return np.concatenate([_Part(self, rows[x], closing[x]).values() for x in parts], axis=1)
 
+    def back(self, slopes: Array, rows: Array, closing: Array) -> tuple[Array, ...]:
+        """Derivatives by the samples and by what traces depend on besides, from those by traces.
 
-class Part:
-    """Some steps of a run, and derivatives by their samples and by what else traces depend on.
+        Only steps that count are looked at: of a peak there are three.
 
-    Attributes
-    ----------
-    rows : ndarray, (steps, places)
-        Derivatives by the samples.
-    p : ndarray, (wanted, bonds)
-    g, m : ndarray, (bonds,), (sites,)
-        By the parameters, by the elongations of bonds, by the masses.
-    w : ndarray, (sites,)
-        By the inverse masses.
-    """
+        Parameters
+        ----------
+        slopes : ndarray, (traces, steps)
+        rows, closing
+            As of `values`.
 
-    def __init__(self, view: View, rows: Array, closing: Array) -> None:
-        self._view, self._closing = view, closing
-        count, axes = len(rows), view.axes
-        self._u = rows[:, : view.of_u].reshape(count, -1, axes)
-        self._v = rows[:, view.of_u :].reshape(count, -1, axes)
-        layout = view.layout
-        if view.walls:
-            self._u = np.concatenate([self._u, np.zeros((count, 1, axes))], axis=1)
-        self._rows_u = [*view.rows_u, *[layout.sites] * view.walls]
-        self._kept: dict[Any, Any] = {}
-        self.forget()
-
-    def forget(self) -> None:
-        """Begin all derivatives anew."""
-        layout = self._view.layout
+        Returns
+        -------
+        ndarray, (steps, places)
+            By the samples.
+        p, g, m, w : ndarray, (wanted, bonds), (bonds,), (sites,), (sites,)
+            By parameters, elongations, masses and their inverses.
+        """
+        layout, by_rows = self.layout, np.zeros(rows.shape)
         bonds = len(layout.bonds.group)
-        self._ub, self._vb = np.zeros(self._u.shape), np.zeros(self._v.shape)
-        self.p, self.g = np.zeros((layout.most, bonds)), np.zeros(bonds)
-        self.m, self.w = np.zeros((2, layout.sites))
+        totals = np.zeros((layout.most, bonds)), np.zeros(bonds), *np.zeros((2, layout.sites))
+        used = np.flatnonzero(slopes.any(axis=0))
+        for k in range(0, len(used), self._most):
+            x = used[k : k + self._most]
+            by_rows[x] = _Part(self, rows[x], closing[x]).back(slopes[:, x], totals)
+        return by_rows, *totals
 
-    @property
-    def rows(self) -> Array:
-        """Derivatives by the samples, (steps, places)."""
-        count = len(self._ub)
-        by_u = self._ub[:, : len(self._view.rows_u)].reshape(count, -1)
-        return np.concatenate([by_u, self._vb.reshape(count, -1)], axis=1)
 
-    def _pulled(self, members: Indices) -> Pulled:
-        key = members.tobytes()
-        if key not in self._kept:
-            self._kept[key] = Pulled(self._view.layout, members, self._rows_u, self._u)
-        return self._kept[key]
+class _Part:
+    """Some steps of a run, from their samples."""
 
-    def _add(self, pulled: Pulled, found: tuple[Array, Array, Array]) -> None:
-        by_u, by_p, by_g = found
-        self._ub += by_u
-        self.p[:, pulled.members] += by_p.sum(axis=1)
-        self.g[pulled.members] += by_g.sum(axis=0)
+    def __init__(self, of: Samples, rows: Array, closing: Array) -> None:
+        self._of, self._closing, count = of, closing[:, None, None], len(rows)
+        u, self._v = (x.reshape(count, -1, of.axes) for x in np.split(rows, [of.of_u], axis=1))
+        self._u = np.append(u, np.zeros((count, of.walls, of.axes)), axis=1)  # walls stand still
+        self._forces: dict[bytes, Pulled] = {}
 
-    def value(self, trace: Trace) -> Array:
-        """A trace; (steps,)."""
-        view = self._view
-        bonds, sites = view._parts(trace)
+    def values(self) -> Array:
+        """All traces, (traces, steps)."""
+        return np.array([self._value(trace) for trace in self._of.parts])
+
+    def _value(self, trace: Trace) -> Array:
+        bonds, sites = self._of.parts[trace]
         if trace.kind in ("bond", "wall"):
             return -self._pulled(bonds).f.sum(axis=1)
+        u = self._u[:, self._rows(sites)]
         if trace.kind == "displacement":
-            return self._u[:, view.rows_u.index(trace.where), trace.axis]
+            return u[:, 0, trace.axis]
+        v, _ = self._velocity(bonds, sites)
         if trace.kind == "velocity":
-            return self._velocity(sites)[0][:, 0, trace.axis]
-        v = self._velocity(sites)[0]
-        kinetic = 0.5 * np.sum(view.scene.mass[sites] * np.sum(v**2, axis=-1), axis=-1)
-        stored, share = self._stored(bonds), self._shares(bonds, sites)
-        at = [view.rows_u.index(s) for s in sites]
-        return (
-            kinetic + stored[0] @ share - np.sum(self._loads(sites) * self._u[:, at], axis=(1, 2))
-        )
+            return v[:, 0, trace.axis]
+        kinetic = 0.5 * np.sum(self._of.scene.mass[sites] * np.sum(v**2, axis=-1), axis=-1)
+        stored = self._stored(bonds)[0] @ self._shares(bonds, sites)
+        return kinetic + stored - np.sum(self._loads(sites) * u, axis=(1, 2))
 
-    def add(self, trace: Trace, slope: Array) -> None:
-        """Carry back the derivatives (steps,) by a trace."""
-        view = self._view
-        bonds, sites = view._parts(trace)
+    def back(self, slopes: Array, totals: tuple[Array, ...]) -> Array:
+        """Derivatives (steps, places) by the samples, from those by all traces; adds to totals
+        what these depend on besides."""
+        self._ub, self._vb = np.zeros(self._u.shape), np.zeros(self._v.shape)
+        self._p, self._g, self._m, self._w = totals
+        for trace, slope in zip(self._of.parts, slopes, strict=True):
+            if slope.any():
+                self._add(trace, slope[:, None, None])
+        moving = self._ub.shape[1] - self._of.walls
+        each = (x.reshape(len(x), -1) for x in (self._ub[:, :moving], self._vb))
+        return np.concatenate([*each], axis=1)
+
+    def _add(self, trace: Trace, slope: Array) -> None:
+        """Carry back the derivatives (steps, 1, 1) by a trace."""
+        bonds, sites = self._of.parts[trace]
         if trace.kind in ("bond", "wall"):
-            pulled = self._pulled(bonds)
-            by_tension = np.repeat(-slope[:, None], len(bonds), axis=1)
-            self._add(pulled, pulled.back(by_tension=by_tension))
+            self._add_pulled(bonds, by_tension=np.repeat(-slope[..., 0], len(bonds), axis=1))
         elif trace.kind == "displacement":
-            self._ub[:, view.rows_u.index(trace.where), trace.axis] += slope
+            self._ub[:, self._rows(sites), trace.axis] += slope[..., 0]
         elif trace.kind == "velocity":
-            by_v = np.zeros((len(slope), 1, view.axes))
-            by_v[:, 0, trace.axis] = slope
-            self._add_velocity(sites, by_v)
+            self._add_velocity(bonds, sites, slope * np.eye(self._of.axes)[trace.axis])
         else:
-            v, mass = self._velocity(sites)[0], view.scene.mass[sites]
-            self._add_velocity(sites, slope[:, None, None] * mass[:, None] * v)
-            self.m[sites] += 0.5 * slope @ np.sum(v**2, axis=-1)
-            at = [view.rows_u.index(s) for s in sites]
-            self._ub[:, at] -= slope[:, None, None] * self._loads(sites)
-            pulled, share = self._pulled(bonds), self._shares(bonds, sites)
-            stored = self._stored(bonds)
-            weight = slope[:, None] * share
-            self._add(pulled, pulled.back(by_elongation=weight * stored[1]))
-            self.p[:, bonds] += np.sum(weight * stored[2:], axis=1)
+            v, _ = self._velocity(bonds, sites)
+            self._add_velocity(bonds, sites, slope * self._of.scene.mass[sites, None] * v)
+            self._m[sites] += 0.5 * slope[:, 0, 0] @ np.sum(v**2, axis=-1)
+            self._ub[:, self._rows(sites)] -= slope * self._loads(sites)
+            stored, weight = self._stored(bonds), slope[..., 0] * self._shares(bonds, sites)
+            self._add_pulled(bonds, by_elongation=weight * stored[1])
+            self._p[:, bonds] += np.sum(weight * stored[2:], axis=1)
 
-    def _loads(self, sites: list[int]) -> Array:
-        loads = np.broadcast_to(self._view.scene.loads, self._view.scene.shape)
-        return loads.reshape(self._view.scene.sites, -1)[sites]
+    def _rows(self, sites: Indices) -> Indices:
+        """Of some sites among the displacements."""
+        return np.searchsorted(self._of.rows_u, sites)
 
-    def _shares(self, bonds: Indices, sites: list[int]) -> Array:
+    def _loads(self, sites: Indices) -> Array:
+        scene = self._of.scene
+        return np.broadcast_to(scene.loads, scene.shape).reshape(scene.sites, -1)[sites]
+
+    def _shares(self, bonds: Indices, sites: Indices) -> Array:
         """Of the energy of each bond: half for each end, all of a wall contact."""
-        layout = self._view.layout
+        layout = self._of.layout
         first, second = (np.isin(end[bonds], sites) for end in layout.ends)
         return np.where(layout.kind[bonds] == PAIR, (first + second.astype(float)) / 2, 1.0)
 
     def _stored(self, bonds: Indices) -> Array:
         """Energy, tension and derivatives of the energy by the parameters; (.., steps, bonds)."""
-        layout, r = self._view.layout, self._pulled(bonds).r
+        layout, r = self._of.layout, self._pulled(bonds).r
         found = np.zeros((2 + layout.most, *r.shape))
         for column, group in enumerate(layout.bonds.group[bonds].tolist()):
             law = int(layout.bonds.law[group])
@@ -223,28 +222,34 @@ class Part:
             found[: len(answer), :, column] = answer
         return found
 
-    def _velocity(self, sites: list[int]) -> tuple[Array, Any, Array]:
-        """Velocities with the closing kick, and what gave it; (steps, sites, axes)."""
-        view = self._view
-        v = self._v[:, [view.rows_v.index(s) for s in sites]]
-        if not self._closing.any():
-            return v, None, np.zeros(0)
-        first, second = view.layout.ends
-        pulled = self._pulled(np.flatnonzero(np.isin(first, sites) | np.isin(second, sites)))
-        at = [view.rows_u.index(s) for s in sites]
-        force = pulled.forces()[:, at] + self._loads(sites)
-        kick = self._closing[:, None] * dynamics(view.scene).inverse_mass[sites]
-        return v + kick[..., None] * force, pulled, force
+    def _pulled(self, bonds: Indices) -> Pulled:
+        key, layout = bonds.tobytes(), self._of.layout
+        if key not in self._forces:
+            self._forces[key] = Pulled(layout, bonds, self._of.rows_u, self._u)
+        return self._forces[key]
 
-    def _add_velocity(self, sites: list[int], by_v: Array) -> None:
-        view = self._view
-        at = [view.rows_v.index(s) for s in sites]
-        self._vb[:, at] += by_v
-        _, pulled, force = self._velocity(sites)
-        if pulled is None:
-            return
-        kick = self._closing[:, None] * dynamics(view.scene).inverse_mass[sites]
+    def _add_pulled(self, bonds: Indices, **slopes: Array) -> None:
+        """Derivatives by forces, tensions or elongations of bonds; see `Pulled.back`."""
+        by_u, by_p, by_g = self._pulled(bonds).back(**slopes)
+        self._ub += by_u
+        self._p[:, bonds] += by_p.sum(axis=1)
+        self._g[bonds] += by_g.sum(axis=0)
+
+    def _velocity(self, bonds: Indices, sites: Indices) -> tuple[Array, Array]:
+        """Velocities with the closing kick, and the forces that gave it; (steps, sites, axes)."""
+        force = self._pulled(bonds).forces()
+        force = force[:, self._rows(sites)] + self._loads(sites)
+        v = self._v[:, np.searchsorted(self._of.rows_v, sites)]
+        return v + self._kick(sites) * force, force
+
+    def _kick(self, sites: Indices) -> Any:
+        """What a force on each site adds to its velocity; (steps, sites, 1)."""
+        return self._closing * self._of.layout.bonds.inverse_mass[sites, None]
+
+    def _add_velocity(self, bonds: Indices, sites: Indices, by_v: Array) -> None:
+        self._vb[:, np.searchsorted(self._of.rows_v, sites)] += by_v
+        force = self._velocity(bonds, sites)[1]
         by_force = np.zeros(self._u.shape)
-        by_force[:, [view.rows_u.index(s) for s in sites]] = kick[..., None] * by_v
-        self._add(pulled, pulled.back(by_force=by_force))
-        self.w[sites] += np.sum(self._closing[:, None, None] * by_v * force, axis=(0, 2))
+        by_force[:, self._rows(sites)] = self._kick(sites) * by_v
+        self._add_pulled(bonds, by_force=by_force)
+        self._w[sites] += np.sum(self._closing * by_v * force, axis=(0, 2))
