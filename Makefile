@@ -28,7 +28,7 @@ test: $(READY)
 test-slow: $(READY)
 	$(BIN)/python -m pytest -m slow
 
-# Breaks a copy of the code, line by line, and sees a test fail each time; some minutes.
+# Breaks a copy of the code at random places, one at a time, and counts what tests notice; hours.
 faults: $(READY)
 	$(BIN)/python -m tests.faults
 
