@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 ORDERS = {"verlet": 2, "rkn6": 6, "rk4": 4, "midpoint": 2}
+LIMITS = {"verlet": 2.0, "rkn6": 3.141431, "rk4": 2.828427}  # of stability: step times frequency
 A = (0.041464998518262400, 0.198128671918067, -0.0400061921041533, 0.0752539843015807,
      -0.0115113874206879)  # fmt: skip
 B = 0.123229775946271, 0.290553797799558, -0.127049212625417, -0.246331761062075, 0.357208872795928

@@ -10,7 +10,16 @@ from numpy.polynomial import Polynomial
 from scenes import prism_chain, smooth_blow
 
 from tensegrity import Chain, Potential, State, simulate
-from tensegrity.engine.methods import METHODS, Method, Nystrom, Splitting, default, find, nystrom_of
+from tensegrity.engine.methods import (
+    METHODS,
+    Corrected,
+    Method,
+    Nystrom,
+    Splitting,
+    default,
+    find,
+    nystrom_of,
+)
 from tensegrity.errors import TensegrityError
 
 EXPLICIT = [method for method in METHODS.values() if method.explicit]
@@ -221,6 +230,11 @@ def test_a_splitting_that_does_not_claim_to_be_reversible_need_not_be_a_palindro
     method = OneWay("euler", order=1, step=0.05, kicks=(1, 0), drifts=(1,))
     chain = prism_chain(8)
     assert simulate(chain, smooth_blow(chain), 2.0, dt=0.01, method=method).energy_error < 1e-2
+
+
+def test_a_base_of_corrections_must_be_a_splitting():
+    with pytest.raises(TensegrityError, match=r"base of 'x'"):
+        Corrected("x", 4, 0.1, METHODS["rk4"])
 
 
 @pytest.mark.parametrize("method", METHODS)

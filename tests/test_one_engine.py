@@ -2,13 +2,10 @@
 
 import numpy as np
 import pytest
-import sympy as sp
 from networks import fork, patch, pushed
 from oracle import ORDERS, stepped
 from scenes import prism_chain, smooth_blow
-from springs import series
 
-from derivations import nodes
 from tensegrity import (
     Chain,
     Ensemble,
@@ -256,34 +253,6 @@ def test_forces_are_the_slope_of_the_energy_and_stiffness_that_of_the_forces(num
         np.testing.assert_allclose(stiffness[:, k], -change * free.ravel(), atol=2e-8)
     assert not forces[list(scene.held)].any()
     assert not stiffness[~free.ravel()].any()
-
-
-def test_stiffness_of_a_prism_of_bars_and_strings_is_the_18_coordinate_tangent():
-    prism = Prism(1.0, 0.8, 0.1, 1.0, 5.0, 50.0)
-    cross, base, bar = prism.natural_lengths()
-    lower = [np.array([np.cos(a), np.sin(a), 0]) / np.sqrt(3) for a in 2 * np.pi / 3 * np.arange(3)]
-    turn = 5 * np.pi / 6
-    turned = np.array(
-        [[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]]
-    )
-    places = np.array(lower + [turned @ x + [0, 0, prism.height] for x in lower])
-    values = {"k_1": prism.k_cross, "k_2": prism.k_base, "k_3": prism.k_bar}
-    values |= {"s_N": cross, "l_N": base, "b_N": bar}
-    energy = nodes.energy().subs({name: values[str(name)] for name in nodes.CONSTANTS})
-    slopes = [energy.diff(x) for x in nodes.POSITIONS]
-    tangent = [[slope.diff(x) for x in nodes.POSITIONS] for slope in slopes]
-    at = sp.lambdify(nodes.POSITIONS, (slopes, tangent), cse=True)
-    gradient, wanted = map(np.array, at(*places.ravel()))
-    assert np.abs(gradient).max() < 1e-13  # the self-stressed state, to the round-off of sums
-    ring = [(0, 1), (1, 2), (2, 0)]
-    bonds = ring + [(i + 3, j + 3) for i, j in ring]  # bases
-    bonds += [((j + 1) % 3, j + 3) for j in range(3)] + [(j, j + 3) for j in range(3)]
-    springs = [series(k=k) for k in [prism.k_base] * 6 + [prism.k_cross] * 3 + [prism.k_bar] * 3]
-    lengths = [base] * 6 + [cross] * 3 + [bar] * 3
-    network = Network(places, bonds, springs, lengths=lengths)
-    found = network.stiffness(np.zeros((6, 3))).toarray()
-    np.testing.assert_allclose(found, wanted, atol=1e-12 * np.abs(wanted).max())
-    assert np.abs(network.forces(np.zeros((6, 3)))).max() < 1e-14
 
 
 @pytest.mark.parametrize("method", ["verlet", "rkn6", "midpoint", "rk4"])

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from networks import patch, pushed
+from oracle import ORDERS
 from scenes import prism_chain, smooth_blow
 
 from granular import Bead, Striker, materials, y_guide
@@ -16,7 +17,6 @@ from tensegrity import (
     TensegrityError,
     simulate,
 )
-from tensegrity.engine.methods import METHODS
 from tensegrity.runs.motion import Motion
 from tensegrity.runs.tuning import simulate_tuned
 
@@ -58,7 +58,7 @@ def test_values_between_steps_have_the_order_and_the_accuracy_of_the_run(name, m
     errors = [np.abs(rows(n) - exact).max(axis=(0, *range(2, exact.ndim))) for n in counts]
     between, ends = np.array(errors)[:, 3:-1].max(axis=1), np.array(errors)[:, -1]
     fitted = -np.polyfit(np.log(counts), np.log(between), 1)[0]
-    order = METHODS[method].order
+    order = ORDERS[method]
     assert order - 0.4 < fitted < order + 2, errors
     assert np.all(between < 3 * ends)
 
