@@ -239,7 +239,8 @@ EXPORT(run) int run(int steps, real dt)
     for (int k = 0; k < steps; k++) {
         for (integer i = 0; i <= bonds(); i++) u_before[i] = u[i], v_before[i] = v[i];
         forget();
-        advance(&chain, 1);
+        advance(&chain, 0, 1, 0);
+        show(&chain, 0, u, v);
         const int found = judged(dt);
         if (found != FINE) {
             for (integer i = 0; i <= bonds(); i++) u[i] = u_before[i], v[i] = v_before[i];
