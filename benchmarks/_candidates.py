@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tensegrity.engine.methods import Splitting, palindrome
+from tensegrity.scenes.dynamics import dynamics
 
 GRADIENT = 1.9
 
@@ -179,7 +180,7 @@ GRADIENTS = {
 
 def run_gradient(chain, state, method, dt, steps):
     """u and v after some steps, in NumPy."""
-    u, v, w = state.u.copy(), state.v.copy(), chain.inverse_mass
+    u, v, w = state.u.copy(), state.v.copy(), dynamics(chain).inverse_mass
     spring = chain.springs[0]
 
     def pull(tension):

@@ -12,6 +12,7 @@ import numpy as np
 
 from granular import Bead, hertz, materials
 from tensegrity import Network, PowerLaw, State, Wall
+from tensegrity.scenes.dynamics import dynamics
 
 try:
     METHODS = import_module("tensegrity.methods").METHODS  # before the package had rooms
@@ -51,7 +52,9 @@ def pack(side, layers):
 def main(side, layers, steps):
     network = pack(side, layers)
     velocity = SPEED * np.random.default_rng(0).standard_normal(network.shape)
-    bound = network.bind(*network.arrays(State(0 * velocity, velocity)), METHODS["verlet"], DT)
+    bound = dynamics(network).bind(
+        *dynamics(network).arrays(State(0 * velocity, velocity)), METHODS["verlet"], DT
+    )
     for _ in sys.stdin:
         began = time.process_time()
         bound.advance(steps)

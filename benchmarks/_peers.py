@@ -18,6 +18,7 @@ import numpy as np
 import sympy as sp
 
 from benchmarks.chain import numba_loop
+from tensegrity.scenes.dynamics import dynamics
 
 HEYOKA = (1e-4, 1e-6, 1e-9, 1e-12, 1e-15)
 SCIPY = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13, 3e-14)
@@ -94,7 +95,7 @@ def heyoka_system(chain, tension):
         return hy.sqrt(x) if isinstance(x, hy.expression) else math.sqrt(x)
 
     force = sp.lambdify(*tension, [{"sqrt": root}, "math"], cse=True)
-    n, w = chain.sites, chain.inverse_mass
+    n, w = chain.sites, dynamics(chain).inverse_mass
     x = [hy.expression(f"x{i}") for i in range(n)]
     v = [hy.expression(f"v{i}") for i in range(n)]
     f = [force(x[i + 1] - x[i]) for i in range(n - 1)]
@@ -159,7 +160,7 @@ def scipy(chain, state, t_end, tension, tolerances=SCIPY):
     """DOP853 with the right-hand side in NumPy, and compiled by numba."""
     from scipy.integrate import solve_ivp
 
-    n, w = chain.sites, chain.inverse_mass
+    n, w = chain.sites, dynamics(chain).inverse_mass
     start = np.concatenate([state.u, state.v])
     force = sp.lambdify(*tension, "numpy", cse=True)
     edges = np.zeros(n + 1)
@@ -214,7 +215,7 @@ def _numba_side(tension, w):
 
 def numba_verlet(chain, state, t_end, tension, counts):
     """Velocity Verlet in numba, as an expert writes it; chains of free unit masses."""
-    if np.any(chain.inverse_mass != 1) or not has("numba"):
+    if np.any(dynamics(chain).inverse_mass != 1) or not has("numba"):
         return
     r, expression = tension
     began = time.perf_counter()

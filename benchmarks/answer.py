@@ -29,6 +29,7 @@ from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.kernel import bind
 from tensegrity.engine.methods import METHODS
 from tensegrity.runs.judge import first_factor
+from tensegrity.scenes.dynamics import dynamics
 
 TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11)
 INSTANTS = 32  # at which errors are taken
@@ -82,14 +83,14 @@ def tapered(sites):
 
 def looks(scene, state, method, t_end, steps, engine=None):
     """u and v at `INSTANTS` + 1 instants of a bare run; (instants, ...) each."""
-    u, v = scene.arrays(state)
+    u, v = dynamics(scene).arrays(state)
     if engine is not None:
         u, v = u.astype(engine.dtype), v.astype(engine.dtype)
     dt, found = t_end / steps, [(u.copy(), v.copy())]
     if engine is None:
-        loop = scene.bind(u, v, method, dt)
+        loop = dynamics(scene).bind(u, v, method, dt)
     else:
-        loop = bind(u, v, scene.loop_bonds, method, dt, engine)
+        loop = bind(u, v, dynamics(scene).loop_bonds, method, dt, engine)
     for _ in range(INSTANTS):
         loop.advance(steps // INSTANTS)
         found.append((u.copy(), v.copy()))
@@ -111,7 +112,7 @@ def reference(case):
     """u and v at the instants, and an estimate of their error."""
     scene, state, t_end = case.run
     smooth = isinstance(scene, Chain) and not case.kinks
-    engine = Compiled.of(scene.loop_bonds, extended=EXTENDED) if smooth else None
+    engine = Compiled.of(dynamics(scene).loop_bonds, extended=EXTENDED) if smooth else None
     steps = REFERENCE * t_end * omega(*case.run) / METHODS["rkn6"].stages
     steps = whole(steps * (KINKS if case.kinks else 1))
     fine, coarse = (
@@ -165,7 +166,7 @@ def _bare_seconds(case, method, steps):
     scene, state, t_end = case.run
     dt, best = t_end / steps, math.inf
     for _ in range(3):
-        loop = scene.bind(*scene.arrays(state), method, dt)
+        loop = dynamics(scene).bind(*dynamics(scene).arrays(state), method, dt)
         loop.forget_range()
         best = min(best, clock(partial(loop.advance, steps))[0])
     return best
@@ -207,7 +208,7 @@ def peers(case, exact):
     if _peers.has("numba"):
         from scipy.integrate import solve_ivp
 
-        side = _peers._numba_side(case.tension, scene.inverse_mass)
+        side = _peers._numba_side(case.tension, dynamics(scene).inverse_mass)
         size = float(np.abs(start).max())
         for tol in _peers.SCIPY:
 
@@ -286,7 +287,7 @@ def fixed_cost():
             clock(lambda s=s, given=given: simulate(chain, s, 1.0, **given))[0] for s in states
         )
         run = simulate(chain, states[0], 1.0, **given)
-        loop = chain.bind(*chain.arrays(states[0]), METHODS[run.method], run.dt)
+        loop = dynamics(chain).bind(*dynamics(chain).arrays(states[0]), METHODS[run.method], run.dt)
         steps = round(runs * run.steps)
         found[name] = call, min(clock(partial(loop.advance, steps))[0] for _ in range(CALLS))
     return found

@@ -18,6 +18,7 @@ from benchmarks._timing import best, table
 from granular import Bead, Striker, chain, materials
 from tensegrity import Chain, Ensemble, Network, PowerLaw, Prism, State, simulate
 from tensegrity.engine.methods import METHODS
+from tensegrity.scenes.dynamics import dynamics
 
 SIZES = (100, 1_000, 100_000)
 WORK = 2_000_000  # bond-steps per timed call
@@ -77,8 +78,8 @@ def laned():
 def loop(scene, steps):
     """A call of that many steps, from a small motion."""
     r = 1e-3 * np.random.default_rng(0).standard_normal(scene.shape)
-    u, v = scene.arrays(State(r, np.zeros(scene.shape)))
-    bound = scene.bind(u, v, METHODS["verlet"], DT)
+    u, v = dynamics(scene).arrays(State(r, np.zeros(scene.shape)))
+    bound = dynamics(scene).bind(u, v, METHODS["verlet"], DT)
     return lambda: bound.advance(steps)
 
 

@@ -16,6 +16,7 @@ from benchmarks._timing import record, table
 from tensegrity import Chain, PowerLaw, Prism, Record, gradient, simulate
 from tensegrity import objective as o
 from tensegrity.engine.methods import METHODS
+from tensegrity.scenes.dynamics import dynamics
 
 STEPS, DT = 40_000, 0.02
 ROUNDS = 5
@@ -49,8 +50,8 @@ def cpu(calls, rounds=ROUNDS):
 
 def loop(chain, state, method, steps):
     """A call of the bare loop."""
-    u, v = chain.arrays(state)
-    bound = chain.bind(u, v, METHODS[method], DT)
+    u, v = dynamics(chain).arrays(state)
+    bound = dynamics(chain).bind(u, v, METHODS[method], DT)
     return lambda: bound.advance(steps)
 
 

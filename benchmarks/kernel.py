@@ -25,6 +25,7 @@ from tensegrity.engine.kernel import bind
 from tensegrity.engine.law import functions
 from tensegrity.engine.methods import METHODS
 from tensegrity.engine.pieces import BoundPieces
+from tensegrity.scenes.dynamics import dynamics
 
 SITES, STEPS, DT = 1000, 1000, 0.1
 TIMED = 1000  # steps of one timed call
@@ -77,13 +78,15 @@ def contestants(family):
 
 
 def bound_loop(engine, chain, u, v):
-    return bind(u, v, chain.loop_bonds, METHODS["verlet"], DT, engine)
+    return bind(u, v, dynamics(chain).loop_bonds, METHODS["verlet"], DT, engine)
 
 
 def motion(spring, speed, extended=False):
     """Displacements after the run."""
     chain = Chain(spring, SITES)
-    engine = Compiled.of(chain.loop_bonds, extended=True) if extended else single(spring.law)
+    engine = (
+        Compiled.of(dynamics(chain).loop_bonds, extended=True) if extended else single(spring.law)
+    )
     dtype = np.longdouble if extended else float
     state = blow(chain, speed)
     u, v = state.u.astype(dtype), state.v.astype(dtype)
@@ -172,7 +175,9 @@ def ensembles():
     steps = {lanes: TIMED * 64 // lanes for lanes in LANES}
     for lanes in LANES:
         u = 1e-3 * np.sin(np.arange(LANED * lanes) ** 2).reshape(LANED, lanes)
-        loop = bound_loop(Compiled.of(chain.loop_bonds, lanes), chain, u, np.zeros_like(u))
+        loop = bound_loop(
+            Compiled.of(dynamics(chain).loop_bonds, lanes), chain, u, np.zeros_like(u)
+        )
         loops[lanes] = lambda loop=loop, lanes=lanes: loop.advance(steps[lanes])
     return {n: t * 1e9 / steps[n] / n / (LANED - 1) for n, t in best(loops).items()}
 
@@ -182,10 +187,10 @@ def long_chains():
     spring, found = FAMILIES["rigid"][0], {}
     for sites in LONG:
         chain, loops = Chain(spring, sites), {}
-        engine, steps = Compiled.of(chain.loop_bonds), 1000 * LONG[0] // sites
+        engine, steps = Compiled.of(dynamics(chain).loop_bonds), 1000 * LONG[0] // sites
         for threads in (0, 1, 2):
             u, v = 1e-3 * np.sin(np.arange(sites) % 1000.0), np.zeros(sites)
-            parts = u, v, chain.loop_bonds, METHODS["verlet"], DT
+            parts = u, v, dynamics(chain).loop_bonds, METHODS["verlet"], DT
             pieces = BoundPieces(engine, *parts, threads) if threads else None
             loop = pieces or BoundLine(engine, *parts)
             loops[threads] = lambda loop=loop, steps=steps: loop.advance(steps)

@@ -15,6 +15,7 @@ from tensegrity import Chain, Prism, TensegrityError, solitary_wave
 from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.kernel import bind
 from tensegrity.engine.methods import METHODS
+from tensegrity.scenes.dynamics import dynamics
 
 SITES = 128
 LEVELS = 10.0 ** -np.arange(2.0, 13.0)
@@ -37,20 +38,20 @@ def scenes():
 
 def omega(chain, state, t_end):
     """Bound of the angular frequency over what a run meets [rad/s]."""
-    u, v = chain.arrays(state)
-    loop = chain.bind(u, v, METHODS["rkn6"], t_end / 4000)
+    u, v = dynamics(chain).arrays(state)
+    loop = dynamics(chain).bind(u, v, METHODS["rkn6"], t_end / 4000)
     loop.advance(4000)
-    return chain.frequency(loop.range)
+    return dynamics(chain).frequency(loop.range)
 
 
 def final(chain, state, method, dt, steps, engine=None):
     """u and v after a run."""
     if engine is None:
-        u, v = chain.arrays(state)
-        loop = chain.bind(u, v, method, dt)
+        u, v = dynamics(chain).arrays(state)
+        loop = dynamics(chain).bind(u, v, method, dt)
     else:
         u, v = state.u.astype(engine.dtype), state.v.astype(engine.dtype)
-        loop = bind(u, v, chain.loop_bonds, method, dt, engine)
+        loop = bind(u, v, dynamics(chain).loop_bonds, method, dt, engine)
     loop.advance(steps)
     return u[: chain.sites], v[: chain.sites]
 
@@ -79,7 +80,7 @@ def measure(scene, levels=LEVELS):
     chain, state, t_end = scene
     fastest = omega(*scene)
     scale = t_end * fastest
-    engine = Compiled.of(chain.loop_bonds, extended=EXTENDED)
+    engine = Compiled.of(dynamics(chain).loop_bonds, extended=EXTENDED)
     steps = int(REFERENCE * scale / METHODS["rkn6"].stages)
     exact = final(chain, state, METHODS["rkn6"], t_end / steps, steps, engine)
     found = {}

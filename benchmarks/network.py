@@ -28,6 +28,7 @@ from tensegrity.engine import pieces
 from tensegrity.engine.bound_net import BoundNet
 from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.methods import METHODS
+from tensegrity.scenes.dynamics import dynamics
 
 PACKS = {"833 beads": (7, 17), "50,653 beads": (37, 37)}
 BEFORE = "TENSEGRITY_BEFORE"
@@ -39,8 +40,8 @@ ROWS = 500
 
 def bound(scene, state, dt, threads=1):
     """A scene bound to its loop, and its u and v."""
-    u, v = scene.arrays(state)
-    bonds = scene.loop_bonds
+    u, v = dynamics(scene).arrays(state)
+    bonds = dynamics(scene).loop_bonds
     given = Compiled.of(bonds), u, v, bonds, METHODS["verlet"], dt
     return (BoundNet(*given) if threads == 1 else pieces.BoundParts(*given, threads)), u, v
 
@@ -178,7 +179,7 @@ def streamed(name):
     """Rows: bytes that pass in a step of a pack, and what moving as many takes here at least."""
     network = pack(*PACKS[name])
     _, u, v = bound(network, State(*np.zeros((2, *network.shape))), DT)
-    ((_, _, lists),) = network.loop_bonds.laid.values()
+    ((_, _, lists),) = dynamics(network).loop_bonds.laid.values()
     size = 2 * (u.nbytes + v.nbytes) + network.positions.nbytes
     size += sum(x.nbytes for x in lists.values() if hasattr(x, "nbytes"))  # of sites and contacts
     one, other = np.ones((2, size // 16))
@@ -205,7 +206,7 @@ def rows():
     kept = run(4)
     calls = {
         "1 row": lambda: run(steps), f"{ROWS} rows": lambda: run(4),
-        "their energies": lambda: network.energies(kept.u, kept.v),
+        "their energies": lambda: dynamics(network).energies(kept.u, kept.v),
     }  # fmt: skip
     return [(name, 1e3 * seconds) for name, seconds in least(calls, 7).items()]
 

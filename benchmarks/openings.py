@@ -19,6 +19,7 @@ from granular import Bead, Striker, chain, materials, simulate, y_guide
 from tensegrity import Chain, Network, PowerLaw, Record, State
 from tensegrity.engine.kernel import bind
 from tensegrity.engine.methods import METHODS
+from tensegrity.scenes.dynamics import dynamics
 
 METHOD, PLAIN = "corrected6", "rkn6"
 WANTED = 1e-10
@@ -57,10 +58,10 @@ class Prepared:
     """A scene in the bare loop of a method, from its start again and again."""
 
     def __init__(self, scene, state, t_end, method, steps):
-        self._start, self._sites, self._steps = scene.arrays(state), scene.sites, steps
+        self._start, self._sites, self._steps = dynamics(scene).arrays(state), scene.sites, steps
         self._rows = tuple(x.copy() for x in self._start)
         self._loop = bind(
-            *self._rows, scene.loop_bonds, METHODS[method], t_end / steps, divided=False
+            *self._rows, dynamics(scene).loop_bonds, METHODS[method], t_end / steps, divided=False
         )
 
     def __call__(self):
@@ -113,13 +114,13 @@ def cpu(rivals, rounds=ROUNDS):
 def events(scene, steps=20_000):
     """How often a contact opened or closed by more than round-off."""
     space, state, t_end = scene
-    u, v = space.arrays(state)
-    loop = bind(u, v, space.loop_bonds, METHODS[METHOD], t_end / steps, divided=False)
-    place = space.spring_table.openings[space.spring_table.group, 0]
+    u, v = dynamics(space).arrays(state)
+    loop = bind(u, v, dynamics(space).loop_bonds, METHODS[METHOD], t_end / steps, divided=False)
+    place = dynamics(space).springs.openings[dynamics(space).springs.group, 0]
     overlaps = []
     for step in range(steps):
         loop.advance(1, opened=step > 0)
-        overlaps.append(place - space.stretch(u[: space.sites]))
+        overlaps.append(place - dynamics(space).stretch(u[: space.sites]))
     far = np.abs(overlaps) > SEEN * np.max(overlaps)
     return sum(
         int(np.sum(np.diff(np.sign(w[x])) != 0))

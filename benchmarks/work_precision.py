@@ -42,6 +42,7 @@ from tensegrity import (
 from tensegrity.engine import codegen, native
 from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.methods import METHODS
+from tensegrity.scenes.dynamics import dynamics
 
 CALLED = 10.0 ** -np.arange(2.0, 12.0)
 FINER = 2.0  # ratio of the numbers of steps
@@ -106,7 +107,7 @@ def _met(run):
     """Smallest and largest elongation of a run of a chain of equal springs, and some room."""
     chain, state, t_end = run
     u, v = state.u.copy(), state.v.copy()
-    loop = chain.bind(u, v, METHODS["rkn6"], t_end / 1000)
+    loop = dynamics(chain).bind(u, v, METHODS["rkn6"], t_end / 1000)
     loop.advance(1000)
     low, high = loop.range[0]
     return low - 0.05 * (high - low), high + 0.05 * (high - low)
@@ -126,7 +127,7 @@ def reference(run):
     """u and v at the end, and an estimate of their error."""
     scene, state, t_end = run
     smooth = isinstance(scene, Chain) and scene.springs[0].smooth
-    engine = Compiled.of(scene.loop_bonds, extended=EXTENDED) if smooth else None
+    engine = Compiled.of(dynamics(scene).loop_bonds, extended=EXTENDED) if smooth else None
     least = REFERENCE * t_end * omega(*run) / METHODS["rkn6"].stages
     steps = 2 * math.ceil((1 if smooth else 10) * least / 2)
     fine, coarse = (
@@ -160,7 +161,7 @@ def ours(scene, exact):
                 yield Entry(name, f"{steps} steps", prepare)
             if scene.polynomial and method.explicit and error < 0.1:
                 fit = _fit(scene.run, float(np.clip(FIT * error, 2e-14, 1e-3)))
-                moved = chain.with_springs([fit])
+                moved = dynamics(chain).with_springs([fit])
 
                 def fitted(moved=moved, method=method, steps=steps):
                     return lambda: final(moved, state, method, t_end / steps, steps)
@@ -226,7 +227,7 @@ def ensemble():
 
     def advanced(law, method, steps):
         line = Chain(law, ENSEMBLE_SITES)
-        engine = Compiled.of(line.loop_bonds, LANES)
+        engine = Compiled.of(dynamics(line).loop_bonds, LANES)
 
         def prepare():
             return lambda: final(line, states, method, ENSEMBLE_END / steps, steps, engine)
@@ -247,7 +248,7 @@ def build_time(chain):
     """Seconds to generate and compile the loop of a chain, nothing cached."""
     with tempfile.TemporaryDirectory() as folder:
         began = time.perf_counter()
-        text = codegen.c_text(chain.loop_bonds.laws)
+        text = codegen.c_text(dynamics(chain).loop_bonds.laws)
         flags = (*native.FLAGS, native.NATIVE, *native.WIDE)
         native.build(text, native.compilers()[0], flags, Path(folder) / "entry")
         return time.perf_counter() - began

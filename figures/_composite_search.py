@@ -25,6 +25,7 @@ from figures._solitons import MISFIT, pulses
 from tensegrity import Ensemble, Prism, State, TensegrityError, sweep
 from tensegrity.engine.methods import METHODS
 from tensegrity.prisms.condensed import ElasticPotential
+from tensegrity.scenes.dynamics import dynamics
 from tensegrity.springs.polynomial import PolynomialLaw
 from tensegrity.springs.potential import Potential
 from tensegrity.waves.family import Family
@@ -194,13 +195,14 @@ def followed(lanes):
     scene = Ensemble([x.chain for x in begun])
     state = State(*(np.stack([getattr(x.state, n) for x in begun], axis=1) for n in ("u", "v")))
     steps = math.ceil(max(x.stiffest for x in filled) / STEP / ROWS)
-    loop = scene.bind(*scene.arrays(state), METHODS["verlet"], 1 / (ROWS * steps))
+    of = dynamics(scene)
+    loop = of.bind(*of.arrays(state), METHODS["verlet"], 1 / (ROWS * steps))
     alive, found, rows = np.ones(LANES, dtype=bool), {}, []
     for row in range(ROWS):
         loop.forget_range()
         loop.go(row * steps, (row + 1) * steps)
         rows.append(tuple(x.copy() for x in loop.shown))
-        inside = _inside(scene, loop.range)
+        inside = _inside(of.springs, loop.range)
         for k in np.flatnonzero(alive & ~inside):
             worth = BARRED * (1 - row / ROWS) / 2
             found[filled[k].number] = Worth(worth, reason="beyond the domain of a spring")
@@ -214,11 +216,11 @@ def followed(lanes):
     }
 
 
-def _inside(scene, ranges):
+def _inside(springs, ranges):
     """Whether all bonds of each lane stayed where their springs are defined; (LANES,)."""
-    low, high = scene.spring_table.domains.T
+    low, high = springs.domains.T
     good = (ranges[:, 0] > low) & (ranges[:, 1] < high)
-    return good[scene.spring_table.group].all(axis=0)
+    return good[springs.group].all(axis=0)
 
 
 def judged(lane, t, u, v):

@@ -6,6 +6,7 @@ import numpy as np
 
 from tensegrity import Chain, Prism
 from tensegrity.engine.methods import METHODS, Corrected
+from tensegrity.scenes.dynamics import dynamics
 
 DIFFERENT = [name for name, method in METHODS.items() if not isinstance(method, Corrected)]
 """Methods but those that, on smooth springs, do the steps of another."""
@@ -20,8 +21,8 @@ def prism_chain(sites):
 
 def moved(chain, state, method, dt, steps):
     """Displacements and velocities after some steps of the bare loop, which refuses nothing."""
-    u, v = chain.arrays(state)
-    chain.bind(u, v, METHODS[method], dt).advance(steps)
+    u, v = dynamics(chain).arrays(state)
+    dynamics(chain).bind(u, v, METHODS[method], dt).advance(steps)
     return u, v
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from figures._limits import grid, prism_chain, stepped
 from tensegrity import Record, State, simulate
 from tensegrity.engine.pieces import LONG, processors
+from tensegrity.scenes.dynamics import dynamics
 
 NAME = "limits_bits"
 GROUP = "limits"
@@ -55,7 +56,7 @@ def in_numpy(chain, state, t_end):
     for _ in range(LOOKS - 1):
         steps = round(t_end / DT) // (LOOKS - 1)
         found = stepped(
-            lambda u: chain.forces(u) * chain.inverse_mass, *rows[-1], "rkn6", DT, steps
+            lambda u: chain.forces(u) * dynamics(chain).inverse_mass, *rows[-1], "rkn6", DT, steps
         )
         rows.append(np.stack(found))
     return np.stack(rows, axis=1)

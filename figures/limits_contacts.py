@@ -7,6 +7,7 @@ import numpy as np
 from figures._limits import COLOURS, gap, grid, moved, slope
 from tensegrity import Chain, PowerLaw
 from tensegrity.engine.methods import METHODS
+from tensegrity.scenes.dynamics import dynamics
 
 NAME = "limits_contacts"
 GROUP = "limits"
@@ -39,8 +40,8 @@ def exact(name, exponent=HERTZ):
 def events(exponent=HERTZ):
     """Openings and closings of the scene that opens."""
     chain, state = scene("opening", exponent)
-    u, v = chain.arrays(state)
-    loop = chain.bind(u, v, METHODS[CORRECTED], DURATION / FINE)
+    u, v = dynamics(chain).arrays(state)
+    loop = dynamics(chain).bind(u, v, METHODS[CORRECTED], DURATION / FINE)
     closed = []
     for step in range(FINE):
         loop.advance(1, opened=step > 0)

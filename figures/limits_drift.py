@@ -7,6 +7,7 @@ import numpy as np
 from figures._limits import COLOURS, grid, prism_chain
 from tensegrity import State
 from tensegrity.engine.methods import METHODS
+from tensegrity.scenes.dynamics import dynamics
 
 NAME = "limits_drift"
 GROUP = "limits"
@@ -39,8 +40,8 @@ def looks(steps):
 def drifting(method, steps, dt):
     """Relative change of the energy after numbers of steps, in the bare loop."""
     chain, state, *_ = scene()
-    u, v = chain.arrays(state)
-    loop = chain.bind(u, v, METHODS[method], dt)
+    u, v = dynamics(chain).arrays(state)
+    loop = dynamics(chain).bind(u, v, METHODS[method], dt)
     first, done, found = chain.energy(state), 0, []
     for stop in looks(steps).tolist():
         loop.advance(stop - done)

@@ -7,6 +7,7 @@ import numpy as np
 from figures._limits import COLOURS, EXPLICIT, grid, moved, prism_chain, slope
 from tensegrity import LockingError, Record, StabilityError, State, simulate
 from tensegrity.engine.methods import METHODS
+from tensegrity.scenes.dynamics import dynamics
 
 NAME = "limits_locking"
 GROUP = "limits"
@@ -36,7 +37,7 @@ def stability_step(gap, method):
     """Stability limit at the stiffness of the turning point [s]."""
     chain, _ = collision(gap)
     stop = (1 - gap) * chain.springs[0].domain[0]
-    return METHODS[method].stability_limit / chain.frequency([(stop, 0.0)])
+    return METHODS[method].stability_limit / dynamics(chain).frequency([(stop, 0.0)])
 
 
 def energy_error(gap, method, dt):

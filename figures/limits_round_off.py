@@ -8,6 +8,7 @@ from figures._limits import grid, prism_chain, slope
 from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.kernel import bind
 from tensegrity.engine.methods import METHODS
+from tensegrity.scenes.dynamics import dynamics
 from tensegrity.springs.corners import TAUT
 
 NAME = "limits_round_off"
@@ -32,7 +33,7 @@ def energy(engine, chain, u, v):
     """Energy beside that of the drift, in extended precision, of states in either precision."""
     u, v = u.astype(engine.dtype), v.astype(engine.dtype)
     r, v = np.diff(u), v - v.mean()
-    (values,) = chain.loop_bonds.parameters
+    (values,) = dynamics(chain).loop_bonds.parameters
     bonds = engine.evaluate(0, 0, values, np.ascontiguousarray(r))
     return bonds.sum() + (v**2).sum() / 2
 
@@ -41,14 +42,16 @@ def growth(drift, steps=STEPS):
     """Differences of double from extended precision against the number of steps."""
     chain, method = prism_chain(SITES), METHODS[METHOD]
     stops = np.unique(np.geomspace(10, steps, LOOKS).astype(int))
-    engines = [Compiled.of(chain.loop_bonds, extended=extended) for extended in (False, True)]
+    engines = [
+        Compiled.of(dynamics(chain).loop_bonds, extended=extended) for extended in (False, True)
+    ]
     found = []
     for velocity in starts(drift):
         pairs = [
             (np.zeros(SITES, engine.dtype), velocity.astype(engine.dtype)) for engine in engines
         ]
         loops = [
-            bind(*pair, chain.loop_bonds, method, DT, engine)
+            bind(*pair, dynamics(chain).loop_bonds, method, DT, engine)
             for engine, pair in zip(engines, pairs, strict=True)
         ]
         scale, done, rows = energy(engines[1], chain, *pairs[1]), 0, []

@@ -9,6 +9,7 @@ from figures._files import lines
 from figures._limits import COLOURS, EXPLICIT, grid, listed
 from tensegrity import Chain, Potential, State
 from tensegrity.engine.methods import METHODS
+from tensegrity.scenes.dynamics import dynamics
 
 NAME = "limits_stability"
 GROUP = "limits"
@@ -32,7 +33,7 @@ def growth(method, z, steps):
     """Logarithm of the amplitude's growth per step, all modes excited, over the last half."""
     row, omega = chain()
     u, v = np.random.default_rng(1).standard_normal((2, SITES))
-    loop = row.bind(u, v, method, z / omega)
+    loop = dynamics(row).bind(u, v, method, z / omega)
     loop.advance(steps // 2)
     before = row.energy(State(u, v))
     loop.advance(steps // 2)

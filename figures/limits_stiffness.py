@@ -10,6 +10,7 @@ import sympy as sp
 from figures._limits import COLOURS, DIFFERENT, EXPLICIT, grid, moved, slope
 from tensegrity import Chain, Potential
 from tensegrity.engine.methods import METHODS
+from tensegrity.scenes.dynamics import dynamics
 
 NAME = "limits_stiffness"
 GROUP = "limits"
@@ -35,7 +36,7 @@ def least(method, ratio):
     """Steps that stability alone asks for."""
     chain, _ = scene(ratio)
     low = np.array([[-1.0, 1.0], [-1e-3, 1e-3]])  # elongations of the soft and the stiff spring
-    limit = METHODS[method].stability_limit / chain.frequency(low)
+    limit = METHODS[method].stability_limit / dynamics(chain).frequency(low)
     return max(FIRST, int(np.ceil(DURATION / (BELOW * limit))))
 
 

@@ -14,6 +14,8 @@ from granular import sensitivity
 from granular.contact import contact_of
 from granular.crystal import Crystal
 from tensegrity import Network, State, TensegrityError, check
+from tensegrity.scenes.dynamics import dynamics
+from tensegrity.scenes.network_dynamics import NetworkDynamics
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -50,12 +52,8 @@ class Assembly(Crystal, Network):
         self.check(state)
         return state
 
-    def available_energy(self, state: State, energy: float | None = None) -> float:
-        """Energy of motion and contacts [J], which any contact could get.
-
-        That of the loads counts from the places as laid, where it could be below 0.
-        """
-        return super().available_energy(state, energy) + float(np.sum(self.loads * state.u))
+    def _dynamics(self) -> AssemblyDynamics:
+        return AssemblyDynamics(self)
 
     bead_arguments = sensitivity.NAMES
 
@@ -127,7 +125,7 @@ class Assembly(Crystal, Network):
 
     def walls_hold(self, u: Array) -> Array:
         """Energy of all contacts with walls [J]; (...)."""
-        return self._each(u, lambda scene, rows: scene.wall_energy(rows).sum(axis=-1))
+        return self._each(u, lambda scene, rows: scene._wall_energy(rows).sum(axis=-1))
 
     def held_by_beads(self, u: Array) -> Array:
         """Half the energy of each bead's contacts with others, and all of those with walls [J]."""
@@ -141,8 +139,12 @@ class Assembly(Crystal, Network):
         for end in self.bonds.T:
             np.add.at(by_site, end, half)
         if walls:
-            np.add.at(by_site, self.wall_contacts[:, 0], np.moveaxis(self.wall_energy(u), -1, 0))
+            np.add.at(by_site, self.wall_contacts[:, 0], np.moveaxis(self._wall_energy(u), -1, 0))
         return result
+
+    def _wall_energy(self, u: Array) -> Array:
+        """Energy of each contact with a wall [J]; (..., wall contacts)."""
+        return dynamics(self).each("energy", u)[..., len(self.bonds) :]
 
     def walls_named(self, name: str) -> list[int]:
         """Numbers of the walls of that name; TensegrityError if there is none."""
@@ -167,7 +169,7 @@ class Assembly(Crystal, Network):
     def touches_wall(self, name: str) -> list[int]:
         """Sites on which the forces on the walls of a name depend: all where contacts come."""
         numbers = self.walls_named(name)
-        if self.follows:
+        if dynamics(self).follows:
             return list(range(self.sites))
         listed = np.isin(self.wall_contacts[:, 1], numbers)
         return sorted(set(self.wall_contacts[listed, 0].tolist()))
@@ -176,15 +178,28 @@ class Assembly(Crystal, Network):
         """`function(scene, rows)` of all rows, by the contacts that are listed there."""
         u = check.rows("displacements", u, self.shape)
         flat = u.reshape(-1, *self.shape)
-        parts = [function(scene, flat[rows]) for rows, scene in self.listings(flat)]
+        listings = dynamics(self).listings(flat)
+        parts = [function(listed.scene, flat[rows]) for rows, listed in listings]
         found = np.concatenate(parts) if parts else np.zeros((0, *self.shape[:1]))
         return found.reshape((*u.shape[:-2], *found.shape[1:]))
 
     def _refuse_followed(self, what: str) -> None:
-        if self.follows:
+        if dynamics(self).follows:
             raise TensegrityError(
                 f"{what} of contacts that come and go: ask those of one instant, listed(u)"
             )
+
+
+class AssemblyDynamics(NetworkDynamics):
+    """Of beads; see `tensegrity.scenes.dynamics`."""
+
+    def available_energy(self, state: State, energy: float | None = None) -> float:
+        """Energy of motion and contacts [J], which any contact could get.
+
+        That of the loads counts from the places as laid, where it could be below 0.
+        """
+        loaded = float(np.sum(self.scene.loads * state.u))
+        return super().available_energy(state, energy) + loaded
 
 
 class SharedSprings:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from granular.assembly import Assembly, SharedSprings
+from granular.assembly import Assembly, AssemblyDynamics, SharedSprings
 from granular.beads import Bead, Striker
 from granular.contact import checked_law, hertz
 from granular.layout import diamond_layout, y_layout
@@ -150,14 +150,19 @@ class Guide(Assembly):
             rest = found.u if striker is None else np.concatenate([found.u[:1], found.u])
         self.rest = rest
 
-    @cached_property
-    def clearance(self) -> Clearance | None:
-        """What watches over the contacts that are not listed; None where beads are blind."""
-        return None if self.radius is None else _Clearance(self)
+    def _dynamics(self) -> _Dynamics:
+        return _Dynamics(self)
 
     def start(self) -> State:
         """The striker in contact and moving along the axis, all else at rest."""
         return self.at_rest({} if self.striker is None else {0: (self.striker.speed, 0.0)})
+
+
+class _Dynamics(AssemblyDynamics):
+    @cached_property
+    def clearance(self) -> Clearance | None:  # type: ignore[override]
+        """What watches over the contacts that are not listed; None where beads are blind."""
+        return None if self.scene.radius is None else _Clearance(self.scene)
 
 
 class _Clearance(Clearance):

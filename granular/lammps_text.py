@@ -16,6 +16,7 @@ from granular.beads import volume
 from granular.chain import BeadChain
 from granular.contact import hertz
 from tensegrity import PowerLaw, State, TensegrityError, check
+from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.forcing import refuse
 
 if TYPE_CHECKING:
@@ -241,7 +242,8 @@ def _net(scene: Assembly) -> tuple[Array, Array, list[Plane]]:
     """Places and loads of the beads of a guide or a pack, and its walls."""
     if scene.radius is None:
         raise TensegrityError("beads that pass through each other have no like in LAMMPS")
-    table, group = scene.spring_table, scene.spring_table.group
+    of = dynamics(scene)
+    table, group = of.springs, of.springs.group
     known = set()
     solids = scene.wall_materials
     partners = [(scene.beads[i], scene.beads[j]) for i, j in scene.bonds.tolist()]
@@ -255,7 +257,7 @@ def _net(scene: Assembly) -> tuple[Array, Array, list[Plane]]:
     walls = []
     for number, (wall, name) in enumerate(zip(scene.walls, scene.wall_names, strict=True)):
         listed = scene.wall_contacts[scene.wall_contacts[:, 1] == number, 0].tolist()
-        if wall.extent is not None and scene.follows:
+        if wall.extent is not None and of.follows:
             raise TensegrityError(
                 f"wall {name!r} has an end and contacts come and go: LAMMPS would have to know "
                 "its edge; leave out its extent"

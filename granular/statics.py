@@ -18,6 +18,7 @@ import numpy as np
 from tensegrity import EquilibriumError, State
 from tensegrity.engine import forces
 from tensegrity.readonly import ReadOnly, fixed
+from tensegrity.scenes.dynamics import dynamics
 
 if TYPE_CHECKING:
     from typing import Any
@@ -103,60 +104,58 @@ class _Listed:
     def __init__(self, scene: Assembly) -> None:
         self._whole, self._at = scene, np.zeros(scene.shape)
         self.radius = radii(scene)
-        self._scene: Any = scene.listed(self._at)
-        watch: Any = scene.clearance
-        self._room = watch.skin / 4 if scene.follows else np.inf
+        of = dynamics(scene)
+        self._listed: Any = of.listed(self._at)
+        self._room = of.clearance.skin / 4 if of.follows else np.inf
 
     def _near(self, u: Array) -> Any:
         if np.abs(u - self._at).max() > self._room:
-            self._scene, self._at = self._whole.listed(u), u
-        return self._scene
+            self._listed, self._at = dynamics(self._whole).listed(u), u
+        return self._listed
 
     def _pulled(self, u: Array) -> tuple[Any, Array, Array, Array]:
-        scene = self._near(u)
-        r, along = forces.elongations(scene.contact_bonds, u)
-        return scene, r, along, scene.spring_table.evaluate("tension", r)
+        of = self._near(u)
+        r, along = forces.elongations(of.contact_bonds, u)
+        return of, r, along, of.springs.evaluate("tension", r)
 
     def forces(self, u: Array) -> Array:
         """Forces on all sites, loads included [N]."""
-        scene, _, along, tension = self._pulled(u)
-        pull: Array = forces.pulls(scene.contact_bonds, tension, along)[: scene.sites]
-        return pull + scene.loads
+        of, _, along, tension = self._pulled(u)
+        pull: Array = forces.pulls(of.contact_bonds, tension, along)[: of.sites]
+        return pull + of.scene.loads
 
     def energy(self, u: Array) -> float:
-        return float(self._near(u).energy(State(u, np.zeros_like(u))))
+        return float(self._near(u).scene.energy(State(u, np.zeros_like(u))))
 
     def largest(self, u: Array) -> float:
         """The largest of all forces of contacts and loads [N]."""
-        scene, _, _, tension = self._pulled(u)
-        return max(np.abs(tension).max(initial=0.0), np.abs(scene.loads).max())
+        of, _, _, tension = self._pulled(u)
+        return max(np.abs(tension).max(initial=0.0), np.abs(of.scene.loads).max())
 
     def carrying(self, u: Array) -> int:
         return int(np.count_nonzero(self._pulled(u)[-1]))
 
     def newton(self, u: Array, f: Array) -> Array:
         """The step of Newton's method under forces f; no number where there is none."""
-        scene, r, along, tension = self._pulled(u)
-        k = scene.spring_table.evaluate("stiffness", r)
-        return self._solved(scene, r, along, tension, k, f)
+        of, r, along, tension = self._pulled(u)
+        k = of.springs.evaluate("stiffness", r)
+        return self._solved(of, r, along, tension, k, f)
 
     def downhill(self, u: Array, f: Array) -> Array:
         """What f does to springs of each contact's force over its overlap."""
-        scene, r, along, _ = self._pulled(u)
+        of, r, along, _ = self._pulled(u)
         least = GUESS * self.radius.min()
         pressed = np.where(np.abs(r) <= least * GUESS, -least, np.minimum(r, 0.0))
-        tension = scene.spring_table.evaluate("tension", pressed)
+        tension = of.springs.evaluate("tension", pressed)
         k = np.divide(tension, pressed, out=np.zeros_like(r), where=pressed < 0)
         k = np.maximum(k, FLOOR * k.max(initial=0.0))
-        return self._solved(scene, r, along, np.zeros_like(r), k, f)
+        return self._solved(of, r, along, np.zeros_like(r), k, f)
 
-    def _solved(
-        self, scene: Any, r: Array, along: Array, tension: Array, k: Array, f: Array
-    ) -> Array:
+    def _solved(self, of: Any, r: Array, along: Array, tension: Array, k: Array, f: Array) -> Array:
         from scipy.sparse import eye_array
         from scipy.sparse.linalg import splu
 
-        found = forces.tangent(scene.contact_bonds, r, along, tension, k).tocsc()
+        found = forces.tangent(of.contact_bonds, r, along, tension, k).tocsc()
         matrix = found[: f.size, : f.size]
         least = 1e-13 * (np.abs(matrix.diagonal()).max(initial=0.0) or 1.0)  # of what bears nothing
         solved: Array = splu(

@@ -6,6 +6,7 @@ to their scene; a scene changed afterwards would contradict both.
 
 from __future__ import annotations
 
+from dataclasses import fields, is_dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -38,6 +39,23 @@ def fixed(value: Any) -> Any:
     if type(value) is dict:
         return FixedDict(value)
     return tuple(value) if type(value) is list else value
+
+
+def same_content(one: Any, other: Any) -> bool:
+    """Whether two values are equal, arrays and what is made of them number by number."""
+    if one is other:
+        return True
+    if type(one) is not type(other):
+        return False
+    if isinstance(one, np.ndarray):
+        return np.array_equal(one, other)
+    if isinstance(one, dict):
+        return list(one) == list(other) and all(same_content(one[k], other[k]) for k in one)
+    if isinstance(one, (tuple, list)):
+        return len(one) == len(other) and all(map(same_content, one, other))
+    if is_dataclass(one) and not isinstance(one, type):
+        return all(same_content(getattr(one, f.name), getattr(other, f.name)) for f in fields(one))
+    return bool(one == other)
 
 
 class ReadOnly:

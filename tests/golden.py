@@ -104,12 +104,13 @@ SCENES = {name: lambda f=f: f(np.random.default_rng(3)) for name, f in KINDS.ite
 def told(run):
     """Numbers of a run: a few rows, and sums over all."""
     rows = np.unique(np.linspace(0, len(run.t) - 1, ROWS).astype(int))
-    found = {"t": run.t[rows], "u": run.u[rows], "v": run.v[rows], "energy": run.energy[rows]}
+    energy = run.energy.sum(axis=-1) if run.energy.ndim == 2 else run.energy  # of all scenes
+    found = {"t": run.t[rows], "u": run.u[rows], "v": run.v[rows], "energy": energy[rows]}
     found |= {"final_u": run.final.u, "final_v": run.final.v}
     for name in ("steps", "error_estimate", "met", "work"):
         if getattr(run, name, None) is not None:
             found[name] = getattr(run, name)
-    return found | {"sum_u": run.u.sum(axis=0), "sum_energy": run.energy.sum()}
+    return found | {"sum_u": run.u.sum(axis=0), "sum_energy": energy.sum()}
 
 
 def of_run(scene, step, record):

@@ -6,6 +6,7 @@ from tensegrity import Network, PowerLaw, Wall
 from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.kernel import bind
 from tensegrity.engine.methods import METHODS
+from tensegrity.scenes.dynamics import dynamics
 
 SPACING = 1.0
 SPRING = PowerLaw(1.0, 1.5, preload=0.3, length=SPACING)
@@ -63,7 +64,7 @@ def fork(stem=6, branch=5, wall_contacts=True):
 
 def extended(network, state, method, dt, steps):
     """Rows of u and v after some steps of the same text, compiled in long double."""
-    u, v = (x.astype(np.longdouble) for x in network.arrays(state))
-    engine = Compiled.of(network.loop_bonds, extended=True)
-    bind(u, v, network.loop_bonds, METHODS[method], dt, engine).advance(steps)
+    u, v = (x.astype(np.longdouble) for x in dynamics(network).arrays(state))
+    engine = Compiled.of(dynamics(network).loop_bonds, extended=True)
+    bind(u, v, dynamics(network).loop_bonds, METHODS[method], dt, engine).advance(steps)
     return u[: network.sites], v[: network.sites]

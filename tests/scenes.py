@@ -7,6 +7,7 @@ from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.kernel import bind
 from tensegrity.engine.methods import METHODS
 from tensegrity.runs import march
+from tensegrity.scenes.dynamics import dynamics
 
 
 def prism_chain(sites=64, ends=("free", "free")):
@@ -46,8 +47,8 @@ def interrupted(monkeypatch, at, steps=1, error=KeyboardInterrupt, counts=lambda
 def extended(chain, state, method, dt, steps):
     """u and v after some steps of the same generated text, compiled in long double."""
     u, v = state.u.astype(np.longdouble), state.v.astype(np.longdouble)
-    engine = Compiled.of(chain.loop_bonds, extended=True)
-    bind(u, v, chain.loop_bonds, METHODS[method], dt, engine).advance(steps)
+    engine = Compiled.of(dynamics(chain).loop_bonds, extended=True)
+    bind(u, v, dynamics(chain).loop_bonds, METHODS[method], dt, engine).advance(steps)
     return u, v
 
 

@@ -31,6 +31,7 @@ from tensegrity import (
 )
 from tensegrity.runs import archive
 from tensegrity.runs.record import beside
+from tensegrity.scenes.dynamics import dynamics
 
 T = sp.Symbol("t")
 CUBIC = series(0, 1 / 4, length=1.0)
@@ -212,7 +213,7 @@ def test_lanes_run_as_their_scenes_alone(how):
         mine = together.lane(state, lane)
         given = {"dt": run.dt, "method": run.method, "record": record}
         alone = simulate(scene, mine, 2.0, **given)
-        if scene.is_driven:
+        if dynamics(scene).is_driven:
             np.testing.assert_array_equal(run.u[..., lane], alone.u)
             np.testing.assert_array_equal(run.final.v[..., lane], alone.final.v)
             work, loss = work + alone.work, loss + alone.loss

@@ -22,6 +22,7 @@ from tensegrity import (
     simulate,
 )
 from tensegrity.runs.motion import Motion
+from tensegrity.scenes.dynamics import dynamics
 
 D = 9.53e-3
 STEEL = Bead(D, materials["steel"])
@@ -257,10 +258,10 @@ def test_rows_are_listed_as_far_as_a_list_lasts():
     scene = followed(rack(), ())
     u = np.zeros((200, *scene.shape))
     u[:, 15, 0] = np.linspace(0, 1.0, 200) * D / 2
-    rows = [part for part, _ in scene.listings(u)]
+    rows = [part for part, _ in dynamics(scene).listings(u)]
     assert [part.start for part in rows] == [0, *(part.stop for part in rows[:-1])]
     assert rows[-1].stop == 200
-    room = scene.clearance.skin / 2
+    room = dynamics(scene).clearance.skin / 2
     for part in rows:
         way = np.abs(u[:, 15, 0] - u[part.start, 15, 0])
         assert way[part].max() < room

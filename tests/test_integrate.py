@@ -23,6 +23,7 @@ from tensegrity import (
 from tensegrity.engine.methods import METHODS
 from tensegrity.runs.judge import SLOWER, Judge, order_left
 from tensegrity.runs.problem import Problem
+from tensegrity.scenes.dynamics import dynamics
 
 EXPLICIT = [name for name, method in METHODS.items() if method.explicit]
 REVERSIBLE = [name for name, method in METHODS.items() if method.reversible]
@@ -283,7 +284,7 @@ def test_above_the_stability_limit_the_bare_loop_grows(name):
     growth = np.abs(np.linalg.eigvals(np.array([[xx, xv], [vx, vv]]).T)).max(axis=1)
     worst, rate = z[np.argmax(growth)], float(np.log(growth.max()))
     u, v, dt = state.u.copy(), state.v.copy(), worst / omega
-    bound = chain.bind(u, v, method, dt)
+    bound = dynamics(chain).bind(u, v, method, dt)
     bound.advance(int(8 / rate))
     early = np.max(np.abs(u))
     bound.advance(int(5 / rate))

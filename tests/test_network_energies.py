@@ -8,6 +8,7 @@ import pytest
 
 from tensegrity import LockingError, Network, PowerLaw, Prism, State, Wall, simulate
 from tensegrity.engine import energies
+from tensegrity.scenes.dynamics import dynamics
 from tensegrity.springs import collection
 
 SITES, STATES = 40, 5
@@ -72,7 +73,7 @@ def test_energies_of_rows_are_those_summed_by_hand(monkeypatch, dim, part):
     for k in range(STATES):
         wanted, size = by_hand(scene, u[k], v[k])
         assert found[k] == pytest.approx(wanted, abs=2e-15 * size)
-    np.testing.assert_array_equal(scene.energies(u, v), found)
+    np.testing.assert_array_equal(dynamics(scene).energies(u, v), found)
 
 
 @pytest.mark.parametrize("loads", [True, False])
@@ -80,22 +81,22 @@ def test_energies_of_rows_are_those_summed_by_hand(monkeypatch, dim, part):
 def test_energies_without_a_compiler_are_the_same(monkeypatch, dim, loads):
     scene = mixed(dim, loads=loads)
     u, v = states(scene)
-    found = scene.energies(u, v)
+    found = dynamics(scene).energies(u, v)
     monkeypatch.setattr(collection, "single", lambda law: None)
     other = mixed(dim, loads=loads)
     assert other.energies_at_once is None
-    np.testing.assert_allclose(other.energies(u, v), found, rtol=1e-13)
+    np.testing.assert_allclose(dynamics(other).energies(u, v), found, rtol=1e-13)
 
 
 def test_energies_do_not_depend_on_how_many_are_asked_for():
     scene = mixed(3)
     u, v = states(scene)
-    every = scene.energies(u, v)
+    every = dynamics(scene).energies(u, v)
     each = [scene.energy(State(*pair)) for pair in zip(u, v, strict=True)]
     np.testing.assert_array_equal(every, each)
     apart = np.asfortranarray(u), v  # in another order in memory
-    np.testing.assert_allclose(scene.energies(*apart), every, rtol=1e-13)
-    assert scene.energies(u[:0], v[:0]).shape == (0,)
+    np.testing.assert_allclose(dynamics(scene).energies(*apart), every, rtol=1e-13)
+    assert dynamics(scene).energies(u[:0], v[:0]).shape == (0,)
 
 
 def test_an_elongation_out_of_its_domain_is_refused():
@@ -103,7 +104,7 @@ def test_an_elongation_out_of_its_domain_is_refused():
     u, v = states(scene)
     u[3, 2] -= 0.049 * (scene.positions[2] - scene.positions[1]) / 0.05
     with pytest.raises(LockingError):
-        scene.energies(u, v)
+        dynamics(scene).energies(u, v)
 
 
 def test_a_network_of_no_bonds_moves_freely():

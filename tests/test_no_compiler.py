@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from tensegrity import Chain, Prism, Record, simulate
+from tensegrity.scenes.dynamics import dynamics
 
 ROOT = Path(__file__).parent.parent
 WITHOUT = "import sys; sys.modules['ziglang'] = None; sys.path.insert(0, 'tests')\n"
@@ -72,7 +73,7 @@ def numbers():
         "fit": list(fitted.values.values()),
         "wave": [wave.speed, wave.amplitude],
         "family": [family.speeds, family.crests],
-        "chain": [chain.forces(u), chain.energies(u, u), chain.stiffness(u).toarray()],
+        "chain": [chain.forces(u), dynamics(chain).energies(u, u), chain.stiffness(u).toarray()],
         "modes": [modes(chain).frequencies, dispersion([spring], [1.0], np.array([0.5]))],
         "structure": [structure.modes().frequencies, squeezed.load, state.positions],
         "pack": [pack.at_rest().u],

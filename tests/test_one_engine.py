@@ -113,8 +113,8 @@ def test_lanes_have_masses_and_springs_of_their_own(method):
     for k, one in enumerate(alone):
         np.testing.assert_allclose(run.u[..., k], one.u, rtol=0, atol=1e-15)
         np.testing.assert_allclose(run.v[..., k], one.v, rtol=0, atol=1e-15)
-        mine = run.met[several.spring_table.group[:, k]]
-        np.testing.assert_allclose(mine, one.met[one.scene.spring_table.group], atol=1e-14)
+        mine = run.met[dynamics(several).springs.group[:, k]]
+        np.testing.assert_allclose(mine, one.met[dynamics(one.scene).springs.group], atol=1e-14)
     np.testing.assert_allclose(run.energy, sum(one.energy for one in alone), rtol=1e-13)
     each = several.lane_energy(run.u, run.v)
     np.testing.assert_allclose(each.sum(axis=1), run.energy, rtol=1e-13)

@@ -31,6 +31,7 @@ from tensegrity import (
 from tensegrity.engine.kernel import bind
 from tensegrity.engine.methods import METHODS
 from tensegrity.runs import fitted, tolerance
+from tensegrity.scenes.dynamics import dynamics
 from tensegrity.springs import polynomial
 
 RIGID = Prism(1.0, 0.8, 0.02, 1.0).potential()
@@ -231,7 +232,7 @@ def test_the_loop_takes_polynomials():
     u, v = 0.009 * np.sin(np.arange(131.0) ** 2), np.zeros(131)
     f = np.concatenate([[0], chain.bond_tension(u), [0]])
     single = replace(METHODS["verlet"], kicks=(1.0, 0.0))
-    bind(u, v, chain.loop_bonds, single, 0.1).advance(1)
+    bind(u, v, dynamics(chain).loop_bonds, single, 0.1).advance(1)
     np.testing.assert_allclose(v, 0.1 * np.diff(f), rtol=0, atol=1e-15)
 
 

@@ -8,6 +8,7 @@ from tensegrity import Chain, PowerLaw, Prism, Record, State, TensegrityError, s
 from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.kernel import bind
 from tensegrity.engine.methods import METHODS
+from tensegrity.scenes.dynamics import dynamics
 
 TOLERANCES = (1e-3, 1e-6, 1e-9)
 FINER = 1e-11  # tolerance that the reference meets
@@ -134,8 +135,8 @@ def true_error(kind, scene, state, run, t_end, tol):
 def in_extended_precision(scene, state, t_end, steps, at):
     """u and v after some steps of the corrected method, compiled in long double: double has too
     few digits to tell an error of 1e-11 where motions part."""
-    bonds, method = scene.loop_bonds, METHODS["corrected6"]
-    u, v = (x.astype(np.longdouble) for x in scene.arrays(state))
+    bonds, method = dynamics(scene).loop_bonds, METHODS["corrected6"]
+    u, v = (x.astype(np.longdouble) for x in dynamics(scene).arrays(state))
     loop = bind(
         u, v, bonds, method, np.longdouble(t_end) / steps, Compiled.of(bonds, extended=True)
     )

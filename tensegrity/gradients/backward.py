@@ -15,6 +15,7 @@ import numpy as np
 from tensegrity.engine.reverse import Back, Seeds, Totals
 from tensegrity.engine.reverse_layout import Layout
 from tensegrity.progress import progress
+from tensegrity.scenes.dynamics import dynamics
 
 if TYPE_CHECKING:
     from tensegrity.gradients.forward import Forward
@@ -64,7 +65,7 @@ class Backward:
         last = forward.steps
         main.set(*forward.states[last])
         main.sow(self._seeds, last)
-        self._most = max(1, WORK // (forward.scene.cost * forward.method.stages))
+        self._most = max(1, WORK // (dynamics(forward.scene).cost * forward.method.stages))
         with progress(last, "step") as self._bar:
             stops = sorted(forward.states, reverse=True)
             for b, a in pairwise(stops):

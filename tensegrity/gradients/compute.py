@@ -30,6 +30,7 @@ from tensegrity.gradients.result import Gradient, digits
 from tensegrity.gradients.samples import View
 from tensegrity.readonly import fixed
 from tensegrity.runs.problem import MOST_STEPS
+from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.scenes.forcing import refuse
 from tensegrity.scenes.scene import Scene, State
@@ -185,17 +186,18 @@ def _one(
     exact: Any,
     checkpoints: Any,
 ) -> Any:
-    if scene.follows:
+    of = dynamics(scene)
+    if of.follows:
         raise TensegrityError(
             "contacts that come and go have no gradient here: give the scene those that act, with "
             "contacts='fixed'"
         )
-    for spring in scene.spring_table.different:
+    for spring in of.springs.different:
         chained.refuse(spring)
     traces = tuple(dict.fromkeys(trace for one in objectives for trace in one.traces))
     stored = any(trace.kind == "energy" for trace in traces)
     names, numbers = _wanted(scene, wanted, stored)
-    layout = Layout(scene.loop_bonds, numbers, exact)
+    layout = Layout(of.loop_bonds, numbers, exact)
     view = View(scene, layout, traces)
     steps = _steps(t_end, dt)
     dt = t_end / steps if steps else dt
@@ -246,7 +248,7 @@ def _wanted(scene: Any, wanted: Any, stored: Any) -> Any:
 
     Only of those that the tension depends on, unless the energy is asked for, which has more.
     """
-    table = scene.spring_table
+    table = dynamics(scene).springs
     laws, law, parameters = table.table
     known = {name: None for spring in table.different for name in chained.names(spring)}
     beads = dict.fromkeys(getattr(scene, "bead_arguments", ()))
@@ -377,7 +379,7 @@ def _gradient(
     g[order] += back.totals.g[k]
     by_w = back.totals.w[k, :sites]
     w += by_w if by_w.ndim == 1 else by_w.sum(axis=1)
-    mass = m - w * scene.inverse_mass**2
+    mass = m - w * dynamics(scene).inverse_mass ** 2
     u, v = back.u[k].copy(), back.v[k].copy()
     held = list(scene.held)
     u[held], v[held], mass[held] = 0, 0, 0

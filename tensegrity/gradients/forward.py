@@ -12,6 +12,7 @@ from tensegrity.engine.reverse import OnGrid
 from tensegrity.runs.march import march
 from tensegrity.runs.problem import Problem
 from tensegrity.runs.record import Record
+from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.scene import State
 
 if TYPE_CHECKING:
@@ -96,8 +97,9 @@ class Forward:
 
     def again(self, k: int, steps: int) -> tuple[Array, Array]:
         """u and v of the sites some steps after a state that was kept, by the same loop."""
-        u, v = self.scene.arrays(State(*self.states[k]))
-        bind = self.scene.bind if self._grid is None else self._bind
+        of = dynamics(self.scene)
+        u, v = of.arrays(State(*self.states[k]))
+        bind = of.bind if self._grid is None else self._bind
         bind(u, v, self.method, self.dt).advance_open(steps, k > 0)
         return u[: self.scene.sites].copy(), v[: self.scene.sites].copy()
 

@@ -10,6 +10,7 @@ import numpy as np
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.gradients import chained
+from tensegrity.scenes.dynamics import dynamics
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -90,7 +91,7 @@ class Gradient:
 
     def _along(self, name: str) -> Array:
         """By an argument of the springs."""
-        table = self._scene.spring_table
+        table = dynamics(self._scene).springs
         springs, found = table.different, np.zeros(len(table.group))
         laws, law, _ = table.table
         most = max(len(one.parameters) for one in laws)

@@ -15,6 +15,7 @@ from tensegrity.engine.bonds import PAIR
 from tensegrity.engine.pulled import Pulled
 from tensegrity.engine.reverse_text import energy_function
 from tensegrity.errors import TensegrityError
+from tensegrity.scenes.dynamics import dynamics
 
 if TYPE_CHECKING:
     from typing import Any
@@ -235,7 +236,7 @@ class Part:
         force = pulled.forces().reshape(*self._u.shape)
         at = [view.rows_u.index(s) for s in sites]
         force = force[:, at] + self._loads(sites)
-        kick = self._closing[:, None] * view.scene.inverse_mass[sites]
+        kick = self._closing[:, None] * dynamics(view.scene).inverse_mass[sites]
         return v + kick[..., None] * force, pulled, force
 
     def _add_velocity(self, sites: list[int], by_v: Array) -> None:
@@ -245,7 +246,7 @@ class Part:
         _, pulled, force = self._velocity(sites)
         if pulled is None:
             return
-        kick = self._closing[:, None] * view.scene.inverse_mass[sites]
+        kick = self._closing[:, None] * dynamics(view.scene).inverse_mass[sites]
         by_force = np.zeros(self._u.shape)
         by_force[:, [view.rows_u.index(s) for s in sites]] = kick[..., None] * by_v
         by_force = by_force if view.layout.dim else by_force[..., 0]

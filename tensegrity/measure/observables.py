@@ -156,9 +156,9 @@ def pulses(chain: Chain, state: State, fraction: float = 0.1) -> list[Pulse]:
     -------
     list of Pulse
     """
-    check.kind("chain", chain, Chain)
     if isinstance(chain, Ensemble):
-        raise TensegrityError("chain is an Ensemble: take one of its lanes")
+        raise TensegrityError("chain is an Ensemble: take one of its scenes")
+    check.kind("chain", chain, Chain)
     chain.energy(state)  # refuses what is no state of it
     fraction = check.number("fraction", fraction, above=0)
     if fraction > 1:

@@ -25,6 +25,7 @@ from tensegrity.prisms.condensed import ElasticPotential
 from tensegrity.prisms.prism import Prism
 from tensegrity.runs.record import Record
 from tensegrity.scenes.chain import Chain
+from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.scenes.forcing import Damping, Drive
 from tensegrity.scenes.network import Network
@@ -359,7 +360,7 @@ def _make_wall(point, normal, extent):
 
 def _network(x):
     bonds = len(x.bonds)
-    opening, gaps = np.split(x.geometry[x.dim], [bonds])
+    opening, gaps = np.split(dynamics(x).geometry[x.dim], [bonds])
     if x.law is not None and not isinstance(x.law.given, Potential):
         return None  # a function, which no file holds
     followed = {} if x.law is None else {"contacts": "follow", "law": x.law.given}

@@ -12,7 +12,7 @@ from tensegrity.runs.motion import Motion, Point
 from tensegrity.runs.problem import Problem
 from tensegrity.runs.run import changed
 from tensegrity.runs.stepping import Outlook
-from tensegrity.scenes.ensemble import Ensemble
+from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.scene import State
 
 if TYPE_CHECKING:
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 
 def motion_of(problem: Problem, dt: float, allowed: float, start: Any = None) -> Any:
     """The motion of a scene, or of the scenes of an ensemble; see `Motion`."""
-    if isinstance(problem.scene, Ensemble):
-        parts = problem.scene.parts(problem.method)
-        if len(parts) > 1 or parts[0][1] is not problem.scene:
+    if problem.dynamics.batch:
+        parts = problem.dynamics.parts(problem.method)
+        if len(parts) > 1 or parts[0].scene is not problem.scene:
             return BatchMotion(problem, dt, allowed, start)
     return (ForcedMotion if problem.is_forced else Motion)(problem, dt, allowed, start)
 
@@ -34,17 +34,18 @@ class BatchMotion:
     """Of the scenes of an ensemble, in its parts, as if they were one; see `Motion`."""
 
     def __init__(self, problem: Any, dt: float, allowed: float, start: Any = None) -> None:
-        self.problem, self.scene, self._failed = problem, problem.scene, 0
+        self.problem, self.dynamics, self._failed = problem, problem.dynamics, 0
         self.dt, self.allowed = dt, allowed
-        self._parts, self._springs = [], len(problem.moved.spring_table)
-        each = problem.scene.parts(problem.method), problem.moved.parts(problem.method)
+        self._parts, self._springs = [], len(problem.moved.springs)
+        each = problem.dynamics.parts(problem.method), problem.moved.parts(problem.method)
         kind = ForcedMotion if problem.is_forced else Motion
-        self._lanes = [part.lanes for part in each[0]]
+        self._lanes = [part.numbers for part in each[0]]
         self._places = [part.places for part in each[1]]
         for number, (part, moved) in enumerate(zip(*each, strict=True)):
             state = State(part.of(problem.state.u), part.of(problem.state.v))
             mine = changed(
-                problem, scene=part.scene, state=state, outlook=Outlook(part.scene, state),
+                problem, scene=part.scene, state=state,
+                outlook=Outlook(dynamics(part.scene), state),
                 surrogate=problem.surrogate and moved.scene,
             )  # fmt: skip
             begins = start and Point(
@@ -124,7 +125,7 @@ class BatchMotion:
     def attempt(self, end: int, wanted: Any) -> bool:
         """As of `Motion`, which all lanes have to do."""
         for number, (motion, lanes) in enumerate(zip(self._parts, self._lanes, strict=True)):
-            shape = motion.scene.shape[len(motion.scene.shape) - (len(lanes) > 1) :]
+            shape = motion.dynamics.batch
             mine = [one.like(shape) for one in wanted]
             if not self._said(number, motion.attempt, end, mine):
                 self._failed = number
@@ -140,19 +141,19 @@ class BatchMotion:
         return self._of_lane(self._failed, self._parts[self._failed].error())
 
     def energies(self, t: Array, u: Array, v: Array) -> Array:
-        """Total energies of all lanes [J]."""
-        if not self.scene.is_driven:
-            return self.scene.energies(u, v)
+        """Total energies [J]; (rows, lanes)."""
+        if not self.dynamics.is_driven:
+            return self.dynamics.energies(u, v)
         each = [
             motion.energies(t, *(np.ascontiguousarray(x[..., lanes[0]]) for x in (u, v)))
             for motion, lanes in zip(self._parts, self._lanes, strict=True)
         ]
-        return np.sum(each, axis=0)
+        return np.stack(each, axis=-1)
 
     def between(self, step: int, part: float, *arrays: Any) -> None:
         """As of `Motion`."""
         for number, (motion, lanes) in enumerate(zip(self._parts, self._lanes, strict=True)):
-            width = motion.scene.shape[-1] if len(lanes) > 1 else 1
+            width = motion.dynamics.batch[0] if len(lanes) > 1 else 1
             places = np.minimum(lanes[0] + np.arange(width), lanes[-1])
             at = places if len(lanes) > 1 else places[0]
             mine = [None if x is None else np.ascontiguousarray(x[..., at]) for x in arrays]

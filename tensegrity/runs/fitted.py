@@ -46,8 +46,8 @@ def with_polynomials(problem, coarse, tol, margin):
     RangeError
         If that run leaves the range.
     """
-    scene = problem.scene
-    springs = scene.spring_table.different
+    of = problem.dynamics
+    springs = of.springs.different
     ranges = [
         _widened(spring, *met, margin) for spring, met in zip(springs, coarse.met, strict=True)
     ]
@@ -55,7 +55,7 @@ def with_polynomials(problem, coarse, tol, margin):
     for _ in range(FITS):
         try:
             fits = [Polynomial(s, *r, error) for s, r in zip(springs, ranges, strict=True)]
-            fitted = changed(problem, surrogate=scene.with_springs(fits))
+            fitted = changed(problem, surrogate=of.with_springs(fits))
             there = march(trial_of(fitted), coarse.steps, 1.0, coarse.instants)
         except RangeError:
             raise
@@ -81,24 +81,23 @@ def may_fit(problem, steps, tol):
     """Whether fitted forces are worth a try, after a first run with so many steps."""
     if problem.record.checkpoint is not None:
         return False  # a state that is kept has to say what the forces are
-    if problem.scene.follows or problem.scene.is_driven:
+    if problem.dynamics.follows or problem.dynamics.is_driven:
         return False
     return saved(problem, steps, tol) >= WORTH
 
 
 def saved(problem, steps, tol):
     """Seconds that fitted forces save, roughly, in all runs that a tolerance takes."""
-    scene, order = problem.scene, problem.method.order
-    if scene.remembered.gain is None:
-        springs, group = scene.spring_table.different, scene.spring_table.group
+    of, order = problem.dynamics, problem.method.order
+    if of.saving is None:
+        springs, group = of.springs.different, of.springs.group
         fitted = cost(PolynomialLaw(DEGREES[len(DEGREES) // 2]))
         gains = [max(cost(spring.law) - fitted, 0.0) for spring in springs]
-        lanes = math.prod(scene.shape) // (scene.sites * scene.dim)
-        often = lanes if group.ndim == 1 else 1  # lanes may have them in common
-        scene.remembered.gain = often * float(np.dot(gains, np.bincount(group.ravel())))
+        often = math.prod(of.batch) if group.ndim == 1 else 1  # of scenes that have them in common
+        of.saving = often * float(np.dot(gains, np.bincount(group.ravel())))
     steps *= max((COARSE / tol) ** (1 / order), 1.0)  # to those of the last run, as a rule
     calls = steps * problem.method.stages
-    return calls * scene.remembered.gain - PER_FIT * len(scene.spring_table)
+    return calls * of.saving - PER_FIT * len(of.springs)
 
 
 def _widened(spring, low, high, margin):

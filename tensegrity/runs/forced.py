@@ -38,9 +38,9 @@ class ForcedMotion(Motion):
         check_start(scene, problem.state.u)
         self.tuning = problem.tuning
         if scene.tune:
-            known, key = scene.remembered.tuned, problem.t_end
+            known, key = problem.dynamics.tuned, problem.t_end
             if key not in known:
-                known[key] = Tuned(scene.spring_table.different[0], scene.tune, key)
+                known[key] = Tuned(problem.dynamics.springs.different[0], scene.tune, key)
             self.tuning = known[key]
         self.forcing = forcing_of(scene, problem.t_end, self.tuning)
         self._limit_damping(problem, dt)
@@ -66,8 +66,8 @@ class ForcedMotion(Motion):
             error.largest = largest
             raise error
 
-    def _bind(self, scene: Any) -> Any:
-        u, v = scene.arrays(self.problem.state)
+    def _bind(self, listed: Any) -> Any:
+        u, v = listed.arrays(self.problem.state)
         return driven.bind(self.forcing, u, v, self.problem.method, self.dt)
 
     def release(self) -> None:
@@ -79,7 +79,7 @@ class ForcedMotion(Motion):
         shown, sums = (u.copy(), v.copy()), np.zeros((1, 2))
         sites = self._sites
         self._tell(np.zeros(1), shown[0][None, :sites], shown[1][None, :sites], sums)
-        met = np.zeros((len(self._listed.spring_table), 2))
+        met = np.zeros((len(self._listed.springs), 2))
         return Point(0, u, v, (*shown, sums[0]), met, np.array([0.0, 0.0, np.inf, -np.inf]))
 
     def restore(self) -> None:
@@ -139,34 +139,34 @@ class ForcedMotion(Motion):
     def _omega(self, low: float, high: float, end: int) -> float:
         """Bound on the angular frequency within a range of elongations [rad/s], in the springs of
         some instants."""
-        scene, r = self.scene, np.append(low + (high - low) * GRID, 0.0)
+        of, r = self.dynamics, np.append(low + (high - low) * GRID, 0.0)
         at = np.linspace(self.point.done * self.dt, end * self.dt, INSTANTS + 1)
         p = np.ascontiguousarray(np.repeat(self.tuning.at(at), len(r), axis=0).T)
         r = np.tile(r, len(at))
         largest = float(np.max(self.tuning.evaluate(2, p, r)))
-        if scene.turns:  # tension resists motion across a bond
-            shortest = min(low, 0.0) - float(np.max(scene.closing))
+        if of.turns:  # tension resists motion across a bond
+            shortest = min(low, 0.0) - float(np.max(of.closing))
             across = float(np.max(self.tuning.evaluate(1, p, r)))
             largest = max(largest, across / shortest if shortest > 0 else math.inf)
         if not math.isfinite(largest):
             return math.inf
-        return scene.frequency_of(np.full(len(scene.springs), max(largest, 0.0)))
+        return of.frequency_of(np.full(len(of.scene.springs), max(largest, 0.0)))
 
     def first_frequency(self) -> float:
         """As of `Motion`."""
         if self.tuning is None:
             return super().first_frequency()
-        r = self.scene.stretch(self.point.shown[0][: self._sites])
+        r = self.dynamics.stretch(self.point.shown[0][: self._sites])
         return self._omega(float(r.min()), float(r.max()), self.point.done)
 
     # what was reached
 
     def energies(self, t: Array, u: Array, v: Array) -> Array:
         """Total energies of rows [J], in the springs of their instants."""
-        scene = self.scene
+        of, scene = self.dynamics, self.problem.scene
         if self.tuning is None:
-            return scene.energies(u, v)
-        stored = self.tuning.energies(t, scene.stretch(u))
+            return of.energies(u, v)
+        stored = self.tuning.energies(t, of.stretch(u))
         mass = scene.mass.reshape(-1, *[1] * (v.ndim - 2))
         motion = (mass * v**2 / 2 - scene.loads * u).reshape(len(u), -1)
         return np.sum(motion, axis=1) + np.sum(stored, axis=-1)
@@ -177,7 +177,7 @@ class ForcedMotion(Motion):
         told = np.zeros((1, 2))
         self._tell(np.array([t]), u[None].copy(), v[None].copy(), told)
         sites = self._sites
-        walls = slice(sites, sites + self.scene.wall_count)
+        walls = slice(sites, sites + self.dynamics.wall_count)
         for array, given in zip(rows, (u, v), strict=True):
             array[...] = 0
             array[:sites] = given
@@ -210,7 +210,7 @@ class ForcedMotion(Motion):
         low = self.tuning.domain(np.array([locked.t]))[0, 0]
         side = int(locked.range[0] > low)
         error = self.tuning.beyond(locked.t, float(locked.range[side]))
-        where = self.scene.extreme(0, self._bound.u[: self._sites], side)
+        where = self.dynamics.extreme(0, self._bound.u[: self._sites], side)
         return type(error)(f"{error}: the spring {where} got there at t = {locked.t:.6g} s")
 
     def _endless(self, t: float) -> StabilityError:

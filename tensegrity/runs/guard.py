@@ -15,8 +15,8 @@ class Guard:
     Parameters
     ----------
     problem : Problem
-    scene : Scene
-        That which is moved, with the contacts that are listed.
+    dynamics : Dynamics
+        Of what is moved, with the contacts that are listed.
     dt : float
         [s]
     allowed : float
@@ -30,9 +30,9 @@ class Guard:
         Stability limit within the ranges that were looked at last [s].
     """
 
-    def __init__(self, problem, scene, dt, allowed) -> None:
-        self._problem, self._scene, self._dt, self._allowed = problem, scene, dt, allowed
-        self.domains, self.limit = scene.spring_table.reach, math.inf
+    def __init__(self, problem, dynamics, dt, allowed) -> None:
+        self._problem, self._dynamics, self._dt, self._allowed = problem, dynamics, dt, allowed
+        self.domains, self.limit = dynamics.springs.reach, math.inf
         self._safe = None  # ranges of elongation known to be allowed
         self._stiffness = None  # bound of each spring's within them [N/m]
 
@@ -54,7 +54,7 @@ class Guard:
         if self._stiffness is None:
             if self._expects():
                 return self.allows(met)
-            self._stiffness = self._scene.stiffness_within(self._safe)
+            self._stiffness = self._dynamics.stiffness_within(self._safe)
         below, above = met[:, 0] < self._safe[:, 0], met[:, 1] > self._safe[:, 1]
         grown, (low, high) = np.flatnonzero(below | above), self.domains.T
         for margin in (0.1, 0.01, 0.0):  # wider than met, so as not to ask again soon
@@ -62,20 +62,20 @@ class Guard:
             wider[below, 0] = _towards(low[below], met[below, 0], margin)
             wider[above, 1] = _towards(high[above], met[above, 1], margin)
             stiffness = self._stiffness.copy()
-            stiffness[grown] = self._scene.stiffness_within(wider, grown)
-            omega = self._scene.fastest(stiffness)
+            stiffness[grown] = self._dynamics.stiffness_within(wider, grown)
+            omega = self._dynamics.fastest(stiffness)
             self.limit = self._problem.largest_step(omega)
             if self._dt <= self._allowed * self.limit:
                 self._safe, self._stiffness = wider, stiffness
-                self._scene.remembered.ranges.append((wider, stiffness, omega))
-                del self._scene.remembered.ranges[:-KNOWN]
+                self._dynamics.ranges.append((wider, stiffness, omega))
+                del self._dynamics.ranges[:-KNOWN]
                 return True
         return False
 
     def is_known(self, met):
         """Whether another run of the scene met as much, which a step like this one can take."""
         least = self._dt / self._allowed
-        for ranges, stiffness, omega in self._scene.remembered.ranges:
+        for ranges, stiffness, omega in self._dynamics.ranges:
             limit = self._problem.largest_step(omega)
             if least <= limit and _are_within(met, ranges):
                 self._safe, self._stiffness, self.limit = ranges, stiffness, limit
@@ -85,7 +85,7 @@ class Guard:
     def _expects(self):
         """Whether the ranges that chose the step are allowed: then nothing is asked within."""
         problem = self._problem
-        if problem.choice != "default" or self._scene is not problem.scene:
+        if problem.choice != "default" or self._dynamics is not problem.dynamics:
             return False
         ranges, stiffness, omega = problem.outlook.expected
         limit = problem.largest_step(omega)

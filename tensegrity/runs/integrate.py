@@ -15,6 +15,8 @@ from tensegrity.runs.run import Run, changed, known
 from tensegrity.runs.step import default_step, fixed_step
 from tensegrity.runs.stepping import Outlook
 from tensegrity.runs.tolerance import ROUND_OFF, to_tolerance
+from tensegrity.scenes.dynamics import dynamics
+from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.scenes.scene import Scene
 
 if TYPE_CHECKING:
@@ -23,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def simulate(
-    scene: Scene,
+    scene: Scene | Ensemble,
     state: State,
     t_end: float,
     *,
@@ -37,7 +39,7 @@ def simulate(
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene or Ensemble
         A `Chain`, a `Network`, an `Ensemble`, or what `granular` builds.
     state : State
         Initial displacements [m] and velocities [m/s]; not changed.
@@ -70,9 +72,9 @@ def simulate(
     Returns
     -------
     Run
-        Also after Ctrl-C, with `complete` False and what was recorded until then; with `tol`
-        that may be a trial with a coarser step, kept in memory and at about 500 instants.
-        `stopped` says which observer ended it, and when.
+        Of an `Ensemble` a `RunBatch`.  Also after Ctrl-C, with `complete` False and what was
+        recorded until then; with `tol` that may be a trial with a coarser step, kept in memory and
+        at about 500 instants.  `stopped` says which observer ended it, and when.
 
     Raises
     ------
@@ -88,23 +90,24 @@ def simulate(
         A row or a state could not be written; with `.run`, the part done.
     """
     started = time.perf_counter()
-    if not isinstance(scene, Scene):
+    if not isinstance(scene, (Scene, Ensemble)):
         raise TensegrityError(f"scene {scene!r} is not a scene, such as a Chain")
-    energy = scene.check(state)
+    of = dynamics(scene)
+    energy = of.checked(state)
     t_end = check.number("t_end", t_end, least=0, unit="s")
     dt = None if dt is None else check.number("dt", dt, above=0, unit="s")
     tol = None if tol is None else check.number("tol", tol, least=ROUND_OFF)
     if dt is not None and tol is not None:
         raise TensegrityError(f"dt {dt!r} s and tol {tol!r} exclude each other: give one")
     if method is None:
-        method = methods.default(dt, tol, not scene.is_driven and scene.opens)
+        method = methods.default(dt, tol, not of.is_driven and of.opens)
     method = methods.find(method)
     record = Record() if record is None else record
     check.kind("record", record, Record)
     record.check(scene.sites, t_end)
     native.require()
     choice = "dt" if dt is not None else "default" if tol is None else "tol"
-    outlook = Outlook(scene, state, energy)
+    outlook = Outlook(of, state, energy)
     problem = known(
         Problem,
         scene=scene,

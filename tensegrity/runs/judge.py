@@ -53,7 +53,7 @@ class Judge:
 
     def see(self, met):
         """Contacts may open in this run that did not in the coarser ones."""
-        if may_open(self._problem.scene):
+        if may_open(self._problem.dynamics):
             self._look(met)
 
     def _look(self, met):
@@ -89,7 +89,7 @@ class Judge:
     @cached_property
     def _grown(self):
         """Times which round-off grows where contacts open."""
-        mobility = np.asarray(self._problem.scene.inverse_mass)
+        mobility = np.asarray(self._problem.dynamics.inverse_mass)
         mobility = mobility[mobility > 0]  # held sites have none
         unequal = float(mobility.max() / mobility.min()) if mobility.size else 1.0
         return GROWN * unequal**UNEQUAL
@@ -138,46 +138,46 @@ def order_left(problem, met):
 
     A force that grows like overlap^n leaves n + 1, or n + 3 where that is corrected.
     """
-    scene = problem.scene
-    driven = functions_of_time(scene) if scene.is_driven else ()
+    of = problem.dynamics
+    driven = functions_of_time(problem.scene) if of.is_driven else ()
     order = min((signal.leaves for signal in driven), default=math.inf)
     corrects = isinstance(problem.method, Corrected)
-    for exponent in exponents_met(scene, met):
+    for exponent in exponents_met(of, met):
         treated = corrects and is_treated(exponent)
         order = min(order, exponent + (TREATED if treated else 1))
     return order
 
 
-def exponents_met(scene, met):
+def exponents_met(of, met):
     """Exponents of the corners of forces between elongations met, or as near as round-off is."""
-    if scene.follows:
-        return {corner[2] for _, corner in corners_met(scene, met)}
-    near = [TAUT * (spring.length or 0.0) for spring in scene.spring_table.different]
-    return scene.spring_table.exponents_within(met + np.multiply.outer(near, (-1.0, 1.0)))
+    if of.follows:
+        return {corner[2] for _, corner in corners_met(of, met)}
+    near = [TAUT * (spring.length or 0.0) for spring in of.springs.different]
+    return of.springs.exponents_within(met + np.multiply.outer(near, (-1.0, 1.0)))
 
 
-def may_open(scene):
+def may_open(of):
     """Whether the force of any contact has a corner."""
-    return scene.follows or scene.spring_table.has_corners
+    return of.follows or of.springs.has_corners
 
 
-def may_jump(scene):
+def may_jump(of):
     """Whether the force, or the energy, of any contact jumps."""
-    return scene.follows or scene.spring_table.jumps
+    return of.follows or of.springs.jumps
 
 
-def corners_met(scene, met):
+def corners_met(of, met):
     """Springs, and corners of their forces between elongations met."""
-    if not scene.follows:
-        return scene.spring_table.corners_within(met)
-    given = scene.law.given
+    if not of.follows:
+        return of.springs.corners_within(met)
+    given = of.scene.law.given
     spring = given if isinstance(given, Potential) else PowerLaw(1.0, 1.0)
     return [(spring, corner) for corner in spring.openings]
 
 
 def refuse_jumps(problem, met, tol):
     """Refuse a tolerance where a force, or an energy, jumps between elongations met."""
-    corners = corners_met(problem.scene, met) if may_jump(problem.scene) else ()
+    corners = corners_met(problem.dynamics, met) if may_jump(problem.dynamics) else ()
     for spring, (place, jump, exponent, _) in corners:
         if exponent > 0:
             continue

@@ -117,8 +117,8 @@ class Marched:
 
     def _state(self) -> tuple[Any, ...]:
         """u, v, impulse and sums at the end."""
-        scene, (u, v, *sums) = self.problem.scene, self.motion.point.shown
-        sites, walls = scene.sites, scene.wall_count
+        of, (u, v, *sums) = self.problem.dynamics, self.motion.point.shown
+        sites, walls = of.sites, of.wall_count
         impulse = v[sites : sites + walls] if walls else None
         return *(np.ascontiguousarray(x[:sites]) for x in (u, v)), impulse, *(sums or [None])
 
@@ -194,7 +194,7 @@ def march(
 def _go(reached: Marched, steps: int, users: Any, others: Any) -> None:
     """Do all steps, or those up to where an observer ends the run."""
     problem, motion, recorder = reached.problem, reached.motion, reached.recorder
-    largest = max(FEWEST, BLOCK // (problem.scene.cost * problem.method.stages))
+    largest = max(FEWEST, BLOCK // (problem.dynamics.cost * problem.method.stages))
     room = max(1, ROOM // math.prod(problem.scene.shape))
     most, is_given = min(FIRST * largest, room), problem.choice == "dt"
     observers = [*others, *users, *([recorder] if recorder else [])]

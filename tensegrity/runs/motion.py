@@ -83,10 +83,10 @@ class Motion:
 
     def __init__(self, problem: Any, dt: float, allowed: float, start: Any = None) -> None:
         self.problem, self.dt, self.allowed = problem, dt, allowed
-        self.scene, self._fastest, self._most = problem.scene, 0.0, MOST_STEPS
+        self.dynamics, self._fastest, self._most = problem.dynamics, 0.0, MOST_STEPS
         self._found = 0  # what the loop said of the last attempt
         self._unseen = 0  # steps since contacts were looked for
-        self._sites = problem.scene.sites
+        self._sites = problem.dynamics.sites
         u = problem.state.u if start is None else start.shown[0][: self._sites]
         self._listed, self._guard, self._bound = self._prepared(problem.moved.listed(u))
         self._short: Any = None
@@ -102,21 +102,21 @@ class Motion:
         )
         self.restore()
 
-    def _prepared(self, scene: Any) -> tuple[Any, Guard, Any]:
-        """The contacts that a scene lists, with no range of theirs known to be allowed, and a loop
+    def _prepared(self, listed: Any) -> tuple[Any, Guard, Any]:
+        """The contacts that are listed, with no range of theirs known to be allowed, and a loop
         of them."""
-        return scene, Guard(self.problem, scene, self.dt, self.allowed), self._bind(scene)
+        return listed, Guard(self.problem, listed, self.dt, self.allowed), self._bind(listed)
 
-    def _bind(self, scene: Any) -> Any:
-        """A loop of the scene: one that was prepared before, if there is one that nobody uses."""
+    def _bind(self, listed: Any) -> Any:
+        """A loop of these contacts: one that was prepared before, if nobody uses it."""
         method, bind = self.problem.method, self.problem.bind
         try:
-            bound = scene.remembered.plans[method].pop() if bind is None else None
+            bound = listed.prepared[method].pop() if bind is None else None
         except (KeyError, IndexError):
             bound = None
         if bound is None:
-            u, v = scene.arrays(self.problem.state)
-            return (bind or scene.bind)(u, v, method, self.dt)
+            u, v = listed.arrays(self.problem.state)
+            return (bind or listed.bind)(u, v, method, self.dt)
         bound.set_step(self.dt)
         return bound
 
@@ -125,13 +125,13 @@ class Motion:
         bound, self._bound = self._bound, None
         if bound is None or self.problem.bind is not None or bound.u.size > LARGEST:
             return
-        spare = self._listed.remembered.plans.setdefault(self.problem.method, [])
+        spare = self._listed.prepared.setdefault(self.problem.method, [])
         if len(spare) < SPARE:
             spare.append(bound)
 
     def _beginning(self) -> Point:
         u, v = self._listed.arrays(self.problem.state)
-        return Point(0, u, v, (u, v), np.zeros((len(self._listed.spring_table), 2)))
+        return Point(0, u, v, (u, v), np.zeros((len(self._listed.springs), 2)))
 
     def restore(self) -> None:
         """Go back to what was reached."""
@@ -278,9 +278,9 @@ class Motion:
         listed = self.problem.moved.listed(self._tracker.at)
         if listed is self._listed:
             return
-        met, fastest = np.zeros((len(listed.spring_table), 2)), self.fastest
-        known = dict(zip(self._listed.spring_table.kinds, self.point.met, strict=True))
-        for row, kind in enumerate(listed.spring_table.kinds):
+        met, fastest = np.zeros((len(listed.springs), 2)), self.fastest
+        known = dict(zip(self._listed.springs.kinds, self.point.met, strict=True))
+        for row, kind in enumerate(listed.springs.kinds):
             met[row] = known.get(kind, 0.0)
         now, point = self._prepared(listed), self.point._replace(met=met)
         (self._listed, self._guard, self._bound), self.point, self._fastest = now, point, fastest
@@ -302,13 +302,13 @@ class Motion:
 
     def energies(self, t: Array, u: Array, v: Array) -> Array:
         """Total energies of rows [J]."""
-        return self.scene.energies(u, v)
+        return self.dynamics.energies(u, v)
 
     def between(self, step: int, part: float, u: Array, v: Array, impulse: Any, sums: Any) -> None:
         """From the state after some steps go on by `part` [s], a shorter step of the method, in
         place; see `Wanted` for the arrays."""
         bound, sites = self._shorter(part), self._sites
-        walls = slice(sites, sites + self.scene.wall_count)
+        walls = slice(sites, sites + self.dynamics.wall_count)
         for array, rows in ((bound.u, u), (bound.v, v)):
             array[...] = 0
             array[:sites] = rows
@@ -345,13 +345,13 @@ class Motion:
 
     def _explained(self, t: float, met: Array, shown: Any) -> LockingError | StabilityError:
         """What went wrong in the step that ended at t, with these rows."""
-        scene, u = self._listed, shown[0][: self._sites]
+        listed, u = self._listed, shown[0][: self._sites]
         if not np.isfinite(u).all():
             u, v = (x[: self._sites] for x in self.point.shown[:2])
             u = u + self.dt * v
         low, high = self._guard.domains.T
         for row, side in np.argwhere(np.stack([met[:, 0] <= low, met[:, 1] >= high], axis=1)):
-            spring, where = scene.spring_table.different[row], scene.extreme(int(row), u, side)
+            spring, where = listed.springs.different[row], listed.extreme(int(row), u, side)
             barrier = self._barrier(spring, side)
             if barrier is not None:
                 barrier, given = barrier
@@ -367,7 +367,7 @@ class Motion:
     def _barrier(self, spring: Any, side: int) -> Any:
         """The energy at the end of a spring's domain, if the scene has less, and what it has."""
         barrier = float(spring.derivative(0, spring.reach[side], closed=True))
-        given = self.problem.scene.available_energy(self.problem.state)
+        given = self.dynamics.available_energy(self.problem.state)
         return (barrier, given) if given < barrier else None
 
     def _too_coarse(self, t: float, u: Array, met: Array) -> StabilityError:

@@ -45,7 +45,7 @@ class Instants:
     count: int = 0
 
     def __init__(self, record: Record, problem: Any, motion: Any, steps: int) -> None:
-        self._plan, self._scene = record.plan(steps, problem.t_end), problem.scene
+        self._plan, self._of = record.plan(steps, problem.t_end), problem.dynamics
         self._shapes = [x.shape for x in motion.point.shown]
         self._is_dense = not record.is_plain and len(self._plan.step) > 1
         self._states = Wanted(self._plan.step[:0], np.empty(0))
@@ -63,8 +63,8 @@ class Instants:
 
     def _room(self, here: slice) -> tuple[Any, ...]:
         """Arrays u, v, impulse, sums for the states of some instants."""
-        count, walls, sums = here.stop - here.start, self._scene.wall_count, self._shapes[2:]
-        shape = self._scene.shape
+        count, walls, sums = here.stop - here.start, self._of.wall_count, self._shapes[2:]
+        shape = self._of.shape
         return (
             np.empty((count, *shape)), np.empty((count, *shape)),
             np.empty((count, walls, *shape[1:])) if walls else None,

@@ -9,6 +9,7 @@ from typing import Any
 from tensegrity.engine.methods import Method
 from tensegrity.errors import StabilityError
 from tensegrity.runs.stepping import Outlook
+from tensegrity.scenes.dynamics import dynamics
 
 MOST_STEPS = 10**12
 
@@ -41,22 +42,27 @@ class Problem:
 
     def __post_init__(self):
         if self.outlook is None:
-            object.__setattr__(self, "outlook", Outlook(self.scene, self.state))
+            object.__setattr__(self, "outlook", Outlook(self.dynamics, self.state))
+
+    @property
+    def dynamics(self):
+        """That of the scene."""
+        return dynamics(self.scene)
 
     @property
     def moved(self):
-        """The scene that the loop advances."""
-        return self.scene if self.surrogate is None else self.surrogate
+        """That of what the loop advances."""
+        return dynamics(self.scene if self.surrogate is None else self.surrogate)
 
     @property
     def is_forced(self):
         """Whether time counts."""
-        return self.scene.is_driven or self.tuning is not None
+        return self.dynamics.is_driven or self.tuning is not None
 
     @property
     def force(self):
         """What the tensions of the springs are computed by."""
-        return self.moved.spring_table.force
+        return self.moved.springs.force
 
     def largest_step(self, omega):
         """Stability limit [s] at an angular frequency [rad/s]; inf where it is 0."""

@@ -11,7 +11,7 @@ from tensegrity.errors import RecordError
 from tensegrity.once import once
 from tensegrity.runs import archive
 from tensegrity.runs.observers import Instants
-from tensegrity.runs.run import Run, known
+from tensegrity.runs.run import Run, RunBatch, known
 from tensegrity.scenes.scene import known_state
 
 if TYPE_CHECKING:
@@ -42,20 +42,20 @@ class Recorder(Instants):
     """
 
     def __init__(self, problem: Any, motion: Any, steps: int, count: int | None = None) -> None:
-        record, scene = problem.record, problem.scene
+        record, of = problem.record, problem.dynamics
         self._problem, self._motion, self._steps = problem, motion, steps
-        self._columns, rest = record.columns(scene.sites), scene.shape[1:]
-        self._sites = _all(scene.sites) if record.sites is None else tuple(record.sites)
+        self._columns, rest = record.columns(of.sites), of.shape[1:]
+        self._sites = _all(of.sites) if record.sites is None else tuple(record.sites)
         self._in_place = record.is_plain and record.sites is None
         self._rows: Any = None
         self._latest: Any = 0, None  # number of a row, and the states from there on
         super().__init__(record, problem, motion, steps)
         of_sites: Any = len(self._sites), *rest
-        shapes = {"t": (), "energy": (), "u": of_sites, "v": of_sites}
-        if scene.wall_count:
-            shapes["impulse"] = scene.wall_count, *rest
+        shapes = {"t": (), "energy": of.batch, "u": of_sites, "v": of_sites}
+        if of.wall_count:
+            shapes["impulse"] = of.wall_count, *rest
         if problem.is_forced:
-            shapes |= {"work": (), "loss": ()}
+            shapes |= {"work": of.batch, "loss": of.batch}
         self._rows = record.rows(len(self._plan.t) + 1, shapes, count)
 
     @property
@@ -70,7 +70,7 @@ class Recorder(Instants):
         return (
             arrays["u"][here],
             arrays["v"][here],
-            arrays["impulse"][here] if self._scene.wall_count else None,
+            arrays["impulse"][here] if self._of.wall_count else None,
             np.empty((here.stop - here.start, *sums[0])) if sums else None,
         )
 
@@ -99,9 +99,9 @@ class Recorder(Instants):
     def _extend(self, t: Array, u: Any, v: Any, impulse: Any, sums: Any) -> None:
         """Append rows; of those that are in their place already only the times, and sums."""
         self._latest, states = (self.count, u, v, impulse, sums), (u, v)
-        more = [impulse] * bool(self._scene.wall_count)
+        more = [impulse] * bool(self._of.wall_count)
         if sums is not None:
-            more += [sums[:, k].reshape(len(t), -1).sum(axis=1) for k in (0, 1)]  # of all lanes
+            more += [sums[:, 0], sums[:, 1]]
         if u is not None:
             u, v = u[:, self._columns], v[:, self._columns]
         energy = None if self._in_place else self._motion.energies(t, *states)
@@ -142,14 +142,15 @@ class Recorder(Instants):
     def run(self, done: int, final: Any, complete: bool, stopped: str | None = None) -> Run:
         """The run so far: steps done, and u and v of all sites at its end."""
         table, problem, motion = self._rows.finished(), self._problem, self._motion
-        scene, forced = problem.scene, problem.is_forced
+        of, forced = problem.dynamics, problem.is_forced
         return known(
-            Run, scene=scene, t=table["t"], u=table["u"], v=table["v"],
+            RunBatch if of.batch else Run,
+            scene=problem.scene, t=table["t"], u=table["u"], v=table["v"],
             energy=self._energies(table) if self._in_place else table["energy"],
             final=known_state(*final), method=problem.method.name, dt=motion.dt, steps=done,
             sites=self._sites, complete=complete, stopped=stopped, force=problem.force,
-            impulse=table["impulse"] if scene.wall_count else None, met=motion.point.met,
-            fastest=motion.fastest if scene.follows else None,
+            impulse=table["impulse"] if of.wall_count else None, met=motion.point.met,
+            fastest=motion.fastest if of.follows else None,
             work=table["work"] if forced else None, loss=table["loss"] if forced else None,
         )  # fmt: skip
 
@@ -157,7 +158,7 @@ class Recorder(Instants):
         """Of rows that hold all sites."""
         t, u, v = (table[name] for name in ("t", "u", "v"))
         most = max(1, AT_ONCE // (u[:1].size or 1))
-        if len(t) <= most or self._problem.scene.follows:  # one list of contacts for many rows
+        if len(t) <= most or self._of.follows:  # one list of contacts for many rows
             return self._motion.energies(t, u, v)
         parts = (slice(k, k + most) for k in range(0, len(t), most))
         return np.concatenate([self._motion.energies(t[x], u[x], v[x]) for x in parts])

@@ -23,16 +23,16 @@ def rests(problem, seen):
     seen : ndarray, (instants + 1, *shape)
         Displacements of a run [m], of which the first ones tell whether it is worth a look.
     """
-    scene, u = problem.scene.listed(problem.state.u), problem.state.u
-    if scene.is_driven or np.count_nonzero(problem.state.v):
+    of, u = problem.dynamics.listed(problem.state.u), problem.state.u
+    if of.is_driven or np.count_nonzero(problem.state.v):
         return None
-    given = scene.spring_lengths
-    lengths = [s.length for s in scene.spring_table.different] if given is None else np.ravel(given)
+    given = of.spring_lengths
+    lengths = [s.length for s in of.springs.different] if given is None else np.ravel(given)
     length = min((x for x in lengths if x), default=0.0)
     if np.max(np.abs(seen[1] - u)) > FAINT * length:
         return None
-    stiffness = scene.stiffness_within(scene.present_ranges(u))
-    pull = np.max(np.abs(scene.forces(u)), initial=0.0)
+    stiffness = of.stiffness_within(of.present_ranges(u))
+    pull = np.max(np.abs(of.forces(u)), initial=0.0)
     return length if pull <= REST * np.max(stiffness, initial=0.0) * length else None
 
 

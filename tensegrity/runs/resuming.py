@@ -17,6 +17,7 @@ from tensegrity.runs.problem import Problem
 from tensegrity.runs.record import Record, beside
 from tensegrity.runs.run import Run
 from tensegrity.runs.step import resumed
+from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.scenes.scene import Scene
 
@@ -89,8 +90,10 @@ class Broken(NamedTuple):
 
     def start(self, scene: Any) -> Start:
         """Where the run goes on, if all parts fit each other and the scene."""
-        check.kind("scene", scene, Scene)
-        scene.check(self.state)
+        if not isinstance(scene, (Scene, Ensemble)):
+            check.kind("scene", scene, Scene)
+        of = dynamics(scene)
+        of.checked(self.state)
         check.number("t_end", self.t_end, least=0, unit="s")
         methods.find(self.method)
         check.kind("record", self.record, Record)
@@ -100,19 +103,18 @@ class Broken(NamedTuple):
         check.number("allowed", self.allowed, above=0)
         check.whole("done", self.done, least=0, below=self.steps + 1)
         check.whole("count", self.count, least=0)
-        shape = scene.arrays(self.state)[0].shape
-        count, springs = (4, len(scene.spring_table)) if scene.is_driven else (2, None)
+        shape = of.arrays(self.state)[0].shape
+        count, springs = (4, len(of.springs)) if of.is_driven else (2, None)
         if len(check.sequence("seen", self.seen, "arrays")) != count:
             raise TensegrityError(f"seen has {len(self.seen)} arrays, must have {count}")
         for x in (self.u, self.v, *self.seen[:2]):
             archive.array("u or v", x, shape)
-        if scene.is_driven:
-            lanes = scene.shape[len(scene.shape) - isinstance(scene, Ensemble) :]
-            archive.array("work and loss", self.seen[2], (2, *lanes))
-            work = archive.array("sums", self.seen[3], (4, *lanes), are_finite=False)[:2]
+        if of.is_driven:
+            archive.array("work and loss", self.seen[2], (2, *of.batch))
+            work = archive.array("sums", self.seen[3], (4, *of.batch), are_finite=False)[:2]
             check.finite("sums", work)  # behind them elongations, inf at first
         archive.array("met", self.met, (springs, 2))
-        seen, sums = (self.seen[:3], self.seen[3]) if scene.is_driven else (self.seen, None)
+        seen, sums = (self.seen[:3], self.seen[3]) if of.is_driven else (self.seen, None)
         return Start(Point(self.done, self.u, self.v, seen, self.met, sums), self.count)
 
 

@@ -11,7 +11,9 @@ from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.notebook import page
 from tensegrity.runs import archive
-from tensegrity.scenes.scene import Scene, State
+from tensegrity.scenes.dynamics import dynamics
+from tensegrity.scenes.ensemble import Ensemble
+from tensegrity.scenes.scene import Scene, State, known_state
 
 if TYPE_CHECKING:
     from os import PathLike
@@ -105,6 +107,8 @@ class Run:
     loss: Array | None = None
     stopped: str | None = None
 
+    _batch = 0  # axes that count scenes
+
     @property
     def energy_error(self) -> float:
         """Largest relative deviation of the total energy from its first value.
@@ -160,14 +164,14 @@ class Run:
             If there is no such file, or it is damaged or something else, or its scene is of a
             package that was not imported, such as `granular`.
         """
-        return archive.read(path, "run", lambda data: cls(**data)._fitting())
+        return archive.read(path, "run", lambda data: _of_file(data)._fitting())
 
     def _fitting(self) -> Self:
         """The run of a file, if its parts fit each other."""
         check.kind("final", self.final, State)
         shape = self.final.u.shape
         if not isinstance(self.scene, archive.Printed):
-            check.kind("scene", self.scene, Scene)
+            check.kind("scene", self.scene, Ensemble if self._batch else Scene)
             if self.scene.shape != shape:
                 raise TensegrityError(f"final has shape {shape}, the scene {self.scene.shape}")
         numbers = check.sequence("sites", self.sites, "numbers")
@@ -177,8 +181,9 @@ class Run:
         if not (np.diff(t) > 0).all():
             raise TensegrityError("t must increase")
         rows, optional = (len(t), len(numbers), *shape[1:]), {"met": (None, 2)}
-        optional |= {"work": t.shape, "loss": t.shape, "impulse": (len(t), None, *shape[1:])}
-        for name, wanted in ({"u": rows, "v": rows, "energy": t.shape} | optional).items():
+        sums = len(t), *shape[len(shape) - self._batch :]
+        optional |= {"work": sums, "loss": sums, "impulse": (len(t), None, *shape[1:])}
+        for name, wanted in ({"u": rows, "v": rows, "energy": sums} | optional).items():
             if name not in optional or getattr(self, name) is not None:
                 archive.array(name, getattr(self, name), wanted)
         for name in ("dt", "wall_time", "error_estimate", "fastest"):
@@ -230,3 +235,49 @@ class Run:
         names = ("t", "u", "v", "energy")
         few = replace(self, **{name: getattr(self, name)[::every] for name in names})
         return page("Run", rows, lambda figure: few.plot(figure.subplots()))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RunBatch(Run):
+    """Runs of all scenes of an `Ensemble`, with one step; `len` is their number, `[k]` the run of a
+    scene.
+
+    Attributes are those of `Run`.  The last axis of u, v, impulse and `final` counts scenes, and so
+    does that of energy, work and loss, (T, scenes).
+    """
+
+    _batch = 1
+
+    def __len__(self) -> int:
+        return self.final.u.shape[-1]
+
+    def __getitem__(self, number: int) -> Run:
+        """The run of one scene, by its number from 0; `met` is that of its springs in all scenes
+        that have them."""
+        k = range(len(self))[number]
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        for name in ("u", "v", "energy", "impulse", "work", "loss"):
+            if values[name] is not None:
+                values[name] = np.ascontiguousarray(values[name][..., k])
+        final = (np.ascontiguousarray(x[..., k]) for x in (self.final.u, self.final.v))
+        met = self.met[dynamics(self.scene).places_of(k)]
+        return known(Run, values, scene=self.scene.scenes[k], final=known_state(*final), met=met)
+
+    @property
+    def energy_error(self) -> float:
+        """The largest of any scene."""
+        return max(run.energy_error for run in self)
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """Refused: plot one of them."""
+        raise TensegrityError(f"{len(self)} runs in one: plot one of them, such as run[0].plot()")
+
+    def __str__(self) -> str:
+        return f"{len(self)} runs: {super().__str__()}"
+
+    __repr__ = __str__
+
+
+def _of_file(data: dict[str, Any]) -> Run:
+    """The run, or the runs of an ensemble, that a file holds."""
+    return (RunBatch if np.ndim(data["energy"]) == 2 else Run)(**data)

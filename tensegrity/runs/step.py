@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from tensegrity.errors import ContactError, LockingError, RangeError, StabilityError
 from tensegrity.runs.judge import exponents_met
 from tensegrity.runs.march import march
@@ -31,7 +29,7 @@ def default_step(problem):
     What the state at the start cannot tell, the run does: whether contacts opened, and how far
     loads drove them.  Where that asks for a finer step, it is run again.
     """
-    fraction = _fraction(problem, problem.scene.present_ranges(problem.state.u))
+    fraction = _fraction(problem, problem.dynamics.present_ranges(problem.state.u))
     alone = changed(problem, observe=(), rows=not problem.observe)
     found = settled(alone, refined(alone, expected_steps(problem, fraction), MARGIN * fraction))
     if problem.observe and found.complete:
@@ -41,18 +39,18 @@ def default_step(problem):
 
 def _fraction(problem, met):
     """What a default step is of the natural one where springs meet these elongations."""
-    return problem.method.fraction(exponents_met(problem.scene, met))
+    return problem.method.fraction(exponents_met(problem.dynamics, met))
 
 
 def settled(problem, found):
     """A march with an expected step, or another where it met what asks for a finer one."""
-    scene = problem.scene
+    of = problem.dynamics
     if not (found.complete and found.steps):
         return found
-    if not (np.any(scene.loads) or exponents_met(scene, found.met)):
+    if not (of.is_loaded or exponents_met(of, found.met)):
         return found
     fraction = _fraction(problem, found.met)
-    omega = found.fastest if scene.follows else scene.frequency(found.met)
+    omega = found.fastest if of.follows else of.frequency(found.met)
     steps = count(problem, fraction * problem.natural_step(omega))
     return found if steps <= found.steps else refined(problem, steps, MARGIN * fraction)
 
@@ -68,7 +66,7 @@ def expected_steps(problem, fraction):
 def steps_at(problem, fraction, omega, least):
     """Steps that are a fraction of the natural one at an angular frequency [rad/s], or at that of
     what drives the scene; at least so many."""
-    if problem.scene.is_driven:
+    if problem.dynamics.is_driven:
         omega = max(omega, quickest(functions_of_time(problem.scene), problem.t_end))
     return max(count(problem, fraction * problem.natural_step(omega)), least)
 
@@ -88,7 +86,7 @@ def refined(problem, steps, allowed, instants=0, start=None):
     `REFINEMENTS` refinements does so whatever the step; a step that is too coarse is refined on.
     """
     least, most = (REFINEMENTS, MOST_REFINEMENTS)
-    if problem.scene.is_driven:
+    if problem.dynamics.is_driven:
         least, most = DRIVEN, MOST_DRIVEN
     for number in range(most):
         try:

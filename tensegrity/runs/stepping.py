@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 if TYPE_CHECKING:
-    from tensegrity.scenes.scene import Scene, State
+    from tensegrity.scenes.dynamics import Dynamics
+    from tensegrity.scenes.scene import State
     from tensegrity.typing import Array, Indices
 
 
@@ -22,39 +23,40 @@ class Outlook:
 
     Parameters
     ----------
-    scene : Scene
+    dynamics : Dynamics
+        Of the scene.
     state : State
     energy : float, optional
         That of the state [J], if it is known.
     """
 
-    def __init__(self, scene: Scene, state: State, energy: float | None = None) -> None:
-        self._scene, self._state, self._given = scene, state, energy
-        self._asked: tuple[Scene, float] | None = None
+    def __init__(self, dynamics: Dynamics, state: State, energy: float | None = None) -> None:
+        self._dynamics, self._state, self._given = dynamics, state, energy
+        self._known: tuple[Dynamics, float] | None = None
 
-    def _likely(self) -> tuple[Scene, float]:
-        """The scene with contacts that may well form, and the energy that a spring could get."""
-        if self._asked is None:
-            scene = self._scene.likely(self._state.u)
-            given = self._given if scene is self._scene else None
-            self._asked = scene, scene.available_energy(self._state, given)
-        return self._asked
+    def _nearest(self) -> tuple[Dynamics, float]:
+        """That with contacts that may well form, and the energy that a spring could get."""
+        if self._known is None:
+            found = self._dynamics.nearest(self._state.u)
+            given = self._given if found is self._dynamics else None
+            self._known = found, found.available_energy(self._state, given)
+        return self._known
 
     @cached_property
     def expected(self) -> Reach:
         """What springs can reach with all the energy."""
-        return reach(*self._likely())  # not rounded, which would depend on the units
+        return reach(*self._nearest())  # not rounded, which would depend on the units
 
     @cached_property
     def first_frequency(self) -> float:
         """Angular frequency [rad/s] were half of the energy to meet in one bond."""
-        scene, energy = self._likely()
-        return reach(scene, rounded(FEWEST * energy)).frequency
+        found, energy = self._nearest()
+        return reach(found, rounded(FEWEST * energy)).frequency
 
     @cached_property
     def near(self) -> tuple[Indices, Indices]:
         """What is near at the start and has to be watched."""
-        return self._scene.clearance.watched(self._state.u)
+        return self._dynamics.clearance.watched(self._state.u)
 
 
 class Reach(NamedTuple):
@@ -73,21 +75,21 @@ def rounded(energy: float) -> float:
     return 2.0 ** (math.ceil(ENERGIES * math.log2(energy)) / ENERGIES)
 
 
-def reach(scene: Scene, energy: float) -> Reach:
-    """What springs can reach with an energy [J]; asked once."""
-    known = scene.remembered.reached
+def reach(of: Dynamics, energy: float) -> Reach:
+    """What springs can reach with an energy [J]; computed once."""
+    known = of.reached
     found = known.get(energy)
     if found is None:
-        ranges = within(scene, energy)
-        stiffness = scene.stiffness_within(ranges)
-        found = Reach(ranges, stiffness, scene.fastest(stiffness))
+        ranges = within(of, energy)
+        stiffness = of.stiffness_within(ranges)
+        found = Reach(ranges, stiffness, of.fastest(stiffness))
         if len(known) * len(ranges) > REMEMBERED:
             known.clear()
         known[energy] = found
     return found
 
 
-def within(scene: Scene, energy: float) -> Array:
+def within(of: Dynamics, energy: float) -> Array:
     """Elongations each spring of a scene can reach if it gets an energy [J].
 
     Where that is the end of its domain, or where the sites of a bond come to the same place, the
@@ -97,11 +99,11 @@ def within(scene: Scene, energy: float) -> Array:
     -------
     ndarray, (springs, 2)
     """
-    springs = scene.spring_table
+    springs = of.springs
     ranges, locks = springs.reachable(energy)
     if locks.any():
         half = springs.domains[locks] / 2
         ranges[locks, 0] = np.maximum(ranges[locks, 0], half[:, 0])
         ranges[locks, 1] = np.minimum(ranges[locks, 1], half[:, 1])
-    np.maximum(ranges[:, 0], scene.closing / 2, out=ranges[:, 0])
+    np.maximum(ranges[:, 0], of.closing / 2, out=ranges[:, 0])
     return ranges

@@ -32,9 +32,9 @@ def to_tolerance(problem, tol):
     """
     if not problem.t_end:
         return march(problem, 0).run()
-    if may_jump(problem.scene):
-        refuse_jumps(problem, problem.scene.present_ranges(problem.state.u), tol)
-    apart, fewest = (DENSE, AT_FIRST) if problem.scene.smooth else (1, CHECKPOINTS)
+    if may_jump(problem.dynamics):
+        refuse_jumps(problem, problem.dynamics.present_ranges(problem.state.u), tol)
+    apart, fewest = (DENSE, AT_FIRST) if problem.dynamics.smooth else (1, CHECKPOINTS)
     least = steps_at(problem, TRIAL, problem.outlook.first_frequency, fewest)
     instants = min(math.ceil(least / apart), max(FEWEST, MOST_KEPT // problem.state.u.size))
     fineness = math.ceil(least / instants)

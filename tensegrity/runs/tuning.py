@@ -27,6 +27,7 @@ from tensegrity.runs.march import march
 from tensegrity.runs.problem import Problem, count
 from tensegrity.runs.record import Record
 from tensegrity.scenes.chain import Chain
+from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.scene import State
 from tensegrity.springs.polynomial import Polynomial
 from tensegrity.springs.potential import Potential
@@ -138,7 +139,7 @@ def simulate_tuned(
     """
     if not isinstance(chain, Chain):
         raise TensegrityError(f"chain is {type(chain).__name__}, not a Chain")
-    if chain.is_driven:
+    if dynamics(chain).is_driven:
         raise TensegrityError("the chain is driven, damped or tuned: `simulate` runs it")
     chain.check(state)
     t_end = check.number("t_end", t_end, above=0, unit="s")
@@ -178,7 +179,7 @@ class _Springs(InTime):
                     f"spring_at(0) is {name}: its numbers are fitted anew at each instant and "
                     f"carry round-off that no series in time follows; take {instead}"
                 )
-        if any(s is not first and s != first for s in chain.spring_table.different):
+        if any(s is not first and s != first for s in dynamics(chain).springs.different):
             raise TensegrityError("the springs of the chain differ from spring_at(0)")
         self.law, self._length = first.law, first.length
         self.series = self._fit()

@@ -17,6 +17,7 @@ import numpy as np
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import fixed
+from tensegrity.scenes.dynamics import Dynamics, dynamics
 from tensegrity.scenes.forcing import begun
 from tensegrity.scenes.scene import PER_SITE, SMALLEST_MASS, Scene, State, velocities
 from tensegrity.springs.potential import Potential
@@ -79,7 +80,7 @@ class Chain(Scene):
         ):
             raise TensegrityError(f"ends {check.shown(ends)} must be two of {ENDS}")
         self.ends = ends[0], ends[1]
-        _ = self.loop_bonds  # refuses springs that the compiled loop cannot take
+        _ = dynamics(self).loop_bonds  # refuses springs that the compiled loop cannot take
         self._set_forcing(drive, damping, tune)
 
     def _springs(self, spring: Potential | Sequence[Potential]) -> tuple[Potential, ...]:
@@ -119,13 +120,6 @@ class Chain(Scene):
         """Numbers of the sites that are held."""
         return [s for s, end in zip((0, self.sites - 1), self.ends, strict=True) if end == "fixed"]
 
-    def with_springs(self, springs: Sequence[Potential]) -> Chain:
-        """The same chain with other springs, one for each different spring of `spring_table`."""
-        each = [springs[k] for k in self.spring_table.group]
-        other = Chain(each, self.sites, self.mass, self.ends)
-        other.__dict__.update(drive=self.drive, damping=self.damping, tune=self.tune)
-        return other
-
     def at_rest(self, velocity: Mapping[int, float] | None = None) -> State:
         """The undeformed state, some sites given a velocity [m/s]: {site: velocity}.
 
@@ -140,11 +134,8 @@ class Chain(Scene):
         self.check(state)
         return state
 
-    def check(self, state: State) -> float:
-        """Refuse a state of another size, one that moves a held site, or one out of domain.
-
-        Returns its energy [J].
-        """
+    def _check_sites(self, state: State) -> None:
+        """Refuse a state of another size, or one that moves a held site."""
         self._refuse_other(state)
         for site in self.held if "fixed" in self.ends else ():
             if state.u[site] or state.v[site]:
@@ -152,19 +143,10 @@ class Chain(Scene):
                     f"site {site} is fixed, but has displacement {state.u[site]:g} m and "
                     f"velocity {state.v[site]:g} m/s"
                 )
-        energy = float(self.energies(state.u, state.v))  # refuses elongations out of domain
-        if not math.isfinite(energy):
-            raise TensegrityError(f"energy {energy} J of the state must be finite")
-        return energy
 
     def elongation(self, u: ArrayLike) -> Array:
         """r_j = u[j+1] - u[j] [m] along the last axis."""
-        return check.finite("elongation", self.stretch(u))
-
-    def stretch(self, u: ArrayLike) -> Array:
-        """The same, nan where u is."""
-        u = check.rows("displacements", u, self.shape, are_finite=False)
-        return u[..., 1:] - u[..., :-1]
+        return check.finite("elongation", dynamics(self).stretch(u))
 
     def bond_energy(self, u: ArrayLike) -> Array:
         """Energy of each bond [J]; u of shape (..., sites) gives (..., sites - 1)."""
@@ -179,26 +161,7 @@ class Chain(Scene):
         return self._per_bond("stiffness", u)
 
     def _per_bond(self, name: str, u: ArrayLike) -> Array:
-        return self.spring_table.evaluate(name, self.elongation(u))
-
-    def energy(self, state: State) -> float:
-        """Total energy [J]."""
-        self._refuse_other(state)
-        return float(self.energies(state.u, state.v))
-
-    def energies(self, u: Array, v: Array) -> Array:
-        """Total energy [J] of each of many states; u and v (..., sites)."""
-        compiled = self.energies_at_once
-        found = None if compiled is None else compiled(u, v)
-        if found is not None:
-            return found
-        with np.errstate(over="ignore"):  # to inf, which `check` refuses
-            kinetic = 0.5 * np.sum(self.mass * v**2, axis=-1)
-        return kinetic + np.sum(self.bond_energy(u), axis=-1)
-
-    @cached_property
-    def energies_at_once(self) -> Energies | None:
-        return self.spring_table.energies(self.mass)
+        return dynamics(self).springs.evaluate(name, self.elongation(u))
 
     def site_energy(self, u: Array, v: Array) -> Array:
         """Kinetic energy of each site and half that of its bonds [J]; (..., sites)."""
@@ -218,14 +181,48 @@ class Chain(Scene):
         """Shape of the displacements of a state."""
         return (self.sites,)
 
+    def _dynamics(self) -> ChainDynamics:
+        return ChainDynamics(self)
+
+    def __repr__(self) -> str:
+        kinds = len(dynamics(self).springs)
+        return f"Chain({self.sites} sites, {kinds} different spring(s), ends {self.ends})"
+
+
+class ChainDynamics(Dynamics):
+    """Of masses in a row; see `tensegrity.scenes.dynamics`."""
+
+    def stretch(self, u: ArrayLike) -> Array:
+        """Elongation of each bond [m]; (..., sites - 1), nan where u is."""
+        u = check.rows("displacements", u, self.shape, are_finite=False)
+        return u[..., 1:] - u[..., :-1]
+
     @property
     def cost(self) -> int:
         """Work of one evaluation of all forces, in bonds."""
         return self.sites - 1
 
-    def arrays(self, state: State) -> tuple[Array, Array]:
-        """Copies of u and v as the loop advances them."""
-        return state.u.copy(), state.v.copy()
+    def energies(self, u: Array, v: Array) -> Array:
+        """Total energy [J] of each of many states; u and v (..., sites)."""
+        compiled = self.energies_in_one_call
+        found = None if compiled is None else compiled(u, v)
+        if found is not None:
+            return found
+        with np.errstate(over="ignore"):  # to inf, which `checked` refuses
+            kinetic = 0.5 * np.sum(self.scene.mass * v**2, axis=-1)
+        return kinetic + np.sum(self.scene.bond_energy(u), axis=-1)
+
+    @cached_property
+    def energies_in_one_call(self) -> Energies | None:
+        """Where they are compiled."""
+        return self.springs.energies(self.scene.mass)
+
+    def with_springs(self, springs: Sequence[Potential]) -> Chain:
+        """The same chain with other springs, one for each of the different `springs`."""
+        of = self.scene
+        other = Chain([springs[k] for k in self.springs.group], of.sites, of.mass, of.ends)
+        other.__dict__.update(drive=of.drive, damping=of.damping, tune=of.tune)
+        return other
 
     def frequency_of(self, stiffness: Array) -> float:
         """Bound on the largest angular frequency [rad/s] for stiffnesses of the bonds [N/m].
@@ -246,22 +243,18 @@ class Chain(Scene):
     @cached_property
     def _largest_mobilities(self) -> Array:
         """The largest of the bonds of each different spring; (springs,)."""
-        found = np.zeros(len(self.spring_table))
-        np.maximum.at(found, self.spring_table.group, self._mobilities)
+        found = np.zeros(len(self.springs))
+        np.maximum.at(found, self.springs.group, self._mobilities)
         return fixed(found)
 
     def extreme(self, spring: int, u: Array, side: int) -> str:
         """Where an elongation of that spring is lowest (side 0) or highest (1), in words."""
-        bonds = np.flatnonzero(self.spring_table.group == spring)
+        bonds = np.flatnonzero(self.springs.group == spring)
         r = self.stretch(u)[bonds]
         bond = int(bonds[np.argmax(r) if side else np.argmin(r)])
         return f"between sites {bond} and {bond + 1}"
 
     def stiffest(self, u: Array, ranges: Array) -> str:
-        """Where the stretch is largest, in words."""
+        """Where the elongation is largest, in words."""
         bond = int(np.argmax(np.abs(self.stretch(u))))
         return f"between sites {bond} and {bond + 1}"
-
-    def __repr__(self) -> str:
-        kinds = len(self.spring_table)
-        return f"Chain({self.sites} sites, {kinds} different spring(s), ends {self.ends})"

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -115,47 +114,25 @@ def _sorted(pairs):
     return pairs[np.lexsort(pairs.T[::-1])]
 
 
-class Listings:
-    """The lists of contacts that a scene made last, each a scene with all that is prepared."""
-
-    def __init__(self, scene, count):
-        self._scene, self._count, self._made = scene, count, ()
-
-    def __call__(self, pairs, walls):
-        """The scene with these contacts besides its own, and none that are followed."""
-        for of, scene in self._made:
-            if all(map(np.array_equal, of, (pairs, walls))):
-                return scene
-        scene = self.new(pairs, walls)
-        self._made = (((pairs, walls), scene), *self._made)[: self._count]
-        return scene
-
-    def new(self, pairs, walls):
-        """The same, which is not kept."""
-        if not len(pairs) and not len(walls):
-            return self._alone
-        of = self._scene
-        count, law, known = len(of.bonds), of.law, of.geometry[of.dim]
-        bonds, contacts = (
-            np.concatenate([of.bonds, pairs]),
-            np.concatenate([of.wall_contacts, walls]),
-        )
-        lengths = np.concatenate([of.lengths, of.radius[pairs].sum(axis=1)])
-        given = of.positions, bonds, lengths, of.walls, contacts, of.radius
-        lengths, geometry = contact_geometry(*given)
-        own = np.r_[:count, len(bonds) : len(bonds) + len(of.wall_contacts)]
-        geometry[of.dim, own] = known  # not as the positions round
-        of_pairs = tuple(law(i, j) for i, j in pairs.tolist())
-        of_walls = tuple(law(site, of.walls[wall]) for site, wall in walls.tolist())
-        return of._with(
-            law=None, clearance=None, bonds=fixed(bonds), wall_contacts=fixed(contacts),
-            springs=of.springs[:count] + of_pairs + of.springs[count:] + of_walls,
-            lengths=fixed(lengths), geometry=fixed(geometry),
-        )  # fmt: skip
-
-    @cached_property
-    def _alone(self):
-        return self._scene._with(law=None, clearance=None)
+def contacts_with(scene, geometry, pairs, walls):
+    """What a network that follows contacts is made of with these contacts besides its own, by
+    name."""
+    count, law, own_geometry = len(scene.bonds), scene.law, geometry[scene.dim]
+    bonds = np.concatenate([scene.bonds, pairs])
+    contacts = np.concatenate([scene.wall_contacts, walls])
+    lengths = np.concatenate([scene.lengths, scene.radius[pairs].sum(axis=1)])
+    lengths, found = contact_geometry(
+        scene.positions, bonds, lengths, scene.walls, contacts, scene.radius
+    )
+    own = np.r_[:count, len(bonds) : len(bonds) + len(scene.wall_contacts)]
+    found[scene.dim, own] = own_geometry  # not as the positions round
+    of_pairs = tuple(law(i, j) for i, j in pairs.tolist())
+    of_walls = tuple(law(site, scene.walls[wall]) for site, wall in walls.tolist())
+    springs = scene.springs[:count] + of_pairs + scene.springs[count:] + of_walls
+    return {
+        "bonds": fixed(bonds), "wall_contacts": fixed(contacts), "springs": springs,
+        "lengths": fixed(lengths), "_geometry": fixed(found),
+    }  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from tensegrity import check
 from tensegrity.engine.timed import Forcing
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import FixedDict, fixed
+from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.signals import RTOL, check_signals, expression_of, signals_of
 
 if TYPE_CHECKING:
@@ -160,7 +161,9 @@ def checked(scene: Any, drive: Any, damping: Any, tune: Any = None) -> dict[str,
     if names:
         raise TensegrityError(f"tune {check.shown(names[0])} is not the name of an argument")
     signals = {name: expression_of(name, one) for name, one in tune.items()}
-    different = scene.spring_table.different  # the same spring of other lengths is another there
+    different = dynamics(
+        scene
+    ).springs.different  # the same spring of other lengths is another there
     if signals and (
         len(scene.springs) > _bonds(scene) or any(x != different[0] for x in different)
     ):
@@ -185,7 +188,7 @@ def _bonds(scene: Any) -> int:
 
 def refuse(scene: Any, what: str) -> None:
     """Refuse a driven or damped scene, for what knows conservative ones only."""
-    if scene.is_driven:
+    if dynamics(scene).is_driven:
         raise TensegrityError(f"{what}: not for scenes that are driven, damped or tuned")
 
 
@@ -258,14 +261,14 @@ def forcing_of(scene: Any, t_end: float, tuning: Any = None) -> Forcing:
 
         return values
 
-    bonds, mass = scene.loop_bonds, np.repeat(scene.mass, scene.dim)
+    bonds, mass = dynamics(scene).loop_bonds, np.repeat(scene.mass, scene.dim)
     heavy = mass[moved]
     mass[moved] = 0.0
     damping = scene.damping or Damping()
     ground = np.repeat(damping.each("ground", scene.sites), scene.dim)
     bond = np.zeros(len(scene.springs))
     bond[: _bonds(scene)] = damping.each("bond", _bonds(scene))
-    held = np.repeat(scene.inverse_mass == 0, scene.dim)
+    held = np.repeat(dynamics(scene).inverse_mass == 0, scene.dim)
     ground[held] = 0.0
     if tuning is not None:
         bonds = replace(

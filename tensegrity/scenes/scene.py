@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tensegrity import check
-from tensegrity.engine import forces, kernel
-from tensegrity.engine.bonds import Bonds, by_spring
-from tensegrity.engine.openings import is_treated
+from tensegrity.engine import forces
 from tensegrity.errors import TensegrityError
-from tensegrity.readonly import FixedDict, ReadOnly, fixed
+from tensegrity.readonly import FixedDict, ReadOnly, same_content
+from tensegrity.scenes.dynamics import HasDynamics, dynamics
 from tensegrity.scenes.forcing import checked
-from tensegrity.springs.collection import Springs
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -24,10 +21,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from tensegrity.engine.methods import Method
     from tensegrity.scenes.forcing import Damping, Drive
     from tensegrity.springs.potential import Potential
-    from tensegrity.typing import Array, Indices
+    from tensegrity.typing import Array
 
 PER_SITE = 176  # bytes that a run takes for each site, its rows apart
 SMALLEST_MASS = 1e-300  # kg: its inverse is still a number
@@ -80,32 +76,6 @@ class State:
         return State(self.u.copy(), -self.v)
 
 
-class Remembered:
-    """What runs of a scene know of it; without it they find the same again.
-
-    Attributes
-    ----------
-    ranges : list of (ndarray, ndarray, float)
-        Ranges of elongation (springs, 2) [m] that runs met lately, how stiff each spring is at
-        most there [N/m], and the angular frequency that this bounds [rad/s].
-    reached : dict of float to Reach
-        What springs reach with energies [J] in one bond.
-    tuned : dict of (float, float) to Tuned
-        Springs that change, prepared for runs of some duration, and before and after [s].
-    gain : float or None
-        Seconds that fitted forces save in one evaluation of all, roughly.
-    plans : dict of Method to list
-        Loops that are prepared for runs, and not in use.
-    """
-
-    def __init__(self) -> None:
-        self.gain: float | None = None
-        self.plans: dict[Method, list[Any]] = {}
-        self.ranges: list[tuple[Array, Array, float]] = []
-        self.reached: dict[float, Any] = {}
-        self.tuned: dict[float, Any] = {}
-
-
 def known_state(u: Array, v: Array) -> State:
     """A state of arrays that are known to be right."""
     state = object.__new__(State)
@@ -113,52 +83,29 @@ def known_state(u: Array, v: Array) -> State:
     return state
 
 
-class Scene(ReadOnly):
-    """Base of scenes, and what `simulate` asks of one.
+class Scene(HasDynamics, ReadOnly):
+    """Base of scenes: masses joined by bonds, as data.
 
     A scene has `sites` of `dim` coordinates, their `mass` (sites,), the numbers of those `held`,
-    constant `loads` [N], the `shape` of u, and one of `springs` for each bond.  It says what
-    `elongation(u)` its bonds have, what its `energy(state)` is, and with `frequency_of(k)` how
-    fast it vibrates at most where its bonds are not stiffer than k; the rest follows, or has a
-    default here.
+    constant `loads` [N], the `shape` of u, and one of `springs` for each bond.  What its motion
+    needs besides is computed from these by `tensegrity.scenes.dynamics`.
 
-    What a scene is built from cannot be changed; make another one.
+    What a scene is built from cannot be changed; make another one.  Scenes of equal content are
+    equal.
 
     Attributes
     ----------
-    closing : float or ndarray
-        Elongation [m] at which the ends of a bond of each different spring meet, -inf where they
-        cannot.
-    spring_lengths : ndarray, (springs,), or None
-        Length of each bond [m], where springs count as different for it.
-    follows : bool
-        Whether contacts come and go, so that only those near are listed.
-    turns : bool
-        Whether bonds may turn, so that their tension resists motion across them.
-    clearance : Clearance or None
-        What watches over contacts that are not listed.
-    wall_count : int
-        Number of walls.
     drive : dict of int to Drive
         Motions that are prescribed, and forces that depend on time, of some sites.
     damping : Damping or None
         Dashpots.
     tune : dict of str to expression
         Arguments of the springs that depend on time.
-    energies_at_once : Energies or None
-        The energies of many states in one call, where they are compiled.
     """
 
-    closing: float | Array = -np.inf
-    turns: bool = False
-    follows: bool = False
-    spring_lengths: Array | None = None
-    clearance: Any = None
-    wall_count: int = 0
     drive: Mapping[int, Drive] = FixedDict()
     damping: Damping | None = None
     tune: Mapping[str, Any] = FixedDict()
-    energies_at_once: Any = None
     sites: int
     dim: int
     mass: Array
@@ -166,150 +113,50 @@ class Scene(ReadOnly):
     springs: tuple[Potential, ...]
     held: Sequence[int]
     shape: tuple[int, ...]
-    cost: int
     _words: str
-    if TYPE_CHECKING:  # what `simulate` asks of every scene besides
+    if TYPE_CHECKING:
 
-        def check(self, state: State) -> float: ...
-        def energy(self, state: State) -> float: ...
         def elongation(self, u: ArrayLike) -> Array: ...
         def bond_energy(self, u: Array) -> Array: ...
         def bond_tension(self, u: Array) -> Array: ...
         def site_energy(self, u: Array, v: Array) -> Array: ...
         def momentum(self, state: State) -> Any: ...
-        def frequency_of(self, stiffness: Array) -> float: ...
-        def extreme(self, spring: int, u: Array, side: int) -> str: ...
-        def stiffest(self, u: Array, ranges: Array) -> str: ...
         def at_rest(self, velocity: Any = None) -> State: ...
-        def with_springs(self, springs: Sequence[Potential]) -> Scene: ...
+        def _check_sites(self, state: State) -> None: ...
 
     def _set_forcing(self, drive: Any, damping: Any, tune: Any = None) -> None:
         """Keep what drives, damps and tunes the scene, if it fits."""
         self.__dict__.update(checked(self, drive, damping, tune))
 
-    @property
-    def is_driven(self) -> bool:
-        """Whether forces depend on time or velocity, or motion is prescribed."""
-        return bool(self.drive or self.damping or self.tune)
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Scene):
+            return NotImplemented
+        if type(self) is not type(other) or self.shape != other.shape:
+            return False
+        return self is other or same_content(self.__getstate__(), other.__getstate__())
 
-    @cached_property
-    def inverse_mass(self) -> Array:
-        """1/m [1/kg], 0 for a held site; (sites,)."""
-        w = 1 / self.mass
-        w[list(self.held)] = 0
-        return fixed(w)
+    def __hash__(self) -> int:
+        return hash((type(self), self.shape, self.mass.tobytes()))
 
-    @cached_property
-    def remembered(self) -> Remembered:
-        """What its runs found out and the next one need not."""
-        return Remembered()
-
-    @cached_property
-    def spring_table(self) -> Springs:
-        """The different springs, and which bond has which."""
-        return Springs(self.springs, lengths=self.spring_lengths)
-
-    @cached_property
-    def smooth(self) -> bool:
-        """Whether the derivatives of no spring jump."""
-        return all(spring.smooth for spring in self.spring_table.different)
-
-    @cached_property
-    def opens(self) -> bool:
-        """Whether some contact can open, of an exponent for which steps are corrected."""
-        return self.follows or bool(is_treated(self.spring_table.openings[..., 2]).any())
-
-    @cached_property
-    def loop_bonds(self) -> Bonds:
-        """Bonds as the loop takes them."""
-        springs = self.spring_table
-        return Bonds(*springs.table, springs.group, self.inverse_mass, openings=springs.openings)
-
-    def is_alike(self, other: Scene) -> bool:
-        """Whether states of one scene fit the other, bond for bond."""
-        mine, others = ((x.shape, len(x.springs), x.wall_count) for x in (self, other))
-        return mine == others and self.turns == other.turns
-
-    def arrays(self, state: State) -> tuple[Array, Array]:
-        """Copies of u and v as the loop advances them, with rows for walls behind the sites."""
-        return state.u.copy(), state.v.copy()
-
-    def bind(self, u: Array, v: Array, method: Method, dt: float) -> Any:
-        """This scene in the loop, advancing the rows of `arrays` in place."""
-        return kernel.bind(u, v, self.loop_bonds, method, dt)
-
-    def stretch(self, u: ArrayLike) -> Array:
-        """Elongation of every spring [m]: of bonds, and behind them of wall contacts."""
-        return self.elongation(u)
-
-    def stiffness_within(self, ranges: Array, numbers: Indices | None = None) -> Array:
-        """Bound on the stiffness of a bond of each spring, along it and across.
+    def check(self, state: State) -> None:
+        """Refuse a state that is not one of this scene.
 
         Parameters
         ----------
-        ranges : ndarray, (springs, 2)
-            Elongations [m].
-        numbers : ndarray of int, optional
-            The springs that are asked for; by default all.
+        state : State
 
-        Returns
-        -------
-        ndarray, (springs,) or shape of `numbers`
-            [N/m]; inf where the ends of a bond meet.
+        Raises
+        ------
+        TensegrityError
+            It has another shape, moves a held site, brings unlisted sites into contact, or a spring
+            out of its domain.
         """
-        springs = self.spring_table
-        if numbers is None:
-            if not self.turns and (ranges[:, 0] > self.closing).all():
-                return springs.largest("stiffness", ranges)
-            numbers = np.arange(len(springs))
-        shortest = ranges[:, 0] - self.closing
-        k, apart = np.full(len(numbers), np.inf), shortest[numbers] > 0
-        within = numbers[apart]
-        k[apart] = springs.largest("stiffness", ranges, within)
-        if self.turns:
-            across = springs.largest("tension", ranges, within) / shortest[within]
-            k[apart] = np.maximum(k[apart], across)
-        return k
+        dynamics(self).checked(state)
 
-    def frequency(self, ranges: Array) -> float:
-        """Bound on the largest angular frequency [rad/s] over given ranges (springs, 2)."""
-        return self.fastest(self.stiffness_within(np.asarray(ranges, dtype=float)))
-
-    def fastest(self, stiffness: Array) -> float:
-        """The same for a bound of the stiffness of each spring [N/m], (springs,)."""
-        if np.isinf(stiffness).any():
-            return np.inf  # the two sites of a bond coincide
-        return self.frequency_of(stiffness[self.spring_table.group])
-
-    def present_ranges(self, u: Array) -> Array:
-        """Smallest and largest elongation, 0 included, of each different spring; (springs, 2)."""
-        r, group = self.stretch(u), self.spring_table.group
-        if len(self.spring_table) == 1:
-            return np.array([[min(float(r.min()), 0.0), max(float(r.max()), 0.0)]])
-        group = np.broadcast_to(group.reshape(*group.shape, *[1] * (r.ndim - group.ndim)), r.shape)
-        ranges = by_spring(group.ravel(), len(self.spring_table), r.ravel(), r.ravel())
-        return np.stack([np.minimum(ranges[:, 0], 0), np.maximum(ranges[:, 1], 0)], axis=1)
-
-    def listed(self, u: Array) -> Scene:
-        """The scene with the contacts that may act near displacements u: here it has them all."""
-        return self
-
-    def likely(self, u: Array) -> Scene:
-        """The scene with contacts that may well form in a run from displacements u."""
-        return self
-
-    def energies(self, u: Array, v: Array) -> Array:
-        """Total energy [J] of each of many states; u and v (states, *shape of the scene)."""
-        return np.array([self.energy(State(*pair)) for pair in zip(u, v, strict=True)])
-
-    def available_energy(self, state: State, energy: float | None = None) -> float:
-        """What one spring could get of the energy [J], all of it; what `check` said, if known."""
-        return self.energy(state) if energy is None else energy
-
-    @property
-    def contact_bonds(self) -> Bonds:
-        """Bonds with their geometry, which a loop over neighbours in a row does without."""
-        return self.loop_bonds
+    def energy(self, state: State) -> float:
+        """Total energy [J], the potential of the loads included."""
+        self._refuse_other(state)
+        return float(dynamics(self).energies(state.u[None], state.v[None])[0])
 
     def forces(self, u: ArrayLike) -> Array:
         """Forces on all sites at rest.
@@ -326,8 +173,9 @@ class Scene(ReadOnly):
             so that the ends of a preloaded chain carry the preload.
         """
         u, r, along = self._elongated(u)
-        tension = self.spring_table.evaluate("tension", r)
-        pull = forces.pulls(self.contact_bonds, tension, along)[: self.sites].reshape(u.shape)
+        of = dynamics(self)
+        tension = of.springs.evaluate("tension", r)
+        pull = forces.pulls(of.contact_bonds, tension, along)[: self.sites].reshape(u.shape)
         pull = pull + self.loads
         pull[list(self.held)] = 0
         return pull
@@ -348,8 +196,9 @@ class Scene(ReadOnly):
         from scipy.sparse import csr_array
 
         u, r, along = self._elongated(u)
-        tension, stiffness = (self.spring_table.evaluate(x, r) for x in ("tension", "stiffness"))
-        found = forces.tangent(self.contact_bonds, r, along, tension, stiffness)
+        of = dynamics(self)
+        tension, stiffness = (of.springs.evaluate(x, r) for x in ("tension", "stiffness"))
+        found = forces.tangent(of.contact_bonds, r, along, tension, stiffness)
         free = np.ones(u.shape, dtype=bool)
         free[list(self.held)] = False
         free = np.append(free.ravel(), np.zeros(found.shape[0] - u.size, dtype=bool))
@@ -361,14 +210,10 @@ class Scene(ReadOnly):
         """Displacements that were checked, elongations there, and the directions of bonds."""
         u = check.vector("displacement", u, self.shape)
         self.check(State(u, np.zeros(self.shape)))
-        return u, *forces.elongations(self.contact_bonds, u)
+        return u, *forces.elongations(dynamics(self).contact_bonds, u)
 
     def _refuse_other(self, state: object) -> None:
-        """Refuse what is no state of this shape."""
-        if not isinstance(state, State):
-            raise TensegrityError(f"state is {type(state).__name__}, not a State")
-        if state.u.shape != self.shape:
-            raise TensegrityError(f"state has shape {state.u.shape}, the {self._words}")
+        refuse_other(state, self.shape, self._words)
 
     def _rows(self, u: ArrayLike, v: ArrayLike) -> tuple[Array, Array]:
         """Displacements and velocities of one state or of many, checked."""
@@ -376,6 +221,14 @@ class Scene(ReadOnly):
         if u.shape != v.shape:
             raise TensegrityError(f"displacements have shape {u.shape}, velocities {v.shape}")
         return u, v
+
+
+def refuse_other(state: object, shape: tuple[int, ...], words: str) -> None:
+    """Refuse what is no state of this shape, which a scene has as it says in words."""
+    if not isinstance(state, State):
+        raise TensegrityError(f"state is {type(state).__name__}, not a State")
+    if state.u.shape != shape:
+        raise TensegrityError(f"state has shape {state.u.shape}, the {words}")
 
 
 def velocities(given: Mapping[int, Any] | None) -> Iterable[tuple[int, Any]]:

@@ -18,6 +18,7 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import EquilibriumError, TensegrityError
+from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.scenes.forcing import entries
 from tensegrity.scenes.scene import SMALLEST_MASS, Scene, State
@@ -80,12 +81,12 @@ def modes(scene: Scene, about: State | None = None, count: int = 10) -> Modes:
     EquilibriumError
         The forces at `about` do not balance, or it is unstable.
     """
-    check.kind("scene", scene, Scene)
     if isinstance(scene, Ensemble):
         raise TensegrityError("scene is an Ensemble: ask for the modes of one of its scenes")
+    check.kind("scene", scene, Scene)
     count = check.whole("count", count, least=1)
     u = scene.at_rest().u if about is None else _equilibrium(scene, about)
-    listed = scene.listed(u)
+    listed = dynamics(scene).listed(u).scene
     stiffness = listed.stiffness(u)
     _refuse_moving(listed, u, stiffness)
     moves = np.ones(scene.shape, dtype=bool)
@@ -116,10 +117,10 @@ def _equilibrium(scene: Scene, about: State) -> Array:
 
 def _refuse_moving(scene: Scene, u: Array, stiffness: Any) -> None:
     """Refuse displacements at which the forces on some site do not balance."""
-    left = float(np.max(np.abs(scene.forces(u)), initial=0.0))
-    tensions = np.abs(scene.spring_table.evaluate("tension", scene.stretch(u)))
+    of, left = dynamics(scene), float(np.max(np.abs(scene.forces(u)), initial=0.0))
+    tensions = np.abs(of.springs.evaluate("tension", of.stretch(u)))
     meet = float(np.max(tensions, initial=0.0)) + float(np.max(np.abs(scene.loads), initial=0.0))
-    lengths = [spring.length or 1.0 for spring in scene.spring_table.different]
+    lengths = [spring.length or 1.0 for spring in of.springs.different]
     stiffest = float(np.max(stiffness.diagonal(), initial=0.0))
     allowed = AT_REST * meet + MOVED * stiffest * min(lengths, default=1.0)
     if left > allowed:

@@ -1,0 +1,250 @@
+"""What the motion of a network needs beyond its data; see `tensegrity.scenes.dynamics`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tensegrity import check
+from tensegrity.engine import forces
+from tensegrity.engine.bonds import PAIR, WALL, Bonds, Contacts
+from tensegrity.readonly import fixed
+from tensegrity.scenes.clearance import Clearance, crowding
+from tensegrity.scenes.dynamics import Dynamics
+from tensegrity.scenes.following import Following, contacts_with
+
+if TYPE_CHECKING:
+    from typing import Any, Self
+
+    from numpy.typing import ArrayLike
+
+    from tensegrity.engine.energies import Energies
+    from tensegrity.scenes.scene import State
+    from tensegrity.springs.potential import Potential
+    from tensegrity.typing import Array, Indices
+
+AT_ONCE = 2_000_000  # contacts times rows of one list: some tens of megabytes
+LISTS, FEW = 2, 10_000  # lists of contacts that are kept of a scene, and sites up to which
+IN_CACHE = 20_000  # contacts times rows whose energies are computed together
+
+
+class NetworkDynamics(Dynamics):
+    """Of masses joined in any pattern, between walls.
+
+    Attributes
+    ----------
+    geometry : ndarray, (dim + 2, contacts)
+        Of bonds and wall contacts at the reference places; see `contact_geometry`.
+    """
+
+    def __init__(self, scene: Any) -> None:
+        super().__init__(scene)
+        self.wall_count, self.geometry = len(scene.walls), scene._geometry
+        self.spring_lengths, self.turns = self.geometry[-1], scene.dim > 1
+        self.follows = scene.law is not None
+        self._lists: tuple[Any, ...] = ()
+
+    @cached_property
+    def contact_bonds(self) -> Bonds:
+        """Bonds and wall contacts with their geometry."""
+        scene, springs = self.scene, self.springs
+        kind = np.full(len(scene.springs), WALL)
+        kind[: len(scene.bonds)] = PAIR
+        first = np.concatenate([scene.bonds[:, 0], self.sites + scene.wall_contacts[:, 1]])
+        second = np.concatenate([scene.bonds[:, 1], scene.wall_contacts[:, 0]])
+        arrays = (fixed(x) for x in (kind, first, second))
+        places = self.geometry, scene.positions
+        behind = scene.loads, self.wall_count, self.crowding
+        contacts = Contacts(*arrays, *places, *behind)  # type: ignore[call-arg]
+        return Bonds(*springs.table, springs.group, self.inverse_mass, contacts, springs.openings)
+
+    @cached_property
+    def loop_bonds(self) -> Bonds:
+        """Bonds as the loop takes them: those of a chain where that is what they are."""
+        scene, bonds, count = self.scene, self.contact_bonds, np.arange(len(self.scene.bonds))
+        row = [count, count + 1]
+        if (
+            self.dim == 1 and self.sites == len(count) + 1 and scene.radius is None
+            and np.array_equal(scene.bonds.T, row) and not scene.walls and not scene.loads.any()
+            and np.all(self.geometry[0] > 0) and not self.geometry[1].any()
+        ):  # fmt: skip
+            return replace(bonds, contacts=None)
+        return bonds
+
+    @cached_property
+    def crowding(self) -> Indices | None:
+        """How many sites of higher numbers each one about touches at the reference places; None
+        where sites have no radius, so that one list of contacts is all there is."""
+        radius = self.scene.radius
+        return None if radius is None else fixed(crowding(self.scene.positions, radius))
+
+    @cached_property
+    def clearance(self) -> Clearance | None:  # type: ignore[override]
+        """What watches over the contacts that are not listed; None where sites have no radius."""
+        scene = self.scene
+        if scene.radius is None:
+            return None
+        kind = Following if self.follows else Clearance
+        return kind(scene.positions, scene.radius, scene.bonds, scene.walls, scene.wall_contacts)
+
+    def refuse_unlisted(self, u: Array) -> None:
+        """Refuse displacements with contacts that are not listed."""
+        if self.clearance is not None:
+            self.clearance.check(u)
+
+    # contacts that come and go
+
+    def listed(self, u: Array) -> Self:
+        """As `Network.listed`; the lists that were made last are kept."""
+        if not self.follows:
+            return self
+        near = self.clearance.near(np.asarray(u, dtype=float))
+        for of, found in self._lists:
+            if all(map(np.array_equal, of, near)):
+                return found
+        found = self._with_contacts(*near)
+        self._lists = ((near, found), *self._lists)[: LISTS if self.sites <= FEW else 1]
+        return found
+
+    def nearest(self, u: Array) -> Self:
+        """That with contacts of sites nearest each other, and of all with walls."""
+        return self._with_contacts(*self.clearance.likely(u)) if self.follows else self
+
+    def listings(self, u: Array) -> Iterator[tuple[slice, Self]]:
+        """Rows of displacements (T, sites, dim) in turn, each with all contacts that can act there.
+
+        Where contacts are followed the list is made anew once a site moved half the distance
+        below which it has all pairs.
+        """
+        row = 0
+        while row < len(u):
+            listed = self.listed(u[row])
+            most = max(1, AT_ONCE // (len(listed.scene.springs) + 1))
+            last = min(len(u), row + most)
+            if self.follows:
+                last = row + self.clearance.lasting(u[row:last])
+            yield slice(row, last), listed
+            row = last
+
+    def _with_contacts(self, pairs: Indices, walls: Indices) -> Self:
+        """That with these contacts besides its own, and none that are followed."""
+        if not len(pairs) and not len(walls):
+            return self._alone
+        return self._varied(**contacts_with(self.scene, self.geometry, pairs, walls))
+
+    @cached_property
+    def _alone(self) -> Self:
+        return self._varied()
+
+    def _varied(self, **changed: Any) -> Self:
+        """That of the scene with a fixed list of contacts, over which nothing watches."""
+        scene = self.scene._varied(law=None, **changed)
+        found = type(self)(scene)
+        found.__dict__.update(clearance=None, crowding=self.crowding)
+        scene._in_thread.dynamics = found
+        return found
+
+    def with_springs(self, springs: Sequence[Potential]) -> Any:
+        """The same network with other springs, one for each of the different `springs`."""
+        scene = self.scene._varied(springs=tuple(springs[k] for k in self.springs.group))
+        scene._in_thread.dynamics = found = type(self)(scene)
+        found.__dict__["crowding"] = self.crowding
+        return scene
+
+    # the engine's view
+
+    @property
+    def cost(self) -> int:
+        """Work of one evaluation of all forces, in bonds of a chain."""
+        return 3 * len(self.scene.springs) + self.sites
+
+    def arrays(self, state: State) -> tuple[Array, Array]:
+        """u and v as the loop advances them: sites, and behind them walls and a spare row."""
+        if self.loop_bonds.contacts is None:
+            return super().arrays(state)
+        u, v = np.zeros((2, self.loop_bonds.contacts.rows, self.dim))
+        u[: self.sites], v[: self.sites] = state.u, state.v
+        return u, v
+
+    def stretch(self, u: ArrayLike) -> Array:
+        """Elongation of each bond [m], and gap of each wall contact; (..., springs)."""
+        u = check.rows("displacements", u, self.shape, are_finite=False)
+        return forces.stretch(self.contact_bonds, u)
+
+    def each(self, name: str, u: ArrayLike) -> Array:
+        """Energy [J] or tension [N] of each bond and wall contact; (..., springs)."""
+        return self.springs.evaluate(name, check.finite("elongation", self.stretch(u)))
+
+    def energies(self, u: Array, v: Array) -> Array:
+        """Total energy [J] of each of many states; u and v (states, sites, dim)."""
+        if self.follows:
+            parts = [listed.energies(u[rows], v[rows]) for rows, listed in self.listings(u)]
+            return np.concatenate(parts) if parts else np.zeros(0)
+        compiled = self.energies_in_one_call
+        found = None if compiled is None else compiled(u, v)
+        if found is not None:
+            return found
+        scene, rows = self.scene, (len(u), -1)
+        with np.errstate(over="ignore"):  # to inf, which `checked` refuses
+            kinetic = 0.5 * np.sum((scene.mass[:, None] * v**2).reshape(rows), axis=-1)
+        some = max(IN_CACHE // max(len(scene.bonds) + len(scene.wall_contacts), 1), 1)
+        parts = [np.sum(self.each("energy", u[k : k + some]), axis=-1)
+                 for k in range(0, len(u), some)]  # fmt: skip
+        stored = np.concatenate(parts) if parts else np.zeros(0)
+        return kinetic + stored - np.sum((scene.loads * u).reshape(rows), axis=-1)
+
+    @cached_property
+    def energies_in_one_call(self) -> Energies | None:
+        """Where they are compiled."""
+        mass = np.repeat(self.scene.mass[:, None], self.dim, axis=1)
+        return self.springs.energies(mass, self.contact_bonds.contacts)
+
+    # bounds, and words
+
+    @cached_property
+    def closing(self) -> Array:  # type: ignore[override]
+        """Elongation [m] at which the ends of each different spring's shortest bond meet."""
+        found, pairs = np.full(len(self.springs), -np.inf), len(self.scene.bonds)
+        np.maximum.at(found, self.springs.group[:pairs], -self.scene.lengths)
+        return fixed(found)
+
+    def frequency_of(self, stiffness: Array) -> float:
+        """Bound on the largest angular frequency [rad/s] for stiffnesses of the contacts [N/m].
+
+        Gershgorin's circles of M^-1 K: a bond's block stands twice in the rows of a site, a
+        wall's once.
+        """
+        k, contacts = stiffness.copy(), self.contact_bonds.contacts
+        k[: len(self.scene.bonds)] *= 2
+        total = np.zeros(contacts.rows)
+        np.add.at(total, contacts.first, k)
+        np.add.at(total, contacts.second, k)
+        return float(np.sqrt(np.max(total[: self.sites] * self.inverse_mass)))
+
+    def extreme(self, spring: int, u: Array, side: int) -> str:
+        """Where a contact of that spring is shortest (side 0) or longest (1), in words."""
+        contacts = np.flatnonzero(self.springs.group == spring)
+        r = self.stretch(u)[contacts]
+        return self._where(int(contacts[np.argmax(r) if side else np.argmin(r)]))
+
+    def _where(self, contact: int) -> str:
+        bonds = self.scene.bonds
+        if contact < len(bonds):
+            i, j = bonds[contact].tolist()
+            return f"between sites {i} and {j}"
+        site, wall = self.scene.wall_contacts[contact - len(bonds)].tolist()
+        return f"between site {site} and wall {wall}"
+
+    def stiffest(self, u: Array, ranges: Array) -> str:
+        """Where the contact is that was stretched most, or whose ends met, in words."""
+        if not len(self.scene.springs):
+            return ""
+        apart = ranges[:, 0] - self.closing
+        if np.any(apart <= 0):
+            return f"{self.extreme(int(np.argmin(apart)), u, 0)}, which came to the same place"
+        spring = int(np.nanargmax(np.max(np.abs(ranges), axis=1)))
+        return self.extreme(spring, u, int(ranges[spring, 1] > -ranges[spring, 0]))
