@@ -255,9 +255,9 @@ def test_elongations_met_are_those_of_all_steps(name):
         drive = {4: Drive(displacement=(0.1 * sp.sin(T), None))}
         scene, blow = plate(drive=drive, damping=Damping(**{name: 0.1})), (0.3, 0.0)
     run = simulate(scene, scene.at_rest({5: blow}), 3.0, dt=0.05, record=Record(every=1))
-    for spring, met in enumerate(run.met):
-        r = scene.elongation(run.u)[:, dynamics(scene).springs.group == spring]
-        np.testing.assert_allclose(met, (min(r.min(), 0), max(r.max(), 0)), atol=1e-15)
+    r = scene.elongation(run.u)
+    found = run.met[:, 0].min(), run.met[:, 1].max()
+    np.testing.assert_allclose(found, (min(r.min(), 0), max(r.max(), 0)), atol=1e-15)
 
 
 def test_bonds_that_do_not_turn_are_damped_as_those_of_the_chain():
@@ -302,7 +302,8 @@ def test_a_drive_of_nothing_leaves_the_conservative_motion():
     np.testing.assert_allclose(runs[0].u, runs[1].u, atol=1e-15)
     assert runs[0].work is None
     assert not runs[1].work.any()
-    assert dynamics(Chain(CUBIC, 8, damping=Damping())).is_driven is False
+    undamped = Chain(CUBIC, 8, damping=Damping())
+    assert simulate(undamped, state, 1.0).work is None
 
 
 def test_default_steps_follow_what_a_drive_brings_in():
