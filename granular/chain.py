@@ -62,7 +62,7 @@ class BeadChain(Crystal, Chain):
         damping: Damping | None = None,
     ) -> None:
         self._made_of: dict[str, Any] = {
-            "beads": beads, "striker": striker, "loads": loads, "end": end,
+            "beads": beads, "striker": striker, "loads": tuple(loads), "end": end,
             "start_wall": start_wall,
         }  # fmt: skip
         self.striker = striker

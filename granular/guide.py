@@ -160,7 +160,7 @@ class Guide(Assembly):
 
 class _Dynamics(AssemblyDynamics):
     @cached_property
-    def clearance(self) -> Clearance | None:  # type: ignore[override]
+    def clearance(self) -> Clearance | None:
         """What watches over the contacts that are not listed; None where beads are blind."""
         return None if self.scene.radius is None else _Clearance(self.scene)
 

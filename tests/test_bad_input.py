@@ -297,7 +297,7 @@ def cases():
 def completed(name, function, given):
     """Good arguments, with examples for those that have no default; and examples of all."""
     one, given, fitting = getattr(function, "__self__", None), dict(given), EXAMPLES
-    if isinstance(one, Scene):
+    if isinstance(one, (Scene, ts.Ensemble)):
         u = np.zeros(one.shape)
         fitting = EXAMPLES | {"u": u, "v": u, "state": ts.State(u, u)}
     examples = dict(given)

@@ -20,7 +20,7 @@ from tensegrity import (
     simulate,
 )
 from tensegrity.measure.observables import arrival
-from tensegrity.scenes import lanes as lanes_room
+from tensegrity.scenes import batch as lanes_room
 
 SPEEDS = np.linspace(-0.01, 0.03, 13)  # 8 lanes together and 5 beside copies
 
@@ -55,10 +55,14 @@ def test_lanes_move_as_chains_alone(scene, method):
     np.testing.assert_allclose(run.final.u, u, rtol=0, atol=1e-14)
     np.testing.assert_allclose(run.final.v, v, rtol=0, atol=1e-14)
     assert run.u.shape == (4, chain.sites, len(SPEEDS))
-    each = ensemble.lane_energy(run.u, run.v)
-    np.testing.assert_allclose(each.sum(axis=1), run.energy, rtol=1e-13)
     alone = [chain.energy(ensemble.lane(start, k)) for k in range(len(SPEEDS))]
-    np.testing.assert_allclose(each[0], alone, rtol=1e-14)
+    np.testing.assert_allclose(run.energy[0], alone, rtol=1e-14)
+    assert len(run) == len(SPEEDS)
+    for k, one in enumerate(run):
+        assert one.scene is chain
+        np.testing.assert_array_equal(one.u, run.u[..., k])
+        np.testing.assert_array_equal(one.energy, run.energy[:, k])
+        np.testing.assert_allclose(chain.energy(one.final), one.energy[-1], rtol=1e-14)
 
 
 def test_a_tolerance_holds_in_every_lane():
@@ -98,7 +102,7 @@ def test_states_of_another_shape_are_refused():
     with pytest.raises(TensegrityError, match="lanes 0"):
         Ensemble(prism_chain(10), 0)
     with pytest.raises(TensegrityError, match="not a Chain"):
-        Ensemble(ensemble, 3)
+        Ensemble([ensemble])
 
 
 def test_a_spring_can_get_the_energy_of_its_lane_only():

@@ -69,7 +69,7 @@ def test_energies_of_rows_are_those_summed_by_hand(monkeypatch, dim, part):
     monkeypatch.setattr(energies, "PART", part)
     scene = mixed(dim)
     u, v = states(scene)
-    found = scene.energies_at_once(u, v)
+    found = dynamics(scene).energies_in_one_call(u, v)
     for k in range(STATES):
         wanted, size = by_hand(scene, u[k], v[k])
         assert found[k] == pytest.approx(wanted, abs=2e-15 * size)
@@ -84,7 +84,7 @@ def test_energies_without_a_compiler_are_the_same(monkeypatch, dim, loads):
     found = dynamics(scene).energies(u, v)
     monkeypatch.setattr(collection, "single", lambda law: None)
     other = mixed(dim, loads=loads)
-    assert other.energies_at_once is None
+    assert dynamics(other).energies_in_one_call is None
     np.testing.assert_allclose(dynamics(other).energies(u, v), found, rtol=1e-13)
 
 

@@ -61,7 +61,7 @@ def kept_things(scene):
 
 def assert_fixed(scene):
     found = list(kept_things(scene))
-    assert len(found) >= 2
+    assert len(found) >= 2 or isinstance(scene, Ensemble)
     for name, thing in found:
         if isinstance(thing, dict):
             with pytest.raises(TypeError, match="cannot be changed"):
@@ -72,7 +72,7 @@ def assert_fixed(scene):
 
 def test_no_public_attribute_can_be_assigned_or_deleted(scene):
     names = {name for name, _ in public(scene)}
-    assert {"mass", "springs", "held"} <= names
+    assert ({"scenes"} if isinstance(scene, Ensemble) else {"mass", "springs", "held"}) <= names
     for name in names:
         with pytest.raises(AttributeError, match=f"{name} of .* cannot be changed"):
             setattr(scene, name, getattr(scene, name))
@@ -108,7 +108,7 @@ def test_copies_and_pickles_are_fixed_too_and_run_the_same(scene):
         found = simulate(again, start, t_end, method="verlet").final
         assert found.u.tobytes() == expected.u.tobytes()
         with pytest.raises(AttributeError):
-            again.mass = 1.0
+            again.shape = ()
 
 
 def test_numbers_of_a_potential_cannot_be_written():

@@ -30,7 +30,7 @@ from tensegrity.gradients.result import Gradient, digits
 from tensegrity.gradients.samples import View
 from tensegrity.readonly import fixed
 from tensegrity.runs.problem import MOST_STEPS
-from tensegrity.scenes.dynamics import dynamics
+from tensegrity.scenes.dynamics import HasDynamics, dynamics
 from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.scenes.forcing import refuse
 from tensegrity.scenes.scene import Scene, State
@@ -102,7 +102,7 @@ def gradient(
     objectives = tuple(map(objective_of, objective if many else (objective,)))  # type: ignore
     if not objectives:
         raise TensegrityError("objective is an empty sequence: nothing to differentiate")
-    if not isinstance(scene, Scene):
+    if not isinstance(scene, HasDynamics):
         raise TensegrityError(f"scene {check.shown(scene)} is not a scene, such as a Chain")
     refuse(scene, "a gradient")
     scene.check(state)

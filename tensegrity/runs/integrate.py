@@ -11,21 +11,22 @@ from tensegrity.errors import TensegrityError
 from tensegrity.runs.observers import watching
 from tensegrity.runs.problem import Problem
 from tensegrity.runs.record import Record
-from tensegrity.runs.run import Run, changed, known
+from tensegrity.runs.run import changed, known
 from tensegrity.runs.step import default_step, fixed_step
 from tensegrity.runs.stepping import Outlook
 from tensegrity.runs.tolerance import ROUND_OFF, to_tolerance
-from tensegrity.scenes.dynamics import dynamics
-from tensegrity.scenes.ensemble import Ensemble
-from tensegrity.scenes.scene import Scene
+from tensegrity.scenes.dynamics import HasDynamics, dynamics
 
 if TYPE_CHECKING:
+    from typing import Any
+
     from tensegrity.runs.observers import Observe
-    from tensegrity.scenes.scene import Scene, State
+    from tensegrity.scenes.dynamics import Result_co
+    from tensegrity.scenes.scene import State
 
 
 def simulate(
-    scene: Scene | Ensemble,
+    scene: HasDynamics[Result_co],
     state: State,
     t_end: float,
     *,
@@ -34,7 +35,7 @@ def simulate(
     tol: float | None = None,
     record: Record | None = None,
     observe: Observe | None = None,
-) -> Run:
+) -> Result_co:
     """Advance a scene in time.
 
     Parameters
@@ -90,7 +91,7 @@ def simulate(
         A row or a state could not be written; with `.run`, the part done.
     """
     started = time.perf_counter()
-    if not isinstance(scene, (Scene, Ensemble)):
+    if not isinstance(scene, HasDynamics):
         raise TensegrityError(f"scene {scene!r} is not a scene, such as a Chain")
     of = dynamics(scene)
     energy = of.checked(state)
@@ -120,6 +121,7 @@ def simulate(
         outlook=outlook,
         given=dt,
     )
+    run: Any
     if dt is not None:
         run = fixed_step(problem, dt)
     elif tol is not None:

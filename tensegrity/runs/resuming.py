@@ -17,15 +17,16 @@ from tensegrity.runs.problem import Problem
 from tensegrity.runs.record import Record, beside
 from tensegrity.runs.run import Run
 from tensegrity.runs.step import resumed
-from tensegrity.scenes.dynamics import dynamics
-from tensegrity.scenes.ensemble import Ensemble
-from tensegrity.scenes.scene import Scene
+from tensegrity.scenes.dynamics import HasDynamics, dynamics
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from tensegrity.scenes.ensemble import Ensemble
+    from tensegrity.scenes.scene import Scene
 
-def resume(path: str | os.PathLike[str], scene: Scene | None = None) -> Run:
+
+def resume(path: str | os.PathLike[str], scene: Scene | Ensemble | None = None) -> Run:
     """Go on with a run that was recorded with a checkpoint, to the end that it had.
 
     Rows and bits are those of an unbroken run with the same step.  Rows written after the last
@@ -90,8 +91,7 @@ class Broken(NamedTuple):
 
     def start(self, scene: Any) -> Start:
         """Where the run goes on, if all parts fit each other and the scene."""
-        if not isinstance(scene, (Scene, Ensemble)):
-            check.kind("scene", scene, Scene)
+        check.kind("scene", scene, HasDynamics)
         of = dynamics(scene)
         of.checked(self.state)
         check.number("t_end", self.t_end, least=0, unit="s")

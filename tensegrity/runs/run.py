@@ -16,6 +16,7 @@ from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.scenes.scene import Scene, State, known_state
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from os import PathLike
     from typing import Any, Self, TypeVar
 
@@ -262,6 +263,9 @@ class RunBatch(Run):
         final = (np.ascontiguousarray(x[..., k]) for x in (self.final.u, self.final.v))
         met = self.met[dynamics(self.scene).places_of(k)]
         return known(Run, values, scene=self.scene.scenes[k], final=known_state(*final), met=met)
+
+    def __iter__(self) -> Iterator[Run]:
+        return (self[k] for k in range(len(self)))
 
     @property
     def energy_error(self) -> float:

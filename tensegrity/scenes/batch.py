@@ -118,7 +118,7 @@ class BatchDynamics(Dynamics):
         return sum(one.cost for one in self.each)
 
     @property
-    def closing(self) -> Any:  # type: ignore[override]
+    def closing(self) -> Any:
         """As for each of the scenes."""
         if self._same:
             return self.each[0].closing

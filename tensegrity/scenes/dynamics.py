@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import threading
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from tensegrity.engine import kernel
 from tensegrity.engine.bonds import Bonds, by_spring
 from tensegrity.engine.openings import is_treated
 from tensegrity.errors import TensegrityError
-from tensegrity.readonly import fixed
+from tensegrity.readonly import ReadOnly, fixed, same_content
 from tensegrity.springs.collection import Springs
 
 if TYPE_CHECKING:
@@ -25,8 +25,9 @@ if TYPE_CHECKING:
 
     from tensegrity.engine.energies import Energies
     from tensegrity.engine.methods import Method
-    from tensegrity.scenes.scene import Scene, State
     from tensegrity.typing import Array, Indices
+
+Result_co = TypeVar("Result_co", covariant=True)
 
 
 def dynamics(scene: Any) -> Any:
@@ -38,8 +39,26 @@ def dynamics(scene: Any) -> Any:
         return scene._in_thread.dynamics
 
 
-class HasDynamics:
-    """Base of what has `dynamics`: a scene, or several that run together."""
+class HasDynamics(ReadOnly, Generic[Result_co]):
+    """Base of what `simulate` takes, a scene or several that run together, and of what it gives.
+
+    Equal content makes two of them equal.
+    """
+
+    if TYPE_CHECKING:
+
+        @property
+        def shape(self) -> tuple[int, ...]: ...
+        @property
+        def sites(self) -> int: ...
+
+    def __eq__(self, other: object) -> bool:
+        if type(self) is not type(other):
+            return NotImplemented
+        return self is other or same_content(self.__getstate__(), other.__getstate__())
+
+    def __hash__(self) -> int:
+        return hash((type(self), self.shape))
 
     @cached_property
     def _in_thread(self) -> threading.local:
@@ -156,7 +175,7 @@ class Dynamics:
         """Bonds with their geometry, which a loop over neighbours in a row does without."""
         return self.loop_bonds
 
-    def arrays(self, state: State) -> tuple[Array, Array]:
+    def arrays(self, state: Any) -> tuple[Array, Array]:
         """Copies of u and v as the loop advances them, with rows for walls behind the sites."""
         return state.u.copy(), state.v.copy()
 
@@ -183,7 +202,7 @@ class Dynamics:
         """Whether constant loads act."""
         return bool(np.any(self.scene.loads))
 
-    def checked(self, state: State) -> float:
+    def checked(self, state: Any) -> float:
         """Refuse a state that is not one of the scene; its energy [J]."""
         self.scene._check_sites(state)
         energy = float(self.energies(state.u[None], state.v[None])[0])  # refuses what locks
@@ -191,7 +210,7 @@ class Dynamics:
             raise TensegrityError(f"energy {energy} J of the state must be finite")
         return energy
 
-    def available_energy(self, state: State, energy: float | None = None) -> float:
+    def available_energy(self, state: Any, energy: float | None = None) -> float:
         """What one spring could get of the energy [J]: all; `checked` says it, where known."""
         return self.scene.energy(state) if energy is None else energy
 
@@ -244,6 +263,6 @@ class Dynamics:
         return np.stack([np.minimum(ranges[:, 0], 0), np.maximum(ranges[:, 1], 0)], axis=1)
 
 
-def is_driven(scene: Scene) -> bool:
+def is_driven(scene: Any) -> bool:
     """Whether forces depend on time or velocity, or motion is prescribed."""
     return bool(scene.drive or scene.damping or scene.tune)

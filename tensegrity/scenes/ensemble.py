@@ -15,7 +15,6 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
-from tensegrity.readonly import ReadOnly
 from tensegrity.scenes.batch import BatchDynamics
 from tensegrity.scenes.dynamics import HasDynamics, dynamics
 from tensegrity.scenes.scene import PER_SITE, Scene, State, known_state, refuse_other, velocities
@@ -25,8 +24,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from tensegrity.runs.run import RunBatch  # noqa: F401 (what its runs give)
 
-class Ensemble(HasDynamics, ReadOnly):
+
+class Ensemble(HasDynamics["RunBatch"]):
     """Several scenes of one shape, for `simulate` and `gradient`.
 
     States have u [m] and v [m/s] of shape (sites[, dim], lanes), runs of shape (T, sites[, dim],

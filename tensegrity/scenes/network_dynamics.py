@@ -83,7 +83,7 @@ class NetworkDynamics(Dynamics):
         return None if radius is None else fixed(crowding(self.scene.positions, radius))
 
     @cached_property
-    def clearance(self) -> Clearance | None:  # type: ignore[override]
+    def clearance(self) -> Any:
         """What watches over the contacts that are not listed; None where sites have no radius."""
         scene = self.scene
         if scene.radius is None:
@@ -206,7 +206,7 @@ class NetworkDynamics(Dynamics):
     # bounds, and words
 
     @cached_property
-    def closing(self) -> Array:  # type: ignore[override]
+    def closing(self) -> Array:
         """Elongation [m] at which the ends of each different spring's shortest bond meet."""
         found, pairs = np.full(len(self.springs), -np.inf), len(self.scene.bonds)
         np.maximum.at(found, self.springs.group[:pairs], -self.scene.lengths)
@@ -218,7 +218,8 @@ class NetworkDynamics(Dynamics):
         Gershgorin's circles of M^-1 K: a bond's block stands twice in the rows of a site, a
         wall's once.
         """
-        k, contacts = stiffness.copy(), self.contact_bonds.contacts
+        contacts: Any = self.contact_bonds.contacts
+        k = stiffness.copy()
         k[: len(self.scene.bonds)] *= 2
         total = np.zeros(contacts.rows)
         np.add.at(total, contacts.first, k)

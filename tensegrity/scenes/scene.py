@@ -11,7 +11,7 @@ import numpy as np
 from tensegrity import check
 from tensegrity.engine import forces
 from tensegrity.errors import TensegrityError
-from tensegrity.readonly import FixedDict, ReadOnly, same_content
+from tensegrity.readonly import FixedDict
 from tensegrity.scenes.dynamics import HasDynamics, dynamics
 from tensegrity.scenes.forcing import checked
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from tensegrity.runs.run import Run  # noqa: F401 (what a scene's runs give)
     from tensegrity.scenes.forcing import Damping, Drive
     from tensegrity.springs.potential import Potential
     from tensegrity.typing import Array
@@ -83,7 +84,7 @@ def known_state(u: Array, v: Array) -> State:
     return state
 
 
-class Scene(HasDynamics, ReadOnly):
+class Scene(HasDynamics["Run"]):
     """Base of scenes: masses joined by bonds, as data.
 
     A scene has `sites` of `dim` coordinates, their `mass` (sites,), the numbers of those `held`,
@@ -127,16 +128,6 @@ class Scene(HasDynamics, ReadOnly):
     def _set_forcing(self, drive: Any, damping: Any, tune: Any = None) -> None:
         """Keep what drives, damps and tunes the scene, if it fits."""
         self.__dict__.update(checked(self, drive, damping, tune))
-
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Scene):
-            return NotImplemented
-        if type(self) is not type(other) or self.shape != other.shape:
-            return False
-        return self is other or same_content(self.__getstate__(), other.__getstate__())
-
-    def __hash__(self) -> int:
-        return hash((type(self), self.shape, self.mass.tobytes()))
 
     def check(self, state: State) -> None:
         """Refuse a state that is not one of this scene.
