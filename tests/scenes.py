@@ -1,5 +1,7 @@
 """Scenes that several tests share, and what interrupts a run of them."""
 
+from pathlib import Path
+
 import numpy as np
 
 from tensegrity import Chain, Ensemble, Prism, Record
@@ -41,6 +43,12 @@ def ctrl_c(t):
         raise KeyboardInterrupt
 
     return interrupted, Record(times=[t])
+
+
+def with_memory(monkeypatch, size):
+    """Let the system have so many bytes of free memory."""
+    text = f"MemAvailable: {int(size) // 1024} kB"
+    monkeypatch.setattr(Path, "read_text", lambda path, *_: text)
 
 
 def plain_forces(chain, u):

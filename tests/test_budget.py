@@ -11,7 +11,6 @@ from scipy.interpolate import BarycentricInterpolator
 from figures import _scenes
 from tensegrity import Chain, Ensemble, Record, TensegrityError, simulate
 from tensegrity.measure.budget import beyond
-from tensegrity.runs.tuning import simulate_tuned
 
 ALL = Record(every=1)
 
@@ -89,10 +88,6 @@ def test_bad_input_says_what_and_why():
     run = simulate(held, smooth_blow(held), 2.0, method="rkn6", dt=0.1, record=ALL)
     with pytest.raises(TensegrityError, match="the last site is fixed"):
         beyond(run, 3)
-    spring = chain.springs[0]
-    tuned = simulate_tuned(chain, smooth_blow(chain), 2.0, lambda t: spring, dt=0.1, record=ALL)
-    with pytest.raises(TensegrityError, match="run is TunedRun, not a Run"):
-        beyond(tuned, 3)
     lanes = Ensemble(chain, 2)
     with pytest.raises(TensegrityError, match="is Ensemble, not a Chain"):
         beyond(simulate(lanes, lanes.at_rest({0: 0.01}), 2.0, dt=0.1, record=ALL), 3)

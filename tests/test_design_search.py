@@ -13,6 +13,7 @@ from pathlib import Path
 import designs
 import numpy as np
 import pytest
+from crafted import parts, written
 from designs import (
     BIG,
     BLOW,
@@ -32,7 +33,6 @@ from granular.design import searching as module
 from granular.design.methods import METHODS
 from granular.design.packs import wall_peak
 from tensegrity import TensegrityError
-from tensegrity.runs import archive
 
 ROOT = Path(__file__).parent.parent
 SHORT = {"t_end": 1e-3, **BLOW}
@@ -152,8 +152,8 @@ def test_a_checkpoint_of_another_search_is_refused_with_the_difference(tmp_path)
     assert len(str(e.value)) < 400
     with pytest.raises(TensegrityError, match=r"its space is .Order"):
         search(CHOICE, checkpoint=path, budget=64, **SHORT)
-    kept = archive.read(path, "search")
-    archive.write(path, "search", kept | {"digest": "another"})
+    kept = parts(path, "search")
+    written(path, "search", kept | {"digest": "another"})
     with pytest.raises(TensegrityError, match="not those that this search proposes"):
         search(ORDER, checkpoint=path, budget=64, **SHORT)
     path.write_bytes(b"no archive")
@@ -188,7 +188,7 @@ def test_killed_at_twenty_random_moments_a_search_loses_a_batch_at_most(tmp_path
         if run_and_kill("search", path, dice.uniform(0.3, 1.1) * alone) is None:
             kills += 1
         if path.exists():
-            done = len(archive.read(path, "search")["forces"])
+            done = len(parts(path, "search")["forces"])
             assert done >= last
             assert done == 640 or done % 64 == 0  # whole batches
             last = done
@@ -317,7 +317,7 @@ def test_a_force_that_is_no_number_stops_the_search_and_loses_nothing(tmp_path, 
 
     def poisoned(self, genes):
         forces = plain(self, genes)
-        if len(archive.read(path, "search")["forces"]) == 128 if path.exists() else False:
+        if len(parts(path, "search")["forces"]) == 128 if path.exists() else False:
             forces[7] = np.nan
         return forces
 
@@ -325,7 +325,7 @@ def test_a_force_that_is_no_number_stops_the_search_and_loses_nothing(tmp_path, 
         patched.setattr(module.Problem, "__call__", poisoned)
         with pytest.raises(TensegrityError, match="force of design 135 is nan N"):
             designs.small_search(path)
-    assert len(archive.read(path, "search")["forces"]) == 128
+    assert len(parts(path, "search")["forces"]) == 128
     same(designs.small_search(path), designs.small_search())
 
 

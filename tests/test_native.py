@@ -17,6 +17,7 @@ from tensegrity import TensegrityError
 from tensegrity.__main__ import main
 from tensegrity.engine import kept, native
 
+COMPILER = native.compilers()[0]
 TEXT = "double answer(void) { return 42; }"
 
 

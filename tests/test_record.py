@@ -8,9 +8,9 @@ import time
 
 import numpy as np
 import pytest
-from scenes import prism_chain, smooth_blow
+from scenes import prism_chain, smooth_blow, with_memory
 
-from tensegrity import LockingError, Record, TensegrityError, check, simulate
+from tensegrity import LockingError, Record, TensegrityError, simulate
 
 
 def test_a_file_holds_the_same_rows_as_memory(tmp_path):
@@ -52,7 +52,7 @@ def test_paths_that_cannot_be_written_are_refused_before_any_work(tmp_path):
 
 def test_a_record_beyond_memory_is_refused_with_its_size(monkeypatch):
     chain = prism_chain(1000)
-    monkeypatch.setattr(check, "free_memory", lambda: 10_000_000)
+    with_memory(monkeypatch, 10_000_000)
     with pytest.raises(TensegrityError, match=r"0\.16\d* GB exceeds the 0.01 GB of memory"):
         simulate(chain, smooth_blow(chain), 10.0, dt=0.001, record=Record(every=1))
 

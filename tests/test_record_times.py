@@ -17,7 +17,6 @@ from tensegrity import (
     TensegrityError,
     simulate,
 )
-from tensegrity.runs.tuning import simulate_tuned
 
 TIMES = (0.0, 0.137, 0.31, 1.2345, 1.2346, 3.3, 4.0)
 ALL = ["verlet", "rkn6", "rk4", "midpoint"]
@@ -168,10 +167,3 @@ def test_instants_that_a_run_does_not_reach_are_refused():
         simulate(chain, state, 1.0, record=Record(times=[0.0, 1.5, 2.0]))
     with pytest.raises(TensegrityError, match="GB of memory"):
         simulate(chain, state, 1.0, record=Record(interval=1e-13))
-
-
-def test_springs_that_are_tuned_are_recorded_by_steps_only():
-    chain, state = blow()
-    with pytest.raises(TensegrityError, match="times of a record is for `simulate`"):
-        simulate_tuned(chain, state, 1.0, lambda t: chain.springs[0], dt=0.1,
-                       record=Record(times=[0.5]))  # fmt: skip

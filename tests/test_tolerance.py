@@ -2,13 +2,10 @@
 
 import numpy as np
 import pytest
+from extended import rows
 from random_scenes import KINDS, draw, half_sine, opening
 
 from tensegrity import Chain, PowerLaw, Prism, Record, State, TensegrityError, simulate
-from tensegrity.engine.compiled import Compiled
-from tensegrity.engine.kernel import bind
-from tensegrity.engine.methods import METHODS
-from tensegrity.scenes.dynamics import dynamics
 
 TOLERANCES = (1e-3, 1e-6, 1e-9)
 FINER = 1e-11  # tolerance that the reference meets
@@ -132,24 +129,6 @@ def true_error(kind, scene, state, run, t_end, tol):
     return worst((run.u, run.v), exact), known
 
 
-def in_extended_precision(scene, state, t_end, steps, at):
-    """u and v after some steps of the corrected method, compiled in long double: double has too
-    few digits to tell an error of 1e-11 where motions part."""
-    bonds, method = dynamics(scene).loop_bonds, METHODS["corrected6"]
-    u, v = (x.astype(np.longdouble) for x in dynamics(scene).arrays(state))
-    loop = bind(
-        u, v, bonds, method, np.longdouble(t_end) / steps, Compiled.of(bonds, extended=True)
-    )
-    done, rows = 0, []
-    for k in at.tolist():
-        loop.advance_open(k - done, done > 0)
-        if k:
-            loop.show()
-        done = k
-        rows.append([x[: scene.sites].astype(float) for x in (loop.shown if k else (u, v))])
-    return np.moveaxis(rows, 1, 0)
-
-
 def gap(found, exact, largest):
     """Largest difference in u and in v, over the largest values of a run."""
     return max(
@@ -178,8 +157,8 @@ def test_no_row_is_above_its_tolerance_in_two_thousand_scenes_with_openings():
         between = simulate(scene, state, t_end, tol=tol, record=times)
         ends = np.arange(0, steps + 1, finer)
         at = np.union1d(ends, among)
-        exact = in_extended_precision(scene, state, t_end, steps, at)
-        rough = in_extended_precision(scene, state, t_end, steps // 2, ends // 2)
+        exact = rows(scene, state, t_end, steps, at)
+        rough = rows(scene, state, t_end, steps // 2, ends // 2)
         largest = np.max(np.abs(exact.reshape(2, -1)), axis=1)
         at_ends = exact[:, np.searchsorted(at, ends)]
         assert gap(rough, at_ends, largest) / 7 < tol / 5, seed

@@ -23,6 +23,7 @@ from tensegrity import (
     TensegrityError,
     simulate,
 )
+from tensegrity.measure.budget import beyond
 from tensegrity.runs.tuning import simulate_tuned
 
 ALL = Record(every=1)
@@ -128,8 +129,12 @@ def test_bad_input_says_what_and_why():
     refused(TensegrityError, "dt 1e-12 s takes 1e.13 steps", dt=1e-12)
     refused(TensegrityError, "takes inf steps", dt=1e-320)
     refused(TensegrityError, "'x' is not a function of time", spring_at="x")
+    tuned = simulate_tuned(chain, state, 2.0, lambda t: drawn_in(0.0), dt=0.1, record=ALL)
+    with pytest.raises(TensegrityError, match="run is TunedRun, not a Run"):
+        beyond(tuned, 3)
     refused(TensegrityError, "record 'x' is not a Record", record="x")
     refused(TensegrityError, "record 0 is not a Record", record=0)
+    refused(TensegrityError, "times of a record is for `simulate`", record=Record(times=[0.5]))
     with pytest.raises(TensegrityError, match="chain is Ensemble, not a Chain"):
         simulate_tuned(Ensemble(chain, 2), state, 10.0, drawn_in, dt=0.05)
 
