@@ -14,6 +14,7 @@ import pytest
 
 import granular
 import tensegrity
+from tests import faults
 
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("derivations", "tensegrity", "granular")
@@ -163,3 +164,10 @@ def test_no_test_replaces_a_part_of_the_house():
 
 def test_no_test_waits_for_a_clock():
     assert {name for name, text in texts().items() if CLOCK.search(text)} <= CLOCKS
+
+
+def test_every_source_has_tests_that_are_nearest():
+    for path in (Path(name) for name in sources()):
+        found = faults.nearest(path)
+        assert found, path
+        assert all((ROOT / test).exists() for test in found), path
