@@ -25,6 +25,7 @@ PRISMS = {
     "rigid bases": (1.0, 0.7, 0.01, 1.0, INF, 10.0),
     "rigid bars": (0.1, 0.07, 0.01, 200.0, 2e3, INF),
     "no prestrain": (1.0, 0.8, 0.0, 1.0, 10.0, 30.0),
+    "slender": (1.0, 2.5, 0.01, 1.0, 1e2, 1e3),
 }
 
 
@@ -199,17 +200,6 @@ def test_stiffness_at_rest_is_the_axial_stiffness(name):
     slope = (potential.tension(step) - potential.tension(-step)) / (2 * step)
     assert p.axial_stiffness() == pytest.approx(float(slope), rel=1e-4, abs=1e-4 * p.k_cross)
     assert p.axial_stiffness() >= 0
-
-
-def test_stiff_members_tend_to_the_rigid_potential_at_first_order():
-    rigid = Prism(1.0, 0.7, 0.01, 1.0).potential()
-    r = np.linspace(-0.04, 0.04, 21)
-    stiff = 10.0 ** np.arange(3, 8)
-    errors = [
-        np.abs(Prism(1.0, 0.7, 0.01, 1.0, k, k).potential().tension(r) - rigid.tension(r)).max()
-        for k in stiff
-    ]
-    assert -np.polyfit(np.log(stiff), np.log(errors), 1)[0] == pytest.approx(1, abs=0.02)
 
 
 def test_shapes_are_kept():

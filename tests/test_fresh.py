@@ -148,7 +148,7 @@ def test_a_folder_that_cannot_be_written_costs_only_time(folder, monkeypatch):
     def full(*_, **__):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(kept_module.tempfile, "mkstemp", full)
+    monkeypatch.setattr("tempfile.mkstemp", full)
     assert kept(("test",), lambda: 1) == kept(("test",), lambda: 2) - 1 == 1
 
 

@@ -50,19 +50,6 @@ def test_order_against_extended_precision(name, counts):
     assert abs(order - ORDERS[name]) < 0.2
 
 
-@pytest.mark.parametrize(("name", "counts"), REFINEMENTS)
-def test_order_by_self_refinement(name, counts):
-    chain = prism_chain()
-    state = smooth_blow(chain)
-
-    def final(n):
-        return simulate(chain, state, DURATION, method=name, dt=DURATION / n).final.u
-
-    errors = [np.max(np.abs(final(n) - final(2 * n))) for n in counts]
-    order = fitted_order(errors, [DURATION / n for n in counts])
-    assert abs(order - ORDERS[name]) < 0.2
-
-
 @pytest.mark.needs_extended
 @pytest.mark.parametrize("name", ["verlet", "rkn6", "midpoint"])
 def test_steps_are_symplectic(name):

@@ -182,14 +182,6 @@ def test_a_bead_on_a_loaded_wall_swings_about_its_static_overlap():
     assert network.wall_load(run.final.u)[0] == pytest.approx(2 * weight, rel=1e-6)
 
 
-def test_a_tolerance_is_kept():
-    network = patch()
-    state = pushed(network)
-    fine = simulate(network, state, 8.0, tol=1e-10).final.u
-    run = simulate(network, state, 8.0, tol=1e-6)
-    assert np.max(np.abs(run.final.u - fine)) < 1e-6 * np.abs(run.u).max()
-
-
 @pytest.mark.parametrize("how", [{}, {"tol": 1e-8}])
 def test_a_spinning_bond_runs_though_its_energy_could_close_it(how):
     """Against the distance of both sites, an oscillator with the barrier of the spin."""

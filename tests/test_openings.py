@@ -297,14 +297,6 @@ def test_energy_over_long_times_is_kept_better_than_without_corrections():
     assert error["corrected6"] < error["rkn6"] / 50
 
 
-@pytest.mark.parametrize("every", [37, 1, 50])
-def test_looking_at_a_run_changes_no_bit(every):
-    for scene, state in ((row(1.5), blow(row(1.5))), (cluster(1.5), thrown(cluster(1.5)))):
-        whole, record = moved(scene, state, 6.0, 100), Record(every=every)
-        seen = simulate(scene, state, 6.0, dt=0.06, method="corrected6", record=record).final
-        assert np.array_equal(whole, np.stack([seen.u, seen.v]))
-
-
 def test_lanes_are_corrected_like_chains_alone():
     chains = [Chain(PowerLaw(k, 1.5), 6) for k in np.linspace(0.7, 1.4, 8)]
     start = blow(chains[0])
