@@ -15,6 +15,7 @@ from granular import (
     simulate,
     wall_force,
 )
+from granular.observables import wall_sites
 from tensegrity import Record
 
 D = 9.53e-3  # m, of all beads
@@ -58,7 +59,7 @@ def exact(scene, t_end, record):
 
 def floor_of(scene, t_end, name="floor"):
     """Instants and the force on the floor [N] of a quick run."""
-    run = quick(scene, t_end, Record(interval=ROW, sites=scene.touches_wall(name)))
+    run = quick(scene, t_end, Record(interval=ROW, sites=wall_sites(scene, name)))
     return run.t, wall_force(run, name)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from figures import _packs
 from figures._packs import FAST, STEEL, row
 from granular import wall_force
-from granular.observables import largest
+from granular.observables import largest, wall_sites
 from tensegrity import Record
 
 NAME = "packs_floor"
@@ -26,7 +26,7 @@ COLUMN_END = 3e-4
 def data():
     """Forces on floor, single beads and sides; the peaks; efficiencies."""
     scene = _packs.cube()
-    sites = {site for name in ("floor", "left", "right") for site in scene.touches_wall(name)}
+    sites = {site for name in ("floor", "left", "right") for site in wall_sites(scene, name)}
     record = Record(interval=_packs.ROW, sites=sorted(sites))
     run = _packs.exact(scene, END, record)
     each = wall_force(run, "floor", each=True)

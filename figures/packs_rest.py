@@ -11,7 +11,7 @@ import numpy as np
 from figures import _packs
 from figures._packs import STEEL, D, row
 from granular import fcc_pack, materials, wall_force
-from granular.observables import largest
+from granular.observables import largest, wall_forces, wall_sites
 from tensegrity import Record
 
 NAME = "packs_rest"
@@ -35,9 +35,9 @@ def data():
     for name, loads in LOADS.items():
         scene = _packs.plane(**loads)
         u = scene.equilibrium.u
-        u = np.concatenate([u, scene.rest[-1:]])
+        u = np.concatenate([u, scene.at_rest().u[-1:]])
         ends, force = _packs.lines(scene, u)
-        floor = scene.wall_forces(u, "floor")[list(scene.parts["row 12"])]
+        floor = wall_forces(scene, u, "floor")[list(scene.parts["row 12"])]
         key = name.replace(" ", "_")
         tables[f"{key}_contacts"] = {
             "x0 [m]": ends[:, 0, 0], "z0 [m]": ends[:, 0, 1], "x1 [m]": ends[:, 1, 0],
@@ -47,14 +47,14 @@ def data():
         tables[f"{key}_floor"] = {"x [m]": x, "force [N]": floor}
     for preload in PRELOADS:
         scene = _packs.plane(gravity=GRAVITY, preload=preload)
-        record = Record(interval=_packs.ROW, sites=scene.touches_wall("floor"))
+        record = Record(interval=_packs.ROW, sites=wall_sites(scene, "floor"))
         run = _packs.quick(scene, END, record)
         force = wall_force(run, "floor")
         tables.setdefault("struck", {"t [s]": run.t})[f"{preload:g} N"] = force - force[0]
     scene = cubic()
     u = scene.equilibrium.u
     names = dict.fromkeys(scene.wall_names)
-    carried = np.array([scene.wall_forces(u, name).sum() for name in names])
+    carried = np.array([wall_forces(scene, u, name).sum() for name in names])
     weight = GRAVITY * scene.mass.sum()
     tables["space"] = {"wall": list(names), "force [N]": carried}
     tables["numbers"] = {"weight [N]": np.array([weight]),

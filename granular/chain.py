@@ -20,6 +20,7 @@ from granular.contact import checked_law, contact_of, hertz
 from granular.crystal import Crystal
 from granular.materials import Material
 from tensegrity import Chain, State, TensegrityError, check
+from tensegrity.scenes.chain import ChainDynamics
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -92,9 +93,8 @@ class BeadChain(Crystal, Chain):
         ends = tuple("fixed" if wall else "free" for wall in walls)
         super().__init__(springs, sites, masses, ends, drive=drive, damping=damping)  # type: ignore[arg-type]
 
-    def beads_by_site(self) -> dict[int, Bead]:
-        """The bead of each site that is one."""
-        return dict(enumerate(self.beads, start=int("start wall" in self.parts)))
+    def _dynamics(self) -> _Dynamics:
+        return _Dynamics(self)
 
     def start(self) -> State:
         """The striker in contact and moving, all else at rest under its loads."""
@@ -115,42 +115,6 @@ class BeadChain(Crystal, Chain):
         """The law of each contact."""
         return tuple(self._contacts)
 
-    bead_arguments = sensitivity.NAMES
-
-    def by_beads(
-        self, name: str, by_mass: Array, by_spring: Callable[[str], Array], by_gap: Array
-    ) -> Array:
-        """Derivatives by an argument of every bead; see `granular.sensitivity`.
-
-        Weights change with masses, and with them the preloads of contacts.
-        """
-        end = self._made_of["end"]
-        if self._made_of["start_wall"] is not None:
-            raise TensegrityError("no derivatives by beads of a chain with a start wall")
-        neighbours = [*range(1, len(self.beads)), *([] if end is None else [end])]
-        pairs = list(zip(range(len(self.beads)), neighbours, strict=False))
-        if name == "diameter" and self._carried.any():
-            by_mass = by_mass.copy()
-            pulled = np.cumsum(by_spring("preload")[::-1])[::-1]  # by the weight of each bead
-            gravity = self._gravity
-            by_mass[: len(pulled)] += gravity * pulled if gravity else 0.0
-        by_constant = by_spring("stiffness")
-        return sensitivity.by_beads(
-            name, self.beads, pairs, self.springs, by_constant, by_mass, None
-        )
-
-    @property
-    def _gravity(self) -> float:
-        """From the weight of a bead that carries no other load."""
-        loads = self._made_of["loads"]
-        if self.striker is None and len(self.beads) == 1:
-            raise TensegrityError(
-                "the load of a single bead does not say what of it is weight: no derivative by its "
-                "diameter"
-            )
-        site = 0 if self.striker else -1
-        return loads[site] / self.beads[site].mass
-
     def contact_forces(self, u: ArrayLike) -> Array:
         """Compressive force in each contact [N]; u of shape (..., sites) gives (..., sites - 1)."""
         return self._carried - self.bond_tension(u)
@@ -160,76 +124,45 @@ class BeadChain(Crystal, Chain):
         at_rest = [c.overlap(f) for c, f in zip(self._contacts, self._carried, strict=True)]
         return at_rest - self.elongation(u)
 
-    def contacts_at(self, site: int) -> list[int]:
-        """Numbers of the contacts of a site."""
-        return [j for j in (site - 1, site) if 0 <= j < self.sites - 1]
 
-    def contacts_within(self, part: str | None = None) -> list[int]:
-        """Numbers of the contacts between beads of a part, or of all."""
-        inside = set(range(self.sites) if part is None else self.members(part))
-        return [j for j in range(self.sites - 1) if {j, j + 1} <= inside]
+class _Dynamics(ChainDynamics):
+    """Of beads in a line; see `tensegrity.scenes.dynamics`."""
 
-    def needed(self, site: int) -> list[int]:
-        """Sites on which the contacts of a site depend."""
-        return [s for s in (site - 1, site, site + 1) if 0 <= s < self.sites]
+    arguments = sensitivity.NAMES
 
-    def cosines(self, u: Array, site: int) -> Array:
-        """Share of each contact's force along the bead's displacement: all of it."""
-        return np.ones(len(self.contacts_at(site)))
+    def by_argument(
+        self, name: str, by_mass: Array, by_spring: Callable[[str], Array], by_gap: Any
+    ) -> Array:
+        """Derivatives by an argument of every bead; see `granular.sensitivity`.
 
-    def bead_energies(self, u: Array, v: Array) -> Array:
-        """Energy of each site [J], the contacts with walls apart; (..., sites)."""
-        energies = self.site_energy(u, v)
-        for wall, bead in self._wall_sites.values():
-            energies[..., bead] -= energies[..., wall]
-            energies[..., wall] = 0
-        return energies
-
-    def walls_hold(self, u: Array) -> Array:
-        """Energy of the contacts with the walls [J]; (...)."""
-        u = check.rows("displacements", u, self.shape)
-        held = np.zeros(u.shape[:-1])
-        for wall, _ in self._wall_sites.values():
-            held += 2 * self.site_energy(u, np.zeros_like(u))[..., wall]
-        return held
-
-    def held_by_beads(self, u: Array) -> Array:
-        """Half the energy of each bead's contacts with others, and all of those with walls [J].
-
-        What the contacts store by themselves, without the potential of the loads; (..., sites).
+        Weights change with masses, and with them the preloads of contacts.
         """
-        constants = np.array([contact.constant for contact in self._contacts])
-        powers = np.array([contact.exponent + 1 for contact in self._contacts])
-        u = check.rows("displacements", u, self.shape)
-        stored = constants / powers * np.maximum(self.overlaps(u), 0.0) ** powers
-        held = np.zeros(u.shape)
-        held[..., :-1] += stored / 2
-        held[..., 1:] += stored / 2
-        for wall, bead in self._wall_sites.values():
-            held[..., bead] += held[..., wall]
-            held[..., wall] = 0
-        return held
+        scene, end = self.scene, self.scene._made_of["end"]
+        if scene._made_of["start_wall"] is not None:
+            raise TensegrityError("no derivatives by beads of a chain with a start wall")
+        neighbours = [*range(1, len(scene.beads)), *([] if end is None else [end])]
+        pairs = list(zip(range(len(scene.beads)), neighbours, strict=False))
+        if name == "diameter" and scene._carried.any():
+            by_mass = by_mass.copy()
+            pulled = np.cumsum(by_spring("preload")[::-1])[::-1]  # by the weight of each bead
+            gravity = _gravity(scene)
+            by_mass[: len(pulled)] += gravity * pulled if gravity else 0.0
+        by_constant = by_spring("stiffness")
+        return sensitivity.by_beads(
+            name, scene.beads, pairs, scene.springs, by_constant, by_mass, None
+        )
 
-    @property
-    def _wall_sites(self) -> dict[str, tuple[int, int]]:
-        """Site of each wall, and that of the bead before it."""
-        found = {"start": (0, 1)} if "start wall" in self.parts else {}
-        return found | ({"end": (self.sites - 1, self.sites - 2)} if "wall" in self.parts else {})
 
-    def wall_forces(self, u: ArrayLike, name: str) -> Array:
-        """Contact force of each site on the wall "start" or "end" [N]; (..., sites)."""
-        bead = self.touches_wall(name)[-1]
-        forces = self.contact_forces(u)
-        found = np.zeros((*forces.shape[:-1], self.sites))
-        found[..., bead] = forces[..., 0 if name == "start" else -1]
-        return found
-
-    def touches_wall(self, name: str) -> list[int]:
-        """Sites on which the force on a wall depends: its own and the bead's before it."""
-        if not isinstance(name, str) or name not in self._wall_sites:
-            known = ", ".join(self._wall_sites) or "none"
-            raise TensegrityError(f"wall {check.shown(name)} is not one of this scene's: {known}")
-        return list(self._wall_sites[name])
+def _gravity(chain: BeadChain) -> float:
+    """From the weight of a bead that carries no other load."""
+    loads = chain._made_of["loads"]
+    if chain.striker is None and len(chain.beads) == 1:
+        raise TensegrityError(
+            "the load of a single bead does not say what of it is weight: no derivative by its "
+            "diameter"
+        )
+    site = 0 if chain.striker else -1
+    return loads[site] / chain.beads[site].mass
 
 
 def chain(

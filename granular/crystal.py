@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
     from typing import Any
 
-    from numpy.typing import ArrayLike
-
     from granular.beads import Bead, Striker
     from tensegrity.typing import Array, Recorded
 
@@ -36,36 +34,17 @@ class Crystal:
     parts: dict[str, tuple[int, ...]]
     striker: Striker | None
     _made_of: dict[str, Any]
-    if TYPE_CHECKING:  # what sensors and sums over parts ask of it besides
+    if TYPE_CHECKING:
         sites: int
 
         def contact_forces(self, u: Array) -> Array: ...
-        def contacts_at(self, site: int) -> list[int]: ...
-        def contacts_within(self, part: str | None = None) -> list[int]: ...
-        def needed(self, site: int) -> list[int]: ...
-        def cosines(self, u: Array, site: int) -> Array: ...
         def overlaps(self, u: Array) -> Array: ...
-        def bead_energies(self, u: Array, v: Array) -> Array: ...
-        def walls_hold(self, u: Array) -> Array: ...
-        def held_by_beads(self, u: Array) -> Array: ...
-        def wall_forces(self, u: ArrayLike, name: str) -> Array: ...
-        def touches_wall(self, name: str) -> list[int]: ...
 
     def __repr__(self) -> str:
         counts = [f"{name}: {len(sites)}" for name, sites in self.parts.items()]
         parts = ", ".join(counts if len(counts) < MANY else [*counts[:2], "...", counts[-1]])
         struck = "" if self.striker is None else f", struck at {self.striker.speed:g} m/s"
         return f"{type(self).__name__}({parts}{struck}) on {super().__repr__()}"
-
-    def members(self, part: str) -> tuple[int, ...]:
-        """Sites of a part; TensegrityError if there is no such part."""
-        if not isinstance(part, str) or part not in self.parts:
-            raise TensegrityError(f"part {check.shown(part)} is not one of {', '.join(self.parts)}")
-        return self.parts[part]
-
-    def beads_by_site(self) -> dict[int, Bead]:
-        """The bead of each site that is one."""
-        return dict(enumerate(self.beads))
 
     def site(self, part: str, number: int) -> int:
         """Site of the bead with that number, from 1, in a part.
@@ -75,7 +54,7 @@ class Crystal:
         TensegrityError
             An unknown part, or a number that it does not have.
         """
-        sites = self.members(part)
+        sites = members(self, part)
         number = check.whole(f"bead of {part}", number, least=1)
         if number > len(sites):
             raise TensegrityError(f"bead {number} of {part} must be at most {len(sites)}")
@@ -88,9 +67,30 @@ class Crystal:
         first, second = sorted(self.site(part, n) for n in numbers)
         if first == second:
             raise TensegrityError(f"numbers {numbers!r} of {part} must be two different beads")
-        beads = self.beads_by_site()
+        beads = beads_by_site(self)
         diameters = [beads[s].diameter for s in range(first, second + 1)]
         return sum(diameters) - (diameters[0] + diameters[-1]) / 2
+
+
+def members(scene: Crystal, part: str) -> tuple[int, ...]:
+    """Sites of a part; TensegrityError if there is no such part."""
+    if not isinstance(part, str) or part not in scene.parts:
+        raise TensegrityError(f"part {check.shown(part)} is not one of {', '.join(scene.parts)}")
+    return scene.parts[part]
+
+
+def site_name(scene: Crystal, site: int) -> str:
+    """Words for a site: its part and its number in it, from 1."""
+    for part, sites in scene.parts.items():
+        if site in sites:
+            known = f"bead {sites.index(site) + 1} of {part}"
+            return "the striker" if part == "striker" else known
+    return f"site {site}"
+
+
+def beads_by_site(scene: Crystal) -> dict[int, Bead]:
+    """The bead of each site that is one; the others stand for the walls of a chain."""
+    return dict(enumerate(scene.beads, start=int("start wall" in scene.parts)))
 
 
 def crystal_of(run: Any) -> Crystal:

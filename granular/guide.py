@@ -110,7 +110,7 @@ class Guide(Assembly):
         self.layout, self.striker = layout, striker
         self.wall_names = tuple(piece.name for piece in layout.walls)
         stops = () if end is None else (end,) * (len(layout.walls) - sides)
-        self.wall_materials = (wall,) * sides + stops
+        self._wall_materials = (wall,) * sides + stops
         first = 0 if striker is None else 1
         parts = {p: tuple(b + first for b in sites) for p, sites in layout.parts.items()}
         filled = [beads[part] for part, sites in layout.parts.items() for _ in sites]
@@ -123,7 +123,7 @@ class Guide(Assembly):
             bonds = np.concatenate([[[0, 1]], bonds])
         self.parts, self.beads = parts, tuple(filled)
         touched = np.add(layout.wall_contacts(), (first, 0))
-        solids: Any = [self.wall_materials[number] for _, number in touched]
+        solids: Any = [self._wall_materials[number] for _, number in touched]
         springs = SharedSprings(checked_law(law))
         super().__init__(
             positions,
@@ -148,7 +148,7 @@ class Guide(Assembly):
         rest = np.zeros(self.shape)
         if found is not None:  # a striker is taken along by the bead before which it stands
             rest = found.u if striker is None else np.concatenate([found.u[:1], found.u])
-        self.rest = rest
+        self._rest = rest
 
     def _dynamics(self) -> _Dynamics:
         return _Dynamics(self)

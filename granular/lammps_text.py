@@ -15,6 +15,7 @@ from granular.assembly import Assembly
 from granular.beads import volume
 from granular.chain import BeadChain
 from granular.contact import hertz
+from granular.crystal import beads_by_site
 from tensegrity import PowerLaw, State, TensegrityError, check
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.forcing import refuse
@@ -206,7 +207,7 @@ def laid(scene: Any, state: State) -> Laid:
         )
     refuse(scene, "a hand-off to LAMMPS")
     scene.check(state)
-    by_site = scene.beads_by_site()
+    by_site = beads_by_site(scene)
     sites = list(by_site)
     beads = list(by_site.values())
     places, loads, walls = _line(scene) if isinstance(scene, BeadChain) else _net(scene)
@@ -221,7 +222,7 @@ def _line(scene: BeadChain) -> tuple[Array, Array, list[Plane]]:
     bodies = scene.bodies
     for contact, (a, b) in zip(scene.contacts, pairwise(bodies), strict=True):
         _refuse_other_law(contact.constant, contact.exponent, a, b)
-    beads = scene.beads_by_site()
+    beads = beads_by_site(scene)
     radii = np.array([beads[s].radius if s in beads else 0.0 for s in range(scene.sites)])
     rest = scene.overlaps(np.zeros(scene.sites))
     x = np.concatenate([[0.0], np.cumsum(radii[:-1] + radii[1:] - rest)])
@@ -245,7 +246,7 @@ def _net(scene: Assembly) -> tuple[Array, Array, list[Plane]]:
     of = dynamics(scene)
     table, group = of.springs, of.springs.group
     known = set()
-    solids = scene.wall_materials
+    solids = scene._wall_materials
     partners = [(scene.beads[i], scene.beads[j]) for i, j in scene.bonds.tolist()]
     partners += [(scene.beads[s], solids[w]) for s, w in scene.wall_contacts.tolist()]
     for number, (one, other) in zip(group.tolist(), partners, strict=True):

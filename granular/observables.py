@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from granular.crystal import crystal_of, rows, whole
+from granular.contact_network import contacts_of
+from granular.crystal import Crystal, beads_by_site, crystal_of, rows, whole
 from tensegrity import TensegrityError, check
 from tensegrity.measure.observables import passage
 from tensegrity.root import root
@@ -52,7 +53,7 @@ def sensor_force(run: Run, part: str, number: int) -> Array:
         Not a run, or one of a scene without beads; no such bead; the bead or a neighbour was not
         recorded.
     """
-    return _sensed(run, part, number, lambda u, site: run.scene.cosines(u, site))
+    return _sensed(run, part, number, lambda u, site: contacts_of(run.scene).cosines(u, site))
 
 
 def mean_force(run: Run, part: str, number: int) -> Array:
@@ -64,9 +65,9 @@ def _sensed(
     run: Run, part: str, number: int, share: Callable[[Array, int], Array | float]
 ) -> Array:
     scene = crystal_of(run)
-    site = scene.site(part, number)
-    u = rows(run, scene.needed(site))
-    touching = scene.contacts_at(site)
+    site, contacts = scene.site(part, number), contacts_of(scene)
+    u = rows(run, contacts.neighbours(site))
+    touching = contacts.of_site(site)
     return (scene.contact_forces(u)[:, touching] * share(u, site)).sum(axis=-1) / 2
 
 
@@ -77,7 +78,7 @@ def wall_force(run: Run, name: str, each: bool = False) -> Array:
     ----------
     run : Run
         Of a chain, a guide or a pack, with all beads recorded that can touch the wall: those of
-        `scene.touches_wall(name)`.
+        `wall_sites(scene, name)`.
     name : str
         Such as "floor"; "start" and "end" of a chain.  Walls of one name count together.
     each : bool, optional
@@ -93,11 +94,40 @@ def wall_force(run: Run, name: str, each: bool = False) -> Array:
     TensegrityError
         No such wall; a bead that can touch it was not recorded.
     """
-    scene = crystal_of(run)
+    contacts = contacts_of(crystal_of(run))
     each = check.truth("each", each)
-    u = rows(run, scene.touches_wall(name))
-    forces = scene.wall_forces(u, name)
+    u = rows(run, contacts.of_wall(name))
+    forces = contacts.wall_forces(u, name)
     return forces if each else forces.sum(axis=-1)
+
+
+def wall_sites(scene: Crystal, name: str) -> list[int]:
+    """Sites on which the forces on the walls of a name depend: what `wall_force` wants recorded.
+
+    All where contacts come and go.
+    """
+    check.kind("scene", scene, Crystal)
+    return contacts_of(scene).of_wall(name)
+
+
+def wall_forces(scene: Crystal, u: ArrayLike, name: str) -> Array:
+    """Contact force of each site on the walls of a name at displacements u.
+
+    Parameters
+    ----------
+    scene : BeadChain, Guide or Pack
+    u : array_like, (..., sites[, dim])
+        [m]
+    name : str
+        As for `wall_force`.
+
+    Returns
+    -------
+    ndarray, (..., sites)
+        [N], compression > 0.
+    """
+    check.kind("scene", scene, Crystal)
+    return contacts_of(scene).wall_forces(u, name)
 
 
 def density(run: Run, sites: Sequence[int]) -> Array:
@@ -110,9 +140,8 @@ def density(run: Run, sites: Sequence[int]) -> Array:
     for site in sites:
         check.whole("site", site, least=0, below=scene.sites)
     forces = scene.contact_forces(u)
-    columns = [
-        (forces[:, scene.contacts_at(s)] * scene.cosines(u, s)).sum(axis=-1) / 2 for s in sites
-    ]
+    of = contacts_of(scene)
+    columns = [(forces[:, of.of_site(s)] * of.cosines(u, s)).sum(axis=-1) / 2 for s in sites]
     return np.stack(columns, axis=1)
 
 
@@ -346,13 +375,14 @@ def part_energies(run: Run) -> dict[str, Array]:
     """
     scene = crystal_of(run)
     u, v = whole(run)
-    inside = scene.bead_energies(u, v)
+    contacts = contacts_of(scene)
+    inside = contacts.bead_energies(u, v)
     energies = {
         part: inside[:, list(sites)].sum(axis=1)
         for part, sites in scene.parts.items()
         if part != "wall"
     }
-    return {**energies, "walls": scene.walls_hold(u)}
+    return {**energies, "walls": contacts.wall_energy(u)}
 
 
 def momentum(run: Run) -> Array:
@@ -373,7 +403,7 @@ def overlaps(run: Run, part: str | None = None) -> tuple[float, float]:
     """
     scene = crystal_of(run)
     u = rows(run, range(scene.sites))
-    chosen = scene.contacts_within(part)
+    chosen = contacts_of(scene).within(part)
     if not chosen:
         raise TensegrityError(f"part {part!r} has no contact of two of its beads")
     peaks = [largest(run.t, overlap)[1] for overlap in scene.overlaps(u)[:, chosen].T]
@@ -437,6 +467,6 @@ def _energies(run: Run) -> tuple[Array, Array]:
     """Kinetic energy of each bead and that of its contacts [J], two arrays (T, beads)."""
     scene = crystal_of(run)
     u, v = whole(run)
-    beads = list(scene.beads_by_site())
+    beads = list(beads_by_site(scene))
     kinetic = 0.5 * run.scene.mass * (v**2 if v.ndim == 2 else np.sum(v**2, axis=-1))
-    return kinetic[:, beads], scene.held_by_beads(u)[:, beads]
+    return kinetic[:, beads], contacts_of(scene).stored(u)[:, beads]

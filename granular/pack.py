@@ -17,6 +17,7 @@ import numpy as np
 from granular.assembly import Assembly, SharedSprings
 from granular.beads import Bead, Striker, beads_of
 from granular.contact import hertz
+from granular.crystal import site_name
 from granular.materials import Material
 from granular.places import TOUCH
 from granular.statics import settle
@@ -111,7 +112,7 @@ class Pack(Assembly):
         self.parts, self.beads = given, filled
         self.named_walls, self.wall_names = dict(named), tuple(named)
         solids = tuple(material for _, material in named.values())
-        self.wall_materials = solids
+        self._wall_materials = solids
         springs = SharedSprings(hertz)
         radius = np.array([bead.radius for bead in filled])
         planes = [wall for wall, _ in named.values()]
@@ -144,7 +145,7 @@ class Pack(Assembly):
         if striker is None and loads.any():
             found = settle(self)
         self.equilibrium = found
-        self.rest = self._rest(radius)
+        self._rest = self._at_rest(radius)
 
     def _touching(
         self, places: Array, radius: Array, walls: Sequence[Wall]
@@ -156,7 +157,7 @@ class Pack(Assembly):
         if np.any(far > FARTHEST * radius.min()):
             k = int(np.argmax(far))
             raise TensegrityError(
-                f"{self.name(k)} is {far[k]:.3g} m off the origin, must be at most "
+                f"{site_name(self, k)} is {far[k]:.3g} m off the origin, must be at most "
                 f"{FARTHEST * radius.min():.3g} m, {FARTHEST:.0e} radii: gaps are lost in round-off"
             )
         reach = 2 * radius.max() * (1 + TOUCH)
@@ -169,10 +170,11 @@ class Pack(Assembly):
         gap = apart - radius[i] - radius[j]
         if np.any(gap < -room):
             k = int(np.argmin(gap))
+            one, other = (site_name(self, int(end[k])) for end in (i, j))
             raise TensegrityError(
-                f"{self.name(int(i[k]))} and {self.name(int(j[k]))} overlap by {-gap[k]:.6g} m at "
-                f"the start, at most {room[k]:.1g} m is taken for touching: their centres are "
-                f"{apart[k]:.6g} m apart, their radii add up to {radius[i[k]] + radius[j[k]]:.6g} m"
+                f"{one} and {other} overlap by {-gap[k]:.6g} m at the start, at most {room[k]:.1g} "
+                f"m is taken for touching: their centres are {apart[k]:.6g} m apart, their radii "
+                f"add up to {radius[i[k]] + radius[j[k]]:.6g} m"
             )
         touched = []
         for number, (wall, name) in enumerate(zip(walls, self.wall_names, strict=True)):
@@ -187,16 +189,16 @@ class Pack(Assembly):
             if depth[worst] > 2 * TOUCH * radius[worst]:
                 where = "behind" if height[worst] < 0 and beside[worst] else "through"
                 raise TensegrityError(
-                    f"{self.name(worst)} reaches {depth[worst]:.6g} m {where} the wall {name!r} at "
-                    f"the start: its centre is {height[worst]:.6g} m before it, must be at least "
-                    f"its radius, {radius[worst]:.6g} m"
+                    f"{site_name(self, worst)} reaches {depth[worst]:.6g} m {where} the wall "
+                    f"{name!r} at the start: its centre is {height[worst]:.6g} m before it, must "
+                    f"be at least its radius, {radius[worst]:.6g} m"
                 )
             close = np.flatnonzero(beside & (np.abs(height - radius) <= 2 * TOUCH * radius))
             touched += [(site, number) for site in close.tolist()]
         touched.sort()
         return pairs[gap <= room], np.array(touched, dtype=int).reshape(-1, 2)
 
-    def _rest(self, radius: Array) -> Array:
+    def _at_rest(self, radius: Array) -> Array:
         """Displacements at rest; the striker is taken along by the bead that it is nearest to, and
         moved back as far as it would overlap others."""
         u = np.zeros(self.shape)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from granular.crystal import site_name
 from tensegrity import EquilibriumError, State
 from tensegrity.engine import forces
 from tensegrity.readonly import ReadOnly, fixed
@@ -92,8 +93,8 @@ def settle(scene: Assembly) -> Equilibrium:
     if not left <= CARRIED * total:
         worst = int(np.argmax(np.abs(f).max(axis=1)))
         raise EquilibriumError(
-            f"{scene.name(worst)} finds no rest under the loads: of these {left:.3g} N are not "
-            f"carried, must be at most {CARRIED * total:.3g} N, {CARRIED:g} of them"
+            f"{site_name(scene, worst)} finds no rest under the loads: of these {left:.3g} N are "
+            f"not carried, must be at most {CARRIED * total:.3g} N, {CARRIED:g} of them"
         )
     return Equilibrium(u, left, listed.carrying(u))
 
@@ -176,7 +177,7 @@ def _refuse_falling(scene: Assembly, u: Array, f: Array) -> None:
     if not np.all(way < 1):
         site = int(np.argmax(np.nan_to_num(way, nan=np.inf)))
         raise EquilibriumError(
-            f"{scene.name(site)} finds no rest under the loads: it moved "
+            f"{site_name(scene, site)} finds no rest under the loads: it moved "
             f"{np.linalg.norm(u[site]):.3g} m, must be below {FARTHEST * radii(scene)[site]:.3g} "
             f"m, a tenth of its radius, and {np.linalg.norm(f[site]):.3g} N on it are not carried"
         )

@@ -11,6 +11,7 @@ from granular import Bead, Striker, chain, fcc_pack, hertz, hexagonal_pack, mate
 from granular.sensitivity import by_beads
 from tensegrity import Network, Potential, PowerLaw, State, TensegrityError, Wall, gradient
 from tensegrity import objective as o
+from tensegrity.measure.observables import wall_gaps
 
 R, K = sp.symbols("r k")
 ENERGY = K * R**2 / 2 + R**3 / 3
@@ -55,7 +56,7 @@ def test_gradients_of_networks_are_those_of_complex_steps(dim, method):
     found = gradient(asked, network, State(u, v), steps * dt, dt, method)
     tension = tension_of(ENERGY, R, K)
     normal = network.walls[0].normal
-    gaps = network.wall_gap(np.zeros((6, dim)))
+    gaps = wall_gaps(network, np.zeros((6, dim)))
     contact = network.springs[-1]
     constant, preload, overlap = contact.values
 
@@ -156,7 +157,7 @@ def test_diameters_of_beads_at_their_places_move_gaps_contacts_and_masses(make, 
         beads = [Bead(b.diameter - less * (k == site), STEEL) for k, b in enumerate(scene.beads)]
         at, radius = scene.wall_contacts[:, 0], np.array([b.radius for b in beads])
         touching = np.array([b.radius for b in scene.beads])
-        gaps = scene.wall_gap(np.zeros(scene.shape)) + (touching - radius)[at]
+        gaps = wall_gaps(scene, np.zeros(scene.shape)) + (touching - radius)[at]
         return Network(
             scene.positions, scene.bonds,
             [hertz(beads[i], beads[j]).spring() for i, j in scene.bonds],

@@ -19,11 +19,13 @@ from granular import (
     simulate,
     y_guide,
 )
+from granular.contact_network import contacts_of
 from granular.crystal import rows
 from granular.guide import Guide
 from granular.layout import crossed_layout, y_layout
 from granular.observables import density, mean_force, momentum, overlaps, part_energies, peak, speed
 from tensegrity import ContactError, Record, StabilityError, State, TensegrityError
+from tensegrity.measure.observables import directions, wall_gaps
 
 END = 420e-6  # s: the reflected wave has passed the sensors of stem 1
 
@@ -116,10 +118,10 @@ def test_eq_5_is_the_derived_force_across_the_middle_plane(mixed):
     ahead, behind = (scene.bonds.tolist().index(sorted((site, site + k))) for k in (1, -1))
     forces = scene.contact_forces(mixed.u)
     k = mixed.u[:, site] / np.maximum(np.linalg.norm(mixed.u[:, site], axis=1), 1e-300)[:, None]
-    walls = [c for c in scene.contacts_at(site) if c >= len(scene.bonds)]
+    walls = [c for c in contacts_of(scene).of_site(site) if c >= len(scene.bonds)]
     free = forces[:, walls].max(axis=1) < 1e-9
     angle = [
-        np.arccos(np.clip(np.sum(sign * scene.direction(mixed.u)[:, c] * k, axis=1), -1, 1))
+        np.arccos(np.clip(np.sum(sign * directions(scene, mixed.u)[:, c] * k, axis=1), -1, 1))
         for c, sign in ((ahead, 1), (behind, -1))
     ]
     import sympy as sp
@@ -151,7 +153,7 @@ def test_density_holds_the_sensor_of_each_site(mixed):
 
 def test_sensors_need_only_their_neighbours(fig2):
     guide = fig2.scene
-    needed = guide.needed(guide.site("branch 1", 1))
+    needed = contacts_of(guide).neighbours(guide.site("branch 1", 1))
     assert len(needed) == 4  # itself, the junction, its twin across, the next
     some = simulate(
         guide, guide.start(), 200 * fig2.dt, dt=fig2.dt, method="rkn6",
@@ -219,7 +221,7 @@ def test_crossed_branches_pass_through_each_other():
 
 def test_gap_of_the_walls_is_in_the_contact_law():
     guide = y_guide(bead=STEEL, striker=light(0.3), gap=1e-4)
-    gaps = guide.wall_gap(np.zeros(guide.shape))
+    gaps = wall_gaps(guide, np.zeros(guide.shape))
     junction = guide.wall_contacts[:, 0] == guide.site("stem 1", 19)
     np.testing.assert_allclose(gaps[~junction], 1e-4, rtol=1e-12)
     assert (gaps[junction] > 1e-4).all()
@@ -290,7 +292,7 @@ def test_the_striker_starts_exactly_in_contact(make):
     """Of another diameter than the beads, so that a radius mistaken for another would show."""
     for striker in (light(0.3), Striker(HEAVY, 0.3), Striker(Bead(2e-3, STEEL.material), 0.3)):
         guide = make(bead=STEEL, striker=striker)
-        (bond,) = guide.contacts_at(0)
+        (bond,) = contacts_of(guide).of_site(0)
         assert guide.bonds[bond].tolist() == [0, guide.site("stem 1", 1)]
         behind = guide.positions[1] - guide.positions[0]
         assert behind == pytest.approx([(striker.bead.diameter + STEEL.diameter) / 2, 0], rel=1e-12)

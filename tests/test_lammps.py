@@ -27,6 +27,7 @@ from granular import (
     wall_force,
     y_guide,
 )
+from granular.crystal import beads_by_site
 from granular.lammps import INSTALL, PROGRAMS, run_lammps, to_lammps
 from tensegrity import Chain, PowerLaw, Record, TensegrityError, Wall
 
@@ -165,7 +166,7 @@ def read(path):
 
 def contacts_of(scene):
     """Every contact of a scene: atoms, or an atom and a wall, and the constant of its spring."""
-    sites = list(scene.beads_by_site())
+    sites = list(beads_by_site(scene))
     atom = {site: k for k, site in enumerate(sites, 1)}
     constants = [spring.parameters["stiffness"] for spring in scene.springs]
     if hasattr(scene, "wall_contacts"):

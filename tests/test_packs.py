@@ -25,6 +25,7 @@ from granular.observables import (
     part_energies,
     participation_ratio,
     virial_ratio,
+    wall_sites,
 )
 from tensegrity import ContactError, Record, Run, TensegrityError, Wall
 
@@ -89,13 +90,13 @@ def test_the_planar_pack_counts_rows_from_the_top():
     assert scene.places[0].tolist() == pytest.approx([D / 2, D / 2 + 11 * D * math.sqrt(3) / 2])
     assert scene.places[:, 1].min() == pytest.approx(D / 2)
     assert scene.positions[-1, 0] == pytest.approx(10.5 * D)
-    assert sorted(scene.touches_wall("floor")) == list(scene.parts["row 12"])
+    assert sorted(wall_sites(scene, "floor")) == list(scene.parts["row 12"])
 
 
 @pytest.mark.slow
 def test_the_833_beads_pass_on_202_404006_newtons():
     scene = cubic(17, 7)
-    record = Record(interval=2e-7, sites=scene.touches_wall("floor"))
+    record = Record(interval=2e-7, sites=wall_sites(scene, "floor"))
     run = simulate(scene, scene.start(), 6.2e-4, method="rkn6", dt=1e-7, record=record)
     instant, force = largest(run.t, wall_force(run, "floor"))
     assert force == pytest.approx(202.404006, rel=2e-7)
@@ -130,7 +131,7 @@ def test_the_planar_pack_passes_on_the_reference_s_force(options, force, instant
 
 def test_five_layers_pass_on_the_reference_s_force():
     scene = cubic(5, 7)
-    record = Record(interval=2e-7, sites=scene.touches_wall("floor"))
+    record = Record(interval=2e-7, sites=wall_sites(scene, "floor"))
     run = simulate(scene, scene.start(), 1e-4, method="rkn6", dt=2e-7, record=record)
     instant, force = largest(run.t, wall_force(run, "floor"))
     assert force == pytest.approx(1048.70740, rel=1e-6)

@@ -18,6 +18,7 @@ from granular import (
     wall_force,
     y_guide,
 )
+from granular.observables import wall_forces
 from tensegrity import EquilibriumError, Record, TensegrityError, Wall
 
 D, G = 9.53e-3, 9.81
@@ -27,7 +28,7 @@ BOX = {"bead": STEEL, "floor": WALL, "sides": SOFT}
 
 
 def on_wall(scene, name):
-    return float(scene.wall_forces(scene.at_rest().u, name).sum())
+    return float(wall_forces(scene, scene.at_rest().u, name).sum())
 
 
 @pytest.mark.parametrize("contacts", ["fixed", "follow"])

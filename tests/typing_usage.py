@@ -224,11 +224,11 @@ def chains(spring: Potential) -> Run:
     Record(times=1.0)  # type: ignore[arg-type]
     Ensemble([chain], scenes=[chain])  # type: ignore[misc]
     chain.forces(None)  # type: ignore[arg-type]
-    simulate(chain, state)  # type: ignore[call-arg]
-    simulate(spring, state, 1.0)  # type: ignore[arg-type]
-    simulate(chain, np.zeros(20), 1.0)  # type: ignore[arg-type]
-    simulate(chain, state, 1.0, tol="1e-8")  # type: ignore[arg-type]
-    simulate(chain, state, 1.0, "verlet")  # type: ignore[call-arg]
+    simulate(chain, state)  # type: ignore[call-overload]
+    simulate(spring, state, 1.0)  # type: ignore[call-overload]
+    simulate(chain, np.zeros(20), 1.0)  # type: ignore[call-overload]
+    simulate(chain, state, 1.0, tol="1e-8")  # type: ignore[call-overload]
+    simulate(chain, state, 1.0, "verlet")  # type: ignore[call-overload]
     return run
 
 
@@ -242,7 +242,7 @@ def kept(chain: Chain, state: State) -> Run:
     resume("rows.npy", state)  # type: ignore[arg-type]
     run.save()  # type: ignore[call-arg]
     Record(path=3)  # type: ignore[arg-type]
-    simulate(chain, state, 10.0, method=6)  # type: ignore[arg-type]
+    simulate(chain, state, 10.0, method=6)  # type: ignore[call-overload]
     return run
 
 
@@ -273,7 +273,9 @@ def networks(spring: Potential) -> Array:
         contacts="follow",
         law=lambda site, other: beads if isinstance(other, Wall) else spring,
     )
-    assert_type(loose.angular_momentum(run.final), float | Array)
+    assert_type(observables.angular_momentum(loose, run.final), float | Array)
+    assert_type(observables.directions(loose, run.u), Array)
+    assert_type(observables.wall_gaps(loose, run.u), Array)
     Network([(0.0, 0.5)], [], (), radius=1.0, contacts="follow", law=1.5)  # type: ignore[arg-type]
     Network([(0.0, 0.5)], [], spring, walls=floor)  # type: ignore[arg-type]
     Network([(0.0, 0.5)], [], spring, 1.0, 1.0, (), [])  # type: ignore[call-arg]
@@ -429,6 +431,9 @@ def sensed(run: Run) -> Array:
     assert_type(sensors.overlaps(run, "stem 1"), tuple[float, float])
     assert_type(sensors.speed(run, "stem 1", (3, 7)), float)
     mean = sensors.mean_force(run, "stem 1", 3)
+    guide = run.scene
+    assert_type(sensors.wall_sites(guide, "floor"), list[int])
+    assert_type(sensors.wall_forces(guide, run.u, "floor"), Array)
     assert_type(sensors.energy_shares(run) + sensors.effective_number(run), Array)
     assert_type(sensors.participation_ratio(run) + sensors.virial_ratio(run), Array)
     sensors.peak(run.t)  # type: ignore[call-arg]

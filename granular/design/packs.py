@@ -8,7 +8,7 @@ from typing import Any
 
 from granular.beads import Bead
 from granular.design.objective import METHOD
-from granular.observables import largest, wall_force
+from granular.observables import largest, wall_force, wall_sites
 from tensegrity import Record, TensegrityError, check, simulate
 
 EVERY = 2  # steps between the values that a spline goes through
@@ -33,7 +33,7 @@ def wall_peak(build: Build, beads: Sequence[Bead], t_end: float, dt: float) -> t
         scene, name = build(beads)
     except (TypeError, ValueError) as error:
         raise TensegrityError(f"build {check.shown(build)} gives no scene: {error}") from error
-    kept = Record(every=EVERY, sites=scene.touches_wall(name))
+    kept = Record(every=EVERY, sites=wall_sites(scene, name))
     run = simulate(scene, scene.start(), t_end, method=METHOD, dt=dt, record=kept)
     time, force = largest(run.t, wall_force(run, name))
     return (force, time) if force > 0 and time < run.t[-1] else (math.inf, t_end)

@@ -251,7 +251,7 @@ def _wanted(scene: Any, wanted: Any, stored: Any) -> Any:
     table = dynamics(scene).springs
     laws, law, parameters = table.table
     known = {name: None for spring in table.different for name in chained.names(spring)}
-    beads = dict.fromkeys(getattr(scene, "bead_arguments", ()))
+    beads = dict.fromkeys(dynamics(scene).arguments)
     symbols = {str(s) for one in laws for s in one.parameters}
     if wanted is None:
         names = tuple({**known, **beads})

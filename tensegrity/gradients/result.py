@@ -84,9 +84,9 @@ class Gradient:
         if name not in self._names:
             known = ", ".join(self._names) or "nothing"
             raise TensegrityError(f"by {check.shown(name)}: this gradient knows {known}")
-        of_beads = getattr(self._scene, "bead_arguments", ())
-        if name in of_beads:
-            return self._scene.by_beads(name, self.mass, self._along, self.shift)
+        of = dynamics(self._scene)
+        if name in of.arguments:
+            return of.by_argument(name, self.mass, self._along, self.shift)
         return self._along(name)
 
     def _along(self, name: str) -> Array:

@@ -12,9 +12,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity import check
+from tensegrity.engine import forces
 from tensegrity.errors import TensegrityError
 from tensegrity.scenes.chain import Chain
+from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.ensemble import Ensemble
+from tensegrity.scenes.network import Network
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -282,3 +285,44 @@ def width(x: Array, profile: ArrayLike, level: float = 0.05) -> float:
         return x[low] + share * (x[high] - x[low])
 
     return float(crossing(right[0], right[0] - 1) - crossing(left[-1], left[-1] + 1))
+
+
+def angular_momentum(network: Network, state: State) -> float | Array:
+    """Total angular momentum of a network about the origin [kg m^2/s]; a float, in space (3,)."""
+    check.kind("network", network, Network)
+    network.momentum(state)  # refuses what is no state of the network
+    momentum = network.mass[:, None] * state.v
+    x = network.positions + state.u
+    if network.dim == 1:
+        return 0.0
+    if network.dim == 2:
+        return float(np.sum(x[:, 0] * momentum[:, 1] - x[:, 1] * momentum[:, 0]))
+    return np.cross(x, momentum).sum(axis=0)
+
+
+def directions(network: Network, u: ArrayLike) -> Array:
+    """Unit vector of each bond of a network, from its first site to its second.
+
+    Parameters
+    ----------
+    network : Network
+    u : array_like, (..., sites, dim)
+        Displacements [m].
+
+    Returns
+    -------
+    ndarray, (..., bonds, dim)
+    """
+    check.kind("network", network, Network)
+    u = check.rows("displacements", u, network.shape)
+    along = forces.elongations(dynamics(network).contact_bonds, u)[1]
+    return check.finite("direction", along[..., : len(network.bonds), :])
+
+
+def wall_gaps(network: Network, u: ArrayLike) -> Array:
+    """Distance of each wall contact of a network from the wall's plane less the radius [m].
+
+    Parameters as for `directions`; (..., wall contacts).
+    """
+    check.kind("network", network, Network)
+    return check.finite("gap", dynamics(network).stretch(u)[..., len(network.bonds) :])

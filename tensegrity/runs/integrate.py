@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, overload
 
 from tensegrity import check
 from tensegrity.engine import methods, native
@@ -18,15 +18,38 @@ from tensegrity.runs.tolerance import ROUND_OFF, to_tolerance
 from tensegrity.scenes.dynamics import HasDynamics, dynamics
 
 if TYPE_CHECKING:
-    from typing import Any
-
     from tensegrity.runs.observers import Observe
-    from tensegrity.scenes.dynamics import Result_co
-    from tensegrity.scenes.scene import State
+    from tensegrity.runs.run import Run, RunBatch
+    from tensegrity.scenes.ensemble import Ensemble
+    from tensegrity.scenes.scene import Scene, State
 
 
+@overload
 def simulate(
-    scene: HasDynamics[Result_co],
+    scene: Scene,
+    state: State,
+    t_end: float,
+    *,
+    method: str | methods.Method | None = ...,
+    dt: float | None = ...,
+    tol: float | None = ...,
+    record: Record | None = ...,
+    observe: Observe | None = ...,
+) -> Run: ...
+@overload
+def simulate(
+    scene: Ensemble,
+    state: State,
+    t_end: float,
+    *,
+    method: str | methods.Method | None = ...,
+    dt: float | None = ...,
+    tol: float | None = ...,
+    record: Record | None = ...,
+    observe: Observe | None = ...,
+) -> RunBatch: ...
+def simulate(
+    scene: Scene | Ensemble,
     state: State,
     t_end: float,
     *,
@@ -35,7 +58,7 @@ def simulate(
     tol: float | None = None,
     record: Record | None = None,
     observe: Observe | None = None,
-) -> Result_co:
+) -> Run:
     """Advance a scene in time.
 
     Parameters
@@ -121,7 +144,6 @@ def simulate(
         outlook=outlook,
         given=dt,
     )
-    run: Any
     if dt is not None:
         run = fixed_step(problem, dt)
     elif tol is not None:

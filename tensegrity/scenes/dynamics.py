@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import threading
 from functools import cached_property
-from typing import TYPE_CHECKING, Generic, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,13 +21,12 @@ from tensegrity.readonly import ReadOnly, fixed, same_content
 from tensegrity.springs.collection import Springs
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from typing import Any
 
     from tensegrity.engine.energies import Energies
     from tensegrity.engine.methods import Method
     from tensegrity.typing import Array, Indices
-
-Result_co = TypeVar("Result_co", covariant=True)
 
 
 def dynamics(scene: Any) -> Any:
@@ -39,8 +38,8 @@ def dynamics(scene: Any) -> Any:
         return scene._in_thread.dynamics
 
 
-class HasDynamics(ReadOnly, Generic[Result_co]):
-    """Base of what `simulate` takes, a scene or several that run together, and of what it gives.
+class HasDynamics(ReadOnly):
+    """Base of what `simulate` takes: a scene, or several that run together.
 
     Equal content makes two of them equal.
     """
@@ -93,6 +92,8 @@ class Dynamics:
         Whether contacts come and go, so that only those near are listed.
     clearance : Clearance or None
         What watches over contacts that are not listed.
+    arguments : tuple of str
+        Of what the sites are made of, beads say, by which `by_argument` has derivatives.
     ranges : list of (ndarray, ndarray, float)
         Ranges of elongation (springs, 2) [m] that runs met lately, how stiff each spring is at
         most there [N/m], and the angular frequency that this bounds [rad/s].
@@ -113,6 +114,7 @@ class Dynamics:
     turns: bool = False
     follows: bool = False
     clearance: Any = None
+    arguments: tuple[str, ...] = ()
 
     def __init__(self, scene: Any) -> None:
         self.scene, self.shape = scene, scene.shape
@@ -134,6 +136,9 @@ class Dynamics:
         def frequency_of(self, stiffness: Array) -> float: ...
         def extreme(self, spring: int, u: Array, side: int) -> str: ...
         def stiffest(self, u: Array, ranges: Array) -> str: ...
+        def by_argument(
+            self, name: str, by_mass: Array, by_spring: Callable[[str], Array], by_gap: Any
+        ) -> Array: ...
 
     # the scene's data, as the loop takes it
 

@@ -24,10 +24,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from tensegrity.runs.run import RunBatch  # noqa: F401 (what its runs give)
 
-
-class Ensemble(HasDynamics["RunBatch"]):
+class Ensemble(HasDynamics):
     """Several scenes of one shape, for `simulate` and `gradient`.
 
     States have u [m] and v [m/s] of shape (sites[, dim], lanes), runs of shape (T, sites[, dim],

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity import check
-from tensegrity.engine import forces
 from tensegrity.errors import TensegrityError
 from tensegrity.notebook import page, wires
 from tensegrity.scenes.contact_geometry import contact_geometry
@@ -207,16 +206,6 @@ class Network(Scene):
         """Elongation of each bond [m]; (..., bonds)."""
         return check.finite("elongation", dynamics(self).stretch(u)[..., : len(self.bonds)])
 
-    def direction(self, u: Array) -> Array:
-        """Unit vector of each bond, from its first site to its second; (..., bonds, dim)."""
-        u = check.rows("displacements", u, self.shape)
-        along = forces.elongations(dynamics(self).contact_bonds, u)[1][..., : len(self.bonds), :]
-        return check.finite("direction", along)
-
-    def wall_gap(self, u: ArrayLike) -> Array:
-        """Gap of each wall contact [m]: distance from the wall's plane less the radius."""
-        return check.finite("gap", dynamics(self).stretch(u)[..., len(self.bonds) :])
-
     def bond_energy(self, u: ArrayLike) -> Array:
         """Energy of each bond [J]; (..., bonds)."""
         return dynamics(self).each("energy", u)[..., : len(self.bonds)]
@@ -248,16 +237,6 @@ class Network(Scene):
         """Total momentum [kg m/s]; (dim,)."""
         self._refuse_other(state)
         return self.mass @ state.v
-
-    def angular_momentum(self, state: State) -> float | Array:
-        """Total angular momentum about the origin [kg m^2/s]; a float, in space (3,)."""
-        self._refuse_other(state)
-        x, p = self.positions + state.u, self.mass[:, None] * state.v
-        if self.dim == 1:
-            return 0.0
-        if self.dim == 2:
-            return float(np.sum(x[:, 0] * p[:, 1] - x[:, 1] * p[:, 0]))
-        return np.cross(x, p).sum(axis=0)
 
     def _repr_html_(self) -> str:
         rows = {

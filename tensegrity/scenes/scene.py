@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from tensegrity.runs.run import Run  # noqa: F401 (what a scene's runs give)
     from tensegrity.scenes.forcing import Damping, Drive
     from tensegrity.springs.potential import Potential
     from tensegrity.typing import Array
@@ -84,7 +83,7 @@ def known_state(u: Array, v: Array) -> State:
     return state
 
 
-class Scene(HasDynamics["Run"]):
+class Scene(HasDynamics):
     """Base of scenes: masses joined by bonds, as data.
 
     A scene has `sites` of `dim` coordinates, their `mass` (sites,), the numbers of those `held`,

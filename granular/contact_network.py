@@ -1,0 +1,215 @@
+"""The contacts of beads by site and part: which a bead has, what they store, what walls carry.
+
+`contacts_of` gives those of a chain or those of a guide or a pack.  Contacts of these are listed
+by the scene, or, where they come and go, near given displacements; see `Network.listed`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from granular.crystal import members
+from tensegrity import Chain, TensegrityError, check
+from tensegrity.measure.observables import directions
+from tensegrity.scenes.dynamics import dynamics
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+    from typing import Any
+
+    from numpy.typing import ArrayLike
+
+    from tensegrity.typing import Array, Indices
+
+
+def contacts_of(scene: Any) -> ChainContacts | AssemblyContacts:
+    """The contacts of a scene of beads."""
+    return ChainContacts(scene) if isinstance(scene, Chain) else AssemblyContacts(scene)
+
+
+class ChainContacts:
+    """Of a `BeadChain`: contact j joins sites j and j + 1."""
+
+    def __init__(self, scene: Any) -> None:
+        self.scene, last = scene, scene.sites - 1
+        self.wall_sites = {"start": (0, 1)} if "start wall" in scene.parts else {}
+        self.wall_sites |= {"end": (last, last - 1)} if "wall" in scene.parts else {}
+
+    def of_site(self, site: int) -> list[int]:
+        """Numbers of the contacts of a site."""
+        return [j for j in (site - 1, site) if 0 <= j < self.scene.sites - 1]
+
+    def within(self, part: str | None) -> list[int]:
+        """Numbers of the contacts between beads of a part, or of all."""
+        inside = set(range(self.scene.sites) if part is None else members(self.scene, part))
+        return [j for j in range(self.scene.sites - 1) if {j, j + 1} <= inside]
+
+    def neighbours(self, site: int) -> list[int]:
+        """Sites on which the contacts of a site depend."""
+        return [s for s in (site - 1, site, site + 1) if 0 <= s < self.scene.sites]
+
+    def cosines(self, u: Array, site: int) -> Array:
+        """Component of each contact's direction along the bead's displacement: all of it."""
+        return np.ones(len(self.of_site(site)))
+
+    def bead_energies(self, u: Array, v: Array) -> Array:
+        """Energy of each site [J], without the contacts with walls; (..., sites)."""
+        energies = self.scene.site_energy(u, v)
+        for wall, bead in self.wall_sites.values():
+            energies[..., bead] -= energies[..., wall]
+            energies[..., wall] = 0
+        return energies
+
+    def wall_energy(self, u: Array) -> Array:
+        """Energy of the contacts with walls [J]; (...)."""
+        stored = self.scene.site_energy(u, np.zeros_like(u))
+        return sum((2 * stored[..., wall] for wall, _ in self.wall_sites.values()),
+                   start=np.zeros(u.shape[:-1]))  # fmt: skip
+
+    def stored(self, u: Array) -> Array:
+        """Half the energy of each bead's contacts with others, and all of those with walls [J].
+
+        What the contacts store by themselves, without the potential of the loads; (..., sites).
+        """
+        constants = np.array([contact.constant for contact in self.scene.contacts])
+        powers = np.array([contact.exponent + 1 for contact in self.scene.contacts])
+        energy = constants / powers * np.maximum(self.scene.overlaps(u), 0.0) ** powers
+        found = np.zeros(u.shape)
+        found[..., :-1] += energy / 2
+        found[..., 1:] += energy / 2
+        for wall, bead in self.wall_sites.values():
+            found[..., bead] += found[..., wall]
+            found[..., wall] = 0
+        return found
+
+    def of_wall(self, name: str) -> list[int]:
+        """Sites on which the force on a wall depends: its own and the bead's before it."""
+        if not isinstance(name, str) or name not in self.wall_sites:
+            raise unknown_wall(name, self.wall_sites)
+        return list(self.wall_sites[name])
+
+    def wall_forces(self, u: ArrayLike, name: str) -> Array:
+        """Contact force of each site on the wall of that name [N], compression > 0."""
+        bead = self.of_wall(name)[-1]
+        forces = self.scene.contact_forces(u)
+        found = np.zeros((*forces.shape[:-1], self.scene.sites))
+        found[..., bead] = forces[..., 0 if name == "start" else -1]
+        return found
+
+
+class AssemblyContacts:
+    """Of a `Guide` or a `Pack`: those of the bonds, behind them those with walls."""
+
+    def __init__(self, scene: Any) -> None:
+        self.scene = scene
+
+    def of_site(self, site: int) -> list[int]:
+        """Numbers of the contacts of a bead, those with walls last."""
+        bonds, walls = self.scene.bonds, self.scene.wall_contacts
+        found = np.flatnonzero((bonds == site).any(axis=1)).tolist()
+        return [*found, *(len(bonds) + np.flatnonzero(walls[:, 0] == site)).tolist()]
+
+    def within(self, part: str | None) -> list[int]:
+        """Numbers of the contacts between beads of a part, or between any."""
+        sites = range(self.scene.sites) if part is None else members(self.scene, part)
+        return np.flatnonzero(np.isin(self.scene.bonds, list(sites)).all(axis=1)).tolist()
+
+    def neighbours(self, site: int) -> list[int]:
+        """Sites on which the contacts of a bead depend."""
+        bonds = self.scene.bonds
+        return sorted({site, *bonds[(bonds == site).any(axis=1)].ravel().tolist()})
+
+    def cosines(self, u: Array, site: int) -> Array:
+        """|n . k| of each contact of a bead, k along its displacement; (..., contacts).
+
+        0 for a bead that has not moved.
+        """
+        scene, count = self.scene, len(self.scene.bonds)
+        size = np.linalg.norm(u[..., site, :], axis=-1, keepdims=True)
+        k = u[..., site, :] / np.where(size > 0, size, 1.0)
+        numbers = np.array(self.of_site(site), dtype=int)
+        bonds, walls = numbers[numbers < count], numbers[numbers >= count] - count
+        normals = [scene.walls[w].normal for w in scene.wall_contacts[walls, 1]]
+        along = np.einsum("...bk,...k->...b", directions(scene, u)[..., bonds, :], k)
+        across = k @ np.array(normals).reshape(-1, scene.dim).T
+        return np.abs(np.concatenate([along, across], axis=-1))
+
+    def bead_energies(self, u: Array, v: Array) -> Array:
+        """Energy of each site [J], without the contacts with walls; (..., sites)."""
+        motion = 0.5 * self.scene.mass * np.sum(v**2, axis=-1)
+        return motion + self._each(u, _by_beads) - np.sum(self.scene.loads * u, axis=-1)
+
+    def wall_energy(self, u: Array) -> Array:
+        """Energy of all contacts with walls [J]; (...)."""
+        return self._each(u, lambda scene, rows: _wall_energies(scene, rows).sum(axis=-1))
+
+    def stored(self, u: Array) -> Array:
+        """Half the energy of each bead's contacts with others, and all of those with walls [J]."""
+
+        def stored(scene: Any, rows: Array) -> Array:
+            by_site = _by_beads(scene, rows)
+            return _added(by_site, scene.wall_contacts[:, 0], _wall_energies(scene, rows))
+
+        return self._each(u, stored)
+
+    def of_wall(self, name: str) -> list[int]:
+        """Sites on which the forces on the walls of a name depend: all where contacts come."""
+        numbers = self._walls(name)
+        if dynamics(self.scene).follows:
+            return list(range(self.scene.sites))
+        contacts = self.scene.wall_contacts
+        return sorted(set(contacts[np.isin(contacts[:, 1], numbers), 0].tolist()))
+
+    def wall_forces(self, u: ArrayLike, name: str) -> Array:
+        """Contact force of each site on the walls of a name [N], compression > 0."""
+        numbers = self._walls(name)
+
+        def forces(scene: Any, rows: Array) -> Array:
+            chosen = np.isin(scene.wall_contacts[:, 1], numbers)
+            load = scene.wall_load(rows)[..., chosen]
+            return _added(np.zeros(rows.shape[:-1]), scene.wall_contacts[chosen, 0], load)
+
+        return self._each(u, forces)
+
+    def _walls(self, name: str) -> list[int]:
+        """Numbers of the walls of that name."""
+        if not isinstance(name, str) or name not in self.scene.wall_names:
+            raise unknown_wall(name, dict.fromkeys(self.scene.wall_names))
+        return [k for k, given in enumerate(self.scene.wall_names) if given == name]
+
+    def _each(self, u: ArrayLike, function: Callable[[Any, Array], Array]) -> Array:
+        """`function(scene, rows)` of all rows, by the contacts that are listed there."""
+        shape = self.scene.shape
+        u = check.rows("displacements", u, shape)
+        flat = u.reshape(-1, *shape)
+        listings = dynamics(self.scene).listings(flat)
+        parts = [function(listed.scene, flat[rows]) for rows, listed in listings]
+        found = np.concatenate(parts) if parts else np.zeros((0, *shape[:1]))
+        return found.reshape((*u.shape[:-2], *found.shape[1:]))
+
+
+def _by_beads(scene: Any, u: Array) -> Array:
+    """Half the energy of each bead's listed contacts with others [J]; (..., sites)."""
+    half, found = scene.bond_energy(u) / 2, np.zeros(u.shape[:-1])
+    for end in scene.bonds.T:
+        _added(found, end, half)
+    return found
+
+
+def _wall_energies(scene: Any, u: Array) -> Array:
+    """Energy of each listed contact with a wall [J]; (..., wall contacts)."""
+    return dynamics(scene).each("energy", u)[..., len(scene.bonds) :]
+
+
+def _added(total: Array, sites: Indices, values: Array) -> Array:
+    """`total` (..., sites) with values (..., contacts) added at their sites, in place."""
+    np.add.at(np.moveaxis(total, -1, 0), sites, np.moveaxis(values, -1, 0))
+    return total
+
+
+def unknown_wall(name: object, known: Iterable[str]) -> TensegrityError:
+    """The error for a wall that the scene does not have."""
+    listed = ", ".join(known) or "none"
+    return TensegrityError(f"wall {check.shown(name)} is not one of this scene's: {listed}")
