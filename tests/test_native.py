@@ -181,7 +181,7 @@ def test_without_a_home_nothing_is_written_where_the_process_stands(tmp_path, mo
 
 HANGS = """#!/bin/sh
 [ "$1" = --version ] && echo hanging && exit
-sleep 300 & echo $! > {pipe}; wait
+tail -f /dev/null & echo $! > {pipe}; wait
 """
 
 
