@@ -162,13 +162,15 @@ def nearest(file: Path) -> list[str]:
 
 
 def outcome(tree: Path, tests: list[str], seconds: float | None = None) -> int:
-    """What pytest returns for some tests of a tree; what it started ends with it."""
+    """What pytest returns for some tests of a tree; what it started ends with it.  Without a limit
+    of time it says what it finds."""
     path = os.pathsep.join([str(tree), str(tree / "tests")])
     kernels = {"XDG_CACHE_HOME": str(tree.parent), "PYTHONDONTWRITEBYTECODE": "1"}
     child = subprocess.Popen(
         [sys.executable, "-m", "pytest", "-x", "-q", "-m", "not slow", "-p", "no:cacheprovider",
          *tests], cwd=tree, env={**os.environ, "PYTHONPATH": path, **kernels},
-        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True,
+        stdout=seconds and subprocess.DEVNULL, stderr=seconds and subprocess.DEVNULL,
+        start_new_session=True,
     )  # fmt: skip
     try:
         return child.wait(seconds)
