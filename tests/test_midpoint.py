@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 import sympy as sp
-from networks import fork, patch, pushed
+from networks import fork, patch
 from oracle import LIMITS
 from scenes import prism_chain, smooth_blow
 from springs import series
