@@ -1,6 +1,7 @@
 """Networks that several tests share."""
 
 import numpy as np
+from springs import series
 
 from tensegrity import Network, PowerLaw, Wall
 
@@ -24,6 +25,14 @@ def pushed(network, speed=0.05):
     velocity[0] = speed * np.array([1.0, 0.6, 0.3])[: network.dim]
     velocity[1, 1] = -speed / 2
     return network.at_rest(dict(enumerate(velocity)))
+
+
+def plate(**given):
+    """A square lattice of 3 x 3 of a cubic spring."""
+    places = np.array([(x, y) for y in range(3) for x in range(3)], dtype=float)
+    bonds = [(i, j) for i in range(9) for j in range(i) if np.sum((places[i] - places[j]) ** 2) < 3]
+    law = series(0, 1 / 4, length=1.0)
+    return Network(places, bonds, **{"spring": law, "mass": 0.5, "held": [0, 2]} | given)
 
 
 def triangles():

@@ -5,8 +5,9 @@ import os
 import numpy as np
 import pytest
 import sympy as sp
+from networks import plate
 from springs import series
-from test_resume import moved, moved_lanes, plate, tuned
+from test_resume import moved, moved_lanes, shaken, tuned
 
 import granular
 from tensegrity import (
@@ -32,11 +33,8 @@ PRISM = Prism(1.0, 0.8, 0.02, 1.0).potential()
 PRESTRAIN = 0.02 + 0.01 * sp.sin(T / 2) ** 2
 DRIVE = {0: Drive(displacement=0.3 * sp.sin(1.3 * T)), 4: Drive(force=0.1 * sp.cos(T))}
 DAMPING = Damping(bond=0.2, ground=0.1)
-PLACES = np.array([(x, y) for y in range(3) for x in range(3)], dtype=float)
-BONDS = [(i, j) for i in range(9) for j in range(i) if np.sum((PLACES[i] - PLACES[j]) ** 2) < 3]
 
-
-SCENES = {f.__name__: f for f in (moved, tuned, plate, moved_lanes)}
+SCENES = {f.__name__: f for f in (moved, tuned, shaken, moved_lanes)}
 
 
 # files
@@ -66,7 +64,7 @@ def test_a_damped_scene_is_built_again_from_a_file(tmp_path):
     prism = Prism(1.0, 0.8, 0.02, 1.0).potential()
     scenes = [
         Chain(prism, 6, drive={0: Drive(displacement=(t, 0.01 * np.sin(t)))}, damping=DAMPING),
-        Network(PLACES, BONDS, prism, damping=Damping(bond=np.linspace(0, 1, 20))),
+        plate(spring=prism, damping=Damping(bond=np.linspace(0, 1, 20))),
         granular.hexagonal_pack(3, 3, bead=bead, floor=steel, contacts="fixed",
                                 damping=Damping(ground=0.01)),
     ]  # fmt: skip
@@ -81,7 +79,7 @@ def test_a_damped_scene_is_built_again_from_a_file(tmp_path):
 
 
 def test_a_disk_that_is_full_leaves_the_rows_before(tmp_path, monkeypatch):
-    (scene, state), write, calls = plate(), os.pwrite, []
+    (scene, state), write, calls = shaken(), os.pwrite, []
 
     def full(*given):
         calls.append(given)
@@ -170,21 +168,6 @@ def test_a_tuned_row_in_the_plane_is_the_tuned_chain():
     assert a.work[-1] > 1e-6
 
 
-@pytest.mark.parametrize("method", ["verlet", "rkn6"])
-def test_methods_keep_their_order_in_tuned_networks(method):
-    (net, state), order = plate(), {"verlet": 2}.get(method, 6)
-    fine = simulate(net, state, 3.0, method="rkn6", dt=0.015)
-    assert fine.energy_error < 1e-12
-    steps = np.array([14, 20, 28])
-    runs = [simulate(net, state, 3.0, method=method, dt=3 / n) for n in steps]
-    for errors in (
-        [max(np.abs(run.final.u - fine.final.u).max(), np.abs(run.final.v - fine.final.v).max())
-         for run in runs],
-        [max(abs(run.work[-1] - fine.work[-1]), abs(run.loss[-1] - fine.loss[-1])) for run in runs],
-    ):  # fmt: skip
-        assert -np.polyfit(np.log(steps), np.log(errors), 1)[0] > order - 0.5
-
-
 def test_balance_of_energy_closes_in_every_kind_of_scene():
     for build in SCENES.values():
         run = simulate(*build(), 10.0, tol=1e-11)
@@ -211,6 +194,6 @@ def test_what_a_network_cannot_be_tuned_by_is_refused():
     with pytest.raises(TensegrityError, match="'colour' is no argument"):
         plate(tune={"colour": T})
     with pytest.raises(TensegrityError, match="one spring for all bonds, there are 2, and no"):
-        Network(PLACES, BONDS, [CUBIC] * 19 + [series(1.0, length=1.0)], tune={"k": 1 + T})
+        plate(spring=[CUBIC] * 19 + [series(1.0, length=1.0)], tune={"k": 1 + T})
     with pytest.raises(TensegrityError, match="tune begins at k 2, the spring has 1"):
         plate(tune={"k": 2 + T})

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import sympy as sp
 from crafted import crafted
-from networks import triangles
+from networks import plate, triangles
 from scenes import blow, ctrl_c, lanes, many_steps, prism_chain
 from springs import series
 
@@ -21,7 +21,6 @@ from tensegrity import (
     Drive,
     Ensemble,
     LockingError,
-    Network,
     Potential,
     PowerLaw,
     Prism,
@@ -81,14 +80,10 @@ def tuned():
     return one, one.at_rest({3: 0.02})
 
 
-def plate(**changes):
-    """A square lattice of 3 x 3, shaken in its middle, with dashpots and springs that change."""
-    places = np.array([(x, y) for y in range(3) for x in range(3)], dtype=float)
-    bonds = [(i, j) for i in range(9) for j in range(i) if np.sum((places[i] - places[j]) ** 2) < 3]
-    given = {"drive": {4: Drive(displacement=(0.1 * sp.sin(T), None))},
-             "damping": Damping(bond=0.1), "tune": {"k": 1 + sp.sin(T) / 2}}  # fmt: skip
-    law = series(0, 1 / 4, length=1.0)
-    one = Network(places, bonds, law, mass=0.5, held=[0, 2], **given | changes)
+def shaken():
+    """A lattice shaken in its middle, with dashpots and springs that change."""
+    drive = {4: Drive(displacement=(0.1 * sp.sin(T), None))}
+    one = plate(drive=drive, damping=Damping(bond=0.1), tune={"k": 1 + sp.sin(T) / 2})
     return one, one.at_rest({8: (0.05, -0.1)})
 
 
@@ -107,7 +102,7 @@ CASES = {  # and steps, of which not all are done at once
     "moved": (moved, 4.0, 40_000, {"method": "rkn6"}),
     "moved lanes": (moved_lanes, 4.0, 20_000, {"method": "rkn6"}),
     "tuned": (tuned, 4.0, 40_000, {"method": "rkn6"}),
-    "plate": (plate, 4.0, 12_000, {"method": "rkn6"}),
+    "shaken": (shaken, 4.0, 12_000, {"method": "rkn6"}),
 }
 
 
@@ -275,7 +270,7 @@ def test_files_that_do_not_belong_together_are_refused(tmp_path):
 KILLED = """
 import os, signal, sys
 from tensegrity import Record, resume, simulate
-from test_resume import SLOW, plate
+from test_resume import SLOW, shaken
 path, left, write = sys.argv[1], int(sys.argv[2]), os.pwrite
 
 def last(file, data, place):
@@ -286,7 +281,7 @@ def last(file, data, place):
         os.kill(os.getpid(), signal.SIGKILL)
     return write(file, data, place)
 
-os.pwrite, (scene, state) = last, plate()
+os.pwrite, (scene, state) = last, shaken()
 if os.path.exists(path + ".state.npz"):
     resume(path, scene)
 else:
@@ -304,7 +299,7 @@ def started(code, *words, **how):
 
 def kills(path, dice, count):
     """Kill it in the midst of a write, look, and go on in a new process that is killed as well."""
-    scene, state = plate()
+    scene, state = shaken()
     whole, seen = simulate(scene, state, **SLOW, record=Record(interval=0.0413)), 0
     for _ in range(count):
         code = started(KILLED, str(path), str(dice.randrange(3, 40))).wait()
