@@ -28,7 +28,7 @@ from tensegrity import Chain, PowerLaw, Prism, Record, TensegrityError, simulate
 from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.kernel import bind
 from tensegrity.engine.methods import METHODS
-from tensegrity.runs.judge import first_factor
+from tensegrity.runs.step import first_factor
 from tensegrity.scenes.dynamics import dynamics
 
 TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11)

@@ -35,7 +35,7 @@ ROOMS = {  # page: (title, modules whose public names it holds, modules document
                ["tensegrity.prisms.fold_curve", "tensegrity.prisms.stability"]),
     "springs": ("Springs", ["tensegrity.springs"], ["tensegrity.export"]),
     "scenes": ("Chains and networks", ["tensegrity.scenes"], []),
-    "runs": ("Runs", ["tensegrity.runs"], ["tensegrity.runs.tuning"]),
+    "runs": ("Runs", ["tensegrity.runs"], []),
     "methods": ("Methods of integration", [], ["tensegrity.engine.methods"]),
     "waves": ("Solitary waves", ["tensegrity.waves"],
               ["tensegrity.waves.asymptotics", "tensegrity.waves.solitary"]),

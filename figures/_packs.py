@@ -15,7 +15,7 @@ from granular import (
     simulate,
     wall_force,
 )
-from granular.observables import wall_sites
+from granular.contact_network import wall_sites
 from tensegrity import Record
 
 D = 9.53e-3  # m, of all beads

@@ -11,7 +11,8 @@ import numpy as np
 from figures import _packs
 from figures._packs import STEEL, D, row
 from granular import fcc_pack, materials, wall_force
-from granular.observables import largest, wall_forces, wall_sites
+from granular.contact_network import wall_forces, wall_sites
+from granular.observables import largest
 from tensegrity import Record
 
 NAME = "packs_rest"

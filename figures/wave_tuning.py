@@ -8,9 +8,16 @@ import numpy as np
 
 from figures import _measure, _scenes
 from figures._measure import Number
-from tensegrity import EquilibriumError, LockingError, Prism, Record, simulate, solitary_wave
+from tensegrity import (
+    Chain,
+    EquilibriumError,
+    LockingError,
+    Prism,
+    Record,
+    simulate,
+    solitary_wave,
+)
 from tensegrity.measure.observables import crest, speed
-from tensegrity.runs.tuning import simulate_tuned
 from tensegrity.waves.asymptotics import sound_speed
 
 NAME = "wave_tuning"
@@ -93,8 +100,17 @@ def tuned(ramp, dt):
     record = Record(every=max(1, round(0.2 / dt)))
     how = {"method": "rkn6", "dt": dt, "record": record}
     before = simulate(scene.chain, scene.state, LEAD, **how)
-    during = simulate_tuned(scene.chain, before.final, WINDOW * ramp, spring_at, **how)
-    return before, during, simulate(during.scene, during.final, AFTERWARDS, **how)
+    change = WINDOW * ramp
+    during = simulate(
+        of_springs(scene.chain, spring_at(0.0), spring_at), before.final, change, **how
+    )
+    last = of_springs(scene.chain, spring_at(change))
+    return before, during, simulate(last, during.final, AFTERWARDS, **how)
+
+
+def of_springs(chain, spring, tune=None):
+    """The same chain with another spring, perhaps one that changes."""
+    return Chain(spring, chain.sites, chain.mass, chain.ends, tune=tune)
 
 
 def outcome(before, during, after):
@@ -142,7 +158,7 @@ def densities(before, during, after, spring_at):
     """Density of energy through all three runs, in the springs of each instant."""
     rows = [before.scene.site_energy(before.u, before.v)]
     for t, u, v in zip(during.t, during.u, during.v, strict=True):
-        rows.append(during.scene.with_springs([spring_at(t)]).site_energy(u, v)[None])
+        rows.append(of_springs(during.scene, spring_at(t)).site_energy(u, v)[None])
     rows.append(after.scene.site_energy(after.u, after.v))
     t = np.concatenate([before.t, LEAD + during.t, LEAD + during.t[-1] + after.t])
     return _measure.density_table(t, np.concatenate(rows))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from granular.crystal import members
+from granular.crystal import Crystal, members
 from tensegrity import Chain, TensegrityError, check
 from tensegrity.measure.observables import directions
 from tensegrity.scenes.dynamics import dynamics
@@ -27,6 +27,35 @@ if TYPE_CHECKING:
 def contacts_of(scene: Any) -> ChainContacts | AssemblyContacts:
     """The contacts of a scene of beads."""
     return ChainContacts(scene) if isinstance(scene, Chain) else AssemblyContacts(scene)
+
+
+def wall_sites(scene: Crystal, name: str) -> list[int]:
+    """Sites on which the forces on the walls of a name depend: what `granular.wall_force` wants.
+
+    All where contacts come and go.
+    """
+    check.kind("scene", scene, Crystal)
+    return contacts_of(scene).of_wall(name)
+
+
+def wall_forces(scene: Crystal, u: ArrayLike, name: str) -> Array:
+    """Contact force of each site on the walls of a name at displacements u.
+
+    Parameters
+    ----------
+    scene : BeadChain, Guide or Pack
+    u : array_like, (..., sites[, dim])
+        [m]
+    name : str
+        As for `granular.wall_force`.
+
+    Returns
+    -------
+    ndarray, (..., sites)
+        [N], compression > 0.
+    """
+    check.kind("scene", scene, Crystal)
+    return contacts_of(scene).wall_forces(u, name)
 
 
 class ChainContacts:

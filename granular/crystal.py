@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from typing import Any
 
     from granular.beads import Bead, Striker
-    from tensegrity.typing import Array, Recorded
+    from tensegrity.typing import Array
 
 MANY = 6  # parts that are not all named in print
 
@@ -104,7 +104,7 @@ def crystal_of(run: Any) -> Crystal:
     return run.scene
 
 
-def rows(run: Recorded, sites: Iterable[int]) -> Array:
+def rows(run: Run, sites: Iterable[int]) -> Array:
     """Displacements of all sites, of which those named must have been recorded.
 
     Returns
@@ -127,7 +127,7 @@ def rows(run: Recorded, sites: Iterable[int]) -> Array:
     return u
 
 
-def whole(run: Recorded) -> tuple[Array, Array]:
+def whole(run: Run) -> tuple[Array, Array]:
     """Displacements and velocities of all sites in their order, whatever the record's; (T, sites[,
     dim]) each.
 

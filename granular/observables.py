@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from granular.contact_network import contacts_of
-from granular.crystal import Crystal, beads_by_site, crystal_of, rows, whole
+from granular.crystal import beads_by_site, crystal_of, rows, whole
 from tensegrity import TensegrityError, check
 from tensegrity.measure.observables import passage
 from tensegrity.root import root
@@ -78,7 +78,7 @@ def wall_force(run: Run, name: str, each: bool = False) -> Array:
     ----------
     run : Run
         Of a chain, a guide or a pack, with all beads recorded that can touch the wall: those of
-        `wall_sites(scene, name)`.
+        `granular.contact_network.wall_sites(scene, name)`.
     name : str
         Such as "floor"; "start" and "end" of a chain.  Walls of one name count together.
     each : bool, optional
@@ -99,35 +99,6 @@ def wall_force(run: Run, name: str, each: bool = False) -> Array:
     u = rows(run, contacts.of_wall(name))
     forces = contacts.wall_forces(u, name)
     return forces if each else forces.sum(axis=-1)
-
-
-def wall_sites(scene: Crystal, name: str) -> list[int]:
-    """Sites on which the forces on the walls of a name depend: what `wall_force` wants recorded.
-
-    All where contacts come and go.
-    """
-    check.kind("scene", scene, Crystal)
-    return contacts_of(scene).of_wall(name)
-
-
-def wall_forces(scene: Crystal, u: ArrayLike, name: str) -> Array:
-    """Contact force of each site on the walls of a name at displacements u.
-
-    Parameters
-    ----------
-    scene : BeadChain, Guide or Pack
-    u : array_like, (..., sites[, dim])
-        [m]
-    name : str
-        As for `wall_force`.
-
-    Returns
-    -------
-    ndarray, (..., sites)
-        [N], compression > 0.
-    """
-    check.kind("scene", scene, Crystal)
-    return contacts_of(scene).wall_forces(u, name)
 
 
 def density(run: Run, sites: Sequence[int]) -> Array:

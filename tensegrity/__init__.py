@@ -21,9 +21,8 @@ from tensegrity.prisms.fit import fit
 from tensegrity.prisms.members import member_stiffness
 from tensegrity.prisms.path import EquilibriumPath, equilibrium_path, equilibrium_paths
 from tensegrity.prisms.prism import Prism
-from tensegrity.runs.integrate import simulate
+from tensegrity.runs.integrate import resume, simulate
 from tensegrity.runs.record import Record
-from tensegrity.runs.resuming import resume
 from tensegrity.runs.run import Run
 from tensegrity.runs.sweep import sweep
 from tensegrity.scenes.chain import Chain

@@ -19,34 +19,6 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 Number = TypeVar("Number", float, Array)  # in and out alike
 
 
-class Recorded(Protocol):
-    """Rows of a run, however its springs were driven: a `Run` or a `TunedRun`."""
-
-    @property
-    def scene(self) -> Any:
-        """What was run."""
-
-    @property
-    def t(self) -> Array:
-        """Recorded instants [s], (T,)."""
-
-    @property
-    def u(self) -> Array:
-        """Displacements [m], (T, sites[, dim])."""
-
-    @property
-    def v(self) -> Array:
-        """Velocities [m/s], shape of u."""
-
-    @property
-    def energy(self) -> Array:
-        """Total energies [J], (T,)."""
-
-    @property
-    def sites(self) -> tuple[int, ...]:
-        """Numbers of the recorded sites."""
-
-
 class Members(Protocol):
     """The numbers that describe a prism; see `Prism`."""
 

@@ -31,7 +31,6 @@ from tensegrity import (
     simulate,
 )
 from tensegrity.engine.native import described
-from tensegrity.runs.tuning import simulate_tuned
 
 PATH = Path(__file__).with_name("golden.npz")
 ROUND_OFF = 1e-8  # of the largest of each array: digits that other instructions leave
@@ -149,8 +148,8 @@ def of_tuned():
     def spring_at(t):
         return Prism(1.0, 0.8, 0.02 + 0.002 * np.tanh((t - 10) / 4), 1.0).potential()
 
-    scene = Chain(spring_at(0.0), 30)
-    return told(simulate_tuned(scene, scene.at_rest({0: 0.03}), 20.0, spring_at, dt=0.1))
+    scene = Chain(spring_at(0.0), 30, tune=spring_at)
+    return told(simulate(scene, scene.at_rest({0: 0.03}), 20.0, method="rkn6", dt=0.1))
 
 
 def of_error(scene, how):

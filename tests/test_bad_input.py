@@ -22,7 +22,7 @@ from test_types import PUBLIC
 
 import granular
 import tensegrity as ts
-from granular import design
+from granular import contact_network, design
 from granular.lammps import run_lammps, to_lammps
 from granular.layout import crossed_layout, diamond_layout, y_layout
 from tensegrity import objective
@@ -30,7 +30,6 @@ from tensegrity.engine import methods
 from tensegrity.measure import budget, observables
 from tensegrity.prisms.fold_curve import limit_load
 from tensegrity.prisms.stability import first_loss, lowest
-from tensegrity.runs import tuning
 from tensegrity.scenes.scene import Scene
 from tensegrity.waves.solitary import largest_speed
 
@@ -61,7 +60,7 @@ SEARCHES = (  # take long with these: see their tests
 MADE_BY_OTHERS = {"BeadChain", "EquilibriumPath", "Pack", "Run", "SolitaryWave", "StructurePath"}
 INNER = {  # what runs, paths and searches ask of their objects, and nobody else
     "Best", "Budget", "Corrected", "Method", "Midpoint", "Modes", "Nystrom", "Objective",
-    "Prediction", "Pulse", "Splitting", "Trace", "TunedRun", "argument", "arrays", "at",
+    "Prediction", "Pulse", "Splitting", "Trace", "argument", "arrays", "at",
     "available_energy", "beyond", "bind", "by_beads", "check", "check_room", "children",
     "columns", "contacts_at", "contacts_within", "cosines", "default", "derivative", "designs",
     "each", "energies", "extreme", "fastest", "finer_share", "freedom", "frequency",
@@ -238,14 +237,13 @@ CALLS = [  # where other arguments are needed, or several in one call
     (budget.beyond, {"run": RUN}),
     (observables.speed, {"run": RUN, "bonds": (3, 5)}),
     (observables.width, {"x": X}),
-    (tuning.simulate_tuned, {"spring_at": lambda t: SPRING, "method": "verlet"}),
     (granular.materials.__getitem__, {"name": "steel"}),
     (granular.fcc_pack, {"layers": 2, "side": 2, "floor": STEEL, "striker": STRIKER}),
     (granular.hexagonal_pack, {"rows": 2, "columns": 2, "sides": STEEL, "striker": STRIKER}),
     (granular.pack, {"beads": [BEAD] * 2, "walls": {"floor": (WALL, STEEL)}, "contacts": "fixed",
                      "gravity": 0.0, "preload": {}}),
-    (granular.observables.wall_forces, {"scene": CUBE, "u": CUBE.at_rest().u, "name": "floor"}),
-    (granular.observables.wall_sites, {"scene": CUBE, "name": "floor"}),
+    (contact_network.wall_forces, {"scene": CUBE, "u": CUBE.at_rest().u, "name": "floor"}),
+    (contact_network.wall_sites, {"scene": CUBE, "name": "floor"}),
     (CUBE.distance, {"part": "layer 1", "numbers": (1, 2)}),
     (granular.wall_force, {"run": PACKED, "name": "floor", "each": True}),
     (to_lammps, {"scene": CUBE, "state": CUBE.start(), "t_end": 1e-5, "dt": 1e-6, "every": 2}),

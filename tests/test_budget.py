@@ -88,6 +88,11 @@ def test_bad_input_says_what_and_why():
     run = simulate(held, smooth_blow(held), 2.0, method="rkn6", dt=0.1, record=ALL)
     with pytest.raises(TensegrityError, match="the last site is fixed"):
         beyond(run, 3)
+    spring = chain.springs[0]
+    changing = Chain(spring, 12, tune=lambda t: spring)
+    tuned = simulate(changing, smooth_blow(chain), 2.0, dt=0.1, record=ALL)
+    with pytest.raises(TensegrityError, match="the springs change in time"):
+        beyond(tuned, 3)
     lanes = Ensemble(chain, 2)
     with pytest.raises(TensegrityError, match="is Ensemble, not a Chain"):
         beyond(simulate(lanes, lanes.at_rest({0: 0.01}), 2.0, dt=0.1, record=ALL), 3)

@@ -18,7 +18,7 @@ from granular import (
     wall_force,
     y_guide,
 )
-from granular.observables import wall_forces
+from granular.contact_network import wall_forces
 from tensegrity import EquilibriumError, Record, TensegrityError, Wall
 
 D, G = 9.53e-3, 9.81

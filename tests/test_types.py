@@ -24,7 +24,6 @@ PUBLIC = [  # modules whose names a user takes from the module
     "tensegrity.engine.methods",
     "tensegrity.gradients.objective",
     "tensegrity.measure.observables",
-    "tensegrity.runs.tuning",
     "granular.lammps",
     "granular.observables",
 ]

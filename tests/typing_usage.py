@@ -23,6 +23,7 @@ from granular import (
     Striker,
     bead_of_mass,
     coated,
+    contact_network,
     diamond_guide,
     fcc_pack,
     hertz,
@@ -92,7 +93,6 @@ from tensegrity.engine import methods
 from tensegrity.export import to_c
 from tensegrity.measure import budget, observables
 from tensegrity.prisms.stability import first_loss, lowest
-from tensegrity.runs import tuning
 from tensegrity.typing import Array, Flags
 from tensegrity.waves import asymptotics
 
@@ -336,16 +336,16 @@ def measured(chain: Chain, run: Run) -> float:
     return times + front + observables.speed(run, (3, 9)) + observables.width(run.t, run.energy)
 
 
-def tuned(chain: Chain, state: State) -> tuning.TunedRun:
+def tuned(state: State) -> Run:
     def spring_at(t: float) -> Potential:
         return Prism(1.0, 0.7, 0.01 + 0.01 * t, 1.0).potential()
 
-    run = tuning.simulate_tuned(chain, state, 1.0, spring_at, dt=0.01)
-    assert_type(run.energy - run.work, Array)
+    chain = Chain(spring_at(0.0), 20, tune=spring_at)
+    run = simulate(chain, state, 1.0, dt=0.01)
+    assert_type(run.work, Array | None)
     assert_type(observables.speed(run, (3, 9)), float)
-    tuning.simulate_tuned(chain, state, 1.0, spring_at(0.0), dt=0.01)  # type: ignore[arg-type]
-    tuning.simulate_tuned(chain, state, 1.0, spring_at)  # type: ignore[call-arg]
-    budget.beyond(run, 5)  # type: ignore[arg-type]
+    Chain(spring_at(0.0), 20, tune=spring_at(0.0))  # type: ignore[arg-type]
+    budget.beyond(run.final, 5)  # type: ignore[arg-type]
     return run
 
 
@@ -432,8 +432,8 @@ def sensed(run: Run) -> Array:
     assert_type(sensors.speed(run, "stem 1", (3, 7)), float)
     mean = sensors.mean_force(run, "stem 1", 3)
     guide = run.scene
-    assert_type(sensors.wall_sites(guide, "floor"), list[int])
-    assert_type(sensors.wall_forces(guide, run.u, "floor"), Array)
+    assert_type(contact_network.wall_sites(guide, "floor"), list[int])
+    assert_type(contact_network.wall_forces(guide, run.u, "floor"), Array)
     assert_type(sensors.energy_shares(run) + sensors.effective_number(run), Array)
     assert_type(sensors.participation_ratio(run) + sensors.virial_ratio(run), Array)
     sensors.peak(run.t)  # type: ignore[call-arg]

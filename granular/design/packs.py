@@ -7,8 +7,9 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from granular.beads import Bead
+from granular.contact_network import wall_sites
 from granular.design.objective import METHOD
-from granular.observables import largest, wall_force, wall_sites
+from granular.observables import largest, wall_force
 from tensegrity import Record, TensegrityError, check, simulate
 
 EVERY = 2  # steps between the values that a spline goes through

@@ -111,7 +111,7 @@ class _Picks:
         self._forward, self._next, self._stop = forward, forward._begin, forward._begin
 
     def wanted(self, end: int) -> Sequence[Wanted]:
-        """As of `runs.observers.Samples`."""
+        """As of `runs.record.Samples`."""
         of, first = self._forward, self._next
         self._stop = max(first, min(end, of._end) + 1)
         rows = of.rows[first - of._begin : self._stop - of._begin]
@@ -131,7 +131,7 @@ class _States:
         self._at = np.unique(np.append(np.arange(0, steps + 1, forward._apart), steps))
 
     def wanted(self, end: int) -> Sequence[Wanted]:
-        """As of `runs.observers.Samples`."""
+        """As of `runs.record.Samples`."""
         at = self._at[len(self._forward.states) : np.searchsorted(self._at, end, side="right")]
         u, v = np.empty((2, len(at), *self._forward.scene.shape))
         self._got = Wanted(at, u, v, raw=True)

@@ -59,7 +59,7 @@ def beyond(run: Run, bond: int) -> Budget:
     ----------
     run : Run
         Of a chain whose last end is free, all sites recorded.  Springs that change while it
-        runs (`TunedRun`) are refused: the work of the change does not pass through the bond.
+        runs are refused: the work of the change does not pass through the bond.
     bond : int
         Bond j joins sites j and j + 1.
 
@@ -75,6 +75,8 @@ def beyond(run: Run, bond: int) -> Budget:
     chain = run.scene
     if not isinstance(chain, Chain):
         raise TensegrityError(f"the scene of the run is {type(chain).__name__}, not a Chain")
+    if chain.tune:
+        raise TensegrityError("the springs change in time: their work passes through no bond")
     bond = check.whole("bond", bond, least=0, below=chain.sites - 1)
     if run.sites != tuple(range(chain.sites)):
         raise TensegrityError(f"{len(run.sites)} of {chain.sites} sites recorded: record all")

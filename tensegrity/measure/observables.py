@@ -22,8 +22,9 @@ from tensegrity.scenes.network import Network
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
+    from tensegrity.runs.run import Run
     from tensegrity.scenes.scene import State
-    from tensegrity.typing import Array, Indices, Recorded
+    from tensegrity.typing import Array, Indices
 
 ROUND_OFF = 1e-12  # of a crest: less is nothing
 CREST = 0.5  # an extremum counts as the pulse if it is this part of the largest
@@ -63,7 +64,7 @@ def passage(t: Array, elongation: Array, rate: Array) -> float:
     return float(start + brentq(curve, 0.0, t[first + 1] - start, xtol=1e-300, rtol=1e-14))
 
 
-def arrival(run: Recorded, bond: int) -> float:
+def arrival(run: Run, bond: int) -> float:
     """Instant [s] at which the crest of the leading pulse passes a bond.
 
     Parameters
@@ -87,7 +88,7 @@ def arrival(run: Recorded, bond: int) -> float:
     return passage(run.t, run.u[:, right] - run.u[:, left], run.v[:, right] - run.v[:, left])
 
 
-def speed(run: Recorded, bonds: tuple[int, int]) -> float:
+def speed(run: Run, bonds: tuple[int, int]) -> float:
     """Speed of the leading pulse between two bonds of a run, in sites per second."""
     if not isinstance(bonds, (tuple, list)) or len(bonds) != 2:
         raise TensegrityError(f"bonds {check.shown(bonds)} must be two numbers of bonds")
@@ -100,7 +101,7 @@ def speed(run: Recorded, bonds: tuple[int, int]) -> float:
     return (second - first) / (then - passed)
 
 
-def duration(run: Recorded, bond: int, level: float = 0.05) -> float:
+def duration(run: Run, bond: int, level: float = 0.05) -> float:
     """How long the leading pulse keeps a bond beyond `level` of its crest there [s].
 
     Times the speed it is a width in sites; exact for a wave of permanent form.

@@ -267,7 +267,7 @@ def _print_of(x):
 
         return {"printed": srepr(x)}
     if not isinstance(x, Potential):
-        return {"printed": repr(x)}
+        return {"printed": getattr(x, "__qualname__", repr(x))}
     law = x.law
     form = [str(getattr(law, name, type(law).__name__)) for name in ("energy", "elongation")]
     values = {"parameters": x.parameters, "length": x.length, "domain": x.domain}
@@ -328,7 +328,9 @@ def _member(x):
 def in_time(x: Any) -> dict[str, Any]:
     """What drives, damps and tunes a scene; expressions of time are kept as what they print."""
     found = {"drive": dict(x.drive), "damping": x.damping}
-    found["tune"] = {name: signal.expression for name, signal in x.tune.items()}
+    found["tune"] = x.tune
+    if not callable(x.tune):
+        found["tune"] = {name: signal.expression for name, signal in x.tune.items()}
     return {name: value for name, value in found.items() if value}
 
 

@@ -9,9 +9,8 @@ import numpy as np
 from tensegrity.errors import ContactError, LockingError, StabilityError
 from tensegrity.runs.forced import ForcedMotion
 from tensegrity.runs.motion import Motion, Point
-from tensegrity.runs.problem import Problem
+from tensegrity.runs.problem import Outlook, Problem
 from tensegrity.runs.run import changed
-from tensegrity.runs.stepping import Outlook
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.scene import State
 

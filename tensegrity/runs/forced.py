@@ -36,7 +36,7 @@ class ForcedMotion(Motion):
                 "and tuned scenes need, such as verlet and rkn6"
             )
         check_start(scene, problem.state.u)
-        self.tuning = problem.tuning
+        self.tuning: Any = None
         if scene.tune:
             known, key = problem.dynamics.tuned, problem.t_end
             if key not in known:

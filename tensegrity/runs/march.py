@@ -17,7 +17,7 @@ import numpy as np
 from tensegrity.errors import ContactError, LockingError, RecordError, StabilityError
 from tensegrity.progress import progress
 from tensegrity.runs.batch import motion_of
-from tensegrity.runs.observers import Samples, Watched
+from tensegrity.runs.record import Samples, Watched
 from tensegrity.runs.recorder import Recorder
 
 if TYPE_CHECKING:

@@ -17,8 +17,7 @@ import numpy as np
 from tensegrity.engine.march import STOPPED, Wanted
 from tensegrity.engine.methods import Corrected, Splitting
 from tensegrity.errors import LockingError, StabilityError
-from tensegrity.runs.guard import Guard
-from tensegrity.runs.problem import MOST_STEPS
+from tensegrity.runs.problem import MOST_STEPS, Guard
 from tensegrity.scenes.clearance import CAUTION
 
 if TYPE_CHECKING:

@@ -1,15 +1,119 @@
-"""What is to be run, and in how many steps at most."""
+"""What is to be run, and how large a step may be: elongations that springs can reach, and how stiff
+they are there."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
 
 from tensegrity.engine.methods import Method
 from tensegrity.errors import StabilityError
-from tensegrity.runs.stepping import Outlook
 from tensegrity.scenes.dynamics import dynamics
+
+if TYPE_CHECKING:
+    from tensegrity.scenes.dynamics import Dynamics
+    from tensegrity.scenes.scene import State
+    from tensegrity.typing import Array, Indices
+
+
+ENERGIES = 8  # to a factor of two between which nothing is asked again
+FEWEST, REMEMBERED = 0.5, 4096  # share of the energy where a tolerance decides; answers kept
+
+
+class Outlook:
+    """What is known of a run before it begins, whatever its method and step.
+
+    Parameters
+    ----------
+    dynamics : Dynamics
+        Of the scene.
+    state : State
+    energy : float, optional
+        That of the state [J], if it is known.
+    """
+
+    def __init__(self, dynamics: Dynamics, state: State, energy: float | None = None) -> None:
+        self._dynamics, self._state, self._given = dynamics, state, energy
+        self._known: tuple[Dynamics, float] | None = None
+
+    def _nearest(self) -> tuple[Dynamics, float]:
+        """That with contacts that may well form, and the energy that a spring could get."""
+        if self._known is None:
+            found = self._dynamics.nearest(self._state.u)
+            given = self._given if found is self._dynamics else None
+            self._known = found, found.available_energy(self._state, given)
+        return self._known
+
+    @cached_property
+    def expected(self) -> Reach:
+        """What springs can reach with all the energy."""
+        return reach(*self._nearest())  # not rounded, which would depend on the units
+
+    @cached_property
+    def first_frequency(self) -> float:
+        """Angular frequency [rad/s] were half of the energy to meet in one bond."""
+        found, energy = self._nearest()
+        return reach(found, rounded(FEWEST * energy)).frequency
+
+    @cached_property
+    def near(self) -> tuple[Indices, Indices]:
+        """What is near at the start and has to be watched."""
+        return self._dynamics.clearance.watched(self._state.u)
+
+
+class Reach(NamedTuple):
+    """Elongations that springs of a scene can come to, (springs, 2) [m], how stiff each is at
+    most there [N/m], and the angular frequency that this bounds [rad/s]."""
+
+    ranges: Array
+    stiffness: Array
+    frequency: float
+
+
+def rounded(energy: float) -> float:
+    """An energy [J], or slightly more, so that what it makes of others nearby is known."""
+    if not 0 < energy < math.inf:
+        return energy
+    return 2.0 ** (math.ceil(ENERGIES * math.log2(energy)) / ENERGIES)
+
+
+def reach(of: Dynamics, energy: float) -> Reach:
+    """What springs can reach with an energy [J]; computed once."""
+    known = of.reached
+    found = known.get(energy)
+    if found is None:
+        ranges = within(of, energy)
+        stiffness = of.stiffness_within(ranges)
+        found = Reach(ranges, stiffness, of.fastest(stiffness))
+        if len(known) * len(ranges) > REMEMBERED:
+            known.clear()
+        known[energy] = found
+    return found
+
+
+def within(of: Dynamics, energy: float) -> Array:
+    """Elongations each spring of a scene can reach if it gets an energy [J].
+
+    Where that is the end of its domain, or where the sites of a bond come to the same place, the
+    stiffness has no bound: half the way is returned, and the run itself has to watch.
+
+    Returns
+    -------
+    ndarray, (springs, 2)
+    """
+    springs = of.springs
+    ranges, locks = springs.reachable(energy)
+    if locks.any():
+        half = springs.domains[locks] / 2
+        ranges[locks, 0] = np.maximum(ranges[locks, 0], half[:, 0])
+        ranges[locks, 1] = np.minimum(ranges[locks, 1], half[:, 1])
+    np.maximum(ranges[:, 0], of.closing / 2, out=ranges[:, 0])
+    return ranges
+
 
 MOST_STEPS = 10**12
 
@@ -22,8 +126,7 @@ class Problem:
     checks and recorded energies are those of `scene`.  `choice` says what chose the step: "dt",
     "tol" or "default".  Of a trial `rows` may be left out.  The `outlook` is that of the scene and
     the state.  `observe` are pairs of a user's function and a record that says when it is called,
-    `tuning` are springs in time that the scene does not say itself, and `bind` is what binds arrays
-    u, v to a method and a step [s], if that is not the scene.
+    and `bind` is what binds arrays u, v to a method and a step [s], if that is not the scene.
     """
 
     scene: Any
@@ -37,7 +140,6 @@ class Problem:
     outlook: Outlook | None = None
     given: float | None = None
     observe: tuple[Any, ...] = ()
-    tuning: Any = None
     bind: Any = None
 
     def __post_init__(self):
@@ -57,7 +159,7 @@ class Problem:
     @property
     def is_forced(self):
         """Whether time counts."""
-        return self.dynamics.is_driven or self.tuning is not None
+        return self.dynamics.is_driven
 
     @property
     def force(self):
@@ -88,3 +190,106 @@ def count(problem, dt):
             f"{MOST_STEPS:.0e}"
         )
     return math.ceil(steps)
+
+
+KNOWN = 4  # ranges whose stiffness a scene remembers
+
+
+class Guard:
+    """Says of elongations that a run met whether its step is below the stability limit there.
+
+    Parameters
+    ----------
+    problem : Problem
+    dynamics : Dynamics
+        Of what is moved, with the contacts that are listed.
+    dt : float
+        [s]
+    allowed : float
+        Share of the stability limit.
+
+    Attributes
+    ----------
+    domains : ndarray, (springs, 2)
+        Elongations that the springs can follow [m].
+    limit : float
+        Stability limit within the ranges that were looked at last [s].
+    """
+
+    def __init__(self, problem, dynamics, dt, allowed) -> None:
+        self._problem, self._dynamics, self._dt, self._allowed = problem, dynamics, dt, allowed
+        self.domains, self.limit = dynamics.springs.reach, math.inf
+        self._safe = None  # ranges of elongation known to be allowed
+        self._stiffness = None  # bound of each spring's within them [N/m]
+
+    def is_inside(self, met):
+        """Whether elongations, (springs, 2), are within the domains."""
+        if len(met) == 1:
+            ((low, high),), ((lowest, highest),) = met.tolist(), self.domains.tolist()
+            return not (low <= lowest or high >= highest)
+        return not (
+            np.any(met[:, 0] <= self.domains[:, 0]) or np.any(met[:, 1] >= self.domains[:, 1])
+        )
+
+    def allows(self, met):
+        """Whether the step is stable at elongations within the domains."""
+        if self._safe is None:
+            self._safe = np.zeros(self.domains.shape)
+        if _are_within(met, self._safe) or self.is_known(met):
+            return True
+        if self._stiffness is None:
+            if self._expects():
+                return self.allows(met)
+            self._stiffness = self._dynamics.stiffness_within(self._safe)
+        below, above = met[:, 0] < self._safe[:, 0], met[:, 1] > self._safe[:, 1]
+        grown, (low, high) = np.flatnonzero(below | above), self.domains.T
+        for margin in (0.1, 0.01, 0.0):  # wider than met, so as not to ask again soon
+            wider = self._safe.copy()
+            wider[below, 0] = _towards(low[below], met[below, 0], margin)
+            wider[above, 1] = _towards(high[above], met[above, 1], margin)
+            stiffness = self._stiffness.copy()
+            stiffness[grown] = self._dynamics.stiffness_within(wider, grown)
+            omega = self._dynamics.fastest(stiffness)
+            self.limit = self._problem.largest_step(omega)
+            if self._dt <= self._allowed * self.limit:
+                self._safe, self._stiffness = wider, stiffness
+                self._dynamics.ranges.append((wider, stiffness, omega))
+                del self._dynamics.ranges[:-KNOWN]
+                return True
+        return False
+
+    def is_known(self, met):
+        """Whether another run of the scene met as much, which a step like this one can take."""
+        least = self._dt / self._allowed
+        for ranges, stiffness, omega in self._dynamics.ranges:
+            limit = self._problem.largest_step(omega)
+            if least <= limit and _are_within(met, ranges):
+                self._safe, self._stiffness, self.limit = ranges, stiffness, limit
+                return True
+        return False
+
+    def _expects(self):
+        """Whether the ranges that chose the step are allowed: then nothing is asked within."""
+        problem = self._problem
+        if problem.choice != "default" or self._dynamics is not problem.dynamics:
+            return False
+        ranges, stiffness, omega = problem.outlook.expected
+        limit = problem.largest_step(omega)
+        if self._dt > self._allowed * limit:
+            return False
+        self._safe, self._stiffness, self.limit = ranges, stiffness, limit
+        return True
+
+
+def _are_within(met, ranges):
+    """Whether elongations are within ranges, which is cheap to say of a single spring."""
+    if len(met) == 1:
+        ((low, high),), ((lowest, highest),) = met.tolist(), ranges.tolist()
+        return lowest <= low and high <= highest
+    return bool(np.all(ranges[:, 0] <= met[:, 0]) and np.all(met[:, 1] <= ranges[:, 1]))
+
+
+def _towards(end, met, margin):
+    """An elongation beyond the one met by a margin, short of the end of the domain."""
+    room = np.where(np.isfinite(end), end - met, 10 * met)
+    return met + margin * room

@@ -26,6 +26,36 @@ if TYPE_CHECKING:
 
     Frozen = TypeVar("Frozen")
 
+
+FAINTEST = 1e-4  # of the largest energy density: the lower end of the colours
+
+
+def energy_density(run: Any, axes: Axes | None = None) -> Axes:
+    """Energy of each site against time, logarithmic colours; returns the axes."""
+    from matplotlib.colors import LogNorm
+
+    scene = run.scene
+    if run.sites != tuple(range(scene.sites)):
+        raise TensegrityError(
+            f"{len(run.sites)} of {scene.sites} sites recorded: record all to plot"
+        )
+    axes = check.axes(axes)
+    density = scene.site_energy(run.u, run.v)
+    largest = density.max() or 1.0
+    image = axes.pcolormesh(
+        np.arange(scene.sites),
+        run.t,
+        np.clip(density, FAINTEST * largest, None),
+        norm=LogNorm(FAINTEST * largest, largest),
+        cmap="viridis",
+        shading="nearest",
+        rasterized=True,
+    )
+    axes.set(xlabel="site", ylabel="time [s]")
+    axes.figure.colorbar(image, ax=axes, label="energy per site [J]")
+    return axes
+
+
 SHOWN = 300  # instants in a notebook's picture
 
 
@@ -200,7 +230,6 @@ class Run:
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Space-time density of energy; needs all sites recorded. Returns the axes."""
-        from tensegrity.runs.plotting import energy_density
 
         return energy_density(self, axes)
 

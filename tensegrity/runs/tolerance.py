@@ -1,17 +1,182 @@
-"""The step of a run refined until a tolerance is met."""
+"""Runs to a tolerance: trials with different steps, compared at the same instants, until their
+differences say that it is met; and springs fitted to what a tolerance allows."""
 
 from __future__ import annotations
 
 import math
+from functools import cached_property
+from typing import TYPE_CHECKING
 
-from tensegrity.errors import RangeError, TensegrityError
-from tensegrity.runs.fitted import may_fit, with_polynomials
-from tensegrity.runs.judge import Judge, may_jump, refuse_jumps
+import numpy as np
+
+from tensegrity.engine.codegen import cost
+from tensegrity.errors import LockingError, RangeError, StabilityError, TensegrityError
 from tensegrity.runs.march import march
-from tensegrity.runs.rest import resting, rests
+from tensegrity.runs.record import Record
 from tensegrity.runs.run import changed
-from tensegrity.runs.step import CHECKPOINTS, steps_at
-from tensegrity.runs.trial import Trial, trial_of
+from tensegrity.runs.step import (
+    CHECKPOINTS,
+    COARSE,
+    ErrorEstimator,
+    may_jump,
+    refined,
+    refuse_jumps,
+    resting,
+    rests,
+    steps_at,
+)
+from tensegrity.springs.polynomial import DEGREES, Polynomial, PolynomialLaw
+
+if TYPE_CHECKING:
+    from typing import Self
+
+    from tensegrity.runs.march import Marched
+    from tensegrity.runs.problem import Problem
+    from tensegrity.typing import Array
+
+
+class Trial:
+    """One of the runs that are compared.
+
+    Attributes
+    ----------
+    march : Marched
+    instants : int
+        Evenly spaced ones, besides the first, which all trials have in common.
+    steps : int
+        That were done.
+    complete : bool
+        Whether it was not interrupted.
+    met : ndarray, (springs, 2)
+        Smallest and largest elongation of each spring [m].
+    samples : ndarray, (2, instants + 1, *shape)
+        u and v at the instants.
+    fineness : float
+        Steps from one instant to the next.
+    """
+
+    def __init__(self, march: Marched, instants: int) -> None:
+        self.march, self.instants, self.run = march, instants, march.run
+        self.steps, self.complete, self.met = march.steps, march.complete, march.met
+        self.samples, self.fineness = march.samples, march.steps / instants
+
+    @classmethod
+    def of(cls, problem: Problem, steps: int, instants: int) -> Self:
+        """With so many steps from one instant to the next, or more where those are too coarse."""
+        return cls(refined(problem, steps * instants, 1.0, instants), instants)
+
+    @cached_property
+    def _sizes(self) -> Array:
+        return _largest(self.samples)
+
+    def gap(self, finer: Trial) -> float:
+        """Largest difference from a finer one in u and in v, over the largest value there."""
+        gaps = _largest(self.samples - finer.samples)
+        return float(np.divide(gaps, finer._sizes, out=gaps, where=finer._sizes > 0).max())
+
+
+def trial_of(problem: Problem, rows: bool = False) -> Problem:
+    """A problem whose run is a trial, with rows only where they cost nothing more: it may turn out
+    to be the answer."""
+    record = problem.record
+    if not record.is_plain:
+        record = Record(sites=record.sites)
+    rows = rows and problem.record.is_plain and not problem.observe
+    return changed(problem, record=record, rows=rows, observe=())
+
+
+def _largest(samples: Array) -> Array:
+    """Largest sizes of u and of v."""
+    return np.abs(samples).reshape(2, -1).max(axis=1)
+
+
+FORCE_SHARE = 0.1  # of a tolerance that fitted forces may take up
+FIRST_ERROR, LEAST_ERROR = 1e-3, 1e-13  # of a fit over the tolerance, and of any fit
+FITS = 4  # attempts
+WORTH = 0.005  # seconds that fitted forces must save
+PER_FIT = 0.004  # seconds
+
+
+def with_polynomials(problem, coarse, tol, margin):
+    """The problem with fitted forces, where they are good enough.
+
+    Parameters
+    ----------
+    problem : Problem
+    coarse : Trial
+        With the exact forces.
+    tol, margin : float
+
+    Returns
+    -------
+    None, or problem, the same coarse run with fitted forces, and the largest difference that they
+    make there
+
+    Raises
+    ------
+    RangeError
+        If that run leaves the range.
+    """
+    of = problem.dynamics
+    springs = of.springs.different
+    ranges = [
+        _widened(spring, *met, margin) for spring, met in zip(springs, coarse.met, strict=True)
+    ]
+    error, least = max(FIRST_ERROR * tol, LEAST_ERROR), 0.0
+    for _ in range(FITS):
+        try:
+            fits = [Polynomial(s, *r, error) for s, r in zip(springs, ranges, strict=True)]
+            fitted = changed(problem, surrogate=of.with_springs(fits))
+            there = march(trial_of(fitted), coarse.steps, 1.0, coarse.instants)
+        except RangeError:
+            raise
+        except (LockingError, StabilityError):
+            return None
+        except TensegrityError:  # not that good: see whether a worse one is good enough
+            least = error
+            error *= 10
+            continue
+        found = Trial(there, coarse.instants)
+        if not there.complete:
+            return fitted, found, 0.0
+        gap = coarse.gap(found)
+        if gap <= FORCE_SHARE * tol:
+            return fitted, found, gap
+        error *= FORCE_SHARE * tol / gap / 3
+        if error <= least:
+            return None
+    return None
+
+
+def may_fit(problem, steps, tol):
+    """Whether fitted forces are worth a try, after a first run with so many steps."""
+    if problem.record.checkpoint is not None:
+        return False  # a state that is kept has to say what the forces are
+    if problem.dynamics.follows or problem.dynamics.is_driven:
+        return False
+    return saved(problem, steps, tol) >= WORTH
+
+
+def saved(problem, steps, tol):
+    """Seconds that fitted forces save, roughly, in all runs that a tolerance takes."""
+    of, order = problem.dynamics, problem.method.order
+    if of.saving is None:
+        springs, group = of.springs.different, of.springs.group
+        fitted = cost(PolynomialLaw(DEGREES[len(DEGREES) // 2]))
+        gains = [max(cost(spring.law) - fitted, 0.0) for spring in springs]
+        often = math.prod(of.batch) if group.ndim == 1 else 1  # of scenes that have them in common
+        of.saving = often * float(np.dot(gains, np.bincount(group.ravel())))
+    steps *= max((COARSE / tol) ** (1 / order), 1.0)  # to those of the last run, as a rule
+    calls = steps * problem.method.stages
+    return calls * of.saving - PER_FIT * len(of.springs)
+
+
+def _widened(spring, low, high, margin):
+    """A range somewhat wider than the one met, inside the spring's reach."""
+    room = margin * (high - low)
+    low, high = low - room, high + room
+    return max(low, spring.reach[0]), min(high, spring.reach[1])
+
 
 TRIAL = 0.85  # first step over the stability limit where a tolerance decides
 AT_FIRST = 13  # of a smooth run that is compared with others, at 7 instants then
@@ -58,24 +223,25 @@ def converged(problem, first, error, tol):
     """Refine from a first run on; `error` is what fitted forces add.
 
     The error of a run is its largest difference from a finer one.  That of the finest follows
-    by the order that errors of coarser runs fall with, as far as it is to be trusted: `Judge`.
-    Where that of far coarser ones tells too little, another one between them and it tells more.
+    by the order that errors of coarser runs fall with, as far as it is to be trusted: see
+    `ErrorEstimator`.  Where that of far coarser ones tells too little, another one between them and
+    it tells more.
     """
-    judge = Judge(problem, first.met, tol)
+    estimator = ErrorEstimator(problem, first.met, tol)
     trials, stuck = [first], 0
-    factor, smallest = judge.first, math.inf
+    factor, smallest = estimator.first, math.inf
     while trials[-1].complete:
         found = next_trial(problem, trials, factor, tol)
         if not found.complete:
             return found.run()
-        judge.see(found.met)
+        estimator.see(found.met)
         if found.fineness in [r.fineness for r in trials]:  # what is between had to be finer
-            factor = judge.first
+            factor = estimator.first
             continue
         trials = sorted([*trials, found], key=lambda r: r.fineness)[-KEPT:]
         gaps = [(r.fineness / trials[-1].fineness, r.gap(trials[-1])) for r in trials[:-1]]
-        estimate = judge.estimate(gaps) + judge.rounded(trials[-1], gaps[-1][1])
-        if estimate <= judge.accept * tol or gaps[-1][1] < ROUND_OFF:
+        estimate = estimator.estimate(gaps) + estimator.rounded(trials[-1], gaps[-1][1])
+        if estimate <= estimator.accept * tol or gaps[-1][1] < ROUND_OFF:
             return answer(problem, trials[-1], estimate + error)
         stuck = stuck + 1 if gaps[-1][1] > smallest / 2 else 0
         smallest = min(smallest, gaps[-1][1])
@@ -84,7 +250,7 @@ def converged(problem, first, error, tol):
                 f"tol {tol:g} is below {max(smallest, tol):.1e}, the difference of two runs that "
                 f"{trials[-1].steps} steps, and fewer, do not make smaller"
             )
-        factor = judge.factor(gaps)
+        factor = estimator.factor(gaps)
         factor = min(factor, 2.0) if stuck else factor
     return trials[-1].run()  # interrupted
 

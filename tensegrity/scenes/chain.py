@@ -23,11 +23,10 @@ from tensegrity.scenes.scene import PER_SITE, SMALLEST_MASS, Scene, State, veloc
 from tensegrity.springs.potential import Potential
 
 if TYPE_CHECKING:
-    import sympy as sp
     from numpy.typing import ArrayLike
 
     from tensegrity.engine.energies import Energies
-    from tensegrity.scenes.forcing import Damping, Drive
+    from tensegrity.scenes.forcing import Damping, Drive, Tune
     from tensegrity.typing import Array
 
 ENDS = ("free", "fixed")
@@ -50,9 +49,12 @@ class Chain(Scene):
         {site: Drive}: motions that are prescribed, and forces that depend on time.
     damping : Damping, optional
         Dashpots in the bonds and to the ground.
-    tune : dict of str to sympy.Expr, optional
+    tune : dict of str to sympy.Expr, or callable t -> Potential, optional
         {name: expression of t}: arguments of the spring that depend on time, such as the
-        prestrain of a prism; one spring for all bonds then, with the values at t = 0.
+        prestrain of a prism; or the spring of each instant t [s], of one law, and smooth in t.
+        One spring for all bonds then, with the values at t = 0.  Whoever changes it does work on
+        the chain at the rate dV/dt at given elongation.  Elongations count from the shape at
+        t = 0.  Source: seeds/000, "adjusted on the fly, through suitable control of prestress".
     """
 
     dim = 1
@@ -67,7 +69,7 @@ class Chain(Scene):
         *,
         drive: Mapping[int, Drive] | None = None,
         damping: Damping | None = None,
-        tune: Mapping[str, sp.Expr | float] | None = None,
+        tune: Tune | None = None,
     ) -> None:
         self.sites = check.whole("sites", sites, least=2)
         check.room(f"a run of {self.sites} sites", PER_SITE * self.sites)

@@ -8,7 +8,7 @@ loop makes of them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -20,6 +20,7 @@ from tensegrity.errors import TensegrityError
 from tensegrity.readonly import FixedDict, fixed
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.signals import RTOL, check_signals, expression_of, signals_of
+from tensegrity.springs.tuned import spring_at
 
 if TYPE_CHECKING:
     from typing import Any, TypeAlias
@@ -27,9 +28,11 @@ if TYPE_CHECKING:
     import sympy as sp
     from numpy.typing import ArrayLike
 
+    from tensegrity.springs.potential import Potential
     from tensegrity.typing import Array
 
     Signal: TypeAlias = sp.Expr | float | tuple[ArrayLike, ArrayLike]
+    Tune: TypeAlias = Mapping[str, sp.Expr | float] | Callable[[float], Potential]
 
 ATOL = 1e-12  # m: a site that is where its drive begins
 
@@ -154,23 +157,31 @@ def checked(scene: Any, drive: Any, damping: Any, tune: Any = None) -> dict[str,
         damping.each("ground", scene.sites)
         if not (damping.bond.any() or damping.ground.any()):
             damping = None
-    tune = {} if tune is None else tune
-    if not isinstance(tune, Mapping):
-        raise TensegrityError(f"tune {check.shown(tune)} must be a dict {{name: expression of t}}")
-    names = [name for name in tune if not isinstance(name, str)]
-    if names:
-        raise TensegrityError(f"tune {check.shown(names[0])} is not the name of an argument")
-    signals = {name: expression_of(name, one) for name, one in tune.items()}
-    different = dynamics(
-        scene
-    ).springs.different  # the same spring of other lengths is another there
-    if signals and (
-        len(scene.springs) > _bonds(scene) or any(x != different[0] for x in different)
-    ):
+    found = {"drive": FixedDict(drive), "damping": damping}
+    return found | {"tune": _tuned(scene, {} if tune is None else tune)}
+
+
+def _tuned(scene: Any, tune: Any) -> Any:
+    """What changes the springs of a scene in time, if it fits."""
+    if not callable(tune) and not isinstance(tune, Mapping):
+        raise TensegrityError(
+            f"tune {check.shown(tune)} must be a dict {{name: expression of t}}, or a function of t"
+        )
+    # the same spring of other lengths is another there
+    different = dynamics(scene).springs.different
+    if tune and (len(scene.springs) > _bonds(scene) or any(x != different[0] for x in different)):
         raise TensegrityError(
             f"tune needs one spring for all bonds, there are {len(set(different))}, and no "
             f"contacts with walls, there are {len(scene.springs) - _bonds(scene)}"
         )
+    if callable(tune):
+        if (first := spring_at(tune, 0.0)) != different[0]:
+            raise TensegrityError(f"tune begins with {first!r}, the spring is {different[0]!r}")
+        return tune
+    names = [name for name in tune if not isinstance(name, str)]
+    if names:
+        raise TensegrityError(f"tune {check.shown(names[0])} is not the name of an argument")
+    signals = {name: expression_of(name, one) for name, one in tune.items()}
     for name, signal in signals.items():
         spring, begin = different[0], float(signal(np.array(0.0)))
         spring.varied({name: begin})  # refuses what it has not
@@ -178,7 +189,7 @@ def checked(scene: Any, drive: Any, damping: Any, tune: Any = None) -> dict[str,
             raise TensegrityError(
                 f"tune begins at {name} {begin:.9g}, the spring has {spring.argument(name):.9g}"
             )
-    return {"drive": FixedDict(drive), "damping": damping, "tune": FixedDict(signals)}
+    return FixedDict(signals)
 
 
 def _bonds(scene: Any) -> int:
@@ -223,7 +234,7 @@ def functions_of_time(scene: Any) -> list[Any]:
     """All that drives or tunes a scene, or the lanes of an ensemble."""
     found: list[Any] = []
     for lane in getattr(scene, "scenes", (scene,)):
-        found += lane.tune.values()
+        found += () if callable(lane.tune) else lane.tune.values()
         for drive in lane.drive.values():
             found += [signal for signal in drive.signals if signal is not None]
     return found

@@ -40,10 +40,9 @@ from tensegrity.springs.potential import Potential
 if TYPE_CHECKING:
     from typing import Any, Self
 
-    import sympy as sp
     from numpy.typing import ArrayLike
 
-    from tensegrity.scenes.forcing import Damping, Drive
+    from tensegrity.scenes.forcing import Damping, Drive, Tune
     from tensegrity.typing import Array
 
 
@@ -87,9 +86,8 @@ class Network(Scene):
         {site: Drive}: motions that are prescribed, and forces that depend on time.
     damping : Damping, optional
         Dashpots in the bonds and to the ground.
-    tune : dict of str to sympy.Expr, optional
-        {name: expression of t}: arguments of the spring that depend on time; one spring for all
-        bonds then, with the values at t = 0, and no contacts with walls.
+    tune : dict of str to sympy.Expr, or callable t -> Potential, optional
+        As of a `Chain`; no contacts with walls then.
     """
 
     def __init__(
@@ -111,7 +109,7 @@ class Network(Scene):
         law: Potential | Callable[[int, int | Wall], Potential] | None = None,
         drive: Mapping[int, Drive] | None = None,
         damping: Damping | None = None,
-        tune: Mapping[str, sp.Expr | float] | None = None,
+        tune: Tune | None = None,
     ) -> None:
         self.positions = numbers("positions", positions)
         if self.positions.ndim != 2 or self.positions.shape[1] not in (1, 2, 3):

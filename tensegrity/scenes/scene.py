@@ -99,13 +99,13 @@ class Scene(HasDynamics):
         Motions that are prescribed, and forces that depend on time, of some sites.
     damping : Damping or None
         Dashpots.
-    tune : dict of str to expression
-        Arguments of the springs that depend on time.
+    tune : dict of str to expression, or callable t -> Potential
+        Arguments of the springs that depend on time, or the spring of an instant.
     """
 
     drive: Mapping[int, Drive] = FixedDict()
     damping: Damping | None = None
-    tune: Mapping[str, Any] = FixedDict()
+    tune: Any = FixedDict()
     sites: int
     dim: int
     mass: Array

@@ -1,7 +1,9 @@
-"""A spring whose arguments follow functions of time, as the loop takes it.
+"""A spring that changes in time, as the loop takes it.
 
-The parameters of its law are Chebyshev series in the arguments, over the values that these take in
-a run: however quick the change, the series stay short.  Their rates follow by the chain rule.  A
+Where its arguments follow functions of time, the parameters of its law are Chebyshev series in the
+arguments, over the values that these take in a run: however quick the change, the series stay
+short.  Their rates follow by the chain rule.  A spring that is itself a function of time has series
+in time.  A
 prism, and a contact under a preload, is measured from an equilibrium that the arguments move:
 elongations count from that at t = 0, and the law is shifted.  Series are compared with the springs
 between their nodes.
@@ -16,18 +18,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.polynomial import chebyshev
 
+from tensegrity import check
 from tensegrity.engine.compiled import evaluated, single
 from tensegrity.errors import LockingError, ResolutionError, TensegrityError
+from tensegrity.springs.potential import Potential
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Sequence
     from typing import Any
 
     from tensegrity.engine.law import Law
-    from tensegrity.springs.potential import Potential
     from tensegrity.typing import Array
 
 SIZES = (5, 9, 17, 33, 65)  # nodes of the series in each argument
+LONG = (*SIZES, 129, 257, 513)  # and in time
+PER_NODE = 4  # instants for each node at which a series in time is compared with the springs
+BETWEEN = np.array([-0.99, -0.437, 0.211, 0.683, 0.97])  # where one in arguments is
 MOST_NODES = 1100  # in all
 WIDER = 1e-3  # of the range of an argument, on either side
 STAYS = 1e-14  # of a parameter: a change that is round-off
@@ -85,8 +91,17 @@ def finite_ends(ends: Array) -> Array:
     return np.where(np.abs(ends) < 0.9 * NO_END, ends, np.copysign(np.inf, ends))
 
 
-class InTime:
-    """What loops and runs ask of a spring that changes in time.
+class Tuned:
+    """A spring that changes in time.
+
+    Parameters
+    ----------
+    spring : Potential
+        At t = 0.
+    tune : callable t -> Potential, or dict of str to callable (t, order) -> ndarray
+        The spring of an instant, or its arguments that change.
+    t_end : float
+        [s]
 
     Attributes
     ----------
@@ -97,27 +112,23 @@ class InTime:
         Why.
     """
 
-    law: Any
-    series: Array  # of parameters and ends of the domain in the last axis
     until: float = np.inf
     reason: TensegrityError | None = None
-    if TYPE_CHECKING:
 
-        def at(self, t: Array) -> Array: ...
-        def rates(self, t: Array) -> Array: ...
-        def domain(self, t: Array) -> Array: ...
-        def spring(self, t: float) -> Potential: ...
+    def __init__(self, spring: Potential, tune: Any, t_end: float) -> None:
+        self._given, self._tune, self._t_end = spring, tune, t_end
+        self._signals = {"time": _clock} if callable(tune) else dict(tune)
+        self._first = self._spring(self._arguments(np.array([0.0]), 0)[0])
+        box = self._box()
+        self.law, self.series, self._low, self._half = self._fit(*box)
+        flat = np.abs(self.series.reshape(-1, self.series.shape[-1]))
+        self._moves = flat[1:].max(axis=0, initial=0.0) > 0  # the others have one coefficient
+        self._all = _with_rates(self.series[..., self._moves])
 
     @property
     def moving(self) -> tuple[int, ...]:
         """Numbers of the parameters that change."""
-        rows = np.abs(self.series.reshape(-1, self.series.shape[-1]))[:, :-2]
-        return tuple(np.flatnonzero(rows[1:].max(axis=0, initial=0.0) > 0).tolist())
-
-    def numbers(self, t: Array) -> tuple[Array, Array]:
-        """What a loop takes at instants t: parameters and behind them their rates, (t.size, 2
-        parameters), and `domain`."""
-        return np.concatenate([self.at(t), self.rates(t)], axis=1), self.domain(t)
+        return tuple(np.flatnonzero(self._moves[:-2]).tolist())
 
     def energies(self, t: Array, r: Array) -> Array:
         """Energies at elongations r (t.size, bonds) [m], each row at an instant; of its shape."""
@@ -132,41 +143,20 @@ class InTime:
         each: order 1 tension [N], 2 stiffness [N/m]."""
         return evaluated(self.law, order, p, r)
 
-    def beyond(self, t: float, r: float) -> LockingError:
-        """The error for an elongation at or beyond an end of the domain at an instant."""
-        return self.spring(t).beyond(r)
-
-
-class Tuned(InTime):
-    """A spring whose arguments follow functions of time.
-
-    Parameters
-    ----------
-    spring : Potential
-    signals : dict of str to callable (t, order) -> ndarray
-        Of each argument that changes.
-    t_end : float
-        [s]
-    """
-
-    def __init__(self, spring: Potential, signals: Mapping[str, Any], t_end: float) -> None:
-        self._given, self._signals, self._t_end = spring, dict(signals), t_end
-        self._first = self._spring(self._arguments(np.array([0.0]), 0)[0])
-        box = self._box()
-        self.law, self.series, self._low, self._half = self._fit(*box)
-        flat = np.abs(self.series.reshape(-1, self.series.shape[-1]))
-        self._moves = flat[1:].max(axis=0, initial=0.0) > 0  # the others have one coefficient
-        self._all = _with_rates(self.series[..., self._moves])
-
     def _arguments(self, t: Array, order: int) -> Array:
         """Arguments or their rates at instants, (t.size, arguments)."""
         return np.stack([np.asarray(f(t, order)) for f in self._signals.values()], axis=-1)
 
     def _spring(self, arguments: Array) -> Potential:
+        if callable(self._tune):
+            t = float(arguments[0])
+            return spring_at(self._tune, min(max(t, 0.0), self._t_end))
         return self._given.varied(dict(zip(self._signals, arguments.tolist(), strict=True)))
 
     def _box(self) -> tuple[Array, Array]:
         """Lowest and highest arguments, up to the first instant at which one has no spring."""
+        if callable(self._tune):
+            return np.zeros(1), np.full(1, self._t_end)
         while True:
             end = min(self._t_end, self.until)
             t = np.linspace(0, end, LOOKS)
@@ -197,7 +187,8 @@ class Tuned(InTime):
         """Law, series of its parameters and of its domain, middle and half of each argument."""
         width = high - low
         wider = WIDER * width + 1e-12 * np.abs(high)
-        for room in (wider, 0 * wider):  # where an argument ends there is no spring beyond
+        rooms = [wider, 0 * wider]  # where an argument ends there is no spring beyond
+        for room in rooms[1:] if callable(self._tune) else rooms:
             middle, half = (low + high) / 2, width / 2 + room
             half = np.where(half > 0, half, 1.0)
             moves = width > 1e-12 * np.maximum(np.abs(low), np.abs(high))
@@ -212,7 +203,7 @@ class Tuned(InTime):
 
     def _fitted(self, middle: Array, half: Array, moves: Any) -> tuple[Any, Array]:
         worst = np.inf
-        for size in SIZES:
+        for size in LONG if callable(self._tune) else SIZES:
             sizes = [size if one else 1 for one in moves]
             if np.prod(sizes) > MOST_NODES:
                 break
@@ -232,7 +223,10 @@ class Tuned(InTime):
             series = np.ascontiguousarray(series)
             flat = series.reshape(-1, series.shape[-1])  # a view
             flat[1:, np.abs(flat[1:]).max(axis=0, initial=0.0) <= STAYS * np.abs(flat[0])] = 0.0
-            found = self._misfit(law, series, middle, half, moves)
+            found = max(
+                self._misfit(law, series, middle, half, np.where(moves, place, 0.0))
+                for place in self._between(size)
+            )
             if found <= GOOD:
                 return law, series
             if found < worst:
@@ -240,8 +234,8 @@ class Tuned(InTime):
         if worst <= MISFIT:
             return best
         raise ResolutionError(
-            f"the spring changes too abruptly with {', '.join(self._signals)}: a series misses its "
-            f"tension by {worst:.2g} of it, must by {MISFIT:g} at most"
+            f"the spring changes too abruptly with {', '.join(self._signals)}: a series of {size} "
+            f"nodes misses its tension by {worst:.2g} of it, must by {MISFIT:g} at most"
         )
 
     def _numbers(self, springs: list[Potential]) -> tuple[Any, Array]:
@@ -250,30 +244,40 @@ class Tuned(InTime):
         law: Any = laws[0]
         if len(laws) > 1:  # elastic prisms: some need more iterations than others
             law = max(laws, key=lambda one: getattr(one, "steps", 0))
-        if len({len(one.parameters) for one in laws}) > 1:
-            raise TensegrityError("springs of one law become such of another as they change")
+        if len(laws) > 1 and not all(hasattr(one, "steps") for one in laws):
+            raise TensegrityError("springs of one law become such of another law as they change")
         shifts = np.array([one.shift_from(self._first) for one in springs])
+        for spring, shift in zip(springs, shifts, strict=True):
+            if spring.length != self._first.length and not shift:
+                raise TensegrityError(
+                    f"a spring has length {spring.length:.12g} m at rest, that of t = 0 "
+                    f"{self._first.length:.12g} m: elongations would count from another shape"
+                )
         rows = np.array([spring.values for spring in springs])
         ends = np.array([spring.reach for spring in springs]) - shifts[:, None]
         if shifts.any():
             law, rows = Shifted(law), np.column_stack([rows, shifts])
         return law, np.column_stack([rows, np.clip(ends, -NO_END, NO_END)])
 
-    def _misfit(self, law: Any, series: Array, middle: Array, half: Array, moves: Any) -> float:
-        """Largest error of the tension at arguments between the nodes, over the largest."""
-        worst = 0.0
-        for share in (-0.99, -0.437, 0.211, 0.683, 0.97):
-            x = np.where(moves, share, 0.0)
-            spring = self._spring(middle + half * x)
-            p = np.ascontiguousarray(_value(series, x[None])[0, :-2])
-            shift = spring.shift_from(self._first)
-            places = [abs(x[0]) for x in spring.openings if np.isfinite(x[0])]
-            size = max(places, default=0.0) or 1.0
-            reach = [end if np.isfinite(end) else np.copysign(size, end) for end in spring.reach]
-            r = np.concatenate([reach[0] * SHARES, reach[1] * SHARES])
-            right = spring.tension(r)
-            wrong = np.abs(evaluated(law, 1, p, np.ascontiguousarray(r - shift)) - right)
-            worst = max(worst, float(np.max(wrong) / np.max(np.abs(right))))
+    def _between(self, size: int) -> Array:
+        """Places in [-1, 1] at which a series of that many nodes is compared with the springs."""
+        if not callable(self._tune):
+            return BETWEEN
+        count = PER_NODE * size
+        return 2 * (np.arange(count) + 0.5) / count - 1
+
+    def _misfit(self, law: Any, series: Array, middle: Array, half: Array, x: Array) -> float:
+        """Largest error of the tension at arguments x between the nodes, over the largest."""
+        spring = self._spring(middle + half * x)
+        p = np.ascontiguousarray(_value(series, x[None])[0, :-2])
+        shift = spring.shift_from(self._first)
+        places = [abs(x[0]) for x in spring.openings if np.isfinite(x[0])]
+        size = max(places, default=0.0) or 1.0
+        reach = [end if np.isfinite(end) else np.copysign(size, end) for end in spring.reach]
+        r = np.concatenate([reach[0] * SHARES, reach[1] * SHARES])
+        right = spring.tension(r)
+        wrong = np.abs(evaluated(law, 1, p, np.ascontiguousarray(r - shift)) - right)
+        worst = float(np.max(wrong) / np.max(np.abs(right)))
         return worst if np.isfinite(worst) else np.inf
 
     def _values(self, t: Array) -> tuple[Array, Array]:
@@ -301,7 +305,8 @@ class Tuned(InTime):
         return finite_ends(self._values(t)[0][:, -2:])
 
     def numbers(self, t: Array) -> tuple[Array, Array]:
-        """As `InTime.numbers`, with series that are evaluated once."""
+        """What a loop takes at instants t: parameters and behind them their rates, (t.size, 2
+        parameters), and `domain`."""
         values, rates = self._values(t)
         together = np.concatenate([values[:, :-2], rates[:, :-2]], axis=1)
         return together, finite_ends(values[:, -2:])
@@ -314,6 +319,19 @@ class Tuned(InTime):
         """The error for an elongation at or beyond an end of the domain at an instant."""
         spring = self.spring(t)
         return spring.beyond(r + spring.shift_from(self._first))
+
+
+def spring_at(tune: Callable[[float], Potential], t: float) -> Potential:
+    """The spring that a function of time gives at an instant."""
+    spring = tune(t)
+    if not isinstance(spring, Potential):
+        raise TensegrityError(f"tune({t:g}) is {check.shown(spring)}, not a Potential")
+    return spring
+
+
+def _clock(t: Array, order: int) -> Array:
+    """Time itself, an argument like others."""
+    return np.ones(t.shape) if order else t
 
 
 def _with_rates(series: Array) -> Array:
