@@ -25,7 +25,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("derivations", "granular", "tensegrity")
-OUTSIDE = shutil.ignore_patterns(".*", "*.egg-info", "build", "_build", "output", "__pycache__")
+OUTSIDE = shutil.ignore_patterns(".*", "*.egg-info", "build", "_build", "__pycache__")
 SEED, COUNT = 35, 200
 PATIENCE = 900  # seconds for the tests of a fault
 ENDLESS = -1  # instead of what pytest returns
