@@ -98,52 +98,12 @@ def test_ranges_of_many_equal_bonds_are_those_of_all(bonds):
     np.testing.assert_array_equal(run.met, [[min(r.min(), 0), max(r.max(), 0)]])
 
 
-@pytest.mark.parametrize("method", ["verlet", "rkn6", "midpoint"])
-def test_lanes_have_masses_and_springs_of_their_own(method):
-    def chain(k):
-        springs = [PowerLaw(k * (1 + j / 41.7), 1.5, preload=0.2) for j in range(19)]
-        return Chain(springs, 20, mass=k + np.arange(20) / 20, ends=("free", "fixed"))
-
-    chains = [chain(k) for k in np.linspace(1, 3, 11)]  # and 5 idle ones
-    several = Ensemble(chains)
-    start = several.at_rest({0: np.linspace(0.01, 0.03, 11)})
-    options = {"dt": 0.05, "method": method}
-    run = simulate(several, start, 2.0, **options)
-    alone = [simulate(one, several.lane(start, k), 2.0, **options) for k, one in enumerate(chains)]
-    for k, one in enumerate(alone):
-        np.testing.assert_allclose(run.u[..., k], one.u, rtol=0, atol=1e-15)
-        np.testing.assert_allclose(run.v[..., k], one.v, rtol=0, atol=1e-15)
-        np.testing.assert_allclose(run[k].met, one.met, rtol=0, atol=1e-14)
-        np.testing.assert_allclose(run.energy[:, k], one.energy, rtol=1e-13)
-
-
-def test_lanes_of_one_spring_each_have_their_own():
-    chains = [Chain(PowerLaw(k, 1.5, preload=0.2), 20) for k in np.linspace(1, 3, 11)]
-    several = Ensemble(chains)
-    start = several.at_rest({0: 0.02})
-    run = simulate(several, start, 5.0, dt=0.05, method="rkn6")
-    for k, one in enumerate(chains):
-        alone = simulate(one, several.lane(start, k), 5.0, dt=0.05, method="rkn6")
-        np.testing.assert_allclose(run.u[..., k], alone.u, rtol=0, atol=1e-15)
-
-
 def test_a_lane_of_its_own_that_locks_is_named():
     chains = [Chain(Prism(1.0, 0.7, p, 1.0).potential(), 12) for p in np.linspace(0.01, 0.08, 8)]
     several = Ensemble(chains)
     start = several.at_rest({0: np.where(np.arange(8) == 5, 0.9, 0.01)})
     with pytest.raises(LockingError, match="sites 0 and 1 of lane 5 got there at t"):
         simulate(several, start, 5.0, tol=1e-4)
-
-
-def test_networks_run_in_lanes():
-    several = Ensemble([patch(4), patch(4, spring=PowerLaw(2.0, 1.5, preload=0.3, length=1.0))])
-    states = [pushed(scene) for scene in several.scenes]
-    start = State(*(np.stack(x, -1) for x in zip(*((s.u, s.v) for s in states), strict=True)))
-    run = simulate(several, start, 4.0, dt=0.02)
-    for k, scene in enumerate(several.scenes):
-        one = simulate(scene, states[k], 4.0, dt=0.02)
-        assert run.u[..., k].tobytes() == one.u.tobytes()
-    assert run.energy_error < 1e-3
 
 
 def test_lanes_of_other_shape_are_refused():
