@@ -28,7 +28,7 @@ test: $(READY)
 # What one runs after each edit, in less than a minute: every room by some of its tests.
 QUICK = golden house layers one_engine network network_energies ensemble driven following methods \
 	record_times clearance lattice continuation response condensed prism structure solitary \
-	granular_contact granular_layout gradient_input search
+	granular_contact granular_layout gradient_input gradient_networks search
 quick: $(READY)
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m "not slow" -n 2 --dist loadfile \
 		$(QUICK:%=tests/test_%.py)

@@ -46,7 +46,17 @@ html_theme_options = {
     "pygments_dark_style": "a11y-high-contrast-dark",
 }
 html_context = {"default_mode": "auto"}
-WITHOUT = ("index", "claims", "derivations", "limits", "speed", "extend", "cite", "gallery/*")
+WITHOUT = (
+    "index",
+    "claims",
+    "derivations",
+    "limits",
+    "speed",
+    "house",
+    "extend",
+    "cite",
+    "gallery/*",
+)
 html_sidebars = {page: [] for page in WITHOUT}  # of the pages of their part
 
 

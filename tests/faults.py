@@ -60,7 +60,8 @@ NEAREST = {  # folders and files, and the tests of what stands there; those of i
     " limits archive driven_runs",
     "tensegrity/scenes": "network lattice golden driven following clearance ensemble one_engine"
     " limits",
-    "tensegrity/springs": "polynomial corners classical_potentials search one_engine golden copies",
+    "tensegrity/springs": "polynomial corners classical_potentials search network one_engine golden"
+    " copies",
     "tensegrity/structures": "structure structure_frames structure_path structure_snap"
     " structure_control structure_motion",
     "tensegrity/waves": "solitary prediction waves spectrum open_waves classical_potentials units",

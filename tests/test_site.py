@@ -105,7 +105,17 @@ def test_a_broken_link_is_noticed(read):
 
 
 def test_every_job_of_the_guide_and_every_part_is_there():
-    parts = ["index", "claims", "derivations", "limits", "speed", "extend", "cite", "guide/curve"]
+    parts = [
+        "index",
+        "claims",
+        "derivations",
+        "limits",
+        "speed",
+        "house",
+        "extend",
+        "cite",
+        "guide/curve",
+    ]
     parts += ["gallery/index", "reference/index", "reference/granular"]
     assert {f"{part}.html" for part in parts} <= set(PAGES)
 

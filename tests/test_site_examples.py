@@ -11,7 +11,12 @@ DOCS = Path(__file__).parent.parent / "docs"
 BLOCK = re.compile(r"^```python\n(.*?)^```", re.DOTALL | re.MULTILINE)
 PAGES = {
     str(path.relative_to(DOCS)): BLOCK.findall(path.read_text(encoding="utf-8"))
-    for path in (DOCS / "index.md", *sorted((DOCS / "guide").glob("*.md")), DOCS / "extend.md")
+    for path in (
+        DOCS / "index.md",
+        *sorted((DOCS / "guide").glob("*.md")),
+        DOCS / "extend.md",
+        DOCS / "house.md",
+    )
 }
 WITH_CODE = [name for name, blocks in PAGES.items() if blocks]
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from tensegrity.runs.motion import Point
     from tensegrity.runs.problem import Problem
     from tensegrity.runs.run import Run
-    from tensegrity.typing import Array
+    from tensegrity.typing import Array, Observer
 
 BLOCK = 8_000_000  # bonds x stages x steps of an attempt, some 20 ms: an interrupt waits no longer
 FIRST = 4  # times as many in the first attempt, which all of a short run is
@@ -136,7 +136,7 @@ class Marched:
 
 def march(
     problem: Problem, steps: int, allowed: float = 1.0, instants: int = 0, start: Any = None,
-    observers: Sequence[Any] = (),
+    observers: Sequence[Observer] = (),
 ) -> Marched:  # fmt: skip
     """Advance a scene with one step, which stays below `allowed` of the stability limit.
 
@@ -149,8 +149,8 @@ def march(
         Evenly spaced ones, a divisor of the steps, at which u and v are kept for comparison.
     start : Start, optional
         Where a run that was broken off goes on.
-    observers : sequence, optional
-        Others that want states: `wanted(end)` and `take(motion)` as of `Samples`.
+    observers : sequence of Observer, optional
+        Others that want states.
 
     Returns
     -------

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from tensegrity.engine.energies import Energies
     from tensegrity.engine.methods import Method
-    from tensegrity.typing import Array, Indices
+    from tensegrity.typing import Array, Indices, SceneData
 
 
 def dynamics(scene: Any) -> Any:
@@ -268,6 +268,6 @@ class Dynamics:
         return np.stack([np.minimum(ranges[:, 0], 0), np.maximum(ranges[:, 1], 0)], axis=1)
 
 
-def is_driven(scene: Any) -> bool:
+def is_driven(scene: SceneData) -> bool:
     """Whether forces depend on time or velocity, or motion is prescribed."""
     return bool(scene.drive or scene.damping or scene.tune)

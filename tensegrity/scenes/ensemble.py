@@ -7,22 +7,272 @@ the other, and so do all with an implicit method, or where springs have differen
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from tensegrity import check
+from tensegrity.engine import kernel
+from tensegrity.engine.bonds import Bonds
 from tensegrity.errors import TensegrityError
-from tensegrity.scenes.batch import BatchDynamics
-from tensegrity.scenes.dynamics import HasDynamics, dynamics
+from tensegrity.readonly import fixed
+from tensegrity.scenes.dynamics import Dynamics, HasDynamics, dynamics
 from tensegrity.scenes.scene import PER_SITE, Scene, State, known_state, refuse_other, velocities
+from tensegrity.springs.collection import Springs
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
+    from typing import Any
 
     from numpy.typing import ArrayLike
+
+    from tensegrity.engine.methods import Method
+    from tensegrity.scenes.scene import State
+    from tensegrity.springs.potential import Potential
+    from tensegrity.typing import Array, Indices
+
+
+TOGETHER = (64, 48, 32, 24, 16, 8)  # scenes that one compiled loop takes
+MANY, MOST = 32, 1024  # and multiples of, at most
+
+
+class Part(NamedTuple):
+    """Scenes that run in one loop.
+
+    Attributes
+    ----------
+    numbers : ndarray of int
+        Theirs, in a row.
+    scene : Scene or Ensemble
+        Of these, perhaps with idle ones behind.
+    places : ndarray of int
+        The numbers of its different springs among those of the whole.
+    """
+
+    numbers: Indices
+    scene: Any
+    places: Indices
+
+    def of(self, array: Array) -> Array:
+        """The part of an array with scenes last; idle ones do what the last one does."""
+        if len(self.numbers) == 1:
+            return np.ascontiguousarray(array[..., self.numbers[0]])
+        each = np.minimum(self.numbers[0] + np.arange(self.scene.lanes), self.numbers[-1])
+        return np.ascontiguousarray(array[..., each])
+
+
+class BatchDynamics(Dynamics):
+    """Of scenes of one shape; in all arrays they are the last axis."""
+
+    def __init__(self, ensemble: Any) -> None:
+        super().__init__(ensemble)
+        self.batch = (ensemble.lanes,)
+        self.scenes = ensemble.scenes
+        self.each = [dynamics(scene) for scene in ensemble.scenes]
+        self.wall_count, self.turns = self.each[0].wall_count, self.each[0].turns
+        self._same = all(scene is self.scenes[0] for scene in self.scenes)
+        self._first = 0  # number of the first scene, of a part of another batch
+
+    @cached_property
+    def inverse_mass(self) -> Array:
+        """1/m [1/kg], 0 for a held site; (sites, scenes)."""
+        return fixed(np.stack([one.inverse_mass for one in self.each], axis=1))
+
+    @property
+    def is_driven(self) -> bool:
+        """Whether some scene is."""
+        return any(one.is_driven for one in self.each)
+
+    @cached_property
+    def springs(self) -> Springs:
+        """The different springs, and which bond has which, in all scenes or in each its own."""
+        if self._same:
+            return self.each[0].springs
+        each = zip(*(scene.springs for scene in self.scenes), strict=True)
+        lengths = [one.spring_lengths for one in self.each]
+        return Springs(
+            tuple(spring for bond in each for spring in bond),
+            (len(self.scenes[0].springs), len(self.scenes)),
+            None if lengths[0] is None else np.stack(lengths, axis=1).ravel(),
+        )
+
+    @property
+    def _group(self) -> Indices:
+        group = self.springs.group
+        return group[:, None] if group.ndim == 1 else group
+
+    def places_of(self, number: int) -> Indices:
+        """The number in `springs` of each different spring of a scene."""
+        springs, group = self.each[number].springs, self._group
+        place = np.zeros(len(springs), dtype=int)
+        place[springs.group] = group[:, number if group.shape[1] > 1 else 0]
+        return place
+
+    def with_springs(self, springs: Sequence[Potential]) -> Any:
+        """The same scenes with other springs, one for each of the different `springs`."""
+        kind = type(self.scene)
+        if self._same:
+            return kind(self.each[0].with_springs(springs), len(self.each))
+        places = (self.places_of(number).tolist() for number in range(len(self.each)))
+        each = zip(self.each, places, strict=True)
+        return kind([one.with_springs([springs[k] for k in place]) for one, place in each])
+
+    @property
+    def cost(self) -> int:
+        """Work of one evaluation of all forces, in bonds."""
+        return sum(one.cost for one in self.each)
+
+    @property
+    def closing(self) -> Any:
+        """As for each of the scenes."""
+        if self._same:
+            return self.each[0].closing
+        found = np.full(len(self.springs), -np.inf)
+        for number, one in enumerate(self.each):
+            mine = np.broadcast_to(one.closing, len(one.springs))
+            np.maximum.at(found, self._group[:, number], mine[one.springs.group])
+        return found
+
+    @property
+    def is_loaded(self) -> bool:
+        """Whether constant loads act on some scene."""
+        return any(one.is_loaded for one in self.each)
+
+    def forces(self, u: Array) -> Array:
+        """Forces on all sites [N], shape of u."""
+        each = [one.forces(np.ascontiguousarray(u[..., k])) for k, one in enumerate(self.each)]
+        return np.stack(each, axis=-1)
+
+    # parts
+
+    def parts(self, method: Method) -> list[Part]:
+        """The scenes that run in one loop, each time."""
+        return self._parts if method.explicit else self._singles
+
+    @cached_property
+    def _parts(self) -> list[Part]:
+        return self._split(1 if self._bonds is None else MOST)
+
+    @cached_property
+    def _singles(self) -> list[Part]:
+        return self._split(1)
+
+    def _split(self, most: int) -> list[Part]:
+        numbers = {kind: k for k, kind in enumerate(self.springs.kinds)}
+        found = []
+        for first in range(0, len(self.scenes), most):
+            count = min(len(self.scenes) - first, most)
+            scene = self._part(first, count) if count > 1 else self.scenes[first]
+            places = np.array([numbers[kind] for kind in dynamics(scene).springs.kinds])
+            found.append(Part(first + np.arange(count), scene, places))
+        return found
+
+    def _part(self, first: int, count: int) -> Any:
+        """Some scenes, and the last one as often as one compiled loop lacks scenes."""
+        scenes, width = self.scenes[first : first + count], filled(count)
+        if count == len(self.scenes) == width:
+            return self.scene
+        kind, more = type(self.scene), scenes[-1:] * (width - count)
+        found = kind(scenes[0], width) if self._same else kind([*scenes, *more])
+        dynamics(found)._first = first
+        return found
+
+    # the engine's view
+
+    @cached_property
+    def _bonds(self) -> Bonds | None:
+        """Those of a loop over all scenes; None where they must run one after the other."""
+        bonds = [one.loop_bonds for one in self.each]
+        if self.is_driven or any(one.contacts is not None for one in bonds):
+            return None
+        laws, law, parameters = self.springs.table
+        group = self.springs.group
+        if group.ndim == 2 and np.any(law[group] != law[group[:, :1]]):
+            return None
+        mass = np.ascontiguousarray(self.inverse_mass)
+        return Bonds(laws, law, parameters, group, mass, openings=self.springs.openings)
+
+    def arrays(self, state: State) -> tuple[Array, Array]:
+        """u and v as the loop advances them."""
+        each = [one.arrays(self.scene.lane(state, k)) for k, one in enumerate(self.each)]
+        u, v = (np.ascontiguousarray(np.stack(x, axis=-1)) for x in zip(*each, strict=True))
+        return u, v
+
+    def bind(self, u: Array, v: Array, method: Method, dt: float) -> Any:
+        """The loop over all scenes, where there is one for so many."""
+        count = len(self.scenes)
+        if self._bonds is None or filled(count) != count or count > MOST:
+            raise TensegrityError(f"no loop takes {count} lanes of {self.scenes[0]!r} at once")
+        return kernel.bind(u, v, self._bonds, method, dt)
+
+    def checked(self, state: State) -> float:
+        """Refuse a state of another shape, or one that a scene alone refuses; the largest energy
+        of a scene [J]."""
+        self.scene.lane(state, 0)
+        one = self.each[0]
+        held = list(self.scenes[0].held)
+        if self._same and not (one.clearance or state.u[held].any() or state.v[held].any()):
+            try:
+                energy = self.available_energy(state)
+            except TensegrityError:
+                energy = math.nan  # let the scene say it
+            if math.isfinite(energy):
+                return energy
+        return max(each.checked(self.scene.lane(state, k)) for k, each in enumerate(self.each))
+
+    def available_energy(self, state: State, energy: float | None = None) -> float:
+        """What one spring could get: the largest energy of a scene [J]."""
+        if energy is None:
+            energy = float(np.max(self.energies(state.u[None], state.v[None])))
+        return energy
+
+    def energies(self, u: Array, v: Array) -> Array:
+        """Total energy [J] of each scene in many states (states, *shape); (states, scenes)."""
+        moved = [np.ascontiguousarray(np.moveaxis(x, -1, 0)) for x in (u, v)]
+        if self._same:  # all of one scene in one call
+            rows = (x.reshape(-1, *self.scenes[0].shape) for x in moved)
+            return self.each[0].energies(*rows).reshape(len(self.each), len(u)).T
+        each = zip(self.each, *moved, strict=True)
+        return np.stack([one.energies(*states) for one, *states in each], axis=-1)
+
+    def stretch(self, u: Array) -> Array:
+        """Elongation of every spring [m]; (..., springs, scenes)."""
+        each = [one.stretch(u[..., k]) for k, one in enumerate(self.each)]
+        return np.stack(each, axis=-1)
+
+    def frequency_of(self, stiffness: Array) -> float:
+        """Bound on the largest angular frequency [rad/s] of any scene."""
+        if self._same:
+            return self.each[0].frequency_of(stiffness)
+        each = zip(self.each, stiffness.T, strict=True)
+        return max(one.frequency_of(k) for one, k in each)
+
+    def extreme(self, spring: int, u: Array, side: int) -> str:
+        """Where an elongation of that spring is lowest (side 0) or highest (1), in words."""
+        r = self.stretch(u)
+        mine = np.broadcast_to(self._group == spring, r.shape)
+        r = np.where(mine, r, np.inf if side == 0 else -np.inf)
+        number = int(np.unravel_index(np.argmax(r) if side else np.argmin(r), r.shape)[1])
+        one, bond = self.each[number], np.flatnonzero(mine[:, number])[0]
+        where = one.extreme(int(one.springs.group[bond]), u[..., number], side)
+        return f"{where} of lane {self._first + number}"
+
+    def stiffest(self, u: Array, ranges: Array) -> str:
+        """Where the elongation is largest, in words."""
+        r = np.abs(self.stretch(u))
+        number = int(np.unravel_index(np.argmax(r), r.shape)[1])
+        where = self.each[number].stiffest(u[..., number], ranges[self.places_of(number)])
+        return f"{where} of lane {self._first + number}"
+
+
+def filled(count: int) -> int:
+    """The least number of scenes, not below this, that one compiled loop takes."""
+    if count == 1 or count > MOST:
+        return count
+    return min((n for n in TOGETHER if n >= count), default=MANY * math.ceil(count / MANY))
 
 
 class Ensemble(HasDynamics):

@@ -17,7 +17,7 @@ import numpy as np
 from tensegrity.errors import ContactError, StabilityError, TensegrityError
 from tensegrity.readonly import fixed
 from tensegrity.scenes.clearance import Clearance, Tracker
-from tensegrity.scenes.contact_geometry import contact_geometry
+from tensegrity.scenes.network_input import contact_geometry
 from tensegrity.springs.potential import Potential
 
 if TYPE_CHECKING:

@@ -17,12 +17,12 @@ import numpy as np
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.notebook import page, wires
-from tensegrity.scenes.contact_geometry import contact_geometry
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.following import followed_law
 from tensegrity.scenes.forcing import begun
 from tensegrity.scenes.network_dynamics import NetworkDynamics
 from tensegrity.scenes.network_input import (
+    contact_geometry,
     held_sites,
     joined_pairs,
     numbers,
