@@ -27,6 +27,7 @@ ROOT = Path(__file__).parent.parent
 PACKAGES = ("derivations", "granular", "tensegrity")
 OUTSIDE = shutil.ignore_patterns(".*", "*.egg-info", "build", "_build", "__pycache__")
 SEED, COUNT = 35, 200
+ASSUMPTIONS = "positive", "real", "nonnegative", "integer"  # of symbols, whose values they leave
 PATIENCE = 900  # seconds for the tests of a fault
 ENDLESS = -1  # instead of what pytest returns
 OTHER = {
@@ -67,7 +68,10 @@ NEAREST = {  # folders and files, and the tests of what stands there; those of i
     "tensegrity/waves": "solitary prediction waves spectrum open_waves classical_potentials units",
     "tensegrity": "check bad_input notebook self_test export readonly copies",
 }
-EQUIVALENT: dict[str, str] = {}
+EQUIVALENT = {
+    "tensegrity/structures/switch.py: radius = max(np.abs(x - begin).max(), small) -> radius = "
+    "max(np.abs(x + begin).max(), small)": "the region of the steps grows and shrinks as needed",
+}
 
 
 def another(text: str) -> str:
@@ -89,8 +93,10 @@ def python_slips(text: str):
         return found and (row, start + found.start(1), start + found.end(1), OTHER[found[1]])
 
     def visit(node):
-        if isinstance(node, (ast.JoinedStr, ast.Raise, ast.Import, ast.ImportFrom)) or (
-            isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)
+        if (
+            isinstance(node, (ast.JoinedStr, ast.Raise, ast.Import, ast.ImportFrom))
+            or (isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test))
+            or (isinstance(node, ast.keyword) and node.arg in ASSUMPTIONS)
         ):
             return
         if isinstance(node, ast.Compare):
