@@ -8,8 +8,6 @@ import numpy as np
 import sympy as sp
 from oracle import split
 
-from tensegrity.engine.methods import METHODS
-
 TINY = 1e-40
 
 
@@ -50,7 +48,6 @@ def net(positions, bonds, lengths, tension, parameters, inverse_mass, walls=(), 
 
 def run(acceleration, u, v, method, dt, steps):
     """u and v after every step; (steps + 1, ...) each."""
-    method = METHODS[method]
     found = [(u, v)]
     for _ in range(steps):
         u, v = split(method, dt, acceleration, u, v)

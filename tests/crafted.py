@@ -5,6 +5,8 @@ import numpy as np
 from tensegrity import State
 from tensegrity.runs import archive
 
+parts, written = archive.read, archive.write
+
 
 def crafted(path, kind, others):
     """Write the file anew with each part exchanged, in turn, and say which; then as it was.

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -43,8 +43,10 @@ def squared(x):
     return x * x
 
 
-def slowly_squared(x):
-    time.sleep(0.02)
+def square_or_be_killed(x):
+    """The square, but one case, of a number in the command, kills the process."""
+    if x == int(sys.argv[3]):
+        os.kill(os.getpid(), signal.SIGKILL)
     return x * x
 
 
@@ -72,11 +74,25 @@ def small_search(path=None, executor=None, budget=640, seed=3):
     )  # fmt: skip
 
 
+def die_after(count):
+    """Let this process be killed when it is about to show another file, after so many."""
+    left, replace = [count], os.replace
+
+    def last(*names):
+        left[0] -= 1
+        if left[0] < 0:
+            os.kill(os.getpid(), signal.SIGKILL)
+        replace(*names)
+
+    os.replace = last
+
+
 if __name__ == "__main__":
     if sys.argv[1] == "search":
+        die_after(int(sys.argv[3]))
         best = small_search(sys.argv[2])
         print(repr((best.peak_force, best.evaluations, np.array(best.history).tobytes().hex())))
     else:
         from tensegrity import sweep
 
-        print(sweep(slowly_squared, range(40), checkpoint=sys.argv[2]))
+        print(sweep(square_or_be_killed, range(40), checkpoint=sys.argv[2]))

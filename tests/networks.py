@@ -1,12 +1,9 @@
 """Networks that several tests share."""
 
 import numpy as np
+from springs import series
 
 from tensegrity import Network, PowerLaw, Wall
-from tensegrity.engine.compiled import Compiled
-from tensegrity.engine.kernel import bind
-from tensegrity.engine.methods import METHODS
-from tensegrity.scenes.dynamics import dynamics
 
 SPACING = 1.0
 SPRING = PowerLaw(1.0, 1.5, preload=0.3, length=SPACING)
@@ -28,6 +25,19 @@ def pushed(network, speed=0.05):
     velocity[0] = speed * np.array([1.0, 0.6, 0.3])[: network.dim]
     velocity[1, 1] = -speed / 2
     return network.at_rest(dict(enumerate(velocity)))
+
+
+def plate(**given):
+    """A square lattice of 3 x 3 of a cubic spring."""
+    places = np.array([(x, y) for y in range(3) for x in range(3)], dtype=float)
+    bonds = [(i, j) for i in range(9) for j in range(i) if np.sum((places[i] - places[j]) ** 2) < 3]
+    law = series(0, 1 / 4, length=1.0)
+    return Network(places, bonds, **{"spring": law, "mass": 0.5, "held": [0, 2]} | given)
+
+
+def triangles():
+    """The patch, and its blow."""
+    return patch(), pushed(patch())
 
 
 def fork(stem=6, branch=5, wall_contacts=True):
@@ -60,11 +70,3 @@ def fork(stem=6, branch=5, wall_contacts=True):
         wall_gaps=np.zeros(len(contacts)) if wall_contacts else None,
         radius=radius,
     )
-
-
-def extended(network, state, method, dt, steps):
-    """Rows of u and v after some steps of the same text, compiled in long double."""
-    u, v = (x.astype(np.longdouble) for x in dynamics(network).arrays(state))
-    engine = Compiled.of(dynamics(network).loop_bonds, extended=True)
-    bind(u, v, dynamics(network).loop_bonds, METHODS[method], dt, engine).advance(steps)
-    return u[: network.sites], v[: network.sites]

@@ -1,13 +1,12 @@
-"""Scenes that several tests share, and runs in extended precision as their reference."""
+"""Scenes that several tests share, and what interrupts a run of them."""
+
+from pathlib import Path
 
 import numpy as np
 
-from tensegrity import Chain, Prism
-from tensegrity.engine.compiled import Compiled
-from tensegrity.engine.kernel import bind
-from tensegrity.engine.methods import METHODS
-from tensegrity.runs import march
-from tensegrity.scenes.dynamics import dynamics
+from tensegrity import Chain, Ensemble, Prism, Record
+
+AT_A_TIME = 8_000_000  # bonds x stages x steps, some 20 ms: an interrupt waits no longer
 
 
 def prism_chain(sites=64, ends=("free", "free")):
@@ -20,36 +19,36 @@ def smooth_blow(chain, speed=0.03):
     return chain.at_rest(dict.fromkeys(range(4), speed))
 
 
-def short_attempts(monkeypatch, steps=1):
-    """Let a march attempt so many steps at a time."""
-    monkeypatch.setattr(march, "BLOCK", 0)
-    monkeypatch.setattr(march, "FEWEST", steps)
-    monkeypatch.setattr(march, "FIRST", 1)
+def blow(sites=24):
+    """The chain, and its blow."""
+    chain = prism_chain(sites)
+    return chain, smooth_blow(chain)
 
 
-def interrupted(monkeypatch, at, steps=1, error=KeyboardInterrupt, counts=lambda motion: True):
-    """Ctrl-C, or an error, comes with the attempt of that number, each of so many steps, of those
-    that count; the list of all, as it grows."""
-    calls, attempt = [], march._attempt
-
-    def counted(motion, *rest):
-        if counts(motion):
-            calls.append(motion.done)
-            if len(calls) == at:
-                raise error
-        return attempt(motion, *rest)
-
-    short_attempts(monkeypatch, steps)
-    monkeypatch.setattr(march, "_attempt", counted)
-    return calls
+def lanes(count=9):
+    """Chains side by side, each with its own blow."""
+    ensemble = Ensemble(prism_chain(12), count)
+    return ensemble, ensemble.at_rest({1: np.linspace(0.01, 0.03, count)})
 
 
-def extended(chain, state, method, dt, steps):
-    """u and v after some steps of the same generated text, compiled in long double."""
-    u, v = state.u.astype(np.longdouble), state.v.astype(np.longdouble)
-    engine = Compiled.of(dynamics(chain).loop_bonds, extended=True)
-    bind(u, v, dynamics(chain).loop_bonds, METHODS[method], dt, engine).advance(steps)
-    return u, v
+def many_steps(bonds, stages=1):
+    """So many that a run is not done at once: two thirds of them are, and the others in turn."""
+    return 6 * AT_A_TIME // (bonds * stages)
+
+
+def ctrl_c(t):
+    """An observer that an interrupt meets at an instant [s]."""
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    return interrupted, Record(times=[t])
+
+
+def with_memory(monkeypatch, size):
+    """Let the system have so many bytes of free memory."""
+    text = f"MemAvailable: {int(size) // 1024} kB"
+    monkeypatch.setattr(Path, "read_text", lambda path, *_: text)
 
 
 def plain_forces(chain, u):

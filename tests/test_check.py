@@ -9,6 +9,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 import sympy as sp
+from scenes import with_memory
 
 from granular import Bead, Contact, Material, Striker, chain, diamond_guide, materials, y_guide
 from tensegrity import (
@@ -169,10 +170,10 @@ def test_a_chain_is_refused_by_what_its_run_takes(monkeypatch):
     run(sites)
     taken = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    monkeypatch.setattr(check, "free_memory", lambda: 0.9 * taken)
+    with_memory(monkeypatch, 0.9 * taken)
     with pytest.raises(TensegrityError, match="would take"):
         Chain(SPRING, sites)
-    monkeypatch.setattr(check, "free_memory", lambda: 2 * taken)
+    with_memory(monkeypatch, 2 * taken)
     Chain(SPRING, sites)
 
 

@@ -8,7 +8,6 @@ from scipy.integrate import solve_ivp
 
 from tensegrity import (
     Chain,
-    Ensemble,
     Network,
     Potential,
     PowerLaw,
@@ -138,20 +137,6 @@ def test_all_corners_of_a_law_are_corrected(name):
     assert found > 3.4
     assert plain < 2.7
     assert np.median(errors / others) < 2e-2
-
-
-def test_lanes_are_corrected_like_chains_alone():
-    gap = k * (sp.Max(r - a, 0) ** 2 + sp.Max(-r - a, 0) ** 2)
-    chains = [
-        Chain(Potential(gap, r, {k: 1.0, a: x}), 6, ends=("fixed", "fixed"))
-        for x in np.linspace(0.05, 0.2, 5)
-    ]
-    state = thrown(chains[0])
-    each = [simulate(chain, state, 8.0, method="corrected6", dt=0.1) for chain in chains]
-    start = State(*(np.repeat(x[:, None], 5, axis=1) for x in (state.u, state.v)))
-    together = simulate(Ensemble(chains), start, 8.0, method="corrected6", dt=0.1)
-    for lane, run in enumerate(each):
-        np.testing.assert_allclose(together.u[..., lane], run.u, rtol=0, atol=1e-13)
 
 
 def adaptive(chain, tension, state, t_end):

@@ -6,13 +6,13 @@ import random
 import signal
 import subprocess
 import sys
-import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
 
 import designs
 import numpy as np
 import pytest
+from crafted import parts, written
 from designs import (
     BIG,
     BLOW,
@@ -32,7 +32,6 @@ from granular.design import searching as module
 from granular.design.methods import METHODS
 from granular.design.objective import wall_peak
 from tensegrity import TensegrityError
-from tensegrity.runs import archive
 
 ROOT = Path(__file__).parent.parent
 SHORT = {"t_end": 1e-3, **BLOW}
@@ -160,8 +159,8 @@ def test_a_checkpoint_of_another_search_is_refused_with_the_difference(tmp_path)
     assert len(str(e.value)) < 400
     with pytest.raises(TensegrityError, match=r"its space is .Order"):
         search(CHOICE, checkpoint=path, budget=64, **SHORT)
-    kept = archive.read(path, "search")
-    archive.write(path, "search", kept | {"digest": "another"})
+    kept = parts(path, "search")
+    written(path, "search", kept | {"digest": "another"})
     with pytest.raises(TensegrityError, match="not those that this search proposes"):
         search(ORDER, checkpoint=path, budget=64, **SHORT)
     path.write_bytes(b"no archive")
@@ -169,41 +168,28 @@ def test_a_checkpoint_of_another_search_is_refused_with_the_difference(tmp_path)
         search(ORDER, checkpoint=path, budget=64, **SHORT)
 
 
-def run_and_kill(mode, path, after):
-    """Start a program of `designs` and kill it after so many seconds; its output if it ended."""
-    process = subprocess.Popen(
-        [sys.executable, str(ROOT / "tests" / "designs.py"), mode, str(path)],
-        stdout=subprocess.PIPE, text=True, cwd=ROOT,
-        env=os.environ | {"PYTHONPATH": str(ROOT)}, start_new_session=True,
-    )  # fmt: skip
-    try:
-        return process.communicate(timeout=after)[0]
-    except subprocess.TimeoutExpired:
-        os.killpg(process.pid, signal.SIGKILL)
-        process.communicate()
-        return None
+def run_and_kill(mode, path, after=10**9):
+    """What a program of `designs` prints, or None if it is killed, after so many files or cases."""
+    command = [sys.executable, str(ROOT / "tests" / "designs.py"), mode, str(path), str(after)]
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    answer = subprocess.run(command, stdout=subprocess.PIPE, text=True, cwd=ROOT, env=environment)
+    assert answer.returncode in (0, -signal.SIGKILL)
+    return None if answer.returncode else answer.stdout
 
 
 @pytest.mark.slow
-def test_killed_at_twenty_random_moments_a_search_loses_a_batch_at_most(tmp_path):
-    path = tmp_path / "search.npz"
+def test_killed_at_random_moments_a_search_loses_a_batch_at_most(tmp_path):
+    path, dice, done = tmp_path / "search.npz", random.Random(1), 0
     whole = designs.small_search()
-    dice, kills, last = random.Random(1), 0, 0
-    began = time.monotonic()
-    run_and_kill("search", tmp_path / "other.npz", 600)
-    alone = time.monotonic() - began
-    while kills < 20:
-        if run_and_kill("search", path, dice.uniform(0.3, 1.1) * alone) is None:
-            kills += 1
-        if path.exists():
-            done = len(archive.read(path, "search")["forces"])
-            assert done >= last
-            assert done == 640 or done % 64 == 0  # whole batches
-            last = done
-        if last == 640:
-            path.unlink()
-            last = 0
-    value, evaluations, history = ast.literal_eval(run_and_kill("search", path, 600))
+    while done < 640:
+        count = dice.randint(1, 3)
+        found = run_and_kill("search", path, count)
+        assert found is None or done + 64 * count >= 640
+        last, done = done, len(parts(path, "search")["forces"])
+        assert done == min(last + 64 * count, 640)
+        if found:
+            break
+    value, evaluations, history = ast.literal_eval(run_and_kill("search", path))
     assert (value, evaluations) == (whole.peak_force, 640)
     assert history == whole.history.tobytes().hex()
 
@@ -325,7 +311,7 @@ def test_a_force_that_is_no_number_stops_the_search_and_loses_nothing(tmp_path, 
 
     def poisoned(self, genes):
         forces = plain(self, genes)
-        if len(archive.read(path, "search")["forces"]) == 128 if path.exists() else False:
+        if len(parts(path, "search")["forces"]) == 128 if path.exists() else False:
             forces[7] = np.nan
         return forces
 
@@ -333,7 +319,7 @@ def test_a_force_that_is_no_number_stops_the_search_and_loses_nothing(tmp_path, 
         patched.setattr(module.Problem, "__call__", poisoned)
         with pytest.raises(TensegrityError, match="force of design 135 is nan N"):
             designs.small_search(path)
-    assert len(archive.read(path, "search")["forces"]) == 128
+    assert len(parts(path, "search")["forces"]) == 128
     same(designs.small_search(path), designs.small_search())
 
 

@@ -4,6 +4,7 @@ from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 import pytest
+from crafted import parts, written
 from designs import BLOW, CHOICE, ORDER, SIZES, STEEL, STRIKER, before_a_wall
 
 from granular import Bead, chain
@@ -11,7 +12,6 @@ from granular.design import Sizes, peak_force, search
 from granular.design import searching as module
 from granular.design.downhill import NORMS, Descents, Pass, _maxima, downhill
 from tensegrity import TensegrityError, gradient, objective
-from tensegrity.runs import archive
 
 T_END, STEPS = 2e-4, 1000
 S = Sizes(20, (4e-3, 10e-3), 0.140, STEEL)
@@ -184,7 +184,7 @@ def test_a_search_goes_on_from_its_checkpoint(tmp_path, monkeypatch):
     path = tmp_path / "search.npz"
     whole = small(budget=400)
     small(path, budget=250)
-    kept = archive.read(path, "search")
+    kept = parts(path, "search")
     assert kept["counts"].sum() == len(kept["forces"]) <= 250
     starts = []
     plain = Descents.__call__
@@ -196,7 +196,7 @@ def test_a_search_goes_on_from_its_checkpoint(tmp_path, monkeypatch):
     assert len(starts) == again + len(kept["counts"])
     with pytest.raises(TensegrityError, match="seed is 1, here 2"):
         small(path, seed=2)
-    archive.write(path, "search", kept | {"digest": "another"})
+    written(path, "search", kept | {"digest": "another"})
     with pytest.raises(TensegrityError, match="not those that this search proposes"):
         small(path)
 

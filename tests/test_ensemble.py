@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+import sympy as sp
+from networks import patch
 from scenes import prism_chain
 from springs import series
 
@@ -11,6 +13,7 @@ from tensegrity import (
     ContactError,
     Ensemble,
     LockingError,
+    Potential,
     PowerLaw,
     Prism,
     Record,
@@ -20,7 +23,6 @@ from tensegrity import (
     simulate,
 )
 from tensegrity.measure.observables import arrival
-from tensegrity.scenes import ensemble as lanes_room
 
 SPEEDS = np.linspace(-0.01, 0.03, 13)  # 8 lanes together and 5 beside copies
 
@@ -43,26 +45,58 @@ def unequal():
     return Chain(springs, 12)
 
 
-@pytest.mark.parametrize("method", ["verlet", "rkn6", "rk4", "midpoint"])
-@pytest.mark.parametrize("scene", [lambda: prism_chain(30), mixed, unequal])
-def test_lanes_move_as_chains_alone(scene, method):
-    chain = scene()
-    ensemble = Ensemble(chain, len(SPEEDS))
-    start = ensemble.at_rest({1: SPEEDS, 4: 0.02})
-    options = {"dt": 0.2, "method": method, "record": Record(every=10)}
-    run = simulate(ensemble, start, 6.0, **options)
-    u, v = lanes_alone(chain, start, 6.0, **options)
-    np.testing.assert_allclose(run.final.u, u, rtol=0, atol=1e-14)
-    np.testing.assert_allclose(run.final.v, v, rtol=0, atol=1e-14)
-    assert run.u.shape == (4, chain.sites, len(SPEEDS))
-    alone = [chain.energy(ensemble.lane(start, k)) for k in range(len(SPEEDS))]
-    np.testing.assert_allclose(run.energy[0], alone, rtol=1e-14)
-    assert len(run) == len(SPEEDS)
-    for k, one in enumerate(run):
-        assert one.scene is chain
+def own(k):
+    springs = [PowerLaw(k * (1 + j / 41.7), 1.5, preload=0.2) for j in range(19)]
+    return Chain(springs, 20, mass=k + np.arange(20) / 20, ends=("free", "fixed"))
+
+
+def both_sides(place):
+    """Contacts on either side of a gap."""
+    r, a = sp.symbols("r a")
+    gap = sp.Max(r - a, 0) ** 2 + sp.Max(-r - a, 0) ** 2
+    return Chain(Potential(gap, r, {a: place}), 6, ends=("fixed", "fixed"))
+
+
+BLOW, HARD = {1: SPEEDS, 4: 0.02}, {1: 1.0, 2: -0.3, 4: -0.6}
+METHODS = ["verlet", "rkn6", "rk4", "midpoint"]
+SCENES = {  # of all lanes, velocities, methods
+    "prisms": ([prism_chain(30)] * 13, BLOW, METHODS),
+    "mixed": ([mixed()] * 13, BLOW, METHODS),
+    "unequal": ([unequal()] * 13, BLOW, METHODS),
+    "masses and springs of their own": ([*map(own, np.linspace(1, 3, 13))], BLOW, METHODS),
+    "one spring each": (
+        [Chain(PowerLaw(k, 1.5, preload=0.2), 20) for k in np.linspace(1, 3, 11)], {0: 0.02},
+        ["rkn6"],
+    ),
+    "networks": (
+        [patch(4), patch(4, spring=PowerLaw(2.0, 1.5, preload=0.3, length=1.0))],
+        {0: [[0.05] * 2, [0.03] * 2], 1: [[0.0] * 2, [-0.02] * 2]}, ["verlet"],
+    ),
+    "opening": ([Chain(PowerLaw(k, 1.5), 6) for k in np.linspace(0.7, 1.4, 8)], HARD,
+                ["corrected6"]),
+    "on both sides": ([*map(both_sides, np.linspace(0.05, 0.2, 5))], HARD, ["corrected6"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "method"), [(n, m) for n, x in SCENES.items() for m in x[2]])
+def test_lanes_move_as_their_scenes_alone(name, method):
+    scenes, velocity, _ = SCENES[name]
+    alike = all(scene is scenes[0] for scene in scenes)
+    together = Ensemble(scenes[0], len(scenes)) if alike else Ensemble(scenes)
+    start = together.at_rest(velocity)
+    options = {"dt": 0.1, "method": method, "record": Record(every=20)}
+    run = simulate(together, start, 6.0, **options)
+    assert run.u.shape == (4, *together.shape)
+    assert len(run) == len(scenes)
+    for k, (scene, one) in enumerate(zip(scenes, run, strict=True)):
+        alone = simulate(scene, together.lane(start, k), 6.0, **options)
+        assert one.scene is scene
         np.testing.assert_array_equal(one.u, run.u[..., k])
-        np.testing.assert_array_equal(one.energy, run.energy[:, k])
-        np.testing.assert_allclose(chain.energy(one.final), one.energy[-1], rtol=1e-14)
+        for field in ("u", "v", *["met"] * (not alike)):  # that of equal springs is of all lanes
+            mine, its = getattr(one, field), getattr(alone, field)
+            np.testing.assert_allclose(mine, its, rtol=0, atol=1e-13 * np.abs(its).max())
+        np.testing.assert_allclose(run.energy[:, k], alone.energy, rtol=1e-13)
+        assert scene.energy(one.final) == pytest.approx(one.energy[-1], rel=1e-13)
 
 
 def test_a_tolerance_holds_in_every_lane():
@@ -81,12 +115,11 @@ def test_locking_is_told_with_its_lane():
 
 
 @pytest.mark.parametrize("end", [-0.1, 0.1])
-def test_every_lane_is_watched_at_both_ends_of_the_domain(monkeypatch, end):
+def test_every_lane_is_watched_at_both_ends_of_the_domain(end):
     """A law that goes on beyond its domain, so that the range met alone can tell."""
-    monkeypatch.setattr(lanes_room, "MOST", 8)
     spring = series(domain=(-0.1, 0.1))
     chain = Chain(spring, 6, ends=("free", "fixed"))
-    for lanes, far in ((17, 0), (17, 7), (17, 16), (11, 9)):  # groups of 8 and 1, the last filled
+    for lanes, far in ((1025, 0), (1025, 1023), (1025, 1024), (11, 9)):  # 1024 at once at most
         ensemble = Ensemble(chain, lanes)
         start = ensemble.at_rest({0: [-2 * end * (lane == far) for lane in range(lanes)]})
         words = f"sites 0 and 1 of lane {far} got there|lane {far}: .*sites 0 and 1 got there"

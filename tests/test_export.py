@@ -6,9 +6,9 @@ import subprocess
 import numpy as np
 import pytest
 import sympy as sp
+from test_native import COMPILER
 
 from tensegrity import EquilibriumError, Polynomial, Potential, PowerLaw, Prism, TensegrityError
-from tensegrity.engine import native
 from tensegrity.export import to_c
 
 R, K, A = sp.symbols("r k a")
@@ -32,7 +32,7 @@ STRICT = "-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror"
 
 def compiled(source, to, *flags):
     """Compile and link by the compiler that kernels are made with; its complaints are failures."""
-    command = [*native.compilers()[0], *flags, str(source), "-o", str(to), "-lm"]
+    command = [*COMPILER, *flags, str(source), "-o", str(to), "-lm"]
     answer = subprocess.run(command, capture_output=True, text=True)
     assert answer.returncode == 0, answer.stderr
     return to
@@ -91,7 +91,7 @@ def test_two_files_are_linked_into_a_program_of_ones_own(tmp_path):
     hard = PowerLaw(3.0, 2.5)
     sources = [to_c(RIGID, tmp_path / "soft.c"), to_c(hard, str(tmp_path / "hard.c"))]
     (tmp_path / "caller.c").write_text(CALLER)
-    command = [*native.compilers()[0], "-O1", *map(str, sources), str(tmp_path / "caller.c")]
+    command = [*COMPILER, "-O1", *map(str, sources), str(tmp_path / "caller.c")]
     subprocess.run([*command, "-o", str(tmp_path / "it"), "-lm"], check=True)
     said = subprocess.run([tmp_path / "it"], capture_output=True, text=True, check=True).stdout
     wanted = RIGID.domain[0], float(RIGID.tension(-0.05)), -math.inf, float(hard.tension(-0.05))

@@ -16,7 +16,6 @@ from tensegrity import (
     gradient,
 )
 from tensegrity import objective as o
-from tensegrity.engine.methods import Splitting
 
 SPRING = Prism(1.0, 0.7, 0.01, 1.0).potential()
 CHAIN = Chain(SPRING, 4, ends=("free", "fixed"))
@@ -78,14 +77,6 @@ def test_what_has_no_gradient_is_refused_with_the_reason(match, other):
 def test_springs_without_derivatives_are_refused(match, spring):
     chain = Chain(spring, 4)
     refused(match, scene=chain, state=chain.at_rest({0: 1e-3}))
-
-
-def test_methods_with_more_than_kicks_and_drifts_are_refused():
-    class Corrected(Splitting):
-        pass
-
-    other = Corrected("own", 2, 0.05, (0.5, 0.5), (1.0,))
-    refused("more than kicks and drifts", method=other)
 
 
 def test_contacts_that_come_and_go_are_refused():

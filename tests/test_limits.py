@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from oracle import LIMITS, ORDERS
 
 from figures import (
     chosen,
@@ -19,7 +20,6 @@ from figures import (
 )
 from figures.__main__ import render, write_page
 from figures._limits import DIFFERENT, EXPLICIT, moved
-from tensegrity.engine.methods import METHODS
 
 PAGE = Path(__file__).parent.parent / "figures" / "output" / "limits" / "limits.md"
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
@@ -53,7 +53,7 @@ def test_the_loop_grows_as_the_eigenvalues_of_a_step_say_all_around_the_limit(st
         t = stability[name]
         predicted = np.interp(t["dt omega"], t["line"], t["predicted"])
         top = predicted.max()
-        inside = np.abs(t["dt omega"] / METHODS[name].stability_limit - 1) > 1e-6
+        inside = np.abs(t["dt omega"] / LIMITS[name] - 1) > 1e-6
         assert np.max(np.abs(t["growth"] - predicted)[inside]) < 0.15 * top
 
 
@@ -109,7 +109,7 @@ def test_steps_for_a_small_energy_error_fall_as_predicted_near_locking():
     gaps = (1e-4, 1e-2)
     for name in ("rkn6", "rk4"):
         steps = [limits_locking.good_step(gap, name) for gap in gaps]
-        expected = 3 / 4 - 1 / (2 * METHODS[name].order)
+        expected = 3 / 4 - 1 / (2 * ORDERS[name])
         assert limits_locking.slope(gaps, steps) == pytest.approx(expected, abs=0.08)
 
 
@@ -121,7 +121,6 @@ def test_the_classical_method_loses_energy_as_predicted_and_symplectic_ones_do_n
     np.testing.assert_allclose(change[late], tables["rk4"]["predicted"][late], rtol=0.02)
     for name in ("verlet", "rkn6"):
         size = np.abs(tables[name]["change of the energy"])
-        assert METHODS[name].symplectic
         assert size[late].max() < 2 * size[: late.start].max()
 
 
@@ -158,7 +157,7 @@ def test_explicit_steps_grow_with_the_root_of_the_stiffness_ratio_and_implicit_o
     t = limits_stiffness.data(np.array([1e2, 1e4, 1e6]), timed=False)["steps"]
     for name in DIFFERENT:
         assert np.max(t[f"{name}: error"]) <= limits_stiffness.ERROR
-        if METHODS[name].explicit:
+        if name in LIMITS:
             assert t[name][2] / t[name][1] == pytest.approx(10, rel=0.02)
         else:
             assert np.ptp(t[name]) <= 0.1 * t[name][0]

@@ -9,8 +9,17 @@ from networks import patch, pushed
 from numpy.polynomial import Polynomial
 from scenes import prism_chain, smooth_blow
 
-from tensegrity import Chain, Potential, State, simulate
-from tensegrity.engine.methods import METHODS, Method, Nystrom, Splitting, default, find, nystrom_of
+from tensegrity import Chain, Potential, State, gradient, objective, simulate
+from tensegrity.engine.methods import (
+    METHODS,
+    Corrected,
+    Method,
+    Nystrom,
+    Splitting,
+    default,
+    find,
+    nystrom_of,
+)
 from tensegrity.errors import TensegrityError
 
 EXPLICIT = [method for method in METHODS.values() if method.explicit]
@@ -221,6 +230,20 @@ def test_a_splitting_that_does_not_claim_to_be_reversible_need_not_be_a_palindro
     method = OneWay("euler", order=1, step=0.05, kicks=(1, 0), drifts=(1,))
     chain = prism_chain(8)
     assert simulate(chain, smooth_blow(chain), 2.0, dt=0.01, method=method).energy_error < 1e-2
+
+
+def test_gradients_refuse_methods_with_more_than_kicks_and_drifts():
+    class Other(Splitting):
+        pass
+
+    chain, method = prism_chain(4), Other("own", 2, 0.05, (0.5, 0.5), (1.0,))
+    with pytest.raises(TensegrityError, match="more than kicks and drifts"):
+        gradient(objective.displacement(1), chain, chain.at_rest(), 2.0, 0.1, method=method)
+
+
+def test_a_base_of_corrections_must_be_a_splitting():
+    with pytest.raises(TensegrityError, match=r"base of 'x'"):
+        Corrected("x", 4, 0.1, METHODS["rk4"])
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -1,4 +1,4 @@
-"""Energies of many states of a network in one call, against sums with 50 digits, and NumPy."""
+"""Energies of networks against sums with 50 digits, and of rows against each state alone."""
 
 import math
 
@@ -6,41 +6,37 @@ import mpmath
 import numpy as np
 import pytest
 
-from tensegrity import LockingError, Network, PowerLaw, Prism, State, Wall, simulate
-from tensegrity.engine import energies
-from tensegrity.scenes.dynamics import dynamics
-from tensegrity.springs import collection
+from tensegrity import LockingError, Network, PowerLaw, Prism, Record, State, Wall, simulate
 
-SITES, STATES = 40, 5
 CONTACT, STRING = PowerLaw(1e6, 1.5), PowerLaw(3e4, 1.0, preload=1.0)
 PRISM = Prism(1e-2, 1e-2, 0.0, 1e3).potential()
 
 
-def mixed(dim, radius=2e-3, loads=True):
+def mixed(dim, sites=40):
     """A chain of sites with more bonds across, of unequal springs in turn, and walls."""
     rng = np.random.default_rng(dim)
-    places = np.zeros((SITES, dim))
-    places[:, 0] = 0.05 * np.arange(SITES)
-    places[:, 1:] = 0.02 * rng.standard_normal((SITES, dim - 1))
-    bonds = [(k, k + 1) for k in range(SITES - 1)] + [(k + 3, k) for k in range(SITES - 3)]
+    places = np.zeros((sites, dim))
+    places[:, 0] = 0.05 * np.arange(sites)
+    places[:, 1:] = 0.02 * rng.standard_normal((sites, dim - 1))
+    bonds = [(k, k + 1) for k in range(sites - 1)] + [(k + 3, k) for k in range(sites - 3)]
     kinds = CONTACT, STRING, PRISM, PowerLaw(2e6, 1.5), PowerLaw(2e6, 2.0)
     lengths = [math.dist(places[i], places[j]) * (1 - 1e-4 * (n % 3))
                for n, (i, j) in enumerate(bonds)]  # fmt: skip
     axis = np.eye(dim)
-    walls = [Wall(-0.1 * axis[0], axis[0]), Wall(3 * axis[0], -axis[0])]
-    touches = [(site, wall) for site in range(0, SITES, 3) for wall in (0, 1)]
+    walls = [Wall(-0.1 * axis[0], axis[0]), Wall((1 + 0.05 * sites) * axis[0], -axis[0])]
+    touches = [(site, wall) for site in range(0, sites, 3) for wall in (0, 1)]
     return Network(
         places, bonds, [kinds[n % 5] for n in range(len(bonds))], lengths,
-        mass=rng.uniform(0.1, 0.2, SITES), walls=walls, wall_contacts=touches,
+        mass=rng.uniform(0.1, 0.2, sites), walls=walls, wall_contacts=touches,
         wall_spring=[(CONTACT, STRING)[n % 2] for n in range(len(touches))],
-        radius=radius / 1e3, loads=rng.standard_normal((SITES, dim)) if loads else None,
+        radius=2e-6, loads=rng.standard_normal((sites, dim)),
     )  # fmt: skip
 
 
-def states(scene, size=1e-4):
+def moved(scene, size=1e-4):
     rng = np.random.default_rng(7)
-    shape = STATES, *scene.shape
-    return size * rng.standard_normal(shape), 1e-2 * rng.standard_normal(shape)
+    u, v = rng.standard_normal((2, *scene.shape))
+    return State(size * u, 1e-2 * v)
 
 
 def by_hand(scene, u, v):
@@ -63,48 +59,28 @@ def by_hand(scene, u, v):
     return math.fsum(terms), math.fsum(map(abs, terms))
 
 
-@pytest.mark.parametrize("part", [1024, 3])
+@pytest.mark.parametrize(("dim", "sites"), [(1, 40), (2, 40), (2, 600), (3, 40)])
+def test_energies_are_those_summed_by_hand(dim, sites):
+    scene = mixed(dim, sites)
+    state = moved(scene)
+    wanted, size = by_hand(scene, state.u, state.v)
+    assert scene.energy(state) == pytest.approx(wanted, abs=2e-15 * size)
+
+
 @pytest.mark.parametrize("dim", [1, 2, 3])
-def test_energies_of_rows_are_those_summed_by_hand(monkeypatch, dim, part):
-    monkeypatch.setattr(energies, "PART", part)
+def test_energies_of_rows_are_those_of_each_alone(dim):
     scene = mixed(dim)
-    u, v = states(scene)
-    found = dynamics(scene).energies_in_one_call(u, v)
-    for k in range(STATES):
-        wanted, size = by_hand(scene, u[k], v[k])
-        assert found[k] == pytest.approx(wanted, abs=2e-15 * size)
-    np.testing.assert_array_equal(dynamics(scene).energies(u, v), found)
-
-
-@pytest.mark.parametrize("loads", [True, False])
-@pytest.mark.parametrize("dim", [1, 2, 3])
-def test_energies_without_a_compiler_are_the_same(monkeypatch, dim, loads):
-    scene = mixed(dim, loads=loads)
-    u, v = states(scene)
-    found = dynamics(scene).energies(u, v)
-    monkeypatch.setattr(collection, "single", lambda law: None)
-    other = mixed(dim, loads=loads)
-    assert dynamics(other).energies_in_one_call is None
-    np.testing.assert_allclose(dynamics(other).energies(u, v), found, rtol=1e-13)
-
-
-def test_energies_do_not_depend_on_how_many_are_asked_for():
-    scene = mixed(3)
-    u, v = states(scene)
-    every = dynamics(scene).energies(u, v)
-    each = [scene.energy(State(*pair)) for pair in zip(u, v, strict=True)]
-    np.testing.assert_array_equal(every, each)
-    apart = np.asfortranarray(u), v  # in another order in memory
-    np.testing.assert_allclose(dynamics(scene).energies(*apart), every, rtol=1e-13)
-    assert dynamics(scene).energies(u[:0], v[:0]).shape == (0,)
+    run = simulate(scene, moved(scene, 1e-5), 2e-5, dt=1e-6, record=Record(every=2))
+    each = [scene.energy(State(u, v)) for u, v in zip(run.u, run.v, strict=True)]
+    np.testing.assert_array_equal(run.energy, each)
 
 
 def test_an_elongation_out_of_its_domain_is_refused():
     scene = mixed(3)
-    u, v = states(scene)
-    u[3, 2] -= 0.049 * (scene.positions[2] - scene.positions[1]) / 0.05
+    state = moved(scene)
+    state.u[2] -= 0.049 * (scene.positions[2] - scene.positions[1]) / 0.05
     with pytest.raises(LockingError):
-        dynamics(scene).energies(u, v)
+        scene.energy(state)
 
 
 def test_a_network_of_no_bonds_moves_freely():

@@ -8,10 +8,10 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
+import sympy as sp
 from test_continuation import followed
 
 from tensegrity import Chain, Prism, Record, simulate
-from tensegrity.scenes.dynamics import dynamics
 
 ROOT = Path(__file__).parent.parent
 WITHOUT = "import sys; sys.modules['ziglang'] = None; sys.path.insert(0, 'tests')\n"
@@ -38,6 +38,7 @@ def numbers():
         Polynomial,
         PowerLaw,
         Prism,
+        State,
         dispersion,
         equilibrium,
         equilibrium_path,
@@ -74,7 +75,7 @@ def numbers():
         "fit": list(fitted.values.values()),
         "wave": [wave.speed, wave.amplitude],
         "family": [family.speeds, family.crests],
-        "chain": [chain.forces(u), dynamics(chain).energies(u, u), chain.stiffness(u).toarray()],
+        "chain": [chain.forces(u), chain.energy(State(u, u)), chain.stiffness(u).toarray()],
         "modes": [modes(chain).frequencies, dispersion([spring], [1.0], np.array([0.5]))],
         "structure": [structure.modes().frequencies, squeezed.load, state.positions],
         "pack": [pack.at_rest().u],
@@ -127,7 +128,7 @@ def refused(folder):
     chain = Chain(prism.potential(), 6)
     start, kept = chain.at_rest({0: 0.01}), Record(path=folder / "new.npy", checkpoint=0.0)
     driven = Chain(prism.potential(), 6, drive={0: Drive(force=0.01)})
-    tuned = Chain(prism.potential(), 6, tune=lambda t: prism.potential())
+    tuned = Chain(prism.potential(), 6, tune={"prestrain": 0.1 + sp.Symbol("t") / 99})
     bead = Bead(5e-3, steel)
     blow = {"striker": Striker(bead, 0.5), "wall": steel, "t_end": 1e-3}
     sizes, file = Sizes(4, (4e-3, 6e-3), 0.02, steel), folder / "new.json"

@@ -12,7 +12,6 @@ from scipy.optimize import brentq
 from derivations import openings as derived
 from tensegrity import (
     Chain,
-    Ensemble,
     Network,
     Polynomial,
     Potential,
@@ -295,24 +294,6 @@ def test_energy_over_long_times_is_kept_better_than_without_corrections():
     for name in ("rkn6", "corrected6"):
         error[name] = simulate(chain, state, 500.0, method=name, dt=0.05).energy_error
     assert error["corrected6"] < error["rkn6"] / 50
-
-
-@pytest.mark.parametrize("every", [37, 1, 50])
-def test_looking_at_a_run_changes_no_bit(every):
-    for scene, state in ((row(1.5), blow(row(1.5))), (cluster(1.5), thrown(cluster(1.5)))):
-        whole, record = moved(scene, state, 6.0, 100), Record(every=every)
-        seen = simulate(scene, state, 6.0, dt=0.06, method="corrected6", record=record).final
-        assert np.array_equal(whole, np.stack([seen.u, seen.v]))
-
-
-def test_lanes_are_corrected_like_chains_alone():
-    chains = [Chain(PowerLaw(k, 1.5), 6) for k in np.linspace(0.7, 1.4, 8)]
-    start = blow(chains[0])
-    states = State(*(np.repeat(x[:, None], 8, axis=1) for x in (start.u, start.v)))
-    together = moved(Ensemble(chains), states, 9.0, 90)
-    for lane, chain in enumerate(chains):
-        alone = moved(chain, start, 9.0, 90)
-        np.testing.assert_allclose(together[..., lane], alone, rtol=0, atol=1e-14)
 
 
 def test_where_nothing_opens_steps_are_those_of_the_base():

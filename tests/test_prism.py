@@ -182,15 +182,6 @@ def test_power_laws_print_as_the_call_that_makes_them(law):
     assert repr(PowerLaw(2.0, 1.5)) == "PowerLaw(stiffness=2, exponent=1.5, preload=0)"
 
 
-@pytest.mark.parametrize("spring", [Prism(**GOOD).potential(), PowerLaw(1.0, 1.5)])
-def test_a_potential_is_hashed_once(spring, monkeypatch):
-    """A dict of potentials asks for the hash at each look-up, of numbers that never change."""
-    asked, key = [], Potential._key
-    monkeypatch.setattr(Potential, "_key", lambda self: asked.append(self) or key(self))
-    assert hash(spring) == hash(spring)
-    assert len(asked) == 1
-
-
 def test_potentials_survive_pickling():
     for spring in (Prism(**GOOD).potential(0.1), PowerLaw(1.0, 1.5)):
         copy = pickle.loads(pickle.dumps(spring))

@@ -1,17 +1,27 @@
 """Whatever befalls a run while it records: what it wrote is whole, and ends where the run does."""
 
+import math
 import os
 import subprocess
 import sys
 
 import numpy as np
 import pytest
-from scenes import prism_chain, short_attempts, smooth_blow
+from scenes import prism_chain, smooth_blow
 
-from tensegrity import Record, TensegrityError, resume, simulate
-from tensegrity.runs import recorder
+import tensegrity
+from tensegrity import (
+    Chain,
+    Prism,
+    Record,
+    StabilityError,
+    State,
+    TensegrityError,
+    resume,
+    simulate,
+)
 
-HERE = os.path.dirname(__file__)
+HERE, PACKAGE = os.path.dirname(__file__), os.path.dirname(tensegrity.__file__)
 ROW = 8 * (2 + 2 * 20)  # bytes of a row of 20 sites
 
 
@@ -68,7 +78,7 @@ def test_any_write_may_fail_or_end_short(tmp_path, monkeypatch, part, lasting):
             return write(file, data, place)
 
         path, error = tmp_path / f"{bad}.npy", None
-        monkeypatch.setattr(recorder.os, "pwrite", failing)
+        monkeypatch.setattr("os.pwrite", failing)
         try:
             run(path)
         except TensegrityError as found:
@@ -89,90 +99,141 @@ def test_any_write_may_fail_or_end_short(tmp_path, monkeypatch, part, lasting):
 
 
 class Interrupting:
-    """Raises KeyboardInterrupt before the k-th line that runs in given files."""
+    """Raises KeyboardInterrupt before the k-th line of the package that runs."""
 
-    def __init__(self, at, files):
-        self.left, self.files, self.where, self.recording = at, files, None, False
+    def __init__(self, at=math.inf):
+        self.left, self.count, self.where = at, 0, None
+
+    def __enter__(self):
+        sys.settrace(self)
+        return self
+
+    def __exit__(self, *_):
+        sys.settrace(None)
 
     def __call__(self, frame, event, argument):
-        return self.line if frame.f_code.co_filename.endswith(self.files) else None
+        return self.line if frame.f_code.co_filename.startswith(PACKAGE) else None
 
     def line(self, frame, event, argument):
         if event == "line":
-            self.left -= 1
-            if self.left < 0 and self.where is None:
-                self.where = frame.f_code.co_name, frame.f_lineno
+            self.count += 1
+            if self.count > self.left and self.where is None:
+                self.where = frame.f_code.co_qualname, frame.f_lineno
                 raise KeyboardInterrupt
-            self.recording |= frame.f_code.co_name == "_serve"
         return self.line
 
 
-WATCHED = ("march.py", "motion.py", "recorder.py", "observers.py", "rows.py")
+SMALL, LARGE = (prism_chain(20), 10), (prism_chain(2000), 12_000)  # and steps: many at a time
 
 
 @pytest.mark.parametrize(
-    ("options", "lines"),
+    ("scene", "options", "tries"),
     [
-        ({"every": 2}, 250),
-        ({"every": 2}, 50),
-        ({"every": 2, "path": "run.npy"}, 250),
-        ({"times": [0.0, 0.25, 0.26, 0.5, 0.999]}, 250),
+        (SMALL, {"every": 2}, 250),
+        (SMALL, {"every": 2, "path": "run.npy"}, 250),
+        (SMALL, {"times": [0.0, 0.25, 0.26, 0.5, 0.999]}, 250),
+        (LARGE, {"every": 700, "path": "run.npy"}, 25),
     ],
-    ids=["memory", "at once", "file", "times"],
+    ids=["memory", "file", "times", "large"],
 )
-def test_an_interrupt_anywhere_loses_nothing(tmp_path, monkeypatch, options, lines):
+def test_an_interrupt_anywhere_loses_nothing(tmp_path, scene, options, tries):
     """The last row is the final state; rows before are those of the whole run."""
-    if lines >= 250:
-        short_attempts(monkeypatch)
-    whole = run(**{k: v for k, v in options.items() if k != "path"})
-    chain, wanted = prism_chain(20), whole.t.tolist()
-    at, ended, stride = -1, False, 5
-    while not ended:
-        at += stride
-        if "path" in options:
-            options = {**options, "path": tmp_path / f"{at}.npy"}
-        tracer = Interrupting(at, WATCHED)
-        sys.settrace(tracer)
+    (chain, steps), when = scene, {k: v for k, v in options.items() if k != "path"}
+
+    def run(seen, **record):
+        how = {"dt": 1.0 / steps, "method": "verlet", "record": Record(**record)}
+        observe = (lambda t, u, v: seen.append(t), Record(**when))
+        return simulate(chain, smooth_blow(chain), 1.0, **how, observe=observe)
+
+    run([], **when)
+    with Interrupting() as counted:
+        whole = run([], **when)
+    wanted, returned = whole.t.tolist(), 0
+    for at in range(0, counted.count, max(1, counted.count // tries)):
+        seen, path = [], tmp_path / f"{at}.npy"
         try:
-            part = run(**options)
+            with Interrupting(at) as tracer:
+                part = run(seen, **when, **({"path": path} if "path" in options else {}))
         except KeyboardInterrupt:
             # there was nothing to lose yet, or all was done and on its way out
-            assert not tracer.recording or tracer.where[0] == "run", tracer.where
+            assert len(seen) in (0, len(wanted)), tracer.where
             continue
-        finally:
-            sys.settrace(None)
-        ended = tracer.where is None
-        assert part.complete or not ended, tracer.where
         done = part.steps * part.dt
         due = [t for t in wanted if t <= done]
+        returned += not part.complete
         assert part.t.tolist()[: len(due)] == due, tracer.where
-        assert np.array_equal(part.u[: len(due)], whole.u[: len(due)])
+        assert np.array_equal(part.u[: len(due)], whole.u[: len(due)]), tracer.where
         if not part.complete:
             assert part.t.tolist()[len(due) :] == [done] * (done not in due), tracer.where
             assert np.array_equal(part.u[-1], part.final.u), tracer.where
             assert np.array_equal(part.v[-1], part.final.v), tracer.where
             assert part.energy[-1] == chain.energy(part.final)
         if "path" in options:
-            kept = np.load(options["path"], allow_pickle=False)
-            assert np.array_equal(kept["t"], part.t)
-            assert np.array_equal(kept["v"], part.v)
-    assert at > lines
+            rows = np.load(path, allow_pickle=False)
+            assert np.array_equal(rows["t"], part.t)
+            assert np.array_equal(rows["v"], part.v)
+    assert returned > tries / 10
+
+
+def ended(path):
+    """The run that goes on; one that was a trial may have been too coarse."""
+    try:
+        return resume(path)
+    except StabilityError as error:
+        return error.run
+
+
+@pytest.mark.parametrize("how", [{"tol": 1e-9}, {}])
+def test_an_interrupt_while_a_step_is_sought_returns_the_run_under_way(tmp_path, how):
+    """And a state that it leaves is that of its rows: a step that is refined begins them anew."""
+    spring = Prism(1.0, 0.9, 0.01, 1.0).potential()
+    v = np.zeros(12)
+    v[[0, 4, 8]] = np.sqrt(1.8 * float(spring.energy(spring.domain[0])))
+    chain, start = Chain(spring, 12), State(np.zeros(12), v)
+    t_end = 5 / np.sqrt(float(spring.stiffness(0.0)))
+
+    def run(path):
+        record = Record(interval=t_end / 7, path=path, checkpoint=1e9)
+        return simulate(chain, start, t_end, **how, record=record)
+
+    run(tmp_path / "first.npy")
+    with Interrupting() as counted:
+        run(tmp_path / "whole.npy")
+    returned = 0
+    for at in range(0, counted.count, counted.count // 60):
+        path = tmp_path / f"{at}.npy"
+        try:
+            with Interrupting(at):
+                part = run(path)
+        except KeyboardInterrupt:
+            continue
+        if part.complete:
+            continue
+        found, returned = [part], returned + 1
+        if path.with_name(path.name + ".state.npz").exists():
+            found.append(ended(path))
+        for one in found:  # such steps, and no others
+            if one.steps:
+                how_far = {"dt": one.dt, "method": one.method}
+                alone = simulate(chain, start, one.steps * one.dt, **how_far)
+                np.testing.assert_allclose(one.final.u, alone.final.u, rtol=0, atol=1e-13)
+    assert returned
 
 
 def test_a_file_is_there_once_its_header_is(tmp_path, monkeypatch):
     """Nobody who looks, or is killed before, finds an empty one."""
-    path, looks, write = tmp_path / "run.npy", [], recorder._write
+    path, looks = tmp_path / "run.npy", []
 
     def full(file, data, place):
         looks.append(path.exists())
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(recorder, "_write", full)
+    monkeypatch.setattr("os.pwrite", full)
     with pytest.raises(TensegrityError, match="No space left on device after 0 rows"):
         run(path)
     assert looks == [False]
     assert not any(tmp_path.iterdir())
-    monkeypatch.setattr(recorder, "_write", write)
+    monkeypatch.undo()
     assert run(path).u.tobytes() == run().u.tobytes()
 
 

@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
-from networks import patch, pushed
-from scenes import prism_chain, smooth_blow
+from networks import triangles
+from oracle import ORDERS
+from scenes import blow, lanes, prism_chain
+from springs import series
 
 from granular import Bead, Striker, materials, y_guide
 from tensegrity import (
     Chain,
-    Ensemble,
     LockingError,
     PowerLaw,
     Record,
@@ -16,26 +17,9 @@ from tensegrity import (
     TensegrityError,
     simulate,
 )
-from tensegrity.engine.methods import METHODS
-from tensegrity.runs.motion import Motion
 
 TIMES = (0.0, 0.137, 0.31, 1.2345, 1.2346, 3.3, 4.0)
 ALL = ["verlet", "rkn6", "rk4", "midpoint"]
-
-
-def lanes():
-    ensemble = Ensemble(prism_chain(12), 9)
-    return ensemble, ensemble.at_rest({1: np.linspace(0.01, 0.03, 9)})
-
-
-def blow():
-    one = prism_chain(24)
-    return one, smooth_blow(one)
-
-
-def triangles():
-    network = patch()
-    return network, pushed(network)
 
 
 SCENES = {"chain": blow, "lanes": lanes, "network": triangles}
@@ -57,7 +41,7 @@ def test_values_between_steps_have_the_order_and_the_accuracy_of_the_run(name, m
     errors = [np.abs(rows(n) - exact).max(axis=(0, *range(2, exact.ndim))) for n in counts]
     between, ends = np.array(errors)[:, 3:-1].max(axis=1), np.array(errors)[:, -1]
     fitted = -np.polyfit(np.log(counts), np.log(between), 1)[0]
-    order = METHODS[method].order
+    order = ORDERS[method]
     assert order - 0.4 < fitted < order + 2, errors
     assert np.all(between < 3 * ends)
 
@@ -76,9 +60,11 @@ def test_values_between_steps_keep_a_tolerance_where_contacts_open(exponent, tol
         assert np.abs(found - wanted).max() < tol * np.abs(wanted).max()
 
 
-@pytest.mark.parametrize("method", ALL)
+@pytest.mark.parametrize("method", [*ALL, "corrected6"])
 def test_what_is_recorded_changes_no_bit_of_the_run(method):
     chain, state = blow()
+    if method == "corrected6":
+        chain = Chain(PowerLaw(1.0, 1.5), 24)
     options = {"dt": 0.1, "method": method}
     plain = simulate(chain, state, 8.0, **options)
     for record in (Record(every=1), Record(every=7), Record(interval=0.33), Record(times=TIMES)):
@@ -142,22 +128,15 @@ def test_a_run_that_locks_between_instants_ends_with_its_final_state():
     assert np.array_equal(run.u[-1], run.final.u)
 
 
-def test_a_shorter_step_that_fails_ends_the_run_with_what_it_had(monkeypatch):
-    """A whole step can be sound where a part of it meets an end of the domain."""
-    chain, state = blow()
-    between, calls = Motion.between, []
-
-    def failing(self, step, part, *arrays):
-        calls.append(part)
-        if len(calls) > 2:
-            raise LockingError("there")
-        return between(self, step, part, *arrays)
-
-    monkeypatch.setattr(Motion, "between", failing)
+def test_a_shorter_step_that_fails_ends_the_run_with_what_it_had():
+    """A whole step of verlet ends inside the domain where half of it does not."""
+    chain = Chain(series(k=0.25, domain=(-0.2, 0.11)), 2)
+    state, how = State([0, 0.09], [0, 0.05]), {"dt": 1.9, "method": "verlet"}
+    assert simulate(chain, state, 1.9, **how).complete
     with pytest.raises(LockingError) as caught:
-        simulate(chain, state, 4.0, dt=0.1, record=Record(times=TIMES))
+        simulate(chain, state, 1.9, **how, record=Record(times=[0.0, 0.95, 1.9]))
     run = caught.value.run
-    assert run.t == pytest.approx(TIMES[:3], rel=1e-14)
+    assert run.t[0] == 0
     assert np.array_equal(run.u[-1], run.final.u)
 
 

@@ -5,18 +5,19 @@ import random
 import signal
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
 import sympy as sp
 from crafted import crafted
-from networks import patch, pushed
-from scenes import interrupted, prism_chain, short_attempts, smooth_blow
+from networks import plate, triangles
+from scenes import blow, ctrl_c, lanes, many_steps, prism_chain
+from springs import series
 
 from granular import Bead, Striker, chain, materials, y_guide
 from tensegrity import (
     Chain,
+    Damping,
     Drive,
     Ensemble,
     LockingError,
@@ -29,10 +30,8 @@ from tensegrity import (
     resume,
     simulate,
 )
-from tensegrity.runs import recorder, step
-from tensegrity.runs.record import beside
 
-STEEL = Bead(4.76e-3, materials["steel"])
+STEEL, T = Bead(4.76e-3, materials["steel"]), sp.Symbol("t")
 
 
 def toda(stiffness=2.0):
@@ -40,25 +39,10 @@ def toda(stiffness=2.0):
     return Chain(Potential(k * (sp.exp(-r) + r - 1), r, {k: stiffness}), 12)
 
 
-def blow():
-    one = prism_chain(24)
-    return one, smooth_blow(one)
-
-
 def elastic():
     soft = Prism(1.0, 0.5, 0.4, 1.0, k_base=2.0, k_bar=20.0).potential(preload=0.05)
     one = Chain([soft] * 6 + [PowerLaw(1.0, 1.5, 0.1, length=0.2)] * 5, 12, np.linspace(1, 2, 12))
     return one, one.at_rest({0: 0.1})
-
-
-def lanes():
-    several = Ensemble(prism_chain(12), 9)
-    return several, several.at_rest({1: np.linspace(0.01, 0.03, 9)})
-
-
-def triangles():
-    network = patch()
-    return network, pushed(network)
 
 
 def struck():
@@ -77,22 +61,57 @@ def driven():
     return one, one.at_rest()
 
 
-CASES = {
-    "verlet": (blow, 8.0, {"dt": 0.1}),
-    "midpoint": (blow, 4.0, {"dt": 0.25, "method": "midpoint"}),
-    "rk4": (blow, 4.0, {"dt": 0.1, "method": "rk4"}),
-    "default step": (blow, 8.0, {}),
-    "tolerance": (blow, 8.0, {"tol": 1e-9}),
-    "elastic": (elastic, 4.0, {"dt": 0.05, "method": "rkn6"}),
-    "lanes": (lanes, 4.0, {"dt": 0.05}),
-    "network": (triangles, 4.0, {"dt": 0.05, "method": "rkn6"}),
-    "beads": (struck, 1e-4, {"dt": 2e-6}),
-    "guide": (guide, 5e-5, {"dt": 1e-6, "method": "rkn6"}),
+def moved(**damping):
+    """A drive and dashpots."""
+    drive = {0: Drive(displacement=0.3 * sp.sin(1.3 * T)), 4: Drive(force=0.1 * sp.cos(T))}
+    damping = Damping(**damping or {"bond": 0.2, "ground": 0.1})
+    one = Chain(series(0, 1 / 4, length=1.0), 8, drive=drive, damping=damping)
+    return one, one.at_rest({3: 0.02})
+
+
+def moved_lanes():
+    several = Ensemble([moved(bond=bond)[0] for bond in (0.0, 1.0)])
+    return several, several.at_rest({3: 0.02})
+
+
+def tuned():
+    prestrain = 0.02 + 0.01 * sp.sin(T / 2) ** 2
+    one = Chain(prism_chain().springs[0], 6, tune={"prestrain": prestrain})
+    return one, one.at_rest({3: 0.02})
+
+
+def shaken():
+    """A lattice shaken in its middle, with dashpots and springs that change."""
+    drive = {4: Drive(displacement=(0.1 * sp.sin(T), None))}
+    one = plate(drive=drive, damping=Damping(bond=0.1), tune={"k": 1 + sp.sin(T) / 2})
+    return one, one.at_rest({8: (0.05, -0.1)})
+
+
+CASES = {  # and steps, of which not all are done at once
+    "verlet": (blow, 8.0, many_steps(23), {"method": "verlet"}),
+    "midpoint": (lambda: blow(20_000), 8.0, many_steps(20_000), {"method": "midpoint"}),
+    "rk4": (blow, 8.0, many_steps(23, 4), {"method": "rk4"}),
+    "corrected6": (struck, 1e-4, many_steps(10, 11), {"method": "corrected6"}),
+    "default step": (lambda: blow(2000), 600.0, None, {}),
+    "tolerance": (lambda: blow(2000), 600.0, None, {"tol": 1e-4, "method": "rkn6"}),
+    "elastic": (elastic, 4.0, many_steps(11, 11), {"method": "rkn6"}),
+    "lanes": (lanes, 4.0, many_steps(99), {"method": "verlet"}),
+    "network": (triangles, 4.0, many_steps(56, 11), {"method": "rkn6"}),
+    "beads": (struck, 1e-4, many_steps(10), {"method": "verlet"}),
+    "guide": (guide, 5e-5, many_steps(20, 11), {"method": "rkn6"}),
+    "moved": (moved, 4.0, 40_000, {"method": "rkn6"}),
+    "moved lanes": (moved_lanes, 4.0, 20_000, {"method": "rkn6"}),
+    "tuned": (tuned, 4.0, 40_000, {"method": "rkn6"}),
+    "shaken": (shaken, 4.0, 12_000, {"method": "rkn6"}),
 }
 
 
+def state_file(path):
+    return path.with_name(path.name + ".state.npz")
+
+
 def same(run, whole):
-    for name in ("t", "u", "v", "energy", "impulse", "met"):
+    for name in ("t", "u", "v", "energy", "impulse", "met", "work", "loss"):
         one, two = getattr(run, name), getattr(whole, name)
         assert (one is None and two is None) or np.array_equal(one, two), name
     assert np.array_equal(run.final.u, whole.final.u)
@@ -101,37 +120,27 @@ def same(run, whole):
     assert (run.method, run.complete) == (whole.method, whole.complete)
 
 
-def interrupt(monkeypatch, at, error=KeyboardInterrupt):
-    """Stop the run to a file with its `at`-th attempt."""
-    interrupted(monkeypatch, at, 1, error, lambda motion: motion.problem.record.path)
-
-
-@pytest.mark.parametrize("at", [1, 2, 9])
-@pytest.mark.parametrize("kind", ["every", "interval"])
-@pytest.mark.parametrize("name", CASES)
-def test_an_interrupted_run_goes_on_to_the_same_bits(tmp_path, monkeypatch, name, kind, at):
-    make, t_end, options = CASES[name]
+@pytest.mark.parametrize("at", [0.1, 0.7])
+@pytest.mark.parametrize(
+    "name", [pytest.param(x, marks=[pytest.mark.slow] * (x == "midpoint")) for x in CASES]
+)
+def test_an_interrupted_run_goes_on_to_the_same_bits(tmp_path, name, at):
+    """Whatever parts it was done in: interrupted after the first, or the second."""
+    make, t_end, steps, how = CASES[name]
     scene, state = make()
-    record = {"every": 1} if kind == "every" else {"interval": t_end / 21.3}
-    if name == "tolerance":
-        monkeypatch.setattr("tensegrity.runs.tolerance.WORTH", np.inf)
-    whole = simulate(scene, state, t_end, **options, record=Record(sites=[1, 0], **record))
+    how = how | ({"dt": t_end / steps} if steps else {})
+    kept = {"every": steps // 50} if steps and at > 0.5 else {"interval": t_end / 21.3}
+    whole = simulate(scene, state, t_end, **how, record=Record(sites=[1, 0], **kept))
     path = tmp_path / "run.npy"
-    interrupt(monkeypatch, at)
-    record = Record(sites=[1, 0], **record, path=path, checkpoint=1e9)
-    part = simulate(scene, state, t_end, **options, record=record)
-    monkeypatch.undo()
+    record = Record(sites=[1, 0], **kept, path=path, checkpoint=1e9)
+    part = simulate(scene, state, t_end, **how, record=record, observe=ctrl_c(at * t_end))
     assert not part.complete
-    run = resume(path)
-    if name == "tolerance" and run.dt != whole.dt:
-        assert run.error_estimate is None  # the march under way was a trial
-        how = {"dt": run.dt, "method": run.method}
-        record = Record(sites=[1, 0], every=record.every, interval=record.interval)
-        whole = simulate(scene, state, t_end, **how, record=record)
+    assert 0 < part.steps < whole.steps
+    run = resume(path, scene)
     same(run, whole)
     assert repr(run.scene) == repr(scene)
     assert np.array_equal(np.load(path)["v"], whole.v)
-    same(resume(path), whole)  # again: nothing is left to do
+    same(resume(path, scene), whole)  # again: nothing is left to do
 
 
 def test_a_full_disk_loses_the_row_and_not_the_run(tmp_path, monkeypatch):
@@ -145,7 +154,7 @@ def test_a_full_disk_loses_the_row_and_not_the_run(tmp_path, monkeypatch):
             raise OSError(28, "No space left on device")
         return write(file, data, place)
 
-    monkeypatch.setattr("tensegrity.runs.recorder.os.pwrite", full)
+    monkeypatch.setattr("os.pwrite", full)
     record = Record(every=2, path=path, checkpoint=0.0)
     with pytest.raises(RecordError, match="No space left") as caught:
         simulate(scene, state, 8.0, dt=0.1, record=record)
@@ -157,42 +166,24 @@ def test_a_full_disk_loses_the_row_and_not_the_run(tmp_path, monkeypatch):
 
 def test_a_state_that_cannot_be_written_leaves_the_one_before(tmp_path, monkeypatch):
     scene, state = blow()
-    whole = simulate(scene, state, 8.0, dt=0.1, record=Record(every=2))
+    how = {"dt": 8.0 / many_steps(23), "method": "verlet"}
+    whole = simulate(scene, state, 8.0, **how, record=Record(interval=0.1))
     path, replace, calls = tmp_path / "run.npy", os.replace, []
 
     def full(one, two):
         calls.append(two)
-        if len(calls) > 5:
+        if len(calls) > 3:
             raise OSError(28, "No space left on device")
         replace(one, two)
 
-    short_attempts(monkeypatch, 8)
-    monkeypatch.setattr("tensegrity.runs.archive.os.replace", full)
+    monkeypatch.setattr("os.replace", full)
+    record = Record(interval=0.1, path=path, checkpoint=0.0)
     with pytest.raises(RecordError, match=r"run\.npy\.state\.npz: No space left") as caught:
-        simulate(scene, state, 8.0, dt=0.1, record=Record(every=2, path=path, checkpoint=0.0))
+        simulate(scene, state, 8.0, **how, record=record)
     monkeypatch.undo()
     assert np.array_equal(np.load(path)["t"], caught.value.run.t)
     same(resume(path), whole)
     assert sorted(x.name for x in tmp_path.iterdir()) == ["run.npy", "run.npy.state.npz"]
-
-
-def test_no_state_of_a_trial_stands_beside_the_rows_of_the_next(tmp_path, monkeypatch):
-    scene, state = guide()
-    path, begin, calls = tmp_path / "run.npy", recorder.FileRows.__init__, []
-    expected = step.expected_steps  # too few: the run is begun anew with more
-    monkeypatch.setattr(step, "expected_steps", lambda *given: expected(*given) // 16)
-
-    def killed(self, *arguments):
-        begin(self, *arguments)
-        calls.append(beside(path).exists())
-        if len(calls) == 2:
-            raise KeyboardInterrupt
-
-    monkeypatch.setattr(recorder.FileRows, "__init__", killed)
-    with pytest.raises(KeyboardInterrupt):
-        simulate(scene, state, 5e-5, record=Record(path=path, checkpoint=1e9))
-    assert calls == [False, False]
-    assert not beside(path).exists()
 
 
 def test_a_run_that_locked_locks_again(tmp_path):
@@ -206,13 +197,12 @@ def test_a_run_that_locked_locks_again(tmp_path):
     assert np.array_equal(first.value.run.t, second.value.run.t)
 
 
-def test_a_scene_of_a_users_own_energy_is_asked_for_and_recognised(tmp_path, monkeypatch):
+def test_a_scene_of_a_users_own_energy_is_asked_for_and_recognised(tmp_path):
     one, path = toda(), tmp_path / "run.npy"
-    state = one.at_rest({0: 0.5})
-    whole = simulate(one, state, 5.0, dt=0.1, record=Record(every=1))
-    interrupt(monkeypatch, 9)
-    simulate(one, state, 5.0, dt=0.1, record=Record(every=1, path=path, checkpoint=1e9))
-    monkeypatch.undo()
+    state, how = one.at_rest({0: 0.5}), {"dt": 5.0 / many_steps(11), "record": Record(interval=0.2)}
+    whole = simulate(one, state, 5.0, **how)
+    how["record"] = Record(interval=0.2, path=path, checkpoint=1e9)
+    simulate(one, state, 5.0, **how, observe=ctrl_c(2.0))
     with pytest.raises(TensegrityError, match=r"give it as `scene`; it printed Chain\(12 sites"):
         resume(path)
     heavier = Chain(one.springs[0], 12, 2.0)
@@ -220,6 +210,23 @@ def test_a_scene_of_a_users_own_energy_is_asked_for_and_recognised(tmp_path, mon
         with pytest.raises(TensegrityError, match="is not that of"):
             resume(path, scene=wrong)
     same(resume(path, scene=toda()), whole)
+
+
+def test_a_driven_scene_is_recognised_by_its_expressions(tmp_path):
+    path, (scene, state) = tmp_path / "rows.npy", moved()
+    simulate(scene, state, 1.0, dt=0.05, record=Record(path=path, checkpoint=0.0))
+    with pytest.raises(TensegrityError, match="give it as `scene`"):
+        resume(path)
+    drive, damping = scene.drive, scene.damping
+    for other in (
+        {"drive": drive | {4: Drive(force=0.1 * sp.sin(T))}, "damping": damping},
+        {"drive": drive, "damping": Damping(bond=0.2, ground=0.11)},
+        {"drive": drive},
+        {},
+    ):
+        with pytest.raises(TensegrityError, match="is not that of"):
+            resume(path, Chain(scene.springs[0], 8, **other))
+    assert resume(path, moved()[0]).complete
 
 
 def test_a_scene_that_can_be_built_may_be_given_too(tmp_path):
@@ -255,69 +262,67 @@ def test_files_that_do_not_belong_together_are_refused(tmp_path):
     with pytest.raises(TensegrityError, match=r"record path .*run\.npy holds"):
         resume(path)
     path.write_bytes(whole)
-    beside(path).write_bytes(beside(path).read_bytes()[:-200])
+    state_file(path).write_bytes(state_file(path).read_bytes()[:-200])
     with pytest.raises(TensegrityError, match="holds no state, or is damaged"):
         resume(path)
 
 
 KILLED = """
-import sys
-from test_resume import blow
-from tensegrity import Record, simulate
-chain, state = blow()
-record = Record(interval=0.413, path=sys.argv[1], checkpoint=0.003)
-simulate(chain, state, 400.0, dt=0.05, method="rkn6", record=record)
+import os, signal, sys
+from tensegrity import Record, resume, simulate
+from test_resume import SLOW, shaken
+path, left, write = sys.argv[1], int(sys.argv[2]), os.pwrite
+
+def last(file, data, place):
+    global left
+    left -= 1
+    if left < 0:
+        write(file, data[: len(data) // 2], place)
+        os.kill(os.getpid(), signal.SIGKILL)
+    return write(file, data, place)
+
+os.pwrite, (scene, state) = last, shaken()
+if os.path.exists(path + ".state.npz"):
+    resume(path, scene)
+else:
+    simulate(scene, state, **SLOW, record=Record(interval=0.0413, path=path, checkpoint=0.0))
 """
+SLOW = {"t_end": 4.0, "dt": 4e-4, "method": "rkn6"}
 
 
-def _kills(tmp_path, seed, count):
-    """Kill at random moments, look, and go on in a new process that is killed as well."""
-    scene, state = blow()
-    whole = simulate(scene, state, 400.0, dt=0.05, method="rkn6", record=Record(interval=0.413))
+def started(code, *words, **how):
+    """A process that runs code with the folder of tests at hand."""
     here = os.path.dirname(__file__)
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([here, os.path.dirname(here)])}
-    moments, path, seen, number = random.Random(seed), None, 0, 0
-    for kill in range(count):
-        code = "import sys\nfrom tensegrity import resume\nresume(sys.argv[1])"
-        if path is None:
-            path, code, seen, number = tmp_path / f"{kill}.npy", KILLED, 0, number + 1
-        running = subprocess.Popen([sys.executable, "-c", code, str(path)], env=environment)
-        until = time.monotonic() + 60
-        while not beside(path).exists() or _rows(path) <= seen:
-            assert running.poll() is None or _rows(path) == len(whole.t)
-            assert time.monotonic() < until
-            if _rows(path) == len(whole.t):
-                break
-            time.sleep(0.002)
-        time.sleep(moments.uniform(0, 0.5))
-        running.send_signal(signal.SIGKILL)
-        running.wait()
-        kept = np.load(path, allow_pickle=False)
-        assert len(kept) >= seen  # nothing that was there is gone
-        seen = len(kept)
-        assert np.array_equal(kept["t"], whole.t[:seen])
-        assert np.array_equal(kept["u"], whole.u[:seen])
-        assert seen > 0
-        if seen == len(whole.t) or kill == count - 1:
-            same(resume(path), whole)
-            path = None
-    return number
+    return subprocess.Popen([sys.executable, "-c", code, *words], env=environment, **how)
 
 
-def _rows(path):
-    try:
-        return len(np.load(path, mmap_mode="r"))
-    except (OSError, ValueError):
-        return 0
+def kills(path, dice, count):
+    """Kill it in the midst of a write, look, and go on in a new process that is killed as well."""
+    scene, state = shaken()
+    whole, seen = simulate(scene, state, **SLOW, record=Record(interval=0.0413)), 0
+    for _ in range(count):
+        code = started(KILLED, str(path), str(dice.randrange(3, 40))).wait()
+        assert code in (0, -signal.SIGKILL)
+        rows = np.load(path, allow_pickle=False)
+        assert len(rows) >= seen  # nothing that was there is gone
+        seen = len(rows)
+        assert np.array_equal(rows["t"], whole.t[:seen])
+        assert np.array_equal(rows["u"], whole.u[:seen])
+        if code == 0:
+            break
+    assert seen > 0
+    same(resume(path, scene), whole)
 
 
 def test_a_killed_run_is_resumed_to_the_same_bits(tmp_path):
-    _kills(tmp_path, 1, 3)
+    kills(tmp_path / "run.npy", random.Random(1), 3)
 
 
 @pytest.mark.slow
-def test_twenty_kills_at_random_moments_lose_nothing(tmp_path):
-    _kills(tmp_path, 2, 20)
+def test_kills_at_twenty_random_moments_lose_nothing(tmp_path):
+    for number in range(5):
+        kills(tmp_path / f"{number}.npy", random.Random(number), 4)
 
 
 def test_any_damage_to_the_rows_is_refused_or_harmless(tmp_path):
@@ -336,43 +341,47 @@ def test_any_damage_to_the_rows_is_refused_or_harmless(tmp_path):
         assert np.array_equal(run.final.u, whole.final.u)
 
 
-def test_a_second_run_of_a_path_is_refused_before_it_writes(tmp_path, monkeypatch):
-    """Also one that looked before the first began; a process that is killed holds nothing."""
+WAITING = """
+import sys
+from tensegrity import Record, simulate
+from test_resume import blow
+chain, state = blow()
+record = Record(path=sys.argv[1], checkpoint=0.0)
+simulate(chain, state, 1.0, dt=0.1, record=record, observe=lambda *_: print(flush=True) or input())
+"""
+
+
+def test_a_second_run_of_a_path_is_refused_before_it_writes(tmp_path):
+    """A process that is killed holds nothing."""
     (scene, state), path = blow(), tmp_path / "run.npy"
-    here = os.path.dirname(__file__)
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([here, os.path.dirname(here)])}
-    running = subprocess.Popen([sys.executable, "-c", KILLED, str(path)], env=environment)
-    while not beside(path).exists():
-        time.sleep(0.002)
-    running.send_signal(signal.SIGSTOP)
+    running = started(WAITING, str(path), stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    running.stdout.readline()
     try:
         files = {x.name: x.read_bytes() for x in tmp_path.iterdir()}
         with pytest.raises(RecordError, match=r"run\.npy is being written by another run"):
             resume(path)
-        monkeypatch.setattr(Record, "check", lambda *given: None)
         for record in (Record(path=path), Record(path=path, checkpoint=0)):
-            with pytest.raises(RecordError, match=r"record path .*run\.npy exists"):
+            with pytest.raises(TensegrityError, match=r"record path .*run\.npy exists"):
                 simulate(scene, state, 1.0, dt=0.1, record=record)
-        monkeypatch.undo()
         assert {x.name: x.read_bytes() for x in tmp_path.iterdir()} == files
     finally:
         running.kill()
-        running.wait()
+        running.communicate()
     assert resume(path).complete
 
 
 def test_of_two_runs_that_begin_a_path_at_once_one_is_refused(tmp_path, monkeypatch):
     """The other begins between the look for the file and its own."""
-    (scene, state), path, write, inner = blow(), tmp_path / "run.npy", recorder._write, []
+    (scene, state), path, write, inner = blow(), tmp_path / "run.npy", os.pwrite, []
 
     def later(file, data, place):
         if not inner:
             inner.append(None)
             with pytest.raises(RecordError, match=r"run\.npy is being written by another run"):
                 simulate(scene, state, 1.0, dt=0.1, record=Record(path=path))
-        write(file, data, place)
+        return write(file, data, place)
 
-    monkeypatch.setattr(recorder, "_write", later)
+    monkeypatch.setattr("os.pwrite", later)
     run = simulate(scene, state, 1.0, dt=0.1, record=Record(path=path))
     assert inner
     assert np.array_equal(np.load(path)["u"], run.u)
@@ -385,7 +394,7 @@ def test_a_state_whose_parts_do_not_fit_is_refused(tmp_path, make):
     path = tmp_path / "run.npy"
     simulate(scene, state, 5e-5, dt=1e-6, record=Record(every=1, path=path, checkpoint=0))
     others = {"choice": ["all"], "done": [10**6], "count": [10**6], "allowed": [0.0, np.nan]}
-    for part, value in crafted(beside(path), "state", others):
+    for part, value in crafted(state_file(path), "state", others):
         with pytest.raises(TensegrityError, match=r"holds no state, or is damaged|record path"):
             print(part, value, resume(path))
     assert resume(path).complete

@@ -1,6 +1,5 @@
 """The rigid-elastic prism: printed forms, closed forms, and the form that runs."""
 
-import casadi as ca
 import numpy as np
 import pytest
 import sympy as sp
@@ -8,8 +7,6 @@ import sympy as sp
 from derivations import prism as derived_prism
 from derivations import rigid_elastic as derived
 from tensegrity import Prism
-from tensegrity.engine.law import functions
-from tensegrity.prisms.closed import rigid_law
 
 BASE, HEIGHT, PRESTRAIN = 1.3, 0.9, 0.07
 
@@ -54,23 +51,6 @@ def test_force_equals_the_second_printed_form(spring, heights):
     last = np.sqrt(9 * b**2 - 3 * r3 * BASE**2 * sine + 9 * BASE**2 * cosine) - 3 * natural
     printed = top / bottom * last
     np.testing.assert_allclose(spring.tension(heights - HEIGHT), printed, rtol=1e-11, atol=1e-13)
-
-
-def test_derivative_of_the_energy_by_casadi_is_the_tension_that_runs(spring, rng):
-    energy = functions(rigid_law())["energy"]
-    r, p = ca.SX.sym("r"), ca.SX.sym("p", len(derived.PARAMETERS))
-    gradient = ca.Function("gradient", [r, p], [ca.gradient(energy(r, p), r)])
-    low, high = spring.domain
-    for x in rng.uniform(0.95 * low, 0.95 * high, 50):
-        by_ad = float(gradient(x, spring.values))
-        np.testing.assert_allclose(by_ad, spring.tension(x), rtol=1e-9, atol=1e-12)
-
-
-def test_the_tension_needs_two_roots_and_one_division():
-    function = functions(rigid_law())["tension"]
-    operations = [function.instruction_id(k) for k in range(function.n_instructions())]
-    assert operations.count(ca.OP_SQRT) == 2
-    assert operations.count(ca.OP_DIV) + operations.count(ca.OP_INV) == 1
 
 
 def test_turn_solves_compatibility():

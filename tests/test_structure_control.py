@@ -15,7 +15,6 @@ from tensegrity import (
     equilibrium,
     held,
 )
-from tensegrity.structures import walk
 
 PRISM = Prism(1.0, 1.0, 0.1, 1.0, 5.0, 50.0)
 GROUND = held([0, 1])
@@ -162,18 +161,14 @@ def test_a_path_that_loses_its_stiffness_with_its_strings_ends_where_they_go_sla
     assert [e.note for e in path.events] == ["strings 0, 1 slack"]
 
 
-def test_a_string_that_a_path_met_goes_slack_however_near_it_was_located(monkeypatch):
+def test_a_string_that_a_path_met_goes_slack_however_near_it_was_located():
     nodes = [[-1, 0], [1, 0], [0, 0.6], [0, 2]]
     frame, ground = {"bars": [(0, 2), (1, 2)], "strings": [(3, 2)]}, held([0, 1, 3])
     lengths = [1.166, 1.166, 1.3]
     s = equilibrium(Structure(nodes, **frame, natural_lengths=lengths), supports=ground).structure
-    paths = []
-    for _ in range(2):
-        paths.append(control_path(s, {0: 1.4, 1: 1.4}, ground))
-        monkeypatch.setattr(walk, "CORNER", -1.0)  # as if round-off were larger
-    assert [e.note for e in paths[1].events] == ["string 2 slack"]
-    assert paths[1].tensions[-1, 2] == 0
-    assert paths[1].positions[-1] == pytest.approx(paths[0].positions[-1], rel=1e-10)
+    path = control_path(s, {0: 1.4, 1: 1.4}, ground)
+    assert [e.note for e in path.events] == ["string 2 slack"]
+    assert path.tensions[-1, 2] == 0
 
 
 def test_searches_for_events_that_run_off_are_silent():

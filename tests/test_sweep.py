@@ -1,19 +1,17 @@
 """Sweeps: results in order, failures kept, workers that die, checkpoints."""
 
 import ast
-import random
 import subprocess
 import sys
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from crafted import parts
 from designs import square_or_die, square_or_die_once, squared
 from test_design_search import ROOT, run_and_kill
 
 from tensegrity import TensegrityError, sweep
-from tensegrity.runs import archive
-from tensegrity.runs.sweep import Failed
 
 
 def test_results_come_in_the_order_of_the_cases_and_failures_with_their_errors():
@@ -24,7 +22,7 @@ def test_results_come_in_the_order_of_the_cases_and_failures_with_their_errors()
             found = sweep(squared, cases, executor)
             for number, (result, wanted) in enumerate(zip(found, expected, strict=True)):
                 if isinstance(wanted, str):
-                    assert isinstance(result, Failed)
+                    assert not isinstance(result, int)
                     assert (result.number, result.lost) == (number, False)
                     assert result.error.startswith(wanted)
                 else:
@@ -38,12 +36,10 @@ def test_a_case_whose_worker_dies_is_repeated_once_and_the_others_are_not_lost(t
         assert sweep(square_or_die_once, cases, pool) == [x * x for x in range(20)]
     with ProcessPoolExecutor(2) as pool:
         found = sweep(square_or_die, [1, 2, -3, 4, -5, *range(6, 30)], pool)
-    dead = {k: one for k, one in enumerate(found) if isinstance(one, Failed)}
+    dead = {k: one for k, one in enumerate(found) if not isinstance(one, int)}
     assert {k: (one.number, one.lost) for k, one in dead.items()} == {2: (2, True), 4: (4, True)}
     assert "BrokenProcessPool" in dead[2].error
-    assert [x for x in found if not isinstance(x, Failed)] == [
-        x * x for x in (1, 2, 4, *range(6, 30))
-    ]
+    assert [x for x in found if isinstance(x, int)] == [x * x for x in (1, 2, 4, *range(6, 30))]
 
 
 def test_a_sweep_goes_on_from_its_checkpoint(tmp_path):
@@ -58,7 +54,7 @@ def test_a_sweep_goes_on_from_its_checkpoint(tmp_path):
 
     with pytest.raises(KeyboardInterrupt):
         sweep(counted, range(6), checkpoint=path)
-    assert len(archive.read(path, "sweep")["numbers"]) == 2
+    assert len(parts(path, "sweep")["numbers"]) == 2
     found = sweep(counted, range(6), checkpoint=path)
     assert seen == [0, 1, 2, 2, 3, 4, 5]
     assert [one["value"] for one in found] == list(range(6))
@@ -85,12 +81,11 @@ def test_what_a_checkpoint_cannot_hold_is_refused(tmp_path):
 
 
 @pytest.mark.slow
-def test_killed_at_random_moments_a_sweep_ends_with_the_same_results(tmp_path):
-    path, dice, kills = tmp_path / "sweep.npz", random.Random(2), 0
-    for _ in range(5):
-        kills += run_and_kill("sweep", path, dice.uniform(0.8, 2.0)) is None
-    assert kills
-    last = run_and_kill("sweep", path, 600)
+def test_a_sweep_that_is_killed_ends_with_the_same_results(tmp_path):
+    path = tmp_path / "sweep.npz"
+    for case in (3, 17, 17, 39):
+        assert run_and_kill("sweep", path, case) is None
+    last = run_and_kill("sweep", path)
     assert ast.literal_eval(last) == [x * x for x in range(40)]
 
 

@@ -2,65 +2,10 @@
 
 import numpy as np
 import pytest
+from extended import rows
 from random_scenes import KINDS, draw, half_sine, opening
 
 from tensegrity import Chain, PowerLaw, Prism, Record, State, TensegrityError, simulate
-from tensegrity.engine.compiled import Compiled
-from tensegrity.engine.kernel import bind
-from tensegrity.engine.methods import METHODS
-from tensegrity.scenes.dynamics import dynamics
-
-TOLERANCES = (1e-3, 1e-6, 1e-9)
-FINER = 1e-11  # tolerance that the reference meets
-INSTANTS = 60
-
-
-def scene(seed):
-    """Chain, state and duration: up to 0.9 of the energy that locks a bond, in one mass."""
-    rng = np.random.default_rng(seed)
-    prism = Prism(1.0, rng.uniform(0.5, 1.2), 10 ** rng.uniform(-3, -1), 1.0)
-    spring = prism.potential()
-    chain = Chain(spring, int(rng.integers(20, 201)))
-    energy = rng.uniform(0.05, 0.9) * float(spring.energy(spring.domain[0]))
-    blow = {int(rng.integers(0, chain.sites)): np.sqrt(2 * energy) * rng.choice([-1, 1])}
-    omega = 2 * np.sqrt(prism.axial_stiffness())
-    return chain, chain.at_rest(blow), rng.uniform(10, 50) / omega
-
-
-def errors(seed):
-    """True error of a run over its tolerance, for each tolerance."""
-    chain, state, t_end = scene(seed)
-    fine = simulate(chain, state, t_end, tol=FINER, record=Record(sites=[0])).steps
-    found = []
-    for tol in TOLERANCES:
-        steps = simulate(chain, state, t_end, tol=tol, record=Record(sites=[0])).steps
-        every = -(-steps // INSTANTS)
-        run = simulate(chain, state, t_end, tol=tol, record=Record(every=every))
-        finer = -(-fine // run.steps)
-        exact = simulate(
-            chain, state, t_end, method="rkn6", dt=t_end / (finer * run.steps),
-            record=Record(every=finer * every),
-        )  # fmt: skip
-        np.testing.assert_allclose(run.t, exact.t, rtol=1e-12)
-        gaps = [
-            np.max(np.abs(getattr(run, n) - getattr(exact, n))) / np.max(np.abs(getattr(exact, n)))
-            for n in ("u", "v")
-        ]
-        found.append(max(gaps) / tol)
-    return np.array(found)
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_tolerance_is_kept(seed):
-    assert (errors(seed) < 1).all()
-
-
-@pytest.mark.slow
-def test_tolerance_is_kept_on_fifty_scenes():
-    found = np.array([errors(seed) for seed in range(50)])
-    print(f"largest error over tolerance: {found.max(axis=0)}, below it: {(found < 1).sum(axis=0)}")
-    assert ((found < 1).sum(axis=0) >= 48).all()
-    assert found.max() < 10
 
 
 def worst(found, exact):
@@ -132,24 +77,6 @@ def true_error(kind, scene, state, run, t_end, tol):
     return worst((run.u, run.v), exact), known
 
 
-def in_extended_precision(scene, state, t_end, steps, at):
-    """u and v after some steps of the corrected method, compiled in long double: double has too
-    few digits to tell an error of 1e-11 where motions part."""
-    bonds, method = dynamics(scene).loop_bonds, METHODS["corrected6"]
-    u, v = (x.astype(np.longdouble) for x in dynamics(scene).arrays(state))
-    loop = bind(
-        u, v, bonds, method, np.longdouble(t_end) / steps, Compiled.of(bonds, extended=True)
-    )
-    done, rows = 0, []
-    for k in at.tolist():
-        loop.advance_open(k - done, done > 0)
-        if k:
-            loop.show()
-        done = k
-        rows.append([x[: scene.sites].astype(float) for x in (loop.shown if k else (u, v))])
-    return np.moveaxis(rows, 1, 0)
-
-
 def gap(found, exact, largest):
     """Largest difference in u and in v, over the largest values of a run."""
     return max(
@@ -178,8 +105,8 @@ def test_no_row_is_above_its_tolerance_in_two_thousand_scenes_with_openings():
         between = simulate(scene, state, t_end, tol=tol, record=times)
         ends = np.arange(0, steps + 1, finer)
         at = np.union1d(ends, among)
-        exact = in_extended_precision(scene, state, t_end, steps, at)
-        rough = in_extended_precision(scene, state, t_end, steps // 2, ends // 2)
+        exact = rows(scene, state, t_end, steps, at)
+        rough = rows(scene, state, t_end, steps // 2, ends // 2)
         largest = np.max(np.abs(exact.reshape(2, -1)), axis=1)
         at_ends = exact[:, np.searchsorted(at, ends)]
         assert gap(rough, at_ends, largest) / 7 < tol / 5, seed

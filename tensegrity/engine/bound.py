@@ -142,9 +142,10 @@ class Bound:
         """Go on with steps of another length [s]."""
         if dt == self._dt:
             return
-        self._dt = dt
+        self._dt = None  # until all are changed, whatever interrupts
         for array, of_one, power in self._of_step:
             np.multiply(of_one, array.dtype.type(dt) ** power, out=array)
+        self._dt = dt
 
     def _accelerations(self, method):
         """Of a method that sums accelerations."""
