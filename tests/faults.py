@@ -42,7 +42,7 @@ C_CONDITION = re.compile(r"\bif (\(.+\))(?= \{| [a-z]|$)|(?<= )(\w+)(?= \? )")
 C_STATEMENT = re.compile(r"^\s+([\w.>\[\]*-]+ [-+*]?= .+;|\w+\(.*\);)$")
 NEAREST = {  # folders and files, and the tests of what stands there; those of its name come first
     "derivations": "derivations_prism derivations_waves derivations_numeric nodes ledger claims",
-    "granular/design": "design_search design_objective downhill descent gradients",
+    "granular/design": "design_search design_objective downhill gradients",
     "granular/lammps": "lammps bad_input",
     "granular": "granular_chain granular_guide granular_contact granular_layout packs"
     " packs_at_rest observables",
@@ -69,7 +69,7 @@ NEAREST = {  # folders and files, and the tests of what stands there; those of i
     "tensegrity": "check bad_input notebook self_test export readonly copies",
 }
 EQUIVALENT = {
-    "tensegrity/structures/switch.py: radius = max(np.abs(x - begin).max(), small) -> radius = "
+    "tensegrity/structures/corner.py: radius = max(np.abs(x - begin).max(), small) -> radius = "
     "max(np.abs(x + begin).max(), small)": "the region of the steps grows and shrinks as needed",
 }
 

@@ -1,8 +1,10 @@
-"""The cache of compiled kernels under every fault that is expected of it."""
+"""The cache of compiled kernels under every fault that is expected of it; structures of C."""
 
+import ctypes
 import errno
 import multiprocessing
 import os
+import re
 import select
 import shutil
 import signal
@@ -10,8 +12,10 @@ import subprocess
 import sys
 import time
 import warnings
+from importlib.resources import files
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tensegrity import TensegrityError
@@ -417,3 +421,35 @@ def test_processes_that_make_room_at_once_do_not_disturb_each_other(cache, monke
     then = "from tensegrity.engine import kept; kept.trim(0, age=0.0)\n"
     started = [compile_elsewhere(TEXTS[k:] + TEXTS[:k], then) for k in range(3)]
     assert [process.communicate()[0] for process in started] == ["1\n"] * 3
+
+
+# structures that C takes: read from its text, filled by name
+
+
+FOLDER = files("tensegrity.engine")
+PYTHON = "".join(x.read_text() for x in FOLDER.iterdir() if x.name.endswith(".py"))
+USED = sorted(set(re.findall(r'structure\("(.+?)", "(\w+)"\)', PYTHON)))
+DECLARED = re.compile(r"typedef struct \{[^{}]*\} \w+;")
+
+
+@pytest.mark.parametrize(("file", "name"), USED)
+def test_fields_are_where_the_compiler_has_them(file, name):
+    made, kinds = native.structure(file, name), ("long long integer", "double real", "void law")
+    text = ["#include <stddef.h>", *(f"typedef {kind};" for kind in kinds)]
+    text += DECLARED.findall(FOLDER.joinpath(file).read_text())
+    names = [field for field, _ in made._fields_]
+    offsets = ", ".join(f"offsetof({name}, {field})" for field in names)
+    text.append(f"integer found[] = {{sizeof({name}), {offsets}}};")
+    found = (ctypes.c_longlong * (1 + len(names))).in_dll(native.library("\n".join(text)), "found")
+    assert list(found) == [ctypes.sizeof(made), *(getattr(made, x).offset for x in names)]
+
+
+def test_every_field_is_given_by_its_name_and_no_other():
+    looks, begins = native.structure("energies.c", "looks"), np.arange(2)
+    made = looks(count=1, begins=begins, shares=None)
+    assert (made.begins, made.shares, made.count) == (begins.ctypes.data, None, 1)
+    for wrong in ({"count": 1, "begins": begins}, {**made.filled, "end": 1}):
+        with pytest.raises(TypeError, match=r"shares|end"):
+            looks(**wrong)
+    with pytest.raises(AttributeError):
+        made.fill(end=1)

@@ -151,6 +151,7 @@ def test_an_interrupt_anywhere_loses_nothing(tmp_path, scene, options, tries):
     wanted, returned = whole.t.tolist(), 0
     for at in range(0, counted.count, max(1, counted.count // tries)):
         seen, path = [], tmp_path / f"{at}.npy"
+        run([], **when)  # binds the loop that the interrupted one before it did not hand back
         try:
             with Interrupting(at) as tracer:
                 part = run(seen, **when, **({"path": path} if "path" in options else {}))

@@ -356,9 +356,9 @@ def _make_wall(point, normal, extent):
 def _network(x):
     bonds = len(x.bonds)
     opening, gaps = np.split(dynamics(x).geometry[x.dim], [bonds])
-    if x.law is not None and not isinstance(x.law.given, Potential):
+    if x._law is not None and not isinstance(x._law.given, Potential):
         return None  # a function, which no file holds
-    followed = {} if x.law is None else {"contacts": "follow", "law": x.law.given}
+    followed = {} if x._law is None else {"contacts": "follow", "law": x._law.given}
     return {
         "positions": x.positions, "bonds": x.bonds, "springs": _shared(x.springs),
         "lengths": x.lengths if opening.any() else None,  # else to the bits of the positions

@@ -117,7 +117,7 @@ def _sorted(pairs):
 def contacts_with(scene, geometry, pairs, walls):
     """What a network that follows contacts is made of with these contacts besides its own, by
     name."""
-    count, law, own_geometry = len(scene.bonds), scene.law, geometry[scene.dim]
+    count, law, own_geometry = len(scene.bonds), scene._law, geometry[scene.dim]
     bonds = np.concatenate([scene.bonds, pairs])
     contacts = np.concatenate([scene.wall_contacts, walls])
     lengths = np.concatenate([scene.lengths, scene.radius[pairs].sum(axis=1)])

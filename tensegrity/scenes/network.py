@@ -136,7 +136,7 @@ class Network(Scene):
             self.positions, self.bonds, lengths, self.walls, self.wall_contacts, self.radius,
             wall_gaps,
         )  # fmt: skip
-        self.law = followed_law(contacts, law, self.radius)
+        self._law = followed_law(contacts, law, self.radius)
         of = dynamics(self)
         _ = of.loop_bonds  # refuses springs that the compiled loop cannot take
         of.refuse_unlisted(np.zeros(self.shape))

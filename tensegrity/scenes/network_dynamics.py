@@ -45,7 +45,7 @@ class NetworkDynamics(Dynamics):
         super().__init__(scene)
         self.wall_count, self.geometry = len(scene.walls), scene._geometry
         self.spring_lengths, self.turns = self.geometry[-1], scene.dim > 1
-        self.follows = scene.law is not None
+        self.follows = scene._law is not None
         self._lists: tuple[Any, ...] = ()
 
     @cached_property
@@ -142,7 +142,7 @@ class NetworkDynamics(Dynamics):
 
     def _varied(self, **changed: Any) -> Self:
         """That of the scene with a fixed list of contacts, over which nothing watches."""
-        scene = self.scene._varied(law=None, **changed)
+        scene = self.scene._varied(_law=None, **changed)
         found = type(self)(scene)
         found.__dict__.update(clearance=None, crowding=self.crowding)
         scene._in_thread.dynamics = found
