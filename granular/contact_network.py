@@ -6,22 +6,17 @@ by the scene, or, where they come and go, near given displacements; see `Network
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from granular.crystal import Crystal, members
 from tensegrity import Chain, TensegrityError, check
 from tensegrity.measure.observables import directions
 from tensegrity.scenes.dynamics import dynamics
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
-    from typing import Any
-
-    from numpy.typing import ArrayLike
-
-    from tensegrity.typing import Array, Indices
+from tensegrity.typing import Array, Indices
 
 
 def contacts_of(scene: Any) -> ChainContacts | AssemblyContacts:

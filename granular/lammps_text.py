@@ -7,25 +7,20 @@ import math
 import re
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from granular.assembly import Assembly
-from granular.beads import volume
+from granular.beads import Bead, volume
 from granular.chain import BeadChain
 from granular.contact import hertz
 from granular.crystal import beads_by_site
+from granular.materials import Material
 from tensegrity import PowerLaw, State, TensegrityError, check
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.forcing import refuse
-
-if TYPE_CHECKING:
-    from typing import Any
-
-    from granular.beads import Bead
-    from granular.materials import Material
-    from tensegrity.typing import Array
+from tensegrity.typing import Array
 
 GROUPS = 31  # of LAMMPS, besides "all"
 SKIN = 0.3  # of the smallest radius: room of the neighbour lists

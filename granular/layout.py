@@ -14,22 +14,17 @@ without symmetry; the edge is bevelled: a short piece of plane across it.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tensegrity import TensegrityError, check
 from tensegrity.readonly import ReadOnly, fixed
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
-    from typing import Any
-
-    from numpy.typing import ArrayLike
-
-    from tensegrity.typing import Array, Indices
+from tensegrity.typing import Array, Indices
 
 TOUCH = 1e-9  # of a diameter: closer than this, beads that should touch do
 NEAR = 0.2  # diameters: a bead so near to a bevel may touch it during a run

@@ -8,23 +8,18 @@ the forces of its contacts, each taken along the bead's displacement (derived in
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from granular.contact_network import contacts_of, wall_forces, wall_sites
 from granular.crystal import beads_by_site, crystal_of, rows, whole
 from tensegrity import TensegrityError, check
 from tensegrity.measure.observables import passage
 from tensegrity.root import root
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import ArrayLike
-
-    from tensegrity.runs.run import Run
-    from tensegrity.typing import Array, Flags
+from tensegrity.runs.run import Run
+from tensegrity.typing import Array, Flags
 
 CLOCK = 3e-6  # s: sampling interval of the paper's density plots
 LEVEL = 0.05  # of the largest peak: smaller ones do not count as pulses

@@ -7,17 +7,13 @@ about a bound below which no eigenvalue lies.  Rigid motions are kept out of bot
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Callable
+from typing import Any, Protocol
 
 import numpy as np
 
 from tensegrity.errors import TensegrityError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from typing import Any
-
-    from tensegrity.typing import Array
+from tensegrity.typing import Array
 
 DENSE = 450  # unknowns up to which matrices are dense
 STEPS, TRIES = 1000, 60

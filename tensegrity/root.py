@@ -10,14 +10,11 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from typing import Any
-
-    from tensegrity.typing import Array
+from tensegrity.typing import Array
 
 STEPS = 3000  # halvings from the largest number to the smallest, and some more
 ROUND_OFF = sys.float_info.epsilon

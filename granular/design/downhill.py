@@ -15,28 +15,22 @@ environment a search takes a third of the time.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from granular.design.objective import EXPONENT, step_count
-from granular.design.spaces import SLACK
+from granular.beads import Striker
+from granular.design.objective import EXPONENT, Problem, step_count
+from granular.design.spaces import SLACK, Sizes
+from granular.materials import Material
 from tensegrity import PowerLaw, TensegrityError, objective
 from tensegrity.engine.bonds import Bonds
-from tensegrity.engine.methods import METHODS
+from tensegrity.engine.methods import METHODS, Splitting
 from tensegrity.gradients.adjoint import Repeated
 from tensegrity.root import crest
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from granular.beads import Striker
-    from granular.design.objective import Problem
-    from granular.design.spaces import Sizes
-    from granular.materials import Material
-    from tensegrity.engine.methods import Splitting
-    from tensegrity.typing import Array, Indices
+from tensegrity.typing import Array, Indices
 
 PARTS = 12  # steps of velocity Verlet in one of a search's
 TINY = 1e-30  # step of a derivative through the complex plane, relative

@@ -15,15 +15,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from granular.design.spaces import Choice, Order, Sizes, Space, moved
 from tensegrity import TensegrityError, check
-
-if TYPE_CHECKING:
-    from tensegrity.typing import Array, Indices
+from tensegrity.typing import Array, Indices
 
 Proposals = Generator[Any, Any, None]
 

@@ -21,9 +21,9 @@ Source: seeds/000, part II, "Hertz interaction potentials".
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -37,11 +37,7 @@ from tensegrity.engine import kernel, native
 from tensegrity.engine.bonds import Bonds
 from tensegrity.engine.march import Wanted
 from tensegrity.engine.methods import METHODS
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from tensegrity.typing import Array
+from tensegrity.typing import Array
 
 METHOD: Any = METHODS["rkn6"]
 EXPONENT = 1.5  # of Hertz's law; `granular.contact` derives it

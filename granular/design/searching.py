@@ -10,9 +10,11 @@ from __future__ import annotations
 
 import hashlib
 import os
+from collections.abc import Iterator
 from concurrent.futures import Executor
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -29,12 +31,7 @@ from tensegrity.engine import native
 from tensegrity.notebook import progress
 from tensegrity.runs import archive
 from tensegrity.runs.sweep import Crew, Failed, keep, require_same
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from tensegrity.typing import Array
+from tensegrity.typing import Array
 
 COARSE = 2.0  # steps of a search over the default ones
 IDLE = 30  # batches without a new design, after which a search ends

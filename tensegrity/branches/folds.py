@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tensegrity.branches.continuation import Problem
-
-if TYPE_CHECKING:
-    from typing import Any
-
-    from numpy.typing import ArrayLike
-
-    from tensegrity.branches.table import Event
-    from tensegrity.typing import Array
+from tensegrity.branches.table import Event
+from tensegrity.typing import Array
 
 
 def fold_problem(problem: Problem, fold: str, free: int) -> Problem:

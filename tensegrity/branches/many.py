@@ -8,7 +8,7 @@ takes both, with the same steps, the same acceptance and the same events.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Protocol
+from typing import Any, Protocol, Self
 
 import numpy as np
 
@@ -19,12 +19,7 @@ from tensegrity.branches.arclength import (
     measures,
     settled,
 )
-
-if TYPE_CHECKING:
-    from typing import Any, Self
-
-    from tensegrity.typing import Array, Indices
-
+from tensegrity.typing import Array, Indices
 
 CONSTANT = 1e-13  # part of a unit tangent below which an unknown does not change: no fold
 SECANT, REACH = 1e-4, 0.2  # first and largest step of a secant, in scaled unknowns

@@ -11,24 +11,20 @@ turn, G follows u: they vanish as well, and the drift is solved to the order of 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from tensegrity.engine import march
+from tensegrity.engine.bonds import Bonds
 from tensegrity.engine.bound import Bound
 from tensegrity.engine.compiled import compiled
 from tensegrity.engine.law import Change
+from tensegrity.engine.methods import Splitting
 from tensegrity.engine.native import structure
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from typing import Any
-
-    from tensegrity.engine.bonds import Bonds
-    from tensegrity.engine.methods import Splitting
-    from tensegrity.typing import Array, Indices
+from tensegrity.typing import Array, Indices
 
 DRIVE = structure("driven.c", "drive")
 FREE, APART, JOINED, TURNING = range(4)  # as in driven.c

@@ -7,15 +7,12 @@ ones.  It is data, which can be kept in a file, and does no more than what is li
 from __future__ import annotations
 
 import operator
+from collections.abc import Callable, Sequence
 from functools import reduce
-from typing import TYPE_CHECKING
+from typing import Any
 
 from tensegrity.engine.kept import kept, maker
 from tensegrity.once import once
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-    from typing import Any
 
 SUMS = {"Add": operator.add, "Mul": operator.mul}
 FUNCTIONS = ("sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "exp", "log")

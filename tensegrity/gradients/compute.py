@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -34,13 +34,8 @@ from tensegrity.runs.record import Record
 from tensegrity.scenes.dynamics import HasDynamics, dynamics
 from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.scenes.forcing import refuse
-from tensegrity.scenes.scene import State
-
-if TYPE_CHECKING:
-    from typing import Any
-
-    from tensegrity.scenes.scene import Scene
-    from tensegrity.typing import Array
+from tensegrity.scenes.scene import Scene, State
+from tensegrity.typing import Array
 
 ROWS = 4  # of the run that is given back, after the first: each is a stop that costs
 STATES = 8  # kept of a run, evenly spaced

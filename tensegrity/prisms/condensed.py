@@ -7,29 +7,23 @@ started from a traced branch, or, in the compiled loop, from polynomials of the 
 from __future__ import annotations
 
 import math
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.branches.continuation import Settings, trace
 from tensegrity.engine.compiled import Functions, evaluated
 from tensegrity.engine.law import deflated, horner
-from tensegrity.errors import EquilibriumError, RangeError
+from tensegrity.errors import EquilibriumError, LockingError, RangeError
 from tensegrity.once import once
 from tensegrity.prisms.equations import UNKNOWNS, inner, kind_of, numbers, problem, tangent
 from tensegrity.springs.potential import Potential, call
-
-if TYPE_CHECKING:
-    from collections.abc import Hashable, Sequence
-    from typing import Any
-
-    from numpy.typing import ArrayLike
-
-    from tensegrity.errors import LockingError
-    from tensegrity.typing import Array, Flags, Members
+from tensegrity.typing import Array, Flags, Members
 
 STALLED = 1e-10  # a step of an iteration that no longer shrinks: round-off of stiff members
 ITERATIONS = 20

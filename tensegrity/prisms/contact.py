@@ -6,7 +6,7 @@ The path itself is that of members without thickness: beyond the touch it holds 
 from __future__ import annotations
 
 from itertools import combinations
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,9 +15,7 @@ from tensegrity.errors import TensegrityError
 from tensegrity.prisms.path import EquilibriumPath
 from tensegrity.prisms.stack import symmetric_nodes
 from tensegrity.structures.structure_path import StructurePath
-
-if TYPE_CHECKING:
-    from tensegrity.typing import Array
+from tensegrity.typing import Array
 
 
 class BarContact(NamedTuple):

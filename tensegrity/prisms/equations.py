@@ -7,17 +7,13 @@ the base and of k_cross times base: one set of functions serves every prism.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import Any
 
 from tensegrity.branches.continuation import DerivedProblem, Problem
 from tensegrity.engine.law import to_casadi
 from tensegrity.once import once
 from tensegrity.prisms.closed import polygon
-
-if TYPE_CHECKING:
-    from typing import Any
-
-    from tensegrity.typing import Members
+from tensegrity.typing import Members
 
 LEAST = 1e-5  # force over k_cross base that residuals are seen by where all members are unloaded
 UNKNOWNS = ("base tension", "bar tension", "half turn", "rise")

@@ -5,24 +5,19 @@ Source: seeds/000, part III, "Effects of element rigidity and internal prestress
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from tensegrity import check
-from tensegrity.branches.continuation import Settings, trace
+from tensegrity.branches.continuation import Problem, Settings, trace
 from tensegrity.branches.folds import fold_problem, fold_start, refined_fold
 from tensegrity.branches.table import Table
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
 from tensegrity.prisms.equations import kind_of, numbers, problem
 from tensegrity.prisms.prism import Prism
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from typing import Any
-
-    from tensegrity.branches.continuation import Problem
 
 PRESTRAIN = 1  # its place in the parameters of `equations.problem`
 SETTINGS = Settings(tolerance=1e-7, largest=0.05)

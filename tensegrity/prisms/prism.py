@@ -10,22 +10,17 @@ from __future__ import annotations
 import contextlib
 import math
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.errors import NoLocking, TensegrityError
 from tensegrity.notebook import page, wires
 from tensegrity.prisms.closed import assembled, exact, rigid_potential
 from tensegrity.springs.potential import Potential, call
-
-if TYPE_CHECKING:
-    from typing import Any
-
-    from numpy.typing import ArrayLike
-
-    from tensegrity.structures.structure import Structure
+from tensegrity.structures.structure import Structure
 
 SHOWN = 0.95  # of the way to the end of the domain in a notebook's picture
 STIFF = 100.0  # constants over k_cross for the drawing of rigid members

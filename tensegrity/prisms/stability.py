@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,9 +20,7 @@ from tensegrity.prisms.prism import Prism
 from tensegrity.prisms.stack import symmetric_nodes
 from tensegrity.structures.path import structure_path
 from tensegrity.structures.supports import Supports, plates
-
-if TYPE_CHECKING:
-    from tensegrity.typing import Array, Flags
+from tensegrity.typing import Array, Flags
 
 SUPPORTS = ("plates", "tilting")
 """Upper nodes at one height (a guided plate), or each at its own (free to tilt)."""

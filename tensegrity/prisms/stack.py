@@ -6,20 +6,15 @@ Source: seeds/000, part III, chains of prisms; members without thickness.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.structures.structure import Structure
-
-if TYPE_CHECKING:
-    from typing import Any
-
-    from numpy.typing import ArrayLike
-
-    from tensegrity.typing import Array
+from tensegrity.typing import Array
 
 PER_SIDE = 1400  # bytes that a column takes for a side of each of its prisms
 

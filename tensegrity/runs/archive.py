@@ -13,9 +13,10 @@ import json
 import os
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tensegrity import check
 from tensegrity.engine import methods
@@ -34,11 +35,6 @@ from tensegrity.scenes.walls import Wall
 from tensegrity.springs.polynomial import Polynomial
 from tensegrity.springs.potential import Potential, PowerLaw
 from tensegrity.structures.dynamics import BarSpring, StringSpring
-
-if TYPE_CHECKING:
-    from typing import Any
-
-    from numpy.typing import NDArray
 
 FORMAT = "tensegrity 1"
 
@@ -356,9 +352,10 @@ def _make_wall(point, normal, extent):
 def _network(x):
     bonds = len(x.bonds)
     opening, gaps = np.split(dynamics(x).geometry[x.dim], [bonds])
-    if x._law is not None and not isinstance(x._law.given, Potential):
+    law = dynamics(x).law
+    if law is not None and not isinstance(law.given, Potential):
         return None  # a function, which no file holds
-    followed = {} if x._law is None else {"contacts": "follow", "law": x._law.given}
+    followed = {} if law is None else {"contacts": "follow", "law": law.given}
     return {
         "positions": x.positions, "bonds": x.bonds, "springs": _shared(x.springs),
         "lengths": x.lengths if opening.any() else None,  # else to the bits of the positions

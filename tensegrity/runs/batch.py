@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -13,11 +13,7 @@ from tensegrity.runs.problem import Outlook, Problem
 from tensegrity.runs.run import changed
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.scene import State
-
-if TYPE_CHECKING:
-    from typing import Any
-
-    from tensegrity.typing import Array
+from tensegrity.typing import Array
 
 
 def motion_of(problem: Problem, dt: float, allowed: float, start: Any = None) -> Any:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -14,11 +14,7 @@ from tensegrity.errors import LockingError, StabilityError, TensegrityError
 from tensegrity.runs.motion import Motion, Point
 from tensegrity.scenes.forcing import check_start, forcing_of
 from tensegrity.springs.tuned import Tuned
-
-if TYPE_CHECKING:
-    from typing import Any
-
-    from tensegrity.typing import Array
+from tensegrity.typing import Array
 
 GRID = np.linspace(0, 1, 9)  # of the elongations met, where stiffness is looked at
 INSTANTS = 8  # of an attempt, where springs change

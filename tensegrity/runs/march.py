@@ -9,25 +9,21 @@ from __future__ import annotations
 import math
 import time
 import warnings
+from collections.abc import Sequence
 from contextlib import nullcontext
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from tensegrity.errors import ContactError, LockingError, RecordError, StabilityError
 from tensegrity.notebook import progress
 from tensegrity.runs.batch import motion_of
+from tensegrity.runs.motion import Point
+from tensegrity.runs.problem import Problem
 from tensegrity.runs.record import Samples, Watched
 from tensegrity.runs.recorder import Recorder
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from typing import Any
-
-    from tensegrity.runs.motion import Point
-    from tensegrity.runs.problem import Problem
-    from tensegrity.runs.run import Run
-    from tensegrity.typing import Array, Observer
+from tensegrity.runs.run import Run
+from tensegrity.typing import Array, Observer
 
 BLOCK = 8_000_000  # bonds x stages x steps of an attempt, some 20 ms: an interrupt waits no longer
 FIRST = 4  # times as many in the first attempt, which all of a short run is

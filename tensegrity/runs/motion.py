@@ -10,7 +10,7 @@ and when.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,11 +19,7 @@ from tensegrity.engine.methods import Corrected, Splitting
 from tensegrity.errors import LockingError, StabilityError
 from tensegrity.runs.problem import MOST_STEPS, Guard
 from tensegrity.scenes.clearance import CAUTION
-
-if TYPE_CHECKING:
-    from typing import Any
-
-    from tensegrity.typing import Array
+from tensegrity.typing import Array
 
 SPARE = 4  # prepared loops that a scene keeps for each method: one for each thread at work
 LOOKS = 16  # states of an attempt by which contacts are looked for

@@ -12,10 +12,12 @@ import io
 import math
 import os
 import shutil
+from collections.abc import Mapping
 from contextlib import suppress
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from tensegrity.errors import RecordError, TensegrityError
 from tensegrity.once import once
@@ -23,20 +25,12 @@ from tensegrity.runs import archive
 from tensegrity.runs.record import Instants, need_memory, refuse_more
 from tensegrity.runs.run import Run, RunBatch, known
 from tensegrity.scenes.scene import known_state
+from tensegrity.typing import Array
 
 try:
     import fcntl
 except ImportError:  # Windows, where a second run is refused only once the file of rows is there
     fcntl = None  # type: ignore[assignment]
-
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from typing import Any
-
-    from numpy.typing import ArrayLike, NDArray
-
-    from tensegrity.typing import Array
 
 
 BEGUN: set[tuple[int, int]] = set()  # files of this process, which its later trials begin anew

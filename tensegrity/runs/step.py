@@ -180,7 +180,7 @@ def corners_met(of, met):
     """Springs, and corners of their forces between elongations met."""
     if not of.follows:
         return of.springs.kinks_within(met)
-    given = of.scene._law.given
+    given = of.law.given
     spring = given if isinstance(given, Potential) else PowerLaw(1.0, 1.0)
     return [(spring, corner) for corner in spring.openings]
 

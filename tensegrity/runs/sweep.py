@@ -16,15 +16,13 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from types import TracebackType
+from typing import Any
 
 from tensegrity import check
 from tensegrity.errors import CompilerError, TensegrityError
 from tensegrity.notebook import progress
 from tensegrity.runs import archive
-
-if TYPE_CHECKING:
-    from types import TracebackType
 
 AHEAD = 1024  # cases handed to an executor at a time
 NAMED = 1000  # characters of a case that a checkpoint keeps, to tell it from others

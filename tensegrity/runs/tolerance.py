@@ -5,13 +5,14 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import Self
 
 import numpy as np
 
 from tensegrity.engine.codegen import cost
 from tensegrity.errors import LockingError, RangeError, StabilityError, TensegrityError
-from tensegrity.runs.march import march
+from tensegrity.runs.march import Marched, march
+from tensegrity.runs.problem import Problem
 from tensegrity.runs.record import Record
 from tensegrity.runs.run import changed
 from tensegrity.runs.step import (
@@ -26,13 +27,7 @@ from tensegrity.runs.step import (
     steps_at,
 )
 from tensegrity.springs.polynomial import DEGREES, Polynomial, PolynomialLaw
-
-if TYPE_CHECKING:
-    from typing import Self
-
-    from tensegrity.runs.march import Marched
-    from tensegrity.runs.problem import Problem
-    from tensegrity.typing import Array
+from tensegrity.typing import Array
 
 
 class Trial:

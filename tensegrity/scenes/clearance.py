@@ -9,19 +9,14 @@ the distances are small, looks come often, at last after every step.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from tensegrity.errors import ContactError, TensegrityError
-from tensegrity.scenes.walls import Pieces
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from typing import Any
-
-    from tensegrity.scenes.walls import Wall
-    from tensegrity.typing import Array, Indices
+from tensegrity.scenes.walls import Pieces, Wall
+from tensegrity.typing import Array, Indices
 
 FARTHEST = 1e100  # of a site [m]: its square is still a number
 TOUCH = 1e-9  # gap over the radius up to which spheres count as touching

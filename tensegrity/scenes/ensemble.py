@@ -8,32 +8,24 @@ the other, and so do all with an implicit method, or where springs have differen
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.engine import kernel
 from tensegrity.engine.bonds import Bonds
+from tensegrity.engine.methods import Method
 from tensegrity.errors import TensegrityError
 from tensegrity.readonly import fixed
 from tensegrity.scenes.dynamics import Dynamics, HasDynamics, dynamics
 from tensegrity.scenes.scene import PER_SITE, Scene, State, known_state, refuse_other, velocities
 from tensegrity.springs.collection import Springs
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-    from typing import Any
-
-    from numpy.typing import ArrayLike
-
-    from tensegrity.engine.methods import Method
-    from tensegrity.scenes.scene import State
-    from tensegrity.springs.potential import Potential
-    from tensegrity.typing import Array, Indices
-
+from tensegrity.springs.potential import Potential
+from tensegrity.typing import Array, Indices
 
 TOGETHER = (64, 48, 32, 24, 16, 8)  # scenes that one compiled loop takes
 MANY, MOST = 32, 1024  # and multiples of, at most

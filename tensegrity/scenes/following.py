@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -19,11 +19,7 @@ from tensegrity.readonly import fixed
 from tensegrity.scenes.clearance import Clearance, Tracker
 from tensegrity.scenes.network_input import contact_geometry
 from tensegrity.springs.potential import Potential
-
-if TYPE_CHECKING:
-    from typing import Any
-
-    from tensegrity.typing import Array
+from tensegrity.typing import Array
 
 SKIN = 0.25  # of the mean radius
 ROWS = 64  # of displacements that are compared at once

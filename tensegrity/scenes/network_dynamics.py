@@ -5,27 +5,22 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import Any, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.engine import forces
 from tensegrity.engine.bonds import PAIR, WALL, Bonds, Contacts
+from tensegrity.engine.energies import Energies
 from tensegrity.readonly import fixed
 from tensegrity.scenes.clearance import Clearance, crowding
 from tensegrity.scenes.dynamics import Dynamics
 from tensegrity.scenes.following import Following, contacts_with
-
-if TYPE_CHECKING:
-    from typing import Any, Self
-
-    from numpy.typing import ArrayLike
-
-    from tensegrity.engine.energies import Energies
-    from tensegrity.scenes.scene import State
-    from tensegrity.springs.potential import Potential
-    from tensegrity.typing import Array, Indices
+from tensegrity.scenes.scene import State
+from tensegrity.springs.potential import Potential
+from tensegrity.typing import Array, Indices
 
 AT_ONCE = 2_000_000  # contacts times rows of one list: some tens of megabytes
 LISTS, FEW = 2, 10_000  # lists of contacts that are kept of a scene, and sites up to which
@@ -39,13 +34,16 @@ class NetworkDynamics(Dynamics):
     ----------
     geometry : ndarray, (dim + 2, contacts)
         Of bonds and wall contacts at the reference places; see `contact_geometry`.
+    law : FollowedLaw or None
+        Of contacts that come and go.
     """
 
     def __init__(self, scene: Any) -> None:
         super().__init__(scene)
         self.wall_count, self.geometry = len(scene.walls), scene._geometry
         self.spring_lengths, self.turns = self.geometry[-1], scene.dim > 1
-        self.follows = scene._law is not None
+        self.law = scene._law
+        self.follows = self.law is not None
         self._lists: tuple[Any, ...] = ()
 
     @cached_property

@@ -2,24 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.scenes.scene import SMALLEST_MASS
 from tensegrity.scenes.walls import Wall, floats
 from tensegrity.springs.potential import Potential
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from numpy.typing import ArrayLike
-
-    from tensegrity.scenes.walls import Wall
-    from tensegrity.typing import Array, Indices
+from tensegrity.typing import Array, Indices
 
 
 def contact_geometry(

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -12,12 +13,7 @@ from tensegrity.engine.law import in_pieces
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
 from tensegrity.readonly import fixed
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from typing import Any
-
-    from tensegrity.typing import Array
+from tensegrity.typing import Array
 
 LOOKS = 4096  # intervals in which a jump is looked for
 SUSPECTS = 8  # of them that are halved

@@ -11,24 +11,20 @@ between their nodes.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import chebyshev
 
 from tensegrity import check
 from tensegrity.engine.compiled import evaluated, single
+from tensegrity.engine.law import Law
 from tensegrity.errors import LockingError, ResolutionError, TensegrityError
 from tensegrity.springs.potential import Potential
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-    from typing import Any
-
-    from tensegrity.engine.law import Law
-    from tensegrity.typing import Array
+from tensegrity.typing import Array
 
 SIZES = (5, 9, 17, 33, 65)  # nodes of the series in each argument
 LONG = (*SIZES, 129, 257, 513)  # and in time

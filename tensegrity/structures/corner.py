@@ -15,25 +15,20 @@ to round-off (as on a ring of eight equal bars) are not found.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import product
 from operator import itemgetter
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tensegrity.branches.continuation import Settings
 from tensegrity.branches.many import ManyProblem
 from tensegrity.minimum import least_part
-from tensegrity.structures.equations import Piece
+from tensegrity.structures.equations import Loading, Piece
+from tensegrity.structures.members import Members
 from tensegrity.structures.supports import NOTHING
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from tensegrity.structures.equations import Loading
-    from tensegrity.structures.members import Members
-    from tensegrity.typing import Array, Flags, Indices
+from tensegrity.typing import Array, Flags, Indices
 
 ALL = 10  # strings at a corner up to which all choices are tried
 TRIES = 200  # choices to start from where there are more

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 from tensegrity import check
 from tensegrity.engine.law import Law
@@ -11,10 +10,8 @@ from tensegrity.once import once
 from tensegrity.scenes.network import Network
 from tensegrity.springs.kinks import TAUT
 from tensegrity.springs.potential import Potential, call
-
-if TYPE_CHECKING:
-    from tensegrity.structures.members import Members
-    from tensegrity.typing import Array
+from tensegrity.structures.members import Members
+from tensegrity.typing import Array
 
 SMALLEST = 1e-100  # elongation [m] from which a string has tension
 

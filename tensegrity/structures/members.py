@@ -8,10 +8,12 @@ stiffness that it has as soon as it lengthens.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.engine import forces
@@ -19,15 +21,8 @@ from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.minimum import ROUND_OFF, STEPS, downhill
 from tensegrity.minimum import settle as minimised
 from tensegrity.springs.kinks import TAUT
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from typing import Any
-
-    from numpy.typing import ArrayLike
-
-    from tensegrity.structures.supports import Freedom
-    from tensegrity.typing import Array, Flags, Indices
+from tensegrity.structures.supports import Freedom
+from tensegrity.typing import Array, Flags, Indices
 
 SETTLED = 1e-10  # forces left, over the forces there are
 STEP, FARTHEST = 0.2, 100.0  # sizes of the structure: of one step, and that it may grow to

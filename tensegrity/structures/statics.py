@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -20,11 +20,7 @@ from tensegrity import check
 from tensegrity.engine import forces
 from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.structures.supports import orthonormal, rigid_motions
-
-if TYPE_CHECKING:
-    from typing import Any
-
-    from tensegrity.typing import Array, Flags, Indices
+from tensegrity.typing import Array, Flags, Indices
 
 ZERO = 1e-11  # singular values below this part of the largest are round-off
 LEAST = 1e-9  # force density below which a member counts as without force, of their mean

@@ -10,14 +10,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.notebook import page, wires
 from tensegrity.readonly import ReadOnly, fixed
+from tensegrity.scenes.network import Network
 from tensegrity.structures import statics
 from tensegrity.structures.members import (
     Members,
@@ -27,16 +29,9 @@ from tensegrity.structures.members import (
     rigid_plates,
     settle,
 )
+from tensegrity.structures.statics import SelfStress
 from tensegrity.structures.supports import Freedom, Supports
-
-if TYPE_CHECKING:
-    from typing import Any
-
-    from numpy.typing import ArrayLike
-
-    from tensegrity.scenes.network import Network
-    from tensegrity.structures.statics import SelfStress
-    from tensegrity.typing import Array, Flags
+from tensegrity.typing import Array, Flags
 
 SOFT = 1e-12  # of the largest stiffness: eigenvalues below it are round-off
 

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.minimum import complement, lowest
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from typing import Any
-
-    from tensegrity.typing import Array, Flags
+from tensegrity.typing import Array, Flags
 
 LEFT = 1e-9  # part of a rigid motion that supports may take and still leave it
 NOTHING = 1e-13  # of the largest stiffness: where bounds of eigenvalues below 0 start

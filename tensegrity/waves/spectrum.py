@@ -12,9 +12,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.errors import EquilibriumError, TensegrityError
@@ -24,13 +25,7 @@ from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.scenes.forcing import entries
 from tensegrity.scenes.scene import SMALLEST_MASS, Scene, State
 from tensegrity.springs.potential import Potential
-
-if TYPE_CHECKING:
-    from typing import Any
-
-    from numpy.typing import ArrayLike
-
-    from tensegrity.typing import Array
+from tensegrity.typing import Array
 
 BOUND = 1e-6  # of the largest stiffness over mass: how far below zero the search starts
 AT_REST = 1e-6  # force left on a site of an equilibrium, over those that meet there
