@@ -6,19 +6,15 @@ import argparse
 import os
 import sys
 import time
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 from tqdm import tqdm
 
 from derivations import ledger, report
-from derivations.argument import NAMES
-from derivations.entry import Verdict
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
-    from typing import Any
+from derivations.argument import NAMES, Verdict
 
 OUTPUT = Path("derivations") / "output"
 

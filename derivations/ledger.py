@@ -9,16 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 from random import Random
-from typing import TYPE_CHECKING
+from typing import Any
 
 import mpmath
 import sympy as sp
 
-from derivations import ledger_paper, ledger_softening, ledger_talk, ledger_waves
-from derivations.entry import Entry, Verdict
-
-if TYPE_CHECKING:
-    from typing import Any
+from derivations import ledger_paper, ledger_talk, ledger_waves
+from derivations.argument import Entry, Verdict
 
 POINTS, DIGITS = 50, 30
 EXPANDED_BELOW, SIMPLIFIED_BELOW = 400, 120  # operations beyond which points alone decide
@@ -129,4 +126,4 @@ SIGNS = (
 def entries() -> tuple[Entry, ...]:
     """All entries, in the order of the sources."""
     sources = (*ledger_talk.ENTRIES, *ledger_waves.ENTRIES, *ledger_paper.ENTRIES)
-    return (*sources, *ledger_softening.ENTRIES)
+    return (*sources, *ledger_waves.OWN_ENTRIES)

@@ -3,7 +3,7 @@
 import sympy as sp
 
 from derivations import contact, junction
-from derivations.entry import Entry, Verdict
+from derivations.argument import Entry, Verdict
 from derivations.ledger_talk import distance, normal, surface_i, surface_j
 
 CONV, NO_DATA = Verdict.CONVENTION, Verdict.NO_DATA

@@ -3,7 +3,7 @@
 import sympy as sp
 
 from derivations import contact, elastic, equilibrium, prism, rigid_response
-from derivations.entry import Entry, Verdict
+from derivations.argument import Entry, Verdict
 
 half, third = sp.Rational(1, 2), sp.Rational(1, 3)
 root3 = sp.sqrt(3)

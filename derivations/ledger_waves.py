@@ -1,18 +1,22 @@
-"""Ledger of the talk (seeds/000), part III from "Properties of the elastic potential" on."""
+"""Ledger of the talk (seeds/000), part III from "Properties of the elastic potential" on; and of
+what is not in the sources: the families of localised waves and their ends."""
 
 from random import Random
 
 import sympy as sp
 
 from derivations import hardening, prism, rigid_response, waves
-from derivations.entry import Entry, Verdict
+from derivations import softening as own
+from derivations.argument import Entry, Verdict
 
 CONV, SLIP, NO_DATA = Verdict.CONVENTION, Verdict.SLIP, Verdict.NO_DATA
 PLACE = 'talk, part III, "Properties of the elastic potential"'
+OWN = "not in the sources: stated and derived here"
 slender, stressed, fast = sp.symbols("slender stressed fast")  # conditions, true or false
 V, V_0, V_2, V_3, mirrored = sp.symbols("V V(0) V''(0) V'''(r) V(-r)", real=True)
 r, c_0, d = sp.symbols("r c_0 d", positive=True)
 a, b, h_0, m = waves.stiffness, waves.slope, waves.spacing, waves.mass
+e = waves.bend
 gamma, c, c_s, x = waves.gamma, waves.speed, waves.sound, waves.position
 locks = ((prism.reference_height, (0.6, 2.0)), (prism.base, (0.5, 1.0)))
 
@@ -189,4 +193,40 @@ ENTRIES = (
     Entry("talk.barrier", "talk, part III, applications", "waves",
           "units of 10 micrometres, a barrier of 1 cm", verdict=NO_DATA,
           note="no attenuation law is given"),
+)  # fmt: skip
+
+OWN_ENTRIES = (
+    Entry("ours.small_crest", OWN, "softening", own.crest,
+          a / b * (6 * own.excess
+                   + (sp.Rational(6, 5) - 9 * a * e / b**2) * own.excess**2),
+          own.small_crest, note="the sign of V'''(0) is that of small waves"),
+    Entry("ours.even_crest", OWN, "softening", own.crest**2, 24 * a * own.excess / e,
+          own.small_crest_squared, note="V'''(0) = 0 < V''''(0): both signs"),
+    Entry("ours.crest_of_power", OWN, "softening", sp.Abs(own.crest),
+          (a * own.excess * (own.exponent + 1) / own.growth) ** (1 / (own.exponent - 1)),
+          own.small_crest_of_power, note="V' = a r + d |r|^p next to rest"),
+    Entry("ours.front", OWN, "softening", sp.Symbol("m c_*^2, V(r_*)"),
+          sp.Tuple(sp.Symbol("T", real=True) / own.r, own.r * sp.Symbol("T", real=True) / 2),
+          lambda: sp.Tuple(*own.front()), note="momentum and energy across a front"),
+    Entry("ours.front_curvature", OWN, "softening", sp.Symbol("Q''(r_*)"),
+          2 * (own.top_stiffness - own.level) / own.top**2, own.level_curvature),
+    Entry("ours.flat_top_rate", OWN, "softening",
+          "c_* over the speed of sound in a chain strained by r_*",
+          sp.sinh(own.rate / 2) / (own.rate / 2), own.top_rate),
+    Entry("ours.flat_top_width", OWN, "softening", sp.Symbol("width"),
+          2 * sp.log(1 / own.gap) / own.rate, own.top_width,
+          note="what the width gains when the gap of the crest falls to a part g; with the gap "
+          "of the speed, which goes like its square, half as much"),
+    Entry("ours.long_wave", OWN, "softening", sp.Symbol("m c^2"),
+          sp.Symbol("T") ** 2 / (2 * (own.r * sp.Symbol("T") - sp.Symbol("V"))),
+          lambda: own.long_wave().subs({own.tension(own.r): sp.Symbol("T"),
+                                        own.energy(own.r): sp.Symbol("V")}),
+          note="estimates the first crest of a family that does not start from zero",
+          domain=((sp.Symbol("V"), (0.1, 0.2)),)),
+    Entry("ours.wall_delay", OWN, "softening", sp.Symbol("beta"),
+          -sp.sqrt(sp.pi) * sp.gamma(-1 / own.power)
+          / (own.power * sp.gamma(sp.Rational(1, 2) - 1 / own.power)),
+          own.delay, domain=((own.power, (2.5, 12.0)),)),
+    Entry("ours.wall_speed", OWN, "softening", sp.Symbol("w/c"),
+          own.stroke - sp.Symbol("beta") * own.left, own.relative_speed),
 )  # fmt: skip

@@ -11,12 +11,21 @@ from functools import cache
 
 import sympy as sp
 
+from derivations import prism
 from derivations.argument import Step
 
 TITLE = "A member: force density and tangent from its energy"
 
 stiffness, natural, length = sp.symbols("k l_N l", positive=True)
 density = sp.Symbol("q", real=True)  # tension over length
+
+POSITIONS = sp.symbols("x:18", real=True)
+"""Coordinates of the lower nodes, then of the upper ones: x0 y0 z0 x1 ..."""
+
+CONSTANTS = (
+    *(member.stiffness for member in prism.MEMBERS),
+    *(member.natural for member in prism.MEMBERS),
+)
 
 
 @cache
@@ -59,6 +68,27 @@ def tangent_in_density(dim: int = 3) -> sp.Matrix:
     """(k - q) n n^T + q I with n = d/l: what `tangent` is."""
     direction = sp.Matrix(separation(dim)) / length
     return (stiffness - density) * direction * direction.T + density * sp.eye(dim)
+
+
+@cache
+def prism_energy() -> sp.Expr:
+    """Elastic energy of a prism with six free nodes, U(`POSITIONS`) [J], no symmetry assumed; at
+    symmetric positions it is that of `derivations.prism`."""
+
+    def length(i, j):
+        return sp.sqrt(sum((POSITIONS[3 * i + k] - POSITIONS[3 * j + k]) ** 2 for k in range(3)))
+
+    return sum(
+        member.energy(length(i, j)) / member.number
+        for member in prism.MEMBERS
+        for i, j in member.ends
+    )
+
+
+def symmetric_positions() -> list[sp.Expr]:
+    """The 18 coordinates in terms of base, twist and height."""
+    lower, upper = prism.nodes()
+    return [x for node in (*lower, *upper) for x in node]
 
 
 def argument() -> list[Step]:

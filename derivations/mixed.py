@@ -10,6 +10,9 @@ self-stressed state, and constants that cancel there are cancelled by the progra
 Lengths are in units of the base l0, forces in units of k1 l0.  The equations are the gradient of
 `prism.energy()` at fixed height (seeds/000, part III, "Elastic problem": g1 = g2 = 0) and the
 compatibility of the bars; the load is -dU/dh.
+
+Above the height at which base strings and bars unload together there is one closed form: the bars
+keep their natural length, and the cross strings, upright, pull alone ("Numerical approach").
 """
 
 from __future__ import annotations
@@ -19,8 +22,9 @@ from functools import cache
 import sympy as sp
 
 from derivations import prism, regular
+from derivations.elastic import bar_compliance, base_compliance  # k1/k3, k1/k2
 from derivations.prism import base, height, twist
-from derivations.regular import TRIANGLE, Polygon
+from derivations.regular import ANY, TRIANGLE, Polygon
 
 base_tension, bar_tension = sp.symbols("y_2 y_3", real=True)  # changes of tension
 half_turn = sp.Symbol("tau", real=True)  # tan of half the turn from the self-stressed state
@@ -28,9 +32,7 @@ rise = sp.Symbol("eta", real=True)  # h - h0
 UNKNOWNS = (base_tension, bar_tension, half_turn, rise)
 
 reference_height, prestrain = prism.reference_height, prism.prestrain
-base_compliance, bar_compliance = sp.symbols("c_2 c_3", nonnegative=True)  # k1/k2, k1/k3
 PARAMETERS = (reference_height, prestrain, base_compliance, bar_compliance)
-SIDES = (regular.number_of_sides, regular.half_sine, regular.half_cosine)  # more where they are any
 
 _PULLS = sp.symbols("t_1 t_2 t_3", real=True)  # tensions of one member
 _cross, _bar = sp.symbols("s b", positive=True)
@@ -155,3 +157,38 @@ def stored_energy(of: Polygon = TRIANGLE) -> sp.Expr:
         strict=True,
     )
     return sum(n * c * change * (change + 2 * start) / 2 for n, c, change, start in members)
+
+
+def upright_twist(of: Polygon = TRIANGLE) -> sp.Expr:
+    """Twist at which a cross string stands upright, s = h: 2 pi/n."""
+    if of is ANY:
+        if sp.simplify(prism.cross_length_squared(None, of).subs(twist, 2 * of.angle)) != height**2:
+            raise ArithmeticError("cross strings are not upright at twist 2 pi/n")
+        return 2 * of.angle
+    leaning = prism.cross_length_squared() - height**2
+    (value,) = sp.solveset(leaning, twist, sp.Interval(0, sp.pi))
+    return value
+
+
+def upright_base_squared(of: Polygon = TRIANGLE) -> sp.Expr:
+    """l^2 [m^2] of the state of this height, from the natural length of the bars."""
+    square = sp.Symbol("square")
+    squared = prism.bar_length_squared(None, of).subs(twist, upright_twist(of))
+    squared = of.expanded(squared) if of is ANY else squared
+    squared = squared.subs(base**2, square)
+    (value,) = sp.solve(squared - prism.natural_bar**2, square)
+    return sp.factor(value)
+
+
+@cache
+def upright_load(of: Polygon = TRIANGLE) -> sp.Expr:
+    """Axial load [N], compression > 0, of a state in which no base string is needed."""
+    energy = sum(member.energy(member.length(of), of) for member in (prism.CROSS, prism.BAR))
+    state = {twist: upright_twist(of), base: sp.sqrt(upright_base_squared(of))}
+    if of is ANY:
+        sines = {regular.half_sine: sp.sin(of.angle), regular.half_cosine: sp.cos(of.angle)}
+        energy, state = energy.subs(sines), {x: v.subs(sines) for x, v in state.items()}
+    slopes = [sp.simplify(sp.diff(energy, x).subs(state)) for x in (base, twist, height)]
+    if slopes[:2] != [0, 0]:
+        raise ArithmeticError("the prism does not hang in equilibrium without base strings")
+    return -slopes[2]

@@ -10,6 +10,7 @@ from sympy.simplify.fu import TR8
 base = sp.Symbol("l", positive=True)
 number_of_sides = sp.Symbol("n", positive=True, integer=True)
 half_sine, half_cosine = sp.symbols("S C", positive=True)  # of pi/n
+SIDES = number_of_sides, half_sine, half_cosine
 half_angle = sp.Symbol("alpha", positive=True)  # pi/n, while it is inside of a sine
 
 

@@ -7,18 +7,15 @@ from __future__ import annotations
 
 # ruff: noqa: RUF001 (Greek letters are meant)
 import re
+from collections.abc import Callable, Iterable, Sequence
 from html import escape
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple
 
 import sympy as sp
 from sympy.printing.mathml import MathMLPresentationPrinter
 
 from derivations import ledger
 from derivations.argument import NAMES, derivation
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
-    from typing import Any
 
 STYLE = """
 body { font: 1.05rem/1.5 Georgia, 'DejaVu Serif', serif; max-width: 60rem; margin: 2rem auto;

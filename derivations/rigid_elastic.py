@@ -80,12 +80,11 @@ PARAMETERS = (
     far_stroke, area, natural, squared_0, surplus, root_1, length_1, extension_1, versine_gain,
     sine_gain,
 )  # fmt: skip
-SIDES = (regular.number_of_sides, regular.half_sine, regular.half_cosine)
 
 
 def parameters_of(of: Polygon = TRIANGLE) -> tuple[sp.Symbol, ...]:
     """Symbols of the law: `PARAMETERS`, and those of the polygon where it is any."""
-    return (*PARAMETERS, *SIDES) if of is ANY else PARAMETERS
+    return (*PARAMETERS, *regular.SIDES) if of is ANY else PARAMETERS
 
 
 above_lock, below_stretch = sp.symbols("X Y")  # h^2 - h_lock^2, b^2 - h^2

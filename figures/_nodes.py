@@ -2,7 +2,7 @@
 
 The largest model of a prism here: no symmetry is assumed and no unknown eliminated.  Upper and
 lower nodes lie in parallel planes; Newton's method finds the rest, from the nodes found last.
-Source: seeds/000, part III; the energy is that of `derivations.nodes`.
+Source: seeds/000, part III; the energy is that of `derivations.member`.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ def _functions(count):
     """Gradient and Hessian of the energy in `count` sets of coordinates, and first positions."""
     import casadi as ca
 
-    from derivations import nodes, prism
+    from derivations import member, prism
 
     c, x, shape = ca.SX.sym("c", 6), ca.SX.sym("x", 18), ca.SX.sym("shape", 3)
-    energy = to_casadi(nodes.energy(), (*nodes.POSITIONS, *nodes.CONSTANTS))
+    energy = to_casadi(member.prism_energy(), (*member.POSITIONS, *member.CONSTANTS))
     hessian, gradient = ca.hessian(energy(*ca.vertsplit(x), *ca.vertsplit(c)), x)
     symbols = (prism.base, prism.twist, prism.height)
-    place = to_casadi(nodes.symmetric_positions(), symbols)(*ca.vertsplit(shape))
+    place = to_casadi(member.symmetric_positions(), symbols)(*ca.vertsplit(shape))
     both = ca.Function("both", [x, c], [gradient, ca.densify(hessian)])
     return both.map(count), ca.Function("place", [shape], [ca.vertcat(*place)])
 

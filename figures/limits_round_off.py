@@ -9,7 +9,7 @@ from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.kernel import bind
 from tensegrity.engine.methods import METHODS
 from tensegrity.scenes.dynamics import dynamics
-from tensegrity.springs.corners import TAUT
+from tensegrity.springs.kinks import TAUT
 
 NAME = "limits_round_off"
 GROUP = "limits"

@@ -10,8 +10,7 @@ import numpy as np
 from figures import _measure, _scenes
 from figures._measure import Number
 from tensegrity import Chain, Potential, Record, TensegrityError, simulate, solitary_wave
-from tensegrity.measure.budget import beyond
-from tensegrity.measure.observables import pulses
+from tensegrity.measure.observables import beyond, pulses
 from tensegrity.waves.asymptotics import sound_speed
 
 NAME = "wave_composite"

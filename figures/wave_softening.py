@@ -7,7 +7,7 @@ import numpy as np
 from figures import _measure, _scenes
 from figures._measure import Number
 from tensegrity import LockingError, Record, simulate, solitary_wave
-from tensegrity.measure.budget import beyond
+from tensegrity.measure.observables import beyond
 from tensegrity.waves.asymptotics import sound_speed
 
 NAME = "wave_softening"

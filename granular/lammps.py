@@ -34,7 +34,7 @@ import numpy as np
 
 from granular.lammps_text import laid
 from tensegrity import Run, State, TensegrityError, check
-from tensegrity.progress import progress
+from tensegrity.notebook import progress
 
 if TYPE_CHECKING:
     from typing import Any
@@ -87,7 +87,8 @@ def to_lammps(
             (path.with_name(path.name + ".data"), beads.data()),
             (path, beads.input(path.name, steps, dt, every)),
         ):
-            _write(target, text)
+            with check.replacing(target) as new:
+                new.write_text(text)
     except OSError as error:
         raise TensegrityError(f"{path} cannot be written: {error.strerror}") from error
     return path
@@ -209,14 +210,3 @@ def _read(path: Path, beads: int) -> tuple[Array, Array]:
             steps.append(step)
             rows.append(table[np.argsort(table[:, 0]), 1:])
     return np.array(steps, dtype=float), np.array(rows)
-
-
-def _write(path: Path, text: str) -> None:
-    """A file that is whole or not there."""
-    new = path.with_name(path.name + ".new")
-    try:
-        new.write_text(text)
-        os.replace(new, path)
-    except BaseException:
-        new.unlink(missing_ok=True)
-        raise

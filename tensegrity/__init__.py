@@ -15,12 +15,11 @@ from tensegrity.errors import (
 from tensegrity.gradients import objective
 from tensegrity.gradients.compute import gradient
 from tensegrity.lens.lens import Lens
-from tensegrity.prisms.column import column
+from tensegrity.prisms.closed import member_stiffness
 from tensegrity.prisms.contact import bar_contact
 from tensegrity.prisms.fit import fit
-from tensegrity.prisms.members import member_stiffness
 from tensegrity.prisms.path import EquilibriumPath, equilibrium_path, equilibrium_paths
-from tensegrity.prisms.prism import Prism
+from tensegrity.prisms.prism import Prism, column
 from tensegrity.runs.integrate import resume, simulate
 from tensegrity.runs.record import Record
 from tensegrity.runs.run import Run
@@ -32,17 +31,14 @@ from tensegrity.scenes.network import Network
 from tensegrity.scenes.scene import State
 from tensegrity.scenes.walls import Wall
 from tensegrity.springs.polynomial import Polynomial
-from tensegrity.springs.potential import Potential
-from tensegrity.springs.power_law import PowerLaw
-from tensegrity.structures.equilibrium import equilibrium
-from tensegrity.structures.path import control_path
+from tensegrity.springs.potential import Potential, PowerLaw
+from tensegrity.structures.path import control_path, equilibrium
 from tensegrity.structures.structure import Structure
 from tensegrity.structures.structure_path import StructurePath
 from tensegrity.structures.supports import held, plates
 from tensegrity.waves.prediction import Prediction, predict
-from tensegrity.waves.solitary import solitary_wave
+from tensegrity.waves.solitary import SolitaryWave, solitary_wave
 from tensegrity.waves.spectrum import Modes, dispersion, modes
-from tensegrity.waves.wave import SolitaryWave
 
 __all__ = [
     "Chain",

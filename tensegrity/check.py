@@ -8,17 +8,16 @@ from __future__ import annotations
 import math
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from numbers import Integral, Real
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensegrity.errors import TensegrityError
-
-if TYPE_CHECKING:
-    from typing import Any
 
 LONGEST = 80  # characters of a value that a message shows
 
@@ -34,13 +33,8 @@ def number(
     unit: str = "",
 ) -> float:
     """`value` as a float, if it is one number within its bounds."""
-    if (
-        type(value) is float
-        and -math.inf < value < math.inf
-        and (above is None or value > above)
-        and (least is None or value >= least)
-        and (below is None or value < below)
-    ):
+    bounds = above, least, below
+    if type(value) is float and -math.inf < value < math.inf and not _missed(value, *bounds):
         return value
     value = _scalar(value)
     if not (_is(value, Real) or _is_symbolic_constant(value)):
@@ -52,13 +46,21 @@ def number(
     words = f"{name} {value:g}{unit and ' ' + unit}"
     if math.isnan(value) or (finite and math.isinf(value)):
         raise TensegrityError(f"{words} is not {'finite' if finite else 'a number'}")
-    if above is not None and not value > above:
-        raise TensegrityError(f"{words} must be above {above:g}")
-    if least is not None and not value >= least:
-        raise TensegrityError(f"{words} must be at least {least:g}")
-    if below is not None and not value < below:
-        raise TensegrityError(f"{words} must be below {below:g}")
+    missed = _missed(value, *bounds)
+    if missed:
+        raise TensegrityError(f"{words} must be {missed}")
     return value
+
+
+def _missed(value: float, above: float | None, least: float | None, below: float | None) -> str:
+    """Which bound a number does not keep, or ""."""
+    if above is not None and not value > above:
+        return f"above {above:g}"
+    if least is not None and not value >= least:
+        return f"at least {least:g}"
+    if below is not None and not value < below:
+        return f"below {below:g}"
+    return ""
 
 
 def whole(name: str, value: object, *, least: int, below: int | None = None) -> int:
@@ -173,6 +175,19 @@ def path(name: str, value: object) -> Path:
     if not Path(value).name or "\0" in str(value):
         raise TensegrityError(f"{name} {shown(str(value))} names no file")
     return Path(value)
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A new file beside another, whose place it takes once it is whole; where what writes it fails
+    the other stays as it was."""
+    new = path.with_name(path.name + ".new")
+    try:
+        yield new
+        os.replace(new, path)
+    except BaseException:
+        new.unlink(missing_ok=True)
+        raise
 
 
 def room(what: str, size: float) -> None:

@@ -7,18 +7,14 @@ numbers of one spring beside it.  It is plain C99 that needs the C library's mat
 from __future__ import annotations
 
 import math
-import os
 import re
-from typing import TYPE_CHECKING
+from os import PathLike
+from pathlib import Path
 
 from tensegrity import check
 from tensegrity.engine.law import functions
 from tensegrity.errors import TensegrityError
 from tensegrity.springs.potential import Potential
-
-if TYPE_CHECKING:
-    from os import PathLike
-    from pathlib import Path
 
 QUANTITIES = {"energy": "V(r) [J]", "tension": "dV/dr [N], > 0 in extension",
               "stiffness": "d2V/dr2 [N/m]"}  # fmt: skip
@@ -102,16 +98,11 @@ def to_c(potential: Potential, path: str | PathLike[str]) -> Path:
     check.kind("potential", potential, Potential)
     path = check.path("path", path)
     text = _text(potential, _identifier(path.stem))
-    beside = path.with_name(path.name + ".new")
     try:
-        beside.write_text(text, encoding="utf-8")
-        os.replace(beside, path)
+        with check.replacing(path) as new:
+            new.write_text(text, encoding="utf-8")
     except OSError as error:
-        beside.unlink(missing_ok=True)
         raise TensegrityError(f"C not written to {path}: {error.strerror}") from error
-    except BaseException:
-        beside.unlink(missing_ok=True)
-        raise
     return path
 
 

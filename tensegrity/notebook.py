@@ -1,7 +1,8 @@
-"""What objects look like in a notebook: a small table and a picture, as HTML that stands alone.
+"""What is seen at work: progress bars, and what objects look like in a notebook.
 
-`_repr_html_` of runs, paths, waves, prisms, structures and networks call `page`.  Matplotlib is
-imported when a picture is drawn, and not before.
+An object is a small table and a picture, as HTML that stands alone: `_repr_html_` of runs, paths,
+waves, prisms, structures and networks call `page`.  Matplotlib is imported when a picture is drawn
+and tqdm when a bar is, and not before.
 """
 
 from __future__ import annotations
@@ -9,6 +10,10 @@ from __future__ import annotations
 import base64
 import html
 import io
+import sys
+import warnings
+from contextlib import nullcontext
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -106,3 +111,36 @@ def wires(axes: Axes, positions: ArrayLike, ends: ArrayLike, bars: int = 0) -> N
     axes.plot(*places.T, "o", color="0.2", ms=3)
     axes.set_aspect("equal")
     axes.axis("off")
+
+
+def progress(total: int, unit: str, done: int = 0) -> Any:
+    """A bar of tqdm as a context, from the first second on, in a terminal or a notebook; anywhere
+    else one that is still.
+
+    Parameters
+    ----------
+    total, done : int
+        Units in all, and those that were there before.
+    unit : str
+
+    Notes
+    -----
+    To import tqdm takes as long as all of a short run.
+    """
+    notebook = in_notebook()
+    if not notebook and (sys.stderr is None or not sys.stderr.isatty()):
+        return nullcontext(SimpleNamespace(n=done, total=total, update=lambda more=1: None))
+    if notebook:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # no widgets: a bar of text then
+            from tqdm.auto import tqdm
+    else:
+        from tqdm import tqdm
+
+    return tqdm(total=total, initial=done, unit=unit, unit_scale=True, delay=1.0, leave=False)
+
+
+def in_notebook() -> bool:
+    """Whether this process is the kernel of a notebook."""
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    return "IPKernelApp" in getattr(shell, "config", {})

@@ -10,10 +10,8 @@ from __future__ import annotations
 import os
 import threading
 from functools import wraps
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from tensegrity.typing import Function
+from tensegrity.typing import Function
 
 _lock = threading.RLock()
 

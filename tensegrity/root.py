@@ -9,10 +9,7 @@ from __future__ import annotations
 
 import math
 import sys
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
+from collections.abc import Callable
 
 STEPS = 3000  # halvings from the largest number to the smallest, and some more
 ROUND_OFF = sys.float_info.epsilon

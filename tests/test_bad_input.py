@@ -27,7 +27,7 @@ from granular.lammps import run_lammps, to_lammps
 from granular.layout import crossed_layout, diamond_layout, y_layout
 from tensegrity import objective
 from tensegrity.engine import methods
-from tensegrity.measure import budget, observables
+from tensegrity.measure import observables
 from tensegrity.prisms.fold_curve import limit_load
 from tensegrity.prisms.stability import first_loss, lowest
 from tensegrity.scenes.scene import Scene
@@ -234,7 +234,7 @@ CALLS = [  # where other arguments are needed, or several in one call
     (observables.passage, {"t": X}),
     (observables.pulses, {"state": RUN.final}),
     (observables.tail_front, {"state": RUN.final}),
-    (budget.beyond, {"run": RUN}),
+    (observables.beyond, {"run": RUN}),
     (observables.speed, {"run": RUN, "bonds": (3, 5)}),
     (observables.width, {"x": X}),
     (granular.materials.__getitem__, {"name": "steel"}),

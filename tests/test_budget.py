@@ -10,7 +10,7 @@ from scipy.interpolate import BarycentricInterpolator
 
 from figures import _scenes
 from tensegrity import Chain, Ensemble, Record, TensegrityError, simulate
-from tensegrity.measure.budget import beyond
+from tensegrity.measure.observables import beyond
 
 ALL = Record(every=1)
 

@@ -8,7 +8,7 @@ import pytest
 from claims import VERDICTS, claims, numbers
 
 from derivations import ledger
-from derivations.entry import Verdict
+from derivations.argument import Verdict
 from figures import _guide, _measure, _packs, pictures
 from figures._files import PRINTED, write_tables
 

@@ -17,7 +17,7 @@ from figures import (
 )
 from tensegrity import Chain, Prism, Record, simulate, solitary_wave
 from tensegrity.errors import RangeError
-from tensegrity.measure.budget import beyond
+from tensegrity.measure.observables import beyond
 from tensegrity.prisms.condensed import ElasticPotential
 from tensegrity.waves.asymptotics import sound_speed
 from tensegrity.waves.family import Family

@@ -16,7 +16,7 @@ from tensegrity import (
     TensegrityError,
     simulate,
 )
-from tensegrity.springs.corners import UNKNOWN
+from tensegrity.springs.kinks import UNKNOWN
 from tensegrity.structures.dynamics import BarSpring, StringSpring
 
 r, k, a = sp.symbols("r k a", real=True)

@@ -16,7 +16,7 @@ BASE = [
     "once",
     "readonly",
     "root",
-    "progress",
+    "minimum",
     "notebook",
 ]  # modules that every room may use
 ROOMS = [  # inside tensegrity: each may import what stands before it

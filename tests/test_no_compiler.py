@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
+from test_continuation import followed
 
 from tensegrity import Chain, Prism, Record, simulate
 from tensegrity.scenes.dynamics import dynamics
@@ -89,6 +90,19 @@ def test_what_does_not_step_in_time_needs_no_compiler(tmp_path):
     for name, one in wanted.items():
         scale = np.abs(one)[np.isfinite(one)].max()  # a path's own points lie on it to 1e-7
         np.testing.assert_allclose(found[name], one, rtol=1e-7, atol=1e-12 * scale, err_msg=name)
+
+
+def test_branches_without_a_compiler_have_the_same_events(tmp_path):
+    """Rows may lie elsewhere by round-off that the step control saw; events may not."""
+    code = "import json, test_continuation as t; print(json.dumps(t.followed()))"
+    found = json.loads(asked(code, tmp_path))
+    for name, (end, columns, events) in followed().items():
+        other_end, other_columns, other_events = found[name]
+        assert other_end == end, name
+        np.testing.assert_allclose(other_columns, columns, rtol=1e-5, atol=1e-6, err_msg=name)
+        assert [e[:2] for e in other_events] == [[kind, row] for kind, row, _ in events], name
+        for (*_, one), (*_, other) in zip(events, other_events, strict=True):
+            np.testing.assert_allclose(other, one, rtol=1e-11, atol=1e-13, err_msg=name)
 
 
 def refused(folder):

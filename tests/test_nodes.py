@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from derivations import nodes as derived
+from derivations import member as derived
 from derivations import prism as symmetric
 from tensegrity import Prism, TensegrityError, equilibrium_path
 from tensegrity.engine.law import to_casadi
@@ -20,14 +20,14 @@ SLENDER = Prism(1.0, 1.5, 0.02, 1.0, 10.0, 100.0)
 
 @pytest.fixture(scope="module")
 def energy():
-    return sp.lambdify((*derived.POSITIONS, *derived.CONSTANTS), derived.energy(), "numpy")
+    return sp.lambdify((*derived.POSITIONS, *derived.CONSTANTS), derived.prism_energy(), "numpy")
 
 
 def test_energy_of_the_members_is_that_of_the_prism_at_symmetric_positions():
     place = dict(zip(derived.POSITIONS, derived.symmetric_positions(), strict=True))
     state = {symmetric.base: 1.1, symmetric.twist: 2.7, symmetric.height: 0.6}
     numbers = dict(zip(derived.CONSTANTS, (1.0, 2.0, 3.0, 0.5, 0.9, 1.2), strict=True))
-    gap = derived.energy().subs(place) - symmetric.energy()
+    gap = derived.prism_energy().subs(place) - symmetric.energy()
     assert abs(sp.N(gap.subs(numbers).subs(state), 30)) < 1e-15
 
 
@@ -70,7 +70,7 @@ def test_symmetric_equilibria_are_equilibria_of_the_nodes(energy):
 
 def test_tangent_of_the_structure_is_the_hessian_of_the_energy_in_18_coordinates(row):
     x, c = ca.SX.sym("x", 18), ca.SX.sym("c", 6)
-    energy = to_casadi(derived.energy(), (*derived.POSITIONS, *derived.CONSTANTS))
+    energy = to_casadi(derived.prism_energy(), (*derived.POSITIONS, *derived.CONSTANTS))
     hessian = ca.hessian(energy(*ca.vertsplit(x), *ca.vertsplit(c)), x)[0]
     matrix = ca.Function("hessian", [x, c], [ca.densify(hessian)])
     matrix = np.array(matrix(place(row), constants(SLENDER)))

@@ -17,7 +17,6 @@ from tensegrity import (
     Record,
     equilibrium_path,
     notebook,
-    progress,
     simulate,
     solitary_wave,
 )
@@ -123,18 +122,18 @@ def test_nothing_is_drawn_until_it_is_asked_for():
 
 def test_bars_are_seen_in_notebooks(monkeypatch, capsys):
     monkeypatch.setattr(sys, "stderr", None)
-    with progress.progress(3, "step") as still:
+    with notebook.progress(3, "step") as still:
         assert not hasattr(still, "close")
     monkeypatch.undo()
     shell = SimpleNamespace(config={"IPKernelApp": {}})
     monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))
-    assert progress.in_notebook()
-    with progress.progress(3, "step", done=1) as bar:
+    assert notebook.in_notebook()
+    with notebook.progress(3, "step", done=1) as bar:
         bar.update(2)
         assert re.match("tqdm", type(bar).__name__)
         assert bar.n == 3
     monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: None))
-    assert not progress.in_notebook()
+    assert not notebook.in_notebook()
 
 
 def test_lines_are_seen_from_aside_in_any_dimension():

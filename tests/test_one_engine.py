@@ -264,7 +264,7 @@ def test_forces_are_the_slope_of_the_energy_and_stiffness_that_of_the_forces(num
 def test_stiffness_of_a_prism_of_bars_and_strings_is_the_18_coordinate_tangent():
     import casadi as ca
 
-    from derivations import nodes
+    from derivations import member
     from tensegrity.engine.law import to_casadi
 
     prism = Prism(1.0, 0.8, 0.1, 1.0, 5.0, 50.0)
@@ -276,13 +276,13 @@ def test_stiffness_of_a_prism_of_bars_and_strings_is_the_18_coordinate_tangent()
     )
     places = np.array(lower + [turned @ x + [0, 0, prism.height] for x in lower])
     x, c = ca.SX.sym("x", 18), ca.SX.sym("c", 6)
-    energy = to_casadi(nodes.energy(), (*nodes.POSITIONS, *nodes.CONSTANTS))(
+    energy = to_casadi(member.prism_energy(), (*member.POSITIONS, *member.CONSTANTS))(
         *ca.vertsplit(x), *ca.vertsplit(c)
     )
     hessian = ca.Function("h", [x, c], ca.hessian(energy, x))
     values = {"k_1": prism.k_cross, "k_2": prism.k_base, "k_3": prism.k_bar}
     values |= {"s_N": cross, "l_N": base, "b_N": bar}
-    constants = [values[str(name)] for name in nodes.CONSTANTS]
+    constants = [values[str(name)] for name in member.CONSTANTS]
     wanted, gradient = (np.array(part) for part in hessian(places.ravel(), constants))
     assert np.abs(gradient).max() < 1e-14  # the self-stressed state
     ring = [(0, 1), (1, 2), (2, 0)]

@@ -153,7 +153,7 @@ def test_speed_is_the_group_velocity_of_energy_and_lattice_momentum():
 def test_two_domain_lengths_agree():
     """The tail beyond the grid is round-off: twice the length changes nothing."""
     wave = solitary_wave(PRISM, speed_ratio=1.05)
-    law, grid = Scaled(PRISM, wave.amplitude), wave._grid
+    law, grid = Scaled(PRISM, wave.amplitude), wave._shape.grid
     rho = wave.elongation(grid.x) / wave.amplitude
     nu = wave.speed**2 * law.reference / law.force - law.rest
     longer = Grid(2 * grid.points, 2 * grid.half_length)
@@ -165,7 +165,7 @@ def test_two_domain_lengths_agree():
 def test_a_domain_too_short_for_the_tail_shows():
     """Half of what the tail needs: the wave of that period is another one."""
     wave = solitary_wave(PRISM, speed_ratio=1.05)
-    law, grid = Scaled(PRISM, wave.amplitude), Grid(192, wave._grid.half_length / 4)
+    law, grid = Scaled(PRISM, wave.amplitude), Grid(192, wave._shape.grid.half_length / 4)
     rho = wave.elongation(grid.x) / wave.amplitude
     nu = wave.speed**2 * law.reference / law.force - law.rest
     short = solved(Profile(law, grid, rho, nu), amplitude_is(1.0))

@@ -18,7 +18,7 @@ from tensegrity import (
     plates,
     simulate,
 )
-from tensegrity.springs.corners import TAUT
+from tensegrity.springs.kinks import TAUT
 
 SEEDS = st.integers(0, 2**32 - 1)
 many = settings(max_examples=60, deadline=None)

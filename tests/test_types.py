@@ -48,7 +48,6 @@ MODULES = sorted(
 PUBLIC = [  # modules whose names a user takes from the module
     "tensegrity.waves.asymptotics",
     "tensegrity.export",
-    "tensegrity.measure.budget",
     "tensegrity.engine.methods",
     "tensegrity.gradients.objective",
     "tensegrity.measure.observables",

@@ -32,7 +32,7 @@ from tensegrity import (
     simulate,
     solitary_wave,
 )
-from tensegrity.measure.budget import beyond
+from tensegrity.measure.observables import beyond
 
 WAVES = [
     picture for name, picture in chosen(["waves"]).items()

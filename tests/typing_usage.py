@@ -91,7 +91,7 @@ from tensegrity import (
 )
 from tensegrity.engine import methods
 from tensegrity.export import to_c
-from tensegrity.measure import budget, observables
+from tensegrity.measure import observables
 from tensegrity.prisms.stability import first_loss, lowest
 from tensegrity.typing import Array, Flags
 from tensegrity.waves import asymptotics
@@ -321,7 +321,7 @@ def springs_elsewhere(spring: Potential) -> None:
 
 
 def measured(chain: Chain, run: Run) -> float:
-    passed = budget.beyond(run, 5)
+    passed = observables.beyond(run, 5)
     assert_type(passed.energy - passed.work, Array)
     assert_type(passed.momentum_error, float)
     assert_type(observables.pulses(chain, run.final)[0].momentum, float)
@@ -329,7 +329,7 @@ def measured(chain: Chain, run: Run) -> float:
     assert_type(observables.passage(run.t, run.u[:, 0], run.v[:, 0]), float)
     times = observables.arrival(run, 3) + observables.duration(run, 3, level=0.1)
     front = observables.tail_front(chain, run.final)
-    budget.beyond(chain, 5)  # type: ignore[arg-type]
+    observables.beyond(chain, 5)  # type: ignore[arg-type]
     observables.speed(run, 5)  # type: ignore[arg-type]
     observables.arrival(chain, 3)  # type: ignore[arg-type]
     observables.pulses(run, run.final)  # type: ignore[arg-type]
@@ -345,7 +345,7 @@ def tuned(state: State) -> Run:
     assert_type(run.work, Array | None)
     assert_type(observables.speed(run, (3, 9)), float)
     Chain(spring_at(0.0), 20, tune=spring_at(0.0))  # type: ignore[arg-type]
-    budget.beyond(run.final, 5)  # type: ignore[arg-type]
+    observables.beyond(run.final, 5)  # type: ignore[arg-type]
     return run
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from docs.live.kernel import ELASTIC
 from tensegrity import Chain, Potential, Prism, State, solitary_wave
-from tensegrity.progress import progress
+from tensegrity.notebook import progress
 
 PER_SITE = 8  # places of a profile
 FAINTEST = 1e-4  # of the crest, where a profile ends

@@ -27,7 +27,7 @@ from granular.design.spaces import Choice, Order, Sizes, Space
 from granular.materials import Material
 from tensegrity import TensegrityError, check
 from tensegrity.engine import native
-from tensegrity.progress import progress
+from tensegrity.notebook import progress
 from tensegrity.runs import archive
 from tensegrity.runs.sweep import Crew, Failed, keep, require_same
 

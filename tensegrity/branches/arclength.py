@@ -1,38 +1,161 @@
 """One step of a continuation as fast functions: predict, correct, tangent, event functions.
 
 The expressions of a problem become CasADi functions in scaled unknowns asinh(unknown/scale),
-compiled where there is a compiler, with a loop that follows a branch to its end in one call.  The
-Newton step on the system of an event is made when it is first needed.  Any number of threads may
-trace the same problem at once.
+compiled where there is a compiler, with the loop over quiet steps (`follow.c`).  The Newton step on
+the system of an event is made when it is first needed.  Any number of threads may trace the same
+problem at once.
+
+A point is a row of numbers: z, the unit tangent, the values to tabulate, then residual, length of
+the step to it, side, and the event functions ("tests").  The side is the determinant of the
+Jacobian bordered by the tangent before: it changes its sign at a simple bifurcation, and between a
+branch and one that nearly meets it.
 """
 
 from __future__ import annotations
 
 import ctypes
 import math
-from dataclasses import dataclass
 from importlib.resources import files
 
 import numpy as np
 
 from tensegrity.engine.compiled import PREFIX, Functions
-from tensegrity.errors import CompilerError
+from tensegrity.engine.native import address
 from tensegrity.once import once
 
-START_ITERATIONS = 50
-FULL_RANK = 1e-8  # least diagonal of a factor over the largest, at a start that needs no more care
 ITERATIONS = 3  # Newton iterations in a step
 POLISH = 20  # iterations that locate an event
-BISECTIONS = 45  # where they fail
-ROOT_AT_START, FOLD_AT_START = 1e-14, 1e-8  # event functions that vanish at the first point
+FULL_RANK = 1e-8  # least diagonal of a factor over the largest, at a start that needs no more care
 SETTLED = 1e-7  # largest move of a step's last iteration; the next one would square it
 NEAR = 1e-3  # part of a step: what is farther from its cubic is on another branch
 ALIGNED = 0.99  # cosine to the cubic's tangent below which one is round-off, where branches meet
 TWINS = 1e-6  # branches nearer than this are taken to meet
+ROOT_AT_START, FOLD_AT_START = 1e-14, 1e-8  # event functions that vanish at the first point
 TINY = 1e-300  # keeps quotients of zeros finite
 
 
-class Machine:
+class Stepper:
+    """Steps along a branch with m unknowns and events of some kinds; p are its parameters.
+
+    A kind of steps gives `advance`, `values`, `linearised` and `polish`.  What is a formula here
+    takes rows of NumPy, or of CasADi.
+    """
+
+    def __init__(self, names, scale, roots, folds, tabulated=()) -> None:
+        self.names, self.scale = tuple(names), np.array(scale, dtype=float)
+        self.roots, self.folds, self.tabulated = tuple(roots), tuple(folds), tuple(tabulated)
+        self.kinds, self.m = (*self.roots, *self.folds), len(self.names)
+        self.residual = 2 * self.m + len(self.tabulated)  # places in a row
+        self.length, self.side, self.tests = (self.residual + k for k in (1, 2, 3))
+        self.size = self.tests + len(self.kinds)
+        self.vanishing = [*[ROOT_AT_START] * len(self.roots), *[FOLD_AT_START] * len(self.folds)]
+
+    def row(self, z, tangent, length=1.0):
+        """A point of which no more is known."""
+        row = np.zeros(self.size)
+        row[: self.m], row[self.m : 2 * self.m], row[self.length] = z, tangent, length
+        return row
+
+    def before(self, here):
+        """A point before the first one, such that the cubic through both is the tangent."""
+        m = self.m
+        return self.row(here[:m] - here[self.length] * here[m : 2 * m], here[m : 2 * m])
+
+    def predicted(self, before, here, step):
+        """z at `step` beyond the second of two points, by Hermite's cubic through both."""
+        m, t = self.m, step / here[self.length]
+        old, old_tangent, z, tangent = before[:m], before[m : 2 * m], here[:m], here[m : 2 * m]
+        slope = (z - old) / here[self.length]
+        curve = tangent - slope
+        bend = (tangent + old_tangent - 2 * slope) * (1 + t)
+        return z + step * (tangent + t * (curve + bend))
+
+    def between(self, before, here, part):
+        """z and unit tangent at a given part (0 to 1) of the way, from the cubic through both."""
+        m, u, w = self.m, part, 1 - part
+        rise = here[self.length] * u * w
+        z = w * w * (1 + 2 * u) * before[:m] + rise * w * before[m : 2 * m]
+        z = z + u * u * (1 + 2 * w) * here[:m] - rise * u * here[m : 2 * m]
+        tangent = w * before[m : 2 * m] + u * here[m : 2 * m]
+        return z, tangent / (tangent.T @ tangent) ** 0.5
+
+    def near(self, row, before, here):
+        """How much farther a point is from the curve between two others than `NEAR` allows, the
+        cosine between its tangent and that of the curve, and the latter."""
+        m = self.m
+        chord, moved = here[:m] - before[:m], row[:m] - before[:m]
+        square = chord.T @ chord
+        guess, tangent = self.between(before, here, (moved.T @ chord) / (square + TINY))
+        away = row[:m] - guess
+        away = away - (away.T @ tangent) * tangent
+        beyond = (away.T @ away) ** 0.5 - NEAR * square**0.5 - NEAR**2
+        return beyond, row[m : 2 * m].T @ tangent, tangent
+
+    def at(self, z, tangent, p):
+        """The point of the branch next to z in the plane normal to `tangent`."""
+        here = self.row(z, tangent)
+        return self.advance(self.before(here), here, np.zeros(6), p)[: self.size]
+
+    def least_norm(self, z, p):
+        """The least-norm Newton step to g = 0, and the unit vector along; nan if not finite."""
+        g, jacobian = self.linearised(z, p)
+        if not (np.isfinite(g).all() and np.isfinite(jacobian).all()):
+            return np.full((2, self.m), np.nan)
+        left, sizes, right = np.linalg.svd(jacobian)
+        some = sizes > 1e-15 * sizes[0]
+        return ((g @ left)[some] / sizes[some]) @ right[:-1][some], right[-1]
+
+    def steps(self, rows, count, signs, control, p):
+        """Go on beyond `count` rows, till the last step holds an event, no step is good or the
+        rows are full; how many there are then.
+
+        `control` is the step, which changes, tolerance, residual, turn, largest and smallest step.
+        `signs` become those that the tests had before the last step.
+        """
+        while count < len(rows):
+            good, here = False, rows[count - 1]
+            np.copyto(signs, here[self.tests :], where=here[self.tests :] != 0)
+            before = rows[count - 2] if count > 1 else self.before(here)
+            while not good:
+                if not control[0] >= control[5]:
+                    return count
+                made = self.advance(before, here, control, p)
+                good, control[0] = made[self.size :]
+            rows[count] = made = made[: self.size]
+            count += 1
+            crossed = (signs * made[self.tests :] < 0).any()
+            if crossed or not here[self.side] * made[self.side] > 0:
+                break
+        return count
+
+    def approach(self, kind, before, here, part, ends, p):
+        """The event of a kind next to a part of the way between two points, or None.
+
+        None also where it is farther from one of two `ends` than they are from each other:
+        another root.
+        """
+        z, tangent = self.between(before, here, part)
+        z = self.polish(kind, z, tangent, p)
+        low, high = (end[: self.m] for end in ends)
+        reach = np.linalg.norm(high - low) + 1e-12
+        if z is None or any(np.linalg.norm(z - end) > reach for end in (low, high)):
+            return None
+        row = self.at(z, tangent, p)
+        row[: self.m], row[2 * self.m : self.residual] = z, self.values(z, p)
+        return row if self.on_curve(row, before, here) else None
+
+    def on_curve(self, row, before, here):
+        """Whether a point is next to the curve between two others: else it is on another branch.
+
+        Where branches meet it gets the tangent of the curve, for its own is round-off.
+        """
+        beyond, cosine, tangent = self.near(row, before, here)
+        if cosine < ALIGNED:
+            row[self.m : 2 * self.m] = tangent
+        return beyond <= 0
+
+
+class Machine(Stepper):
     """The functions of a problem, in scaled unknowns asinh(unknown/scale).
 
     Parameters
@@ -45,18 +168,20 @@ class Machine:
     """
 
     def __init__(self, problem, facts, parts=None) -> None:
-        self.names, self.scale = tuple(facts["unknowns"]), np.array(facts["scale"])
-        self.roots, self.folds = tuple(facts["roots"]), tuple(facts["folds"])
-        self.tabulated, self.numbers = tuple(facts["values"]), facts["numbers"]
-        self.kinds, self.m = (*self.roots, *self.folds), len(self.names)
-        self.vanishing = [*[ROOT_AT_START] * len(self.roots), *[FOLD_AT_START] * len(self.folds)]
-        self.judged = 2 * self.m + len(self.tabulated)  # where the figures of a step begin
-        self.size = self.judged + 3 + len(self.kinds)  # of a row in follow.c
+        names = (facts[key] for key in ("unknowns", "scale", "roots", "folds", "values"))
+        super().__init__(*names)
+        self.numbers = facts["numbers"]
         self._parts, self._scaled = parts, once(lambda: _Scaled(problem))
         self.functions = Functions(self._named("machine"), self._made, self._follow())
-        self.library = self.functions.library
         self.newton = once(self._made_newton)
-        self.addresses = [0] * len(self.kinds)  # of the compiled Newton steps made so far
+        self.library = self.functions.library
+        if self.library:
+            pointer, number = ctypes.c_void_p, ctypes.c_longlong
+            self.library.steps.argtypes = [*[pointer] * 4, number, number]
+            self.library.at.argtypes = [pointer] * 4
+            self.library.least_norm.argtypes = [pointer] * 3
+            several = [*[pointer] * 4, ctypes.c_double, *[pointer] * 3, number]
+            self.library.approach.argtypes = several
 
     def _named(self, *what):
         return self._parts and (*what, self._parts)
@@ -66,65 +191,96 @@ class Machine:
 
         s = self._scaled()
         linear = ca.Function("linear", [s.z, s.p], [s.g, s.jacobian])
-        judge = ca.Function("judge", [s.z, s.p], [s.values, s.g / s.size, s.roots, *s.slopes])
-        inputs, output = _advance(self.m, s.p, linear, judge)
+        tests = ca.Function("tests", [s.z, s.p], [s.values, s.g / s.size, s.roots, *s.slopes])
+        part, *rows = ca.SX.sym("part"), *(ca.SX.sym("row", self.size) for _ in range(3))
+        curve = ca.vertcat(*self.between(*rows[:2], part))
         return {
-            "advance": ca.Function("advance", inputs, [output]),
+            "advance": self._advance(s.p, linear, tests),
             "linear": ca.Function(
                 "linear", [s.z, s.p], [ca.vertcat(s.g, ca.vec(ca.densify(s.jacobian)))]
             ),
-            "values": ca.Function("values", [s.z, s.p], [ca.vertcat(s.z, s.values)]),
+            "values": ca.Function("values", [s.z, s.p], [s.values]),
+            "between": ca.Function("between", [*rows[:2], part], [curve]),
+            "near": ca.Function("near", rows, [ca.vertcat(*self.near(*rows))]),
         }
+
+    def _advance(self, p, at, tests):
+        """Predict, correct, tangent, tests and control as one function of (two points, control,
+        parameters)."""
+        import casadi as ca
+
+        m, before, row = self.m, ca.SX.sym("before", self.size), ca.SX.sym("here", self.size)
+        here, tangent, control = row[:m], row[m : 2 * m], ca.SX.sym("control", 6)
+        step, length = control[0], row[self.length]
+        z = guess = self.predicted(before, row, step)
+        moves = []
+        border = ca.horzcat(tangent).T
+        for _ in range(ITERATIONS):
+            g, jacobian = at(z, p)
+            move = ca.solve(ca.vertcat(jacobian, border), ca.vertcat(g, ca.dot(tangent, z - guess)))
+            z = z - move
+            moves.append(ca.norm_inf(move))
+        g, jacobian = at(z, p)
+        new = ca.solve(ca.vertcat(jacobian, border), ca.vertcat(ca.SX.zeros(m - 1), 1))
+        new = new / ca.norm_2(new)
+        values, scaled, roots, *slopes = tests(z, p)
+        cosine = ca.dot(new, tangent)
+        error, arc = measures(ca.norm_inf(z - guess), ca.norm_2(z - here), cosine, step, length)
+        side = _determinant(ca.vertcat(jacobian, border))
+        moved, residual = ca.norm_2(z - guess), ca.norm_inf(scaled)
+        tests = [roots, *(ca.dot(s, new) for s in slopes)]
+        figures = (error, moved, moves[-1], cosine, residual, side * row[self.side])
+        made = [z, new, values, residual, arc, side, *tests, *_controlled(figures, control)]
+        return ca.Function("advance", [before, row, control, p], [ca.vertcat(*made)])
 
     def _follow(self):
         """C of the loop, with the numbers that it is made for."""
         sizes = {"M": self.m, "VALUES": len(self.tabulated), "KINDS": len(self.kinds)}
-        sizes |= {"ROOTS": len(self.roots), "FOLDS": len(self.folds)}
-        sizes |= {"POLISH": POLISH, "BISECTIONS": BISECTIONS, "ROOT_AT_START": ROOT_AT_START}
-        sizes |= {"FOLD_AT_START": FOLD_AT_START, "SETTLED": SETTLED, "TWINS": TWINS, "TINY": TINY}
-        sizes |= {"NEAR": NEAR, "ALIGNED": ALIGNED}
-        sizes |= {"START_ITERATIONS": START_ITERATIONS, "FULL_RANK": FULL_RANK}
+        sizes |= {"POLISH": POLISH, "ALIGNED": ALIGNED, "FULL_RANK": FULL_RANK, "TINY": TINY}
         defined = [f"#define {name} {number!r}" for name, number in sizes.items()]
         text = files(__package__).joinpath("follow.c").read_text()
         return "\n".join([*defined, '#line 1 "follow.c"', text])
 
     def _made_newton(self, kind):
-        """One Newton step on the system of an event."""
-        return Functions(
+        """One Newton step on the system of an event, and where its compiled form is."""
+        found = Functions(
             self._named("newton", kind), lambda: {"newton": self._scaled().newton(kind)}
         )
+        at = found.library and ctypes.cast(found.library[f"{PREFIX}newton"], ctypes.c_void_p).value
+        return found, at
 
-    def address(self, kind):
-        """Where the compiled Newton step for an event is."""
-        found = self.newton(kind).library
-        if found is None:
-            raise CompilerError(f"the Newton step for {kind} was not compiled")
-        address = ctypes.cast(found[f"{PREFIX}newton"], ctypes.c_void_p).value
-        self.addresses[self.kinds.index(kind)] = address
-        return address
-
-    def advance(self, before, here, step, p):
-        """The point `step` beyond `here`, and the figures by which it is judged."""
-        m = self.m
-        given = [*before.data[: 2 * m], *here.data[: 2 * m], here.length, step]
-        return self._point(given, p)
+    def advance(self, before, here, control, p):
+        """The row beyond `here`, whether it is good, and the step to try next."""
+        return self.functions("advance", before, here, control, p)
 
     def at(self, z, tangent, p):
-        """The point of the branch next to z in the plane normal to `tangent`."""
-        return self._point(np.concatenate([z - tangent, tangent, z, tangent, [1, 0]]), p)[0]
+        if not self.library:
+            return super().at(z, tangent, p)
+        made = np.empty(self.size)
+        self.library.at(*map(address, (p, z, tangent, made)))
+        return made
 
-    def _point(self, given, p):
-        out, m = self.functions("advance", given, p), self.judged
-        error, moved, last, cosine, residual, length, side, *tests = out[m:].tolist()
-        point = Point(self.m, out[:m].copy(), residual, length, side, tests)
-        return point, (error, moved, last, cosine)
+    def steps(self, rows, count, signs, control, p):
+        if not self.library:
+            return super().steps(rows, count, signs, control, p)
+        return self.library.steps(*map(address, (p, control, signs, rows)), count, len(rows))
 
-    def exactly_at(self, z, tangent, p):
-        """The point of the branch at a z that is known to round-off already."""
-        point = self.at(z, tangent, p)
-        point.data[: self.m] = z
-        point.data[2 * self.m :] = self.functions("values", z, p)[self.m :]
-        return point
+    def approach(self, kind, before, here, part, ends, p):
+        newton = self.newton(kind)[1]
+        if not (self.library and newton):
+            return super().approach(kind, before, here, part, ends, p)
+        made = np.empty(self.size)
+        given = newton, *map(address, (p, before, here)), part, *map(address, (*ends, made))
+        return made if self.library.approach(*given, kind in self.folds) else None
+
+    def values(self, z, p):
+        """Values to tabulate."""
+        return self.functions("values", z, p)
+
+    def least_norm(self, z, p):
+        found = np.empty((2, self.m))
+        full_rank = self.library and self.library.least_norm(*map(address, (p, z, found)))
+        return found if full_rank else super().least_norm(z, p)
 
     def linearised(self, z, p):
         """Residual and Jacobian."""
@@ -133,19 +289,28 @@ class Machine:
         return values[: m - 1], values[m - 1 :].reshape(m, m - 1).T
 
     def polish(self, kind, z, tangent, p):
-        """Newton's method on the system extended by an event; the point, or None."""
-        step, normal = self.newton(kind), [tangent] if kind in self.folds else []
-        x = np.concatenate([z, *normal])
-        previous = math.inf
-        for _ in range(POLISH):
-            *new, moved = step("newton", x, *normal, p).tolist()
-            if not math.isfinite(moved):
-                return None
-            x = np.array(new)
-            if moved <= 1e-15 or (moved < 1e-11 and moved >= previous / 4):
-                return x[: self.m]
-            previous = moved
-        return None
+        """The z of an event by Newton's method on the system that it extends, or None."""
+        newton, normal = self.newton(kind)[0], [tangent] if kind in self.folds else []
+
+        def step(x):
+            *new, moved = newton("newton", x, *normal, p).tolist()
+            return np.array(new), moved
+
+        x = settled(step, np.concatenate([z, *normal]))
+        return None if x is None else x[: self.m]
+
+
+def settled(step, x):
+    """Where steps x -> (next x, how far it is) come to rest to round-off, or None."""
+    previous = math.inf
+    for _ in range(POLISH):
+        x, moved = step(x)
+        if not math.isfinite(moved):
+            return None
+        if moved <= 1e-15 or (moved < 1e-11 and moved >= previous / 4):
+            return x
+        previous = moved
+    return None
 
 
 class _Scaled:
@@ -189,71 +354,48 @@ class _Scaled:
         return ca.Function("newton", [x, *normal, self.p], [step])
 
 
-@dataclass(slots=True)
-class Point:
-    """A point of a branch, with the length of the step to it and its event functions.
-
-    `data` is z, the tangent and the values to tabulate.  `side` is the determinant of the
-    Jacobian bordered by a tangent.  It changes its sign at a simple bifurcation, and between a
-    branch and one that nearly meets it.
-    """
-
-    m: int
-    data: np.ndarray
-    residual: float
-    length: float
-    side: float
-    tests: list
-
-    @property
-    def z(self):
-        return self.data[: self.m]
-
-    @property
-    def tangent(self):
-        return self.data[self.m : 2 * self.m]
-
-    @property
-    def numbers(self):
-        """All of it in a row, as in `follow.c`."""
-        return np.concatenate([self.data, [self.residual, self.length, self.side, *self.tests]])
+def measures(missed, chord, cosine, step, length):
+    """Error of the cubic through two points, and length of the branch between them."""
+    # errors of cubics: 1/16 times this for interpolation by extrapolation, and a margin of 2
+    error = missed * (step / (step + length)) ** 2 / 8
+    return error, chord * (1 + (1 - cosine) / 12)  # chord to arc of a circle, order 4
 
 
-def _advance(m, p, at, judge):
-    """Predict, correct, tangent and tests as one function of (two points and steps, p)."""
+def _controlled(figures, control):
+    """Whether a step is good, and the next one to try, in CasADi."""
     import casadi as ca
 
-    given = ca.SX.sym("given", 4 * m + 2)
-    old, old_tangent, here, tangent = (given[i * m : (i + 1) * m] for i in range(4))
-    length, step = given[4 * m], given[4 * m + 1]
+    error, moved, last, cosine, residual, sides = figures
+    step, tolerance, most, turn, largest, _ = ca.vertsplit(control)
+    turned = ca.if_else(cosine > 0, ca.acos(ca.fmin(cosine, 1)), math.inf)
+    wanted, by_turn = 0.9 * (tolerance / (error + TINY)) ** 0.25, 0.8 * turn / (turned + TINY)
+    wanted = ca.if_else(by_turn < wanted, by_turn, wanted)
+    good = ca.logic_or(sides > 0, step <= TWINS)
+    for bounded in (
+        residual <= most,
+        last <= SETTLED,
+        moved <= step / 2,
+        turned <= turn,
+        error <= tolerance,
+    ):
+        good = ca.logic_and(good, bounded)
+    longer = ca.fmin(step * ca.fmin(ca.fmax(wanted, 0.3), 2), largest)
+    shorter = ca.if_else(wanted < math.inf, ca.fmin(ca.fmax(wanted, 0.1), 0.5), 0.5)
+    return good, ca.if_else(good, longer, step * shorter)
 
-    # Hermite's cubic through both points, continued to `step` beyond the second
-    t = step / length
-    slope = (here - old) / length
-    curve = tangent - slope
-    bend = (tangent + old_tangent - 2 * slope) * (1 + t)
-    guess = here + step * (tangent + t * (curve + bend))
 
-    z, moves = guess, []
-    border = ca.horzcat(tangent).T
-    for _ in range(ITERATIONS):
-        g, jacobian = at(z, p)
-        move = ca.solve(ca.vertcat(jacobian, border), ca.vertcat(g, ca.dot(tangent, z - guess)))
-        z = z - move
-        moves.append(ca.norm_inf(move))
-    g, jacobian = at(z, p)
-    new = ca.solve(ca.vertcat(jacobian, border), ca.vertcat(ca.SX.zeros(m - 1), 1))
-    new = new / ca.norm_2(new)
-    values, scaled, roots, *slopes = judge(z, p)
-    cosine = ca.dot(new, tangent)
-    # errors of cubics: 1/16 times this for interpolation by extrapolation, and a margin of 2
-    error = ca.norm_inf(z - guess) * (step / (step + length)) ** 2 / 8
-    arc = ca.norm_2(z - here) * (1 + (1 - cosine) / 12)  # chord to arc of a circle, order 4
-    side = _determinant(ca.vertcat(jacobian, border))
-    moved, residual = ca.norm_2(z - guess), ca.norm_inf(scaled)
-    tests = [roots, *(ca.dot(s, new) for s in slopes)]
-    figures = (error, moved, moves[-1], cosine, residual, arc, side, *tests)
-    return [given, p], ca.vertcat(z, new, values, *figures)
+@once
+def control_function():
+    """`_controlled` of figures and control, compiled."""
+
+    def made():
+        import casadi as ca
+
+        figures, control = ca.SX.sym("figures", 6), ca.SX.sym("control", 6)
+        found = ca.vertcat(*_controlled(ca.vertsplit(figures), control))
+        return {"control": ca.Function("control", [figures, control], [found])}
+
+    return Functions(("control",), made)
 
 
 def _determinant(matrix):
@@ -265,13 +407,7 @@ def _determinant(matrix):
         mirror = matrix[k:, k]
         diagonal = -ca.if_else(mirror[0] < 0, -1, 1) * ca.norm_2(mirror)
         mirror[0] -= diagonal
-        share = 2 / (ca.dot(mirror, mirror) + TINY)
-        matrix[k:, k:] -= mirror @ (share * (mirror.T @ matrix[k:, k:]))
+        factor = 2 / (ca.dot(mirror, mirror) + TINY)
+        matrix[k:, k:] -= mirror @ (factor * (mirror.T @ matrix[k:, k:]))
         product = -product * diagonal
     return product * matrix[size - 1, size - 1]
-
-
-def virtual_start(point, step=1.0):
-    """A point before the first one, such that the cubic becomes the tangent."""
-    data = np.concatenate([point.z - step * point.tangent, point.tangent])
-    return Point(point.m, data, 0.0, step, 0.0, [])

@@ -9,33 +9,25 @@ is shortened; also where the bordered determinant changes its sign, as it does b
 and a neighbour that nearly meets it.  Folds are located on the extended system (Moore & Spence
 1980), roots of user functions on the system bordered by them; interpolation only starts both.
 
-A `Problem` is what is solved, `Settings` how, a `Branch` what came out.  Where there is a
-compiler all of it runs in one call of `follow.c`; without one, `_walked` does the same.
+A `Problem` is what is solved, `Settings` how, a `Branch` what came out.  The walk goes from event
+to event; what is quiet between two takes one call where the steps are compiled (`follow.c`).  An
+event function that changes its sign gives the interval; a guess on the cubic through both points
+is polished on the extended system of the event, and bisection steps in where that fails.
 """
 
 from __future__ import annotations
 
-import contextlib
 import math
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tensegrity import check
-from tensegrity.branches.arclength import (
-    SETTLED,
-    START_ITERATIONS,
-    TINY,
-    TWINS,
-    Machine,
-    virtual_start,
-)
-from tensegrity.branches.events import leave_start, located
-from tensegrity.branches.following import MANY, SHORT, followed
+from tensegrity.branches.arclength import ROOT_AT_START, Machine
 from tensegrity.branches.table import Event, Table
 from tensegrity.engine.kept import kept, maker
-from tensegrity.errors import CompilerError, TensegrityError
+from tensegrity.errors import TensegrityError
 from tensegrity.once import once
 
 if TYPE_CHECKING:
@@ -46,6 +38,10 @@ if TYPE_CHECKING:
 
     from tensegrity.branches.many import ManyProblem
     from tensegrity.typing import Array
+
+START_ITERATIONS = 50
+BISECTIONS = 45  # where Newton's method does not locate an event
+ROOM = 256  # rows, at first
 
 
 class ContinuationError(TensegrityError):
@@ -201,6 +197,7 @@ class Branch(Table):
     """
 
     p: Any  # numbers it was traced with, where they were kept
+    _by_row = ("z", "tangent", "arc", "residual")
 
     def __init__(
         self,
@@ -214,13 +211,6 @@ class Branch(Table):
     ) -> None:
         super().__init__(columns, events, end)
         self.z, self.tangent, self.arc, self.residual = z, tangent, arc, residual
-
-    def __getitem__(self, key: Any) -> Any:
-        part = super().__getitem__(key)
-        if isinstance(key, slice):
-            for name in ("z", "tangent", "arc", "residual"):
-                setattr(part, name, getattr(self, name)[key])
-        return part
 
 
 def trace(
@@ -259,8 +249,8 @@ def trace(
     """
     settings, machine = settings or Settings(), problem._machine
     start, p = _checked(machine, start, parameters, direction, stop)
-    rows, found, listed, end = _follow(machine, start, p, settings, direction, stop)
-    branch = _branch(machine, rows, found, listed, end if end in machine.kinds else "failed")
+    rows, events, end = _walked(machine, start, p, settings, direction, stop)
+    branch = _branch(machine, rows, events, end if end in machine.kinds else "failed")
     if end not in machine.kinds:
         failure = ContinuationError(f"{end}; last good point {_shown(machine, rows[-1])}")
         failure.branch = branch
@@ -268,43 +258,45 @@ def trace(
     return branch
 
 
-def _follow(machine, start, p, settings, direction, stop):
-    if machine.library:
-        with contextlib.suppress(CompilerError):
-            found = followed(machine, start, p, settings, direction, stop)
-            if found:
-                return found
-    return _walked(machine, start, p, settings, direction, stop)
-
-
 def _walked(machine, start, p, settings, direction, stop):
-    """What `followed` gives, in Python."""
-    here = _first_point(machine, start, p, settings, direction)
-    step = min(settings.first, settings.largest)
-    rows, events, end = [here], [], ""
-    before, here = virtual_start(here, step), replace(here, length=step)
-    signs = here.tests
-    while not end:
-        if len(rows) >= settings.points:
-            end = MANY.format(settings.points)
-            break
-        point, step = _step(machine, before, here, step, p, settings)
-        if point is None:
-            end = SHORT.format(settings.smallest)
-            break
-        before, here = here, point
-        if len(rows) == 1:
-            signs = leave_start(machine, rows[0], here, p, events)
-        for kind, point in located(machine, before, here, signs, p):
-            events.append((kind, len(rows) - (kind not in stop), point))
+    """Rows, events (kind, row, point) and the kind of event, or the failure, that ends them."""
+    first = _first_point(machine, start, p, settings, direction)
+    control = np.array(
+        [
+            min(settings.first, settings.largest),
+            settings.tolerance,
+            settings.residual,
+            settings.turn,
+            settings.largest,
+            settings.smallest,
+        ]
+    )
+    most, count, events, folds = settings.points, 1, [], []
+    rows, signs = np.empty((min(ROOM, most), machine.size)), np.zeros(len(machine.kinds))
+    rows[0], rows[0, machine.length] = first, control[0]  # its length: the predictor has one
+    for i, test in enumerate(first[machine.tests :].tolist()):
+        if abs(test) <= machine.vanishing[i]:
+            rows[0, machine.tests + i] = 0.0  # it gets a sign with the first step
+            if i >= len(machine.roots):
+                folds.append(i)
+            else:
+                events.append((machine.kinds[i], 0, first))
+    while count < most:
+        if count == len(rows):
+            rows = np.concatenate([rows, np.empty_like(rows)])[:most]
+        last, count = count, machine.steps(rows, count, signs, control, p)
+        if count == last:
+            return rows[:count], events, f"the step fell below {settings.smallest:g}"
+        if folds:
+            events += _starting_folds(machine, rows, folds, p)
+            folds = []
+        before, here = rows[count - 2], rows[count - 1]
+        for kind, point in _located(machine, before, here, signs.tolist(), p):
+            events.append((kind, count - 1 - (kind not in stop), point))
             if kind in stop:
-                here, end = point, kind
-                break
-        rows.append(here)
-        signs = [new or old for new, old in zip(here.tests, signs, strict=True)]
-    found = np.array([point.numbers for _, _, point in events]).reshape(-1, machine.size)
-    listed = [(kind, row) for kind, row, _ in events]
-    return np.array([point.numbers for point in rows]), found, listed, end
+                rows[count - 1] = _measured(machine, before, point)
+                return rows[:count], events, kind
+    return rows, events, f"{most} rows do not reach an end"
 
 
 def _checked(machine, start, parameters, direction, stop):
@@ -316,7 +308,7 @@ def _checked(machine, start, parameters, direction, stop):
             f"{start.size} start values and {p.size} parameters do not suit the problem, must be "
             f"{m} and {k}"
         )
-    if not np.isfinite(start).all() or np.isnan(p).any():
+    if not all(map(math.isfinite, start)) or any(map(math.isnan, p)):
         raise TensegrityError("start or parameters hold a value that is not finite")
     if direction not in (1, -1):
         raise TensegrityError(f"direction {direction!r} must be 1 or -1")
@@ -333,22 +325,20 @@ def _shown(machine, row):
 
 def _first_point(machine, z, p, settings, direction):
     """Nearest solution by least-norm Newton steps, which work at a fold as elsewhere."""
+    residual = math.nan
     for _ in range(START_ITERATIONS):
-        g, jacobian = machine.linearised(z, p)
-        finite = np.isfinite(g).all() and np.isfinite(jacobian).all()
+        move, tangent = machine.least_norm(z, p)
+        finite = math.isfinite(sum(move.tolist()))
         if not finite:
             break
-        left, sizes, right = np.linalg.svd(jacobian)
-        kept = sizes > 1e-15 * sizes[0]
-        move = ((g @ left)[kept] / sizes[kept]) @ right[:-1][kept]
-        tangent, z = right[-1], z - move
-        if (np.abs(move) <= 1e-15 * (1 + np.abs(z))).all():
+        z = z - move
+        pairs = zip(move.tolist(), z.tolist(), strict=True)
+        if all(abs(x) <= 1e-15 * (1 + abs(at)) for x, at in pairs):
             break
-    residual = math.nan
     if finite:
         lead = tangent[-1] if abs(tangent[-1]) > 1e-8 else tangent[np.argmax(np.abs(tangent))]
         point = machine.at(z, tangent if lead * direction > 0 else -tangent, p)
-        residual = point.residual
+        residual = point[machine.residual]
     if not residual <= settings.residual:
         raise ContinuationError(
             f"no solution near the start: residual {residual:.3g} at {_shown(machine, z)} is "
@@ -357,37 +347,102 @@ def _first_point(machine, z, p, settings, direction):
     return point
 
 
-def _step(machine, before, here, step, p, settings):
-    """The next point and the step to try after it; shorter steps until one is good."""
-    while step >= settings.smallest:
-        point, (error, moved, last, cosine) = machine.advance(before, here, step, p)
-        turned = math.acos(min(cosine, 1.0)) if cosine > 0 else math.inf
-        good = (
-            point.residual <= settings.residual
-            and last <= SETTLED
-            and moved <= step / 2
-            and turned <= settings.turn
-            and error <= settings.tolerance
-            and (point.side * here.side > 0 or step <= TWINS)
-        )
-        wanted = 0.9 * (settings.tolerance / (error + TINY)) ** 0.25
-        wanted = min(wanted, 0.8 * settings.turn / (turned + TINY))
-        if good:
-            return point, min(step * min(max(wanted, 0.3), 2.0), settings.largest)
-        step *= min(max(wanted, 0.1), 0.5) if wanted == wanted else 0.5
-    return None, step
+def _starting_folds(machine, rows, folds, p):
+    """Which of the folds that vanish at the first row are events: they change sign there."""
+    here, control = rows[0].copy(), np.zeros(6)
+    here[machine.length], control[0] = 1.0, -rows[1, machine.length]
+    back = machine.advance(machine.before(here), here, control, p)
+    places = [(machine.kinds[i], machine.tests + i) for i in folds]
+    return [(kind, 0, rows[0].copy()) for kind, at in places if back[at] * rows[1, at] < 0]
 
 
-def _branch(machine, rows, found, events, end):
+def _located(machine, before, here, signs, p):
+    """Events between two points, in their order: (kind, point).
+
+    A root may be passed twice in a step that holds a fold: the fold divides it.
+    """
+    m, roots = machine.m, len(machine.roots)
+    tests = here[machine.tests :].tolist()
+    crossed = [i for i, test in enumerate(tests) if signs[i] * test < 0]
+
+    def event(i, start, end):
+        return machine.kinds[i], _locate(machine, start, end, i, signs[i], p)
+
+    def place(one):
+        return (one[1][:m] - before[:m]) @ before[m : 2 * m]
+
+    def ordered(events):
+        return sorted(events, key=place) if len(events) > 1 else events
+
+    found = [event(i, before, here) for i in crossed if i >= roots]
+    if not found:
+        found = [event(i, before, here) for i in crossed]
+    else:
+        start, folds = before, [point for _, point in ordered(found)]
+        for end in (*folds, here):
+            tests = end[machine.tests :].tolist()
+            for i in range(roots):
+                if signs[i] * tests[i] < 0:
+                    found.append(event(i, start, _measured(machine, start, end)))
+            start, signs = end, [new or old for new, old in zip(tests, signs, strict=True)]
+    if before[machine.side] * here[machine.side] < 0:
+        found.append(("bifurcation", _bifurcation(machine, before, here, p)))
+    return ordered(found)
+
+
+def _measured(machine, start, end):
+    """A point with its distance from another one as the length of the step to it."""
+    end = end.copy()
+    end[machine.length] = math.dist(start[: machine.m].tolist(), end[: machine.m].tolist())
+    return end
+
+
+def _locate(machine, before, here, number, sign, p):
+    """The point where an event function vanishes between two points."""
+    test = machine.tests + number
+    low = 0.0, float(before[test]) or sign * ROOT_AT_START, before
+    high = 1.0, float(here[test]), here
+    for _ in range(BISECTIONS):
+        part = low[0] + (high[0] - low[0]) * low[1] / (low[1] - high[1])
+        ends = low[2], high[2]
+        point = machine.approach(machine.kinds[number], before, here, part, ends, p)
+        if point is not None:
+            return point
+        part = (low[0] + high[0]) / 2
+        middle = machine.at(*machine.between(before, here, part), p)
+        if middle[test] * sign > 0:
+            low = part, float(middle[test]), middle
+        else:
+            high = part, float(middle[test]), middle
+    machine.on_curve(middle, before, here)
+    return middle
+
+
+def _bifurcation(machine, before, here, p):
+    """The point where the bordered determinant changes its sign between two points."""
+    low, high = 0.0, 1.0
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        point = machine.at(*machine.between(before, here, middle), p)
+        if point[machine.side] * before[machine.side] > 0:
+            low = middle
+        else:
+            high = middle
+    return point
+
+
+def _branch(machine, rows, events, end):
     m, count = machine.m, len(rows)
-    names, values = (*machine.names, *machine.tabulated), machine.judged
-    data = np.concatenate([rows, found])
-    z = np.sinh(data[:, :m]) * machine.scale
-    table = np.hstack([z, data[:, 2 * m : values]])
+    names, values = (*machine.names, *machine.tabulated), machine.residual
+    data = np.concatenate([rows, *(point[None] for _, _, point in events)])
+    table = data[:, m:values].copy()
+    table[:, :m] = np.sinh(data[:, :m]) * machine.scale  # in the place of tangents
     listed = [
         Event(kind, row, dict(zip(names, at, strict=True)))
-        for (kind, row), at in zip(events, table[count:].tolist(), strict=True)
+        for (kind, row, _), at in zip(events, table[count:].tolist(), strict=True)
     ]
     columns = dict(zip(names, table[:count].T.copy(), strict=True))
-    arc = np.concatenate([[0.0], np.cumsum(rows[1:, values + 1])])
-    return Branch(columns, listed, end, z[:count], rows[:, m : 2 * m].copy(), arc, rows[:, values])
+    rows[0, machine.length] = 0.0
+    arc = np.add.accumulate(rows[:, machine.length])
+    z, tangent, residual = table[:count, :m], rows[:, m : 2 * m].copy(), rows[:, values]
+    return Branch(columns, listed, end, z, tangent, arc, residual)

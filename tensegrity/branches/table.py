@@ -64,6 +64,8 @@ class Table:
         Why the curve ends there.
     """
 
+    _by_row: tuple[str, ...] = ()  # arrays besides the columns that a slice divides
+
     def __init__(self, columns: Mapping[str, Any], events: Iterable[Event], end: str) -> None:
         self.columns, self.events, self.end = dict(columns), tuple(events), end
 
@@ -87,6 +89,7 @@ class Table:
         kept = {row: number for number, row in enumerate(rows)}
         part = object.__new__(type(self))
         part.__dict__.update(self.__dict__)
+        part.__dict__.update((name, getattr(self, name)[key]) for name in self._by_row)
         part.columns = {name: column[key] for name, column in self.columns.items()}
         part.events = tuple(replace(e, row=kept[e.row]) for e in self.events if e.row in kept)
         if len(self) - 1 not in kept:

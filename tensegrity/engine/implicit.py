@@ -11,13 +11,10 @@ ITERATIONS = 60  # of Newton's method, in one step
 
 def fields(loop, u, bonds):
     """Arrays and counts of the structure, by their names; what `Bound` has is not among them."""
-    contacts, first, second = bonds.contacts, *forces.ends(bonds)
-    if contacts is None:
-        dim, entries, load = 1, u.size, np.zeros(u.size)
-        geometry = np.tile([[1.0], [0.0], [1.0]], len(first))
-    else:
-        dim, entries, load = bonds.dim, contacts.load.size, contacts.load
-        geometry = contacts.geometry
+    contacts, (first, second, _, geometry) = bonds.contacts, forces.joined(bonds)
+    dim = bonds.dim or 1
+    load = np.zeros(u.size) if contacts is None else contacts.load
+    entries = load.size
     at, width = _order(bonds, first, second)
     numbers = {
         "geometry": geometry,

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity.engine.reverse import Back, Layout, Seeds, Totals
-from tensegrity.progress import progress
+from tensegrity.notebook import progress
 from tensegrity.scenes.dynamics import dynamics
 
 if TYPE_CHECKING:

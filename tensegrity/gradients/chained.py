@@ -16,7 +16,7 @@ from tensegrity.once import once
 from tensegrity.prisms.closed import polygon, rigid_law
 from tensegrity.prisms.condensed import ElasticPotential
 from tensegrity.springs.polynomial import Polynomial
-from tensegrity.springs.power_law import PowerLaw
+from tensegrity.springs.potential import PowerLaw
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -149,13 +149,13 @@ def _columns(function: Any, given: Sequence[Array]) -> Array:
 
 
 def _prism_symbols() -> tuple[Any, dict[str, Any]]:
-    from derivations import prism
+    from derivations import prism, regular
     from derivations import rigid_elastic as derived
 
     by = {"prestrain": prism.prestrain, "height": prism.reference_height, "k_cross": prism.k_cross}
     by["loaded"] = derived.loaded_height
     symbols = (prism.base, prism.reference_height, prism.prestrain, prism.k_cross,
-               derived.loaded_height, derived.preload, *derived.SIDES)  # fmt: skip
+               derived.loaded_height, derived.preload, *regular.SIDES)  # fmt: skip
     return symbols, by
 
 

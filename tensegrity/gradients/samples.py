@@ -13,7 +13,7 @@ import numpy as np
 
 from tensegrity.engine.bonds import PAIR
 from tensegrity.engine.codegen import energy_function
-from tensegrity.engine.pulled import Pulled
+from tensegrity.engine.forces import Pulled
 from tensegrity.errors import TensegrityError
 from tensegrity.scenes.dynamics import dynamics
 
@@ -148,14 +148,12 @@ class Part:
     def _pulled(self, members: Indices) -> Pulled:
         key = members.tobytes()
         if key not in self._kept:
-            pulled = Pulled(self._view.layout, members, self._rows_u)
-            pulled.at(self._u if self._view.layout.dim else self._u[..., 0])
-            self._kept[key] = pulled
+            self._kept[key] = Pulled(self._view.layout, members, self._rows_u, self._u)
         return self._kept[key]
 
     def _add(self, pulled: Pulled, found: tuple[Array, Array, Array]) -> None:
         by_u, by_p, by_g = found
-        self._ub += by_u if self._view.layout.dim else by_u[..., None]
+        self._ub += by_u
         self.p[:, pulled.members] += by_p.sum(axis=1)
         self.g[pulled.members] += by_g.sum(axis=0)
 
@@ -233,9 +231,8 @@ class Part:
             return v, None, np.zeros(0)
         first, second = view.layout.ends
         pulled = self._pulled(np.flatnonzero(np.isin(first, sites) | np.isin(second, sites)))
-        force = pulled.forces().reshape(*self._u.shape)
         at = [view.rows_u.index(s) for s in sites]
-        force = force[:, at] + self._loads(sites)
+        force = pulled.forces()[:, at] + self._loads(sites)
         kick = self._closing[:, None] * dynamics(view.scene).inverse_mass[sites]
         return v + kick[..., None] * force, pulled, force
 
@@ -249,6 +246,5 @@ class Part:
         kick = self._closing[:, None] * dynamics(view.scene).inverse_mass[sites]
         by_force = np.zeros(self._u.shape)
         by_force[:, [view.rows_u.index(s) for s in sites]] = kick[..., None] * by_v
-        by_force = by_force if view.layout.dim else by_force[..., 0]
         self._add(pulled, pulled.back(by_force=by_force))
         self.w[sites] += np.sum(self._closing[:, None, None] * by_v * force, axis=(0, 2))

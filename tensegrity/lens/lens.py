@@ -13,27 +13,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
-from tensegrity.lens.focusing import Focusing, focusing
-from tensegrity.lens.radiation import Ends
-from tensegrity.lens.struck import Arrivals, Struck, reach, wider
+from tensegrity.lens.radiation import Ends, Focusing, focusing
+from tensegrity.lens.struck import Arrivals, Reach, Struck, reach, wider
+from tensegrity.notebook import progress
 from tensegrity.prisms.prism import Prism
-from tensegrity.progress import progress
 from tensegrity.readonly import fixed
 from tensegrity.runs.record import Record
+from tensegrity.runs.run import Run
 from tensegrity.scenes.scene import PER_SITE, SMALLEST_MASS
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from tensegrity.lens.struck import Reach
-    from tensegrity.runs.run import Run
-    from tensegrity.typing import Array
+from tensegrity.typing import Array
 
 MARGIN = 0.5  # of sqrt(m/k): the first pulse comes so much later than the soonest of the range
 LOWEST = 1e-9  # prestrain: there is no sound in chains without
@@ -266,7 +260,7 @@ class Lens:
         record: Record | None = None,
         prestrains: ArrayLike | None = None,
     ) -> Run:
-        """Run all chains, one in each lane.
+        """Run all chains, side by side.
 
         Parameters
         ----------
@@ -279,7 +273,7 @@ class Lens:
         Returns
         -------
         Run
-            u, v (T, sites, chains).
+            u, v (T, sites, chains); `[k]` is the run of chain k.
         """
         given = self._given(prestrains)
         if t_end is None:
@@ -327,7 +321,7 @@ class Lens:
         -----
         Chains are run until the last instant asked for, once for several calls.
         """
-        places, instants, ends = self._asked(points, t, prestrains)
+        places, instants, ends = self._checked(points, t, prestrains)
         total = np.zeros((*instants.shape, *places.shape[:-1]))
         with progress(self.chains, "chain") as bar:
             for one in ends.as_pistons(places, instants):
@@ -339,14 +333,14 @@ class Lens:
         self, points: ArrayLike, t: ArrayLike, prestrains: ArrayLike | None = None
     ) -> Array:
         """What each end alone contributes to `pressure` [Pa]; (chains, *shape of that)."""
-        places, instants, ends = self._asked(points, t, prestrains)
+        places, instants, ends = self._checked(points, t, prestrains)
         return np.stack(list(ends.as_pistons(places, instants)))
 
     def point_pressures(
         self, points: ArrayLike, t: ArrayLike, prestrains: ArrayLike | None = None
     ) -> Array:
         """`pressures` of ends taken as points: rho A a(t - R/c)/(2 pi R), from afar [Pa]."""
-        places, instants, ends = self._asked(points, t, prestrains)
+        places, instants, ends = self._checked(points, t, prestrains)
         return np.stack(list(ends.as_points(places, instants)))
 
     def focusing(self) -> Focusing:
@@ -356,7 +350,7 @@ class Lens:
         blows = self.chains * self.mass * self.velocity**2 / 2
         return focusing(self, ends.energy() / blows)
 
-    def _asked(
+    def _checked(
         self, points: ArrayLike, t: ArrayLike, prestrains: ArrayLike | None
     ) -> tuple[Array, Array, Ends]:
         """Points and instants, checked, and the ends whose motion reaches to the last."""

@@ -12,23 +12,24 @@ exponentially; its nodes lie denser where the rim is near and are doubled until 
 error is small, however short the pulse is on sound's way across an end.
 Rayleigh, The Theory of Sound, 278; the wave of the rim: Tupholme, Mathematika 16, 209 (1969),
 Stepanishen, J. Acoust. Soc. Am. 49, 1629 (1971).
+
+How well a lens focuses: that all pulses come to the focus at the same instant makes the pressure
+there as large as these ends can make it, the sum of what each makes alone: alignment.  It is not
+the largest pressure on the axis: a place before the focus is nearer to the ends, whose pressures
+fall like 1/R.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from tensegrity.errors import ResolutionError, TensegrityError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from typing import Any
-
-    from tensegrity.typing import Array
+from tensegrity.typing import Array
 
 TOLERANCE = 1e-9  # of the pressure that an end's fastest or steepest motion could make at most
 ROUND_OFF = 2e-15  # of velocities, and of what they change by in the last digits of instants
@@ -40,6 +41,10 @@ STEEPEST_MAP = 1 - 1e-10  # parameter m up to which SciPy's elliptic functions a
 SMALLEST = 1e-300
 SELF, RADII, ANGLES = 16, 2, 3  # nodes on an end: along a radius for itself; for the others
 LOOKS = 401  # instants among which a peak is looked for
+FINE, COARSE = 0.02, 0.1  # of the pulse, between instants among which a peak is looked for
+AXIS = 0.5, 1.5  # of the way to the focus: where on the axis it is looked for
+PLACES = 81  # there
+SIMPLEX = ((0.0, 0.0), (0.5, 0.0), (0.0, 0.5))  # in steps of place and instant
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +175,7 @@ class Ends:
 
     def as_points(self, points: Array, t: Array) -> Iterator[Array]:
         """The same for ends much smaller than the distance and the pulse; inf at their centres."""
-        times, (x, y) = _outer(t, points)
+        times, (x, y) = t[(...,) + (None,) * (points.ndim - 1)], np.moveaxis(points, -1, 0)
         for place, curve in zip(self.places, self._curves(), strict=True):
             distance = np.hypot(x - place, y)
             acceleration = _since_start(curve.derivative(), times - distance / self.speed)
@@ -199,19 +204,14 @@ class Ends:
         return [make_interp_spline(self.t, v, k=5) for v in self.velocity.T]
 
 
-def _face(radius: float, apart: float) -> tuple[Array, Array]:
-    """Distances of nodes on a piston from a point `apart` of its centre, weights of their mean:
-    Gauss's in the square of the radius, equal angles."""
-    nodes, weights = np.polynomial.legendre.leggauss(SELF if apart == 0 else RADII)
-    angle = np.pi * (np.arange(1 if apart == 0 else ANGLES) + 0.5) / ANGLES
+def _face(radius: float, separation: float) -> tuple[Array, Array]:
+    """Distances of nodes on a piston at a `separation` from its centre, weights of their
+    mean: Gauss's in the square of the radius, equal angles."""
+    nodes, weights = np.polynomial.legendre.leggauss(SELF if separation == 0 else RADII)
+    angle = np.pi * (np.arange(1 if separation == 0 else ANGLES) + 0.5) / ANGLES
     r = radius * np.sqrt((1 + nodes) / 2)
-    off = np.abs(apart + r[:, None] * np.exp(1j * angle)).ravel()
+    off = np.abs(separation + r[:, None] * np.exp(1j * angle)).ravel()
     return off, np.repeat(weights / 2, len(angle)) / len(angle)
-
-
-def _outer(t: Array, points: Array) -> tuple[Array, Array]:
-    """Instants that broadcast against points, and coordinates x, y."""
-    return t.reshape((*t.shape, *[1] * (points.ndim - 1))), np.moveaxis(points, -1, 0)
 
 
 def _mean(rim: Callable[[float, Any], Array], least: Array, fewest: Array) -> Array:
@@ -259,3 +259,96 @@ def _mean(rim: Callable[[float, Any], Array], least: Array, fewest: Array) -> Ar
 
 def _since_start(curve: Any, t: Array) -> Array:
     return np.where(t > 0, curve(np.maximum(t, 0.0)), 0.0)
+
+
+@dataclass(frozen=True)
+class Focusing:
+    """What a lens makes of its blows; `Lens.focusing` finds it.
+
+    Attributes
+    ----------
+    peak : float
+        Largest pressure at the focus [Pa].
+    alignment : float
+        That over the sum of the largest pressures that each end makes there alone: 1 where all
+        pulses come at the same instant, however weak they are.
+    gain : float
+        `peak` over that of the same chains with equal prestrains, the median of those chosen.
+    place : float
+        y [m] on the line through the focus at right angles to the ends, between half and one and
+        a half of that of the focus, where the pressure comes to be largest.
+    largest : float
+        The pressure there [Pa].
+    transmitted : float
+        Energy that the ends radiate until 1.25 times the last arrival, over that of all blows.
+    focus : float
+        y of the focus [m].
+    """
+
+    peak: float
+    alignment: float
+    gain: float
+    place: float
+    largest: float
+    transmitted: float
+    focus: float
+
+    def __str__(self) -> str:
+        low, high = (part * self.focus for part in AXIS)
+        more = 100 * (self.largest / self.peak - 1)
+        return (
+            f"peak at the focus {self.peak:.4g} Pa, {self.gain:.3g} times that of equal chains\n"
+            f"alignment: 1 - {1 - self.alignment:.1e} of the sum of the peaks of each end alone\n"
+            f"largest on the axis, y = {low:.4g} to {high:.4g} m: {self.largest:.4g} Pa at y = "
+            f"{self.place:.4g} m, {more:.2f} % above the focus at y = {self.focus:g} m\n"
+            f"transmitted: {100 * self.transmitted:.3g} % of the energy of the blows"
+        )
+
+
+def focusing(lens: Any, transmitted: float) -> Focusing:
+    """Measure it in the pressures of a lens; `transmitted` as in `Focusing`."""
+    x, y = lens.focus
+    pulse = float(lens.pulse_widths.min())
+    peak = _top(lambda t: lens.pressure(lens.focus, t), lens.focus_time, 2 * pulse, FINE * pulse)
+    each = np.diagonal(lens.pressures(lens.focus, lens.focus_arrivals), axis1=0, axis2=1)
+    equal = np.full(lens.chains, np.median(lens.chain_prestrains))
+    seen = lens.arrivals_of(equal).t + lens.distances / lens.host_speed
+    middle, within = (seen.max() + seen.min()) / 2, np.ptp(seen) / 2 + 2 * pulse
+    gain = peak / _top(lambda t: lens.pressure(lens.focus, t, equal), middle, within, FINE * pulse)
+    place, largest = _largest(lens, x, y, pulse)
+    return Focusing(peak, min(peak / float(each.sum()), 1.0), gain, place, largest, transmitted, y)
+
+
+def _top(pressure: Callable[[Array], Array], middle: float, within: float, step: float) -> float:
+    """The largest of a function of the instant."""
+    from scipy.optimize import minimize_scalar
+
+    t = np.arange(middle - within, middle + within, step)
+    best = float(t[np.argmax(pressure(t))])
+    ends = (best - step, best + step)
+    found = minimize_scalar(
+        lambda t: -float(pressure(t)), bounds=ends, method="bounded", options={"xatol": 1e-6 * step}
+    )
+    return -float(found.fun)
+
+
+def _largest(lens: Any, x: float, y: float, pulse: float) -> tuple[float, float]:
+    """Where on the axis, and how large [m, Pa]."""
+    from scipy.optimize import minimize
+
+    low, high = AXIS
+    places = np.linspace(low * y, high * y, PLACES)
+    way = (high - low) * y / lens.host_speed
+    t = lens.focus_time + np.arange(-way / 2 - 2 * pulse, way / 2 + 2 * pulse, COARSE * pulse)
+    found = lens.pressure(np.stack([np.full(PLACES, x), places], axis=-1), t)
+    i, k = np.unravel_index(np.argmax(found), found.shape)
+    start, steps = np.array([places[k], t[i]]), np.array([places[1] - places[0], COARSE * pulse])
+
+    def lower(moved: Array) -> float:
+        place, instant = start + moved * steps
+        return -float(lens.pressure((x, place), instant)) / found[i, k]
+
+    ends = (places[[0, -1]] - start[0]) / steps[0]
+    bounds, options = [tuple(ends), (-2.0, 2.0)], {"initial_simplex": SIMPLEX, "xatol": 1e-4}
+    top = minimize(lower, [0.0, 0.0], method="Nelder-Mead", bounds=bounds, options=options)
+    return float(start[0] + top.x[0] * steps[0]), float(-top.fun * found[i, k])

@@ -3,14 +3,15 @@
 Model: equal masses in a row, free at both ends, the first one set in motion.  A pulse arrives at
 the first peak of the last mass's acceleration, which is what that end radiates as a small source
 (see `radiation`).  The crest that a blow makes, and so its speed, is not known beforehand:
-arrivals are those of runs, all prestrains side by side in the lanes of one.
+arrivals are those of runs, all prestrains side by side in one.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,17 +21,13 @@ from tensegrity.prisms.prism import Prism
 from tensegrity.readonly import fixed
 from tensegrity.runs.integrate import simulate
 from tensegrity.runs.record import Record
+from tensegrity.runs.run import Run, RunBatch
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.ensemble import Ensemble
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from tensegrity.runs.run import Run
-    from tensegrity.typing import Array
+from tensegrity.typing import Array
 
 TOLERANCE = 1e-10  # of the runs: arrivals are then within 1e-8 s or so
-SAMPLES = 32  # prestrains of a range that are run: as many lanes as a processor likes
+SAMPLES = 32  # prestrains of a range that are run: as many chains as a processor likes
 LEAST = 1e-2  # of the blow's velocity: a last mass that was never so fast has seen no pulse
 LONGER = 1.6  # a run in which some pulse does not arrive is done again, so much longer
 SOON = 0.5  # of the time that sound takes for a site: so long the first prism is watched
@@ -107,7 +104,7 @@ class Struck:
     velocity: float
 
     def scene(self, prestrains: Sequence[float] | Array) -> Ensemble:
-        """The chains of these prestrains, one in each lane."""
+        """The chains of these prestrains, side by side."""
         springs = {p: replace(self.prism, prestrain=float(p)).potential() for p in set(prestrains)}
         return Ensemble([Chain(springs[p], self.sites, self.mass) for p in prestrains])
 
@@ -116,7 +113,7 @@ class Struck:
         each = [springs.springs[0].stiffness(0.0) for springs in self.scene(prestrains).scenes]
         return np.sqrt(np.array(each) / self.mass)
 
-    def run(self, prestrains: Sequence[float] | Array, t_end: float, record: Record) -> Run:
+    def run(self, prestrains: Sequence[float] | Array, t_end: float, record: Record) -> RunBatch:
         """All of them, struck at t = 0."""
         scene = self.scene(prestrains)
         try:
@@ -142,7 +139,7 @@ class Struck:
         t_end = 1.25 * travel.min()
         while True:
             run = self.run(prestrains, t_end, last)
-            found = [self._arrival(run, lane) for lane in range(len(prestrains))]
+            found = [self._arrival(one) for one in run]
             if all(found):
                 return Arrivals(*(np.array(x) for x in zip(*found, strict=True)))
             if t_end > PATIENCE * travel.max():
@@ -153,14 +150,14 @@ class Struck:
                 )
             t_end *= LONGER
 
-    def _arrival(self, run: Run, lane: int) -> tuple[float, float] | None:
-        """Instant and width [s] of one lane's pulse, or None where it is not seen as a whole."""
+    def _arrival(self, run: Run) -> tuple[float, float] | None:
+        """Instant and width [s] of one chain's pulse, or None where it is not seen as a whole."""
         from scipy.interpolate import CubicSpline
 
-        if np.abs(run.v[:, 1, lane]).max() < LEAST * self.velocity:
+        if np.abs(run.v[:, 1]).max() < LEAST * self.velocity:
             return None
-        elongation, rate = (x[:, 1, lane] - x[:, 0, lane] for x in (run.u, run.v))
-        spring = run.scene.scenes[lane].springs[-1]
+        elongation, rate = (x[:, 1] - x[:, 0] for x in (run.u, run.v))
+        spring = run.scene.springs[-1]
         push = -spring.tension(elongation) / self.velocity  # of the last bond on the last mass
         rise = -spring.stiffness(elongation) * rate / self.velocity
         try:
@@ -170,9 +167,7 @@ class Struck:
         curve = CubicSpline(run.t, push)
         crossings = curve.solve(float(curve(t)) / 2, extrapolate=False)
         before, after = crossings[crossings < t], crossings[crossings > t]
-        if not len(before) or not len(after):
-            return None
-        return t, float(after[0] - before[-1])
+        return (t, float(after[0] - before[-1])) if len(before) and len(after) else None
 
 
 @lru_cache(maxsize=64)

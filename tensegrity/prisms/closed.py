@@ -1,32 +1,44 @@
-"""Prisms in closed form: numbers to many decimals, and the potential of those with rigid members.
+"""Prisms in closed form: numbers to many decimals, from what is cut and measured, and rigid ones.
 
-The forms are those of `derivations`, at a prism's fields taken as exact.  Source: seeds/000, part
-III.
+The forms are those of `derivations`, at a prism's fields taken as exact.  With rigid bases and bars
+potential and path are closed forms too.  Source: seeds/000, part III; natural lengths, moduli and
+diameters: `derivations.polygon`, "From cut lengths".
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tensegrity import check
 from tensegrity.engine.kept import kept
 from tensegrity.engine.law import DerivedLaw, Law
 from tensegrity.engine.programs import derived as program_of
 from tensegrity.engine.programs import run
-from tensegrity.errors import EquilibriumError
+from tensegrity.errors import EquilibriumError, NoLocking
 from tensegrity.once import once
 from tensegrity.root import root
 from tensegrity.springs.potential import Potential, call
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Sequence
     from typing import Any
+
+    from tensegrity.typing import Array
+
+    Columns = dict[str, Any]
+    Found = tuple[str, int, dict[str, float]]  # kind, row, numbers
+    Parts = tuple[list[Columns], list[Found], str, bool]  # end, and whether it begins upright
 
 DIGITS = 40  # decimals in which numbers are computed before they are rounded
 NOTHING = 1e-30  # of a number with some prestrain: none without
 SAMPLES = 4000  # elongations among which a limit point is looked for
+STATE = ("height", "twist", "base", "load")  # columns of a path
+ROWS = 200  # of a path
 
 
 @once
@@ -39,28 +51,35 @@ def _decimals() -> Any:
     return context
 
 
-def exact(
-    derive: Callable[[Any], Iterable[Any]], prism: Any, height: float = 1.0, preload: float = 0.0
-) -> list[Any]:
-    """Values of derived expressions to `DIGITS` decimals, the prism's fields taken as exact."""
+def exact(name: str, prism: Any, height: float = 1.0, preload: float = 0.0) -> list[Any]:
+    """Values of a quantity of `_of_fields` to `DIGITS` decimals, the prism's fields taken as
+    exact."""
     fields = (prism.base, prism.height, prism.prestrain, prism.k_cross, prism.k_base, prism.k_bar)
     own = _decimals()
     angle = own.pi / prism.sides
     sides = (own.mpf(prism.sides), own.sin(angle), own.cos(angle))
     values = [own.mpf(x) for x in (*fields, height, preload)]
-    return run(program_of(_of_fields, derive, prism.sides != 3), own, (*values, *sides))
+    return run(program_of(_of_fields, name, prism.sides != 3), own, (*values, *sides))
 
 
-def _of_fields(
-    derive: Callable[[Any], Iterable[Any]], any_sides: bool
-) -> tuple[list[Any], tuple[Any, ...]]:
+def _of_fields(name: str, any_sides: bool) -> tuple[list[Any], tuple[Any, ...]]:
     """Expressions and the symbols of the fields, loaded height, preload and sides."""
+    from derivations import elastic, regular, rigid_parameters
     from derivations import prism as p
     from derivations import rigid_elastic as r
 
+    forms: dict[str, Callable[[Any], Any]] = {
+        "natural lengths": p.natural_lengths,  # of cross strings, base strings and bars [m]
+        "least k_base": p.least_k_base,  # at which the natural length of the bases is 0 [N/m]
+        "locking height squared": r.locking_height_squared,  # [m^2]; below 0 if flat before that
+        "axial stiffness": elastic.axial_stiffness_of_prism,  # at the reference state [N/m]
+        "parameters": rigid_parameters.parameter_expressions,  # of `rigid_law`
+    }
+    found = forms[name](polygon(any_sides))
+    found = found.values() if isinstance(found, dict) else found
     fields = (p.base, p.reference_height, p.prestrain, p.k_cross, p.k_base, p.k_bar)
-    symbols = (*fields, r.loaded_height, r.preload, *r.SIDES)
-    return list(derive(polygon(any_sides))), symbols
+    symbols = (*fields, r.loaded_height, r.preload, *regular.SIDES)
+    return list(found) if isinstance(found, Iterable) else [found], symbols
 
 
 def polygon(any_sides: bool) -> Any:
@@ -68,41 +87,6 @@ def polygon(any_sides: bool) -> Any:
     from derivations import regular
 
     return regular.ANY if any_sides else regular.TRIANGLE
-
-
-def natural_lengths(of: Any) -> Iterable[Any]:
-    """Of cross strings, base strings and bars [m]."""
-    from derivations import prism as derived
-
-    return derived.natural_lengths(of)
-
-
-def locking_height_squared(of: Any) -> list[Any]:
-    """[m^2]; below 0 where the prism is flat before its bars meet."""
-    from derivations import rigid_elastic as derived
-
-    return [derived.locking_height_squared(of)]
-
-
-def least_k_base(of: Any) -> list[Any]:
-    """At which the natural length of the bases is 0 [N/m]."""
-    from derivations import prism as derived
-
-    return [derived.least_k_base(of)]
-
-
-def axial_stiffness(of: Any) -> list[Any]:
-    """Of the total axial force at the reference state [N/m]."""
-    from derivations import elastic as derived
-
-    return [derived.axial_stiffness_of_prism(of)]
-
-
-def parameters(of: Any) -> Iterable[Any]:
-    """Of `rigid_law`, about the loaded height."""
-    from derivations import rigid_parameters as derived
-
-    return derived.parameter_expressions(of).values()
 
 
 def rigid_potential(prism: Any, preload: float) -> Potential:
@@ -115,13 +99,13 @@ def rigid_potential(prism: Any, preload: float) -> Potential:
 
 def _about(prism: Any, height: float, preload: float) -> Potential:
     law, role = rigid_law(prism.sides != 3), _roles()
-    numbers = exact(parameters, prism, height, preload)
+    numbers = exact("parameters", prism, height, preload)
     if prism.prestrain == 0:  # what is proportional to it is round-off of many decimals
-        sizes = exact(parameters, replace(prism, prestrain=0.1), height, preload)
+        sizes = exact("parameters", replace(prism, prestrain=0.1), height, preload)
         pairs = zip(numbers, sizes, strict=True)
         numbers = [x if abs(x) > NOTHING * abs(y) else x * 0 for x, y in pairs]
     values = dict(zip(law.parameters, numbers, strict=True))
-    (locking_squared,) = exact(locking_height_squared, prism)
+    (locking_squared,) = exact("locking height squared", prism)
     if locking_squared <= 0:
         values |= {role["lock"]: height, role["far_lock"]: height}
         values |= {role["no_lock"]: -locking_squared}
@@ -184,8 +168,8 @@ def rigid_programs() -> dict[str, Any]:
     """
     names = [str(name) for name in rigid_law().parameters]
     return {
-        "parameters": program_of(_of_fields, parameters, False),
-        "locking": program_of(_of_fields, locking_height_squared, False),
+        "parameters": program_of(_of_fields, "parameters", False),
+        "locking": program_of(_of_fields, "locking height squared", False),
         "places": {role: names.index(name) for role, name in _roles().items()},
     }
 
@@ -200,3 +184,181 @@ def _roles() -> dict[str, str]:
         return {x: str(getattr(derived, x)) for x in ("lock", "far_lock", "no_lock", "stroke")}
 
     return kept(("roles of the rigid law",), make)
+
+
+def rigid_path(prism: Any, min_height: float, max_load: float, max_height: float | None) -> Parts:
+    """Rows of the closed form, closer towards where the prism locks, and events."""
+    potential = prism.potential()
+    low, _ = potential.domain
+    try:
+        end, kind = prism.locking_height() - prism.height, "contact"
+    except NoLocking:
+        end, kind = -prism.height, "flat"
+    if min_height - prism.height > end:
+        end, kind = min_height - prism.height, "height"
+
+    part = np.linspace(0.0, 1.0, ROWS + 1)
+    r = end * (1 - (1 - part) ** 4 if kind == "contact" else part)
+    r = r[r > low] if kind != "height" else r
+    if kind == "flat":
+        r = np.append(r[r > -prism.height], np.nextafter(-prism.height, 0.0))
+    load = -potential.tension(r)
+    events = []
+
+    turning = potential.stiffness(r)
+    for i in np.flatnonzero(turning[:-1] * turning[1:] < 0).tolist():
+        at = root(lambda x: float(potential.stiffness(x)), r[i + 1], r[i])
+        events.append(("fold", i, at))
+    over = np.flatnonzero(load >= max_load)
+    if over.size or (kind == "contact" and math.isfinite(max_load)):
+        first = int(over[0]) if over.size else len(r)
+        nearest = r[first] if over.size else np.nextafter(low, 0)
+        at = root(lambda x: -float(potential.tension(x)) - max_load, nearest, r[first - 1])
+        r, kind = np.append(r[:first], at), "load"
+        events = [event for event in events if event[2] >= at]
+    elif kind in ("contact", "flat"):
+        events.append((kind, len(r) - 1, end))
+
+    rows, upright = 0, False
+    if max_height is not None:
+        up = _stretched(prism, potential, max_height)
+        r, rows = np.concatenate([up, r]), len(up)
+        upright = max_height - prism.height >= potential.domain[1]
+    columns = _rigid_columns(prism, potential, r)
+    if prism.prestrain == 0:
+        events = [("slack", 0, 0.0), *events]
+    listed = []
+    for name, row, at in events:
+        locked = name in ("contact", "flat")
+        one = _rigid_columns(prism, potential, np.array([at]), locked)
+        numbers_there = {key: float(one[key][0]) for key in STATE}
+        if name == "contact":
+            numbers_there["load"] = math.inf
+        listed.append((name, row + rows, numbers_there))
+    return [columns], listed, kind, upright
+
+
+def _stretched(prism: Any, potential: Potential, max_height: float) -> Array:
+    """Elongations above the reference, the highest first."""
+    top = min(max_height - prism.height, potential.domain[1])
+    part = np.linspace(1.0, 0.0, ROWS + 1)[:-1]
+    r = top * (1 - (1 - part) ** 4)
+    return r[r < potential.domain[1]]
+
+
+def _rigid_columns(prism: Any, potential: Potential, r: Array, locked: bool = False) -> Columns:
+    """Numbers at elongations r; at a locked end no load (0 where flat) and no stiffness."""
+    shared = len(rigid_law().parameters)  # without the number of sides
+    (half,) = run(program_of(_half_turn), np, (r, *potential.values[:shared]))
+    load = np.zeros_like(r) if locked else -potential.tension(r)
+    stiff = np.full(r.shape, np.inf) if locked else potential.stiffness(r)
+    return {
+        "height": prism.height + r,
+        "twist": prism.reference_twist + 2 * np.arctan(half),
+        "base": np.full(r.shape, prism.base),
+        "load": load,
+        "stable_load": stiff >= 0,  # zero without prestrain, at a minimum of the energy
+        "stable_height": np.ones(r.shape, dtype=bool),
+    }
+
+
+def _half_turn() -> tuple[list[Any], tuple[Any, ...]]:
+    """Tangent of half the turn from the reference, from constant length of bars and bases."""
+    from derivations import rigid_elastic as form
+
+    return [form.half_turn()], (form.elongation, *form.PARAMETERS)
+
+
+def member_stiffness(modulus: float, area: float, length: float) -> float:
+    """Spring constant of a member.
+
+    Parameters
+    ----------
+    modulus : float
+        Young's modulus [Pa].
+    area : float
+        Cross section [m^2].
+    length : float
+        Natural length [m]: not the stressed one.
+
+    Returns
+    -------
+    float
+        EA over the natural length [N/m].
+    """
+    modulus = check.number("modulus", modulus, above=0, unit="Pa")
+    area = check.number("area", area, above=0, unit="m^2")
+    length = check.number("length", length, above=0, unit="m")
+    return check.number("stiffness", modulus * area / length, above=0, unit="N/m")
+
+
+def assembled(
+    lengths: Sequence[float], stiffness: Sequence[float], sides: int
+) -> tuple[float, float, float]:
+    """(base, height, prestrain) of the prism that such members make; see `Prism.from_members`."""
+    from scipy.optimize import brentq
+
+    sine = math.sin(math.pi / sides)
+    cross, base, bar = lengths
+    if not 1e-100 < min(lengths) <= max(lengths) < 1e100:
+        raise EquilibriumError(
+            f"natural lengths {min(lengths):g} to {max(lengths):g} m must be within 1e-100 to 1e100"
+        )
+    needed = cross**2 + base**2 / sine
+    if not bar**2 > needed:
+        raise EquilibriumError(
+            f"bars of natural length {bar:g} m leave all strings slack: bN^2 = {bar**2:.9g} m^2 "
+            f"must be above sN^2 + lN^2/sin(pi/{sides}) = {needed:.9g} m^2"
+        )
+    if not 1e-100 < min(stiffness) <= stiffness[0] < 1e100:
+        raise EquilibriumError(
+            f"stiffness {min(stiffness):g} N/m must be above 1e-100 and k_cross {stiffness[0]:g} "
+            "N/m below 1e100"
+        )
+    condition, stretched, level = _assembly()
+    softness = [1 / k for k in stiffness]
+    most = min(stiffness[0], 2 * sine * stiffness[1])
+
+    def gap(x: float) -> float:
+        return condition(x, *lengths, *softness, sine)
+
+    high = most * (1 - 1e-16)
+    if not gap(0.0) * gap(high) < 0:
+        raise EquilibriumError(
+            f"bar {lengths[2]:g} m is too long beside cross {lengths[0]:g} m and base "
+            f"{lengths[1]:g} m: no numbers are near enough to the stress that strings take then"
+        )
+    density = brentq(gap, 0.0, high, xtol=1e-300, rtol=1e-15)
+    length, side, _ = stretched(density, *lengths, *softness, sine)
+    squared = level(length, side, sine)
+    if not squared > 0:
+        raise EquilibriumError(
+            f"these members make no prism: h^2 = {squared:.6g} m^2 must be above 0 (cross strings "
+            f"of {length:g} m beside a base of {side:g} m)"
+        )
+    return side, math.sqrt(squared), density / (stiffness[0] - density)
+
+
+@once
+def _assembly() -> tuple[Callable[..., Any], ...]:
+    """Condition, lengths and squared height as functions; stiffnesses enter as compliances."""
+    import sympy as sp
+
+    from derivations import polygon, prism, regular
+
+    softness = sp.symbols("c_1:4", nonnegative=True)
+    constants = (prism.k_cross, prism.k_base, prism.k_bar)
+    condition, lengths = polygon.members_condition()
+    soft = dict(zip(constants, (1 / c for c in softness), strict=True))
+    symbols = (polygon.cross_density, *polygon.natural_lengths, *softness, regular.half_sine)
+    forms = [sp.cancel(length.subs(soft)) for length in lengths]
+    squares = [form**2 for form in forms]
+    gap = squares[2] - squares[0] - squares[1] / regular.half_sine
+    if sp.simplify(gap - condition.subs(soft)) != 0:
+        raise ArithmeticError("the condition on members is not that of their lengths")
+    cross = sp.Symbol("s", positive=True)
+    return (
+        sp.lambdify(symbols, gap, "math"),
+        sp.lambdify(symbols, forms, "math"),
+        sp.lambdify((cross, prism.base, regular.half_sine), polygon.height_squared(), "math"),
+    )

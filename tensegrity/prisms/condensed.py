@@ -19,7 +19,7 @@ from tensegrity.engine.compiled import Functions, evaluated
 from tensegrity.engine.law import deflated, horner
 from tensegrity.errors import EquilibriumError, RangeError
 from tensegrity.once import once
-from tensegrity.prisms.equations import UNKNOWNS, inner, numbers, problem, tangent
+from tensegrity.prisms.equations import UNKNOWNS, inner, kind_of, numbers, problem, tangent
 from tensegrity.springs.potential import Potential, call
 
 if TYPE_CHECKING:
@@ -181,8 +181,7 @@ class ElasticPotential(Potential):
         self.made_of = (prism, preload)
         self._prism, self._preload = prism, preload
         self.origin = call(f"{prism}.potential", preload=preload)
-        self._rigid_base = math.isinf(prism.k_base)
-        self._kind = self._rigid_base, prism.sides != 3
+        self._kind = kind_of(prism)
         self._p = numbers(prism)
         self._at_rest = self._loaded() if preload else self._zero()
         rise, self._nodes, self._rates, end = self._traced()
@@ -206,7 +205,7 @@ class ElasticPotential(Potential):
         return branch.z[-1]
 
     def _zero(self):
-        return np.zeros(4 - self._rigid_base)
+        return np.zeros(4 - self._kind[0])
 
     def _traced(self):
         """Rises in ascending order, asinh of the unknowns there, their rates, and the low end."""
@@ -285,7 +284,7 @@ class ElasticPotential(Potential):
                 z = of("step", z, self._p)
             taken, moved = steps, np.abs(of("step", z, self._p) - z)
             if (moved.max(axis=0) <= SETTLED * np.abs(z).max(axis=0)).all():
-                return ElasticLaw(self._rigid_base, steps, self._kind[1]), values, (low, high)
+                return ElasticLaw(self._kind[0], steps, self._kind[1]), values, (low, high)
         return None
 
     def _fitted(self, low, high):

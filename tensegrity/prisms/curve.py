@@ -1,8 +1,11 @@
-"""Loads of a prism at given shortenings, with exact derivatives in its parameters.
+"""Loads of a prism at given shortenings, their misfit of a measured curve, and what that allows.
 
 The equations of `tensegrity.prisms.equations`, their inner unknowns eliminated by Newton's method
-and the implicit function theorem; derivatives by CasADi.  Each evaluation starts from the one
-before, moved along its derivatives, and from a traced branch where that leads nowhere.
+and the implicit function theorem; derivatives in parameters by CasADi.  Each evaluation starts
+from the one before, moved along its derivatives, and from a traced branch where that leads
+nowhere.  Intervals by profile likelihood: the misfit is made least in all unknowns but one, and
+that one moved until the misfit has grown by what a quantile allows.  Source: Bates & Watts,
+Nonlinear Regression Analysis and Its Applications, 1988, chapter 6.
 """
 
 from __future__ import annotations
@@ -13,10 +16,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity.errors import LockingError, TensegrityError
+from tensegrity.errors import EquilibriumError, LockingError, TensegrityError
 from tensegrity.once import once
 from tensegrity.prisms.condensed import ElasticPotential
-from tensegrity.prisms.equations import numbers, problem
+from tensegrity.prisms.equations import kind_of, numbers, problem
 
 if TYPE_CHECKING:
     from typing import Any
@@ -30,6 +33,16 @@ FARTHEST = 60.0  # change of a logarithm: by half of it all is as if it were 0 o
 ITERATIONS = 10
 ROUND_OFF = 1e-11
 SETTLED = 1e-14  # the last move of Newton's method, or a small one that is round-off
+FEW = 5e-3  # of the height, the size of offsets
+OFF = 1e3  # misfit of parameters that have no such curve, over the largest load
+RESOLVED = 1e-12  # of the largest load: the least noise that computed loads can resolve
+STEPS = 200  # to an interval's end, at most: three to five where a parameter is identified
+MOVES = 1000  # to the least misfit, at most
+ENDED = 1e-4  # of the way to an interval's end, where it is found
+FAINT = 0.05  # of the noise: what a factor e in a parameter must change to be felt
+FINEST = 1e-5  # of the residuals: the least change of their size that round-off resolves
+STUCK = 1e-6  # of what a step must gain: where not even that is found
+BORDER = 0.1  # of the noise: by how much residuals of a fit may miss the least
 
 
 def loads(prism: Prism, x: Array) -> Array:
@@ -61,9 +74,8 @@ class Curve:
 
     def __init__(self, prism: Prism, shortening: Array) -> None:
         self.prism, self.x = prism, shortening
-        self._kind = math.isinf(prism.k_base), prism.sides != 3
         self._p = numbers(prism)
-        self._step, self._last = _functions(*self._kind)
+        self._step, self._last = _functions(*kind_of(prism))
         self._at, self._inner, self._rates = self._traced(np.zeros(len(NAMES) + 1))
 
     def made(self, theta: Array) -> Prism:
@@ -152,3 +164,152 @@ def _functions(rigid_base: bool, any_sides: bool) -> tuple[Any, Any]:
         ca.Function("step", given, [v - ca.solve(matrix, g)]),
         ca.Function("last", given, [v, load, slopes.T, ca.vec(rates), inside]),
     )
+
+
+class Misfit:
+    """Computed less measured loads over the largest, and their derivatives.
+
+    Of changes of the logarithms of parameters, and of the offset over `FEW` heights: the unknowns
+    `names`, counted from the prism's own.
+    """
+
+    def __init__(self, prism: Prism, x: Array, y: Array, names: tuple[str, ...]) -> None:
+        self.curve, self.names = Curve(prism, x), names
+        self.x, self.y, self.size = x, y, float(np.abs(y).max())
+        self.places = [(*NAMES, "offset").index(name) for name in names]
+        self.weights = [FEW * prism.height if name == "offset" else 1.0 for name in names]
+        self._last: tuple[bytes, tuple[Array, Array]] = b"", (y, y)
+
+    def theta(self, z: Array) -> Array:
+        """The unknowns of `Curve`."""
+        theta = np.zeros(len(NAMES) + 1)
+        theta[self.places] = z * self.weights
+        return theta
+
+    def __call__(self, z: Array) -> tuple[Array, Array]:
+        """The misfits, (points,), all `OFF` where there is no such curve; (points, unknowns)."""
+        key = z.tobytes()
+        if key != self._last[0]:  # SciPy wants one after the other
+            try:
+                computed, slopes = self.curve(self.theta(z))
+            except TensegrityError:
+                found = np.full(len(self.y), OFF), np.zeros((len(self.y), len(z)))
+            else:
+                slopes = slopes[:, self.places] * self.weights / self.size
+                found = (computed - self.y) / self.size, slopes
+            self._last = key, found
+        return self._last[1]
+
+
+def intervals(
+    prism: Prism,
+    offset: float,
+    x: Array,
+    y: Array,
+    names: tuple[str, ...],
+    noise: float,
+    quantile: float,
+) -> dict[str, tuple[float, float]]:
+    """See `Fit.intervals`: of the fitted prism and offset, some quantile of the noise [N]."""
+    at = Misfit(prism, x + offset, y, names)
+    noise = max(noise / at.size, RESOLVED)
+    r, slopes = at(np.zeros(len(names)))
+    move = _step(slopes, slice(None), r)
+    better = r + slopes @ move / max(1.0, np.abs(move).max())
+    if r @ r - better @ better > (BORDER * noise) ** 2:
+        raise EquilibriumError(
+            "the fit lies at the border of prisms with equilibria at all these points, where "
+            "the residuals are not least: no intervals"
+        )
+    width = max(quantile * noise, FINEST * float(np.linalg.norm(r)))
+    shift = at.theta(_felt(at, FAINT * noise))
+    centre, offset = at.curve.made(shift), offset + float(shift[-1])
+    at, found = Misfit(centre, x + offset, y, names), {}
+    for k, name in enumerate(names):
+        low, high = (_end(at, k, side, width) for side in (-1, 1))
+        if name == "offset":
+            found[name] = offset + at.weights[k] * low, offset + at.weights[k] * high
+        else:
+            value = getattr(centre, name)
+            found[name] = value * math.exp(low), value * math.exp(high)
+    return found
+
+
+def _felt(at: Misfit, change: float) -> Array:
+    """Unknowns as good as the best ones, none so extreme that the misfit does not feel it."""
+    z = np.zeros(len(at.places))
+    r, slopes = at(z)
+    for move in (*np.eye(len(z)), *-np.eye(len(z))):
+        while (felt := np.linalg.norm(slopes @ move)) < change:
+            new, there = at(z + move)
+            if np.linalg.norm(there @ move) <= felt or new @ new > r @ r + change**2:
+                break
+            z, slopes = z + move, there
+    return z
+
+
+def _end(at: Misfit, k: int, side: int, width: float) -> float:
+    """Where the misfit, least in all unknowns but one, leaves the least of all by width^2.
+
+    Newton's method between brackets on the root of what it leaves: almost linear in the one.
+    """
+    inside, low, high = np.zeros(len(at.places)), 0.0, math.inf
+    r, slopes = at(inside)
+    least, others, held = r @ r, np.arange(len(inside)) != k, -math.inf
+    alone = slopes[:, k] + slopes @ _step(slopes, others, slopes[:, k])
+    new = first = min(width / max(float(np.linalg.norm(alone)), width), 1.0)
+    for _ in range(STEPS):
+        z = inside.copy()
+        z[k] = side * new
+        z, r, slopes = _settled(at, others, z, ENDED * width**2)
+        left = math.inf if r[0] == OFF else math.sqrt(max(float(r @ r - least), 0.0))
+        if abs(left - width) <= ENDED * width:
+            return float(z[k])
+        if left > width:
+            high = new
+        elif new > FARTHEST / 2:
+            return side * math.inf
+        else:
+            inside, low = z, new
+        small = ENDED * max(low, first)
+        if high - low <= small:
+            if low - held <= 50 * small:
+                return side * low
+            held, high, new = low, math.inf, low + 100 * small  # beyond may have settled elsewhere
+            continue
+        rate = side * float(slopes[:, k] @ r)  # of half of what is left squared
+        aim = min(new + (width - left) * left / rate if rate > 0 else math.inf, low + 1.0)
+        new = aim if low < aim < high else (low + min(high, low + 2.0)) / 2
+    raise EquilibriumError(f"no end of the interval of {at.names[k]} found in {STEPS} steps")
+
+
+def _settled(at: Misfit, free: Any, z: Array, gain: float) -> tuple[Array, Array, Array]:
+    """Where the misfit is least in some unknowns, to `gain` of its square; misfit, derivatives.
+
+    Levenberg's method, no change of an unknown above 1.  Damped steps that gain nothing may be too
+    short: it ends where one not damped does not either, or where none is short enough.
+    """
+    (r, slopes), least = at(z), 0.1 * math.sqrt(gain)
+    damping = least
+    for _ in range(MOVES):
+        whole, move = (_step(slopes, free, r, part) for part in (least, damping))
+        whole /= max(1.0, np.abs(whole).max())
+        gains = [r @ r - np.sum((r + slopes @ step) ** 2) for step in (whole, move)]
+        if gains[0] <= gain or gains[1] <= STUCK * gain:
+            break
+        new, there = at(z + move) if np.abs(move).max() <= 1.0 else (r, slopes)
+        if new @ new < r @ r:
+            z, r, slopes, damping = z + move, new, there, max(damping / 3, least)
+        else:
+            damping *= 2  # by more, steps along a bent valley come to be far too short
+    return z, r, slopes
+
+
+def _step(slopes: Array, free: Any, r: Array, damping: float = 0.0) -> Array:
+    """Change of some unknowns that makes misfits least, were they linear; short by damping."""
+    move = np.zeros(slopes.shape[1])
+    some = slopes[:, free]
+    rows = np.vstack([some, damping * np.eye(some.shape[1])])
+    wanted = np.concatenate([-r, np.zeros(some.shape[1])])
+    move[free] = np.linalg.lstsq(rows, wanted, rcond=1e-9)[0]
+    return move

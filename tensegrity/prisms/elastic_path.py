@@ -13,17 +13,17 @@ import numpy as np
 
 from tensegrity.branches.continuation import Settings, trace
 from tensegrity.engine.programs import derived, run
+from tensegrity.prisms.closed import STATE
 from tensegrity.prisms.condensed import stable
-from tensegrity.prisms.equations import numbers, problem
-from tensegrity.prisms.rigid_path import STATE
+from tensegrity.prisms.equations import kind_of, numbers, problem
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from typing import Any
 
     from tensegrity.branches.continuation import Branch
+    from tensegrity.prisms.closed import Columns, Found, Parts
     from tensegrity.prisms.prism import Prism
-    from tensegrity.prisms.rigid_path import Columns, Found, Parts
 
 ROWS = 200  # of the part where base strings are slack
 SETTINGS = Settings(tolerance=1e-8, largest=0.05)
@@ -58,13 +58,12 @@ def _branch(
     prism: Prism, p: list[float], direction: int, stop: tuple[str, ...]
 ) -> tuple[Branch, list[Found]]:
     """The branch in the problem's units, and its events in SI units as (kind, row, numbers)."""
-    rigid_base = math.isinf(prism.k_base)
-    of, start = problem(rigid_base, prism.sides != 3), np.zeros(4 - rigid_base)
+    of, start = problem(*kind_of(prism)), np.zeros(4 - kind_of(prism)[0])
     branch = trace(of, start, p, SETTINGS, direction, stop)
     branch.p = p
     kinds = {"contact": "contact", "unloaded": "slack"}
     kinds |= {kind: kind for kind in ("fold", "turn", "flat", "bifurcation")}
-    if rigid_base:
+    if kind_of(prism)[0]:
         del kinds["unloaded"]  # rigid bases do not go slack
     events = []
     for event in branch.events:
@@ -103,7 +102,7 @@ def _columns(prism: Prism, branch: Branch) -> Columns:
 def _hanging(prism: Prism, max_height: float, below: Columns) -> Columns:
     """Rows above the point where base strings and bars unload, the highest first.
 
-    The states of `derivations.hanging`.  The energy is a sum of squares with positive weights
+    The upright states of `derivations.mixed`.  The energy is a sum of squares with positive weights
     there, hence stable.
     """
     cross, _, bar = prism.natural_lengths()
@@ -123,11 +122,11 @@ def _hanging(prism: Prism, max_height: float, below: Columns) -> Columns:
 
 def _hanging_forms(sides: int) -> tuple[list[Any], tuple[Any, ...]]:
     """(twist, squared base, load) of height, k_cross, natural lengths of cross string and bar."""
-    from derivations import hanging, prism, regular
+    from derivations import mixed, prism, regular
 
     symbols = (prism.height, prism.k_cross, prism.natural_cross, prism.natural_bar)
     of = regular.TRIANGLE if sides == 3 else regular.ANY
-    forms = hanging.upright_twist(of), hanging.base_squared(of), hanging.load(of)
+    forms = mixed.upright_twist(of), mixed.upright_base_squared(of), mixed.upright_load(of)
     if sides != 3:
         import sympy as sp
 

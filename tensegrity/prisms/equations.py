@@ -29,11 +29,12 @@ def _forms(rigid_base: bool, any_sides: bool) -> Any:
     import casadi as ca
 
     from derivations import mixed as derived
+    from derivations.regular import SIDES
 
     of = polygon(any_sides)
     z, p = ca.SX.sym("z", 4 - rigid_base), ca.SX.sym("p", 9 if any_sides else 6)
     unknowns = (ca.SX(0), *ca.vertsplit(z)) if rigid_base else ca.vertsplit(z)
-    symbols = (*derived.UNKNOWNS, *derived.PARAMETERS, *(derived.SIDES if any_sides else ()))
+    symbols = (*derived.UNKNOWNS, *derived.PARAMETERS, *(SIDES if any_sides else ()))
     forms = {
         "base": derived.base_equilibrium(of),
         "twist": derived.twist_equilibrium(of),
@@ -49,6 +50,7 @@ def _forms(rigid_base: bool, any_sides: bool) -> Any:
     return z, p, found | {"half_turn": unknowns[2], "rise": unknowns[3]}
 
 
+@once
 def problem(rigid_base: bool = False, any_sides: bool = False) -> Problem:
     """Equilibria of a prism as a branch, parametrised by the rise h - h0.
 
@@ -59,12 +61,7 @@ def problem(rigid_base: bool = False, any_sides: bool = False) -> Problem:
     contact (the cross strings unload at twist pi), unloaded (base strings and bars unload at
     twist 2 pi/n), flat, height, load; fold, turn.
     """
-    return _derived_problem(bool(rigid_base), bool(any_sides))
-
-
-@once
-def _derived_problem(*kind: bool) -> Problem:
-    return DerivedProblem(_problem, *kind)
+    return DerivedProblem(_problem, rigid_base, any_sides)
 
 
 def _problem(rigid_base: bool, any_sides: bool) -> Problem:
@@ -102,8 +99,15 @@ def _problem(rigid_base: bool, any_sides: bool) -> Problem:
     )
 
 
+def kind_of(prism: Members) -> tuple[bool, bool]:
+    """Which `problem` is that of a prism."""
+    return math.isinf(prism.k_base), prism.sides != 3
+
+
 def numbers(prism: Members, height: float = -1.0, load: float = math.inf) -> list[float]:
     """Parameters of `problem` for a prism, with the height [m] and the load [N] at which to end."""
+    n, angle = prism.sides, math.pi / prism.sides
+    sides = (float(n), math.sin(angle), math.cos(angle)) if kind_of(prism)[1] else ()
     return [
         prism.height / prism.base,
         prism.prestrain,
@@ -111,15 +115,8 @@ def numbers(prism: Members, height: float = -1.0, load: float = math.inf) -> lis
         prism.k_cross / prism.k_bar,
         height / prism.base,
         load / (prism.k_cross * prism.base),
-        *sides_of(prism.sides),
+        *sides,
     ]
-
-
-def sides_of(sides: int) -> tuple[float, ...]:
-    """n, sin(pi/n) and cos(pi/n): what a problem for any number of sides takes beside."""
-    if sides == 3:
-        return ()
-    return float(sides), math.sin(math.pi / sides), math.cos(math.pi / sides)
 
 
 @once

@@ -19,9 +19,8 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import EquilibriumError, TensegrityError
-from tensegrity.prisms.curve import NAMES, loads
+from tensegrity.prisms.curve import NAMES, OFF, RESOLVED, Misfit, intervals, loads
 from tensegrity.prisms.prism import Prism
-from tensegrity.prisms.profile import OFF, RESOLVED, Misfit, intervals
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -152,19 +151,16 @@ class Fit:
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Points, fitted curve and its 95 % band; returns the Matplotlib axes."""
-        if axes is None:
-            import matplotlib.pyplot as plt
-
-            axes = plt.figure().add_subplot()
+        drawn: Axes = check.axes(axes)
         order = np.argsort(self.shortening)
         x, y = self.shortening[order], self.computed()[order]
         w = self._quantile(0.95) * self.band()[order]
-        axes.plot(self.shortening, self.load, "o", ms=3, color="0.4", label="points")
-        axes.plot(x, y, "-", color="C0", label="fitted prism")
-        axes.fill_between(x, y - w, y + w, color="C0", alpha=0.25, label="95 % band")
-        axes.set(xlabel="shortening [m]", ylabel="axial load [N], compression > 0")
-        axes.legend(frameon=False)
-        return axes
+        drawn.plot(self.shortening, self.load, "o", ms=3, color="0.4", label="points")
+        drawn.plot(x, y, "-", color="C0", label="fitted prism")
+        drawn.fill_between(x, y - w, y + w, color="C0", alpha=0.25, label="95 % band")
+        drawn.set(xlabel="shortening [m]", ylabel="axial load [N], compression > 0")
+        drawn.legend(frameon=False)
+        return drawn
 
 
 def fit(
@@ -304,11 +300,8 @@ def _unidentified(
     prism: Prism, names: tuple[str, ...], deviation: Array, x: Array, noise: float
 ) -> tuple[str, ...]:
     """Free parameters with large errors; and held ones of which the curve says nothing."""
-    words = []
-    for name, error in zip(names, deviation, strict=False):
-        if error > LARGE:
-            words.append(f"{name}: its standard error is {100 * error:.3g} % of it")
-    loose = [n for n, error in zip(names, deviation, strict=False) if error > LARGE]
+    loose = {n: error for n, error in zip(names, deviation, strict=False) if error > LARGE}
+    words = [f"{n}: its standard error is {100 * error:.3g} % of it" for n, error in loose.items()]
     if {"prestrain", "k_cross"} <= {*loose}:
         force = prism.k_cross * prism.prestrain / (1 + prism.prestrain)
         words.append(f"only k_cross p0/(1 + p0) is known of both, {force:.4g} N/m")

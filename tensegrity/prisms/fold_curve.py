@@ -5,7 +5,6 @@ Source: seeds/000, part III, "Effects of element rigidity and internal prestress
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +15,7 @@ from tensegrity.branches.folds import fold_problem, fold_start, refined_fold
 from tensegrity.branches.table import Table
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
-from tensegrity.prisms.equations import numbers, problem
+from tensegrity.prisms.equations import kind_of, numbers, problem
 from tensegrity.prisms.prism import Prism
 
 if TYPE_CHECKING:
@@ -71,7 +70,7 @@ def limit_load(prism: Prism, prestrain: float) -> Table:
         raise TensegrityError("limit_load needs elastic bases or bars: k_base, k_bar are inf")
     if prestrain == prism.prestrain:
         raise TensegrityError(f"prestrain {prestrain:g} must differ from that of the prism")
-    kind, p = (math.isinf(prism.k_base), prism.sides != 3), numbers(prism)
+    kind, p = kind_of(prism), numbers(prism)
     of = problem(*kind)
     start = np.zeros(len(of.unknowns))
     first = trace(of, start, p, direction=-1, stop=("fold", "flat"))

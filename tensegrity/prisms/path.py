@@ -20,11 +20,11 @@ import numpy as np
 from tensegrity import check
 from tensegrity.branches.table import Event, Table
 from tensegrity.errors import TensegrityError
+from tensegrity.notebook import progress
 from tensegrity.once import once
+from tensegrity.prisms.closed import rigid_path
 from tensegrity.prisms.elastic_path import elastic_path
 from tensegrity.prisms.prism import Prism
-from tensegrity.prisms.rigid_path import rigid_path
-from tensegrity.progress import progress
 from tensegrity.structures.path import structure_path
 from tensegrity.structures.structure import Structure
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
-    from tensegrity.prisms.rigid_path import Columns, Found
+    from tensegrity.prisms.closed import Columns, Found
     from tensegrity.structures.structure_path import StructurePath
     from tensegrity.structures.supports import Supports
     from tensegrity.typing import Array, Flags

@@ -17,8 +17,7 @@ import numpy as np
 from tensegrity import check
 from tensegrity.errors import NoLocking, TensegrityError
 from tensegrity.notebook import page, wires
-from tensegrity.prisms import closed
-from tensegrity.prisms.closed import exact, rigid_potential
+from tensegrity.prisms.closed import assembled, exact, rigid_potential
 from tensegrity.springs.potential import Potential, call
 
 if TYPE_CHECKING:
@@ -82,7 +81,7 @@ class Prism:
         for name in ("k_base", "k_bar"):
             self._check(name, above=0, finite=False, unit="N/m")
         if self.natural_lengths().base <= 0:
-            (least,) = map(float, exact(closed.least_k_base, self))
+            (least,) = map(float, exact("least k_base", self))
             raise TensegrityError(
                 f"k_base {self.k_base:g} N/m must be above {least:g} N/m, "
                 "below which the natural length of the base strings is not positive"
@@ -119,8 +118,6 @@ class Prism:
             If the bars are too short to stress the strings, or so short in comparison with the
             base that there is no height.
         """
-        from tensegrity.prisms.members import assembled
-
         given = {"cross": cross, "base": base, "bar": bar}
         lengths = [check.number(name, x, above=0, unit="m") for name, x in given.items()]
         k_cross = check.number("k_cross", k_cross, above=0, unit="N/m")
@@ -211,7 +208,7 @@ class Prism:
 
     def natural_lengths(self) -> NaturalLengths:
         """Unstressed lengths of cross strings, base strings and bars [m], as a named tuple."""
-        return NaturalLengths(*(float(x) for x in exact(closed.natural_lengths, self)))
+        return NaturalLengths(*(float(x) for x in exact("natural lengths", self)))
 
     def locking_height(self) -> float:
         """Height at which the bars of the rigid prism meet (twist pi) [m].
@@ -221,7 +218,7 @@ class Prism:
         NoLocking
             If the prism is so thick that it collapses flat (height 0) before that.
         """
-        (squared,) = exact(closed.locking_height_squared, self)
+        (squared,) = exact("locking height squared", self)
         if squared <= 0:
             raise NoLocking(
                 f"height {self.height:g} m of this prism is not above "
@@ -236,7 +233,7 @@ class Prism:
         Zero where the prestrain is zero: the reference is then a sonic vacuum.  Closed form,
         with rigid members as those of no compliance (seeds/000, part III, "Axial stiffness").
         """
-        (stiffness,) = exact(closed.axial_stiffness, self)
+        (stiffness,) = exact("axial stiffness", self)
         return float(stiffness)
 
     def potential(self, preload: float = 0.0) -> Potential:
@@ -266,3 +263,32 @@ class Prism:
 
             return ElasticPotential(self, preload)
         return rigid_potential(self, preload)
+
+
+def column(
+    prism: Prism, count: int = 5, chirality: str = "alternate", plates: bool = False
+) -> Structure:
+    """Prisms on one another, along the last axis.
+
+    Parameters
+    ----------
+    prism : Prism
+        With finite `k_base` and `k_bar`.
+    count : int, optional
+        Number of units.
+    chirality : {"alternate", "same"}, optional
+        Whether neighbours turn against one another or alike.
+    plates : bool, optional
+        Between units a rigid plate, smooth and guided along the column, on which both have their
+        own polygons; else they share the polygon, its strings twice as stiff.
+
+    Returns
+    -------
+    Structure
+        Polygon after polygon from below; bars unit by unit, then cross strings unit by unit, then
+        base strings polygon by polygon.  Without load it is in equilibrium.
+    """
+    from tensegrity.prisms.stack import stacked
+
+    check.kind("prism", prism, Prism)
+    return stacked(prism, count, chirality, plates)

@@ -32,8 +32,7 @@ from tensegrity.scenes.network import Network
 from tensegrity.scenes.scene import State
 from tensegrity.scenes.walls import Wall
 from tensegrity.springs.polynomial import Polynomial
-from tensegrity.springs.potential import Potential
-from tensegrity.springs.power_law import PowerLaw
+from tensegrity.springs.potential import Potential, PowerLaw
 from tensegrity.structures.dynamics import BarSpring, StringSpring
 
 if TYPE_CHECKING:
@@ -131,16 +130,10 @@ def write(path, kind, data):
         for name, value in data.items()
     }
     text = json.dumps({"format": FORMAT, "kind": kind, "data": parts, "objects": writer.objects})
-    new = path.with_name(path.name + ".new")
-    try:
-        with open(new, "wb") as file:
-            np.savez(file, text=np.array(text), **writer.arrays)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(new, path)
-    except BaseException:
-        new.unlink(missing_ok=True)
-        raise
+    with check.replacing(path) as new, open(new, "wb") as file:
+        np.savez(file, text=np.array(text), **writer.arrays)
+        file.flush()
+        os.fsync(file.fileno())
 
 
 def read(path, kind, make=dict):

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from tensegrity.errors import ContactError, LockingError, RecordError, StabilityError
-from tensegrity.progress import progress
+from tensegrity.notebook import progress
 from tensegrity.runs.batch import motion_of
 from tensegrity.runs.record import Samples, Watched
 from tensegrity.runs.recorder import Recorder

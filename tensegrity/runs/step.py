@@ -24,9 +24,8 @@ from tensegrity.runs.problem import count
 from tensegrity.runs.run import changed
 from tensegrity.scenes.forcing import functions_of_time
 from tensegrity.scenes.signals import quickest
-from tensegrity.springs.corners import TAUT
-from tensegrity.springs.potential import Potential
-from tensegrity.springs.power_law import PowerLaw
+from tensegrity.springs.kinks import TAUT
+from tensegrity.springs.potential import Potential, PowerLaw
 
 EPSILON = sys.float_info.epsilon
 COARSE = 1e-4  # usual error of the first run
@@ -169,7 +168,7 @@ def exponents_met(of, met):
 
 def may_open(of):
     """Whether the force of any contact has a corner."""
-    return of.follows or of.springs.has_corners
+    return of.follows or of.springs.has_kinks
 
 
 def may_jump(of):
@@ -180,7 +179,7 @@ def may_jump(of):
 def corners_met(of, met):
     """Springs, and corners of their forces between elongations met."""
     if not of.follows:
-        return of.springs.corners_within(met)
+        return of.springs.kinks_within(met)
     given = of.scene.law.given
     spring = given if isinstance(given, Potential) else PowerLaw(1.0, 1.0)
     return [(spring, corner) for corner in spring.openings]

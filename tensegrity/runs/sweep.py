@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 from tensegrity import check
 from tensegrity.errors import CompilerError, TensegrityError
-from tensegrity.progress import progress
+from tensegrity.notebook import progress
 from tensegrity.runs import archive
 
 if TYPE_CHECKING:

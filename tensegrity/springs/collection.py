@@ -7,21 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
+from tensegrity.engine.bonds import Contacts
 from tensegrity.engine.compiled import evaluated, single
 from tensegrity.engine.energies import Energies, Search, Ways
 from tensegrity.errors import StabilityError, TensegrityError
 from tensegrity.readonly import fixed
 from tensegrity.springs.potential import Potential
-
-if TYPE_CHECKING:
-    from typing import Any
-
-    from tensegrity.engine.bonds import Contacts
-    from tensegrity.typing import Array, Flags, Indices
+from tensegrity.typing import Array, Flags, Indices
 
 ORDERS = ("energy", "tension", "stiffness")
 CLOSE = np.logspace(-16, 0, 321)  # shares of a range at which a search looks
@@ -42,14 +38,14 @@ class Springs:
     springs : sequence of Potential
         One for each bond.
     shape : tuple of int, optional
-        Of the bonds: (bonds,), or (bonds, lanes) with the lanes of a bond in a row.
+        Of the bonds: (bonds,), or (bonds, batch).
     lengths : ndarray, (bonds,), optional
         [m].  With them bonds of one spring count as different where their lengths are.
 
     Attributes
     ----------
     kinds : tuple
-        What tells the different springs apart, in other scenes too.
+        What the different springs are known by, in other scenes too.
     different : tuple of Potential
     group : ndarray of int, `shape`
         The number in `different` of each bond's spring.
@@ -91,8 +87,8 @@ class Springs:
 
     @cached_property
     def openings(self) -> Array:
-        """Place, strength, exponent and side of the corners of each; (corners, springs, 4), NaN
-        behind the last one of a spring."""
+        """Place, strength, exponent and side of the kinks of each; (kinks, springs, 4), NaN behind
+        the last one of a spring."""
         most = max((len(spring.openings) for spring in self.different), default=0)
         found = np.full((max(most, 1), len(self), 4), np.nan)
         for k, spring in enumerate(self.different):
@@ -101,39 +97,35 @@ class Springs:
         return fixed(found)
 
     @cached_property
-    def _corners(self):
-        """All corners, (corners, 4), and the numbers of their springs."""
-        corner, spring = np.nonzero(~np.isnan(self.openings[..., 2]))
-        return self.openings[corner, spring], spring
+    def _kinks(self):
+        """All kinks, (kinks, 4), and the numbers of their springs."""
+        kink, spring = np.nonzero(~np.isnan(self.openings[..., 2]))
+        return self.openings[kink, spring], spring
 
     @property
-    def has_corners(self) -> bool:
-        """Whether the force of any spring has a corner."""
-        return len(self._corners[1]) > 0
+    def has_kinks(self) -> bool:
+        """Whether the force of any spring has a kink."""
+        return len(self._kinks[1]) > 0
 
     @cached_property
     def jumps(self) -> bool:
         """Whether the force, or the energy, of any spring jumps."""
-        return bool(np.any(self._corners[0][:, 2] <= 0))
+        return bool(np.any(self._kinks[0][:, 2] <= 0))
 
-    def _are_met(self, met):
-        """Which corners are between elongations met, or may be anywhere."""
-        corners, spring = self._corners
-        low, high = met[spring].T
-        return ~((corners[:, 0] < low) | (corners[:, 0] > high))
+    def exponents_within(self, ranges: Array) -> set[float]:
+        """Those of `kinks_within`."""
+        return set(self._kinks[0][self._within(ranges), 2].tolist())
 
-    def exponents_within(self, met: Array) -> set[float]:
-        """Those of `corners_within`."""
-        if not self.has_corners:
-            return set()
-        return set(self._corners[0][self._are_met(met), 2].tolist())
+    def kinks_within(self, ranges: Array) -> list[tuple[Potential, list[float]]]:
+        """Springs, and kinks of theirs within ranges of elongation (springs, 2) [m]; those that
+        may be anywhere too."""
+        kinks, spring = self._kinks
+        return [(self.different[spring[k]], kinks[k].tolist()) for k in self._within(ranges)]
 
-    def corners_within(self, met: Array) -> list[tuple[Potential, list[float]]]:
-        """Springs, and corners of theirs between elongations met (springs, 2) [m]; those that may
-        be anywhere too."""
-        corners, spring = self._corners
-        found = np.flatnonzero(self._are_met(met)).tolist()
-        return [(self.different[spring[k]], corners[k].tolist()) for k in found]
+    def _within(self, ranges):
+        kinks, spring = self._kinks
+        low, high = ranges[spring].T
+        return np.flatnonzero(~((kinks[:, 0] < low) | (kinks[:, 0] > high)))
 
     @cached_property
     def reach(self) -> Any:
@@ -152,21 +144,24 @@ class Springs:
 
     @cached_property
     def _alike(self):
-        """Springs in sets that one call evaluates: several of one law, or one alone."""
-        sets: dict[object, list[int]] = {}
+        """The set that each spring is in: several of one law, which one call evaluates, or one."""
+        sets: dict[object, int] = {}
+        found = np.zeros(len(self), dtype=int)
         for k, spring in enumerate(self.different):
             plain = type(spring).derivative is Potential.derivative
-            sets.setdefault(spring.law if plain else k, []).append(k)
-        return tuple(fixed(np.array(numbers)) for numbers in sets.values())
+            found[k] = sets.setdefault(spring.law if plain else k, len(sets))
+        return fixed(found)
+
+    def _sorted(self, numbers):
+        """Bonds of springs of these numbers, those of each set together, and their places."""
+        kind = self._alike[numbers]
+        places = [np.flatnonzero(kind == k) for k in np.unique(kind)]
+        return [(_Alike(self, numbers[columns]), columns) for columns in places]
 
     @cached_property
-    def _columns(self):
-        """For each of these sets the places of its bonds."""
-        flat = self.group.ravel()
-        place = np.zeros(len(self), dtype=int)
-        for k, numbers in enumerate(self._alike):
-            place[numbers] = k
-        return tuple(fixed(np.flatnonzero(place[flat] == k)) for k in range(len(self._alike)))
+    def _sets(self):
+        """All bonds."""
+        return self._sorted(self.group.ravel())
 
     def evaluate(self, name: str, r: np.ndarray) -> np.ndarray:
         """Energy [J], tension [N] or stiffness [N/m] of each bond.
@@ -180,19 +175,7 @@ class Springs:
         if len(self) == 1:
             return getattr(self.different[0], name)(r)
         flat = r.reshape(*r.shape[: r.ndim - self.group.ndim], -1)
-        if len(self._sets) == 1:
-            return self._sets[0].evaluate(name, flat).reshape(r.shape)
-        out = np.empty_like(flat)
-        for one, columns in zip(self._sets, self._columns, strict=True):
-            out[..., columns] = one.evaluate(name, flat[..., columns])
-        return out.reshape(r.shape)
-
-    @cached_property
-    def _sets(self):
-        """The bonds of each of these sets of springs."""
-        group = self.group.ravel()
-        each = zip(self._alike, self._columns, strict=True)
-        return tuple(_Alike(self, numbers[0], group[columns]) for numbers, columns in each)
+        return _evaluated(self._sets, name, flat).reshape(r.shape)
 
     def energies(self, mass: Array, contacts: Contacts | None = None) -> Energies | None:
         """The energies of a scene with these bonds; None where no compiled loop has them.
@@ -205,24 +188,16 @@ class Springs:
             Where the bonds are those of a network.
         """
         found = []
-        for one, numbers, columns in zip(self._sets, self._alike, self._columns, strict=True):
-            first = self.different[numbers[0]]
-            loop = single(first.law)
-            if loop is None or "energy" not in first.law.compiled:
+        for alike, columns in self._sets:
+            loop = single(alike.law)
+            if loop is None or "energy" not in alike.law.compiled:
                 return None
-            rows = numbers[:1] if one.is_one else self.group[columns]
-            values = first.values if one.is_one else one.values
-            found.append((loop, values, self.reach[rows].T, columns))
+            found.append((loop, alike.values, self.reach[alike.rows].T, columns))
         return Energies(mass, found, contacts)
 
     def _each(self, name, r, numbers):
-        """The same of different springs at points r (points, numbers)."""
-        out = np.empty_like(r)
-        for alike in self._alike:
-            mine = np.flatnonzero(np.isin(numbers, alike)) if len(self._alike) > 1 else slice(None)
-            if r[:, mine].size:
-                out[:, mine] = _Alike(self, alike[0], numbers[mine]).evaluate(name, r[:, mine])
-        return out
+        """Those of springs of these numbers at points r (points, numbers)."""
+        return _evaluated(self._sorted(numbers), name, r)
 
     def largest(self, name: str, ranges: Array, numbers: Indices | None = None) -> Array:
         """Largest size of the tension [N], or largest stiffness [N/m], of each spring.
@@ -332,18 +307,15 @@ class Springs:
 class _Alike:
     """Bonds whose springs have one law, or are one spring, with their numbers side by side."""
 
-    def __init__(self, springs, first, group):
-        self._springs, self._group = springs, group
-        self._one = springs.different[first] if np.all(group == first) else None
-        if self._one is None:
-            laws, law, parameters = springs.table
-            self.law, self.values = laws[law[first]], np.ascontiguousarray(parameters[group].T)
-            self._low, self._high = springs.domains[group].T
-
-    @property
-    def is_one(self):
-        """Whether all are one spring."""
-        return self._one is not None
+    def __init__(self, springs, group):
+        first = springs.different[group[0]]
+        self.law, self._one = first.law, first if np.all(group == group[0]) else None
+        if self._one is not None:
+            self.values, self.rows = first.values, group[:1]
+            return
+        self._springs, self.rows = springs, group
+        self.values = np.ascontiguousarray(springs.table[2][group].T)
+        self._low, self._high = springs.domains[group].T
 
     def evaluate(self, name, r):
         """Energy [J], tension [N] or stiffness [N/m] at elongations r (..., bonds)."""
@@ -358,8 +330,18 @@ class _Alike:
             worst = tuple(x[0] for x in np.nonzero(~inside))
             if np.isnan(r[worst]):
                 raise TensegrityError("elongation nan m is not a number")
-            raise self._springs.different[self._group[worst[-1]]].beyond(float(r[worst]))
+            raise self._springs.different[self.rows[worst[-1]]].beyond(float(r[worst]))
         return evaluated(self.law, order, self.values, np.ascontiguousarray(r))
+
+
+def _evaluated(sets, name, r):
+    """What some sets of bonds have at elongations r (..., bonds)."""
+    if len(sets) == 1:
+        return sets[0][0].evaluate(name, r)
+    out = np.empty_like(r)
+    for alike, columns in sets:
+        out[..., columns] = alike.evaluate(name, r[..., columns])
+    return out
 
 
 def _sizes(lengths):

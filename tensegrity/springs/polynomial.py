@@ -16,23 +16,19 @@ compares motions.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.engine.law import deflated, horner
 from tensegrity.errors import RangeError, ResolutionError, TensegrityError
 from tensegrity.springs.potential import Potential
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from typing import Any
-
-    from numpy.typing import ArrayLike
 
 DEGREES = tuple(range(7, 48, 4))
 NODES = 96

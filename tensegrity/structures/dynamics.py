@@ -9,7 +9,7 @@ from tensegrity import check
 from tensegrity.engine.law import Law
 from tensegrity.once import once
 from tensegrity.scenes.network import Network
-from tensegrity.springs.corners import TAUT
+from tensegrity.springs.kinks import TAUT
 from tensegrity.springs.potential import Potential, call
 
 if TYPE_CHECKING:

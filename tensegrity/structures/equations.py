@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity.structures.members import member_blocks
+from tensegrity.engine import forces
 
 if TYPE_CHECKING:
     from tensegrity.structures.members import Members
@@ -216,7 +216,10 @@ class Piece:
 
     def tensions(self, u: Array) -> Array:
         """[N], (members,)."""
-        lengths = self.apart(u)[1]
+        return self._pulls(u, self.apart(u)[1])
+
+    def _pulls(self, u: Array, lengths: Array) -> Array:
+        """Tensions at known lengths of the members."""
         pulls = self.of.members.stiffness * (lengths - self.natural(u))
         return np.where(self.taut, pulls, 0.0)
 
@@ -228,8 +231,7 @@ class Piece:
         """Forces left in the motions over their size, and the Jacobian of that."""
         of, members = self.of, self.of.members
         d, lengths = self.apart(u)
-        natural = self.natural(u)
-        pulls = np.where(self.taut, members.stiffness * (lengths - natural), 0.0)
+        pulls = self._pulls(u, lengths)
         density = pulls / lengths
         along = of.basis.T @ of.along
         left = of.gain.T @ (density[:, None] * d).ravel() - of.weight
@@ -244,16 +246,15 @@ class Piece:
 
     def tangent_of(self, d: Array, lengths: Array, density: Array) -> Array:
         """Tangent over the motions of the basis, (free, free)."""
-        members = self.of.members
-        blocks = member_blocks(d, lengths, density, members.stiffness, self.taut)
+        stiffness = np.where(self.taut, self.of.members.stiffness, 0.0)
+        blocks = forces.tangents(d / lengths[:, None], stiffness, density)
         turned = np.matmul(blocks, self.of.gain.reshape(*d.shape, -1))
         return np.asarray(self.of.gain.T @ turned.reshape(self.of.gain.shape))
 
     def tangent(self, u: Array) -> Array:
         """The same at a point."""
         d, lengths = self.apart(u)
-        density = self.of.members.stiffness * (lengths - self.natural(u)) / lengths
-        return self.tangent_of(d, lengths, density)
+        return self.tangent_of(d, lengths, self._pulls(u, lengths) / lengths)
 
     def tests(self, u: Array) -> Array:
         """Functions that vanish at events, (roots,)."""

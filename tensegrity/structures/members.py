@@ -1,4 +1,4 @@
-"""All members of a structure at once: lengths, tensions, energy, gradient and tangent.
+"""All members of a structure at once: as given, their tensions, energy, tangent, and equilibria.
 
 The forms are those of `derivations.member`.  Members are rows.  A string pulls where it is longer
 than its natural length, to the last bit; its stiffness jumps there, so that round-off would decide
@@ -13,38 +13,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity.once import once
-from tensegrity.springs.corners import TAUT
+from tensegrity import check
+from tensegrity.engine import forces
+from tensegrity.errors import EquilibriumError, TensegrityError
+from tensegrity.minimum import ROUND_OFF, STEPS, downhill
+from tensegrity.minimum import settle as minimised
+from tensegrity.springs.kinks import TAUT
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from typing import Any
 
+    from numpy.typing import ArrayLike
+
+    from tensegrity.structures.supports import Freedom
     from tensegrity.typing import Array, Flags, Indices
 
-
-@once
-def _tangent(dim: int) -> Callable[..., Any]:
-    """Upper entries of the tangent of members in (d, length, density, stiffness)."""
-    import sympy as sp
-
-    from derivations import member
-
-    matrix = member.tangent(dim)
-    upper = [matrix[i, j] for i in range(dim) for j in range(i, dim)]
-    symbols = (*member.separation(dim), member.length, member.density, member.stiffness)
-    return sp.lambdify(symbols, upper, "numpy", cse=True)
-
-
-def member_blocks(d: Array, lengths: Array, density: Array, stiffness: Array, taut: Flags) -> Array:
-    """Tangent of each member in its own separation [N/m], (members, dim, dim)."""
-    members, dim = d.shape
-    upper = _tangent(dim)(*d.T, lengths, density, stiffness)
-    result = np.empty((members, dim, dim))
-    places = [(i, j) for i in range(dim) for j in range(i, dim)]
-    for (i, j), entry in zip(places, upper, strict=True):
-        result[:, i, j] = result[:, j, i] = np.where(taut, entry, 0.0)
-    return result
+SETTLED = 1e-10  # forces left, over the forces there are
+STEP, FARTHEST = 0.2, 100.0  # sizes of the structure: of one step, and that it may grow to
 
 
 @dataclass(frozen=True)
@@ -93,28 +79,144 @@ class Members:
         """Of the energy in the positions [N], (nodes, dim): minus the force on the nodes."""
         d, lengths = self.apart(positions)
         pull = (self.stiffness * self.elongations(lengths) / lengths)[:, None] * d
-        result = np.zeros_like(positions)
-        np.add.at(result, self.ends[:, 1], pull)
-        np.subtract.at(result, self.ends[:, 0], pull)
+        first, second = self.ends.T
+        result: Array = -forces.scattered(first, second, pull, len(positions))
         return result
 
     def tangent(self, positions: Array, within: float = TAUT) -> Any:
         """Hessian of the energy [N/m], sparse (nodes dim, nodes dim); `within` as of `taut`."""
-        import scipy.sparse as sparse
-
-        nodes, dim = positions.shape
         d, lengths = self.apart(positions)
         density = self.stiffness * self.elongations(lengths) / lengths
-        blocks = member_blocks(d, lengths, density, self.stiffness, self.taut(lengths, within))
-        axes = np.arange(dim)
-        first, second = (dim * self.ends[:, i, None] + axes for i in (0, 1))
-        rows, columns, values = [], [], []
-        for left, right, sign in (
-            (first, first, 1), (second, second, 1), (first, second, -1), (second, first, -1),
-        ):  # fmt: skip
-            rows.append(np.broadcast_to(left[:, :, None], blocks.shape).ravel())
-            columns.append(np.broadcast_to(right[:, None, :], blocks.shape).ravel())
-            values.append(sign * blocks.ravel())
-        size = nodes * dim
-        triplets = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
-        return sparse.coo_matrix(triplets, shape=(size, size)).tocsr()
+        stiffness = np.where(self.taut(lengths, within), self.stiffness, 0.0)
+        blocks = forces.tangents(d / lengths[:, None], stiffness, density)
+        first, second = self.ends.T
+        return forces.assembled(first, second, blocks, len(positions)).tocsr()
+
+
+@dataclass(frozen=True)
+class _Loaded:
+    """Members under constant loads, over the motions that are left: a `minimum.Energy`."""
+
+    members: Members
+    freedom: Freedom
+    start: Array
+    loads: Array
+
+    @property
+    def span(self) -> float:
+        """Size of the structure [m]."""
+        return float(np.ptp(self.start, axis=0).max())
+
+    @property
+    def longest(self) -> float:
+        return STEP * self.span
+
+    def energy(self, x: Array) -> tuple[float, float]:
+        stored, work = self.members.energy(x), float(np.sum(self.loads * (x - self.start)))
+        return stored - work, stored + abs(work)
+
+    def forces(self, x: Array) -> Array:
+        motions, rigid = self.freedom.motions, self.freedom.at(x).rigid
+        left = motions.T @ (self.loads - self.members.gradient(x)).ravel()
+        return np.asarray(motions @ (left - rigid @ (rigid.T @ left))).reshape(x.shape)
+
+    def largest(self, x: Array) -> float:
+        return max(np.abs(self.members.tensions(x)).max(), np.abs(self.loads).max())
+
+    def newton(self, x: Array, f: Array) -> Callable[[float], Array | None]:
+        from scipy.sparse import eye_array
+
+        # from rest the same way in any frame, then what the energy has: else it converges slowly
+        within = TAUT if x is self.start else 0.0
+        freedom = self.freedom.at(x)
+        force = freedom.motions.T @ f.ravel()
+        tangent = freedom.reduced(self.members.tangent(x, within))
+        softest = float(self.members.stiffness.min()) * eye_array(len(force))
+
+        def step(shift: float) -> Array | None:
+            move = downhill(tangent + shift * softest, freedom.rigid, force)
+            return None if move is None else (freedom.motions @ move).reshape(x.shape)
+
+        return step
+
+    def refuse(self, x: Array, f: Array) -> None:
+        if np.ptp(x, axis=0).max() > FARTHEST * self.span:
+            raise EquilibriumError(
+                "no equilibrium: under these loads the structure grows beyond "
+                f"{FARTHEST * self.span:g} m"
+            )
+
+
+def settle(members: Members, freedom: Freedom, positions: Array, loads: Array) -> Array:
+    """Positions of an equilibrium under constant loads, downhill in energy from given ones.
+
+    Raises
+    ------
+    EquilibriumError
+        If there is none nearby: loads drive a rigid motion, or the energy falls without end.
+    """
+    freedom.refuse_driven(positions, loads)
+    of = _Loaded(members, freedom, positions, loads)
+    x, f = minimised(of, positions)
+    left, size = np.abs(f).max(initial=0.0), of.largest(x)
+    if not left <= max(SETTLED * size, ROUND_OFF * members.stiffness.max() * of.span):
+        raise EquilibriumError(
+            f"no equilibrium found: {left:.3g} N are left of {size:.3g} N after {STEPS} iterations"
+        )
+    return x
+
+
+def rigid_plates(given: Any, nodes: int) -> tuple[tuple[int, ...], ...]:
+    """Nodes of each rigid plate, none on two."""
+    try:
+        groups = tuple(tuple(group) for group in given)
+    except TypeError:
+        raise TensegrityError(f"platforms {check.shown(given)} must list nodes of each") from None
+    if () in groups:
+        raise TensegrityError(f"platform {groups.index(())} has 0 nodes, must have at least 1")
+    numbers = [check.whole("node of a platform", n, least=0) for group in groups for n in group]
+    for number in numbers:
+        if number >= nodes or numbers.count(number) > 1:
+            raise TensegrityError(
+                f"node {number} of a platform must be below {nodes} and on one platform only"
+            )
+    return groups
+
+
+def ends_of(name: str, given: Any, nodes: int) -> Indices:
+    """The two different nodes of each bar or string; (members, 2)."""
+    try:
+        listed = [tuple(pair) for pair in given]
+    except TypeError:
+        raise TensegrityError(f"{name}s {check.shown(given)} must be pairs of nodes") from None
+    for pair in listed:
+        if len(pair) != 2:
+            raise TensegrityError(f"{name} {check.shown(pair)} must join two nodes")
+        for node in pair:
+            if check.whole(f"node of a {name}", node, least=0) >= nodes:
+                raise TensegrityError(f"node {node} of a {name} must be below {nodes}")
+        if pair[0] == pair[1]:
+            raise TensegrityError(f"{name} joins node {pair[0]} to itself: its length is 0 m")
+    return np.array(listed, dtype=np.int64).reshape(-1, 2)
+
+
+def refuse_double(ends: Indices, bars: int) -> None:
+    """Refuse two members between the same nodes; the first ones are bars."""
+    first: dict[tuple[int, int], int] = {}
+    for number, (i, j) in enumerate(np.sort(ends, axis=1).tolist()):
+        if (i, j) in first:
+            words = [f"{'bar' if m < bars else 'string'} {m}" for m in (first[i, j], number)]
+            raise TensegrityError(f"{words[0]} and {words[1]} both join nodes {i} and {j}")
+        first[i, j] = number
+
+
+def each(name: str, given: ArrayLike, count: int, unit: str) -> Array:
+    """One positive number for each, from one for all or one for each; (count,)."""
+    values = check.floats(name, given)
+    if values.shape not in ((), (count,)):
+        raise TensegrityError(f"{name} has shape {values.shape}, must be one or ({count},)")
+    bad = np.flatnonzero(~((values > 0) & np.isfinite(values)))
+    if bad.size:
+        worst = values.ravel()[bad[0]]
+        raise TensegrityError(f"{name} {worst:g} {unit} must be finite and above 0")
+    return np.broadcast_to(values, (count,)).copy()

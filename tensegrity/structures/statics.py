@@ -3,27 +3,34 @@
 With force densities q (tension over length) the nodes are in equilibrium where A q = 0; A holds
 differences of coordinates only, no stiffness (Pellegrino & Calladine 1986).  How near to zero a
 singular value has to be is a matter of how well a shape is known: a measured one has no
-self-stress to round-off, and the gap says by how much it fails.
+self-stress to round-off, and the gap says by how much it fails.  Which of these states a structure
+has is what a user asks for: force densities, or the prestrain of strings.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity.errors import EquilibriumError
+from tensegrity import check
+from tensegrity.engine import forces
+from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.structures.supports import orthonormal, rigid_motions
 
 if TYPE_CHECKING:
+    from typing import Any
+
     from tensegrity.typing import Array, Flags, Indices
 
 ZERO = 1e-11  # singular values below this part of the largest are round-off
 LEAST = 1e-9  # force density below which a member counts as without force, of their mean
 STEPS = 100
 SETTLED = 1e-14
+SAME = 1e-9  # force that is left on a node, over those of its members: no self-stress
 
 
 @dataclass(frozen=True)
@@ -137,8 +144,8 @@ def nearest_form(positions: Array, ends: Indices) -> Array:
     x, size = positions, np.linalg.norm(start)
     for _ in range(STEPS):
         matrix = equilibrium_matrix(x, ends)
-        stress = stress_matrix(len(x), ends, q)
-        slope = np.kron(stress, np.eye(dim))  # of A(x) q in x
+        blocks = q[:, None, None] * np.eye(dim)
+        slope = forces.assembled(ends[:, 0], ends[:, 1], blocks, len(x)).toarray()  # of A(x) q in x
         # a change of q across itself makes up for all but this part of the residual
         out = np.linalg.svd(matrix)[0][:, members - 1 :]
         moved = (x - positions).ravel()
@@ -156,10 +163,60 @@ def nearest_form(positions: Array, ends: Indices) -> Array:
     )
 
 
-def stress_matrix(nodes: int, ends: Indices, densities: Array) -> Array:
-    """Matrix of force densities [N/m], (nodes, nodes): positions times it are nodal forces."""
-    result = np.zeros((nodes, nodes))
-    i, j = ends.T
-    for left, right, sign in ((i, i, 1), (j, j, 1), (i, j, -1), (j, i, -1)):
-        np.add.at(result, (left, right), sign * densities)
-    return result
+def checked(structure: Any, force_densities: Any) -> Array:
+    """Force densities that are a self-stress, (members,)."""
+    q = check.vector("force_densities", force_densities, (len(structure.ends),))
+    matrix = equilibrium_matrix(structure.positions, structure.ends)
+    left = np.abs(matrix @ q).max()
+    size = (np.abs(matrix) @ np.abs(q)).max()
+    if left > SAME * size:
+        raise EquilibriumError(
+            f"these force densities are no self-stress: a force of {left:.3g} N is left, "
+            f"beside {size:.3g} N"
+        )
+    return q
+
+
+def refuse_pushing(structure: Any, q: Array) -> None:
+    """Refuse force densities that strings cannot have: slack, they would leave the rest alone."""
+    pushed = np.where(structure.is_string, q, 0.0)
+    worst = int(pushed.argmin())
+    if pushed[worst] < -SAME * np.abs(q).max():
+        raise EquilibriumError(
+            f"force density {q[worst]:.6g} N/m of {structure.name_of(worst)} must be at least 0: "
+            "strings do not push"
+        )
+
+
+def of_prestrain(structure: Any, prestrain: Any) -> Array:
+    """Force densities of which some strings have given prestrains."""
+    if not isinstance(prestrain, Mapping) or not prestrain:
+        raise TensegrityError(
+            f"prestrain {check.shown(prestrain)} must be a dict {{string: value}}"
+        )
+    stress = structure.self_stress()
+    if not len(stress.states):
+        return stress.feasible  # says why not
+    numbers = [structure.member_number(m) for m in prestrain]
+    for number in numbers:
+        if not structure.is_string[number]:
+            raise TensegrityError(
+                f"prestrain of bar {number}: strings are numbered from {structure.bars} to "
+                f"{len(structure.ends) - 1}"
+            )
+    if len(numbers) != len(stress.states):
+        raise TensegrityError(
+            f"prestrain of {len(numbers)} strings, must be of {len(stress.states)}: that many "
+            "states of self-stress has this shape"
+        )
+    values = np.array(
+        [check.number(f"prestrain of string {m}", x, above=-1) for m, x in prestrain.items()]
+    )
+    wanted = structure.stiffnesses[numbers] * values / (1 + values)
+    part = stress.states[:, numbers].T
+    if np.linalg.cond(part) > 1e10:
+        raise TensegrityError(
+            f"the prestrains of strings {', '.join(map(str, numbers))} do not determine the "
+            "self-stress: choose others"
+        )
+    return np.asarray(np.linalg.solve(part, wanted) @ stress.states)

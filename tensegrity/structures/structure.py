@@ -18,10 +18,16 @@ from tensegrity import check
 from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.notebook import page, wires
 from tensegrity.readonly import ReadOnly, fixed
-from tensegrity.structures import given, prestress, statics
-from tensegrity.structures.members import Members
-from tensegrity.structures.solve import Freedom, lowest_eigenvalues, settle
-from tensegrity.structures.supports import Supports
+from tensegrity.structures import statics
+from tensegrity.structures.members import (
+    Members,
+    each,
+    ends_of,
+    refuse_double,
+    rigid_plates,
+    settle,
+)
+from tensegrity.structures.supports import Freedom, Supports
 
 if TYPE_CHECKING:
     from typing import Any
@@ -113,25 +119,23 @@ class Structure(ReadOnly):
             raise TensegrityError(f"positions have shape {places.shape}, must be (nodes, 2) or 3")
         self.positions = check.vector("positions", places, places.shape)
         nodes = len(places)
-        pairs = [
-            given.pairs(name, ends, nodes) for name, ends in (("bar", bars), ("string", strings))
-        ]
+        pairs = [ends_of(name, ends, nodes) for name, ends in (("bar", bars), ("string", strings))]
         self.ends = np.concatenate(pairs)
         self.is_string = np.arange(len(self.ends)) >= len(pairs[0])
         if not len(self.ends):
             raise TensegrityError("0 bars and strings, must be at least 1")
-        given.refuse_double(self.ends, len(pairs[0]))
+        refuse_double(self.ends, len(pairs[0]))
         alone = sorted(set(range(nodes)) - set(self.ends.ravel().tolist()))
         if alone:
             raise TensegrityError(f"node {alone[0]} is in no member")
         self.stiffnesses = np.concatenate(
             [
-                given.each(name, k, len(of), "N/m")
+                each(name, k, len(of), "N/m")
                 for name, k, of in zip(("k_bar", "k_string"), (k_bar, k_string), pairs, strict=True)
             ]
         )
-        self.mass = given.each("mass", mass, nodes, "kg")
-        self.platforms = given.platforms(platforms, nodes)
+        self.mass = each("mass", mass, nodes, "kg")
+        self.platforms = rigid_plates(platforms, nodes)
         lengths = self.lengths
         least = 1e-12 * np.ptp(places, axis=0).max()
         bad = np.flatnonzero(~((lengths > least) & (lengths < np.inf)))
@@ -144,7 +148,7 @@ class Structure(ReadOnly):
         if natural_lengths is None:
             self.natural_lengths = lengths
         else:
-            self.natural_lengths = given.each("natural length", natural_lengths, len(lengths), "m")
+            self.natural_lengths = each("natural length", natural_lengths, len(lengths), "m")
 
     def name_of(self, member: int) -> str:
         """A member in words."""
@@ -264,10 +268,10 @@ class Structure(ReadOnly):
         if (force_densities is None) == (prestrain is None):
             raise TensegrityError("give force_densities or prestrain, one of them")
         if prestrain is None:
-            q = prestress.checked(self, force_densities)
+            q = statics.checked(self, force_densities)
         else:
-            q = prestress.of_prestrain(self, prestrain)
-        prestress.refuse_pushing(self, q)
+            q = statics.of_prestrain(self, prestrain)
+        statics.refuse_pushing(self, q)
         natural = self.lengths * (1 - q / self.stiffnesses)
         bad = np.flatnonzero(~(natural > 0))
         if bad.size:
@@ -324,25 +328,16 @@ class Structure(ReadOnly):
         """
         count = check.whole("count", count, least=1)
         freedom = self.freedom(supports)
-        tangent, weights = self.stiffness(), np.repeat(self.mass, self.dim)
-        floor = self.least_eigenvalue_bound
-        squares, vectors = lowest_eigenvalues(tangent, freedom, weights, count, floor)
-        if np.ptp(self.mass) == 0:
-            values = squares * self.mass[0]
+        tangent, mass = self.stiffness(), np.repeat(self.mass, self.dim)
+        squares, vectors = freedom.lowest(tangent, mass, count)
+        if np.ptp(mass) == 0:
+            values = squares * mass[0]
         else:
-            values = lowest_eigenvalues(tangent, freedom, None, count, floor)[0]
+            values = freedom.lowest(tangent, np.ones(len(mass)), count)[0]
         shapes = vectors.T.reshape(-1, *self.positions.shape)
         largest = np.sqrt(np.sum(shapes**2, axis=2)).max(axis=1)
         frequencies = np.sign(squares) * np.sqrt(np.abs(squares))
         return Modes(values, frequencies, shapes / largest[:, None, None])
-
-    @property
-    def least_eigenvalue_bound(self) -> float:
-        """A bound [N/m] from below of the eigenvalues of the tangent, by members that push."""
-        pushed = np.maximum(-self.densities, 0.0)
-        return -2 * float(
-            np.max(np.bincount(self.ends.ravel(), np.repeat(pushed, 2), minlength=self.nodes))
-        )
 
     def is_stable(self, supports: Supports | None = None) -> bool:
         """Whether every motion that supports leave costs energy, rigid motions apart; one that
@@ -350,9 +345,7 @@ class Structure(ReadOnly):
         freedom = self.freedom(supports)
         if freedom.motions.shape[1] == freedom.rigid.shape[1]:
             return True  # nothing can move
-        values, _ = lowest_eigenvalues(
-            self.stiffness(), freedom, None, 1, self.least_eigenvalue_bound
-        )
+        values = freedom.lowest(self.stiffness(), np.ones(self.positions.size), 1)[0]
         return bool(values[0] > SOFT * self.stiffnesses.max())
 
     def freedom(self, supports: Supports | None) -> Freedom:

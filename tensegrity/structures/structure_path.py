@@ -57,6 +57,7 @@ class StructurePath(Table):
     stable_height: Flags
     positions: Array
     slack: Flags
+    _by_row = ("positions", "slack")
 
     def __init__(
         self,
@@ -71,12 +72,6 @@ class StructurePath(Table):
         super().__init__(columns, events, end)
         self.structure, self.positions, self.slack = structure, positions, slack
         self.supports = supports
-
-    def __getitem__(self, key: Any) -> Any:
-        part = super().__getitem__(key)
-        if isinstance(key, slice):
-            part.positions, part.slack = self.positions[key], self.slack[key]
-        return part
 
     @property
     def tensions(self) -> Array:

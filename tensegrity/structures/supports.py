@@ -8,15 +8,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity import check
-from tensegrity.errors import TensegrityError
+from tensegrity.errors import EquilibriumError, TensegrityError
+from tensegrity.minimum import complement, lowest
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from typing import Any
 
-    from tensegrity.typing import Array
+    from tensegrity.typing import Array, Flags
 
 LEFT = 1e-9  # part of a rigid motion that supports may take and still leave it
+NOTHING = 1e-13  # of the largest stiffness: where bounds of eigenvalues below 0 start
+WORK = 1e-9  # of loads in rigid motions, over their size
 
 
 @dataclass(frozen=True)
@@ -64,57 +67,67 @@ class Supports:
         TensegrityError
             If a node or an axis does not exist.
         """
-        import scipy.sparse as sparse
+        from scipy.sparse import csc_array
 
+        held, riding = self._held(nodes, dim), self._riding(platforms)
+        on_plates, axes, normal = {*self.lower, *self.upper}, np.eye(dim), self.direction(dim)
+        moving: list[tuple[Any, Array]] = []
+        for node in range(nodes):
+            if node in riding:
+                own = axes[:-1]
+            elif node in on_plates:
+                own = self._in_plate(node, held[node])
+            else:
+                own = axes[~held[node]]
+            moving += [((node,), along) for along in own]
+        groups = (*platforms, *([self.upper] if self.upper else []))
+        moving += [(group, normal / np.sqrt(len(group))) for group in groups]
+        rows: list[int] = []
+        columns: list[int] = []
+        values: list[float] = []
+        for column, (group, along) in enumerate(moving):
+            for node in group:
+                rows += range(dim * node, dim * node + dim)
+                columns += [column] * dim
+                values += along.tolist()
+        matrix = csc_array((values, (rows, columns)), shape=(nodes * dim, len(moving)))
+        matrix.eliminate_zeros()
+        return matrix
+
+    def _held(self, nodes: int, dim: int) -> Flags:
+        """Which coordinates are kept, (nodes, dim); refuses nodes and axes that do not exist."""
         for node in (*(n for n, _ in self.holds), *self.lower, *self.upper):
             if node >= nodes:
                 raise TensegrityError(f"node {node} must be below {nodes}, the number of nodes")
-        held = np.zeros((nodes, dim), dtype=bool)
+        found = np.zeros((nodes, dim), dtype=bool)
         for node, axes in self.holds:
             for axis in range(dim) if axes is None else axes:
                 if axis >= dim:
                     raise TensegrityError(f"axis {axis} must be below {dim}, the dimension")
-                held[node, axis] = True
-        normal = self.direction(dim)
-        across = np.linalg.svd(normal[None, :])[2][1:]  # in the plates
-        if self.normal is None:
-            across = np.eye(dim)[:-1]
-        on_plates = {*self.lower, *self.upper}
-        riding = {node for group in platforms for node in group}
-        both = sorted(riding & (on_plates | {node for node, _ in self.holds}))
-        if both or (riding and self.normal is not None):
+                found[node, axis] = True
+        return found
+
+    def _riding(self, platforms: Any) -> set[int]:
+        """Nodes on platforms; refuses those that are supported too."""
+        found = {node for group in platforms for node in group}
+        both = sorted(found & {*self.lower, *self.upper, *(node for node, _ in self.holds)})
+        if both:
+            raise TensegrityError(f"node {both[0]} is on a platform and supported too")
+        if found and self.normal is not None:
             raise TensegrityError(
-                f"node {both[0]} is on a platform and supported too"
-                if both
-                else "platforms move along the last axis: plates across another do not suit"
+                "platforms move along the last axis: plates across another do not suit"
             )
-        rows, columns, values, count = [], [], [], 0
-        for node in range(nodes):
-            if node in on_plates and held[node].any() and not held[node].all():
-                if self.normal is not None:
-                    raise TensegrityError(f"node {node} is both held along axes and on a plate")
-                kept = [v for v in across if not v[held[node]].any()]
-            elif node in riding:
-                kept = list(np.eye(dim)[:-1])
-            elif node in on_plates:
-                kept = [] if held[node].all() else list(across)
-            else:
-                kept = [v for axis, v in enumerate(np.eye(dim)) if not held[node, axis]]
-            for vector in kept:
-                rows += [dim * node + axis for axis in range(dim)]
-                columns += [count] * dim
-                values += vector.tolist()
-                count += 1
-        for group in (*platforms, *([self.upper] if self.upper else [])):
-            share = normal / np.sqrt(len(group))
-            for node in group:
-                rows += [dim * node + axis for axis in range(dim)]
-                columns += [count] * dim
-                values += share.tolist()
-            count += 1
-        matrix = sparse.csc_matrix((values, (rows, columns)), shape=(nodes * dim, count))
-        matrix.eliminate_zeros()
-        return matrix
+        return found
+
+    def _in_plate(self, node: int, held: Flags) -> list[Array]:
+        """Directions in the plates along which a node is not held."""
+        if self.normal is None:
+            across = np.eye(len(held))[:-1]
+        else:
+            across = np.linalg.svd(self.direction(len(held))[None, :])[2][1:]
+            if held.any() and not held.all():
+                raise TensegrityError(f"node {node} is both held along axes and on a plate")
+        return [along for along in across if not along[held].any()]
 
     def __repr__(self) -> str:
         parts = [f"held({[n for n, _ in self.holds]})"] if self.holds else []
@@ -222,3 +235,71 @@ def orthonormal(columns: Array) -> Array:
     """A basis of what columns span."""
     left, sizes, _ = np.linalg.svd(columns, full_matrices=False)
     return left[:, sizes > LEFT * sizes[0]]
+
+
+@dataclass(frozen=True)
+class Freedom:
+    """Motions that are left to a structure at given positions.
+
+    Attributes
+    ----------
+    motions : sparse array, (nodes dim, free)
+        Orthonormal.
+    rigid : ndarray, (free, count)
+        Rigid motions of the parts among them, in their coordinates.
+    parts : sequence of ndarray of int
+        Nodes of each part that no member joins to another.
+    """
+
+    motions: Any
+    rigid: Array
+    parts: Any
+
+    @classmethod
+    def of(cls, supports: Supports | None, positions: Array, platforms: Any, parts: Any) -> Freedom:
+        """Motions that supports and platforms leave."""
+        motions = (supports or Supports()).motions(len(positions), positions.shape[1], platforms)
+        return cls(motions, left_over(motions, positions, parts), parts)
+
+    def at(self, positions: Array) -> Freedom:
+        """The same at other positions."""
+        return Freedom(self.motions, left_over(self.motions, positions, self.parts), self.parts)
+
+    def reduced(self, tangent: Any) -> Any:
+        """A tangent over these motions, (free, free)."""
+        return self.motions.T @ tangent @ self.motions
+
+    def complement(self) -> Array:
+        """Orthonormal motions without the rigid ones, (free, free - count)."""
+        return complement(self.rigid)
+
+    def lowest(self, tangent: Any, mass: Array, count: int) -> tuple[Array, Array]:
+        """The lowest eigenvalues of M^-1 K, rigid motions out, and vectors of unit modal mass,
+        (nodes dim, count), for a tangent (nodes dim, nodes dim) and masses (nodes dim,)."""
+        from scipy.sparse import diags_array
+
+        weights = self.reduced(diags_array(mass))
+        values, vectors = lowest(self.reduced(tangent), weights, self.rigid, count, NOTHING)
+        return values, self.motions @ vectors
+
+    def refuse_driven(self, positions: Array, loads: Array) -> None:
+        """Refuse loads that do work on rigid motions that supports leave."""
+        driven = self.rigid.T @ (self.motions.T @ loads.ravel())
+        if np.linalg.norm(driven) <= WORK * np.abs(loads).sum():
+            return
+        turns = (positions - positions.mean(axis=0)).T @ loads
+        turns = turns - turns.T
+        moment = turns[0, 1] if len(turns) == 2 else turns[(1, 2, 0), (2, 0, 1)]
+        motion = (self.motions @ (self.rigid @ driven)).reshape(positions.shape)
+        shift = motion.mean(axis=0)
+        turning = np.linalg.norm(motion - shift) > np.linalg.norm(shift) * np.sqrt(len(motion))
+        word = "turning" if turning else "sliding"
+        raise EquilibriumError(
+            f"the supports leave a rigid motion ({word}) on which the loads do work: net force "
+            f"{_vector(loads.sum(axis=0))} N, net moment about the centre {_vector(moment)} N m"
+        )
+
+
+def _vector(value: Any) -> str:
+    numbers = np.atleast_1d(value) + 0.0
+    return "(" + ", ".join(f"{x:.4g}" for x in numbers.tolist()) + ")"

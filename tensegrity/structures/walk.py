@@ -8,23 +8,22 @@ be taken.  Stability is counted in eigenvalues of the tangent below 0.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity.branches.arclength import Point
 from tensegrity.branches.continuation import ContinuationError, Settings, trace
-from tensegrity.branches.events import between
 from tensegrity.branches.many import ManyProblem
 from tensegrity.branches.table import Event
 from tensegrity.errors import EquilibriumError
+from tensegrity.minimum import least_part
 from tensegrity.readonly import fixed
-from tensegrity.springs.corners import TAUT
-from tensegrity.structures.corner import chosen, piece_stretch, rays
+from tensegrity.springs.kinks import TAUT
+from tensegrity.structures.corner import NONE, branches_off, chosen, piece_stretch, rays
 from tensegrity.structures.equations import Loading, Piece
-from tensegrity.structures.solve import NEUTRAL, NOTHING, least_part
 from tensegrity.structures.structure_path import StructurePath
-from tensegrity.structures.switch import NONE, branches_off
+from tensegrity.structures.supports import NOTHING
 
 if TYPE_CHECKING:
     from typing import Any
@@ -34,8 +33,11 @@ if TYPE_CHECKING:
     from tensegrity.structures.supports import Supports
     from tensegrity.typing import Array, Flags, Indices
 
+    _Found = tuple[str, int, Array]  # kind, the row before it, unknowns
+
 SETTINGS = Settings(tolerance=1e-8, largest=0.05, points=4000)
 FIRST = 300  # rows of a piece that are followed before it is looked whether the path leaves it
+NEUTRAL = 1e-10  # eigenvalues below this part of the stiffness are zero
 CORNER = TAUT  # stretch below which a string is at its natural length where a piece ends
 PIECES = 100
 ROUND_OFF = 1e-13  # eigenvalues above minus this part of the stiffness are not negative
@@ -74,6 +76,7 @@ class Walk:
         self, structure: Structure, supports: Supports | None, loading: Loading, branch: str
     ) -> None:
         self.structure, self.supports, self.of, self.branch = structure, supports, loading, branch
+        self.turn = "fold" if loading.pattern is None else "turn"  # of the last unknown
         self.parts: list[_Part] = []
         self.events: list[tuple[str, int, Array, Piece, str]] = []  # kind, row, u, piece, note
         self.rows = 0
@@ -129,74 +132,76 @@ class Walk:
 
     def _piece(self, piece: Piece, u: Array, sense: int, points: int = FIRST) -> Any:
         """Follow one piece; where and how the next begins, or None at the end of the path."""
-        problem = ManyProblem(piece)
-        stop = [name for name in piece.roots if not name.startswith("contact")]
-        traced, reason = self._traced(problem, u, sense, points, stop)
+        traced, reason = self._traced(piece, u, sense, points)
         if traced is None:
             self.end = f"the path could not be followed: {reason}"
             if not self.parts:
                 raise EquilibriumError(self.end)
             return None
-        rows = traced.z
-        negative = np.array([self._negative(piece, x) for x in rows])
-        events = [
-            (e.kind, e.row, np.array([e.at[name] for name in problem.unknowns]))
-            for e in traced.events
-            if e.kind != "bifurcation"
-        ]
-        found = self._bifurcation(problem.machine, traced, negative, events)
-        leaves = None
-        joins = self._joins(piece, traced, negative, events)
-        found = sorted([*found, joins] if joins else found, key=lambda e: e[0])
-        for row, point, count in found:
-            events.append((f"bifurcation {count}", row, point))
-            if self.branch == "stable" and leaves is None and negative[row, 1] == 0:
-                leaves = row, point
-        met = self._contact(piece, events)
-        if len(traced) >= points < SETTINGS.points and leaves is None and met is None:
+        rows, negative = traced.z, np.array([self._negative(piece, x) for x in traced.z])
+        events = self._events(piece, traced, negative)
+        cut = self._cut(events, negative)
+        if cut is None and len(traced) >= points < SETTINGS.points:
             return self._piece(piece, u, sense, SETTINGS.points)
-        last = len(rows) - 1
-        if leaves and (met is None or leaves[0] <= met[0]):
-            rows, last = np.vstack([rows[: leaves[0] + 1], leaves[1]]), leaves[0]
-            negative = np.vstack([negative[: leaves[0] + 1], negative[leaves[0]]])
-            reason = "leaves"
-        elif met is not None:
-            rows, last = np.vstack([rows[: met[0] + 1], met[1]]), met[0]
-            negative = np.vstack([negative[: met[0] + 1], negative[met[0]]])
-            reason = "contact"
-        strings = [k for k, *_ in events if k.startswith("string")]
-        for kind, row, point in sorted(events, key=lambda e: e[1]):
-            beyond = row > last or (row == last and reason in ("leaves", "contact"))
+        if cut is not None:
+            reason, row, point = cut
+            rows = np.vstack([rows[: row + 1], point])
+            negative = np.vstack([negative[: row + 1], negative[row]])
+        for event in sorted(events, key=itemgetter(1)):
+            kind, row, point = event
             name = kind.split()[0]
-            first = name == "contact" and point is not (met[1] if met else None)
-            if name in ("string", "load", "height", "back") or first:
-                continue
-            if beyond and not (name == "bifurcation" and leaves and point is leaves[1]) and not (
-                name == "contact" and reason == "contact"
-            ):  # fmt: skip
-                continue
-            self.events.append((name, self.rows + row, point, piece, _note(kind)))
+            before = name != "contact" and (cut is None or row < cut[1])
+            if (before or event is cut) and name not in ("string", "load", "height", "back"):
+                self.events.append((name, self.rows + row, point, piece, _note(kind)))
         skip = 1 if self.parts else 0
         self.parts.append(_Part(piece, rows[skip:], negative[skip:]))
         self.rows += len(rows) - skip
-        u = rows[-1]
-        if reason == "leaves":
-            return self._switched(piece, u, leaves)
-        if strings and reason.startswith("string"):
-            met = int(reason.split()[1])
-            return self._turned(piece, u, met, -1 if traced.tangent[-1, -1] < 0 else 1)
-        word = "height" if reason == "height" else reason.split()[0]
-        if word == "height":
-            word = "control" if self.of.pattern is None else ("height" if u[-1] > 0 else "other")
+        return self._ended(piece, rows[-1], reason, -1 if traced.tangent[-1, -1] < 0 else 1)
+
+    def _ended(self, piece: Piece, u: Array, reason: str, arrived: int) -> Any:
+        """What follows a piece that ended at u, as of `_piece`."""
+        word, *numbers = reason.split()
+        if word == "bifurcation":
+            return self._switched(piece, u)
+        if word == "string":
+            return self._turned(piece, u, int(numbers[0]), arrived)
+        if word == "height" and self.of.pattern is None:
+            word = "control"
+        elif word == "height" and not u[-1] > 0:
+            word = "other"
         self.end = ENDS.get(word, reason)
         return None
 
-    def _traced(
-        self, problem: ManyProblem, u: Array, sense: int, points: int, stop: list[str]
-    ) -> tuple[Branch | None, str]:
+    def _events(self, piece: Piece, traced: Branch, negative: Array) -> list[_Found]:
+        """What was met on a piece, and where it loses stability."""
+        events = [
+            (e.kind, e.row, np.array([e.at[name] for name in piece.names]))
+            for e in traced.events
+            if e.kind != "bifurcation"
+        ]
+        found = self._bifurcations(piece, traced, negative, events)
+        found += self._joins(piece, traced, negative, events)
+        return events + sorted(found, key=itemgetter(1))
+
+    def _cut(self, events: list[_Found], negative: Array) -> _Found | None:
+        """Where a path leaves a piece before its end: on a stable branch, or as bars meet."""
+        pairs, found = [tuple(pair) for pair in self.of.pairs.tolist()], []
+        for event in events:
+            kind, row, u = event
+            word, *numbers = kind.split()
+            if word == "bifurcation" and self.branch == "stable" and negative[row, 1] == 0:
+                found.append((row, 0, event))
+            if word == "contact" and row > 0:
+                within = self.of.crossing(self.of.at(u))[1]
+                if within[pairs.index(tuple(map(int, numbers)))]:
+                    found.append((row, 1, event))
+        return min(found, key=itemgetter(0, 1))[2] if found else None
+
+    def _traced(self, piece: Piece, u: Array, sense: int, points: int) -> tuple[Branch | None, str]:
         """The piece from u, and why it ends: in a first step so short that strings that leave
         their natural length there have not come back to it."""
-        piece, first = problem.equations, SETTINGS.first
+        problem, first = ManyProblem(piece), SETTINGS.first
+        stop = [name for name in piece.roots if not name.startswith("contact")]
         while True:
             settings = replace(SETTINGS, points=points, first=first)
             try:
@@ -249,7 +254,7 @@ class Walk:
             return None
         return u, ray.taut, corner, ray.sense
 
-    def _switched(self, piece: Piece, u: Array, leaves: Any) -> Any:
+    def _switched(self, piece: Piece, u: Array) -> Any:
         """The stable branch that leaves a bifurcation."""
         found = branches_off(piece, u)
         if found is None:
@@ -283,43 +288,36 @@ class Walk:
         low, high = (int(np.sum(np.linalg.eigvalsh(k) < bound)) for k in (whole, inner))
         return low, high
 
-    def _bifurcation(
-        self, machine: Any, traced: Branch, negative: Array, events: Any
-    ) -> list[tuple[int, Array, int]]:
-        """Where eigenvalues change their sign other than by a turn: (row, point, how many)."""
-        name = "turn" if self.of.pattern is not None else "fold"
-        turns = [row for kind, row, _ in events if kind == name]
-        found = []
-        scaled = np.arcsinh(traced.z / machine.scale)
+    def _bifurcations(
+        self, piece: Piece, traced: Branch, negative: Array, events: list[_Found]
+    ) -> list[_Found]:
+        """Where eigenvalues change their sign other than by a turn; how many is in the kind."""
+        turns, machine = [row for kind, row, _ in events if kind == self.turn], ManyProblem(piece)
+        found, scaled = [], np.arcsinh(traced.z / piece.scale)
         for row in np.flatnonzero(np.diff(negative[:, 1])).tolist():
             count = abs(int(negative[row + 1, 1] - negative[row, 1]))
             count -= sum(t in (row, row + 1) for t in turns) if row in turns else 0
             if count < 1:
                 continue
-            ends = [
-                Point(
-                    machine.m, np.concatenate([scaled[i], traced.tangent[i]]), 0.0,
-                    float(traced.arc[i] - traced.arc[max(i - 1, 0)]), 0.0, [],
-                )
-                for i in (row, row + 1)
-            ]  # fmt: skip
-            found.append((row, self._located(machine, ends, int(negative[row, 1])), count))
+            length = traced.arc[row + 1] - traced.arc[row]
+            ends = [machine.row(scaled[i], traced.tangent[i], length) for i in (row, row + 1)]
+            point = self._located(machine, ends, int(negative[row, 1]))
+            found.append((f"bifurcation {count}", row, point))
         return found
 
     def _joins(
-        self, piece: Piece, traced: Branch, negative: Array, events: Any
-    ) -> tuple[int, Array, int] | None:
+        self, piece: Piece, traced: Branch, negative: Array, events: list[_Found]
+    ) -> list[_Found]:
         """The first turn at which a stable branch does not end but joins another one."""
         if self.branch != "stable":
-            return None
-        name = "turn" if self.of.pattern is not None else "fold"
-        for kind, row, u in sorted(events, key=lambda e: e[1]):
-            stable = kind == name and traced.tangent[row, -1] > 0 and negative[row, 1] == 0
+            return []
+        for kind, row, u in sorted(events, key=itemgetter(1)):
+            stable = kind == self.turn and traced.tangent[row, -1] > 0 and negative[row, 1] == 0
             if stable and branches_off(piece, u) is not None:
-                return row, u, 1
-        return None
+                return [("bifurcation 1", row, u)]
+        return []
 
-    def _located(self, machine: Any, ends: list[Point], below: int) -> Array:
+    def _located(self, machine: Any, ends: list[Array], below: int) -> Array:
         """The point between two where the number of negative eigenvalues changes.
 
         At the point itself the equations are singular, and round-off moves a solution along the
@@ -327,13 +325,16 @@ class Walk:
         """
         from numpy.polynomial import chebyshev
 
-        after = self._negative(machine.of, machine.unknowns(ends[1].z))[1]
+        after = self._negative(machine.of, machine.unknowns(ends[1][: machine.m]))[1]
         number = below if after > below else below - 1
-        turns = ends[0].tangent[-1] * ends[1].tangent[-1] <= 0
+        m = machine.m
+        turns = ends[0][2 * m - 1] * ends[1][2 * m - 1] <= 0
         middle, half = 0.5, 0.5
-        for _ in range(1 + (ends[1].length > WIDE)):  # then nearer: eigenvalues cross elsewhere
+        for _ in range(
+            1 + (ends[1][machine.length] > WIDE)
+        ):  # then nearer: eigenvalues cross elsewhere
             parts = middle + half * chebyshev.chebpts1(AROUND)
-            z = [machine.at(*between(ends[0], ends[1], part), None).z for part in parts.tolist()]
+            z = [machine.at(*machine.between(*ends, part), None)[:m] for part in parts.tolist()]
             us = np.array([machine.unknowns(one) for one in z])
             values = [np.linalg.eigvalsh(self._inner(machine.of, u))[number] for u in us]
             place = parts if turns else us[:, -1]  # round-off moves solutions along the path too
@@ -346,17 +347,6 @@ class Walk:
             *found, middle = chebyshev.chebval(real[np.argmin(np.abs(real))], fit)
             half *= NEARER
         return np.array(found)
-
-    def _contact(self, piece: Piece, events: Any) -> tuple[int, Array] | None:
-        """The first place where bars meet within their lengths: (row, point)."""
-        pairs = [tuple(p) for p in self.of.pairs.tolist()]
-        found = []
-        for kind, row, u in events:
-            if kind.startswith("contact") and row > 0:
-                number = pairs.index(tuple(map(int, kind.split()[1:])))
-                if self.of.crossing(self.of.at(u))[1][number]:
-                    found.append((row, u))
-        return min(found, key=lambda e: e[0]) if found else None
 
     # what came out
 

@@ -12,23 +12,18 @@ metamaterials".
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.engine.programs import derived, run
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
 from tensegrity.springs.potential import Potential
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from typing import Any
-
-    from numpy.typing import ArrayLike
-
-    from tensegrity.typing import Array
+from tensegrity.typing import Array
 
 FASTEST = 1e100  # speed ratio whose square is still a number
 

@@ -5,17 +5,25 @@ that difference.  Near rest it is r^2 times a mean of V''' over (0, r), and so a
 stiffness and energy: V''' is fitted by a polynomial, as far out as one fits it to round-off, and
 integrated.  Farther out the difference is taken.  V(0) is left out: an energy may be measured
 from anywhere.
+
+By it the waves of one sign are found: between rest and a state r a front can run at one speed
+only, m c^2 = V'(r)/r = Q(r), Q = 2 V/r^2, which is where Q' = 0; see `derivations.softening`.  So
+these waves fall into families, one for each rise of Q above all that it was before, going out from
+rest: within a family m c^2 lies between the level from which Q rises, of rest or of the front
+before, and the level that it reaches.
 """
 
 from __future__ import annotations
 
 import math
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import chebyshev, legendre
 
 from tensegrity.errors import TensegrityError
+from tensegrity.root import root
 from tensegrity.springs.potential import Potential
 
 DEGREE = 25  # of the polynomial; odd, so that rest is no node
@@ -26,6 +34,11 @@ AT_REST = 1e-9  # of V''(0) times the scale: V'(0) that is round-off
 ROUND_OFF = 1e-10  # of the largest force beyond the linear law: a derivative at rest that is none
 CLOSER = 16  # halvings of the polynomial's range in which the power next to rest is seen
 BINADES = 1000  # that are searched for the scale
+FLAT = 1e-9  # of V''(0) + Q: a rise that is round-off
+ROUGH = 1e-6  # ... where no digits are gained near rest
+NEAR = 1e-3  # of the scale of such a spring, from which on Q is looked at
+NODES = chebyshev.chebpts1(DEGREE + 1)
+TO_SERIES = np.linalg.inv(chebyshev.chebvander(NODES, DEGREE))
 
 
 class Excess:
@@ -84,34 +97,35 @@ class Excess:
         """Range of the polynomial, and the series of the means of V''' there."""
         if math.isinf(self.scale):
             return 0.0, None
-        nodes = chebyshev.chebpts1(DEGREE + 1)
-        to_series = np.linalg.inv(chebyshev.chebvander(nodes, DEGREE))
         for halvings in range(HALVINGS):
             core = self.scale / 2.0**halvings
             if core >= min(map(abs, self.potential.domain)):
                 continue
             with np.errstate(all="ignore"):
-                slope = to_series @ self.potential.derivative(3, core * nodes)
-                if not np.max(np.abs(slope[-3:])) <= FITTED * np.max(np.abs(slope)):
+                means = self._fitted(core)
+                if means is None:
                     continue
-                means = to_series @ _means(slope, nodes)
-                direct = self.potential.derivative(2, core * nodes) - self.rest
-            series = chebyshev.chebval(nodes, means[:, 0]) * core * nodes
+                direct = self.potential.derivative(2, core * NODES) - self.rest
+            series = chebyshev.chebval(NODES, means[:, 0]) * core * NODES
             if np.max(np.abs(series - direct)) <= AT_REST * self.rest:  # else V'' jumps
                 return core, means
         return 0.0, None
+
+    def _fitted(self, core, zeros=0):
+        """Series of the means of V''', a polynomial times r^zeros on a range; None if it is not."""
+        slope = TO_SERIES @ (self.potential.derivative(3, core * NODES) / NODES**zeros)
+        if not np.max(np.abs(slope[-3:])) <= FITTED * np.max(np.abs(slope)):
+            return None
+        return TO_SERIES @ _means(slope, NODES, zeros)
 
     def _take_zeros_out(self):
         """Where V''' = O(r^k) divide it by r^k: else its round-off is more than it near rest."""
         power, other = self.growth(1)[0], self.growth(-1)[0]
         if not self.core or power != other or not power.is_integer() or power == 2:
             return
-        zeros = int(power) - 2
-        nodes = chebyshev.chebpts1(DEGREE + 1)
-        to_series = np.linalg.inv(chebyshev.chebvander(nodes, DEGREE))
-        slope = to_series @ (self.potential.derivative(3, self.core * nodes) / nodes**zeros)
-        if np.max(np.abs(slope[-3:])) <= FITTED * np.max(np.abs(slope)):
-            self._zeros, self._means = zeros, to_series @ _means(slope, nodes, zeros)
+        means = self._fitted(self.core, int(power) - 2)
+        if means is not None:
+            self._zeros, self._means = int(power) - 2, means
 
     def _derivatives(self):
         if self._means is None:  # V''' jumps, or is beyond all numbers
@@ -198,3 +212,89 @@ def _means(slope, x, zeros=0):
 def excess(potential: Potential) -> Excess:
     """The excess of a potential, worked out once."""
     return Excess(potential)
+
+
+class Rise(NamedTuple):
+    """A rise of Q on one side.
+
+    Attributes
+    ----------
+    start : float
+        Size of elongation from which Q is above `floor` [m]; 0 at rest.
+    floor : float
+        Largest Q - V''(0) nearer to rest [N/m]; 0 at rest.
+    top : float
+        Size at which Q is largest [m]: a front; inf where Q rises to the end of the domain.
+    ceiling : float
+        Q - V''(0) there [N/m]; inf with `top`.
+    """
+
+    start: float
+    floor: float
+    top: float
+    ceiling: float
+
+    def bound(self, name):
+        """What a target of its waves, see `by_target`, stays below."""
+        return {"amplitude": self.top, "above": self.ceiling, "energy": math.inf}[name]
+
+
+def rises(beyond, sign, sizes) -> list[Rise]:
+    """All rises of Q.
+
+    Parameters
+    ----------
+    beyond : Excess
+    sign : {-1, 1}
+        Of the elongation.
+    sizes : ndarray, (n,)
+        Sizes of elongation [m], rising from near rest; Q is looked at between them.
+    """
+
+    def level_at(size):  # Q - V''(0)
+        return 2 * beyond.energy(sign * size) / size / size
+
+    def slope(size):  # r^3 Q'/2
+        r = sign * size
+        return float(r * beyond.tension(r) - 2 * beyond.energy(r))
+
+    def crossing(low, high, floor):
+        if level_at(low) >= floor:
+            return float(low)
+        return root(lambda size: float(level_at(size)) - floor, low, high, relative=1e-14)
+
+    flat = FLAT
+    if beyond.core == 0 < beyond.rest:  # differences of energies, which are round-off near rest
+        sizes, flat = sizes[sizes > NEAR * beyond.scale], ROUGH
+    level = level_at(sizes)
+    unit = beyond.rest + np.abs(level)
+    found: list[Rise] = []
+    floor, place = 0.0, 0
+    if beyond.rest == 0 and level[1] - level[0] <= flat * unit[0]:  # as steep as a line, or less
+        floor = float(level[0])
+    while place < len(sizes):
+        above = np.flatnonzero(level[place:] - floor > flat * unit[place:])
+        if not above.size:
+            break
+        if place == floor == 0 and rises_from_rest(beyond, sign):
+            above[0] = 0
+        first = place + int(above[0])
+        start = crossing(sizes[first - 1], sizes[first], floor) if first else 0.0
+        highest = np.maximum.accumulate(level[first:])
+        falls = np.flatnonzero(highest - level[first:] > flat * unit[first:])
+        if not falls.size:
+            found.append(Rise(start, floor, math.inf, math.inf))
+            break
+        last = first + int(np.argmax(level[first : first + falls[0]]))
+        ends = sizes[max(last - 1, 0) : last + 2]
+        top = root(slope, ends[0], ends[-1], relative=1e-14)
+        ceiling = float(beyond.tension(sign * top)) / (sign * top)
+        found.append(Rise(start, floor, top, ceiling))
+        floor, place = max(floor, ceiling), first + int(falls[0])
+    return found
+
+
+def rises_from_rest(beyond, sign) -> bool:
+    """Whether waves of one sign start from zero amplitude: by what V' grows with beyond its linear
+    law there."""
+    return beyond.rest == 0 or beyond.growth(sign)[1] > 0

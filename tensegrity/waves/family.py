@@ -2,7 +2,7 @@
 
 Waves of a family are ordered by the size of the crest's elongation, with speed and energy rising
 along it.  It is sampled by `travelling` on coarse grids, which takes milliseconds a wave, until
-one is near what is asked, see `asked`; that one is then solved to round-off.
+one is near what is asked, see `by_target`; that one is then solved to round-off.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from functools import cached_property
 import numpy as np
 
 from tensegrity.errors import ResolutionError, TensegrityError
-from tensegrity.waves.excess import excess
-from tensegrity.waves.fronts import lengthened
-from tensegrity.waves.rises import rises
+from tensegrity.waves.excess import excess, rises
 from tensegrity.waves.travelling import (
     Grid,
     NoWave,
+    Profile,
     Scaled,
     amplitude_is,
+    cosine_sum,
     decay_rate,
     solved,
     started,
@@ -57,7 +57,7 @@ NODES = 6  # waves, the stroke left halved from one to the next, from which a li
 class Family:
     """Waves of one sign, ordered by the size a > 0 [m] of the crest's elongation.
 
-    Those of one rise of Q = 2V/r^2, see `rises`: of the first one by default.
+    Those of one rise of Q = 2V/r^2, see `excess`: of the first one by default.
     """
 
     def __init__(self, potential, sign, number=0) -> None:
@@ -77,21 +77,28 @@ class Family:
             )
         self.rise = self.rises[number]
         self.name += f" {number + 1}" if number else ""
-        self.long_wave = self._long_wave(self.sizes, self.gain, self.energy)
+        self.long_wave = self.long_wave_at(self.sizes)
 
-    def with_crest(self, size):
-        """The family of this sign, or the last one, to which a crest of that size [m] belongs."""
-        return self._one(lambda rise: size < rise.top)
-
-    def with_level(self, above):
-        """The same for m c^2 - V''(0) = above [N/m]."""
-        return self._one(lambda rise: above < rise.ceiling)
-
-    def _one(self, holds):
-        number = next((k for k, rise in enumerate(self.rises) if holds(rise)), len(self.rises) - 1)
-        return (
-            self if self.rise is self.rises[number] else Family(self.potential, self.sign, number)
+    def holding(self, name, value):
+        """The family of this sign, or the last one, to which a target belongs, see `by_target`."""
+        number = next(
+            (k for k, rise in enumerate(self.rises) if value < rise.bound(name)),
+            len(self.rises) - 1,
         )
+        same = self.rise is self.rises[number]
+        return self if same else Family(self.potential, self.sign, number)
+
+    def force(self, size):
+        """|V'| [N] at sizes of elongation."""
+        return self.rest * size + self.sign * self.beyond.tension(self.sign * size)
+
+    def slope(self, size):
+        """V'' [N/m]."""
+        return self.rest + self.beyond.stiffness(self.sign * size)
+
+    def stored(self, size):
+        """V - V(0) [J]."""
+        return self.rest * size * size / 2 + self.beyond.energy(self.sign * size)
 
     def _table(self):
         """Sizes a up to the end of the domain, |V'|/a - V''(0), V - V''(0) a^2/2 and V'' there,
@@ -128,16 +135,18 @@ class Family:
             energy = (self.rest + gain) * sizes**2
             return rows, np.isfinite(rows).all(axis=0) & np.isfinite(energy) & (energy > SMALLEST)
 
-    def _long_wave(self, size, gain, energy):
-        """m c^2 - V''(0) [N/m] of the long-wave equation, at crests of some sizes a, by |V'|/a -
-        V''(0) and V - V''(0) a^2/2.
+    def long_wave_at(self, size):
+        """m c^2 - V''(0) [N/m] of the long-wave equation, at crests of some sizes a; not positive
+        where there is no wave.
 
         The equation m c^2 r = T + T''/12, T = V'(r), has the integral
         T'^2/24 = m c^2 (r T - V) - T^2/2, which vanishes at the crest.
         """
+        r = self.sign * size
+        gain = self.beyond.tension(r) / r
         unit = self.rest + np.abs(gain)
         gain, rest = gain / unit, self.rest / unit
-        energy = 2 * energy / size / size / unit
+        energy = 2 * self.beyond.energy(r) / size / size / unit
         twice = rest + 2 * gain - energy  # 2 (r T - V)/a^2: not positive where the spring gives way
         good = (twice > 0) & (gain > 0)
         above = (rest * energy + gain**2) / np.where(good, twice, 1.0)
@@ -175,11 +184,6 @@ class Family:
 
         return tension
 
-    def _rise(self, size):
-        """m c^2 - V''(0) [N/m] of the long-wave equation; not positive where there is no wave."""
-        r = self.sign * size
-        return float(self._long_wave(size, self.beyond.tension(r) / r, self.beyond.energy(r)))
-
     def wave(self, size):
         """The wave of that size, roughly resolved."""
         if size < self.sizes[0]:
@@ -197,7 +201,7 @@ class Family:
         law = Scaled(self.potential, self.sign * size)
         if size > (1 - FLAT) * self.rise.top and self.flattens:
             return self._near_front(law)
-        nu = self._rise(size) / law.secant
+        nu = float(self.long_wave_at(size)) / law.secant
         points, length = FIRST_POINTS, 0.0
         while points <= MOST_POINTS:
             if not nu > 0:
@@ -244,7 +248,7 @@ class Family:
 
     def _near_front(self, law):
         speed_squared = (self.rest + self.rise.ceiling) / self.top_stiffness
-        start = lengthened(self._flat, law, self.rise, decay_rate(speed_squared - 1))
+        start = _lengthened(self._flat, law, self.rise, decay_rate(speed_squared - 1))
         while start.grid.points <= MOST_POINTS:
             profile = solved(start, amplitude_is(1.0), ROUGH)
             if profile.defect() < ROUGH:
@@ -269,8 +273,8 @@ class Family:
         return float(y * self.potential.derivative(2, r) / abs(self.potential.derivative(1, r)))
 
     @property
-    def corner(self):
-        """Size of elongation at the first corner of the force on this side [m]; inf without."""
+    def kink(self):
+        """Size of elongation at the first kink of the force on this side [m]; inf without."""
         places = [self.sign * place for place, *_ in self.potential.openings]
         return min((place for place in places if place > 0), default=math.inf)
 
@@ -305,14 +309,35 @@ class Family:
         Their relative velocity is c sigma, all of which energy 4 V/m is stored at the crest, and
         sigma is the crest and what the bond lags behind free flight; see `derivations.softening`.
         """
-        stored = 0.5 * self.rest * crest**2 + float(self.beyond.energy(self.sign * crest))
+        stored = float(self.stored(crest))
         near = stored / abs(float(self.potential.tension(self.sign * crest)))  # where V has fallen
         y = np.geomspace(max(FIRST_LAG * near, ROUND_OFF * crest), crest, LAGS)
-        size = crest - y
-        ratio = (0.5 * self.rest * size**2 + self.beyond.energy(self.sign * size)) / stored
-        lag = y * (1 / np.sqrt(1 - ratio) - 1)
+        lag = y * (1 / np.sqrt(1 - self.stored(crest - y) / stored) - 1)
         sigma = crest + 2 * math.sqrt(y[0] * near) + float(np.trapezoid(lag, np.log(y)))
         return 4 * stored / sigma**2
+
+
+def _lengthened(wave, law, rise, rate):
+    """A rough profile with the crest `law.reference`, closer to the front that ends a rise of Q
+    than that of `wave`.
+
+    Near its top, flat between two fronts, such a wave is the front's state less gap cosh(k x), k
+    the `rate` per site at which small deviations from that state grow in the linear lattice there.
+    So a smaller gap lengthens the top and changes little else; see `derivations.softening`.
+    """
+    far, near = (rise.top - abs(x.reference) for x in (wave.law, law))  # gaps
+    longer = math.log(far / near) / rate
+    length = wave.grid.half_length + longer
+    grid = Grid(math.ceil(wave.grid.points * length / wave.grid.half_length), length)
+    place = grid.x - longer
+    outside = np.maximum(place, 0.0)
+    series = wave.grid.coefficients(wave.rho * abs(wave.law.reference))
+    slope = rise.top - cosine_sum(series, wave.grid.wave_numbers, outside)
+    slope += near / 2 * np.exp(-rate * grid.x) - far / 2 * np.exp(-rate * outside)
+    top = near * np.cosh(rate * np.minimum(grid.x, longer))
+    rho = (rise.top - np.where(place < 0, top, slope)) / abs(law.reference)
+    left = (rise.ceiling - wave.nu * wave.law.secant) * (near / far) ** 2
+    return Profile(law, grid, rho, (rise.ceiling - left) / law.secant)
 
 
 def _unresolved(law):

@@ -7,23 +7,20 @@ the spring at hand.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
+from tensegrity.root import root
 from tensegrity.springs.potential import Potential
 from tensegrity.waves.asymptotics import sound_speed
-from tensegrity.waves.excess import excess
+from tensegrity.waves.excess import excess, rises_from_rest
 from tensegrity.waves.family import NEAREST, SIGNS, STEADY, Family
-from tensegrity.waves.rises import rises_from_rest
 from tensegrity.waves.travelling import decay_rate
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 GROWTH = 1e-6  # relative rise of Q over the last factor of 2 in size, where it has no bound
 FARTHER = 2.0**11  # times what is left there, where the exponent is taken again
@@ -124,8 +121,6 @@ class PredictedFamily:
         That error is one of the distance to the wall, relative.  Raises `TensegrityError` for
         other families.
         """
-        from scipy.optimize import brentq
-
         speed = check.number("speed", speed, above=0, unit="sites/s")
         power, strength = self.wall
         if self.ends != "tent" or not power > 0:
@@ -145,7 +140,7 @@ class PredictedFamily:
         low = min((scale - 2 * math.log(stroke)) / power - 1.0, high - 1.0)
         if surplus(high) > 0:
             raise TensegrityError(f"speed {speed:g} sites/s is too slow for the limit of the tent")
-        left = math.exp(brentq(surplus, low, high, xtol=1e-14))
+        left = math.exp(root(surplus, low, high, 1e-14))
         return math.copysign(stroke - left, self.crests[1])
 
     def __str__(self) -> str:
@@ -312,21 +307,10 @@ def _first_crest(side: Family) -> float:
     sizes = side.sizes[below]
     if not slower.size or slower[-1] + 1 >= sizes.size:
         return side.sign * side.rise.start
-    k = slower[-1]
-
-    def surplus(size: float) -> float:
-        r = side.sign * size
-        beyond, stored = float(side.beyond.tension(r)), float(side.beyond.energy(r))
-        tension = side.rest * r + beyond
-        twice = side.rest * r * r + 2 * (r * beyond - stored)
-        return tension * tension - (side.rest + side.rise.floor) * twice
-
-    from scipy.optimize import brentq
-
-    low, high = float(sizes[k]), float(sizes[k + 1])
-    if not surplus(low) <= 0 < surplus(high):
-        return side.sign * side.rise.start
-    return side.sign * brentq(surplus, low, high, xtol=1e-300, rtol=1e-12)
+    low, high = sizes[slower[-1]], sizes[slower[-1] + 1]
+    return side.sign * root(
+        lambda size: float(side.long_wave_at(size)) - side.rise.floor, low, high, relative=1e-12
+    )
 
 
 def _wall(side: Family) -> tuple[str, tuple[float, float], float, str]:

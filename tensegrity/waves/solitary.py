@@ -8,18 +8,222 @@ G. Friesecke, J. Wattis, Commun. Math. Phys. 161, 391 (1994) (existence); seeds/
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+from tensegrity.notebook import page
+from tensegrity.root import root
+from tensegrity.scenes.chain import Chain
+from tensegrity.scenes.scene import State
 from tensegrity.springs.potential import Potential
-from tensegrity.waves.asked import with_energy, with_size, with_stiffness
+from tensegrity.typing import Array
 from tensegrity.waves.asymptotics import sound_speed
-from tensegrity.waves.family import SIGNS, STROKE, Family, refined
-from tensegrity.waves.pieces import beyond_corner, in_pieces
-from tensegrity.waves.travelling import NoWave
-from tensegrity.waves.wave import SolitaryWave, wave_of
+from tensegrity.waves.by_target import near, sign_and_number, stiffness_above
+from tensegrity.waves.family import STROKE, Family, refined
+from tensegrity.waves.pieces import Integrals, beyond_kink, in_pieces
+from tensegrity.waves.travelling import NoWave, Series
 
-MOST = 1000  # families of one sign that can be asked for
+LEAST_LEVEL = 1e-8  # of the crest, at which a width is asked for
+SHOWN = 1e-3  # of the crest, where a notebook's picture ends
+
+
+@dataclass(frozen=True, eq=False)
+class SolitaryWave:
+    """A travelling wave; `solitary_wave` makes it.
+
+    Attributes
+    ----------
+    potential : Potential
+    mass : float
+        [kg].
+    x : ndarray, (n,)
+        Distance from the crest, in sites, both sides of 0.  The crest is where a bond passes
+        when its elongation is largest.
+    speed, sound_speed : float
+        [sites/s].
+    excess : float
+        speed/sound_speed - 1, to full relative precision also where it is small; inf in a sonic
+        vacuum.
+    family : str
+        "compression" or "rarefaction", with a number from the second family of that sign on.
+    amplitude : float
+        Elongation of the crest [m], extension > 0: negative in a compression wave.
+    energy : float
+        [J].
+    momentum : float
+        [kg m/s] of a wave towards higher sites: positive in a compression wave.
+    residual : float
+        Largest |m c^2 r - K V'(r)| over the largest |V'(r)|, on a grid 4 times finer than the
+        one solved on; K is the convolution of `travelling`.
+    """
+
+    potential: Potential = field(repr=False)
+    mass: float
+    x: Array = field(repr=False)
+    speed: float
+    sound_speed: float
+    excess: float
+    family: str
+    amplitude: float
+    energy: float
+    momentum: float
+    residual: float
+    _shape: Series | Integrals = field(repr=False)
+
+    def elongation(self, x: ArrayLike) -> Array:
+        """Elongation [m] at distances x from the crest (sites, any shape), by Fourier's series.
+
+        Raises `TensegrityError` where an x is not a number, as do `rate` and `displacement`.
+        """
+        return self._shape.elongation(check.numbers("x", x, "sites"))
+
+    def rate(self, x: ArrayLike) -> Array:
+        """du/dx [m per site] at distances x from the crest: the velocity is -speed times it."""
+        return self._shape.rate(check.numbers("x", x, "sites"))
+
+    def displacement(self, x: ArrayLike) -> Array:
+        """u(x) [m], 0 far ahead of the crest (x > 0)."""
+        return self._shape.displacement(check.numbers("x", x, "sites"))
+
+    @property
+    def strain(self) -> Array:
+        """Elongation over the length of the spring at `x`, extension > 0; (n,)."""
+        if self.potential.length is None:
+            raise TensegrityError("no strain: the potential has no length; see elongation(x)")
+        return self._on_x / self.potential.length
+
+    @cached_property
+    def _halves(self):
+        """Elongation and rate at the places of `x` from the crest on."""
+        return self._shape.on_grid()
+
+    @property
+    def _on_x(self):
+        half = self._halves[0]
+        return np.concatenate([half[:0:-1], half])
+
+    @property
+    def speed_ratio(self) -> float:
+        """Speed over sound speed; inf in a sonic vacuum."""
+        return self.speed / self.sound_speed if self.sound_speed else math.inf
+
+    @property
+    def shift(self) -> float:
+        """How far a passing wave carries each mass [m], > 0 along its way."""
+        return self._shape.shift
+
+    def width(self, level: float = 0.05) -> float:
+        """Distance in sites between the two places where the elongation is `level` of the crest."""
+        level = check.number("level", level, above=0, below=1)
+        below = np.flatnonzero(self._halves[0] / self.amplitude < level)
+        if below.size == 0 or level < LEAST_LEVEL:
+            raise TensegrityError(f"level {level:g} must be at least {LEAST_LEVEL:g}")
+        first = len(self.x) // 2 + below[0]
+        places = self.x[first - 1], self.x[first]
+        return 2 * root(
+            lambda x: float(self.elongation(x)) / self.amplitude - level, *places, 1e-13
+        )
+
+    def reach(self, tail: float = 1e-12) -> float:
+        """Distance from the crest, in sites, beyond which less than `tail` (< 1) of it is left."""
+        tail = check.number("tail", tail, above=0, below=1)
+        left = np.maximum(*(np.abs(half) / np.abs(half).max() for half in self._halves)) >= tail
+        return float(self.x[len(self.x) // 2 + np.flatnonzero(left)[-1]])
+
+    def launch(self, chain: Chain, at: float, direction: int = 1, tail: float = 1e-12) -> State:
+        """The wave as a state of a chain, otherwise at rest.
+
+        Parameters
+        ----------
+        chain : Chain
+            Of this wave's spring and mass, at least where the wave is.
+        at : float
+            Place of the crest, where site j is at j: bond j is centred at j + 1/2.
+        direction : int, optional
+            1 towards higher sites, -1 towards lower ones.
+        tail : float, optional
+            Part of the crest that may be cut off at the ends of the chain, below 1.
+
+        Returns
+        -------
+        State
+            The masses ahead of the wave at u = 0, those behind at u = `direction` times `shift`;
+            on a chain with one fixed end that end is at 0.
+
+        Raises
+        ------
+        TensegrityError
+            If the wave does not fit the chain, its springs or masses, or both ends are fixed.
+        """
+        if not isinstance(chain, Chain):
+            raise TensegrityError(f"chain is {type(chain).__name__}, not a Chain")
+        at = check.number("at", at)
+        if check.whole("direction", direction, least=-1) == 0 or direction > 1:
+            raise TensegrityError(f"direction {direction} must be 1 or -1")
+        self._check_place(chain, at, self.reach(tail), tail)
+        x = np.arange(chain.sites) - at
+        u, v = self.displacement(x), -direction * self.speed * self.rate(x)
+        if direction == -1:
+            u -= self.displacement(-math.inf)  # at rest ahead is at lower sites
+        for site in chain.held:
+            u -= u[site]
+            v[site] = 0.0
+        return State(np.ascontiguousarray(u), v)
+
+    def _check_place(self, chain, at, reach, tail):
+        last = chain.sites - 1
+        if at - reach < 0 or at + reach > last:
+            raise TensegrityError(
+                f"the wave at {at:g} falls to {tail:g} of its crest only {reach:.4g} sites away, "
+                f"but the ends of the chain are {at:g} and {last - at:g} sites away"
+            )
+        if len(chain.held) == 2:
+            raise TensegrityError(
+                f"both ends of the chain are fixed, but the wave changes its length by "
+                f"{-self.shift:g} m"
+            )
+        near = slice(math.floor(at - reach), math.ceil(at + reach) + 1)
+        if any(s is not self.potential and s != self.potential for s in chain.springs[near]):
+            raise TensegrityError(f"the springs around {at:g} differ from that of the wave")
+        if np.any(np.abs(chain.mass[near] / self.mass - 1) > 1e-15):
+            raise TensegrityError(
+                f"the masses around {at:g} differ from that of the wave, {self.mass:g} kg"
+            )
+
+    def _texts(self):
+        """Its numbers as text, by name."""
+        ratio = f" = {self.speed_ratio:.6g} sound speeds" if self.sound_speed else ""
+        return {
+            "speed": f"{self.speed:.6g} sites/s{ratio}",
+            "crest": f"{self.amplitude:.6g} m",
+            "width": f"{self.width():.4g} sites at 5 % of the crest",
+            "energy": f"{self.energy:.6g} J",
+            "momentum": f"{self.momentum:.6g} kg m/s",
+            "residual": f"{self.residual:.1e}",
+        }
+
+    def __str__(self) -> str:
+        text = {name: f"{name} {value}" for name, value in self._texts().items()}
+        width = text["width"].replace("the crest", "it")
+        return (
+            f"solitary wave of {self.family}, {text['speed']}\n{text['crest']}, {width}\n"
+            f"{text['energy']}, {text['momentum']}\n{text['residual']}"
+        )
+
+    def _repr_html_(self) -> str:
+        def draw(figure: Any) -> None:
+            near = np.abs(self.x) <= self.reach(SHOWN)
+            axes = figure.subplots()
+            axes.plot(self.x[near], self._on_x[near])
+            axes.set(xlabel="distance from the crest [sites]", ylabel="elongation [m]")
+
+        return page(f"Solitary wave of {self.family}", self._texts(), draw)
 
 
 def solitary_wave(
@@ -68,7 +272,7 @@ def solitary_wave(
 
     Notes
     -----
-    Where the crest is beyond a corner of the force, as where contacts open, the wave is solved in
+    Where the crest is beyond a kink of the force, as where contacts open, the wave is solved in
     pieces, see `tensegrity.waves.pieces`: seconds, not a tenth of one.
     """
     check.kind("potential", potential, Potential)
@@ -77,51 +281,40 @@ def solitary_wave(
         "speed": speed, "speed_ratio": speed_ratio, "excess": excess, "amplitude": amplitude,
         "energy": energy,
     }  # fmt: skip
-    asked = {name: value for name, value in given.items() if value is not None}
-    if len(asked) != 1:
+    targets = {name: value for name, value in given.items() if value is not None}
+    if len(targets) != 1:
         raise TensegrityError(
-            f"{' and '.join(asked) or 'nothing'} given: give exactly one of {', '.join(given)}"
+            f"{' and '.join(targets) or 'nothing'} given: give exactly one of {', '.join(given)}"
         )
-    ((name, value),) = asked.items()
+    ((name, value),) = targets.items()
     value = check.number(name, value)
-    sound = sound_speed(potential, mass)
-    sign, number = _sign_and_number(potential, family, value if name == "amplitude" else None)
+    label, sound = f"{name} {value:g}", sound_speed(potential, mass)
+    sign, number = sign_and_number(potential, family, value if name == "amplitude" else None)
     side = Family(potential, sign, number or 0)
-    label = f"{name} {value:g}"
     if name == "amplitude":
         value = abs(value)
-        side = side.with_crest(value) if number is None else side
     elif name == "energy":
         value = check.number("energy", value, above=0, unit="J")
     else:
-        name, value = "above", _above(name, value, sound, mass, side.rest)
-        side = side.with_level(value) if number is None else side
+        name, value = "above", stiffness_above(name, value, sound, mass, side.rest)
+    if number is None:
+        side = side.holding(name, value)
     try:
-        return _smooth(side, mass, sound, name, value, label)
+        profile, condition = near(side, name, value, mass)
+        try:
+            solution = _of(*refined(profile, condition))
+        except NoWave:
+            found = _wave(side, mass, sound, *_of(profile, profile.residual()))
+            raise TensegrityError(
+                f"no solitary wave of {side.name} with {label}: the nearest one found has a "
+                f"crest of {found.amplitude:.6g} m, speed {found.speed:.6g} sites/s and energy "
+                f"{found.energy:.6g} J, where the family ends"
+            ) from None
     except TensegrityError:
-        if not beyond_corner(side, name, value):
+        if not beyond_kink(side, name, value):
             raise
-    return in_pieces(side, mass, sound, name, value)
-
-
-def _smooth(side, mass, sound, name, value, label):
-    """The wave by Fourier's series."""
-    if name == "amplitude":
-        profile, condition = with_size(side, value)
-    elif name == "energy":
-        profile, condition = with_energy(side, value)
-    else:
-        profile, condition = with_stiffness(side, value, mass)
-    try:
-        exact, residual = refined(profile, condition)
-    except NoWave:
-        near = wave_of(side.name, mass, sound, profile, profile.residual())
-        raise TensegrityError(
-            f"no solitary wave of {side.name} with {label}: the nearest one found has a "
-            f"crest of {near.amplitude:.6g} m, speed {near.speed:.6g} sites/s and energy "
-            f"{near.energy:.6g} J, where the family ends"
-        ) from None
-    return wave_of(side.name, mass, sound, exact, residual)
+        solution = in_pieces(side, name, value)
+    return _wave(side, mass, sound, *solution)
 
 
 def rough_wave(side: Family, mass: float, size: float) -> SolitaryWave:
@@ -149,67 +342,31 @@ def rough_wave(side: Family, mass: float, size: float) -> SolitaryWave:
     mass = check.number("mass", mass, above=0, unit="kg")
     profile = side.wave(check.number("size", size, above=0, unit="m"))
     sound = sound_speed(side.potential, mass)
-    return wave_of(side.name, mass, sound, profile, profile.residual())
+    return _wave(side, mass, sound, *_of(profile, profile.residual()))
 
 
-def _above(name, value, sound, mass, rest):
-    """m c^2 - V''(0) [N/m] of a speed, a speed ratio or its excess."""
-    if name != "speed" and sound == 0:
-        raise TensegrityError(
-            f"{name} given, but the sound speed is 0 (a sonic vacuum): give the speed"
-        )
-    if name == "excess":
-        value = check.number("excess", value, above=0)
-        speed, above = sound * (1 + value), rest * value * (2 + value)
-    else:
-        speed = value * sound if name == "speed_ratio" else value
-        above = rest * (speed / sound - 1) * (speed / sound + 1) if sound else mass * speed * speed
-    if name != "excess" and not speed > sound:
-        raise TensegrityError(
-            f"speed {speed:g} must be above {sound:g} sites/s, the sound speed: one as slow "
-            "has no decaying tail"
-        )
-    stiffness = mass * speed * speed
-    if not (above > 0 and stiffness < math.inf):
-        raise TensegrityError(
-            f"speed {float(speed)} sites/s gives m c^2 = {float(stiffness)} N/m, must be a "
-            f"number above the stiffness at rest, {rest} N/m"
-        )
-    return above
+def _of(profile, residual):
+    """m c^2 [N/m] and that over V''(0), less 1, of a profile that was found by Fourier's series;
+    amplitude, energy, residual and shape."""
+    law, grid = profile.law, profile.grid
+    stiffness = profile.mu * law.secant
+    rates = grid.box * (law.force * grid.coefficients(law.tension(profile.rho))) / stiffness
+    bonds = law.reference * law.force * (grid.weights @ law.energy(profile.rho))
+    masses = stiffness / 2 * (grid.weights @ grid.values(rates) ** 2)
+    gain = profile.nu / law.rest if law.rest else math.inf
+    amplitude = float(law.reference * profile.rho[0])
+    return stiffness, gain, amplitude, float(bonds + masses), residual, Series(grid, rates)
 
 
-def _sign_and_number(potential, family, amplitude):
-    """-1 or 1, the sign of the elongation, and which family of it, from 0, or None."""
-    number = None
-    if family is not None:
-        word, _, rest = family.partition(" ") if isinstance(family, str) else ("", "", "")
-        if word not in SIGNS or not (rest == "" or (rest.isdecimal() and 0 < int(rest) <= MOST)):
-            raise TensegrityError(
-                f"family {check.shown(family)} must be one of {', '.join(SIGNS)}, with a number "
-                "from the second family on"
-            )
-        family, number = word, int(rest) - 1 if rest else None
-    return _sign(potential, family, amplitude), number
-
-
-def _sign(potential, family, amplitude):
-    """-1 or 1, the sign of the elongation."""
-    if amplitude is not None:
-        if amplitude == 0:
-            raise TensegrityError("amplitude 0 m must not be 0")
-        sign = int(math.copysign(1, amplitude))
-        if family and SIGNS[family] != sign:
-            raise TensegrityError(
-                f"amplitude {amplitude:g} m has the wrong sign for family {family!r}: "
-                "compression < 0"
-            )
-        if not potential.domain[0] < amplitude < potential.domain[1]:
-            potential.tension(amplitude)  # says which end
-        return sign
-    if family:
-        return SIGNS[family]
-    resists = float(potential.stiffness(0.0)) > 0
-    return 1 if resists and float(potential.derivative(3, 0.0)) > 0 else -1
+def _wave(side, mass, sound, stiffness, gain, amplitude, energy, residual, shape):
+    """The wave of a family with these numbers and this shape."""
+    speed, half = math.sqrt(stiffness / mass), shape.grid.x
+    return SolitaryWave(
+        potential=side.potential, mass=mass, x=np.concatenate([-half[:0:-1], half]), speed=speed,
+        sound_speed=sound, excess=math.expm1(math.log1p(gain) / 2), family=side.name,
+        amplitude=amplitude, energy=energy, momentum=float(mass * speed * shape.shift),
+        residual=residual, _shape=shape,
+    )  # fmt: skip
 
 
 def largest_speed(
@@ -247,7 +404,7 @@ def largest_speed(
     closest = check.number("closest", closest, least=1 - STROKE)
     if closest > 0.1:
         raise TensegrityError(f"closest {closest:g} must be at most 0.1")
-    sign, number = _sign_and_number(potential, family, None)
+    sign, number = sign_and_number(potential, family, None)
     side = Family(potential, sign, number or 0)
     if math.isfinite(side.rise.ceiling):
         return math.sqrt((side.rest + side.rise.ceiling) / mass)

@@ -18,6 +18,7 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import EquilibriumError, TensegrityError
+from tensegrity.minimum import lowest, round_off
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.scenes.forcing import entries
@@ -31,11 +32,9 @@ if TYPE_CHECKING:
 
     from tensegrity.typing import Array
 
-DENSE = 600  # unknowns up to which the whole matrix is taken
-SHIFT = 1e-6  # of the largest entry of M^-1 K: how far below zero the sparse search starts
+BOUND = 1e-6  # of the largest stiffness over mass: how far below zero the search starts
 AT_REST = 1e-6  # force left on a site of an equilibrium, over those that meet there
 MOVED = 1e-9  # the same over the largest stiffness times a length
-ZERO = 64 * float(np.finfo(float).eps)  # w^2 of a motion that costs nothing, over the largest
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,13 +93,18 @@ def modes(scene: Scene, about: State | None = None, count: int = 10) -> Modes:
     moves.reshape(-1)[entries(scene, True)[0]] = False
     free = np.flatnonzero(moves.ravel())
     count = min(count, free.size)
-    roots = np.sqrt(np.repeat(scene.mass, moves.size // scene.sites))[free]
+    mass = np.repeat(scene.mass, moves.size // scene.sites)[free]
     from scipy.sparse import diags_array
 
-    per_mass = diags_array(1 / roots) @ stiffness[free][:, free] @ diags_array(1 / roots)
-    squares, vectors = _lowest(per_mass.tocsc(), count)
+    of = stiffness[free][:, free], diags_array(mass)
+    squares, vectors = lowest(*of, np.zeros((free.size, 0)), count, BOUND)
+    if squares.min(initial=0.0) < 0:
+        raise EquilibriumError(
+            f"the equilibrium is unstable: the lowest stiffness over mass is below "
+            f"{-round_off(*of):.3g} 1/s^2"
+        )
     shapes = np.zeros((count, moves.size))
-    shapes[:, free] = (vectors / roots[:, None]).T
+    shapes[:, free] = vectors.T
     largest = shapes[np.arange(count), np.abs(shapes).argmax(axis=1)]
     shapes *= np.sign(largest)[:, None]
     return Modes(np.sqrt(squares), shapes.reshape(count, *scene.shape))
@@ -127,46 +131,6 @@ def _refuse_moving(scene: Scene, u: Array, stiffness: Any) -> None:
         raise EquilibriumError(
             f"a force of {left:.6g} N is left on a site, must be at most {allowed:.6g} N: the "
             "state is no equilibrium"
-        )
-
-
-def _lowest(matrix: Any, count: int) -> tuple[Array, Array]:
-    """Lowest eigenvalues, ascending, and their vectors (unknowns, count) of a symmetric matrix."""
-    from scipy.linalg import eigh
-    from scipy.sparse import eye_array
-    from scipy.sparse.linalg import LinearOperator, eigsh, splu
-
-    size = matrix.shape[0]
-    scale = float(np.abs(matrix).sum(axis=0).max()) if size else 0.0
-    if not np.isfinite(scale):
-        raise TensegrityError(f"stiffness over mass {scale} 1/s^2 must be finite")
-    if not scale:
-        return np.zeros(count), np.eye(size)[:, :count]
-    if size <= DENSE or 2 * count >= size:
-        squares, vectors = eigh(matrix.toarray(), subset_by_index=(0, count - 1))
-    else:
-        shifted = splu(
-            (matrix + SHIFT * scale * eye_array(size, format="csc")).tocsc(),
-            permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True},
-        )  # fmt: skip
-        _refuse_unstable(-scale if np.any(shifted.U.diagonal() < 0) else 0.0, SHIFT * scale)
-        inverse = LinearOperator(matrix.shape, matvec=shifted.solve, dtype=float)
-        start = np.random.default_rng(0).standard_normal(size)  # the same result every time
-        squares, vectors = eigsh(
-            matrix, count, sigma=-SHIFT * scale, OPinv=inverse, v0=start, tol=0
-        )
-        order = np.argsort(squares)
-        squares, vectors = squares[order], vectors[:, order]
-    nothing = ZERO * scale
-    _refuse_unstable(float(squares[0]), nothing)
-    return np.where(np.abs(squares) <= nothing, 0.0, squares), vectors
-
-
-def _refuse_unstable(lowest: float, nothing: float) -> None:
-    if lowest < -nothing:
-        raise EquilibriumError(
-            f"the equilibrium is unstable: the lowest stiffness over mass is below "
-            f"{-nothing:.3g} 1/s^2"
         )
 
 

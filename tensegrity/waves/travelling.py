@@ -170,6 +170,43 @@ def cosine_sum(coefficients, wave_numbers, x, function=np.cos):
     return result.reshape(np.shape(x))
 
 
+@dataclass(frozen=True)
+class Series:
+    """A wave by the cosine coefficients of du/dx; nothing beyond the grid."""
+
+    grid: Grid
+    rates: np.ndarray
+
+    def elongation(self, x):
+        """r [m] at distances x from the crest."""
+        return self._sum(self.rates * self.grid.box, x)
+
+    def rate(self, x):
+        """du/dx [m]."""
+        return self._sum(self.rates, x)
+
+    def displacement(self, x):
+        """u [m], 0 far ahead."""
+        x = np.clip(x, -self.grid.half_length, self.grid.half_length)
+        k = self.grid.wave_numbers[1:]
+        wavy = cosine_sum(self.rates[1:] / k, k, x, np.sin)
+        return wavy + self.rates[0] * (x - self.grid.half_length)
+
+    def _sum(self, coefficients, x):
+        inside = np.abs(x) <= self.grid.half_length
+        value = cosine_sum(coefficients, self.grid.wave_numbers, np.where(inside, x, 0.0))
+        return np.where(inside, value, 0.0)
+
+    def on_grid(self):
+        """Elongation and du/dx at the points of the grid."""
+        return self.grid.values(self.rates * self.grid.box), self.grid.values(self.rates)
+
+    @property
+    def shift(self):
+        """Displacement far behind [m]."""
+        return float(-2 * self.grid.half_length * self.rates[0])
+
+
 @dataclass(frozen=True, eq=False)
 class Profile:
     """A solution (rho, nu) on a grid."""

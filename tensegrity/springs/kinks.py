@@ -1,4 +1,4 @@
-"""Where the force of a law in pieces has corners: place, strength, exponent and side of each.
+"""Where the force of a law in pieces has kinks: place, strength, exponent and side of each.
 
 The pieces are told apart at the zeros of what decides between them; on either side of a border
 the energy is one smooth expression.  What its derivatives have more on one side than on the
@@ -9,16 +9,13 @@ a series are all there is.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from fractions import Fraction
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import Any
 
 from tensegrity.engine.law import in_pieces
 from tensegrity.once import once
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from typing import Any
 
 DIGITS = 400
 NEAR = "1e-40"  # distance [m] at which a border is looked at: below what any law resolves
@@ -28,20 +25,20 @@ SAME = 1e-17  # of an exponent, and the fraction or the float that it is
 PURE = 1e-15  # coefficient of the next power [1/m] over that of a power that is alone
 MOST = 64  # borders of a law that are told apart
 LOOKS = range(-240, 81)  # powers of 2^(1/4) at which zeros are looked for, where they have no form
-Corner = tuple[float, float, float, float]
+Kink = tuple[float, float, float, float]
 TAUT = 1e-10  # of its natural length, by which a string that counts as taut may be shorter
-UNKNOWN: Corner = (math.nan, math.nan, math.nextafter(1.0, 0.0), math.nan)
-"""A corner that may be anywhere: its exponent is taken as nearly 1, and is not corrected."""
+UNKNOWN: Kink = (math.nan, math.nan, math.nextafter(1.0, 0.0), math.nan)
+"""A kink that may be anywhere: its exponent is taken as nearly 1, and is not corrected."""
 
 
-def corners(
+def kinks(
     energy: Any,
     elongation: Any,
     symbols: Sequence[Any],
     values: Sequence[float],
     domain: tuple[float, float] = (-math.inf, math.inf),
-) -> tuple[Corner, ...]:
-    """Corners of the force of a spring.
+) -> tuple[Kink, ...]:
+    """Kinks of the force of a spring.
 
     Parameters
     ----------
@@ -64,14 +61,14 @@ def corners(
         return ()
     import mpmath
 
-    found: list[Corner] = []
+    found: list[Kink] = []
     with mpmath.workdps(DIGITS):
         law = _Law(symbols, [mpmath.mpf(value) for value in values])
         try:
             pieces = law.pieces(energy, *map(mpmath.mpf, domain))
             for (_, left), (place, right) in pairwise(pieces):
                 if left != right:
-                    found += _corners_at(law, place, left, right)
+                    found += _kinks_at(law, place, left, right)
         except (_UnclearError, ArithmeticError, ValueError, TypeError, NotImplementedError):
             return (UNKNOWN,)
     return tuple(found)
@@ -245,8 +242,8 @@ def _sign(value: Any) -> float:
     return float(mpmath.sign(mpmath.re(value)))
 
 
-def _corners_at(law: _Law, place: Any, left: Any, right: Any) -> list[Corner]:
-    """Corners at a border between two smooth energies."""
+def _kinks_at(law: _Law, place: Any, left: Any, right: Any) -> list[Kink]:
+    """Kinks at a border between two smooth energies."""
     found, regular = [], []
     for side, energy in ((-1, left), (1, right)):
         powers, values = _side(law, energy, place, side)

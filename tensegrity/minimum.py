@@ -1,0 +1,243 @@
+"""Equilibria as minima of an energy, and the lowest modes about them, dense or sparse.
+
+Newton's method with a shift of the tangent (Levenberg 1944) where the tangent is not positive
+definite or its step raises the energy.  Modes come from the whole matrix, or by inverse iteration
+about a bound below which no eigenvalue lies.  Rigid motions are kept out of both.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from tensegrity.errors import TensegrityError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from typing import Any
+
+    from tensegrity.typing import Array
+
+DENSE = 450  # unknowns up to which matrices are dense
+STEPS, TRIES = 1000, 60
+CALM = 5  # steps that neither lower the energy nor halve the forces, after which none will
+NOISE = 1e-14  # of an energy's parts: round-off
+ROUND_OFF = 1e-14  # of the largest force: less is not asked for
+FIRST = 1e-6  # the least shift
+FACTOR = 10.0  # by which shifts grow and shrink
+SINGULAR = 1e-13  # pivots over the largest below which a matrix counts as not positive definite
+ZERO = 64 * float(np.finfo(float).eps)  # of the largest stiffness over mass: round-off
+LOWER = 30.0  # factor of bounds of eigenvalues
+
+
+class Energy(Protocol):
+    """What is settled: positions or displacements x are arrays (sites, dim)."""
+
+    @property
+    def longest(self) -> Any:
+        """Farthest that a site goes in one step [m], or each of them, (sites,)."""
+
+    def energy(self, x: Array) -> tuple[float, float]:
+        """Energy less the work of the loads [J], and the size of its parts."""
+
+    def forces(self, x: Array) -> Array:
+        """Forces on the sites, loads included, in the directions that are free [N]."""
+
+    def largest(self, x: Array) -> float:
+        """The largest of all forces that balance one another [N]."""
+
+    def newton(self, x: Array, f: Array) -> Callable[[float], Array | None]:
+        """Newton's step under forces f, of a shift in parts of a stiffness of the problem's own;
+        None where it does not lead downhill."""
+
+    def refuse(self, x: Array, f: Array) -> None:
+        """Raise an error where x is too far away."""
+
+
+def settle(of: Energy, x: Array, shift: float = 0.0) -> tuple[Array, Array]:
+    """Where the forces vanish to round-off, downhill in energy from x, and what is left of them.
+
+    Parameters
+    ----------
+    of : Energy
+    x : ndarray, (sites, dim)
+    shift : float, optional
+        Of the first step.
+
+    Returns
+    -------
+    x, forces : ndarray, (sites, dim)
+        The caller looks whether the forces that are left are small enough.
+    """
+    f, (energy, _), calm = of.forces(x), of.energy(x), 0
+    best, least = (x, f), np.linalg.norm(f)
+    for _ in range(STEPS):
+        of.refuse(x, f)
+        if calm == CALM or np.abs(f).max(initial=0.0) <= ROUND_OFF * of.largest(x):
+            break
+        newton, first = of.newton(x, f), shift
+        for _ in range(TRIES):
+            step = newton(shift)
+            if step is not None:
+                far = np.max(np.sqrt(np.sum(step**2, axis=1)) / of.longest)
+                new = x + step / max(far, 1.0)
+                after, size = of.energy(new)
+                if after <= energy + NOISE * size:
+                    break
+            shift = max(FACTOR * shift, FIRST)
+        else:
+            break
+        if shift == first:
+            shift = shift / FACTOR if shift > FIRST else 0.0
+        falls, x, f, energy = after < energy - NOISE * size, new, of.forces(new), after
+        left = np.linalg.norm(f)
+        calm = 0 if falls or left < 0.5 * least else calm + 1
+        if falls or left < least:
+            best, least = (x, f), left
+    return best
+
+
+def downhill(matrix: Any, rigid: Array, f: Array) -> Array | None:
+    """The move without rigid parts that a force f takes to 0; None where it is not downhill.
+
+    Parameters
+    ----------
+    matrix : sparse, (free, free)
+        Symmetric.
+    rigid : ndarray, (free, count)
+        Orthonormal.
+    f : ndarray, (free,)
+    """
+    from scipy.linalg import LinAlgError, cho_factor, cho_solve
+    from scipy.sparse import block_array, csc_array
+    from scipy.sparse.linalg import splu
+
+    free, count = rigid.shape
+    if free <= DENSE:
+        inner = complement(rigid)
+        try:
+            factor = cho_factor(inner.T @ matrix.toarray() @ inner)
+        except LinAlgError:
+            return None
+        pivots = np.diag(factor[0]) ** 2
+        if pivots.min(initial=np.inf) < SINGULAR * pivots.max(initial=0.0):
+            return None
+        return np.asarray(inner @ cho_solve(factor, inner.T @ f))
+    border = csc_array(float(np.abs(matrix.diagonal()).max()) * rigid)
+    whole = block_array([[matrix, border], [border.T, None]]) if count else matrix
+    try:
+        factors = splu(
+            whole.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.01,
+            options={"SymmetricMode": True},
+        )  # fmt: skip
+    except RuntimeError:  # exactly singular
+        return None
+    move: Array = factors.solve(np.concatenate([f, np.zeros(count)]))[:free]
+    return move if np.isfinite(move).all() and move @ f > 0 else None
+
+
+def complement(rigid: Array) -> Array:
+    """Orthonormal motions across given ones (free, count), (free, free - count)."""
+    free, count = rigid.shape
+    if not count:
+        return np.eye(free)
+    return np.asarray(np.linalg.svd(rigid.T)[2][count:].T)
+
+
+def least_part(matrix: Array) -> float:
+    """The smallest singular value over the largest; nan where a number is not finite."""
+    if not np.isfinite(matrix).all():
+        return np.nan
+    sizes = np.linalg.svd(matrix, compute_uv=False)
+    return float(sizes[-1] / sizes[0]) if sizes[0] else 0.0
+
+
+def lowest(
+    matrix: Any, weights: Any, rigid: Array, count: int, bound: float
+) -> tuple[Array, Array]:
+    """The lowest eigenvalues of K x = w^2 M x, rigid motions out, and vectors as columns.
+
+    Parameters
+    ----------
+    matrix, weights : sparse, (free, free)
+        K and M, symmetric, M positive definite.
+    rigid : ndarray, (free, motions)
+        Motions of no stiffness that are kept out.
+    count : int
+    bound : float
+        Part of the largest stiffness over mass by which bounds of the eigenvalues are below 0: a
+        small one finds slow modes in fewer iterations, and costs digits where K is singular.
+
+    Returns
+    -------
+    tuple of two ndarrays, (count,), (free, count)
+        Eigenvalues ascending, those that are round-off 0; vectors of unit modal mass.
+    """
+    from scipy.linalg import eigh
+    from scipy.sparse.linalg import LinearOperator, eigsh
+
+    free = matrix.shape[0]
+    rigid = np.linalg.qr(weights @ rigid)[0]
+    count = min(count, free - rigid.shape[1])
+    if not count:
+        return np.zeros(0), np.zeros((free, 0))
+    least = round_off(matrix, weights)
+    if free <= DENSE or count >= free // 4:
+        inner = complement(rigid)
+        small, masses = (inner.T @ part.toarray() @ inner for part in (matrix, weights))
+        values, vectors = eigh((small + small.T) / 2, masses, subset_by_index=(0, count - 1))
+        vectors = inner @ vectors
+    else:
+        start = np.cos(np.arange(free) ** 1.5)
+
+        def above(bound: float, count: int, tolerance: float) -> tuple[float, Any]:
+            solve, bound = _inverse_above(matrix, weights, rigid, bound)
+            inverse = LinearOperator(matrix.shape, matvec=solve, dtype=float)
+            return bound, eigsh(
+                matrix, count, weights, sigma=bound, OPinv=inverse, v0=start, tol=tolerance
+            )
+
+        bound, (rough, _) = above(-bound * (least / ZERO or 1.0), 1, 1e-3)
+        _, (values, vectors) = above(min(bound, -float(rough[0])), count, 1e-13)
+        order = np.argsort(values)
+        values, vectors = values[order], vectors[:, order]
+    return np.where(np.abs(values) <= least, 0.0, values), vectors
+
+
+def round_off(matrix: Any, weights: Any) -> float:
+    """Size below which eigenvalues of K x = w^2 M x, sparse and symmetric, are round-off."""
+    largest = float((np.abs(matrix).sum(axis=0) / weights.diagonal()).max(initial=0.0))
+    if not np.isfinite(largest):
+        raise TensegrityError(f"stiffness over mass {largest} 1/s^2 must be finite")
+    return ZERO * largest
+
+
+def _inverse_above(
+    matrix: Any, weights: Any, rigid: Array, bound: float
+) -> tuple[Callable[[Array], Array], float]:
+    """The inverse of matrix - bound weights among x orthogonal to `rigid`, and that bound.
+
+    The bound goes down until all pivots are positive, so that no eigenvalue lies below it.  The
+    nearer it then is to the lowest eigenvalue, the fewer iterations follow.
+    """
+    from scipy.sparse.linalg import splu
+
+    while True:
+        factors = splu(
+            (matrix - bound * weights).tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True},
+        )  # fmt: skip
+        if (factors.perm_r == factors.perm_c).all() and (factors.U.diagonal() > 0).all():
+            break
+        bound *= LOWER
+    if not rigid.size:
+        return factors.solve, bound
+    held = factors.solve(rigid)
+    gap = np.linalg.inv(rigid.T @ held)
+
+    def solve(b: Array) -> Array:
+        x = factors.solve(b)
+        return np.asarray(x - held @ (gap @ (rigid.T @ x)))
+
+    return solve, bound

@@ -1,0 +1,230 @@
+"""The wave of a family with a given crest, speed or energy, roughly: a search along the family.
+
+Speed and energy rise with the size of the crest.  `near` gives a wave from which Newton's method
+reaches the one with the target, and the condition that holds that one.  A target is a name,
+"amplitude", "above" or "energy", and a value: the size of the crest [m], m c^2 - V''(0) [N/m], or
+the energy [J].
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+
+import numpy as np
+
+from tensegrity import check
+from tensegrity.errors import ResolutionError, TensegrityError
+from tensegrity.waves.family import SIGNS
+from tensegrity.waves.travelling import NoWave, amplitude_is, energy_is, speed_is
+
+MOST = 1000  # families of one sign that can be named
+SEARCHES = 60
+NARROW = 5e-3  # step in the logarithm of a size at which the last wave of a family is told
+SETTLED = 1e-12  # ... over its size, that is round-off
+FRONT = 1 - 1e-7  # part of the size of a front
+FACTOR = math.log(4.0)  # largest change of log amplitude/(stroke left) in a step of the search
+CLOSE = 0.03  # relative distance from which Newton's method is trusted to reach the target
+
+
+def near(family, name, value, mass):
+    """A wave near a target, and the condition for it."""
+    return {"amplitude": _with_size, "above": _with_stiffness, "energy": _with_energy}[name](
+        family, value, mass
+    )
+
+
+def _with_size(family, size, mass):
+    def crest(profile):
+        return abs(profile.law.reference)
+
+    def say(size):
+        return f"crest {family.sign * size:.6g} m"
+
+    if not family.sizes[0] <= size < family.rise.top:
+        family.wave(size)  # says why not
+    profile = _search(
+        family, lambda profile: math.log(crest(profile) / size), size, say(size),
+        lambda profile: say(crest(profile)),
+    )  # fmt: skip
+    return profile, amplitude_is(size / crest(profile))
+
+
+def _with_stiffness(family, above, mass):
+    def say(above):
+        return f"speed {math.sqrt((family.rest + above) / mass):.6g} sites/s"
+
+    def level(profile):
+        return profile.nu * profile.law.secant
+
+    rise = family.rise
+    if above >= rise.ceiling and family.top_stiffness >= 0:
+        raise TensegrityError(
+            f"{say(above)} must be below {say(rise.ceiling)}: the spring softens, and as "
+            f"waves of {family.name} approach that speed their tops grow flat and endless"
+        )
+    if above <= rise.floor:
+        raise TensegrityError(
+            f"{say(above)} must be above {say(rise.floor)}, that of the front at which the "
+            f"waves before those of {family.name} end"
+        )
+
+    def place(value):  # from -inf to inf within the family
+        left = rise.ceiling - value if family.flattens else 1.0
+        return math.log(value - rise.floor) - math.log(left)
+
+    def excess(profile):
+        value = level(profile)
+        if value <= rise.floor or (family.flattens and value >= rise.ceiling):
+            raise NoWave(f"a wave with {say(value)} is none of {family.name}")
+        return place(value) - place(above)
+
+    start = _start(family, family.long_wave > above)
+    profile = _search(family, excess, start, say(above), lambda profile: say(level(profile)))
+    return profile, speed_is(above / profile.law.secant)
+
+
+def _with_energy(family, target, mass):
+    def joules(profile):
+        return profile.energy * profile.law.reference * profile.law.force
+
+    start = _start(family, 2 * (family.rest * family.sizes**2 / 2 + family.energy) > target)
+    profile = _search(
+        family, lambda profile: math.log(joules(profile) / target), start,
+        f"energy {target:.6g} J", lambda profile: f"energy {joules(profile):.6g} J",
+    )  # fmt: skip
+    return profile, energy_is(target / (profile.law.reference * profile.law.force))
+
+
+def _start(family, enough):
+    """The first size at which a wave may exist and has enough of something, or the last."""
+    inside = (family.sizes > family.rise.start) & (family.sizes < family.rise.top)
+    found = np.flatnonzero(enough & inside & (family.long_wave > family.rise.floor))
+    return family.sizes[found[0]] if found.size else _last(family)
+
+
+def _last(family):
+    """Size of the largest wave that is looked for [m]: crests beyond kinks, see `pieces`."""
+    return min(family.sizes[-1], FRONT * min(family.end, family.rise.top), family.kink)
+
+
+def _search(family, excess, start, target, reached):
+    """Secant steps in the size until |excess| < CLOSE; excess must rise with the size.
+
+    Steps are those of log(a/(end - a)), or log a where there is no end.  Where waves end on the
+    way, the last one found is described by `reached`.
+    """
+    largest, (place, size_at) = _last(family), _coordinate(min(family.end, family.rise.top))
+    size, before = min(start, largest), None
+    low, high = -math.inf, math.inf  # coordinates between which the wave must lie
+    below = above = None  # waves found there
+    reason = "the search did not settle"
+    for _ in range(SEARCHES):
+        here, profile, gap = place(size), None, None
+        try:
+            profile = family.wave(size)
+            gap = excess(profile)
+        except (NoWave, ResolutionError) as error:
+            profile, reason = None, error
+        if gap is not None and abs(gap) < CLOSE:
+            return profile
+        if below if gap is None else not gap < 0:  # where there is no wave: behind those below
+            high, above = min(high, here), profile or above
+        else:
+            low, below = max(low, here), profile or below
+        one_sided = high - low < NARROW and not (below and above)
+        if one_sided or (below and size == largest):
+            raise _beyond(family, target, reached, below, above)
+        if (gap is None and size == largest) or high - low < SETTLED * (1 + abs(high)):
+            break
+        new = _next(here, gap, before, low, high)
+        before = (here, gap) if gap is not None else None
+        size = min(size_at(new), largest)
+    error = ResolutionError if isinstance(reason, ResolutionError) else TensegrityError
+    raise error(f"{target}: no solitary wave of {family.name} found ({reason})")
+
+
+def _coordinate(end):
+    """In which a search steps from size to size, and back."""
+    if math.isinf(end):
+        return math.log, math.exp
+    return lambda size: math.log(size / (end - size)), lambda new: end / (1 + math.exp(-new))
+
+
+def _next(here, gap, before, low, high):
+    """A secant step from a place with some gap, and one before, outwards where there is no wave;
+    between two places."""
+    slope, step = 1.0, FACTOR
+    if gap is not None:
+        if before and before[0] != here:
+            slope = max((gap - before[1]) / (here - before[0]), 0.2)
+        step = max(-FACTOR, min(FACTOR, -gap / slope))
+    if low < here + step < high:
+        return here + step
+    return (low + high) / 2 if math.isfinite(high - low) else here + step / 8
+
+
+def _beyond(family, target, reached, below, above):
+    """The error for what lies beyond the last wave found on one side."""
+    side, profile, last = ("above", below, "largest") if below else ("below", above, "smallest")
+    range_ = f"the {last} found before the end of the domain or of the family"
+    if last == "smallest":
+        with contextlib.suppress(TensegrityError):
+            range_ += f"; its largest has {reached(family.wave(_last(family)))}"
+    return TensegrityError(
+        f"no solitary wave of {family.name} with {target}: it is {side} {reached(profile)}, that "
+        f"of the wave with a crest of {profile.law.reference:.6g} m, {range_}"
+    )
+
+
+def stiffness_above(name, value, sound, mass, rest):
+    """m c^2 - V''(0) [N/m] of a speed, a speed ratio or its excess."""
+    if name != "speed" and sound == 0:
+        raise TensegrityError(
+            f"{name} given, but the sound speed is 0 (a sonic vacuum): give the speed"
+        )
+    if name == "excess":
+        value = check.number("excess", value, above=0)
+        speed, above = sound * (1 + value), rest * value * (2 + value)
+    else:
+        speed = value * sound if name == "speed_ratio" else value
+        above = rest * (speed / sound - 1) * (speed / sound + 1) if sound else mass * speed * speed
+    if name != "excess" and not speed > sound:
+        raise TensegrityError(
+            f"speed {speed:g} must be above {sound:g} sites/s, the sound speed: one as slow "
+            "has no decaying tail"
+        )
+    stiffness = mass * speed * speed
+    if not (above > 0 and stiffness < math.inf):
+        raise TensegrityError(
+            f"speed {float(speed)} sites/s gives m c^2 = {float(stiffness)} N/m, must be a "
+            f"number above the stiffness at rest, {rest} N/m"
+        )
+    return above
+
+
+def sign_and_number(potential, family, amplitude):
+    """-1 or 1, the sign of the elongation, and which family of it, from 0, or None."""
+    number = None
+    if family is not None:
+        word, _, rest = family.partition(" ") if isinstance(family, str) else ("", "", "")
+        if word not in SIGNS or not (rest == "" or (rest.isdecimal() and 0 < int(rest) <= MOST)):
+            raise TensegrityError(
+                f"family {check.shown(family)} must be one of {', '.join(SIGNS)}, with a number "
+                "from the second family on"
+            )
+        family, number = word, int(rest) - 1 if rest else None
+    if amplitude is None:
+        resists = float(potential.stiffness(0.0)) > 0
+        rises = resists and float(potential.derivative(3, 0.0)) > 0
+        return SIGNS[family or ("rarefaction" if rises else "compression")], number
+    if amplitude == 0:
+        raise TensegrityError("amplitude 0 m must not be 0")
+    sign = int(math.copysign(1, amplitude))
+    if family and SIGNS[family] != sign:
+        raise TensegrityError(
+            f"amplitude {amplitude:g} m has the wrong sign for family {family!r}: compression < 0"
+        )
+    if not potential.domain[0] < amplitude < potential.domain[1]:
+        potential.tension(amplitude)  # says which end
+    return sign, number
