@@ -20,7 +20,7 @@ KINDS = ("pair", "wall")
 SHORT = 64  # bonds: in a chain, fewer equal ones in a row may join a run of unequal ones
 FEW = 4  # rows of so short that a law does without
 GROUP = 8  # as in simd.c
-BLOCK = 64  # as in scene.h
+BLOCK = 64  # as in simd.c
 
 
 @dataclass(frozen=True, eq=False)

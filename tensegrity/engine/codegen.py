@@ -53,10 +53,11 @@ def c_text(laws, own=None, dim=0, steps="", helpers=()):
         beside = bool(dim or change) or facts(law)["packed"]
         for kind in kinds(law, own[k]):
             runs.append((k, kind))
+            count, text = _tensions(k, kind, law, own[k], change, dim) if beside else (0, "")
+            packed.append(text)
             flags = {"K": k, "OWNED": kind, "IS_LONG": is_long(law), "BESIDE": beside}
+            flags["WAITING"] = max(1, count)
             parts += [*_defined(flags), f"{loop}_law.c", *(f"#undef {x}" for x in flags)]
-            if beside:
-                packed.append(_tensions(k, kind, law, own[k], change, dim))
     in_packs = alone and facts(laws[0])["packed_energy"]
     if in_packs:
         packed += ["#if WIDE == 8", _energies(laws[0]), "#endif"]
@@ -164,17 +165,21 @@ def _packs(law, own, one, wide="WIDE"):
 
 
 def _tensions(number, kind, law, own, change, dim):
-    """C of the tensions of several contacts, `tension_lanes_<law>_<kind of run>`; of bonds on a
-    line that change the rates of their energies too, in packs behind."""
+    """C of the tensions of several contacts, `tension_lanes_<law>_<kind of run>`; on a line in
+    halves, and the rates of energies of bonds that change too, in packs a block behind.  With the
+    number of packs that wait between these halves."""
     shared, one = ("pack", "p[{}]") if dim else ("real", "wide(p[{}])")
     arguments = f"const pack *r, const {shared} *p, const real *own, integer all, pack *f"
     p = _packs(law, own if kind else (), one, "GROUP")
     function, found = functions(law)["tension"], [["f[g]"]]
     if change and not dim:
         p = _packs(change, (), one)
-        function, found = change.both(), [["f[g]"], ["f[n + g]"]]
+        function, found = change.both(), [["f[g]"], ["f[BLOCK / WIDE + g]"]]
     name = f"tension_lanes_{number}_{kind}"
-    return simd.text(function, name, arguments, [["r[g]"], p], found)
+    given = [["r[g]"], p]
+    if dim:
+        return 0, simd.text(function, name, arguments, given, found)
+    return simd.halves(function, name, "", arguments, given, found)
 
 
 def _energies(law):

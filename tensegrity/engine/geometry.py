@@ -52,7 +52,7 @@ def side_by_side(dim):
     )
     found = [
         simd.halves(
-            function, kind, "const pack *d, const pack *w", arguments, [*axes, *each],
+            function, kind, "const pack *d, const pack *w, ", arguments, [*axes, *each],
             [["r[g]"], along],
         )
         for kind, function in functions(dim).items()

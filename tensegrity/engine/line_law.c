@@ -2,7 +2,8 @@
 
    A stage is a kick v += a w (tension right - tension left) followed by a drift u += b v, done
    in one pass over the run in blocks that stay in the nearest cache.  A law with roots or quotients
-   is computed for several bonds side by side: `simd.c`. */
+   is computed for several bonds side by side: `simd.c`.  Its first pass is done in the loop that
+   updates the block before, which by itself would leave idle what takes roots. */
 
 /* A bond with parameters of its own has a range too; of others each place of a block. */
 #define PLACE(q) (OWNED ? (q) : i)
@@ -10,7 +11,7 @@
 /* Where springs change, rates of their energies come in packs behind tensions, and are summed for
    each place of a block; how far springs come was looked at before. */
 #define SEEN(q)
-#define RATES(n) EACH(n) part[BLOCK - (n) + i] += f[LANES + ((n) + WIDE - 1) / WIDE * WIDE + i];
+#define RATES(n) EACH(n) part[BLOCK - (n) + i] += f[LANES + BLOCK + i];
 #else
 #define RATES(n)
 #define SEEN(q)                                                                             \
@@ -26,19 +27,44 @@
     v[(j) + i] += a * w[(j) + i] * (f[i + LANES] - f[i]);                                   \
     u[(j) + i] += b * v[(j) + i];
 
-/* Tensions of n bonds from bond q of the run on; a last pack that is not full repeats a bond.  A
-   long law is compiled once only, apart from where it is called. */
+/* The same for a pack. */
+#define STRETCH_PACK(j)                                                                     \
+    INTO(r + i) = INTO(u + (j) + i + LANES) - INTO(u + (j) + i);                            \
+    INTO(low + PLACE((j) - start + i)) =                                                    \
+        smaller_of(INTO(r + i), INTO(low + PLACE((j) - start + i)));                        \
+    INTO(high + PLACE((j) - start + i)) =                                                   \
+        larger_of(INTO(r + i), INTO(high + PLACE((j) - start + i)));
+
+#define UPDATE_PACK(j)                                                                      \
+    INTO(v + (j) + i) += a * INTO(w + (j) + i) * (INTO(f + i + LANES) - INTO(f + i));       \
+    INTO(u + (j) + i) += b * INTO(v + (j) + i);
+
+#if BESIDE
+/* The first pass for the pack with bond i of those from j on. */
+#define FIRST(j)                                                                            \
+    OF(first_tension_lanes)                                                                 \
+    (i / WIDE, (const pack *)r, p, own + (j) - start, all, (pack *)(f + LANES), kept);
+/* A last pack that is not full repeats a bond. */
+#define FIRSTS(j, n)                                                                        \
+    for (integer i = n; i % WIDE; i++) r[i] = r[(n) - 1];                                   \
+    for (integer i = 0; i < (n); i += WIDE) { FIRST(j) }
+#else
+#define FIRSTS(j, n)
+#endif
+
+/* Tensions of n bonds from bond q of the run on.  A long law is compiled once only, apart from
+   where it is called. */
 #if IS_LONG
 __attribute__((noinline, flatten)) static
 #else
 static inline
 #endif
 void OF(tensions)(integer n, integer q, real *restrict r, const real *restrict shared,
-                  const real *restrict own, integer all, real *restrict f)
+                  const real *restrict own, integer all, real *restrict f, pack (*kept)[ROOM])
 {
 #if BESIDE
-    for (integer i = n; i % WIDE; i++) r[i] = r[n - 1];
-    OF(tension_lanes)((n + WIDE - 1) / WIDE, (const pack *)r, shared, own + q, all, (pack *)f);
+    n = (n + WIDE - 1) / WIDE;
+    OF(rest_tension_lanes)(n, (const pack *)r, shared, own + q, all, (pack *)f, kept);
 #elif OWNED
     EACH(n) {
         real p[PARAMETERS + 1];
@@ -52,7 +78,7 @@ void OF(tensions)(integer n, integer q, real *restrict r, const real *restrict s
 
 #define CARRY(n) for (int l = 0; l < LANES; l++) f[l] = f[(n) + l];
 #define PULL(j, n)                                                                          \
-    OF(tensions)(n, (j) - start, r, p, own, all, f + LANES);                                \
+    OF(tensions)(n, (j) - start, r, p, own, all, f + LANES, kept);                          \
     RATES(n)
 
 __attribute__((flatten)) static void OF(stage)(
@@ -60,6 +86,7 @@ __attribute__((flatten)) static void OF(stage)(
 {
     __attribute__((aligned(64))) real r[BLOCK], room[(1 + CHANGES) * BLOCK + LANES + WIDE];
     real part[BLOCK] = {0};
+    pack kept[WAITING][ROOM];
     real *const f = room + (WIDE - LANES % WIDE) % WIDE; /* tensions of a block begin with a pack */
     real *restrict u = c->u, *restrict v = c->v;
     const real *restrict w = c->w;
@@ -74,6 +101,7 @@ __attribute__((flatten)) static void OF(stage)(
     integer odd = all % BLOCK;
     if (odd) {
         EACH(odd) { STRETCH(j) }
+        FIRSTS(j, odd)
         PULL(j, odd)
         EACH(odd) { UPDATE(j) }
         CARRY(odd)
@@ -81,10 +109,21 @@ __attribute__((flatten)) static void OF(stage)(
     }
     if (j < last) {
         EACH(BLOCK) { STRETCH(j) }
+        FIRSTS(j, BLOCK)
         for (; j + BLOCK < last; j += BLOCK) {
             PULL(j, BLOCK)
+#if BESIDE && !CHANGES
+            for (integer i = 0; i < BLOCK; i += WIDE) {
+                STRETCH_PACK(j + BLOCK)
+                UPDATE_PACK(j)
+                FIRST(j + BLOCK)
+            }
+            CARRY(BLOCK)
+#else
             EACH(BLOCK) { STRETCH(j + BLOCK) UPDATE(j) }
             CARRY(BLOCK)
+            FIRSTS(j + BLOCK, BLOCK)
+#endif
         }
         PULL(j, BLOCK)
         EACH(BLOCK) { UPDATE(j) }
@@ -101,5 +140,9 @@ __attribute__((flatten)) static void OF(stage)(
 #undef RATES
 #undef STRETCH
 #undef UPDATE
+#undef STRETCH_PACK
+#undef UPDATE_PACK
+#undef FIRST
+#undef FIRSTS
 #undef CARRY
 #undef PULL

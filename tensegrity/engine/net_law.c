@@ -42,7 +42,7 @@ __attribute__((always_inline)) static inline void OF(run)(
 #define CONTACT gaps, each_gap, lengths, each_length, r, along, kept
                     if (wall) {
                         AXES(k) x[k] = load(normals + (g * DIM + k) * GROUP);
-                        wall_first(g, x, moved, CONTACT);
+                        first_wall(g, x, moved, CONTACT);
                         continue;
                     }
                     columns(places, other + g * GROUP, x);
@@ -51,10 +51,10 @@ __attribute__((always_inline)) static inline void OF(run)(
 #if DIM == 1
                     x[0] = TRUTH(x[0] > wide(0)) - TRUTH(x[0] < wide(0));
 #endif
-                    pair_first(g, x, y, CONTACT);
+                    first_pair(g, x, y, CONTACT);
                 }
             }
-            (wall ? wall_rest : pair_rest)(stop - at, CONTACT);
+            (wall ? rest_wall : rest_pair)(stop - at, CONTACT);
             OF(tension_lanes)(stop - at, r, p, own + e, all, f);
             for (integer z = q, g = 0; z < to; z++) {
                 const int *restrict site = c->site + z * GROUP + part;

@@ -16,7 +16,6 @@
    of forces of its own, and does the contacts of the tiles before them again that act on its
    sites: no sum depends on the number of threads. */
 
-#define BLOCK 64
 #define TILE 256
 #ifndef LANES
 #define LANES 1

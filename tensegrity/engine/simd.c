@@ -20,6 +20,7 @@
 #endif
 
 #define GROUP 8 /* of which every list of contacts consists; a multiple of WIDE */
+#define BLOCK 64 /* bonds of a line in the nearest cache */
 #define PACKED static inline __attribute__((always_inline))
 #define LANES_OF(l) for (int l = 0; l < WIDE; l++)
 
@@ -117,8 +118,13 @@ PACKED pack root_by(pack x, pack inverse)
     return _mm512_maskz_mul_pd(_mm512_cmp_pd_mask(x, wide(0), _CMP_NEQ_UQ), x, inverse);
 }
 #else
+#if WIDE == 4
+PACKED pack larger_of(pack x, pack y) { return _mm256_max_pd(x, y); }
+PACKED pack smaller_of(pack x, pack y) { return _mm256_min_pd(x, y); }
+#else
 PACKED pack larger_of(pack x, pack y) { return SELECT(x > y, x, y); }
 PACKED pack smaller_of(pack x, pack y) { return SELECT(x < y, x, y); }
+#endif
 PACKED pack only(mask c, pack x) { return SELECT(c, x, wide(0)); }
 PACKED pack root(pack x)
 {

@@ -60,16 +60,18 @@ def text(function, name, arguments, inputs, outputs):
 def halves(function, name, given, arguments, inputs, outputs):
     """The same in two functions, for what begins with numbers that are in no array.
 
-    `<name>_first` does the first pass for pack number g of what is `given`, `<name>_rest` the
+    `first_<name>` does the first pass for pack number g of what is `given`, `rest_<name>` the
     others for the packs number 0 to n - 1 and without it.  What these need is in their last
-    argument, `kept`; how many packs for each that are is returned first.
+    argument, `kept`; how many packs for each that are is returned first.  Where nothing is given
+    and there is one pass only, the rest is all: what is first done writes no results before them.
     """
     import casadi as ca
 
-    kept, (first, *rest) = _Body(ca, inputs, outputs).of(function)
-    arguments += ", pack (*kept)[ROOM]"
-    begin = f"PACKED void {name}_first(integer g, {given}, {arguments})\n{{\n{first}}}\n"
-    return kept, begin + _noinline(f"{name}_rest", arguments, _loops(rest))
+    kept, passes = _Body(ca, inputs, outputs).of(function, short=not given)
+    first, *rest = passes if given or len(passes) > 1 else ("", *passes)
+    arguments += ", pack (*restrict kept)[ROOM]"
+    begin = f"PACKED void first_{name}(integer g, {given}{arguments})\n{{\n{first}}}\n"
+    return kept, begin + _noinline(f"rest_{name}", arguments, _loops(rest))
 
 
 def _noinline(name, arguments, body):
@@ -91,11 +93,10 @@ def gains(function):
 
 @dataclass
 class _Value:
-    """A constant of the text: its pass, whether the next pass has to wait for it, and uses."""
+    """A constant of the text: its pass, and whether the next pass has to wait for it."""
 
     level: int
     slow: bool = False
-    kept: bool = False
 
 
 class _Body:
@@ -112,7 +113,7 @@ class _Body:
         self._less = {}  # name of a comparison -> its C for what counts where it holds
         self._positive = set()  # names of what is never below a positive number
 
-    def of(self, function):
+    def of(self, function, short=False):
         ca, work = self._ca, {}
         below = self._denominators(function)
         for k in range(function.n_instructions()):
@@ -130,7 +131,7 @@ class _Body:
                 work[target[0]] = self._value(operation, a, b, below.get(k, 0))
                 if below.get(k, 0) > 1:
                     self._divisors.add(work[target[0]])
-        return self._passes()
+        return self._passes(short)
 
     def _denominators(self, function):
         """How often the result of each instruction is divided by."""
@@ -192,8 +193,6 @@ class _Body:
     def _add(self, line, sets, reads):
         reads = [self._values[x] for x in reads if x in self._values]
         level = max((x.level + (x.slow and bool(sets)) for x in reads), default=0)
-        for value in reads:
-            value.kept |= value.level < level
         self._lines.append((level, sets, line))
         return level
 
@@ -230,27 +229,29 @@ class _Body:
         call = f"ONE_BY_ONE({{0}}, {called}, {', '.join(given)})"
         return self._known.get(call) or self._name(call, call, a, b, slow=True)
 
-    def _passes(self):
-        """How many values later passes need, which are kept in arrays, and C of each pass.
+    def _levels(self, short):
+        """The last pass, and lines with theirs; a last one without slow operations joins the one
+        before it if `short`.  One slow operation alone is no chain."""
+        slow = [value.level for value in self._values.values() if value.slow]
+        ends = slow if short else [line[0] for line in self._lines]
+        last = max(ends, default=0) if len(slow) > 1 else 0
+        return last, [(min(level, last), *line) for level, *line in self._lines]
 
-        One slow operation alone is no chain.
-        """
-        if sum(value.slow for value in self._values.values()) < 2:
-            self._lines = [(0, *line[1:]) for line in self._lines]
-            self._values = {name: _Value(0) for name in self._values}
-        last = max((line[0] for line in self._lines), default=0)
-        levels, kept = [[] for _ in range(1 + last)], {}
-        later = [set() for _ in levels]
-        for level, sets, line in self._lines:
-            declared = ", ".join(sets)
-            levels[level].append(f"pack {declared}; {line}" if sets else line)
+    def _passes(self, short):
+        """How many values later passes need, which are kept in arrays, and C of each pass."""
+        last, lines = self._levels(short)
+        level_of = {name: level for level, sets, _ in lines for name in sets}
+        levels, later = [[] for _ in range(1 + last)], [set() for _ in range(1 + last)]
+        for level, _, line in lines:
+            names = level_of.keys() & re.findall(r"\bx\d+\b", line)
+            later[level] |= {name for name in names if level_of[name] < level}
+        needed, kept = set().union(*later), {}
+        for level, sets, line in lines:
+            levels[level].append(f"pack {', '.join(sets)}; {line}" if sets else line)
             for name in sets:
-                if self._values[name].kept:
+                if name in needed:
                     kept[name] = f"kept[{len(kept)}][g]"
                     levels[level].append(f"{kept[name]} = {name};")
-            for name in re.findall(r"\bx\d+\b", line):
-                if name not in sets and self._values[name].level < level:
-                    later[level].add(name)
         passes = []
         for lines, names in zip(levels, later, strict=True):
             loads = [f"const pack {name} = {kept[name]};" for name in sorted(names)]
