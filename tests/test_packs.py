@@ -64,7 +64,7 @@ def largest(t, force):
 
 def test_the_pack_of_the_talk_has_833_beads_and_its_contacts():
     scene = cubic(17, 7)
-    assert len(scene.places) == 833
+    assert len(scene.places) == 833 == fcc_pack(bead=Bead(D, materials["steel"])).sites
     assert scene.sites == 834
     assert len(scene.bonds) == 4133
     assert scene.dim == 3
