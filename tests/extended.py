@@ -27,9 +27,11 @@ def rows(scene, state, t_end, steps, at):
     an error of 1e-11 where motions part."""
     bound, done, found = loop(scene, state, "corrected6", np.longdouble(t_end) / steps), 0, []
     for k in at.tolist():
-        bound.advance_open(k - done, done > 0)
         if k:
-            bound.show()
+            bound.advance_open(k - done, done > 0)
+            for array, given in zip(bound.shown, (bound.u, bound.v), strict=True):
+                array[...] = given
+            bound._show(*bound._addresses, *(x.ctypes.data for x in bound.shown))
         done, shown = k, bound.shown if k else (bound.u, bound.v)
         found.append([x[: scene.sites].astype(float) for x in shown])
     return np.moveaxis(found, 1, 0)
