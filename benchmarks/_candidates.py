@@ -13,7 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tensegrity.engine.methods import Splitting, palindrome
+from tensegrity import Splitting
+from tensegrity.engine.methods import palindrome
 from tensegrity.scenes.dynamics import dynamics
 
 GRADIENT = 1.9

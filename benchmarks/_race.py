@@ -14,7 +14,7 @@ import numpy as np
 from benchmarks._charts import FOLDER, charted
 from benchmarks._timing import table
 from benchmarks.methods import LEVELS, gap
-from tensegrity.engine.methods import METHODS
+from tensegrity import METHODS
 
 CALL = "simulate"
 ROUNDS = 5

@@ -24,10 +24,9 @@ from benchmarks import _peers
 from benchmarks._timing import record, table
 from benchmarks.methods import EXTENDED, omega, scenes
 from benchmarks.work_precision import all_scenes
-from tensegrity import Chain, PowerLaw, Prism, Record, TensegrityError, simulate
+from tensegrity import METHODS, Chain, PowerLaw, Prism, Record, TensegrityError, simulate
 from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.kernel import bind
-from tensegrity.engine.methods import METHODS
 from tensegrity.runs.step import first_factor
 from tensegrity.scenes.dynamics import dynamics
 

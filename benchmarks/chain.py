@@ -13,10 +13,9 @@ import warnings
 import numpy as np
 
 from benchmarks._timing import best, table
-from tensegrity import Chain, Prism, simulate
+from tensegrity import METHODS, Chain, Prism, simulate
 from tensegrity.engine import native
 from tensegrity.engine.kernel import bind
-from tensegrity.engine.methods import METHODS
 from tensegrity.prisms.closed import rigid_law
 from tensegrity.scenes.dynamics import dynamics
 

@@ -16,8 +16,7 @@ import numpy as np
 
 from benchmarks._timing import best, table
 from granular import Bead, Striker, chain, materials
-from tensegrity import Chain, Ensemble, Network, PowerLaw, Prism, State, simulate
-from tensegrity.engine.methods import METHODS
+from tensegrity import METHODS, Chain, Ensemble, Network, PowerLaw, Prism, State, simulate
 from tensegrity.scenes.dynamics import dynamics
 
 SIZES = (100, 1_000, 100_000)

@@ -13,9 +13,8 @@ import time
 import numpy as np
 
 from benchmarks._timing import record, table
-from tensegrity import Chain, PowerLaw, Prism, Record, gradient, simulate
+from tensegrity import METHODS, Chain, PowerLaw, Prism, Record, gradient, simulate
 from tensegrity import objective as o
-from tensegrity.engine.methods import METHODS
 from tensegrity.scenes.dynamics import dynamics
 
 STEPS, DT = 40_000, 0.02
@@ -59,16 +58,16 @@ def costs(name, chain, state, asked, method="verlet", steps=STEPS):
     """Rows of the table: ratios of one scene."""
     t_end, last = steps * DT, chain.sites - 2
     peak, few = o.peak(o.load(bond=last)), Record(every=-(-steps // 32))
-    run_of = chain, state, t_end, DT, method
+    run_of, how = (chain, state, t_end), {"dt": DT, "method": method}
     times = cpu({
         "loop": loop(chain, state, method, steps),
         "run": lambda: simulate(chain, state, t_end, dt=DT, method=method, record=few),
-        "asked": lambda: gradient(peak, *run_of, wanted=asked),
-        "none": lambda: gradient(peak, *run_of, wanted=()),
-        "all": lambda: gradient(peak, *run_of),
-        "exact": lambda: gradient(peak, *run_of, wanted=asked, exact=True),
+        "asked": lambda: gradient(peak, *run_of, **how, wanted=asked),
+        "none": lambda: gradient(peak, *run_of, **how, wanted=()),
+        "all": lambda: gradient(peak, *run_of, **how),
+        "exact": lambda: gradient(peak, *run_of, **how, wanted=asked, exact=True),
         "ten": lambda: gradient([o.load(bond=k) for k in range(0, last, last // 8)], *run_of,
-                                wanted=asked),
+                                **how, wanted=asked),
     })  # fmt: skip
     ratios = [times[k] / times[base] for base in ("run", "loop")
               for k in ("asked", "none", "all", "exact", "ten")]  # fmt: skip

@@ -18,12 +18,20 @@ import numpy as np
 from benchmarks._charts import FOLDER, charted
 from benchmarks._timing import best, table
 from benchmarks.chain import UNITS, machine_bound, unit_calls
-from tensegrity import Chain, Polynomial, Potential, PowerLaw, Prism, ResolutionError, simulate
+from tensegrity import (
+    METHODS,
+    Chain,
+    Polynomial,
+    Potential,
+    PowerLaw,
+    Prism,
+    ResolutionError,
+    simulate,
+)
 from tensegrity.engine.bound import Bound
 from tensegrity.engine.compiled import Compiled, evaluated, single
 from tensegrity.engine.kernel import bind
 from tensegrity.engine.law import functions
-from tensegrity.engine.methods import METHODS
 from tensegrity.engine.pieces import BoundPieces
 from tensegrity.scenes.dynamics import dynamics
 

@@ -11,10 +11,9 @@ import numpy as np
 
 from benchmarks._candidates import GRADIENTS, SPLITTINGS, evaluations, run_gradient
 from benchmarks._charts import FOLDER, charted
-from tensegrity import Chain, Prism, TensegrityError, solitary_wave
+from tensegrity import METHODS, Chain, Prism, TensegrityError, solitary_wave
 from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.kernel import bind
-from tensegrity.engine.methods import METHODS
 from tensegrity.scenes.dynamics import dynamics
 
 SITES = 128

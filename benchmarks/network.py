@@ -23,11 +23,10 @@ from benchmarks import lammps
 from benchmarks._network import DT, SPEED, WORK, pack
 from benchmarks._timing import table
 from granular import Striker, y_guide
-from tensegrity import Record, State, simulate
+from tensegrity import METHODS, Record, State, simulate
 from tensegrity.engine import pieces
 from tensegrity.engine.bound import Bound
 from tensegrity.engine.compiled import Compiled
-from tensegrity.engine.methods import METHODS
 from tensegrity.scenes.dynamics import dynamics
 
 PACKS = {"833 beads": (7, 17), "50,653 beads": (37, 37)}

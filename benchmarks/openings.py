@@ -16,9 +16,8 @@ import numpy as np
 
 from benchmarks._timing import table
 from granular import Bead, Striker, chain, materials, simulate, y_guide
-from tensegrity import Chain, Network, PowerLaw, Record, State
+from tensegrity import METHODS, Chain, Network, PowerLaw, Record, State
 from tensegrity.engine.kernel import bind
-from tensegrity.engine.methods import METHODS
 from tensegrity.scenes.dynamics import dynamics
 
 METHOD, PLAIN = "corrected6", "rkn6"

@@ -21,7 +21,7 @@ from benchmarks.lammps import QUIET, library
 from granular import Bead, Striker, materials
 from granular.design import Order, objective, peak_force, search
 from granular.design.searching import Problem
-from tensegrity.engine.methods import METHODS
+from tensegrity import METHODS
 
 STEEL = materials["steel"]
 BIG, SMALL = Bead(10e-3, STEEL), Bead(4e-3, STEEL)

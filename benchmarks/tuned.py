@@ -13,10 +13,9 @@ import time
 import numpy as np
 
 from benchmarks._timing import table
-from tensegrity import Chain, Prism, Record, simulate
+from tensegrity import METHODS, Chain, Prism, Record, simulate
 from tensegrity.engine.compiled import single
 from tensegrity.engine.law import Change
-from tensegrity.engine.methods import METHODS
 from tensegrity.springs.tuned import Tuned
 
 STEPS, DT, ROUNDS = 200, 0.05, 3

@@ -30,6 +30,7 @@ from benchmarks._race import CALL, chart, race, ratios, seconds, show
 from benchmarks._timing import table
 from benchmarks.methods import EXTENDED, LEVELS, final, gap, omega, scenes
 from tensegrity import (
+    METHODS,
     Chain,
     Ensemble,
     Polynomial,
@@ -41,7 +42,6 @@ from tensegrity import (
 )
 from tensegrity.engine import codegen, native
 from tensegrity.engine.compiled import Compiled
-from tensegrity.engine.methods import METHODS
 from tensegrity.scenes.dynamics import dynamics
 
 CALLED = 10.0 ** -np.arange(2.0, 12.0)

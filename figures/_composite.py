@@ -19,7 +19,6 @@ from figures._solitons import pulses
 from tensegrity import Chain, Potential, Record, State, TensegrityError, simulate, solitary_wave
 from tensegrity.prisms.condensed import ElasticPotential
 from tensegrity.springs.polynomial import Polynomial
-from tensegrity.waves.asymptotics import sound_speed
 
 TRAIN = 2  # compression pulses that make one
 CUT = 1e-10  # of the crest, cut off where the wave is launched
@@ -51,7 +50,7 @@ class Interface:
     @property
     def sounds(self):
         """Speeds of sound [sites/s]."""
-        return sound_speed(self.near, self.masses[0]), sound_speed(self.far, self.masses[1])
+        return self.near.sound_speed(self.masses[0]), self.far.sound_speed(self.masses[1])
 
     @property
     def impedances(self):

@@ -22,8 +22,7 @@ from figures import _composite
 from figures._composite import Interface
 from figures._files import lines, write_table
 from figures._solitons import MISFIT, pulses
-from tensegrity import Ensemble, Prism, State, TensegrityError, sweep
-from tensegrity.engine.methods import METHODS
+from tensegrity import METHODS, Ensemble, Prism, State, TensegrityError, sweep
 from tensegrity.prisms.condensed import ElasticPotential
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.springs.polynomial import PolynomialLaw

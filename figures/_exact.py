@@ -7,9 +7,7 @@ import time
 import numpy as np
 import sympy as sp
 
-from tensegrity import Chain, Potential, PowerLaw, Prism, Record, simulate, solitary_wave
-from tensegrity.measure.observables import speed
-from tensegrity.waves.asymptotics import sound_speed
+from tensegrity import Chain, Potential, PowerLaw, Prism, Record, simulate, solitary_wave, speed
 from tensegrity.waves.solitary import largest_speed
 
 PRISMS = ((0.7, 0.01), (0.6, 0.001), (0.8, 0.1))  # height over base, prestrain
@@ -21,7 +19,7 @@ SITES, LEAD, BETWEEN = 620, 40, (60, 510)
 
 def rigid_waves(spring):
     """Waves of a rigid prism at `RATIOS`, as far as its stroke allows, and the seconds of each."""
-    largest, found = largest_speed(spring) / sound_speed(spring), []
+    largest, found = largest_speed(spring) / spring.sound_speed(), []
     for ratio in RATIOS:
         if ratio < largest:
             began = time.perf_counter()

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from granular import Bead, Striker, bead_of_mass, coated, materials, sensor_force, simulate
-from granular.observables import CLOCK, density, momentum, overlaps, part_energies
+from granular import Bead, Striker, energies, materials, overlaps, sensor_force, simulate
 from tensegrity import Record
 
 STEEL = Bead(4.76e-3, materials["steel"], mass=0.45e-3)
 PTFE = Bead(4.76e-3, materials["ptfe"], mass=0.123e-3)
-PARYLENE = coated(STEEL, materials["parylene"], 50e-6)
-HEAVY = bead_of_mass(5.33e-3, materials["steel"])
+PARYLENE = STEEL.coated(materials["parylene"], 50e-6)
+HEAVY = Bead.of_mass(5.33e-3, materials["steel"])
 STEM, BRANCH = 19, 47  # beads in each
 DT = 0.1e-6  # s: energy to 2e-8 or better in these scenes
 MIXED = (("stem 1", 16), ("branch 1", 7), ("branch 2", 7), ("stem 2", 5))  # sensors, figs. 4-6
@@ -58,7 +57,7 @@ def density_table(run, branch):
     """
     sites, _ = line(run.scene, branch)
     step = max(1, round(CLOCK / (run.t[1] - run.t[0])))
-    forces = density(run, sites)[::step]
+    forces = sensor_force(run, sites)[::step]
     return {
         "t [s]": run.t[::step],
         **{f"site {k + 1} [N]": forces[:, k] for k in range(len(sites))},
@@ -107,7 +106,7 @@ def scene_tables(run, sensors, branch):
     return {
         "curves": curves(run, sensors),
         "density": density_table(run, branch),
-        "energies": {"t [s]": run.t, **{f"{k} [J]": e for k, e in part_energies(run).items()}},
+        "energies": {"t [s]": run.t, **{f"{k} [J]": e for k, e in energies(run).parts.items()}},
         "numbers": {
             "largest overlap [m]": np.array([largest]),
             "mean peak overlap [m]": np.array([mean]),
@@ -125,7 +124,7 @@ def skew(run):
 
 def momentum_error(run):
     """Largest change of the momentum of beads and walls, over the striker's."""
-    total = momentum(run)
+    total = run.momentum()
     return np.abs(total - total[0]).max() / total[0, 0]
 
 

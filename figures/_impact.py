@@ -7,9 +7,7 @@ import math
 import numpy as np
 
 from figures import _measure, _scenes
-from tensegrity import LockingError, Record, simulate, solitary_wave
-from tensegrity.measure.observables import arrival, speed
-from tensegrity.waves.asymptotics import sech2, sound_speed, tent
+from tensegrity import LockingError, Record, arrival, sech2, simulate, solitary_wave, speed, tent
 
 FINE = 0.008  # of its width that the wave goes in a step of the coarser run
 EVERY = 4  # steps between recorded instants
@@ -20,7 +18,7 @@ INSTANTS = 8  # of them
 
 def struck(spring, ratio, velocity, travel):
     """The first mass struck, followed until a wave of that speed is a little beyond `travel`."""
-    duration = 1.03 * travel / (ratio * sound_speed(spring))
+    duration = 1.03 * travel / (ratio * spring.sound_speed())
     return _scenes.impact(spring, travel + 20, {0: velocity}, duration)
 
 
@@ -131,7 +129,7 @@ def _numbers(run, travel):
 
 
 def _of_sound(number, spring):
-    sound = sound_speed(spring)
+    sound = spring.sound_speed()
     return _measure.Number(number.value / sound, number.error / sound)
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tensegrity import Chain, Prism
-from tensegrity.engine.methods import METHODS, Corrected
+from tensegrity import METHODS, Chain, Prism
+from tensegrity.engine.methods import Corrected
 from tensegrity.scenes.dynamics import dynamics
 
 DIFFERENT = [name for name, method in METHODS.items() if not isinstance(method, Corrected)]

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from tensegrity import Chain, Record, State, simulate
-from tensegrity.measure.observables import passage, speed
+from tensegrity import Chain, Record, State, simulate, speed
+from tensegrity.measure.observables import passage
 
 SHOWN_SITES, SHOWN_INSTANTS = 200, 200  # at most, of a space-time density
 FAINTEST = 1e-5  # of the largest energy of a site: below it is shown as that

@@ -13,16 +13,9 @@ from functools import cache
 
 import numpy as np
 
-from granular import Bead, Striker, chain, materials, simulate
+from granular import Bead, Striker, chain, energies, materials, simulate, wall_force
 from granular.design import Choice, Order, Sizes, objective, peak_force, search
-from granular.observables import (
-    effective_number,
-    energy_shares,
-    largest,
-    participation_ratio,
-    wall_force,
-)
-from tensegrity import Record, sweep
+from tensegrity import Record, largest_peak, sweep
 
 STEEL = materials["steel"]
 BIG, SMALL = Bead(10e-3, STEEL), Bead(4e-3, STEEL)
@@ -195,8 +188,8 @@ def trace(beads, t_end, scale=1.0):
     run = simulate(scene, scene.start(), t_end, method="rkn6", dt=dt, record=Record(every=4))
     force = wall_force(run, "end")
     return {
-        "t": run.t, "force": force, "shares": energy_shares(run),
-        "effective": effective_number(run), "participation": participation_ratio(run),
+        "t": run.t, "force": force, "shares": energies(run).fractions,
+        "effective": energies(run).effective_number, "participation": energies(run).participation_ratio,
     }  # fmt: skip
 
 
@@ -210,7 +203,7 @@ def measures(one):
         beads at the peak, and their mean while 5 to 95 % of the impulse arrive.
     """
     t, force = one["t"], one["force"]
-    instant, peak = largest(t, force)
+    instant, peak = largest_peak(t, force)
     half = force >= peak / 2
     top, ends = np.searchsorted(t, instant), np.flatnonzero(~half)
     before, after = ends[ends < top].max(initial=0), ends[ends >= top].min(initial=len(t) - 1)

@@ -11,7 +11,6 @@ from functools import cache
 from figures._measure import Scene
 from tensegrity import Chain, Potential, PowerLaw, Prism, solitary_wave
 from tensegrity.springs.polynomial import Polynomial
-from tensegrity.waves.asymptotics import sound_speed
 
 VISITED = 0.6, 0.9  # of the domain of the softening prism that a polynomial covers
 
@@ -37,7 +36,7 @@ def softening(preload=0.05):
 
 def softening_sound_speed(preload=0.05):
     """Speed of sound in the softening chain [sites/s]."""
-    return sound_speed(softening(preload))
+    return softening(preload).sound_speed()
 
 
 def launched(wave, sites, at, travel):

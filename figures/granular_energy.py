@@ -11,8 +11,7 @@ import numpy as np
 from figures import _guide
 from figures._guide import PTFE, STEEL, row
 from granular import simulate, y_guide
-from tensegrity import Record
-from tensegrity.engine.methods import METHODS
+from tensegrity import METHODS, Record
 
 NAME = "granular_energy"
 GROUP = "granular"

@@ -10,7 +10,7 @@ from derivations import contact, junction
 from figures import _guide
 from figures._guide import STEEL, row
 from granular import sensor_force, y_guide
-from granular.observables import CLOCK, peak, sampled_peak
+from tensegrity import first_peak
 
 NAME = "granular_fig2"
 GROUP = "granular"
@@ -30,7 +30,7 @@ def data():
     guide = y_guide(bead=STEEL, striker=_guide.light(SPEED))
     run = _guide.followed(guide, END, every=2)
     coarse = _guide.followed(guide, END, COARSE * run.dt, every=1)
-    numbers = [peak(run.t, sensor_force(run, "branch 1", n))[1] for n in range(1, 16)]
+    numbers = [first_peak(run.t, sensor_force(run, "branch 1", n))[1] for n in range(1, 16)]
     return {
         "curves": _guide.curves(run, SENSORS),
         "peaks": _peaks(run),
@@ -49,13 +49,13 @@ def _read(run):
     """Forces in the order of the wave's passage and the time in which each is looked at."""
     order = [*SENSORS, ("stem 1", 16), ("stem 1", 12)]
     forces = [sensor_force(run, *sensor) for sensor in order]
-    after = peak(run.t, forces[1])[0] + BEYOND
+    after = first_peak(run.t, forces[1])[0] + BEYOND
     return forces, [(-math.inf, math.inf)] * 4 + [(after, math.inf)] * 2
 
 
 def _peaks(run):
     """Instants and heights of the incident, the transmitted and the reflected wave's peaks."""
-    found = [peak(run.t, f, window) for f, window in zip(*_read(run), strict=True)]
+    found = [first_peak(run.t, f, window) for f, window in zip(*_read(run), strict=True)]
     times, heights = np.array(found).T
     way = run.scene.distance("stem 1", (12, 16))
     return {"t [s]": times, "height [N]": heights, "way [m]": np.full(6, way)}

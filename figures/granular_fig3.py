@@ -7,7 +7,7 @@ import numpy as np
 from figures import _guide
 from figures._guide import PTFE, STEEL, row
 from granular import diamond_guide
-from granular.observables import largest, pulses
+from tensegrity import largest_peak, peaks
 
 NAME = "granular_fig3"
 GROUP = "granular"
@@ -52,11 +52,11 @@ def table(tables):
         for sensor in SENSORS[:2]:
             t, force = _guide.curve(one, *sensor)
             inside = t < ENTERED[name]
-            found = pulses(t[inside], force[inside], LEVEL)[1]
+            found = peaks(t[inside], force[inside], LEVEL)[1]
             counts.append(len(found))
             heights.append(found.max())
-        leading = [pulses(*_guide.curve(one, *s), LEVEL)[1][0] for s in SENSORS[1:]]
-        last = largest(*_guide.curve(one, *SENSORS[-1]))[1]
+        leading = [peaks(*_guide.curve(one, *s), LEVEL)[1][0] for s in SENSORS[1:]]
+        last = largest_peak(*_guide.curve(one, *SENSORS[-1]))[1]
         lines += [
             row("3", f"{name}: largest in a branch over largest in stem 1",
                 float(heights[1] / heights[0]), "about half"),

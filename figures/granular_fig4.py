@@ -5,7 +5,7 @@ from __future__ import annotations
 from figures import _guide
 from figures._guide import PTFE, STEEL, row
 from granular import diamond_guide
-from granular.observables import pulses, speed
+from tensegrity import peaks, speed
 
 NAME = "granular_fig4"
 GROUP = "granular"
@@ -29,7 +29,7 @@ def data():
 def table(tables):
     """The paper's statements beside the run's numbers."""
     steel, ptfe = (_guide.number(tables, f"speed in branch {k} [m/s]") for k in (1, 2))
-    there, back = pulses(*_guide.curve(tables, "branch 1", 7), 0.2)[1][:2]
+    there, back = peaks(*_guide.curve(tables, "branch 1", 7), 0.2)[1][:2]
     lines = [
         row("4", "speed in the steel branch over that in the PTFE branch", steel / ptfe,
             "about 4", "about 4"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from figures import _guide
 from figures._guide import PARYLENE, STEEL, row
 from granular import diamond_guide
-from granular.observables import pulses
+from tensegrity import peaks
 
 NAME = "granular_fig5"
 GROUP = "granular"
@@ -25,7 +25,7 @@ def table(tables):
     """The paper's statements beside the run's numbers."""
     t, force = _guide.curve(tables, "branch 2", 7)
     early = t < RETURN
-    heights = pulses(t[early], force[early], 0.05)[1]
+    heights = peaks(t[early], force[early], 0.05)[1]
     lines = [
         row("5", "pulses above 5 % in the Parylene branch, bead 7, until returns", len(heights),
             "not shown", "about 4"),

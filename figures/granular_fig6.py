@@ -7,7 +7,7 @@ import numpy as np
 from figures import _guide
 from figures._guide import PARYLENE, STEEL, row
 from granular import diamond_guide
-from granular.observables import pulses
+from tensegrity import peaks
 
 NAME = "granular_fig6"
 GROUP = "granular"
@@ -27,7 +27,7 @@ def data():
 def table(tables):
     """The paper's statements beside the run's numbers."""
     t, force = _guide.curve(tables, "stem 2", 5)
-    found = pulses(t, force, 0.3)[0]
+    found = peaks(t, force, 0.3)[0]
     second = found[np.flatnonzero(found > QUIET)[0]]
     t_branch, in_branch = _guide.curve(tables, "branch 2", 7)
     early = t_branch < RETURN
@@ -35,7 +35,7 @@ def table(tables):
         row("6", "first arrival at bead 5 of stem 2 [ms]", float(1e3 * found[0]), 0.6, 0.6),
         row("6", "arrival from the Parylene branch there [ms]", float(1e3 * second), 1.4, 1.4),
         row("6", "pulses above 10 % in the Parylene branch, bead 7, until returns",
-            len(pulses(t_branch[early], in_branch[early], 0.1)[1]), "a train", "a train"),
+            len(peaks(t_branch[early], in_branch[early], 0.1)[1]), "a train", "a train"),
         *_guide.soft_overlaps("6", tables, "order of 5"),
     ]  # fmt: skip
     lines += _guide.soft_shares("6", tables, "that branch")

@@ -7,7 +7,7 @@ import numpy as np
 from figures import _beads
 from figures._beads import bead
 from figures._guide import row
-from granular.observables import largest
+from tensegrity import largest_peak
 
 NAME = "granular_graded"
 GROUP = "granular"
@@ -36,7 +36,7 @@ def data():
         tables[f"{name} density"] = _beads.energies(run)
         tables[f"{name} force"] = {"t [s]": run.t, "force [N]": forces[:, READ]}
         tables[f"{name} numbers"] = {
-            "peak at the striker [N]": [largest(run.t, forces[:, 0])[1]],
+            "peak at the striker [N]": [largest_peak(run.t, forces[:, 0])[1]],
             "energy error": [run.energy_error],
         }
     return tables
@@ -44,7 +44,7 @@ def data():
 
 def table(tables):
     """Peaks far down the chain beside the uniform chain's."""
-    tops = {name: largest(*tables[f"{name} force"].values())[1] for name in SCENES}
+    tops = {name: largest_peak(*tables[f"{name} force"].values())[1] for name in SCENES}
     return [
         row("graded", f"{name}: peak force at contact {READ} over the uniform chain's",
             tops[name] / tops["uniform"])

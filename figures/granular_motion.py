@@ -7,8 +7,7 @@ import numpy as np
 from figures import _guide
 from figures._disks import disks
 from figures._guide import PARYLENE, STEEL
-from granular import diamond_guide
-from granular.observables import density
+from granular import diamond_guide, sensor_force
 
 NAME = "granular_motion"
 GROUP = "granular"
@@ -23,7 +22,7 @@ def data():
     """Force on each bead at each frame, places and walls of the guide of Fig. 5."""
     guide = diamond_guide(bead=STEEL, branches=(STEEL, PARYLENE), striker=_guide.light(0.50))
     run = _guide.followed(guide, END, every=round(END / FRAMES / _guide.DT))
-    forces = density(run, range(1, guide.sites))
+    forces = sensor_force(run, range(1, guide.sites))
     x, y = guide.positions[1:].T
     edges = np.array([[*w.start, *w.end] for w in guide.layout.walls if not w.is_bevel])
     soft = np.isin(np.arange(1, guide.sites), guide.parts["branch 2"])

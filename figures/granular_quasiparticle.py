@@ -19,8 +19,7 @@ from figures._guide import STEEL, row
 from granular import materials, sensor_force, simulate, y_guide
 from granular.guide import Guide
 from granular.layout import crossed_layout
-from granular.observables import density, peak, pulses
-from tensegrity import Record
+from tensegrity import Record, first_peak, peaks
 
 NAME = "granular_quasiparticle"
 GROUP = "granular"
@@ -74,12 +73,12 @@ def _split(guide):
     """
     run = simulate(guide, guide.start(), END, dt=DT, method="rkn6", record=Record())
     force = {n: sensor_force(run, "stem 1", n) for n in (12, 16)}
-    instant, incident = peak(run.t, force[16])
-    transmitted = peak(run.t, sensor_force(run, "branch 1", 8))[1]
+    instant, incident = first_peak(run.t, force[16])
+    transmitted = first_peak(run.t, sensor_force(run, "branch 1", 8))[1]
     found = []
     for n in (16, 12):
         inside = (run.t > instant + WITHIN[0]) & (run.t < instant + WITHIN[1])
-        times, heights = pulses(run.t[inside], force[n][inside], 0.5)
+        times, heights = peaks(run.t[inside], force[n][inside], 0.5)
         keep = heights > FAINTEST * incident
         found.append((times[keep], heights[keep]))
     (t_near, f_near), (t_far, _) = found
@@ -95,7 +94,7 @@ def _slow(run, instant):
 
     They rested before the split: the incident wave leaves nothing behind so far from the striker.
     """
-    forces = density(run, range(run.scene.sites))
+    forces = sensor_force(run, range(run.scene.sites))
     before, after = (int(np.searchsorted(run.t, instant + way)) for way in WHOLE)
 
     def beyond(at, part, offset):

@@ -12,9 +12,8 @@ import numpy as np
 
 from figures import _guide
 from figures._guide import PARYLENE, PTFE, STEEL, row
-from granular import diamond_guide, materials, sensor_force, simulate, y_guide
-from granular.observables import largest, part_energies, peak
-from tensegrity import Record
+from granular import diamond_guide, energies, materials, sensor_force, simulate, y_guide
+from tensegrity import Record, first_peak, largest_peak
 
 NAME = "granular_sensitivity"
 GROUP = "granular"
@@ -72,12 +71,16 @@ def _run(guide, t_end):
 def _half(keywords):
     run = _run(y_guide(bead=STEEL, striker=_guide.light(0.585), **keywords), HALF_END)
     stem = sensor_force(run, "stem 1", 16)
-    instant, incident = peak(run.t, stem)
-    there = peak(run.t, sensor_force(run, "branch 1", 4))[1]
-    back = peak(run.t, stem, (instant + BEYOND, math.inf))[1]
+    instant, incident = first_peak(run.t, stem)
+    there = first_peak(run.t, sensor_force(run, "branch 1", 4))[1]
+    back = first_peak(run.t, stem, (instant + BEYOND, math.inf))[1]
     guide = y_guide(bead=STEEL, branches=(STEEL, PTFE), striker=_guide.light(0.585), **keywords)
     soft = _run(guide, 0.6e-3)
-    return incident / there, incident / back, largest(soft.t, sensor_force(soft, "branch 2", 7))[1]
+    return (
+        incident / there,
+        incident / back,
+        largest_peak(soft.t, sensor_force(soft, "branch 2", 7))[1],
+    )
 
 
 def _full(keywords, coated):
@@ -85,8 +88,10 @@ def _full(keywords, coated):
         bead=STEEL, branches=(STEEL, coated), striker=_guide.light(0.5), **keywords
     )
     run = _run(guide, FULL_END)
-    forces = [largest(run.t, sensor_force(run, *s))[1] for s in (("branch 2", 7), ("stem 2", 5))]
-    held = part_energies(run)["branch 2"] / run.energy[0]
+    forces = [
+        largest_peak(run.t, sensor_force(run, *s))[1] for s in (("branch 2", 7), ("stem 2", 5))
+    ]
+    held = energies(run).parts["branch 2"] / run.energy[0]
     return *forces, float(np.interp(AT, run.t, held))
 
 

@@ -8,7 +8,7 @@ from figures import _beads
 from figures._beads import bead
 from figures._guide import row
 from granular import Bead, materials
-from granular.observables import pulses
+from tensegrity import peaks
 
 NAME = "granular_steps"
 GROUP = "granular"
@@ -52,7 +52,7 @@ def table(tables):
     lines = []
     for name, (_, _, _, said) in SCENES.items():
         read = tables[f"{name} sensors"]
-        count = len(pulses(read["t [s]"], read["behind the step [N]"], LEVEL)[1])
+        count = len(peaks(read["t [s]"], read["behind the step [N]"], LEVEL)[1])
         passed = float(read["energy beyond"][np.argmax(read["behind the step [N]"])])
         lines += [
             row("steps", f"{name}: pulses above 5 % behind the step", count, said),

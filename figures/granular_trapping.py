@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from figures import _guide
 from figures._guide import PARYLENE, PTFE, STEEL, row
-from granular import diamond_guide, materials, simulate
-from granular.observables import part_energies
+from granular import diamond_guide, energies, materials, simulate
 from tensegrity import Record
 
 NAME = "granular_trapping"
@@ -29,7 +28,7 @@ def data():
         guide = diamond_guide(bead=STEEL, branches=(STEEL, soft), striker=striker, end=end)
         how = {"dt": DT, "method": "rkn6", "record": Record(every=EVERY)}
         run = simulate(guide, guide.start(), END, **how)
-        parts = part_energies(run)
+        parts = energies(run).parts
         shares = {part: energy / run.energy[0] for part, energy in parts.items()}
         tables[name] = {"t [s]": run.t, **shares}
     return tables

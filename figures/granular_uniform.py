@@ -8,9 +8,7 @@ from derivations import contact
 from figures._beads import bead
 from figures._guide import row
 from granular import Striker, chain, hertz, simulate
-from granular.observables import largest, peak
-from tensegrity import PowerLaw, Record, solitary_wave
-from tensegrity.measure.observables import width
+from tensegrity import PowerLaw, Record, first_peak, largest_peak, solitary_wave, width
 
 NAME = "granular_uniform"
 GROUP = "granular"
@@ -34,7 +32,7 @@ def data():
     x = np.linspace(-4, 4, 401)
     run, contact_number, rate = shape_run()
     shortening = run.scene.overlaps(run.u)[:, contact_number]
-    instant, _ = peak(run.t, run.scene.contact_forces(run.u)[:, contact_number])
+    instant, _ = first_peak(run.t, run.scene.contact_forces(run.u)[:, contact_number])
     inside = np.abs(run.t - instant) * rate < 4
     _, kappa, power = (e.subs(contact.exponent, HERTZ) for e in contact.nesterenko())
     compact = np.abs(x) < np.pi / 2 / float(kappa)
@@ -43,7 +41,8 @@ def data():
         "waves": {key: np.array([f[key] for f in found]) for key in found[0]},
         "shape": {
             "x [beads]": (run.t[inside] - instant) * rate,
-            "overlap over peak": np.maximum(shortening[inside], 0) / largest(run.t, shortening)[1],
+            "overlap over peak": np.maximum(shortening[inside], 0)
+            / largest_peak(run.t, shortening)[1],
         },
         "theory": {
             "x [beads]": x,
@@ -67,7 +66,7 @@ def measured(name, velocity):
     run = simulate(scene, scene.start(), t_end, dt=FINE * impact, method="rkn6",
                    record=Record(every=2))  # fmt: skip
     forces = scene.contact_forces(run.u)
-    (first, _), (second, height) = (peak(run.t, forces[:, j]) for j in FAR)
+    (first, _), (second, height) = (first_peak(run.t, forces[:, j]) for j in FAR)
     rate = (FAR[1] - FAR[0]) / (second - first)
     row_at = int(np.searchsorted(run.t, second))
     near = slice(FAR[1] - 12, None)
@@ -93,7 +92,7 @@ def shape_run():
     scene = chain([one] * 160, striker=Striker(one, 0.585))
     run = simulate(scene, scene.start(), 1.3e-3, dt=0.4e-6, method="rkn6", record=Record(every=1))
     forces = scene.contact_forces(run.u)
-    times = [peak(run.t, forces[:, j])[0] for j in (100, 140)]
+    times = [first_peak(run.t, forces[:, j])[0] for j in (100, 140)]
     return run, 120, 40 / (times[1] - times[0])
 
 

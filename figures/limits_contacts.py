@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from figures._limits import COLOURS, gap, grid, moved, slope
-from tensegrity import Chain, PowerLaw
-from tensegrity.engine.methods import METHODS
+from tensegrity import METHODS, Chain, PowerLaw
 from tensegrity.scenes.dynamics import dynamics
 
 NAME = "limits_contacts"

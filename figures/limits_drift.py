@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from figures._limits import COLOURS, grid, prism_chain
-from tensegrity import State
-from tensegrity.engine.methods import METHODS
+from tensegrity import METHODS, State
 from tensegrity.scenes.dynamics import dynamics
 
 NAME = "limits_drift"

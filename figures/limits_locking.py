@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from figures._limits import COLOURS, EXPLICIT, grid, moved, prism_chain, slope
-from tensegrity import LockingError, Record, StabilityError, State, simulate
-from tensegrity.engine.methods import METHODS
+from tensegrity import METHODS, LockingError, Record, StabilityError, State, simulate
 from tensegrity.scenes.dynamics import dynamics
 
 NAME = "limits_locking"

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from figures._limits import grid, prism_chain, slope
+from tensegrity import METHODS
 from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.kernel import bind
-from tensegrity.engine.methods import METHODS
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.springs.kinks import TAUT
 

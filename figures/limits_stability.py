@@ -7,8 +7,7 @@ import sympy as sp
 
 from figures._files import lines
 from figures._limits import COLOURS, EXPLICIT, grid, listed
-from tensegrity import Chain, Potential, State
-from tensegrity.engine.methods import METHODS
+from tensegrity import METHODS, Chain, Potential, State
 from tensegrity.scenes.dynamics import dynamics
 
 NAME = "limits_stability"

@@ -8,8 +8,7 @@ import numpy as np
 import sympy as sp
 
 from figures._limits import COLOURS, DIFFERENT, EXPLICIT, grid, moved, slope
-from tensegrity import Chain, Potential
-from tensegrity.engine.methods import METHODS
+from tensegrity import METHODS, Chain, Potential
 from tensegrity.scenes.dynamics import dynamics
 
 NAME = "limits_stiffness"

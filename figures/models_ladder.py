@@ -12,8 +12,7 @@ from figures._limits import moved, stepped
 from figures._nodes import Nodes
 from granular import chain as bead_chain
 from granular import hertz, simulate, y_guide
-from tensegrity import Chain, Polynomial, PowerLaw, Prism, Record, solitary_wave
-from tensegrity.waves.asymptotics import sech2, tent
+from tensegrity import Chain, Polynomial, PowerLaw, Prism, Record, sech2, solitary_wave, tent
 
 NAME = "models_ladder"
 GROUP = "models"

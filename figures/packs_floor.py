@@ -12,8 +12,7 @@ from figures import _packs
 from figures._packs import FAST, STEEL, row
 from granular import wall_force
 from granular.contact_network import wall_sites
-from granular.observables import largest
-from tensegrity import Record
+from tensegrity import Record, largest_peak
 
 NAME = "packs_floor"
 GROUP = "packs"
@@ -34,11 +33,11 @@ def data():
     total = each.sum(axis=1)
     sides = {name: wall_force(run, name) for name in ("left", "right")}
     hit = _packs.direct(STEEL, FAST)
-    lone = largest(*_packs.floor_of(_packs.column([STEEL] * 17, FAST), COLUMN_END, name="end"))
-    steel = largest(*_packs.floor_of(_packs.cube(sides="steel"), END))
+    lone = largest_peak(*_packs.floor_of(_packs.column([STEEL] * 17, FAST), COLUMN_END, name="end"))
+    steel = largest_peak(*_packs.floor_of(_packs.cube(sides="steel"), END))
     before = run.t < FRONT
-    peak, first = largest(run.t, total), largest(run.t[before], total[before])
-    single = max((largest(run.t, each[:, k]) for k in range(49)), key=lambda found: found[1])
+    peak, first = largest_peak(run.t, total), largest_peak(run.t[before], total[before])
+    single = max((largest_peak(run.t, each[:, k]) for k in range(49)), key=lambda found: found[1])
     against = {
         "the striker straight on the wall": (peak[1], hit),
         "the same 17 layers as one straight column": (peak[1], lone[1]),
@@ -53,9 +52,9 @@ def data():
         },
         "peaks": {
             "what": ["floor", "first front", "largest single bead", "left side", "right side"],
-            "t [s]": [x[0] for x in (peak, first, single, *(largest(run.t, f) for f in
+            "t [s]": [x[0] for x in (peak, first, single, *(largest_peak(run.t, f) for f in
                                                             sides.values()))],
-            "force [N]": [x[1] for x in (peak, first, single, *(largest(run.t, f) for f in
+            "force [N]": [x[1] for x in (peak, first, single, *(largest_peak(run.t, f) for f in
                                                                 sides.values()))],
         },
         "efficiency": {

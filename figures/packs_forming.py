@@ -13,8 +13,7 @@ import numpy as np
 from figures._disks import disks
 from figures._packs import STEEL, D, row
 from granular import pack, simulate, wall_force
-from granular.observables import largest
-from tensegrity import Record, Wall
+from tensegrity import Record, Wall, largest_peak
 
 NAME = "packs_forming"
 GROUP = "packs"
@@ -82,7 +81,7 @@ def data():
         }  # fmt: skip
         if name == "break shot":
             at = int(np.argmin(np.abs(run.t - 1.2e-3)))
-            peak = largest(run.t, wall_force(run, "right"))
+            peak = largest_peak(run.t, wall_force(run, "right"))
             tables["numbers"] = {
                 "cue at 1.2 ms [m/s]": run.v[at, 15, :1], "apex at 1.2 ms [m/s]": run.v[at, 0, :1],
                 "wall peak at [s]": np.array([peak[0]]), "wall peak [N]": np.array([peak[1]]),

@@ -12,8 +12,7 @@ import numpy as np
 from figures import _packs
 from figures._packs import FAST, GLASS, STEEL, D, row
 from granular import Bead, pack, simulate, wall_force
-from granular.observables import largest
-from tensegrity import Record
+from tensegrity import Record, largest_peak
 
 NAME = "packs_mitigation"
 GROUP = "packs"
@@ -30,7 +29,7 @@ KNOWN = {5: -0.47953, 9: 0.11251, 13: 0.5334, 16: 0.6814, 17: 0.714445, 18: 0.69
 def efficiency(scene, bead=STEEL, layers=17):
     """1 - largest force on the floor over that of the striker straight on it."""
     end = LONGER if layers > 21 else END
-    return 1 - largest(*_packs.floor_of(scene, end))[1] / _packs.direct(bead, FAST)
+    return 1 - largest_peak(*_packs.floor_of(scene, end))[1] / _packs.direct(bead, FAST)
 
 
 def tolerated(tolerance, seed):
@@ -42,7 +41,7 @@ def tolerated(tolerance, seed):
     state = scene.at_rest({scene.sites - 1: (0.0, 0.0, -FAST)})
     record = Record(interval=4 * _packs.ROW)
     run = simulate(scene, state, END, method="verlet", dt=2 * _packs.COARSE, record=record)
-    return 1 - largest(run.t, wall_force(run, "floor"))[1] / _packs.direct(STEEL, FAST)
+    return 1 - largest_peak(run.t, wall_force(run, "floor"))[1] / _packs.direct(STEEL, FAST)
 
 
 def data(tolerances=TOLERANCES, seeds=SEEDS):

@@ -11,9 +11,8 @@ import numpy as np
 
 from figures import _packs
 from figures._packs import FAST, PTFE, SLOW, STEEL, row
-from granular import wall_force
-from granular.observables import energy_shares, largest
-from tensegrity import Record
+from granular import energies, wall_force
+from tensegrity import Record, largest_peak
 
 NAME = "packs_mixed"
 GROUP = "packs"
@@ -65,9 +64,9 @@ def cubic(mix):
 def measured(scene, t_end, levels, name):
     """Peak on the floor, its instant, and trapping and redirection then."""
     run = _packs.quick(scene, t_end, Record(interval=INTERVAL))
-    instant, force = largest(run.t, wall_force(run, "floor"))
+    instant, force = largest_peak(run.t, wall_force(run, "floor"))
     k = int(np.argmin(np.abs(run.t - instant)))
-    shares = energy_shares(run)
+    shares = energies(run).fractions
     count = levels // 2
     upper = [f"row {n}" for n in range(1, count + 1)] if name == "plane" else [
         f"layer {n}" for n in range(levels - count, levels + 1)]  # fmt: skip
@@ -93,7 +92,7 @@ def data():
         speed = SLOW if name == "plane" else FAST
         lone = [
             np.nan if mix == "random" else
-            largest(*_packs.floor_of(_packs.column(beads(by_level(mix, levels)), speed), END[name],
+            largest_peak(*_packs.floor_of(_packs.column(beads(by_level(mix, levels)), speed), END[name],
                                      name="end"))[1]
             for mix in KNOWN[name]
         ]  # fmt: skip

@@ -13,9 +13,8 @@ import numpy as np
 
 from figures import _motion, _packs
 from figures._packs import ROW, SLOW, STEEL, D, row
-from granular import wall_force
-from granular.observables import energy_shares, largest
-from tensegrity import Record
+from granular import energies, wall_force
+from tensegrity import Record, largest_peak
 
 NAME = "packs_plane"
 GROUP = "packs"
@@ -62,12 +61,12 @@ def data():
         line = [max(struck, key=lambda k: scene.contact_forces(run.u)[:, k].max()), *down(scene)]
         forces = scene.contact_forces(run.u)[:, line]
         peaks = np.array([first(run.t, force) for force in forces.T])
-        shares = energy_shares(run)
+        shares = energies(run).fractions
         tables |= {
             f"{name}_floor": {"t [s]": run.t, "floor [N]": each.sum(axis=1)},
             f"{name}_beads": {
                 "x [m]": scene.positions[list(scene.parts["row 12"]), 0],
-                "peak [N]": np.array([largest(run.t, f)[1] for f in each.T]),
+                "peak [N]": np.array([largest_peak(run.t, f)[1] for f in each.T]),
             },
             f"{name}_line": {
                 "t [s]": peaks[:, 0], "peak [N]": peaks[:, 1],
@@ -85,7 +84,7 @@ def data():
 def first(t, force):
     """Instant and height of the first crest above a fifth of the largest force."""
     k = _packs.crests(t, force, force.max() / 5)[0]
-    return largest(t[k - 2 : k + 3], force[k - 2 : k + 3])
+    return largest_peak(t[k - 2 : k + 3], force[k - 2 : k + 3])
 
 
 def thinned(scene):
@@ -98,7 +97,7 @@ def table(tables):
     rows = []
     for name in HITS:
         t = tables[f"{name}_floor"]
-        instant, force = largest(t["t [s]"], t["floor [N]"])
+        instant, force = largest_peak(t["t [s]"], t["floor [N]"])
         line, shares = tables[f"{name}_line"], tables[f"{name}_rows"]
         low = sum(shares[f"row {k}"] for k in range(7, 13))
         rows += [

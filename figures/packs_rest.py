@@ -12,8 +12,7 @@ from figures import _packs
 from figures._packs import STEEL, D, row
 from granular import fcc_pack, materials, wall_force
 from granular.contact_network import wall_forces, wall_sites
-from granular.observables import largest
-from tensegrity import Record
+from tensegrity import Record, largest_peak
 
 NAME = "packs_rest"
 GROUP = "packs"
@@ -79,7 +78,7 @@ def table(tables):
         rows.append(row("rest", words, float(found / (beads + top) - 1), 0))
     t = tables["struck"]["t [s]"]
     for preload in PRELOADS:
-        instant, force = largest(t, tables["struck"][f"{preload:g} N"])
+        instant, force = largest_peak(t, tables["struck"][f"{preload:g} N"])
         words = f"struck, {preload:g} N on each bead of row 1: further peak [N]"
         rows += [row("rest", words, force), row("rest", "  at [us]", 1e6 * instant)]
     return rows

@@ -9,7 +9,7 @@ import numpy as np
 
 from figures import _motion, _packs
 from figures._packs import D, row
-from granular.observables import effective_number, energy_shares
+from granular import energies
 from tensegrity import Record
 
 NAME = "packs_space"
@@ -34,7 +34,7 @@ def data():
     scene = _packs.cube()
     record = Record(interval=END / FRAMES)
     run = _packs.exact(scene, END, record)
-    sites, shares = seen(scene), energy_shares(run)
+    sites, shares = seen(scene), energies(run).fractions
     kinetic = 0.5 * scene.mass[:, None] * run.v**2
     layers = shares[:, :-1].reshape(len(run.t), 17, 49).sum(axis=2)
     parts = {"striker": shares[:, -1]} | {
@@ -50,7 +50,7 @@ def data():
         },
         "forces": {f"force {k} [N]": f for k, f in enumerate(-scene.bond_tension(run.u).T)},
         "energy": {
-            "t [s]": run.t, **parts, "beads that share it": effective_number(run),
+            "t [s]": run.t, **parts, "beads that share it": energies(run).effective_number,
             "lateral part of the motion": lateral,
         },
     }  # fmt: skip

@@ -11,8 +11,7 @@ import numpy as np
 from figures import _packs
 from figures._packs import row
 from figures.packs_mixed import planar
-from granular import Bead, chain, materials, simulate
-from granular.observables import effective_number, virial_ratio
+from granular import Bead, chain, energies, materials, simulate
 from tensegrity import Record
 
 NAME = "packs_thermal"
@@ -41,13 +40,13 @@ def data():
         record = Record(interval=INTERVAL)
         run = simulate(scene, state, END, method="rkn6", dt=DT, record=record)
         tables["lines"]["t [s]"] = tables["virial"]["t [s]"] = run.t
-        tables["lines"][name] = effective_number(run)
-        tables["virial"][name] = virial_ratio(run)
+        tables["lines"][name] = energies(run).effective_number
+        tables["virial"][name] = energies(run).virial_ratio
     for mix in PACKS:
         scene = planar(mix)
         run = _packs.quick(scene, PACKS_END, Record(interval=2e-5))
         tables["packs"]["t [s]"] = run.t
-        tables["packs"][f"plane, {mix}"] = effective_number(run)
+        tables["packs"][f"plane, {mix}"] = energies(run).effective_number
     return tables
 
 

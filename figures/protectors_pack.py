@@ -6,8 +6,7 @@ import numpy as np
 
 from figures import _pack as common
 from figures._disks import disks
-from granular import simulate
-from granular.observables import density, wall_force
+from granular import sensor_force, simulate, wall_force
 from tensegrity import Record
 
 NAME = "protectors_pack"
@@ -61,7 +60,7 @@ def data():
         "x [m]": places[:, 0], "z [m]": places[:, 1],
         "material": [bead.material.name for bead in best.beads],
     }  # fmt: skip
-    forces = density(run, sites)[some]
+    forces = sensor_force(run, sites)[some]
     tables["forces"] = {
         "t [s]": run.t[some],
         **{f"bead {k} [N]": f for k, f in enumerate(forces.T)},

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tensegrity import Prism, solitary_wave
-from tensegrity.waves.asymptotics import sech2, tent
+from tensegrity import Prism, sech2, solitary_wave, tent
 
 NAME = "solitary_errors"
 GROUP = "waves"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from tensegrity import Prism, solitary_wave
-from tensegrity.waves.asymptotics import sound_speed
 from tensegrity.waves.solitary import largest_speed
 
 NAME = "solitary_families"
@@ -27,7 +26,7 @@ def data():
     tables = {}
     for name, (prism, preload, family) in SPRINGS.items():
         spring = prism.potential(preload=preload)
-        bound = largest_speed(spring, family=family, closest=4e-3) / sound_speed(spring)
+        bound = largest_speed(spring, family=family, closest=4e-3) / spring.sound_speed()
         largest = min(FASTEST, 1 + 0.9 * (bound - 1))
         excess = np.geomspace(2e-3, largest - 1, POINTS)
         waves = [solitary_wave(spring, speed_ratio=1 + e, family=family) for e in excess.tolist()]

@@ -6,7 +6,6 @@ import numpy as np
 
 from derivations import waves as derived
 from tensegrity import Prism
-from tensegrity.waves.asymptotics import sound_speed
 from tensegrity.waves.solitary import largest_speed
 
 NAME = "solitary_largest_speed"
@@ -30,7 +29,7 @@ def data():
                 derived.locking_energy: float(spring.energy(spring.domain[0])),
             }
             estimate = float(derived.largest_speed().subs(values))
-            sound = sound_speed(spring)
+            sound = spring.sound_speed()
             rows.append((slenderness, prestrain, fine, coarse, estimate, fine / sound))
     names = ("slenderness", "prestrain", "speed", "speed_coarse", "two_body", "speed_ratio")
     return {"map": dict(zip(names, map(np.array, zip(*rows, strict=True)), strict=True))}

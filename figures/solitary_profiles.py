@@ -6,8 +6,7 @@ import numpy as np
 
 from figures import _exact
 from figures._measure import row
-from tensegrity import Prism, solitary_wave
-from tensegrity.waves.asymptotics import sech2, sound_speed, tent
+from tensegrity import Prism, sech2, solitary_wave, tent
 from tensegrity.waves.solitary import largest_speed
 
 NAME = "solitary_profiles"
@@ -25,7 +24,7 @@ def data():
     numbers |= {name: [] for name in ("stroke_used", "width", "residual")}
     for shape, label in PRISMS.items():
         spring = Prism(1.0, *shape, 1.0).potential()
-        largest = largest_speed(spring) / sound_speed(spring)
+        largest = largest_speed(spring) / spring.sound_speed()
         for ratio in RATIOS:
             line = [*shape, ratio, largest, np.nan, np.nan, np.nan]
             if ratio < largest:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 
 from figures import _measure, _scenes
-from tensegrity import LockingError, simulate, solitary_wave
-from tensegrity.measure.observables import arrival
+from tensegrity import LockingError, arrival, simulate, solitary_wave
 
 NAME = "wave_collision"
 GROUP = "waves"

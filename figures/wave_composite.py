@@ -9,9 +9,8 @@ import numpy as np
 
 from figures import _measure, _scenes
 from figures._measure import Number
-from tensegrity import Chain, Potential, Record, TensegrityError, simulate, solitary_wave
-from tensegrity.measure.observables import beyond, pulses
-from tensegrity.waves.asymptotics import sound_speed
+from tensegrity import Chain, Potential, Record, TensegrityError, budget, simulate, solitary_wave
+from tensegrity.measure.observables import pulses
 
 NAME = "wave_composite"
 GROUP = "waves"
@@ -85,7 +84,7 @@ def met(wave):
 
 def acoustics(case):
     """Reflected over incident impulse in linear chains: (Z - Z')/(Z + Z')."""
-    z, further = sound_speed(case.near), sound_speed(case.far)
+    z, further = case.near.sound_speed(), case.far.sound_speed()
     return (z - further) / (z + further)
 
 
@@ -100,7 +99,7 @@ def outcome(run, wave, case, timed=TIMED, passed=PASSED):
         the first large pulse beyond; late: how much later than sound it comes there [s];
         momentum error: of the whole chain, over that of the wave.
     """
-    sound, further = wave.sound_speed, sound_speed(case.far)
+    sound, further = wave.sound_speed, case.far.sound_speed()
     energy = run.scene.site_energy(run.final.u, run.final.v)
     near, last = (
         _measure.Passing(run, case.before - bonds, after=met(wave) + 0.9 * bonds / sound)
@@ -134,7 +133,7 @@ def balance(case):
     short = case._replace(before=math.ceil(2 * reach) + 6, after=CLOSED)
     _, scene = composite(short, 40)
     run = simulate(*scene, method="rkn6", dt=case.step / 8, record=Record(every=1))
-    return beyond(run, short.before)
+    return budget(run, short.before)
 
 
 def train(run, before, since):
@@ -146,7 +145,7 @@ def train(run, before, since):
         How many of compression, of rarefaction.
     """
     r = np.abs(run.scene.elongation(run.final.u))
-    front = before + sound_speed(run.scene.springs[-1]) * (run.t[-1] - since)
+    front = before + run.scene.springs[-1].sound_speed() * (run.t[-1] - since)
     found = pulses(run.scene, run.final, COUNTED * r[before:].max() / r.max())
     signs = [pulse.elongation > 0 for pulse in found if pulse.place > front]
     return signs.count(False), signs.count(True)

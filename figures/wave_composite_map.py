@@ -11,7 +11,6 @@ import numpy as np
 from figures import _measure, _scenes
 from figures.wave_composite import PASSED, Case, acoustics, composite, met
 from tensegrity import Record, StabilityError, TensegrityError, simulate
-from tensegrity.waves.asymptotics import sound_speed
 
 NAME = "wave_composite_map"
 GROUP = "waves"
@@ -55,7 +54,7 @@ def answer(ratio, k_cross):
         back, crest = _measure.leader(run, bonds[:2], after=gone)
         on, further = _measure.leader(run, bonds[2:])
         found[f"{name}back"] = np.copysign(back / wave.sound_speed, crest)
-        found[f"{name}on"] = np.copysign(on / sound_speed(soft), further)
+        found[f"{name}on"] = np.copysign(on / soft.sound_speed(), further)
     return found
 
 

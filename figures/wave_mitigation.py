@@ -9,7 +9,6 @@ from scipy.optimize import brentq
 from figures import _measure, _scenes
 from tensegrity import simulate
 from tensegrity.measure.observables import DEGREE
-from tensegrity.waves.asymptotics import sound_speed
 
 NAME = "wave_mitigation"
 GROUP = "waves"
@@ -39,7 +38,7 @@ def springs():
 
 def barrier(spring, units, way):
     """So many units before a wall, the first mass struck; followed while sound goes `way`."""
-    duration = (way * units + 8) / sound_speed(spring)
+    duration = (way * units + 8) / spring.sound_speed()
     return _scenes.impact(spring, units + 1, {0: BLOW}, duration, ("free", "fixed"))
 
 
@@ -66,7 +65,7 @@ def at_wall(run):
 def peaks(name, units):
     """What reaches the wall behind so many units of a chain, with its errors."""
     scene = barrier(spring := springs()[name], units, WAYS[name][1])
-    quiet = WAYS[name][0] * units / sound_speed(spring)
+    quiet = WAYS[name][0] * units / spring.sound_speed()
     return _measure.resolved(scene, at_wall, INTERVALS[name], [units - 1, units], quiet=quiet)[1]
 
 

@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from figures import _measure, _scenes
-from tensegrity import TensegrityError, solitary_wave
-from tensegrity.measure.observables import speed
-from tensegrity.waves.asymptotics import sound_speed
+from tensegrity import TensegrityError, solitary_wave, speed
 
 NAME = "wave_power_law"
 GROUP = "waves"
@@ -68,13 +66,13 @@ def no_wave():
 def struck(exponent, blow, sites=180, travel=150):
     """A precompressed chain whose free end is struck."""
     spring = _scenes.power(exponent, 1.0)
-    return _scenes.impact(spring, sites, {0: BLOWS[blow]}, travel / sound_speed(spring))
+    return _scenes.impact(spring, sites, {0: BLOWS[blow]}, travel / spring.sound_speed())
 
 
 def leading(run):
     """Speed of the first large pulse over that of sound, and its sign times its size [m]."""
     fast, crest = _measure.leader(run, TIMED)
-    return {"ratio": fast / sound_speed(run.scene.springs[0]), "crest": crest}
+    return {"ratio": fast / run.scene.springs[0].sound_speed(), "crest": crest}
 
 
 def data():

@@ -6,9 +6,7 @@ import numpy as np
 
 from figures import _measure, _scenes
 from figures._measure import Number
-from tensegrity import LockingError, Record, simulate, solitary_wave
-from tensegrity.measure.observables import beyond
-from tensegrity.waves.asymptotics import sound_speed
+from tensegrity import LockingError, Record, budget, simulate, solitary_wave
 
 NAME = "wave_softening"
 GROUP = "waves"
@@ -67,7 +65,7 @@ def leading(run):
         _measure.Passing(run, bond, -np.sign(crest), _measure.Passing(run, bond).instant).instant
         for bond in SENSORS
     ]
-    sound = sound_speed(run.scene.springs[-1], run.scene.mass[-1])
+    sound = run.scene.springs[-1].sound_speed(run.scene.mass[-1])
     return {
         "speed": fast / sound,
         "tail": (far - near) / (behind[1] - behind[0]) / sound,
@@ -94,7 +92,7 @@ def kind(blow, speed):
     except LockingError:
         return "collapse", 0.0
     fast, crest = _measure.leader(run, SENSORS)
-    ratio = fast / sound_speed(run.scene.springs[-1], run.scene.mass[-1])
+    ratio = fast / run.scene.springs[-1].sound_speed(run.scene.mass[-1])
     if crest < 0:
         return "compression", ratio
     exact = solitary_wave(_scenes.softening(PRELOAD), amplitude=crest).speed_ratio
@@ -106,7 +104,7 @@ def measured(blow, speed):
     """Numbers of one blow with their errors, and the finer run."""
     run, found = _measure.resolved(struck(blow, speed), leading, 4 * STEP)
     short = struck(blow, speed, *CLOSED)
-    budget = beyond(simulate(*short, method="rkn6", dt=STEP / 4, record=Record(every=1)), 0)
+    budget = budget(simulate(*short, method="rkn6", dt=STEP / 4, record=Record(every=1)), 0)
     found["momentum error"] = Number(budget.momentum_error, budget.energy_error)
     if found["crest"].value > 0:
         wave = solitary_wave(_scenes.softening(PRELOAD), amplitude=found["crest"].value)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from figures import _impact, _measure, _scenes
-from tensegrity import solitary_wave
-from tensegrity.waves.asymptotics import sech2
+from tensegrity import sech2, solitary_wave
 
 NAME = "wave_speeds"
 GROUP = "waves"

@@ -16,9 +16,9 @@ from tensegrity import (
     Record,
     simulate,
     solitary_wave,
+    speed,
 )
-from tensegrity.measure.observables import crest, speed
-from tensegrity.waves.asymptotics import sound_speed
+from tensegrity.measure.observables import crest
 
 NAME = "wave_tuning"
 GROUP = "waves"
@@ -59,7 +59,7 @@ def characteristics(prism, preload, amplitude):
         spring = prism.potential(preload)
     except EquilibriumError:
         return (math.nan,) * 4  # beyond the limit point
-    sound = sound_speed(spring)
+    sound = spring.sound_speed()
     impedance = math.sqrt(float(spring.stiffness(0.0)))
     try:
         wave = solitary_wave(spring, amplitude=amplitude)

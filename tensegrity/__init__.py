@@ -1,5 +1,8 @@
 """Tensegrity prisms as springs, and lattices of masses joined by them."""
 
+from tensegrity import objective
+from tensegrity.engine.methods import METHODS
+from tensegrity.engine.schemes import Nystrom, Splitting
 from tensegrity.errors import (
     CompilerError,
     ContactError,
@@ -12,13 +15,24 @@ from tensegrity.errors import (
     StabilityError,
     TensegrityError,
 )
-from tensegrity.gradients import objective
 from tensegrity.gradients.compute import gradient
 from tensegrity.lens.lens import Lens
+from tensegrity.measure.observables import (
+    angular_momentum,
+    arrival,
+    budget,
+    directions,
+    duration,
+    speed,
+    tail_front,
+    wall_gaps,
+    width,
+)
+from tensegrity.measure.records import first_peak, largest_peak, peaks, sampled
 from tensegrity.prisms.closed import member_stiffness
 from tensegrity.prisms.contact import bar_contact
 from tensegrity.prisms.fit import fit
-from tensegrity.prisms.path import EquilibriumPath, equilibrium_path, equilibrium_paths
+from tensegrity.prisms.path import equilibrium_path, equilibrium_paths
 from tensegrity.prisms.prism import Prism, column
 from tensegrity.runs.integrate import resume, simulate
 from tensegrity.runs.record import Record
@@ -34,13 +48,14 @@ from tensegrity.springs.polynomial import Polynomial
 from tensegrity.springs.potential import Potential, PowerLaw
 from tensegrity.structures.path import control_path, equilibrium
 from tensegrity.structures.structure import Structure
-from tensegrity.structures.structure_path import StructurePath
 from tensegrity.structures.supports import held, plates
-from tensegrity.waves.prediction import Prediction, predict
+from tensegrity.waves.asymptotics import sech2, tent
+from tensegrity.waves.prediction import predict
 from tensegrity.waves.solitary import SolitaryWave, solitary_wave
-from tensegrity.waves.spectrum import Modes, dispersion, modes
+from tensegrity.waves.spectrum import dispersion, modes
 
 __all__ = [
+    "METHODS",
     "Chain",
     "CompilerError",
     "ContactError",
@@ -48,16 +63,14 @@ __all__ = [
     "Drive",
     "Ensemble",
     "EquilibriumError",
-    "EquilibriumPath",
     "Lens",
     "LockingError",
-    "Modes",
     "Network",
     "NoLocking",
+    "Nystrom",
     "Polynomial",
     "Potential",
     "PowerLaw",
-    "Prediction",
     "Prism",
     "RangeError",
     "Record",
@@ -65,29 +78,44 @@ __all__ = [
     "ResolutionError",
     "Run",
     "SolitaryWave",
+    "Splitting",
     "StabilityError",
     "State",
     "Structure",
-    "StructurePath",
     "TensegrityError",
     "Wall",
+    "angular_momentum",
+    "arrival",
     "bar_contact",
+    "budget",
     "column",
     "control_path",
+    "directions",
     "dispersion",
+    "duration",
     "equilibrium",
     "equilibrium_path",
     "equilibrium_paths",
+    "first_peak",
     "fit",
     "gradient",
     "held",
+    "largest_peak",
     "member_stiffness",
     "modes",
     "objective",
+    "peaks",
     "plates",
     "predict",
     "resume",
+    "sampled",
+    "sech2",
     "simulate",
     "solitary_wave",
+    "speed",
     "sweep",
+    "tail_front",
+    "tent",
+    "wall_gaps",
+    "width",
 ]

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from tensegrity import METHODS
 from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.kernel import bind
-from tensegrity.engine.methods import METHODS
 from tensegrity.scenes.dynamics import dynamics
 
 

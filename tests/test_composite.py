@@ -15,11 +15,9 @@ from figures import (
     composite,
     wave_composite_map,
 )
-from tensegrity import Chain, Prism, Record, simulate, solitary_wave
+from tensegrity import Chain, Prism, Record, budget, simulate, solitary_wave
 from tensegrity.errors import RangeError
-from tensegrity.measure.observables import beyond
 from tensegrity.prisms.condensed import ElasticPotential
-from tensegrity.waves.asymptotics import sound_speed
 from tensegrity.waves.family import Family
 from tensegrity.waves.solitary import approximate_wave
 
@@ -70,7 +68,7 @@ def test_a_wave_that_comes_back_is_refused():
 def test_crests_of_a_dispersive_train_are_refused():
     """A pull on a chain that carries no small rarefaction waves spreads into a train."""
     chain = Chain(RIGID, 250)
-    run = simulate(chain, chain.at_rest({0: -0.01}), 150.0 / sound_speed(RIGID), method="rkn6")
+    run = simulate(chain, chain.at_rest({0: -0.01}), 150.0 / RIGID.sound_speed(), method="rkn6")
     for sign in (1, -1):
         found = seen(chain, run.final, sign)
         assert found
@@ -150,7 +148,7 @@ def test_what_the_far_chain_holds_is_what_the_incident_wave_brought_less_what_st
     momentum = begun.chain.mass * run.v
     near_part, far_part = momentum[:, :60].sum(axis=1), momentum[:, 60:].sum(axis=1)
     assert np.abs((near_part + far_part) / wave.momentum - 1).max() < 1e-9
-    budget = beyond(run, 59)
+    budget = budget(run, 59)
     assert abs(far_part[-1]) > 0.05 * abs(wave.momentum)
     assert budget.impulse[-1] == pytest.approx(far_part[-1] - far_part[0], rel=1e-5)
 

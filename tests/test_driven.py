@@ -25,12 +25,13 @@ from tensegrity import (
     StabilityError,
     State,
     TensegrityError,
+    angular_momentum,
+    directions,
     gradient,
     modes,
     objective,
     simulate,
 )
-from tensegrity.measure.observables import angular_momentum, directions
 
 T, R = sp.symbols("t r")
 CUBIC = series(0, 1 / 4, length=1.0)

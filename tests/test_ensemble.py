@@ -20,9 +20,9 @@ from tensegrity import (
     StabilityError,
     State,
     TensegrityError,
+    arrival,
     simulate,
 )
-from tensegrity.measure.observables import arrival
 
 SPEEDS = np.linspace(-0.01, 0.03, 13)  # 8 lanes together and 5 beside copies
 

@@ -9,7 +9,6 @@ import sympy as sp
 from test_native import COMPILER
 
 from tensegrity import EquilibriumError, Polynomial, Potential, PowerLaw, Prism, TensegrityError
-from tensegrity.export import to_c
 
 R, K, A = sp.symbols("r k a")
 RIGID = Prism(1.0, 0.7, 0.01, 1.0).potential()
@@ -63,7 +62,7 @@ def test_compiled_file_says_what_python_says(name, tmp_path):
     """To 1e-14 of each value, and of the largest where values are differences of larger ones:
     under a preload, and of sums of many terms."""
     spring = SPRINGS[name]
-    path = to_c(spring, tmp_path / "my spring.c")
+    path = spring.to_c(tmp_path / "my spring.c")
     r = elongations(spring)
     found = printed(compiled(path, tmp_path / "driver", "-O1", "-DDRIVER", *STRICT), r)
     wanted = np.stack([spring.energy(r), spring.tension(r), spring.stiffness(r)])
@@ -89,7 +88,7 @@ int main(void)
 
 def test_two_files_are_linked_into_a_program_of_ones_own(tmp_path):
     hard = PowerLaw(3.0, 2.5)
-    sources = [to_c(RIGID, tmp_path / "soft.c"), to_c(hard, str(tmp_path / "hard.c"))]
+    sources = [RIGID.to_c(tmp_path / "soft.c"), hard.to_c(str(tmp_path / "hard.c"))]
     (tmp_path / "caller.c").write_text(CALLER)
     command = [*COMPILER, "-O1", *map(str, sources), str(tmp_path / "caller.c")]
     subprocess.run([*command, "-o", str(tmp_path / "it"), "-lm"], check=True)
@@ -99,7 +98,7 @@ def test_two_files_are_linked_into_a_program_of_ones_own(tmp_path):
 
 
 def test_driver_refuses_what_is_outside_of_the_domain(tmp_path):
-    path = to_c(RIGID, tmp_path / "spring.c")
+    path = RIGID.to_c(tmp_path / "spring.c")
     driver = path.read_text().partition("int main")[2].partition("#endif")[0]
     assert len(driver.splitlines()) <= 20
     program = compiled(path, tmp_path / "driver", "-DDRIVER", *STRICT)
@@ -117,18 +116,18 @@ def test_driver_refuses_what_is_outside_of_the_domain(tmp_path):
 def test_names_and_comments_hold_only_what_c_takes(tmp_path):
     odd = sp.Symbol("k */ int x; /* ??/")
     spring = Potential(odd * R**2 / 2, R, {odd: 2.0})
-    path = to_c(spring, tmp_path / "9 düsen-feder*.c")
+    path = spring.to_c(tmp_path / "9 düsen-feder*.c")
     compiled(path, tmp_path / "driver", "-DDRIVER", *STRICT)
     assert "double spring_9_d_sen_feder_energy(double r)" in path.read_text()
 
 
 @pytest.mark.parametrize("stem", ["double", "null", "my--spring", "été__2", "jac"])
 def test_any_name_of_a_file_makes_names_that_c_takes(stem, tmp_path):
-    compiled(to_c(RIGID, tmp_path / f"{stem}.c"), tmp_path / "driver", "-DDRIVER", *STRICT)
+    compiled(RIGID.to_c(tmp_path / f"{stem}.c"), tmp_path / "driver", "-DDRIVER", *STRICT)
 
 
 def test_a_file_that_cannot_be_written_leaves_the_old_one(tmp_path, monkeypatch):
-    path = to_c(RIGID, tmp_path / "spring.c")
+    path = RIGID.to_c(tmp_path / "spring.c")
     before = path.read_text()
 
     def full(*_):
@@ -136,16 +135,16 @@ def test_a_file_that_cannot_be_written_leaves_the_old_one(tmp_path, monkeypatch)
 
     monkeypatch.setattr("os.replace", full)
     with pytest.raises(TensegrityError, match="No space left"):
-        to_c(PowerLaw(1.0, 1.5), path)
+        PowerLaw(1.0, 1.5).to_c(path)
     assert [p.name for p in tmp_path.iterdir()] == ["spring.c"]
     assert path.read_text() == before
     with pytest.raises(TensegrityError, match="not written"):
-        to_c(RIGID, tmp_path / "nowhere" / "spring.c")
+        RIGID.to_c(tmp_path / "nowhere" / "spring.c")
 
 
 def test_a_prism_too_stiff_for_a_few_iterations_is_refused(tmp_path, monkeypatch):
     stiff = Prism(1.0, 0.7, 0.01, 1.0, k_base=20.0, k_bar=200.0).potential()
     monkeypatch.setattr(type(stiff), "_settled", lambda *_: None)
     with pytest.raises(EquilibriumError, match="too stiff"):
-        to_c(stiff, tmp_path / "spring.c")
+        stiff.to_c(tmp_path / "spring.c")
     assert list(tmp_path.iterdir()) == []

@@ -9,9 +9,17 @@ from complex_steps import derivative, net, run, tension_of
 
 from granular import Bead, Striker, chain, fcc_pack, hertz, hexagonal_pack, materials, y_guide
 from granular.sensitivity import by_beads
-from tensegrity import Network, Potential, PowerLaw, State, TensegrityError, Wall, gradient
+from tensegrity import (
+    Network,
+    Potential,
+    PowerLaw,
+    State,
+    TensegrityError,
+    Wall,
+    gradient,
+    wall_gaps,
+)
 from tensegrity import objective as o
-from tensegrity.measure.observables import wall_gaps
 
 R, K = sp.symbols("r k")
 ENERGY = K * R**2 / 2 + R**3 / 3
@@ -110,8 +118,8 @@ def test_diameters_and_moduli_of_a_chain_of_beads(gravity):
     diameters = np.linspace(5e-3, 9e-3, 5)
     moduli = np.array([(STEEL if i % 2 else PTFE).modulus for i in range(5)])
     beads = line_of(diameters, moduli, gravity)
-    asked, run_of = o.p_norm(o.load(wall=0), 8), (beads.start(), 3e-4, 4e-7)
-    found = gradient(asked, beads, *run_of)
+    asked, run_of = o.p_norm(o.load(wall=0), 8), (beads.start(), 3e-4)
+    found = gradient(asked, beads, *run_of, dt=4e-7)
     h = 1e-6
     for site in (0, 2, 4):
         step = 1 + h * np.eye(5)[site]
@@ -119,7 +127,10 @@ def test_diameters_and_moduli_of_a_chain_of_beads(gravity):
             (found.by("diameter"), diameters, lambda x: line_of(diameters * x, moduli, gravity)),
             (found.by("modulus"), moduli, lambda x: line_of(diameters, moduli * x, gravity)),
         ):
-            values = [gradient(asked, moved(x), *run_of, wanted=()).value for x in (step, 2 - step)]
+            values = [
+                gradient(asked, moved(x), *run_of, dt=4e-7, wanted=()).value
+                for x in (step, 2 - step)
+            ]
             exact = (values[0] - values[1]) / (2 * h)
             assert mine[site] * own[site] == pytest.approx(exact, rel=1e-5, abs=1e-7)
     assert found.by("diameter").shape == (beads.sites,)
@@ -149,8 +160,8 @@ def test_diameters_of_beads_at_their_places_move_gaps_contacts_and_masses(make, 
     """Against differences of networks with one bead smaller."""
     scene = make()
     wall %= len(scene.walls)
-    asked, run_of = o.p_norm(o.load(wall=wall), 8), (scene.start(), t_end, 2e-7)
-    found = gradient(asked, scene, *run_of, checkpoints=10)
+    asked, run_of = o.p_norm(o.load(wall=wall), 8), (scene.start(), t_end)
+    found = gradient(asked, scene, *run_of, dt=2e-7, checkpoints=10)
 
     def other(site, less):
         """A bead smaller by `less` at its place."""
@@ -168,7 +179,9 @@ def test_diameters_of_beads_at_their_places_move_gaps_contacts_and_masses(make, 
 
     h = 1e-12  # m: contacts touch, and any gap is a kink of higher order
     for site in sites:
-        values = [gradient(asked, other(site, x), *run_of, wanted=()).value for x in (0.0, h)]
+        values = [
+            gradient(asked, other(site, x), *run_of, dt=2e-7, wanted=()).value for x in (0.0, h)
+        ]
         exact = (values[0] - values[1]) / h
         assert found.by("diameter")[site] == pytest.approx(exact, rel=2e-3)
         assert exact != 0

@@ -17,6 +17,7 @@ from tensegrity import objective as o
 
 REFERENCES = json.loads((Path(__file__).parent / "gradients.json").read_text())["scenes"]
 METHODS = ("verlet", "rkn6")
+STEPS = {"dt": 0.05, "method": "rkn6"}
 R, K, A = sp.symbols("r k a")
 ENERGY = K * R**2 / 2 + A * R**3 / 3 + R**4 / 4
 ARGUMENTS = {"alpha": "stiffness"}
@@ -258,9 +259,9 @@ def test_the_run_is_that_of_simulate_to_the_bit():
 
 def test_a_list_of_objectives_gives_what_each_gives_alone():
     chain, asked = prisms(), [o.displacement(3), o.peak(o.load(bond=3)), o.velocity(0)]
-    run_of = chain, chain.at_rest({0: 0.05}), 10.0, 0.05, "rkn6"
-    for one, together in zip(asked, gradient(asked, *run_of), strict=True):
-        alone = gradient(one, *run_of)
+    run_of = chain, chain.at_rest({0: 0.05}), 10.0
+    for one, together in zip(asked, gradient(asked, *run_of, **STEPS), strict=True):
+        alone = gradient(one, *run_of, **STEPS)
         assert alone.value == together.value
         assert np.allclose(alone.u, together.u, rtol=1e-12, atol=0)
         assert np.allclose(alone.by("prestrain"), together.by("prestrain"), rtol=1e-12, atol=0)
@@ -268,13 +269,13 @@ def test_a_list_of_objectives_gives_what_each_gives_alone():
 
 def test_wanted_limits_what_by_knows_and_changes_nothing_else():
     chain = prisms()
-    run_of = chain, chain.at_rest({0: 0.05}), 10.0, 0.05, "rkn6"
+    run_of = chain, chain.at_rest({0: 0.05}), 10.0
     every, some = (
-        gradient(o.peak(o.load(bond=3)), *run_of, wanted=w) for w in (None, ("k_cross",))
+        gradient(o.peak(o.load(bond=3)), *run_of, **STEPS, wanted=w) for w in (None, ("k_cross",))
     )
     assert np.allclose(every.by("k_cross"), some.by("k_cross"), rtol=1e-11, atol=0)
     assert np.allclose(every.v, some.v, rtol=1e-11, atol=0)
-    named = gradient(o.peak(o.load(bond=3)), *run_of, wanted=("s_N",))
+    named = gradient(o.peak(o.load(bond=3)), *run_of, **STEPS, wanted=("s_N",))
     assert np.allclose(named.parameters["s_N"], every.parameters["s_N"], rtol=1e-11, atol=0)
     assert set(named.parameters) == {"s_N"}
 
@@ -284,11 +285,11 @@ def test_a_chain_turned_end_for_end_has_its_gradients_turned(method):
     """Also where packs of bonds go on behind the free end."""
     chain = prisms(ends=("free", "free"))
     turned = Chain(chain.springs[::-1], chain.sites, chain.mass[::-1])
-    last, run_of = chain.sites - 1, (5.0, 0.1, method)
+    last, run_of = chain.sites - 1, {"t_end": 5.0, "dt": 0.1, "method": method}
     asked = [o.p_norm(o.load(bond=1), 4), o.peak(o.load(bond=3)), o.energy([0, 1])]
     other = [o.p_norm(o.load(bond=2), 4), o.peak(o.load(bond=0)), o.energy([last, last - 1])]
-    ones = gradient(asked, chain, chain.at_rest({0: 0.05}), *run_of)
-    others = gradient(other, turned, turned.at_rest({last: -0.05}), *run_of)
+    ones = gradient(asked, chain, chain.at_rest({0: 0.05}), **run_of)
+    others = gradient(other, turned, turned.at_rest({last: -0.05}), **run_of)
     for one, two in zip(ones, others, strict=True):
         for x, y in (
             (one.u, -two.u),
@@ -321,14 +322,17 @@ def chaotic(sites=10):
 
 def test_on_a_grid_the_start_is_returned_to_the_last_bit():
     chain, state = chaotic()
-    asked, run_of = o.p_norm(o.load(wall=0), 8), (chain, state, 150.0, 0.05)
+    asked, run_of = o.p_norm(o.load(wall=0), 8), (chain, state, 150.0)
     exact, plain = (
-        gradient(asked, *run_of, exact=x, checkpoints=c) for x, c in ((True, None), (False, 1))
+        gradient(asked, *run_of, dt=0.05, exact=x, checkpoints=c)
+        for x, c in ((True, None), (False, 1))
     )
     assert exact.reversal == 0.0
     assert exact.value == pytest.approx(plain.value, rel=1e-4)  # in chaos
-    short = chain, state, 10.0, 0.05
-    exact, plain = gradient(asked, *short, exact=True), gradient(asked, *short, checkpoints=1)
+    short = chain, state, 10.0
+    exact, plain = (
+        gradient(asked, *short, dt=0.05, **how) for how in ({"exact": True}, {"checkpoints": 1})
+    )
     assert exact.value == pytest.approx(plain.value, rel=1e-12)
     assert np.allclose(exact.by("stiffness"), plain.by("stiffness"), rtol=1e-7, atol=1e-9)
     assert exact.by("stiffness").any()
@@ -336,9 +340,9 @@ def test_on_a_grid_the_start_is_returned_to_the_last_bit():
 
 def test_where_the_way_back_strays_more_states_are_given():
     chain, state = chaotic()
-    run_of = chain, state, 200.0, 0.05
-    found = gradient(o.displacement(5), *run_of)
-    careful = gradient(o.displacement(5), *run_of, checkpoints=1)
+    run_of = chain, state, 200.0
+    found = gradient(o.displacement(5), *run_of, dt=0.05)
+    careful = gradient(o.displacement(5), *run_of, dt=0.05, checkpoints=1)
     assert found.reversal < 1e-9 * 2
     assert np.abs(found.v - careful.v).max() < 1e-6 * np.abs(careful.v).max()
 

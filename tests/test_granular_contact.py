@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from granular import Bead, Contact, Material, Striker, bead_of_mass, coated, hertz, materials, power
+from granular import Bead, Contact, Material, Striker, hertz, materials, power
 from tensegrity import TensegrityError
 
 TABLES = {  # GPa, -, kg/m^3
@@ -51,13 +51,13 @@ def test_printed_masses_are_density_times_volume_to_one_percent(name, printed):
 
 
 def test_heavy_striker_has_the_radius_of_its_density():
-    bead = bead_of_mass(5.33e-3, materials["steel"])
+    bead = Bead.of_mass(5.33e-3, materials["steel"])
     assert Bead(bead.diameter, bead.material).mass == pytest.approx(5.33e-3, rel=1e-14)
 
 
 def test_coated_bead_keeps_mass_and_place_of_its_core():
     core = Bead(4.76e-3, materials["steel"], 0.45e-3)
-    bead = coated(core, materials["parylene"], 50e-6)
+    bead = core.coated(materials["parylene"], 50e-6)
     assert (bead.mass, bead.diameter) == (core.mass, core.diameter)
     assert bead.contact_radius == pytest.approx(2.43e-3, rel=1e-14)
     assert bead.material is materials["parylene"]
@@ -118,9 +118,8 @@ def test_power_law_of_any_exponent_is_the_same_for_all():
         (lambda: Contact(1.0, 0.0), "exponent 0 must be above 0"),
         (lambda: hertz(Bead(1e-3, materials["steel"]), "wall"), "neither a Bead nor a Material"),
         (lambda: hertz("steel", Bead(1e-3, materials["steel"])), "'steel' is not a Bead"),
-        (lambda: bead_of_mass(1e-3, "steel"), "material 'steel' is not a Material; take one of"),
-        (lambda: coated(1, materials["ptfe"], 1e-6), "core 1 is not a Bead"),
-        (lambda: coated(Bead(1e-3, materials["steel"]), materials["ptfe"], -1e-6), "thickness"),
+        (lambda: Bead.of_mass(1e-3, "steel"), "material 'steel' is not a Material; take one of"),
+        (lambda: Bead(1e-3, materials["steel"]).coated(materials["ptfe"], -1e-6), "thickness"),
     ],
 )
 def test_bad_input_is_refused_with_its_bound(make, words):

@@ -16,7 +16,6 @@ from granular import (
     Bead,
     Striker,
     chain,
-    coated,
     fcc_pack,
     hertz,
     hexagonal_pack,
@@ -51,7 +50,7 @@ def cube(**options):
 def scenes():
     oblique = {"offset": (-0.5, math.sqrt(0.75)), "direction": (0.5, -math.sqrt(0.75))}
     loads = {"gravity": 9.81, "preload": 1.0}
-    soft = coated(STEEL, materials["parylene"], 50e-6)
+    soft = STEEL.coated(materials["parylene"], 50e-6)
     sizes = [Bead(4e-3, WALL), Bead(8e-3, WALL, contact_radius=2.5e-3), Bead(9e-3, WALL),
              Bead(6e-3, WALL, contact_radius=2.5e-3)]  # fmt: skip
     small, big = sizes[:2]

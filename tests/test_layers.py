@@ -32,7 +32,7 @@ ROOMS = [  # inside tensegrity: each may import what stands before it
     "lens",
     "gradients",
 ]
-ABOVE = ["export", "__main__"]  # modules for users that no room uses
+ABOVE = ["objective", "__main__"]  # modules for users that no room uses
 
 
 @cache

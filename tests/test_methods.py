@@ -9,17 +9,18 @@ from networks import patch, pushed
 from numpy.polynomial import Polynomial
 from scenes import prism_chain, smooth_blow
 
-from tensegrity import Chain, Potential, State, gradient, objective, simulate
-from tensegrity.engine.methods import (
+from tensegrity import (
     METHODS,
-    Corrected,
-    Method,
+    Chain,
     Nystrom,
+    Potential,
     Splitting,
-    default,
-    find,
-    nystrom_of,
+    State,
+    gradient,
+    objective,
+    simulate,
 )
+from tensegrity.engine.methods import Corrected, Method, default, find, nystrom_of
 from tensegrity.errors import TensegrityError
 
 EXPLICIT = [method for method in METHODS.values() if method.explicit]

@@ -21,9 +21,9 @@ from tensegrity import (
     State,
     TensegrityError,
     Wall,
+    angular_momentum,
     simulate,
 )
-from tensegrity.measure.observables import angular_momentum
 
 RUNNING = ["verlet", "rkn6", "rk4", "corrected6"]
 LINE = [(k, k + 1) for k in range(19)]

@@ -3,8 +3,18 @@
 import numpy as np
 import pytest
 
-from tensegrity import Chain, Prism, Record, TensegrityError, simulate, solitary_wave
-from tensegrity.measure.observables import duration, pulses, speed, tail_front
+from tensegrity import (
+    Chain,
+    Prism,
+    Record,
+    TensegrityError,
+    duration,
+    simulate,
+    solitary_wave,
+    speed,
+    tail_front,
+)
+from tensegrity.measure.observables import pulses
 
 SPRING = Prism(1.0, 0.7, 0.01, 1.0).potential()
 

@@ -11,6 +11,7 @@ from granular import (
     Pack,
     Striker,
     chain,
+    energies,
     fcc_pack,
     hertz,
     hexagonal_pack,
@@ -20,13 +21,6 @@ from granular import (
     wall_force,
 )
 from granular.contact_network import contacts_of, wall_sites
-from granular.observables import (
-    effective_number,
-    energy_shares,
-    part_energies,
-    participation_ratio,
-    virial_ratio,
-)
 from tensegrity import ContactError, Record, Run, TensegrityError, Wall
 
 D = 9.53e-3
@@ -268,19 +262,19 @@ def test_a_gas_keeps_its_energy_and_meets_the_reference_s_sums():
 def test_energies_of_a_gas_count_the_contacts_that_formed():
     scene, state = gas()
     run = simulate(scene, state, 3e-3, method="rkn6", dt=1e-6, record=Record(every=10))
-    parts = part_energies(run)
+    parts = energies(run).parts
     np.testing.assert_allclose(parts["beads"] + parts["walls"], run.energy, rtol=1e-9)
     assert np.sum(contacts_of(scene).stored(run.u)) > 0
-    shares = energy_shares(run)
+    shares = energies(run).fractions
     np.testing.assert_allclose(shares.sum(axis=1), 1.0, rtol=1e-12)
     assert 1 / 36 < shares.max() < 1 / 4
-    assert (participation_ratio(run) <= effective_number(run) * (1 + 1e-12)).all()
+    assert (energies(run).participation_ratio <= energies(run).effective_number * (1 + 1e-12)).all()
 
 
 def test_rows_of_the_planar_pack_hold_the_reference_s_shares():
     scene = planar()
     run = simulate(scene, scene.start(), 1e-4, method="rkn6", dt=2e-7, record=Record(times=[1e-4]))
-    shares = energy_shares(run)[0]
+    shares = energies(run).fractions[0]
     rows = [shares[list(sites)].sum() for sites in scene.parts.values()]
     expected = [0.0386169, 0.0416426, 0.0992857, 0.1005059, 0.0836478, 0.148651, 0.4126864,
                 0.0747075, 0.000256]  # fmt: skip
@@ -303,12 +297,12 @@ def test_a_line_between_two_walls_shares_its_energy_as_the_reference_s(line):
     state = scene.at_rest({scene.parts["chain"][0]: 1.0})
     record = Record(times=[1e-4, 2e-4])
     run = simulate(scene, state, 2e-4, method="rkn6", dt=2e-7, record=record)
-    np.testing.assert_allclose(effective_number(run), number, rtol=1e-6)
+    np.testing.assert_allclose(energies(run).effective_number, number, rtol=1e-6)
     if ratio:
-        np.testing.assert_allclose(participation_ratio(run), ratio, rtol=1e-6)
-    np.testing.assert_allclose(virial_ratio(run), virial, rtol=1e-6)
-    assert energy_shares(run).shape == (2, 40)
-    parts = part_energies(run)
+        np.testing.assert_allclose(energies(run).participation_ratio, ratio, rtol=1e-6)
+    np.testing.assert_allclose(energies(run).virial_ratio, virial, rtol=1e-6)
+    assert energies(run).fractions.shape == (2, 40)
+    parts = energies(run).parts
     np.testing.assert_allclose(sum(parts.values()), run.energy, rtol=1e-9)
     assert scene.distance("chain", (1, 40)) == pytest.approx(0.39)
 
@@ -330,7 +324,7 @@ def test_the_mean_of_the_virial_ratio_is_five_ninths():
     run = simulate(scene, scene.at_rest({1: 1.0}), 6e-2, method="rkn6", dt=5e-7,
                    record=Record(interval=5e-6))  # fmt: skip
     assert run.energy_error < 1e-6
-    assert virial_ratio(run)[run.t > 2e-2].mean() == pytest.approx(5 / 9, abs=5e-3)
+    assert energies(run).virial_ratio[run.t > 2e-2].mean() == pytest.approx(5 / 9, abs=5e-3)
 
 
 @pytest.mark.parametrize(

@@ -24,7 +24,6 @@ from tensegrity import (
     solitary_wave,
 )
 from tensegrity.prisms.stability import first_loss
-from tensegrity.waves.asymptotics import sound_speed
 from tensegrity.waves.solitary import largest_speed
 
 
@@ -61,7 +60,7 @@ def of_potential(u, spring, unit):
         "energy": (spring.energy(r), ENERGY),
         "tension": (spring.tension(r), FORCE),
         "stiffness": (spring.stiffness(r), STIFFNESS),
-        "sound": (sound_speed(spring, u(0.02, *MASS)), RATE),
+        "sound": (spring.sound_speed(u(0.02, *MASS)), RATE),
         "ends": (np.nan_to_num(spring.domain, posinf=0, neginf=0), LENGTH),
     }
 

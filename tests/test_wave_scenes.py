@@ -29,10 +29,10 @@ from tensegrity import (
     Prism,
     Record,
     StabilityError,
+    budget,
     simulate,
     solitary_wave,
 )
-from tensegrity.measure.observables import beyond
 
 WAVES = [
     picture for name, picture in chosen(["waves"]).items()
@@ -140,7 +140,7 @@ def test_only_pushed_blows_answer_for_a_compressive_disturbance():
 def test_force_at_the_held_end_closes_the_momentum():
     scene = wave_softening.struck("held end, next mass pushed", 0.15, *wave_softening.CLOSED)
     run = simulate(*scene, method="rkn6", dt=0.025, record=Record(every=1))
-    found = beyond(run, 0)
+    found = budget(run, 0)
     assert found.momentum_error < 1e-10
     assert run.energy_error < 1e-9
     assert abs(found.momentum[-1] - found.momentum[0]) > 1e-3

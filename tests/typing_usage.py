@@ -21,8 +21,6 @@ from granular import (
     Material,
     Pack,
     Striker,
-    bead_of_mass,
-    coated,
     contact_network,
     diamond_guide,
     fcc_pack,
@@ -90,7 +88,6 @@ from tensegrity import (
     sweep,
 )
 from tensegrity.engine import methods
-from tensegrity.export import to_c
 from tensegrity.measure import observables
 from tensegrity.prisms.stability import first_loss, lowest
 from tensegrity.typing import Array, Flags
@@ -316,7 +313,7 @@ def waves(spring: Potential, chain: Chain) -> State:
 
 
 def springs_elsewhere(spring: Potential) -> None:
-    assert_type(to_c(spring, "spring.c"), Path)
+    assert_type(spring.to_c("spring.c"), Path)
     to_c("spring.c", spring)  # type: ignore[arg-type]
 
 
@@ -372,7 +369,7 @@ def differentiated(chain: Chain, state: State) -> Array:
     gradient(more, chain, state, 10.0, dt=0.05, method="rkn6", exact=True, checkpoints=10)
     objective.peak(3.0)  # type: ignore[arg-type]
     objective.load("bond")  # type: ignore[arg-type]
-    gradient(3.0, chain, state, 10.0, dt=0.05)  # type: ignore[arg-type]
+    gradient(3.0, chain, state, 10.0, dt=0.05)  # type: ignore[call-overload]
     by: Array = found.by("prestrain")
     return by
 
@@ -395,8 +392,8 @@ def beads() -> Run:
     assert_type(materials["steel"], Material)
     bead = Bead(4.76e-3, materials["steel"], mass=0.45e-3)
     assert_type(bead.mass + bead.radius + bead.contact_radius, float)
-    striker = Striker(bead_of_mass(1e-3, brass), speed=0.5)
-    line = granular.chain([bead, coated(bead, brass, 1e-6)] * 5, striker=striker, gravity=9.81)
+    striker = Striker(Bead.of_mass(1e-3, brass), speed=0.5)
+    line = granular.chain([bead, bead.coated(brass, 1e-6)] * 5, striker=striker, gravity=9.81)
     assert_type(line, BeadChain)
     assert_type(hertz(bead, brass), Contact)
     assert_type(hertz(bead, bead).overlap(1.0), float)

@@ -10,10 +10,9 @@ from pathlib import Path
 
 import casadi as ca
 
-from tensegrity import Prism
+from tensegrity import METHODS, Prism
 from tensegrity.engine.codegen import c_text, scalar
 from tensegrity.engine.law import functions, to_casadi
-from tensegrity.engine.methods import METHODS
 from tensegrity.prisms.closed import rigid_law, rigid_programs
 
 FOLDER = Path(__file__).parent

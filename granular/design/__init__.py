@@ -4,9 +4,8 @@
 `search` looks for the best.  Source: seeds/000, part II, "Optimal Design of Granular Protectors".
 """
 
-from granular.design.finalists import Best
 from granular.design.objective import peak_force
 from granular.design.searching import search
 from granular.design.spaces import Choice, Order, Sizes
 
-__all__ = ["Best", "Choice", "Order", "Sizes", "peak_force", "search"]
+__all__ = ["Choice", "Order", "Sizes", "peak_force", "search"]

@@ -25,9 +25,8 @@ from granular.beads import Striker
 from granular.design.objective import EXPONENT, Problem, step_count
 from granular.design.spaces import SLACK, Sizes
 from granular.materials import Material
-from tensegrity import PowerLaw, TensegrityError, objective
+from tensegrity import METHODS, PowerLaw, Splitting, TensegrityError, objective
 from tensegrity.engine.bonds import Bonds
-from tensegrity.engine.methods import METHODS, Splitting
 from tensegrity.gradients.adjoint import Repeated
 from tensegrity.root import crest
 from tensegrity.typing import Array, Indices

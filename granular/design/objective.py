@@ -32,11 +32,10 @@ from granular.beads import Bead, Striker, beads_of
 from granular.contact_network import wall_sites
 from granular.design.spaces import Designs, Space
 from granular.materials import Material
-from tensegrity import PowerLaw, Record, TensegrityError, check, simulate
+from tensegrity import METHODS, PowerLaw, Record, TensegrityError, check, simulate
 from tensegrity.engine import kernel, native
 from tensegrity.engine.bonds import Bonds
 from tensegrity.engine.march import Wanted
-from tensegrity.engine.methods import METHODS
 from tensegrity.typing import Array
 
 METHOD: Any = METHODS["rkn6"]

@@ -14,7 +14,10 @@ balance of the force at the held end.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from functools import singledispatch
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -93,10 +96,63 @@ def arrival(run: Run, bond: int) -> float:
     return passage(run.t, run.u[:, right] - run.u[:, left], run.v[:, right] - run.v[:, left])
 
 
-def speed(run: Run, bonds: tuple[int, int]) -> float:
-    """Speed of the leading pulse between two bonds of a run, in sites per second."""
+@overload
+def speed(run: Run, where: tuple[int, int]) -> float: ...
+@overload
+def speed(
+    run: Run, where: str, numbers: tuple[int, int], between: tuple[float, float] = ...
+) -> float: ...
+def speed(
+    run: Run,
+    where: str | tuple[int, int],
+    numbers: tuple[int, int] | None = None,
+    between: tuple[float, float] = (-math.inf, math.inf),
+) -> float:
+    """Speed of the leading pulse between two bonds of a chain, or two beads of a part.
+
+    Parameters
+    ----------
+    run : Run
+        With the sites of both bonds, or both beads and their neighbours, recorded often enough to
+        resolve the pulse.
+    where : (int, int) or str
+        Two bonds of a `Chain`; or, of a scene of beads, a part such as "stem 1".
+    numbers : (int, int), optional
+        Numbers of the two beads in that part, from 1.
+    between : (float, float), optional
+        Of beads: interval of time that is searched [s], for a reflected pulse behind the incident
+        one.
+
+    Returns
+    -------
+    float
+        Of a chain in sites per second, as a lattice has no other length.  Of beads in m/s: the
+        distance through touching beads over the time between the peaks of the two sensor forces.
+        Positive if the pulse runs from the first place to the second.
+
+    Raises
+    ------
+    TensegrityError
+        Bad input; a place without a peak; both peaks at one instant.
+    """
+    if not isinstance(run, Run):
+        raise TensegrityError(f"run is {type(run).__name__}, not a Run")
+    return speed_in(run.scene, run, where, numbers, between)
+
+
+@singledispatch
+def speed_in(scene: Any, run: Run, where: Any, numbers: Any, between: Any) -> float:
+    """`speed` by the kind of scene: packages that build other scenes register theirs."""
+    raise TensegrityError(f"the scene of the run is {type(scene).__name__}, not a Chain or beads")
+
+
+@speed_in.register
+def _of_chain(scene: Chain, run: Run, where: Any, numbers: Any, between: Any) -> float:
+    bonds = where
     if not isinstance(bonds, (tuple, list)) or len(bonds) != 2:
         raise TensegrityError(f"bonds {check.shown(bonds)} must be two numbers of bonds")
+    if numbers is not None:
+        raise TensegrityError(f"numbers {check.shown(numbers)} belong to a part of beads")
     first, second = (check.whole("bond", bond, least=0) for bond in bonds)
     if first == second:
         raise TensegrityError(f"bonds {first} and {second} must differ")
@@ -360,8 +416,8 @@ class Budget:
     momentum_error: float
 
 
-def beyond(run: Run, bond: int) -> Budget:
-    """The budget of the part of a chain beyond a bond.
+def budget(run: Run, bond: int) -> Budget:
+    """Energy and momentum of the part of a chain beyond a bond, by two accounts.
 
     Parameters
     ----------

@@ -228,6 +228,25 @@ class Run:
             check.kind(name, getattr(self, name), str)
         return self
 
+    def momentum(self) -> Array:
+        """Momentum of all sites, and of what walls have taken since the start [N s], (T[, dim]).
+
+        Constant where no other force acts from outside: a held site takes an impulse that is not
+        recorded.  Of a batch take that of one of its runs.
+
+        Raises
+        ------
+        TensegrityError
+            Not all sites were recorded.
+        """
+        if self._batch:
+            raise TensegrityError("a batch has no momentum: take that of one of its runs, run[k]")
+        if self.sites != tuple(range(self.scene.sites)):
+            count = f"{len(self.sites)} of {self.scene.sites} sites"
+            raise TensegrityError(f"{count} recorded: the momentum needs all")
+        total = np.einsum("s,ts...->t...", self.scene.mass, self.v)
+        return total if self.impulse is None else total + self.impulse.sum(axis=1)
+
     def plot(self, axes: Axes | None = None) -> Axes:
         """Space-time density of energy; needs all sites recorded. Returns the axes."""
 

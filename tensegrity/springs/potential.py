@@ -9,24 +9,26 @@ potentials"; its energy is that of `derivations.contact`.
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tensegrity import check
 from tensegrity.engine.compiled import evaluated
 from tensegrity.engine.law import DerivedLaw, Law, check_law
+from tensegrity.engine.programs import derived, run
 from tensegrity.errors import LockingError, TensegrityError
 from tensegrity.readonly import fixed
 from tensegrity.springs.kinks import kinks
 
 if TYPE_CHECKING:
     from collections.abc import Hashable
-    from typing import Any
 
     import sympy as sp
     from numpy.typing import ArrayLike
@@ -287,6 +289,76 @@ class Potential:
         """Whether its derivatives do not jump anywhere."""
         return not self.openings
 
+    def sound_speed(self, mass: float = 1.0) -> float:
+        """Speed of long waves of small amplitude in a chain of these springs.
+
+        Parameters
+        ----------
+        mass : float, optional
+            Of each site [kg], > 0.
+
+        Returns
+        -------
+        float
+            sqrt(V''(0)/m), in sites per second; 0 in a sonic vacuum.
+
+        Raises
+        ------
+        TensegrityError
+            A spring that softens at rest, V''(0) < 0.
+        """
+        mass = check.number("mass", mass, above=0, unit="kg")
+        stiffness = float(self.stiffness(0.0))
+        if stiffness < 0:
+            raise TensegrityError(f"stiffness {stiffness:g} N/m at rest must be at least 0")
+        (squared,) = run(derived(_sound_speed_squared), np, (stiffness, mass))
+        return math.sqrt(squared)
+
+    def to_c(self, path: str | os.PathLike[str]) -> Path:
+        """Write this spring as a C file that stands alone.
+
+        Parameters
+        ----------
+        path : str or path
+            Of the file, which is written under another name and renamed.  The name without its
+            ending begins the names in it: `spring.c` defines
+
+            - ``double spring_energy(double r)``, V [J], ``spring_tension``, dV/dr [N],
+              tension > 0, and ``spring_stiffness``, d2V/dr2 [N/m], of an elongation r [m],
+              extension > 0;
+            - ``spring_lowest`` and ``spring_highest``: only between these are they defined.
+
+            Compiled with ``-DDRIVER`` it is a program that prints a table, at the elongations that
+            are its arguments.
+
+        Returns
+        -------
+        Path
+            Of the file.
+
+        Raises
+        ------
+        TensegrityError
+            If `path` names no file, or the file cannot be written.
+        EquilibriumError
+            A prism with elastic members whose inner unknowns few iterations do not find: they are
+            far too stiff.  With others the file holds for all elongations that runs can follow,
+            `reach`.
+
+        Notes
+        -----
+        Values agree with those in Python to round-off; those of an elastic prism as well as its
+        few iterations of Newton's method converge, to 1e-14 of the unknowns.
+
+        Examples
+        --------
+        >>> from tensegrity import PowerLaw
+        >>> path = PowerLaw(1.0, 1.5).to_c("contact.c")  # doctest: +SKIP
+        """
+        from tensegrity.springs.export import to_c
+
+        return to_c(self, path)
+
     def beyond(self, r: float) -> LockingError:
         """The error for an elongation at or beyond an end of the domain or of the reach."""
         side = int(r > 0)
@@ -319,6 +391,14 @@ class Potential:
         domain = ", ".join(map(number_text, self._domain))
         law = self.law
         return f"Potential({law.energy}, {law.elongation}, {{{values}}}{length}, domain=({domain}))"
+
+
+def _sound_speed_squared() -> tuple[list[Any], tuple[Any, ...]]:
+    """Square of the speed in sites in terms of stiffness and mass."""
+    from derivations import waves as form
+
+    squared = form.sound_speed().subs(form.spacing, 1) ** 2
+    return [squared], (form.stiffness, form.mass)
 
 
 def number_text(number: float) -> str:

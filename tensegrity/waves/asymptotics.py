@@ -19,24 +19,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity import check
-from tensegrity.engine.programs import derived, run
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array
 
 FASTEST = 1e100  # speed ratio whose square is still a number
-
-
-def sound_speed(spring: Potential, mass: float = 1.0) -> float:
-    """sqrt(V''(0)/m), in sites per second; 0 in a sonic vacuum."""
-    check.kind("spring", spring, Potential)
-    mass = check.number("mass", mass, above=0, unit="kg")
-    stiffness = float(spring.stiffness(0.0))
-    if stiffness < 0:
-        raise TensegrityError(f"stiffness {stiffness:g} N/m at rest must be at least 0")
-    (squared,) = run(derived(_sound_speed_squared), np, (stiffness, mass))
-    return math.sqrt(squared)
 
 
 def sech2(spring: Potential, speed_ratio: float, x: ArrayLike) -> Array:
@@ -76,14 +64,6 @@ def tent(spring: Potential, x: ArrayLike) -> Array:
     if math.isinf(stroke):
         raise TensegrityError("no tent: the spring has no locking stroke (its domain is open)")
     return _function("tent")(stroke, np.clip(x, -1, 1))
-
-
-def _sound_speed_squared() -> tuple[list[Any], tuple[Any, ...]]:
-    """Square of the speed in sites in terms of stiffness and mass."""
-    from derivations import waves as form
-
-    squared = form.sound_speed().subs(form.spacing, 1) ** 2
-    return [squared], (form.stiffness, form.mass)
 
 
 @once

@@ -17,7 +17,6 @@ from tensegrity.errors import TensegrityError
 from tensegrity.once import once
 from tensegrity.root import root
 from tensegrity.springs.potential import Potential
-from tensegrity.waves.asymptotics import sound_speed
 from tensegrity.waves.family import NEAREST, SIGNS, STEADY, Family
 from tensegrity.waves.nonlinear_part import excess, grows_from_rest
 from tensegrity.waves.travelling import decay_rate
@@ -220,7 +219,7 @@ def predict(potential: Potential, mass: float = 1.0) -> Prediction:
     mass = check.number("mass", mass, above=0, unit="kg")
     families, absent = [], {}
     excess(potential)  # says where the spring is not at rest
-    sound = sound_speed(potential, mass)  # refuses one that does not return to it
+    sound = potential.sound_speed(mass)  # refuses one that does not return to it
     for name, sign in SIGNS.items():
         try:
             first = Family(potential, sign)

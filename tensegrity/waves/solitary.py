@@ -23,7 +23,6 @@ from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.scene import State
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array
-from tensegrity.waves.asymptotics import sound_speed
 from tensegrity.waves.by_target import near, sign_and_number, stiffness_above
 from tensegrity.waves.family import STROKE, Family, refined
 from tensegrity.waves.multidomain import Integrals, may_cross_kink, multidomain_wave
@@ -288,7 +287,7 @@ def solitary_wave(
         )
     ((name, value),) = targets.items()
     value = check.number(name, value)
-    label, sound = f"{name} {value:g}", sound_speed(potential, mass)
+    label, sound = f"{name} {value:g}", potential.sound_speed(mass)
     sign, number = sign_and_number(potential, family, value if name == "amplitude" else None)
     side = Family(potential, sign, number or 0)
     if name == "amplitude":
@@ -341,7 +340,7 @@ def approximate_wave(side: Family, mass: float, size: float) -> SolitaryWave:
     """
     mass = check.number("mass", mass, above=0, unit="kg")
     profile = side.wave(check.number("size", size, above=0, unit="m"))
-    sound = sound_speed(side.potential, mass)
+    sound = side.potential.sound_speed(mass)
     return _wave(side, mass, sound, *_characteristics(profile, profile.residual()))
 
 

@@ -10,11 +10,11 @@ import math
 import re
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 from tensegrity import check
 from tensegrity.engine.law import functions
 from tensegrity.errors import TensegrityError
-from tensegrity.springs.potential import Potential
 
 QUANTITIES = {"energy": "V(r) [J]", "tension": "dV/dr [N], > 0 in extension",
               "stiffness": "d2V/dr2 [N/m]"}  # fmt: skip
@@ -53,49 +53,8 @@ int main(int count, char **given)
 """
 
 
-def to_c(potential: Potential, path: str | PathLike[str]) -> Path:
-    """Write a potential as a C file that needs nothing of this package.
-
-    Parameters
-    ----------
-    potential : Potential
-        Of a prism, a power law, an energy of one's own, or a polynomial.
-    path : str or path
-        Of the file, which is written beside and renamed.  The name without its ending begins the
-        names in it: `spring.c` defines
-
-        - ``double spring_energy(double r)``, V [J], ``spring_tension``, dV/dr [N], tension > 0, and
-          ``spring_stiffness``, d2V/dr2 [N/m], of an elongation r [m], extension > 0;
-        - ``spring_lowest`` and ``spring_highest``: only between these are they defined.
-
-        Compiled with ``-DDRIVER`` it is a program that prints a table, at the elongations that are
-        its arguments.
-
-    Returns
-    -------
-    Path
-        Of the file.
-
-    Raises
-    ------
-    TensegrityError
-        If `potential` is none, `path` names no file, or the file cannot be written.
-    EquilibriumError
-        A prism with elastic members whose inner unknowns few iterations do not find: they are
-        far too stiff.  With others the file holds for all elongations that runs can follow,
-        `potential.reach`.
-
-    Notes
-    -----
-    Values agree with those in Python to round-off; those of an elastic prism as well as its few
-    iterations of Newton's method settle, to 1e-14 of the unknowns.
-
-    Examples
-    --------
-    >>> from tensegrity import PowerLaw
-    >>> path = to_c(PowerLaw(1.0, 1.5), "contact.c")  # doctest: +SKIP
-    """
-    check.kind("potential", potential, Potential)
+def to_c(potential: Any, path: str | PathLike[str]) -> Path:
+    """See `tensegrity.Potential.to_c`."""
     path = check.path("path", path)
     text = _text(potential, _identifier(path.stem))
     try:
@@ -106,7 +65,7 @@ def to_c(potential: Potential, path: str | PathLike[str]) -> Path:
     return path
 
 
-def _text(potential: Potential, name: str) -> str:
+def _text(potential: Any, name: str) -> str:
     """What `to_c` writes, with names that begin with `name`."""
     import casadi as ca
 

@@ -1,0 +1,202 @@
+"""Peaks of a quantity that was recorded over time, such as the force of a sensor.
+
+Peaks lie between the recorded rows: they are located by splines of fifth order through them.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tensegrity import check
+from tensegrity.errors import TensegrityError
+from tensegrity.measure.observables import passage
+from tensegrity.root import root
+from tensegrity.typing import Array, Flags
+
+CLOCK = 3e-6  # s: sampling interval of the paper's density plots
+LEVEL = 0.05  # of the largest peak: smaller ones do not count
+
+
+def first_peak(
+    t: ArrayLike, force: ArrayLike, between: tuple[float, float] = (-math.inf, math.inf)
+) -> tuple[float, float]:
+    """Instant and height of the first large peak of a recorded force.
+
+    Parameters
+    ----------
+    t, force : ndarray, (T,)
+        [s], [N].
+    between : (float, float)
+        Interval of time that is searched [s].
+
+    Returns
+    -------
+    instant, height : float
+        Located between the rows by a spline of fifth order.
+
+    Raises
+    ------
+    TensegrityError
+        Fewer than 12 rows in that time; a record as for `peaks`.
+    """
+    from scipy.interpolate import make_interp_spline
+
+    t, force = _record(t, force)
+    inside = _within(t, between)
+    if inside.sum() < 12:
+        raise TensegrityError(f"{inside.sum()} instants between {between} s are too few for a peak")
+    t, force = t[inside], force[inside]
+    spline = make_interp_spline(t, force, k=5)
+    instant = passage(t, force, spline.derivative()(t))
+    return instant, float(spline(instant))
+
+
+def largest_peak(
+    t: ArrayLike, force: ArrayLike, between: tuple[float, float] = (-math.inf, math.inf)
+) -> tuple[float, float]:
+    """Instant and height of the largest force of a record, at a row or between two.
+
+    Where the first large peak is the largest, this is what `first_peak` returns.  A pulse has to
+    be recorded by ten rows or more: the spline overshoots a step.
+
+    Parameters
+    ----------
+    t, force : ndarray, (T,)
+        [s], [N].
+    between : (float, float)
+        Interval of time that is searched [s]; a maximum at its end is that of the last row there.
+
+    Returns
+    -------
+    instant, height : float
+        [s], [N].
+
+    Raises
+    ------
+    TensegrityError
+        No row in that time; a record as for `peaks`.
+    """
+    t, force = _with_maxima(*_record(t, force))
+    inside = _within(t, between)
+    if not inside.any():
+        raise TensegrityError(f"no instant of the record lies between {between} s")
+    top = int(np.argmax(force[inside]))
+    return float(t[inside][top]), float(force[inside][top])
+
+
+def _with_maxima(t: Array, force: Array) -> tuple[Array, Array]:
+    """A record with the maxima between its rows, by a spline of fifth order, as further rows."""
+    from scipy.interpolate import make_interp_spline
+
+    spline = make_interp_spline(t, force, k=min(5, len(t) - 1))
+    slope = spline.derivative()
+    rate = slope(t)
+    rows = np.flatnonzero((rate[:-1] > 0) & (rate[1:] < 0))
+    instants = [root(slope, t[k], t[k + 1]) for k in rows.tolist()]
+    return np.insert(t, rows + 1, instants), np.insert(force, rows + 1, spline(instants))
+
+
+def _within(t: Array, between: tuple[float, float]) -> Flags:
+    """Which instants lie between two others, both included."""
+    if not isinstance(between, (tuple, list)) or len(between) != 2:
+        raise TensegrityError(f"between {check.shown(between)} must be two instants")
+    first, last = (check.number("end of between", x, finite=False, unit="s") for x in between)
+    return (t >= first) & (t <= last)
+
+
+def sampled(
+    t: ArrayLike, force: ArrayLike, interval: float = CLOCK, phase: float = 0.0
+) -> tuple[Array, Array]:
+    """A recorded force as an oscilloscope reads it.
+
+    Parameters
+    ----------
+    t, force : ndarray, (T,)
+        Recorded more often than every `interval`.
+    interval, phase : float
+        Of the clock [s]: it reads at phase, phase + interval, ... after the first row; the phase
+        is >= 0 and shorter than the record.
+
+    Returns
+    -------
+    times, values : ndarray, (samples,)
+        [s], [N].
+
+    Raises
+    ------
+    TensegrityError
+        The record is coarser than the clock, or as for `peaks`; a phase out of range.
+    """
+    from scipy.interpolate import CubicSpline
+
+    t, force = _record(t, force)
+    interval = check.number("sampling interval", interval, above=0, unit="s")
+    phase = check.number("phase", phase, least=0, unit="s")
+    if phase >= t[-1] - t[0]:
+        raise TensegrityError(
+            f"phase {phase:g} s must be below the length of the record, {t[-1] - t[0]:g} s"
+        )
+    if np.diff(t).max() > interval:
+        raise TensegrityError(
+            f"rows {np.diff(t).max():.3g} s apart must be at most one interval, {interval:.3g} s"
+        )
+    times = np.arange(t[0] + phase, t[-1], interval)
+    try:
+        return times, CubicSpline(t, force)(times)
+    except ValueError as error:
+        raise TensegrityError(f"forces to {np.abs(force).max():g} N: {error}") from error
+
+
+def peaks(t: ArrayLike, force: ArrayLike, level: float = LEVEL) -> tuple[Array, Array]:
+    """Instants and heights of all peaks above a fraction of the largest.
+
+    Two neighbouring peaks count as two if the force between them falls below three quarters of
+    the lower one; otherwise only the higher one counts.
+
+    Parameters
+    ----------
+    t, force : ndarray, (T,)
+        [s], [N].
+    level : float
+        Fraction of the largest peak below which peaks are left out, between 0 and 1.
+
+    Returns
+    -------
+    instants, heights : ndarray, (peaks,)
+        [s], [N]; located between the rows as by `first_peak`.
+
+    Raises
+    ------
+    TensegrityError
+        A level not between 0 and 1; instants that do not grow, or forces that are not finite, or
+        not as many.
+    """
+    from scipy.signal import find_peaks
+
+    level = check.number("level", level, above=0, below=1)
+    t, force = _with_maxima(*_record(t, force))
+    top = force.max()
+    padded = np.concatenate([[0.0], force, [0.0]])
+    found, facts = find_peaks(padded, height=level * top, prominence=0)
+    distinct = facts["prominences"] >= facts["peak_heights"] / 4
+    return t[found[distinct] - 1], facts["peak_heights"][distinct]
+
+
+def _record(t: ArrayLike, force: ArrayLike) -> tuple[Array, Array]:
+    """Instants and forces as arrays (T,), T >= 2, if they are a record."""
+    t, force = check.floats("instants", t), check.floats("forces", force)
+    if t.ndim != 1 or len(t) < 2 or force.shape != t.shape:
+        raise TensegrityError(
+            f"a record of instants of shape {t.shape} and forces of shape {force.shape} must have "
+            "one of each for every row, and two rows"
+        )
+    for name, x in (("instant", t), ("force", force)):
+        if not np.isfinite(x).all():
+            row = int(np.flatnonzero(~np.isfinite(x))[0])
+            raise TensegrityError(f"{name} {x[row]} of row {row} must be finite")
+    if not np.all(np.diff(t) > 0):
+        raise TensegrityError(f"instants must grow, not by {np.diff(t).min():g} s between two rows")
+    return t, force

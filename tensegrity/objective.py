@@ -1,0 +1,31 @@
+"""What a gradient is taken of: traces of a run, and numbers made of them.
+
+A trace is one number after every step: `load`, `displacement`, `velocity`, `energy`.  Numbers made
+of traces are `peak`, `p_norm`, `impulse`, `arrival`, `misfit`, and `of` any function of one's own.
+"""
+
+from tensegrity.gradients.objective import (
+    arrival,
+    displacement,
+    energy,
+    impulse,
+    load,
+    misfit,
+    of,
+    p_norm,
+    peak,
+    velocity,
+)
+
+__all__ = [
+    "arrival",
+    "displacement",
+    "energy",
+    "impulse",
+    "load",
+    "misfit",
+    "of",
+    "p_norm",
+    "peak",
+    "velocity",
+]
