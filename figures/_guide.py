@@ -13,6 +13,7 @@ from tensegrity import Record
 
 STEEL = Bead(4.76e-3, materials["steel"], mass=0.45e-3)
 PTFE = Bead(4.76e-3, materials["ptfe"], mass=0.123e-3)
+CLOCK = 3e-6  # s: sampling interval of the paper's density plots
 PARYLENE = STEEL.coated(materials["parylene"], 50e-6)
 HEAVY = Bead.of_mass(5.33e-3, materials["steel"])
 STEM, BRANCH = 19, 47  # beads in each

@@ -187,9 +187,10 @@ def trace(beads, t_end, scale=1.0):
     dt = t_end / (4 * ROWS)
     run = simulate(scene, scene.start(), t_end, method="rkn6", dt=dt, record=Record(every=4))
     force = wall_force(run, "end")
+    found = energies(run)
     return {
-        "t": run.t, "force": force, "shares": energies(run).fractions,
-        "effective": energies(run).effective_number, "participation": energies(run).participation_ratio,
+        "t": run.t, "force": force, "shares": found.fractions,
+        "effective": found.effective_number, "participation": found.participation_ratio,
     }  # fmt: skip
 
 

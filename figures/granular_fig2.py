@@ -10,7 +10,7 @@ from derivations import contact, junction
 from figures import _guide
 from figures._guide import STEEL, row
 from granular import sensor_force, y_guide
-from tensegrity import first_peak
+from tensegrity import first_peak, sampled
 
 NAME = "granular_fig2"
 GROUP = "granular"
@@ -63,18 +63,24 @@ def _peaks(run):
 
 def _clock(run):
     """V_t/V_i and V_r/V_i from the largest samples, for each phase of the clock."""
-    phases = np.arange(PHASES) * CLOCK / PHASES
+    phases = np.arange(PHASES) * _guide.CLOCK / PHASES
     forces, windows = _read(run)
     found = []
     for phase in phases:
         read = [
-            sampled_peak(run.t, f, window, CLOCK, phase)[0]
+            _largest_sample(*sampled(run.t, f, _guide.CLOCK, phase), window)
             for f, window in zip(forces, windows, strict=True)
         ]
         incident, transmitted, reflected = np.diff(read)[::2]
         found.append((incident / transmitted, incident / reflected))
     transmitted, reflected = np.array(found).T
     return {"phase [s]": phases, "V_t/V_i": transmitted, "V_r/V_i": reflected}
+
+
+def _largest_sample(times, values, window):
+    """Instant of the largest sample within a time."""
+    inside = (times >= window[0]) & (times <= window[1])
+    return times[inside][np.argmax(values[inside])]
 
 
 def ratios(tables, step="peaks"):

@@ -37,12 +37,12 @@ def data():
     _, kappa, power = (e.subs(contact.exponent, HERTZ) for e in contact.nesterenko())
     compact = np.abs(x) < np.pi / 2 / float(kappa)
     long_wave = np.where(compact, np.cos(np.minimum(np.abs(x), 3) * float(kappa)), 0)
+    _, top = largest_peak(run.t, shortening)
     return {
         "waves": {key: np.array([f[key] for f in found]) for key in found[0]},
         "shape": {
             "x [beads]": (run.t[inside] - instant) * rate,
-            "overlap over peak": np.maximum(shortening[inside], 0)
-            / largest_peak(run.t, shortening)[1],
+            "overlap over peak": np.maximum(shortening[inside], 0) / top,
         },
         "theory": {
             "x [beads]": x,

@@ -90,12 +90,11 @@ def data():
             found.append(numbers)
             curves[mix] = curve
         speed = SLOW if name == "plane" else FAST
-        lone = [
-            np.nan if mix == "random" else
-            largest_peak(*_packs.floor_of(_packs.column(beads(by_level(mix, levels)), speed), END[name],
-                                     name="end"))[1]
-            for mix in KNOWN[name]
-        ]  # fmt: skip
+        lone = []
+        for mix in KNOWN[name]:
+            column = _packs.column(beads(by_level(mix, levels)), speed)
+            force = _packs.floor_of(column, END[name], name="end")
+            lone.append(np.nan if mix == "random" else largest_peak(*force)[1])
         columns = dict(zip(COLUMNS, np.transpose(found), strict=True))
         tables[name] = {"mix": list(KNOWN[name]), **columns, "column [N]": np.array(lone)}
         tables[f"{name}_below"] = {"t [s]": t, **curves}

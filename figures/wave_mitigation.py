@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 from figures import _measure, _scenes
 from tensegrity import simulate
-from tensegrity.measure.observables import DEGREE
+from tensegrity.measure.budget import DEGREE
 
 NAME = "wave_mitigation"
 GROUP = "waves"

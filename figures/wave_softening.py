@@ -104,8 +104,8 @@ def measured(blow, speed):
     """Numbers of one blow with their errors, and the finer run."""
     run, found = _measure.resolved(struck(blow, speed), leading, 4 * STEP)
     short = struck(blow, speed, *CLOSED)
-    budget = budget(simulate(*short, method="rkn6", dt=STEP / 4, record=Record(every=1)), 0)
-    found["momentum error"] = Number(budget.momentum_error, budget.energy_error)
+    passed = budget(simulate(*short, method="rkn6", dt=STEP / 4, record=Record(every=1)), 0)
+    found["momentum error"] = Number(passed.momentum_error, passed.energy_error)
     if found["crest"].value > 0:
         wave = solitary_wave(_scenes.softening(PRELOAD), amplitude=found["crest"].value)
         found["exact speed"] = Number(wave.speed_ratio, wave.residual)

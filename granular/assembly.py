@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from granular.beads import Bead
     from granular.contact import Contact, ContactLaw
     from granular.materials import Material
-    from tensegrity.springs.potential import PowerLaw
+    from tensegrity.springs.power_law import PowerLaw
     from tensegrity.typing import Array
 
 

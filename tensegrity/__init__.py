@@ -17,10 +17,10 @@ from tensegrity.errors import (
 )
 from tensegrity.gradients.compute import gradient
 from tensegrity.lens.lens import Lens
+from tensegrity.measure.budget import budget
 from tensegrity.measure.observables import (
     angular_momentum,
     arrival,
-    budget,
     directions,
     duration,
     speed,
@@ -45,7 +45,8 @@ from tensegrity.scenes.network import Network
 from tensegrity.scenes.scene import State
 from tensegrity.scenes.walls import Wall
 from tensegrity.springs.polynomial import Polynomial
-from tensegrity.springs.potential import Potential, PowerLaw
+from tensegrity.springs.potential import Potential
+from tensegrity.springs.power_law import PowerLaw
 from tensegrity.structures.path import control_path, equilibrium
 from tensegrity.structures.structure import Structure
 from tensegrity.structures.supports import held, plates

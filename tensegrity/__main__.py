@@ -29,7 +29,7 @@ from tensegrity.prisms.prism import Prism
 from tensegrity.runs.integrate import simulate
 from tensegrity.runs.record import Record
 from tensegrity.scenes.chain import Chain
-from tensegrity.springs.potential import PowerLaw
+from tensegrity.springs.power_law import PowerLaw
 from tensegrity.waves.solitary import solitary_wave
 
 PACKAGES = ("tensegrity", "numpy", "scipy", "sympy", "casadi", "matplotlib", "tqdm", "cmaes",

@@ -35,7 +35,7 @@ def refused(match, **other):
         ("cannot be undone|none that can be undone", {"method": "rk4"}),
         ("none that can be undone", {"method": "midpoint"}),
         ("more than kicks and drifts", {"method": "corrected6"}),
-        ("dt is None", {"dt": None}),
+        ("dt", {"dt": None}),
         ("bond 3 must be below 3", {"objective": o.load(bond=3)}),
         ("site 4 must be below 4", {"objective": o.peak(o.displacement(4))}),
         ("wall 1 must be below 1", {"objective": o.load(wall=1)}),

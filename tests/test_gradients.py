@@ -302,10 +302,10 @@ def test_a_chain_turned_end_for_end_has_its_gradients_turned(method):
 def test_lanes_of_an_ensemble_are_chains_by_themselves():
     chains = [prisms((0.01 * k, 0.02, 0.05, 0.03)) for k in (1, 2, 3)]
     lanes = Ensemble(chains)
-    asked, more = o.peak(o.load(bond=3)), (10.0, 0.05, "rkn6")
-    found = gradient(asked, lanes, lanes.at_rest({0: [0.05, 0.04, 0.03]}), *more)
+    asked, more = o.peak(o.load(bond=3)), {"t_end": 10.0, **STEPS}
+    found = gradient(asked, lanes, lanes.at_rest({0: [0.05, 0.04, 0.03]}), **more)
     for k, chain in enumerate(chains):
-        alone = gradient(asked, chain, chain.at_rest({0: (0.05, 0.04, 0.03)[k]}), *more)
+        alone = gradient(asked, chain, chain.at_rest({0: (0.05, 0.04, 0.03)[k]}), **more)
         assert found.value[k] == alone.value
         assert np.array_equal(found.v[:, k], alone.v)
         assert np.array_equal(found.by("prestrain")[:, k], alone.by("prestrain"))

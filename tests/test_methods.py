@@ -210,7 +210,7 @@ def test_rows_become_tuples_of_plain_floats():
         (lambda: suzuki(kicks=("1", 0, 0, 0, 0, 0)), "kicks of 'suzuki4' '1' is not a number"),
         (lambda: suzuki(drifts=1.0), r"drifts of 'suzuki4' 1\.0 must be a sequence"),
         (lambda: suzuki(order=0), "order of 'suzuki4' 0 must be at least 1"),
-        (lambda: suzuki(default_fraction=0), "step of 'suzuki4' 0 must be above 0"),
+        (lambda: suzuki(default_fraction=0), "default_fraction of 'suzuki4' 0 must be above 0"),
         (lambda: suzuki(name=4), "name of a method 4 is not a str"),
         (lambda: midpoint(matrix=((0, 0), (0, 0.5))), "0 on its diagonal and above"),
         (lambda: midpoint(matrix=((0, 0), (0,))), "must have 2 entries a row"),

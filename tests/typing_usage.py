@@ -23,18 +23,20 @@ from granular import (
     Striker,
     contact_network,
     diamond_guide,
+    energies,
     fcc_pack,
     hertz,
     hexagonal_pack,
     materials,
+    overlaps,
     pack,
     power,
     sensor_force,
     wall_force,
     y_guide,
 )
-from granular import observables as sensors
-from granular.design import Best, Choice, Order, Sizes, peak_force, search
+from granular.design import Choice, Order, Sizes, peak_force, search
+from granular.design.finalists import Best
 from granular.lammps import run_lammps, to_lammps
 from tensegrity import (
     Chain,
@@ -44,16 +46,13 @@ from tensegrity import (
     Drive,
     Ensemble,
     EquilibriumError,
-    EquilibriumPath,
     Lens,
     LockingError,
-    Modes,
     Network,
     NoLocking,
     Polynomial,
     Potential,
     PowerLaw,
-    Prediction,
     Prism,
     RangeError,
     Record,
@@ -64,34 +63,51 @@ from tensegrity import (
     StabilityError,
     State,
     Structure,
-    StructurePath,
     TensegrityError,
     Wall,
+    angular_momentum,
+    arrival,
     bar_contact,
+    budget,
     column,
     control_path,
+    directions,
     dispersion,
+    duration,
     equilibrium,
     equilibrium_path,
     equilibrium_paths,
+    first_peak,
     fit,
     gradient,
     held,
+    largest_peak,
     member_stiffness,
     modes,
     objective,
+    peaks,
     plates,
     predict,
     resume,
+    sampled,
+    sech2,
     simulate,
     solitary_wave,
+    speed,
     sweep,
+    tail_front,
+    tent,
+    wall_gaps,
+    width,
 )
 from tensegrity.engine import methods
 from tensegrity.measure import observables
+from tensegrity.prisms.path import EquilibriumPath
 from tensegrity.prisms.stability import first_loss, lowest
+from tensegrity.structures.structure_path import StructurePath
 from tensegrity.typing import Array, Flags
-from tensegrity.waves import asymptotics
+from tensegrity.waves.prediction import Prediction
+from tensegrity.waves.spectrum import Modes
 
 
 def prisms_and_paths() -> Potential:
@@ -270,9 +286,9 @@ def networks(spring: Potential) -> Array:
         contacts="follow",
         law=lambda site, other: beads if isinstance(other, Wall) else spring,
     )
-    assert_type(observables.angular_momentum(loose, run.final), float | Array)
-    assert_type(observables.directions(loose, run.u), Array)
-    assert_type(observables.wall_gaps(loose, run.u), Array)
+    assert_type(angular_momentum(loose, run.final), float | Array)
+    assert_type(directions(loose, run.u), Array)
+    assert_type(wall_gaps(loose, run.u), Array)
     Network([(0.0, 0.5)], [], (), radius=1.0, contacts="follow", law=1.5)  # type: ignore[arg-type]
     Network([(0.0, 0.5)], [], spring, walls=floor)  # type: ignore[arg-type]
     Network([(0.0, 0.5)], [], spring, 1.0, 1.0, (), [])  # type: ignore[call-arg]
@@ -303,34 +319,34 @@ def waves(spring: Potential, chain: Chain) -> State:
     assert_type(predict(spring)["compression"].speeds, tuple[float, float])
     assert_type(wave.excess, float)
     assert_type(wave.strain - wave.elongation(wave.x), Array)
-    assert_type(asymptotics.sound_speed(spring), float)
-    assert_type(asymptotics.sech2(spring, 1.1, 0.0) - asymptotics.tent(spring, [0.0]), Array)
+    assert_type(spring.sound_speed(), float)
+    assert_type(sech2(spring, 1.1, 0.0) - tent(spring, [0.0]), Array)
     solitary_wave(spring, 1.0, 2.0)  # type: ignore[call-arg]
     solitary_wave(spring, amplitude="0.1")  # type: ignore[arg-type]
     wave.launch(spring, at=40)  # type: ignore[arg-type]
-    asymptotics.sech2(chain, 1.1, 0.0)  # type: ignore[arg-type]
+    sech2(chain, 1.1, 0.0)  # type: ignore[arg-type]
     return wave.launch(chain, at=40, direction=-1)
 
 
 def springs_elsewhere(spring: Potential) -> None:
     assert_type(spring.to_c("spring.c"), Path)
-    to_c("spring.c", spring)  # type: ignore[arg-type]
+    spring.to_c(3.0)  # type: ignore[arg-type]
 
 
 def measured(chain: Chain, run: Run) -> float:
-    passed = observables.beyond(run, 5)
+    passed = budget(run, 5)
     assert_type(passed.energy - passed.work, Array)
     assert_type(passed.momentum_error, float)
     assert_type(observables.pulses(chain, run.final)[0].momentum, float)
     assert_type(observables.crest(chain.elongation(run.final.u)), tuple[float, float])
     assert_type(observables.passage(run.t, run.u[:, 0], run.v[:, 0]), float)
-    times = observables.arrival(run, 3) + observables.duration(run, 3, level=0.1)
-    front = observables.tail_front(chain, run.final)
-    observables.beyond(chain, 5)  # type: ignore[arg-type]
-    observables.speed(run, 5)  # type: ignore[arg-type]
-    observables.arrival(chain, 3)  # type: ignore[arg-type]
+    times = arrival(run, 3) + duration(run, 3, level=0.1)
+    front = tail_front(chain, run.final)
+    budget(chain, 5)  # type: ignore[arg-type]
+    speed(run, 5)  # type: ignore[call-overload]
+    arrival(chain, 3)  # type: ignore[arg-type]
     observables.pulses(run, run.final)  # type: ignore[arg-type]
-    return times + front + observables.speed(run, (3, 9)) + observables.width(run.t, run.energy)
+    return times + front + speed(run, (3, 9)) + width(run.t, run.energy)
 
 
 def tuned(state: State) -> Run:
@@ -340,9 +356,9 @@ def tuned(state: State) -> Run:
     chain = Chain(spring_at(0.0), 20, tune=spring_at)
     run = simulate(chain, state, 1.0, dt=0.01)
     assert_type(run.work, Array | None)
-    assert_type(observables.speed(run, (3, 9)), float)
+    assert_type(speed(run, (3, 9)), float)
     Chain(spring_at(0.0), 20, tune=spring_at(0.0))  # type: ignore[arg-type]
-    observables.beyond(run.final, 5)  # type: ignore[arg-type]
+    budget(run.final, 5)  # type: ignore[arg-type]
     return run
 
 
@@ -419,24 +435,23 @@ def beads() -> Run:
 def sensed(run: Run) -> Array:
     force = sensor_force(run, "stem 1", 3)
     assert_type(force, Array)
-    assert_type(sensors.peak(run.t, force, between=(0.0, 1.0)), tuple[float, float])
-    assert_type(sensors.largest(run.t, force, between=(0.0, 1.0)), tuple[float, float])
-    assert_type(sensors.sampled_peak(run.t, force), tuple[float, float])
-    assert_type(sensors.sampled(run.t, force, interval=1e-6), tuple[Array, Array])
-    assert_type(sensors.pulses(run.t, force), tuple[Array, Array])
-    assert_type(sensors.part_energies(run), dict[str, Array])
-    assert_type(sensors.overlaps(run, "stem 1"), tuple[float, float])
-    assert_type(sensors.speed(run, "stem 1", (3, 7)), float)
-    mean = sensors.mean_force(run, "stem 1", 3)
+    assert_type(first_peak(run.t, force, between=(0.0, 1.0)), tuple[float, float])
+    assert_type(largest_peak(run.t, force, between=(0.0, 1.0)), tuple[float, float])
+    assert_type(sampled(run.t, force, interval=1e-6), tuple[Array, Array])
+    assert_type(peaks(run.t, force), tuple[Array, Array])
+    assert_type(energies(run).parts, dict[str, Array])
+    assert_type(overlaps(run, "stem 1"), tuple[float, float])
+    assert_type(speed(run, "stem 1", (3, 7)), float)
     guide = run.scene
     assert_type(contact_network.wall_sites(guide, "floor"), list[int])
     assert_type(contact_network.wall_forces(guide, run.u, "floor"), Array)
-    assert_type(sensors.energy_shares(run) + sensors.effective_number(run), Array)
-    assert_type(sensors.participation_ratio(run) + sensors.virial_ratio(run), Array)
-    sensors.peak(run.t)  # type: ignore[call-arg]
-    sensor_force(run, 3, "stem 1")  # type: ignore[arg-type]
-    sensors.part_energies(run.final)  # type: ignore[arg-type]
-    return mean + sensors.momentum(run)[:, 0] + sensors.density(run, [1])[:, 0]
+    found = energies(run)
+    assert_type(found.fractions + found.effective_number, Array)
+    assert_type(found.participation_ratio + found.virial_ratio, Array)
+    first_peak(run.t)  # type: ignore[call-arg]
+    sensor_force(run, 3, "stem 1")  # type: ignore[call-overload]
+    energies(run.final)  # type: ignore[arg-type]
+    return run.momentum()[:, 0] + sensor_force(run, [1])[:, 0]
 
 
 def protectors(bead: Bead) -> list[Bead]:

@@ -27,12 +27,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from granular import observables
 from granular.beads import Bead, Striker, beads_of
 from granular.contact_network import wall_sites
 from granular.design.spaces import Designs, Space
 from granular.materials import Material
-from tensegrity import METHODS, PowerLaw, Record, TensegrityError, check, simulate
+from granular.observables import wall_force
+from tensegrity import METHODS, PowerLaw, Record, TensegrityError, check, largest_peak, simulate
 from tensegrity.engine import kernel, native
 from tensegrity.engine.bonds import Bonds
 from tensegrity.engine.march import Wanted
@@ -315,7 +315,7 @@ def wall_peak(build: Build, beads: Sequence[Bead], t_end: float, dt: float) -> t
         raise TensegrityError(f"build {check.shown(build)} gives no scene: {error}") from error
     kept = Record(every=EVERY, sites=wall_sites(scene, name))
     run = simulate(scene, scene.start(), t_end, method=METHOD, dt=dt, record=kept)
-    time, force = observables.largest(run.t, observables.wall_force(run, name))
+    time, force = largest_peak(run.t, wall_force(run, name))
     return (force, time) if force > 0 and time < run.t[-1] else (math.inf, t_end)
 
 

@@ -92,8 +92,8 @@ METHODS = {
             **nystrom_of(_CLASSICAL, _CLASSICAL_WEIGHTS),
             default_fraction=0.05,
             reference="W. Kutta, Z. Math. Phys. 46, 435 (1901)",
-            limitations="long runs, since it loses energy, or where cost counts: rkn6 is cheaper at "
-            "every accuracy; it is here to compare with results that were made with it",
+            limitations="long runs, since it loses energy, or where cost counts: rkn6 is cheaper "
+            "at every accuracy; it is here to compare with results that were made with it",
         ),
         Midpoint(
             name="midpoint",

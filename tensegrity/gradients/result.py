@@ -20,7 +20,7 @@ from tensegrity.prisms.closed import polygon, rigid_law
 from tensegrity.prisms.condensed import ElasticPotential
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.springs.polynomial import Polynomial
-from tensegrity.springs.potential import PowerLaw
+from tensegrity.springs.power_law import PowerLaw
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -210,9 +210,8 @@ def equilibrium_path(
         0 <= min_height < height < max_height, max_load > 0.
     """
     if isinstance(prism, Structure):
-        smooth = past_contact is not False
-        bounded = max_height is not None
-        _refuse(prism, min_height=min_height != 0, max_height=bounded, past_contact=smooth)
+        bounds = {"min_height": (min_height, 0.0), "max_height": (max_height, None)}
+        _refuse(prism, **bounds, past_contact=(past_contact, False))
         if supports is None:
             raise TensegrityError("a path of a structure needs supports: held(...) or plates(...)")
         return structure_path(
@@ -224,20 +223,20 @@ def equilibrium_path(
             max_shortening=max_shortening,
         )
     check.kind("prism", prism, Prism)
-    _refuse(
-        prism,
-        supports=supports is not None,
-        branch=branch != "stable",
-        loads=loads is not None,
-        max_shortening=max_shortening != math.inf,
-    )
+    of_structures = {
+        "supports": (supports, None),
+        "branch": (branch, "stable"),
+        "loads": (loads, None),
+        "max_shortening": (max_shortening, math.inf),
+    }
+    _refuse(prism, **of_structures)
     return _followed(*_bounds(prism, min_height, max_load, max_height, past_contact))
 
 
-def _refuse(of: object, **given: bool) -> None:
-    """Refuse arguments that were given, though they do not belong to a path of this kind."""
-    for name, was_given in given.items():
-        if was_given:
+def _refuse(of: object, **given: tuple[object, object]) -> None:
+    """Refuse values, each beside its default, that do not belong to a path of this kind."""
+    for name, (value, default) in given.items():
+        if value is not default and not (type(value) is type(default) and value == default):
             raise TensegrityError(f"{name} does not belong to a path of a {type(of).__name__}")
 
 

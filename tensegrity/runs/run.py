@@ -241,10 +241,11 @@ class Run:
         """
         if self._batch:
             raise TensegrityError("a batch has no momentum: take that of one of its runs, run[k]")
-        if self.sites != tuple(range(self.scene.sites)):
+        order = np.argsort(self.sites)
+        if len(order) < self.scene.sites:
             count = f"{len(self.sites)} of {self.scene.sites} sites"
             raise TensegrityError(f"{count} recorded: the momentum needs all")
-        total = np.einsum("s,ts...->t...", self.scene.mass, self.v)
+        total = np.einsum("s,ts...->t...", self.scene.mass, self.v[:, order])
         return total if self.impulse is None else total + self.impulse.sum(axis=1)
 
     def plot(self, axes: Axes | None = None) -> Axes:
@@ -311,7 +312,7 @@ class RunBatch(Run):
             if values[name] is not None:
                 values[name] = np.ascontiguousarray(values[name][..., k])
         final = (np.ascontiguousarray(x[..., k]) for x in (self.final.u, self.final.v))
-        elongation_range = self.elongation_range[dynamics(self.scene).places_of(k)]
+        elongation_range = self.elongation_range[dynamics(self.scene).spring_numbers(k)]
         return unchecked(
             Run,
             values,

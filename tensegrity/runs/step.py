@@ -25,7 +25,8 @@ from tensegrity.runs.run import unchecked_replace
 from tensegrity.scenes.forcing import time_signals
 from tensegrity.scenes.signals import largest_frequency
 from tensegrity.springs.kinks import TAUT
-from tensegrity.springs.potential import Potential, PowerLaw
+from tensegrity.springs.potential import Potential
+from tensegrity.springs.power_law import PowerLaw
 
 EPSILON = sys.float_info.epsilon
 COARSE = 1e-4  # usual error of the first run

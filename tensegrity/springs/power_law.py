@@ -1,0 +1,105 @@
+"""Contacts that push only, by a power of how far they are pressed together.
+
+Source: seeds/000, part II, "Hertz interaction potentials"; the energy is that of
+`derivations.contact`, measured from the equilibrium under the preload: V(0) = V'(0) = 0.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from tensegrity import check
+from tensegrity.engine.law import DerivedLaw, Law
+from tensegrity.springs.potential import Potential, call
+
+if TYPE_CHECKING:
+    import sympy as sp
+
+SMALLEST = 1e-100  # overlap [m] from which a contact counts as closed
+
+
+class PowerLaw(Potential):
+    """Contact-like spring that pushes only: tension(r) = -stiffness max(-r, 0)^exponent.
+
+    With a preload the elongation is measured from the precompressed equilibrium, and
+    tension(r) = preload - stiffness max(r0 - r, 0)^exponent with r0 = (preload/stiffness)^(1/n).
+
+    Parameters
+    ----------
+    stiffness : float
+        [N/m^exponent], > 0.
+    exponent : float
+        n > 0; 3/2 is Hertz's contact of spheres.
+    preload : float, optional
+        Compressive force at rest [N], >= 0.
+    length : float, optional
+        Distance of the masses at r = 0 [m].
+
+    Notes
+    -----
+    For n < 1 the stiffness has no bound where the contact opens: a run with a default step that
+    opens it keeps its energy to about 1e-3 only; ask for a `tol`.  Without a preload contacts
+    open at r = 0, where every motion starts: the stability limit goes to zero there, and a run
+    costs absurdly many steps.
+
+    Under a preload the energy is a small difference, V(r) = stored(r0 - r) - stored(r0) +
+    preload r.  Near r = 0 it is lost in the round-off of stored(r0), which is stiffness
+    r0^(n + 1)/(n + 1), and `energy_error` of a tiny motion is that round-off over its energy.
+    The motion itself is not affected: it takes the tension, whose round-off is that of the preload.
+    """
+
+    def __init__(
+        self, stiffness: float, exponent: float, preload: float = 0.0, length: float | None = None
+    ) -> None:
+        stiffness = check.number("stiffness", stiffness, above=0, unit="N/m^n")
+        exponent = check.number("exponent", exponent, above=0)
+        preload = check.number("preload", preload, least=0, unit="N")
+        try:
+            overlap = (preload / stiffness) ** (1 / exponent)
+        except OverflowError:
+            overlap = math.inf
+        overlap = check.number("overlap under the preload", overlap, unit="m")
+        values = [stiffness, preload, overlap]
+        domain = (-math.inf, math.inf)
+        self._set(DerivedLaw(_power_law, exponent), values, length, domain)
+        self._exponent = exponent
+        self.openings = ((overlap, stiffness, exponent, -1.0),)
+        given: dict[str, Any] = {"stiffness": stiffness, "exponent": exponent, "preload": preload}
+        given |= {} if length is None else {"length": self._length}
+        self.origin = call("PowerLaw", **given)
+
+    @property
+    def exponent(self) -> float:
+        """n."""
+        return self._exponent
+
+    def _with(self, parameters: dict[str, float]) -> PowerLaw:
+        stiffness, preload = parameters["stiffness"], parameters["preload"]
+        return PowerLaw(stiffness, self._exponent, preload, self._length)
+
+    def shift_from(self, other: Potential) -> float:
+        """As that of `Potential`: by how much more it is pressed together at rest."""
+        return float(self.values[2] - other.values[2])
+
+
+def _power_law(exponent: float) -> Law:
+    import sympy as sp
+
+    from derivations import contact as derived
+
+    r = sp.Symbol("r", real=True)
+    stiffness, preload, overlap = sp.symbols("stiffness preload overlap", real=True)
+    n = sp.nsimplify(exponent, rational=True)
+    # The power never sees 0, where its higher derivatives are infinite: 0 times inf is no number.
+    closed, gap = sp.Heaviside(overlap - r - SMALLEST), sp.Symbol("gap")
+    pressed = sp.Max(overlap - r, SMALLEST)
+
+    def stored(gap: sp.Expr) -> sp.Expr:
+        known = {derived.constant: stiffness, derived.exponent: n, derived.overlap: gap}
+        return derived.power_law_energy().subs(known)
+
+    energy = closed * stored(pressed) - stored(overlap) + preload * r
+    # while the contact is closed; told of the maximum, differentiation would divide to choose
+    tension = preload - closed * sp.diff(stored(gap), gap).subs(gap, pressed)
+    return Law(energy, r, (stiffness, preload, overlap), tension)

@@ -1,0 +1,76 @@
+"""The public interface: names and signatures at the doors, held by `interface.txt`.
+
+`python tests/test_interface.py` writes that file anew, after a change that is meant.
+"""
+
+import importlib
+import inspect
+from pathlib import Path
+
+DOORS = (
+    "tensegrity", "tensegrity.objective", "granular", "granular.design", "granular.lammps",
+)  # fmt: skip
+MOST = 100  # names
+HELD = Path(__file__).parent / "interface.txt"
+
+
+def signature(thing):
+    try:
+        found = str(inspect.signature(thing))
+    except (TypeError, ValueError):
+        return ""
+    return found.replace("'", "")
+
+
+def members(cls):
+    """Public methods and properties that a class defines itself or inherits from this project."""
+    for name in sorted(vars(cls) | {k: 0 for base in cls.__mro__ for k in vars(base)}):
+        owner = next(base for base in cls.__mro__ if name in vars(base))
+        ours = owner.__module__.split(".")[0] in ("tensegrity", "granular")
+        if ours and not name.startswith("_"):
+            one = inspect.getattr_static(cls, name)
+            plain = getattr(one, "__func__", one)
+            yield f"    {name}{signature(plain) if callable(plain) else ''}"
+
+
+def names():
+    """{door.name: thing}, each thing once."""
+    found = {}
+    for door in DOORS:
+        module = importlib.import_module(door)
+        for name in sorted(module.__all__):
+            thing = getattr(module, name)
+            if not any(thing is other for other in found.values()):
+                found[f"{door}.{name}"] = thing
+    return found
+
+
+def interface():
+    """Lines of the file: every public name with its signature, members of classes indented."""
+    lines = []
+    for name, thing in names().items():
+        if inspect.isclass(thing):
+            lines += [f"{name}{signature(thing)}", *members(thing)]
+        else:
+            lines.append(f"{name}{signature(thing) if callable(thing) else ''}")
+    return lines
+
+
+def test_names_and_signatures_are_those_that_were_agreed():
+    assert interface() == HELD.read_text().splitlines()
+
+
+def test_public_names_are_few():
+    assert len(names()) <= MOST
+
+
+def test_doors_expose_nothing_else():
+    for door in ("tensegrity.objective", "granular.lammps", "granular.design"):
+        module = importlib.import_module(door)
+        public = {name for name in vars(module) if not name.startswith("_")}
+        assert door != "tensegrity.objective" or public == set(module.__all__)
+        assert set(module.__all__) <= public
+
+
+if __name__ == "__main__":
+    HELD.write_text("\n".join(interface()) + "\n")
