@@ -91,3 +91,4 @@ __all__ = [
     "solitary_wave",
     "sweep",
 ]
+__version__ = "0.1.0"  # pyproject.toml reads it here
