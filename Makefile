@@ -33,7 +33,7 @@ quick: .venv/with-test
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m "not slow" -n 2 --dist loadfile \
 		$(QUICK:%=tests/test_%.py)
 
-test-slow: .venv/with-test .venv/with-build
+test-slow: .venv/with-test
 	$(BIN)/python -m pytest -m slow
 
 # Breaks a copy of the code at random places, one at a time, and counts what tests notice; hours.

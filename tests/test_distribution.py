@@ -102,7 +102,6 @@ def made(tmp_path_factory):
     return archive, wheel
 
 
-@pytest.mark.slow
 def test_archive_and_wheel_pass_the_checks(made):
     if not find_spec("twine"):
         pytest.skip("the package twine is not installed")
@@ -112,7 +111,6 @@ def test_archive_and_wheel_pass_the_checks(made):
     assert answer.stdout.count("PASSED") == 2
 
 
-@pytest.mark.slow
 def test_archive_holds_what_make_test_needs(made):
     with tarfile.open(made[0]) as archive:
         held = {name.partition("/")[2] for name in archive.getnames()}
@@ -130,7 +128,6 @@ def test_archive_holds_what_make_test_needs(made):
     assert not [name for name in held if name.endswith((".pyc", ".so"))]
 
 
-@pytest.mark.slow
 def test_wheel_runs_its_self_test_away_from_the_source(made, tmp_path):
     place = tmp_path / "place"
     pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", str(place)]
