@@ -1,11 +1,12 @@
 # `make figures` and `make test` need Python 3.11 or newer and make; they set up .venv themselves,
 # with a C compiler from a package, ziglang, where there is none, keep it while pyproject.toml is
-# unchanged and rebuild it when it is not.
+# unchanged and rebuild it when it is not.  Each target adds the extras that it needs.
 
 PYTHON := $(shell for p in python3.11 python3.12 python3.13 python3; do \
 	$$p -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && \
 	echo $$p && break; done)
 BIN = .venv/bin
+INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable
 READY = .venv/ready
 
 .PHONY: figures derivations live test quick test-slow faults bench site site-test lint clean
@@ -14,50 +15,47 @@ figures: $(READY)
 	$(BIN)/python -m figures
 
 derivations: $(READY)
-	$(BIN)/python -m derivations
+	$(BIN)/python -m derivations --output derivations/output
 
 # One page with a chain that runs in it: docs/live/output/index.html.
-live: $(READY)
-	$(BIN)/python -m pip install --quiet --editable '.[cc]'
+live: .venv/with-cc
 	$(BIN)/python -m docs.live
 
 # Two processes, each with one thread of linear algebra: the matrices are small.
-test: $(READY)
+test: .venv/with-test
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -rs -m "not slow" -n 2 --dist loadfile
 
 # What one runs after each edit, in less than a minute: every room by some of its tests.
 QUICK = golden house layers one_engine network network_energies ensemble driven following methods \
 	record_times clearance lattice continuation response condensed prism structure solitary \
 	granular_contact granular_layout gradient_input gradient_networks search
-quick: $(READY)
+quick: .venv/with-test
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m "not slow" -n 2 --dist loadfile \
 		$(QUICK:%=tests/test_%.py)
 
-test-slow: $(READY)
+test-slow: .venv/with-test
 	$(BIN)/python -m pytest -m slow
 
 # Breaks a copy of the code at random places, one at a time, and counts what tests notice; hours.
-faults: $(READY)
+faults: .venv/with-test
 	$(BIN)/python -m tests.faults
 
 # The site, in docs/_build/site: open index.html there.  It shows the pictures that were made.
-site: $(READY)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[site]'
+site: .venv/with-site
 	@$(BIN)/python -m docs.live || echo "without a live chain"
 	$(BIN)/python -m sphinx --quiet --fail-on-warning --keep-going -b html docs docs/_build/site
 	@echo "docs/_build/site/index.html"
 
 # Every page of it in a browser, with a few pictures that take seconds; the live chain against Python.
-site-test: $(READY)
+site-test: .venv/with-test
 	$(BIN)/python -m figures start constitutive_rigid granular_fig2 wave_power_law
 	$(MAKE) site
 	$(BIN)/python -m pytest -rs tests/test_site.py tests/test_live.py
 
-bench: $(READY)
-	$(BIN)/python -m pip install --quiet --editable '.[bench]'
+bench: .venv/with-bench
 	$(BIN)/python -m benchmarks
 
-lint: $(READY)
+lint: .venv/with-lint
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
@@ -68,11 +66,16 @@ $(READY): pyproject.toml
 	@if cmp -s pyproject.toml $(READY); then touch $(READY); else \
 		test -n "$(PYTHON)" || { echo "Python 3.11 or newer, with venv, not found"; exit 1; }; \
 		echo "setting up .venv"; rm -rf .venv && $(PYTHON) -m venv .venv && \
-		$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test]' && \
+		$(INSTALL) . && \
 		{ for one in $${CC:-cc gcc clang}; do command -v $$one >/dev/null && break; done || \
 		{ echo "no C compiler: installing ziglang" && \
-		$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[cc]'; }; } && \
+		$(INSTALL) '.[cc]'; }; } && \
 		cp pyproject.toml $(READY); fi
+
+# An extra of pyproject.toml, by the same rule: what was installed goes with .venv.
+.venv/with-%: $(READY)
+	@if cmp -s pyproject.toml $@; then touch $@; else \
+		echo "installing what is for $*" && $(INSTALL) '.[$*]' && cp pyproject.toml $@; fi
 
 clean:
 	rm -rf .venv build *.egg-info docs/_build docs/_made

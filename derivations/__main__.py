@@ -16,8 +16,6 @@ from tqdm import tqdm
 from derivations import ledger, report
 from derivations.argument import NAMES, Verdict
 
-OUTPUT = Path("derivations") / "output"
-
 
 def check(progress: Callable[[Iterable[Any]], Iterable[Any]]) -> int:
     """Re-derive and hold every entry of the ledger; the number of disagreements."""
@@ -43,7 +41,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m derivations", description=__doc__)
     parser.add_argument("name", nargs="?", choices=NAMES, help="this derivation only")
     parser.add_argument("--check", action="store_true", help="check the ledger, write nothing")
-    parser.add_argument("--output", type=Path, help="file or folder of the page")
+    parser.add_argument(
+        "--output", type=Path, help="file or folder of the page; by default the current folder"
+    )
     given = parser.parse_args(arguments)
     progress = partial(tqdm, disable=None, file=sys.stderr)
     if given.check:
@@ -51,7 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             parser.error("--check takes neither a name nor --output")
         return 1 if check(progress) else 0
     names = (given.name,) if given.name else NAMES
-    target = given.output or OUTPUT
+    target = given.output or Path()
     if not target.suffix:
         target = target / f"{given.name or 'derivations'}.html"
     text = report.page(names, progress)
@@ -59,7 +59,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     beside = target.with_name(f".{target.name}.{os.getpid()}")
     beside.write_text(text, encoding="utf-8")
     os.replace(beside, target)
-    print(target)
+    what = f"The derivation {given.name}" if given.name else f"All {len(names)} derivations"
+    print(f"{what}, with the ledger's entries: {target.resolve()}")
     return 0
 
 

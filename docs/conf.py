@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 import sys
 from pathlib import Path
 
@@ -11,13 +10,12 @@ sys.path[:0] = [str(HERE.parent), str(HERE)]
 
 import pages  # noqa: E402
 
+from tensegrity import __version__  # noqa: E402
+
 project = "tensegrity"
 author = "The tensegrity developers"
 copyright = author
-try:
-    release = importlib.metadata.version("tensegrity")
-except importlib.metadata.PackageNotFoundError:
-    release = "unknown"
+release = __version__
 extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc"]
 exclude_patterns = ["_build", "live"]
 myst_enable_extensions = ["colon_fence"]

@@ -120,3 +120,4 @@ __all__ = [
     "wall_gaps",
     "width",
 ]
+__version__ = "0.1.0"  # pyproject.toml reads it here

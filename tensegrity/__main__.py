@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+import tensegrity
 from tensegrity.engine.disk_cache import cache_folder, trim
 from tensegrity.engine.native import described, require
 from tensegrity.engine.pieces import threads
@@ -32,8 +33,8 @@ from tensegrity.scenes.chain import Chain
 from tensegrity.springs.power_law import PowerLaw
 from tensegrity.waves.solitary import solitary_wave
 
-PACKAGES = ("tensegrity", "numpy", "scipy", "sympy", "casadi", "matplotlib", "tqdm", "cmaes",
-            "ziglang", "dask", "mpi4py")  # fmt: skip
+PACKAGES = ("numpy", "scipy", "sympy", "casadi", "matplotlib", "tqdm", "cmaes", "ziglang", "dask",
+            "mpi4py", "xarray", "pandas")  # fmt: skip
 
 
 class Check(NamedTuple):
@@ -91,7 +92,7 @@ CHECKS = (stiffness, wave, impact, path)
 
 def installed() -> str:
     """Versions, compiler, cache folder and threads, a line each."""
-    found = []
+    found = [f"tensegrity {tensegrity.__version__}"]
     for name in PACKAGES:
         try:
             found.append(f"{name} {version(name)}")
@@ -104,7 +105,7 @@ def installed() -> str:
         compiler = f"none: {error}"
     kernels = sum(1 for entry in cache_folder().glob("*/kernel.so"))
     rows = {
-        "versions": ", ".join(found) or "not installed: run from its source",
+        "versions": ", ".join(found),
         "python": f"{platform.python_version()} on {platform.platform()}",
         "compiler": compiler,
         "cache": f"{cache_folder()}, {kernels} kernels",

@@ -84,8 +84,11 @@ def test_no_source_is_visible(read):
     assert found == []
 
 
-def test_one_derivation_has_its_own_page(tmp_path):
-    assert main(["junction", "--output", str(tmp_path)]) == 0
+def test_one_derivation_has_its_own_page_in_the_current_folder(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["junction"]) == 0
+    assert "derivation junction" in capsys.readouterr().out
+    assert [path.name for path in tmp_path.iterdir()] == ["junction.html"]
     text = (tmp_path / "junction.html").read_text(encoding="utf-8")
     assert 'id="paper.eq7_reflected"' in text
     assert 'id="prism"' not in text
@@ -143,5 +146,5 @@ def test_command_shows_its_figures(tmp_path):
         [sys.executable, "-m", "derivations", "junction", "--output", str(tmp_path / "j.html")],
         capture_output=True, text=True, timeout=120, check=True,
     )  # fmt: skip
-    assert run.stdout.strip() == str(tmp_path / "j.html")
+    assert run.stdout.strip().endswith(f"entries: {tmp_path / 'j.html'}")
     assert run.stderr == ""

@@ -1,6 +1,7 @@
 """What is handed out: a source archive and a wheel that pass the checks and run elsewhere."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -11,20 +12,79 @@ from pathlib import Path
 
 import pytest
 
+from tensegrity import __version__
+
 ROOT = Path(__file__).parent.parent
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+HOSTS = (*sorted(ROOT.glob(".github/workflows/*.yml")), ROOT / ".readthedocs.yaml")
 LEFT_OUT = shutil.ignore_patterns(
     ".*", "build", "dist", "*.egg-info", "__pycache__", "output", "*.new"
 )
 
 
 def test_all_is_what_a_user_may_want():
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    extras = project["optional-dependencies"]
-    (wanted,) = extras["all"]
-    names = wanted.removeprefix("tensegrity[").removesuffix("]").split(",")
-    assert set(names) <= set(extras) - {"all", "test", "bench", "bench-lammps", "mpi"}
-    for name in ("cc", "dask"):
-        assert name in names
+    extras = PROJECT["optional-dependencies"]
+    assert extras["all"] == [f"{PROJECT['name']}[cc,dask,data]"]
+    assert {"cc", "dask", "data"} <= set(extras)
+
+
+def test_version_is_that_of_the_package():
+    assert PROJECT["dynamic"] == ["version"]
+    assert f"\nversion: {__version__}\n" in (ROOT / "CITATION.cff").read_text()
+    head = next(x for x in (ROOT / "CHANGELOG.md").read_text().splitlines() if x[:3] == "## ")
+    assert head.split()[1] == __version__
+
+
+def test_addresses_stand_in_one_place():
+    folders = ("benchmarks", "derivations", "docs", "figures", "granular", "tensegrity", "tests")
+    found = [p for name in (*folders, ".github") for p in (ROOT / name).rglob("*.*")]
+    written = [p for p in found if p.suffix in (".py", ".c", ".md", ".toml", ".yml", ".html")]
+    written += [*ROOT.glob("*.md"), ROOT / "CITATION.cff", ROOT / "Makefile", *HOSTS]
+    domain = PROJECT["urls"]["Homepage"].partition("//")[2]
+    assert all(domain in address for address in PROJECT["urls"].values())
+    assert [str(path) for path in written if domain in path.read_text(errors="replace")] == []
+
+
+def test_commands_of_hosts_are_those_of_the_makefile():
+    makefile = (ROOT / "Makefile").read_text()
+    targets = set(re.findall(r"^([a-z-]+):", makefile, re.M)) | {".venv/ready"}
+    extras = {f".venv/with-{name}" for name in PROJECT["optional-dependencies"]}
+    texts = [makefile, *(p.read_text() for p in (*HOSTS, *ROOT.glob(".ci/run")))]
+    assert set(re.findall(r"\.venv/with-[a-z-]+", "\n".join(texts))) <= extras
+    assert len(HOSTS) == 3
+    for path in HOSTS:
+        called = re.findall(r"make ((?:[a-z./-]+ )+)PYTHON=python\n", path.read_text())
+        assert called, path
+        assert set(" ".join(called).split()) <= targets | extras, path
+
+
+def test_workflow_covers_the_pythons_and_systems_that_are_named():
+    text = (ROOT / ".github/workflows/tests.yml").read_text()
+    known = re.findall(r":: (3\.\d+)", "\n".join(PROJECT["classifiers"]))
+    assert re.findall(r'"(3\.\d+)"', re.search(r"python: \[(.*)\]", text)[1]) == known
+    assert re.search(r"os: \[(.*)\]", text)[1] == "ubuntu-latest, ubuntu-24.04-arm, macos-latest"
+
+
+@pytest.mark.parametrize("path", HOSTS, ids=lambda path: path.name)
+def test_files_of_hosts_are_valid(path):
+    yaml = pytest.importorskip("yaml", reason="no YAML reader: the extras dask and site bring one")
+    found = yaml.safe_load(path.read_text())
+    if path.name == ".readthedocs.yaml":
+        assert found["version"] == 2
+        assert {"os", "tools", "commands"} == set(found["build"])
+        return
+    assert {"name", "permissions", "jobs", True} <= set(found)  # `on` is read as True
+    for job in found["jobs"].values():
+        assert "runs-on" in job
+        for step in job["steps"]:
+            assert ("uses" in step) != ("run" in step)
+
+
+@pytest.mark.parametrize("path", [*ROOT.glob(".github/ISSUE_TEMPLATE/*.md")], ids=lambda p: p.name)
+def test_issue_templates_have_their_head(path):
+    _, head, text = path.read_text().split("---\n")
+    assert [line.partition(":")[0] for line in head.splitlines()] == ["name", "about", "labels"]
+    assert text.count("```") % 2 == 0
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +102,6 @@ def made(tmp_path_factory):
     return archive, wheel
 
 
-@pytest.mark.slow
 def test_archive_and_wheel_pass_the_checks(made):
     if not find_spec("twine"):
         pytest.skip("the package twine is not installed")
@@ -52,7 +111,6 @@ def test_archive_and_wheel_pass_the_checks(made):
     assert answer.stdout.count("PASSED") == 2
 
 
-@pytest.mark.slow
 def test_archive_holds_what_make_test_needs(made):
     with tarfile.open(made[0]) as archive:
         held = {name.partition("/")[2] for name in archive.getnames()}
@@ -70,7 +128,6 @@ def test_archive_holds_what_make_test_needs(made):
     assert not [name for name in held if name.endswith((".pyc", ".so"))]
 
 
-@pytest.mark.slow
 def test_wheel_runs_its_self_test_away_from_the_source(made, tmp_path):
     place = tmp_path / "place"
     pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", str(place)]

@@ -6,6 +6,8 @@ import sys
 import zipfile
 from pathlib import Path
 
+from tensegrity import __version__
+
 ROOT = Path(__file__).parent.parent
 
 
@@ -16,6 +18,7 @@ def test_wheel_holds_the_three_packages_only(tmp_path):
     shutil.copytree(ROOT, source, ignore=shutil.ignore_patterns(*left_out))
     subprocess.run([*map(str, pip), str(source)], check=True, timeout=300)
     (wheel,) = tmp_path.glob("*.whl")
+    assert wheel.name == f"tensegrity_waves-{__version__}-py3-none-any.whl"
     names = zipfile.ZipFile(wheel).namelist()
     top = {name.split("/")[0] for name in names if ".dist-info" not in name}
     assert top == {"tensegrity", "granular", "derivations"}

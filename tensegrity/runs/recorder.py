@@ -29,7 +29,7 @@ from tensegrity.typing import Array
 
 try:
     import fcntl
-except ImportError:  # Windows, where a second run is refused only once the file of rows is there
+except ImportError:  # then a second run is refused only once the file of rows is there
     fcntl = None  # type: ignore[assignment]
 
 
