@@ -1,5 +1,6 @@
 """Tensegrity prisms as springs, and lattices of masses joined by them."""
 
+from tensegrity import catalogue
 from tensegrity.errors import (
     CompilerError,
     ContactError,
@@ -72,6 +73,7 @@ __all__ = [
     "TensegrityError",
     "Wall",
     "bar_contact",
+    "catalogue",
     "column",
     "control_path",
     "dispersion",
