@@ -131,7 +131,8 @@ def geodesic(
     Returns
     -------
     Structure
-        About the origin, the polygon of a corner lowest; strings round corners come first.
+        About the origin; nodes from the lowest up, which are those round a corner.  Strings round
+        corners come first.
 
     Raises
     ------
@@ -177,15 +178,17 @@ def geodesic(
         for other in (one @ generator for generator in generators):
             if all(np.abs(other - known).max() > ZERO for known in group):
                 group.append(other)
-    turns = np.array(group)
+    turns, place = np.array(group), node(weight)
+    turns = turns[np.argsort((turns @ place)[:, 2].round(9), kind="stable")]
 
     def orbit(generator: Array) -> Orbit:
         ends = np.einsum("iab,bc,jac->ij", turns, generator, turns).argmax(axis=1)
         return sorted({(min(i, j), max(i, j)) for i, j in enumerate(ends.tolist())})
 
     first, second, bars = map(orbit, generators)
-    nodes = strut * turns @ node(weight)
-    return prestressed(nodes, [bars], [first, second], prestrain, k_bar, k_string, mass)
+    return prestressed(
+        strut * turns @ place, [bars], [first, second], prestrain, k_bar, k_string, mass
+    )
 
 
 def _generators(solid: object, pattern: object) -> tuple[Array, Array, Array]:
