@@ -19,6 +19,7 @@ from tensegrity.lens.lens import Lens
 from tensegrity.prisms.closed import member_stiffness
 from tensegrity.prisms.contact import bar_contact
 from tensegrity.prisms.fit import fit
+from tensegrity.prisms.measured import read_curve
 from tensegrity.prisms.path import EquilibriumPath, equilibrium_path, equilibrium_paths
 from tensegrity.prisms.prism import Prism, column
 from tensegrity.runs.integrate import resume, simulate
@@ -88,6 +89,7 @@ __all__ = [
     "objective",
     "plates",
     "predict",
+    "read_curve",
     "resume",
     "simulate",
     "solitary_wave",

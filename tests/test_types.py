@@ -18,6 +18,7 @@ MODULES = sorted(
     if path.stem != "once"
 )
 PUBLIC = [  # modules whose names a user takes from the module
+    "tensegrity.catalogue",
     "tensegrity.waves.asymptotics",
     "tensegrity.export",
     "tensegrity.engine.methods",

@@ -70,6 +70,7 @@ from tensegrity import (
     TensegrityError,
     Wall,
     bar_contact,
+    catalogue,
     column,
     control_path,
     dispersion,
@@ -84,6 +85,7 @@ from tensegrity import (
     objective,
     plates,
     predict,
+    read_curve,
     resume,
     simulate,
     solitary_wave,
@@ -169,6 +171,11 @@ def structures() -> Structure:
     assert_type(result.band(), Array)
     assert_type(result.intervals(level=0.9), dict[str, tuple[float, float]])
     assert_type(fit("curve.csv", None, prism).degrees, float)
+    assert_type(read_curve("curve.csv", x="-mm", y="kN", columns=(0, "Force")).load, Array)
+    assert_type(fit(*read_curve(Path("curve.csv")), prism).offset, float)
+    assert_type(catalogue.expandable_octahedron(strut=0.3, k_bar=[1e6] * 6), Structure)
+    assert_type(catalogue.tower(stages=3, mass=0.1).bars, int)
+    catalogue.geodesic(12)  # type: ignore[arg-type]
     fit("curve.csv")  # type: ignore[call-arg]
     assert_type(s.network(), Network)
     Structure([[0, 0], [1, 0]], bars=3)  # type: ignore[arg-type]
