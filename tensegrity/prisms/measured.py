@@ -23,6 +23,7 @@ from tensegrity.typing import Array
 SEPARATORS = ("\t", ";", ",", " ")  # in this order: a decimal comma is no separator then
 COMMENTS = ("#", "%")
 NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)(e[-+]?\d+)?", re.IGNORECASE)
+MARKS = {",": "comma", ".": "point"}
 PREFIXES = {"": 0, "n": -9, "u": -6, "µ": -6, "m": -3, "c": -2, "d": -1, "k": 3, "M": 6}
 
 
@@ -140,10 +141,11 @@ def _rows(lines: list[str], wanted: Sequence[int | str]) -> Iterator[list[float]
             value = float(text.replace(",", ".")) if NUMBER.fullmatch(text) else np.nan
             if not np.isfinite(value):
                 raise TensegrityError(f"line {number}: {check.shown(text)} is no finite number")
-            found = "".join(sorted({",", "."} & set(text)))
+            found = "".join(MARKS.keys() & set(text))
             if mark and found and found != mark:
                 raise TensegrityError(
-                    f"line {number}: {text} has a decimal {found}, values before it have {mark}"
+                    f"line {number}: {text} has a decimal {MARKS[found]}, values before it a "
+                    f"decimal {MARKS[mark]}"
                 )
             mark = mark or found
             row.append(value)
@@ -165,8 +167,8 @@ def _start(lines: list[str], wanted: Sequence[int | str]) -> tuple[int, str, Seq
                 places = known[separator]
                 if all(p < len(fields) and NUMBER.fullmatch(fields[p]) for p in places):
                     return index, separator, places
-    missing = "no line has numbers" if known else "no line of the header has the names of columns"
-    raise TensegrityError(f"{len(lines)} lines: {missing} {check.shown(tuple(wanted))}")
+    missing = "has numbers in" if known or not names else "of the header names"
+    raise TensegrityError(f"{len(lines)} lines: no line {missing} columns {tuple(wanted)}")
 
 
 def _fields(line: str, separator: str) -> list[str]:
