@@ -85,9 +85,13 @@ def test_expandable_octahedron_has_the_ratios_of_tibert_and_pellegrino():
     s = catalogue.expandable_octahedron(strut=0.3)
     middles = s.positions[s.ends[:6]].mean(axis=1)
     along = s.positions[s.ends[:6, 1]] - s.positions[s.ends[:6, 0]]
-    apart = [np.linalg.norm(middles[i] - middles[j]) for i in range(6) for j in range(i)
-             if np.linalg.norm(np.cross(along[i], along[j])) < 1e-12]  # fmt: skip
-    assert apart == pytest.approx([0.15] * 3, rel=1e-12)
+    separations = [
+        np.linalg.norm(middles[i] - middles[j])
+        for i in range(6)
+        for j in range(i)
+        if np.linalg.norm(np.cross(along[i], along[j])) < 1e-12
+    ]
+    assert separations == pytest.approx([0.15] * 3, rel=1e-12)
     assert s.lengths[6:] == pytest.approx(0.3 * np.sqrt(3 / 8), rel=1e-12)
     assert s.densities[:6] / s.densities[6] == pytest.approx(-1.5, rel=1e-12)
     assert s.lengths[0] / s.lengths[6] == pytest.approx(1.632993, abs=1e-6)
@@ -110,8 +114,13 @@ def test_truncated_tetrahedron_has_the_longest_struts_that_strings_of_length_1_a
         {"type": "eq", "fun": lambda x: squares(x, slice(6, None)) - 1},
         {"type": "eq", "fun": lambda x: np.diff(squares(x, slice(6)))},
     ]
-    found = minimize(lambda x: -squares(x, slice(1))[0], start, method="SLSQP", constraints=rules,
-                     options={"ftol": 1e-13, "maxiter": 500})  # fmt: skip
+    found = minimize(
+        lambda x: -squares(x, slice(1))[0],
+        start,
+        method="SLSQP",
+        constraints=rules,
+        options={"ftol": 1e-13, "maxiter": 500},
+    )
     assert np.sqrt(-found.fun) == pytest.approx(length[0], rel=1e-7)
 
 
@@ -178,10 +187,19 @@ def test_overlap_of_a_tower_of_two_stages_is_the_root_of_its_determinant():
 
     kinds = np.split(np.arange(30), 5)
     forces = [
-        [sum((node(int(j if i == at else i)) - node(at) for i, j in s.ends[kind] if at in (i, j)),
-             sp.zeros(3, 1)) for kind in kinds]
+        [
+            sum(
+                (
+                    node(int(j if i == at else i)) - node(at)
+                    for i, j in s.ends[kind]
+                    if at in (i, j)
+                ),
+                sp.zeros(3, 1),
+            )
+            for kind in kinds
+        ]
         for at in (0, 3)
-    ]  # fmt: skip
+    ]
     rows = sp.Matrix.vstack(*(sp.Matrix.hstack(*columns) for columns in forces))
     rows.row_del(1)  # turning the whole leaves this one dependent on the others
     twist = sp.Symbol("twist")
@@ -253,6 +271,25 @@ def test_stiffness_mass_and_size_are_those_that_were_given():
     assert catalogue.prism(5, prestrain=0.02).natural_lengths[5:10] == pytest.approx(
         catalogue.prism(5).lengths[5:10] / 1.02, rel=1e-12
     )
+
+
+@pytest.mark.parametrize("name", catalogue.__all__)
+def test_unless_given_sizes_are_1_m_and_the_rest_is_as_of_a_structure(name):
+    s = getattr(catalogue, name)()
+    doubled = 2.0 if name == "column" else 1.0  # strings of polygons between two prisms
+    assert set(s.stiffnesses.tolist()) == {100.0, 1.0, doubled}
+    assert set(s.mass.tolist()) == {1.0}
+    size = {
+        "column": np.ptp(s.positions[:, -1]) / 5,
+        "prism": np.ptp(s.positions[:, -1]),
+        "snelson_x": s.lengths[2],
+        "plate": s.lengths[-1],
+        "dome": np.abs(s.positions[:, 0]).max(),
+        "tower": np.linalg.norm(s.positions[0, :2]),
+    }
+    assert size.get(name, s.lengths[0]) == pytest.approx(1, rel=1e-12)
+    if name in ("column", "prism"):
+        assert s.lengths[-1] == pytest.approx(1, rel=1e-12)
 
 
 @pytest.mark.parametrize(

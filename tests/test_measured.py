@@ -28,15 +28,19 @@ def in_english(x, y):
 
 def in_german(x, y):
     """Semicolons, decimal commas, a time, a row of units, a byte order mark; negative."""
-    rows = [f"{n};{-1e3 * a!r};{-1e-3 * b!r}".replace(".", ",")
-            for n, (a, b) in enumerate(zip(x.tolist(), y.tolist(), strict=True))]  # fmt: skip
+    rows = [
+        f"{n};{-1e3 * a!r};{-1e-3 * b!r}".replace(".", ",")
+        for n, (a, b) in enumerate(zip(x.tolist(), y.tolist(), strict=True))
+    ]
     return "\r\n".join(["\ufeffProbe: 3", "", "Zeit;Weg;Kraft", "s;mm;kN", *rows])
 
 
 def in_american(x, y):
     """Blanks, exponents, inches and pounds, load first; the time stops the first line."""
-    rows = [f"  10:{n:02d}:00  {b / 4.4482216152605:.17e}   {a / 0.0254:.17E}"
-            for n, (a, b) in enumerate(zip(x.tolist(), y.tolist(), strict=True))]  # fmt: skip
+    rows = [
+        f"  10:{n:02d}:00  {b / 4.4482216152605:.17e}   {a / 0.0254:.17E}"
+        for n, (a, b) in enumerate(zip(x.tolist(), y.tolist(), strict=True))
+    ]
     return "\n".join(["Date 11 23", "Time Force Travel", *rows])
 
 

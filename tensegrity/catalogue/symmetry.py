@@ -66,7 +66,7 @@ def prestressed(
     if len(states) != 1:
         raise EquilibriumError(f"{len(states)} states of self-stress with this symmetry, must be 1")
     q = np.repeat(-np.sign(states[0, 0]) * states[0], [len(orbit) for orbit in orbits])
-    wrong = np.flatnonzero((q > 0) != s.is_string)
+    wrong = np.flatnonzero((q > ZERO * q.max()) != s.is_string)
     if wrong.size:
         raise EquilibriumError(
             f"no self-stress: the force density of {s.name_of(int(wrong[0]))} would be "
