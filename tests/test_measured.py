@@ -77,7 +77,7 @@ def test_one_curve_in_all_dialects_gives_one_fit(tmp_path, dialect, given):
         ("-in", "-kN", -0.0254, -1e3),
     ],
 )
-def test_units_are_those_of_the_bureau_and_a_minus_turns_the_sign(tmp_path, x, y, length, force):
+def test_units_have_their_si_values_and_a_minus_turns_the_sign(tmp_path, x, y, length, force):
     curve = read_curve(written(tmp_path, "0.5 2\n"), x, y)
     assert curve.shortening == pytest.approx([0.5 * length], rel=1e-15)
     assert curve.load == pytest.approx([2 * force], rel=1e-15)

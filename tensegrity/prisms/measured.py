@@ -168,7 +168,8 @@ def _start(lines: list[str], wanted: Sequence[int | str]) -> tuple[int, str, Seq
                 if all(p < len(fields) and NUMBER.fullmatch(fields[p]) for p in places):
                     return index, separator, places
     missing = "has numbers in" if known or not names else "of the header names"
-    raise TensegrityError(f"{len(lines)} lines: no line {missing} columns {tuple(wanted)}")
+    columns = check.shown(tuple(wanted))
+    raise TensegrityError(f"{len(lines)} lines: no line {missing} columns {columns}")
 
 
 def _fields(line: str, separator: str) -> list[str]:
