@@ -10,7 +10,7 @@ import time
 
 import numpy as np
 
-from tensegrity import Prism, column, equilibrium_path, plates
+from tensegrity import Prism, equilibrium_path, plates
 
 STAGES = (10, 100, 1000)
 REPEATS = 2
@@ -79,7 +79,7 @@ def densities():
 def towers():
     """Tangent and six modes of towers: times, and the largest differences from tnsgrt."""
     for stages in STAGES:
-        s = column(PRISM, stages)
+        s = PRISM.column(stages)
         seconds, matrix = least_time(s.stiffness)
         modes_seconds, modes = least_time(lambda s=s: s.modes(6))
         line = f"{stages} stages, {s.nodes} nodes: tangent {1e3 * seconds:.3g} ms, "

@@ -40,7 +40,7 @@ ROOMS = {  # page: (title, modules whose public names it holds, modules document
     "waves": ("Solitary waves", ["tensegrity.waves"],
               ["tensegrity.waves.asymptotics", "tensegrity.waves.solitary"]),
     "lens": ("Lenses of chains", ["tensegrity.lens"], ["tensegrity.lens.radiation"]),
-    "structures": ("Structures", ["tensegrity.structures"], []),
+    "structures": ("Structures", ["tensegrity.structures"], ["tensegrity.catalogue"]),
     "gradients": ("Gradients", ["tensegrity.gradients"], ["tensegrity.gradients.objective"]),
     "measure": ("Measures", [], ["tensegrity.measure.observables"]),
     "granular": ("Granular crystals", ["granular"],

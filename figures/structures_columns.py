@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from figures._files import lines
-from tensegrity import Prism, column, equilibrium_path, plates
+from tensegrity import Prism, equilibrium_path, plates
 
 NAME = "structures_columns"
 GROUP = "structures"
@@ -36,7 +36,7 @@ KINDS = {  # title: whether there are plates between units, and whether the top 
 
 def lost(prism, count, between, guided, limit):
     """Load at which the uniform state loses stability below a limit [N]; nan where it does not."""
-    s = column(prism, count, plates=between)
+    s = prism.column(count, plates=between)
     low, up = range(3), range(s.nodes - 3, s.nodes)
     held = (
         {"supports": plates(low, up)}

@@ -14,7 +14,7 @@ import numpy as np
 
 from figures._files import lines
 from figures._structures import film, frames, show
-from tensegrity import Prism, column, control_path, equilibrium, plates
+from tensegrity import Prism, control_path, equilibrium, plates
 
 NAME = "structures_deployment"
 GROUP = "structures"
@@ -39,7 +39,7 @@ def weights(s, weight):
 
 def deployed(count):
     """The path from the folded column, found from its long cross strings, to the reference."""
-    s = column(REFERENCE, count)
+    s = REFERENCE.column(count)
     cross, loads = cross_strings(count), weights(s, LIGHT)
     lengths = s.natural_lengths.copy()
     lengths[cross] *= LONG

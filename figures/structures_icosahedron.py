@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from figures._files import lines
-from figures._structures import film, frames, show
-from tensegrity import Structure, equilibrium_path, plates
+from figures._structures import film, frames, show, upright
+from tensegrity import catalogue, equilibrium_path, plates
 
 NAME = "structures_icosahedron"
 GROUP = "structures"
@@ -18,19 +18,7 @@ FRAMES = 36
 
 def icosahedron():
     """Six bars and 24 strings, upright on a triangle of strings."""
-    corners = [(0, a, b) for a in (-1, 1) for b in (-2, 2)]
-    nodes = np.array([np.roll(p, shift) for shift in range(3) for p in corners], dtype=float)
-    far = np.linalg.norm(nodes[:, None] - nodes, axis=2)
-    bars, strings = (
-        np.argwhere(np.triu(np.abs(far - length) < 1e-9)).tolist() for length in (4.0, 6**0.5)
-    )
-    low, high = (nodes[list(three)].mean(axis=0) for three in (LOWER, UPPER))
-    axis = (high - low) / np.linalg.norm(high - low)
-    first = nodes[UPPER[0]] - high
-    first = first / np.linalg.norm(first)
-    frame = np.array([first, np.cross(axis, first), axis])
-    s = Structure((nodes - low) @ frame.T, bars=bars, strings=strings, k_bar=100.0, k_string=1.0)
-    return s.prestressed(prestrain={6: PRESTRAIN})
+    return upright(catalogue.expandable_octahedron(4.0, PRESTRAIN), LOWER)
 
 
 def data(progress=iter):

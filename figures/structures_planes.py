@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from figures._files import lines
-from tensegrity import Structure, equilibrium_path, held, plates
+from tensegrity import Structure, catalogue, equilibrium_path, held, plates
 
 NAME = "structures_planes"
 GROUP = "structures"
@@ -23,11 +23,8 @@ def pair(rise):
 
 
 def cross(height):
-    """Four strings round a rectangle of width 1, prestrained by 0.1 below, and two bars."""
-    corners = [[0, 0], [1, 0], [1, height], [0, height]]
-    s = Structure(corners, bars=[(0, 2), (1, 3)], strings=[(0, 1), (1, 2), (2, 3), (3, 0)],
-                  k_bar=10.0, k_string=1.0)  # fmt: skip
-    return s.prestressed(prestrain={2: 0.1})
+    """Four strings round a rectangle of width 1, prestrained by 0.1, and two bars."""
+    return catalogue.snelson_x(1.0, height, prestrain=0.1, k_bar=10.0)
 
 
 def path_of(kind, size, branch):

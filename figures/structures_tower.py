@@ -6,68 +6,40 @@ import numpy as np
 
 from figures._files import lines
 from figures._structures import film, frames, show, upright
-from tensegrity import Structure, equilibrium_path, plates
+from tensegrity import catalogue, equilibrium_path, plates
 
 NAME = "structures_tower"
 GROUP = "structures"
 
 LOWER, UPPER = (0, 1, 2), (9, 10, 11)
 FRAMES = 30
-GROUPS = {  # members (i, j) of the first of three, and their natural length [m]
-    "lower bars": ((0, 3), 2.33),
-    "upper bars": ((6, 9), 2.33),
-    "lower triangle": ((0, 1), 1.56),
-    "upper triangle": ((9, 10), 1.56),
-    "saddle, rising": ((3, 6), 0.97),
-    "saddle, falling": ((3, 8), 0.97),
-    "lower cross": ((0, 5), 1.26),
-    "lower verticals": ((0, 7), 0.93),
-    "upper cross": ((6, 10), 1.26),
-    "upper verticals": ((3, 10), 0.93),
+LENGTHS = {  # natural ones of six members each [m]
+    "bars": 2.33,
+    "end triangles": 1.56,
+    "saddles": 0.97,
+    "diagonals": 1.26,
+    "verticals": 0.93,
 }
-
-
-def members():
-    """Each group's three members, by turns of a third."""
-
-    def turned(node, third):
-        return node - node % 3 + (node + third) % 3
-
-    return {
-        name: [(turned(i, k), turned(j, k)) for k in range(3)]
-        for name, ((i, j), _) in GROUPS.items()
-    }
 
 
 def tower():
     """The tower in the shape that its natural lengths give it, upright."""
-    third = 2 * np.pi / 3 * np.arange(3)
-    start = [(0.0, 0.0), (150.0, 1.3), (210.0, 0.9), (60.0, 2.2)]  # turn [degrees], height [m]
-    guess = [(np.cos(np.radians(a) + t), np.sin(np.radians(a) + t), z)
-             for a, z in start for t in third]  # fmt: skip
-    found = members()
-    lengths = [length for _, length in GROUPS.values() for _ in range(3)]
-    s = Structure(
-        guess,
-        bars=found["lower bars"] + found["upper bars"],
-        strings=[pair for name in list(GROUPS)[2:] for pair in found[name]],
-        k_bar=100.0,
-        k_string=1.0,
-        natural_lengths=lengths,
-    )
-    return upright(s.relaxed(), LOWER)
+    s = catalogue.tower(2)
+    lengths = np.repeat(list(LENGTHS.values()), 6)
+    return upright(s.at(s.positions, natural_lengths=lengths).relaxed(), LOWER)
 
 
 def data(progress=iter):
     """The form found, its softest motions, and the path between smooth plates."""
     s = tower()
-    groups = list(members().items())
     form = {
-        "group": [name for name, _ in groups],
-        "members": [" ".join(f"{i}-{j}" for i, j in pairs) for _, pairs in groups],
-        "natural_length": [GROUPS[name][1] for name, _ in groups],
-        "length": s.lengths[::3].tolist(),
-        "tension": s.tensions[::3].tolist(),
+        "group": list(LENGTHS),
+        "members": [
+            " ".join(f"{i}-{j}" for i, j in six) for six in s.ends.reshape(5, 6, 2).tolist()
+        ],
+        "natural_length": list(LENGTHS.values()),
+        "length": s.lengths[::6].tolist(),
+        "tension": s.tensions[::6].tolist(),
     }
     tables = {"form": form, "nodes": dict(zip("xyz", s.positions.T.tolist(), strict=True))}
     tables["modes"] = {"eigenvalue": s.modes(6).eigenvalues.tolist()}

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from figures._files import lines
-from tensegrity import Chain, Prism, Record, column, simulate
+from tensegrity import Chain, Prism, Record, simulate
 
 NAME = "structures_waves"
 GROUP = "structures"
@@ -37,7 +37,7 @@ def struck(prism, blow, width):
     chain = Chain(prism.potential(), UNITS + 1, mass=float(prism.sides))
     line = simulate(chain, chain.at_rest(dict(enumerate(start.tolist()))), end / rate, tol=1e-5,
                     record=record)  # fmt: skip
-    scene = column(prism, UNITS).network()
+    scene = prism.column(UNITS).network()
     blows = {n: (0, 0, start[n // prism.sides]) for n in range(prism.sides * width)}
     space = simulate(scene, scene.at_rest(blows), end / rate, tol=1e-5, record=record)
     heights = space.u[:, :, 2].reshape(ROWS, UNITS + 1, prism.sides).mean(axis=2)

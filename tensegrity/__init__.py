@@ -1,6 +1,6 @@
 """Tensegrity prisms as springs, and lattices of masses joined by them."""
 
-from tensegrity import objective
+from tensegrity import catalogue, objective
 from tensegrity.engine.methods import METHODS
 from tensegrity.engine.schemes import Nystrom, Splitting
 from tensegrity.errors import (
@@ -32,8 +32,9 @@ from tensegrity.measure.records import first_peak, largest_peak, peaks, sampled
 from tensegrity.prisms.closed import member_stiffness
 from tensegrity.prisms.contact import bar_contact
 from tensegrity.prisms.fit import fit
+from tensegrity.prisms.measured import read_curve
 from tensegrity.prisms.path import equilibrium_path, equilibrium_paths
-from tensegrity.prisms.prism import Prism, column
+from tensegrity.prisms.prism import Prism
 from tensegrity.runs.integrate import resume, simulate
 from tensegrity.runs.record import Record
 from tensegrity.runs.run import Run
@@ -89,7 +90,7 @@ __all__ = [
     "arrival",
     "bar_contact",
     "budget",
-    "column",
+    "catalogue",
     "control_path",
     "directions",
     "dispersion",
@@ -108,6 +109,7 @@ __all__ = [
     "peaks",
     "plates",
     "predict",
+    "read_curve",
     "resume",
     "sampled",
     "sech2",

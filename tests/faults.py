@@ -46,6 +46,7 @@ NEAREST = {  # folders and files, and the tests of what stands there; those of i
     "granular/lammps": "lammps bad_input",
     "granular": "granular_chain granular_guide granular_contact granular_layout packs"
     " packs_at_rest observables",
+    "tensegrity/catalogue": "catalogue structure",
     "tensegrity/branches": "continuation response structure_path condensed golden",
     "tensegrity/engine/reverse": "gradients gradient_networks golden",
     "tensegrity/engine/kept": "native",

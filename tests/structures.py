@@ -4,18 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tensegrity import Prism, Structure
+from tensegrity import Prism, Structure, catalogue
 
 
 def icosahedron(prestrain=0.1, k_bar=100.0):
     """Six bars, 24 strings of length sqrt 6; None leaves it without prestress."""
-    corners = [(0, a, b) for a in (-1, 1) for b in (-2, 2)]
-    nodes = np.array([np.roll(p, shift) for shift in range(3) for p in corners], dtype=float)
-    far = np.linalg.norm(nodes[:, None] - nodes, axis=2)
-    bars, strings = (
-        np.argwhere(np.triu(np.abs(far - length) < 1e-9)).tolist() for length in (4.0, 6**0.5)
-    )
-    s = Structure(nodes, bars=bars, strings=strings, k_bar=k_bar, k_string=1.0)
+    s = catalogue.expandable_octahedron(4.0, 0.0, k_bar)
     return s if prestrain is None else s.prestressed(prestrain={6: prestrain})
 
 
@@ -31,11 +25,8 @@ def upright(s, triangles=((0, 4, 8), (3, 7, 11))):
 
 def cross(dim=2, prestrain=0.1):
     """The planar X: a unit square of strings with two bars along its diagonals."""
-    corners = np.zeros((4, dim))
-    corners[:, :2] = [[0, 0], [1, 0], [1, 1], [0, 1]]
-    strings = [(0, 1), (1, 2), (2, 3), (3, 0)]
-    s = Structure(corners, bars=[(0, 2), (1, 3)], strings=strings, k_bar=10.0, k_string=1.0)
-    return s.prestressed(prestrain={2: prestrain})
+    s = catalogue.snelson_x(prestrain=prestrain, k_bar=10.0)
+    return s.at(np.pad(s.positions, [(0, 0), (0, dim - 2)]))
 
 
 def turned(rng, dim):

@@ -24,7 +24,6 @@ from tensegrity import (
     State,
     TensegrityError,
     Wall,
-    column,
     simulate,
 )
 
@@ -74,7 +73,7 @@ def loaded():
 def tower():
     """A prism in all coordinates: strings that pull only, bars; one string is slack."""
     prism = Prism(1.0, 0.7, 0.05, 1.0, 10.0, 100.0)
-    scene = column(prism, 2).network()
+    scene = prism.column(2).network()
     return scene, scene.at_rest({8: (0.0, 0.0, -0.05)})
 
 

@@ -95,9 +95,12 @@ FOLDER = tempfile.TemporaryDirectory()
 FILE = f"{FOLDER.name}/run.npy"
 ts.simulate(LINE, LINE.at_rest({0: 0.01}), 1.0, dt=0.1, record=ts.Record(path=FILE, checkpoint=1.0))
 RUN.save(f"{FOLDER.name}/kept")
+CURVE = f"{FOLDER.name}/curve.txt"
+np.savetxt(CURVE, [[0.0, 0.0], [0.1, 2.0]], header="travel force")
 T = np.linspace(0.0, 1e-4, 200)
 X = np.linspace(-5.0, 5.0, 101)
 SOLVED = {"supports": ts.held([0, 1]), "loads": {2: (0.0, -0.1)}}
+PRESTRESS = {"prestrain": 0.1, "k_bar": 50.0, "k_string": 2.0, "mass": 0.5}
 GUIDE = {"stem": 3, "branch": 3, "half_angle": 0.7, "bead": BEAD, "branches": (BEAD, BEAD)}
 GUIDE |= {"wall": STEEL, "striker": STRIKER, "end": STEEL, "gap": 0.0, "through": 0.0}
 GUIDE |= {"law": granular.hertz, "gravity": 9.81, "preload": 0.1}
@@ -180,6 +183,18 @@ CALLS = [  # where other arguments are needed, or several in one call
     (ts.bar_contact, {"path": ts.equilibrium_path(ELASTIC), "diameter": 0.01}),
     (ts.fit, {"shortening": [0.0, 0.01, 0.02, 0.03], "load": [0.0, 0.001, 0.002, 0.003],
            "prism": ELASTIC, "free": ("prestrain",), "noise": 0.1}),
+    (ts.read_curve, {"path": CURVE, "x": "mm", "y": "-kN", "columns": ("travel", 1)}),
+    (ts.catalogue.snelson_x, PRESTRESS | {"width": 1.0, "height": 2.0, "k_bar": [50.0, 60.0]}),
+    (ts.catalogue.prism, {"sides": 4, "base": 1.0, "height": 2.0} | PRESTRESS),
+    (ts.catalogue.column, {"count": 2, "sides": 3, "base": 1.0, "height": 2.0} | PRESTRESS),
+    (ts.catalogue.expandable_octahedron, {"strut": 2.0} | PRESTRESS),
+    (ts.catalogue.truncated_tetrahedron, {"strut": 2.0} | PRESTRESS),
+    (ts.catalogue.geodesic, {"solid": "cube", "pattern": "diamond", "strut": 2.0, "ratio": 0.9}
+     | PRESTRESS),
+    (ts.catalogue.tower, {"stages": 3, "radius": 1.0, "height": 1.5, "twist": 2.9} | PRESTRESS),
+    (ts.catalogue.plate, {"rows": 2, "columns": 1, "side": 1.0, "height": 0.5} | PRESTRESS),
+    (ts.catalogue.dome, {"sides": 5, "hoops": 1, "radius": 1.0, "rise": 0.2, "post": 0.3}
+     | PRESTRESS),
     (ts.Potential, {"energy": sp.Symbol("k") * R**2, "elongation": R, "parameters": {"k": 1.0},
                  "length": 1.0, "domain": (-1.0, 1.0)}),
     (SPRING.varied, {"values": {"prestrain": 0.02}}),

@@ -21,7 +21,6 @@ from tensegrity import (
     State,
     TensegrityError,
     check,
-    column,
     simulate,
 )
 
@@ -134,7 +133,7 @@ ELASTIC = Prism(1.0, 0.7, 0.01, 1.0, 10.0, 100.0)
         (lambda: y_guide(10**9, bead=Bead(0.005, STEEL)), "a guide with a stem of 10+ and"),
         (lambda: diamond_guide(5, 10**9 + 1, bead=Bead(0.005, STEEL)), "branches of 10+1 beads"),
         (lambda: chain(Many()), "a chain of 10+ beads would take"),
-        (lambda: column(ELASTIC, 10**12), "a column of 10+ prisms would take"),
+        (lambda: ELASTIC.column(10**12), "a column of 10+ prisms would take"),
     ],
 )
 def test_what_no_memory_holds_is_refused_before_it_is_taken(make, words):

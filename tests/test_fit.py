@@ -94,7 +94,7 @@ def test_what_cannot_be_fitted_is_refused(tmp_path):
         (lambda: fit(SHORTENING, LOAD, THIN, ("height",)), "must be one of prestrain"),
         (lambda: fit(SHORTENING, LOAD, Prism(1.0, 0.7, 0.1, 1.0)), "elastic members"),
         (lambda: fit(SHORTENING, LOAD, THIN, noise=0.0), "noise 0 N must be above 0"),
-        (lambda: fit(tmp_path / "none.csv", None, THIN), "no CSV file"),
+        (lambda: fit(tmp_path / "none.csv", None, THIN), "none.csv cannot be read"),
     ):
         with pytest.raises(TensegrityError, match=words):
             wrong()

@@ -26,6 +26,7 @@ ROOMS = [  # inside tensegrity: each may import what stands before it
     "scenes",
     "structures",
     "prisms",
+    "catalogue",
     "runs",
     "waves",
     "measure",

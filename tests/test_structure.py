@@ -13,7 +13,6 @@ from tensegrity import (
     Prism,
     Structure,
     TensegrityError,
-    column,
     equilibrium,
     held,
     plates,
@@ -94,7 +93,7 @@ def test_frequencies_weigh_each_node_by_its_mass(ball):
 
 def test_large_structures_have_the_modes_of_their_stiffness():
     """Where few of many are sought, by a sparse method: free, and held."""
-    tower = column(Prism(1.0, 1.0, 0.1, 1.0, 5.0, 50.0), 200)
+    tower = Prism(1.0, 1.0, 0.1, 1.0, 5.0, 50.0).column(200)
     wanted = np.linalg.eigvalsh(tower.stiffness().toarray())
     found = tower.modes(6).eigenvalues
     assert found[found > 0] == pytest.approx(wanted[6:12], rel=1e-6)
@@ -112,7 +111,7 @@ def test_modes_of_the_unstable_come_first(ball):
 
 def test_tower_of_3003_nodes_bends_as_a_beam():
     """Free beams: eigenvalues as the fourth powers of the roots of cosh x cos x = 1, in pairs."""
-    s = column(Prism(1.0, 1.0, 0.1, 1.0, 5.0, 50.0), 1000)
+    s = Prism(1.0, 1.0, 0.1, 1.0, 5.0, 50.0).column(1000)
     modes = s.modes(6)
     roots = [brentq(lambda x: np.cosh(x) * np.cos(x) - 1, a, a + 2) for a in (4, 7, 10)]
     wanted = np.repeat((np.array(roots) / roots[0]) ** 4, 2)

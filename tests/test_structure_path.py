@@ -14,7 +14,6 @@ from tensegrity import (
     Structure,
     TensegrityError,
     bar_contact,
-    column,
     control_path,
     equilibrium,
     equilibrium_path,
@@ -152,7 +151,7 @@ def ends(s, n=3):
     ],
 )
 def test_columns_free_to_tilt_lose_stability_at_the_reference_loads(prism, count, load):
-    s = column(prism, count)
+    s = prism.column(count)
     low, up = ends(s)
     path = equilibrium_path(s, supports=plates(low), loads={n: (0, 0, -1 / 3) for n in up},
                             branch="symmetric", max_load=1.1 * load)  # fmt: skip
@@ -162,7 +161,7 @@ def test_columns_free_to_tilt_lose_stability_at_the_reference_loads(prism, count
 
 
 def test_uniform_column_is_the_chain_of_springs_up_to_its_guided_bow():
-    s = column(PRISM, 5)
+    s = PRISM.column(5)
     path = equilibrium_path(s, supports=plates(*ends(s)), branch="symmetric", max_load=0.2)
     (lost,) = path.events
     assert lost.load == pytest.approx(0.171078182676, rel=1e-9)
@@ -172,7 +171,7 @@ def test_uniform_column_is_the_chain_of_springs_up_to_its_guided_bow():
 
 @pytest.mark.parametrize("chirality", ["alternate", "same"])
 def test_units_on_plates_are_one_spring_each(chirality):
-    s = column(PRISM, 2, chirality, plates=True)
+    s = PRISM.column(2, chirality, plates=True)
     low, up = ends(s)
     path = equilibrium_path(s, supports=plates(low, up), branch="symmetric", max_shortening=0.2)
     tension = PRISM.potential().tension(-path.shortening / 2)
@@ -276,8 +275,8 @@ def test_paths_that_make_no_sense_are_refused(ball):
         (lambda: equilibrium_path(ball, supports=PLATES, loads={}), "no direction"),
         (lambda: control_path(ball, {}), "must be a dict"),
         (lambda: control_path(ball, {40: 1.0}), "member 40"),
-        (lambda: column(Prism(1.0, 0.7, 0.1, 1.0)), "must be finite"),
-        (lambda: column(PRISM, chirality="left"), "'alternate' or 'same'"),
+        (lambda: Prism(1.0, 0.7, 0.1, 1.0).column(), "must be finite"),
+        (lambda: PRISM.column(chirality="left"), "'alternate' or 'same'"),
     ):
         with pytest.raises(TensegrityError, match=words):
             wrong()
@@ -290,7 +289,7 @@ def test_path_ends_on_its_own_branch_where_others_are_near(part):
     """Three units in a row reach their limit load together: uneven states begin next to it."""
     prism = Prism(1.0, 0.5, 0.4, 1.0, 5.0, 50.0)
     limit = part * next(e for e in equilibrium_path(prism).events if e.kind == "fold").load
-    s = column(prism, 3, plates=True)
+    s = prism.column(3, plates=True)
     low, up = ends(s)
     path = equilibrium_path(s, supports=plates(low), loads={n: (0, 0, -1 / 3) for n in up},
                             branch="symmetric", max_load=limit)  # fmt: skip
@@ -304,7 +303,7 @@ def test_column_with_plates_between_gives_way_where_one_unit_does(guided):
     prism = Prism(1.0, 1.5, 0.02, 1.0, 10.0, 100.0)
     loads = []
     for count in (1, 3):
-        s = column(prism, count, plates=True)
+        s = prism.column(count, plates=True)
         low, up = ends(s)
         path = equilibrium_path(s, supports=plates(low, up if guided else ()), max_load=1.5,
                                 branch="symmetric",

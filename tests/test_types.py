@@ -17,6 +17,7 @@ MODULES = sorted(
 PUBLIC = [  # doors
     "tensegrity",
     "tensegrity.objective",
+    "tensegrity.catalogue",
     "granular",
     "granular.design",
     "granular.lammps",

@@ -69,7 +69,7 @@ from tensegrity import (
     arrival,
     bar_contact,
     budget,
-    column,
+    catalogue,
     control_path,
     directions,
     dispersion,
@@ -88,6 +88,7 @@ from tensegrity import (
     peaks,
     plates,
     predict,
+    read_curve,
     resume,
     sampled,
     sech2,
@@ -145,7 +146,7 @@ def prisms_and_paths() -> Potential:
 def structures() -> Structure:
     prism = Prism.from_members(0.13, 0.08, 0.1623, 2e4, k_base=3e4, k_bar=5e7, sides=3)
     one: Structure = prism.structure(mass=0.1)
-    s = column(prism, count=2, chirality="same", plates=False)
+    s = prism.column(count=2, chirality="same", plates=False)
     assert_type(s.self_stress().feasible, Array)
     assert_type(s.mechanisms(), Array)
     assert_type(s.prestressed(prestrain={6: 0.1}).relaxed(), Structure)
@@ -182,6 +183,11 @@ def structures() -> Structure:
     assert_type(result.band(), Array)
     assert_type(result.intervals(level=0.9), dict[str, tuple[float, float]])
     assert_type(fit("curve.csv", None, prism).degrees, float)
+    assert_type(read_curve("curve.csv", x="-mm", y="kN", columns=(0, "Force")).load, Array)
+    assert_type(fit(*read_curve(Path("curve.csv")), prism).offset, float)
+    assert_type(catalogue.expandable_octahedron(strut=0.3, k_bar=[1e6] * 6), Structure)
+    assert_type(catalogue.tower(stages=3, mass=0.1).bars, int)
+    catalogue.geodesic(12)  # type: ignore[arg-type]
     fit("curve.csv")  # type: ignore[call-arg]
     assert_type(s.network(), Network)
     Structure([[0, 0], [1, 0]], bars=3)  # type: ignore[arg-type]

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +19,7 @@ import numpy as np
 from tensegrity import check
 from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.prisms.curve import NAMES, OFF, RESOLVED, Misfit, intervals, loads
+from tensegrity.prisms.measured import read_curve
 from tensegrity.prisms.prism import Prism
 
 if TYPE_CHECKING:
@@ -176,7 +176,7 @@ def fit(
     Parameters
     ----------
     shortening : array_like (points,) or path
-        [m], compression > 0; or a CSV file of two columns, shortening and load, one header line.
+        [m], compression > 0; or a file of both in m and N: others are read by `read_curve`.
     load : array_like (points,), or None with a file
         [N], compression > 0.
     prism : Prism
@@ -336,14 +336,7 @@ def _free(free: Any, prism: Prism) -> tuple[str, ...]:
 
 def _points(shortening: Any, load: Any) -> tuple[Array, Array]:
     if load is None:
-        path = check.path("shortening", shortening)
-        try:
-            table = np.loadtxt(Path(path), delimiter=",", skiprows=1, ndmin=2)
-        except (OSError, ValueError) as error:
-            raise TensegrityError(f"{path} is no CSV file of numbers: {error}") from None
-        if table.shape[1] != 2:
-            raise TensegrityError(f"{path} has {table.shape[1]} columns, must be 2")
-        shortening, load = table.T
+        shortening, load = read_curve(shortening, "m", "N")
     x = check.floats("shortening", shortening)
     y = check.floats("load", load)
     if x.ndim != 1 or y.shape != x.shape:

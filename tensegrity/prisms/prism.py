@@ -148,6 +148,31 @@ class Prism:
 
         return stacked(self, 1, "same", False).at_mass(mass)
 
+    def column(
+        self, count: int = 5, chirality: str = "alternate", plates: bool = False
+    ) -> Structure:
+        """Copies of this prism on one another, along the last axis; `k_base` and `k_bar` finite.
+
+        Parameters
+        ----------
+        count : int, optional
+            Number of units.
+        chirality : {"alternate", "same"}, optional
+            Whether neighbours turn against one another or alike.
+        plates : bool, optional
+            Between units a rigid plate, smooth and guided along the column, on which both have
+            polygons of their own; else they share the polygon, its strings twice as stiff.
+
+        Returns
+        -------
+        Structure
+            Polygon after polygon from below; bars unit by unit, then cross strings unit by unit,
+            then base strings polygon by polygon.  Without load it is in equilibrium.
+        """
+        from tensegrity.prisms.stack import stacked
+
+        return stacked(self, count, chirality, plates)
+
     def _check(self, name: str, **bounds: Any) -> None:
         object.__setattr__(self, name, check.number(name, getattr(self, name), **bounds))
 
@@ -258,32 +283,3 @@ class Prism:
 
             return ElasticPotential(self, preload)
         return rigid_potential(self, preload)
-
-
-def column(
-    prism: Prism, count: int = 5, chirality: str = "alternate", plates: bool = False
-) -> Structure:
-    """Prisms on one another, along the last axis.
-
-    Parameters
-    ----------
-    prism : Prism
-        With finite `k_base` and `k_bar`.
-    count : int, optional
-        Number of units.
-    chirality : {"alternate", "same"}, optional
-        Whether neighbours turn against one another or alike.
-    plates : bool, optional
-        Between units a rigid plate, smooth and guided along the column, on which both have their
-        own polygons; else they share the polygon, its strings twice as stiff.
-
-    Returns
-    -------
-    Structure
-        Polygon after polygon from below; bars unit by unit, then cross strings unit by unit, then
-        base strings polygon by polygon.  Without load it is in equilibrium.
-    """
-    from tensegrity.prisms.stack import stacked
-
-    check.kind("prism", prism, Prism)
-    return stacked(prism, count, chirality, plates)

@@ -20,7 +20,7 @@ PER_SIDE = 1400  # bytes that a column takes for a side of each of its prisms
 
 
 def stacked(prism: Any, count: int, chirality: str, plates: bool) -> Structure:
-    """See `tensegrity.column`."""
+    """See `Prism.column`."""
     count = check.whole("count", count, least=1)
     check.room(f"a column of {count} prisms", PER_SIDE * prism.sides * count)
     plates = check.truth("plates", plates)

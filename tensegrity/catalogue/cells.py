@@ -1,0 +1,172 @@
+"""The planar X, prisms, and what is built of prisms that share nodes: columns and plates."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tensegrity import check
+from tensegrity.catalogue.symmetry import prestressed, sizes
+from tensegrity.prisms import prism as prisms
+from tensegrity.structures.structure import Structure
+
+NEXT = (1, 2, 3, 0)
+
+
+def snelson_x(
+    width: float = 1.0,
+    height: float = 1.0,
+    prestrain: float = 0.1,
+    k_bar: ArrayLike = 100.0,
+    k_string: ArrayLike = 1.0,
+    mass: ArrayLike = 1.0,
+) -> Structure:
+    """Snelson's X: two bars along the diagonals of a rectangle of four strings, in the plane.
+
+    Parameters
+    ----------
+    width, height : float, optional
+        Of the rectangle [m].
+    prestrain, k_bar, k_string, mass : optional
+        Largest prestrain of a string, >= 0; then as of `Structure`.
+
+    Returns
+    -------
+    Structure
+        Nodes counterclockwise from the origin; strings in that order, the lower one first.  Force
+        densities of strings and bars are opposite and equal (Snelson 1965, US patent 3169611).
+
+    Examples
+    --------
+    >>> from tensegrity import catalogue
+    >>> x = catalogue.snelson_x(width=2.0)
+    >>> print(x, x.is_stable())
+    Structure(4 nodes in 2 dimensions, 2 bars, 4 strings, 0 of them slack) True
+    """
+    corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * sizes(width=width, height=height)
+    strings = list(enumerate(NEXT))
+    return prestressed(corners, [[(0, 2), (1, 3)]], [strings], prestrain, k_bar, k_string, mass)
+
+
+def prism(
+    sides: int = 3,
+    base: float = 1.0,
+    height: float = 1.0,
+    prestrain: float = 0.1,
+    k_bar: float = 100.0,
+    k_string: float = 1.0,
+    mass: ArrayLike = 1.0,
+) -> Structure:
+    """A regular prism of as many bars as its polygons have sides, upright.
+
+    Parameters
+    ----------
+    sides : int, optional
+        At least 3.
+    base, height : float, optional
+        Side of the polygons and height [m].
+    prestrain, k_bar, k_string, mass : optional
+        Prestrain of the cross strings, >= 0, and stiffnesses [N/m] as of `tensegrity.Prism`, one
+        for cross and base strings; mass as of `Structure`.
+
+    Returns
+    -------
+    Structure
+        That of `Prism.structure`, at twist pi/2 + pi/sides (Connelly & Terrell 1995).
+
+    Examples
+    --------
+    >>> from tensegrity import catalogue
+    >>> catalogue.prism(4)
+    Structure(8 nodes in 3 dimensions, 4 bars, 12 strings, 0 of them slack)
+    """
+    return column(1, sides, base, height, prestrain, k_bar, k_string, mass)
+
+
+def column(
+    count: int = 5,
+    sides: int = 3,
+    base: float = 1.0,
+    height: float = 1.0,
+    prestrain: float = 0.1,
+    k_bar: float = 100.0,
+    k_string: float = 1.0,
+    mass: ArrayLike = 1.0,
+) -> Structure:
+    """Prisms on one another that share their polygons, each turned against the one below.
+
+    Parameters
+    ----------
+    count : int, optional
+        Number of prisms.
+    sides, base, height, prestrain, k_bar, k_string, mass : optional
+        Of each: see `prism`.  Shared strings are twice as stiff.
+
+    Returns
+    -------
+    Structure
+        That of `Prism.column`.
+    """
+    unit = prisms.Prism(base, height, prestrain, k_string, k_string, k_bar, sides)
+    return unit.column(count).at_mass(mass)
+
+
+def plate(
+    rows: int = 3,
+    columns: int = 3,
+    side: float = 1.0,
+    height: float = 0.5,
+    prestrain: float = 0.1,
+    k_bar: ArrayLike = 100.0,
+    k_string: ArrayLike = 1.0,
+    mass: ArrayLike = 1.0,
+) -> Structure:
+    """A plate of two layers: prisms of four bars whose upper corners are above mid-sides below.
+
+    Parameters
+    ----------
+    rows, columns : int, optional
+        Number of prisms either way.
+    side : float, optional
+        Of the lower squares [m]; neighbours share it, and the upper node above its middle.
+    height : float, optional
+        From one layer to the other [m].
+    prestrain, k_bar, k_string, mass : optional
+        Largest prestrain of a string, >= 0; then as of `Structure`.
+
+    Returns
+    -------
+    Structure
+        Cross strings come first, then those of the upper layer, of the rim of the lower one and,
+        where there are any, those that two lower squares share, which carry twice the force.
+
+    Notes
+    -----
+    Each prism is in equilibrium alone, and stable; neighbours share three nodes that are not on
+    one line.  The prism is the half-cuboctahedron of Motro 2003, Tensegrity: Structural Systems
+    for the Future.
+    """
+    rows, columns = check.whole("rows", rows, least=1), check.whole("columns", columns, least=1)
+    check.room(f"a plate of {rows} times {columns} prisms", 32 * (16.0 * rows * columns) ** 2)
+    across, up = sizes(side=side, height=height)
+    numbers: dict[tuple[int, int, int], int] = {}  # of nodes, by halves of a side and layer
+
+    bars, cross, upper, lower = [], [], [], []
+    for x, y in np.ndindex(columns, rows):
+        corners = [(2 * x + i, 2 * y + j) for i, j in ((0, 0), (2, 0), (2, 2), (0, 2))]
+        middles = [(2 * x + i, 2 * y + j) for i, j in ((1, 0), (2, 1), (1, 2), (0, 1))]
+        below, above = (
+            [numbers.setdefault((*place, layer), len(numbers)) for place in places]
+            for layer, places in enumerate((corners, middles))
+        )
+        for i, j in enumerate(NEXT):
+            bars.append((below[i], above[j]))
+            cross.append((below[i], above[i]))
+            upper.append((above[i], above[j]))
+            lower.append((min(below[i], below[j]), max(below[i], below[j])))
+    times = Counter(lower)
+    lowers = [[pair for pair in times if times[pair] == n] for n in (1, 2)]
+    nodes = np.array(list(numbers)) * [across / 2, across / 2, up]
+    return prestressed(nodes, [bars], [cross, upper, *lowers], prestrain, k_bar, k_string, mass)
