@@ -5,6 +5,7 @@
 
 import importlib
 import inspect
+import re
 from pathlib import Path
 
 DOORS = (
@@ -25,7 +26,7 @@ def signature(thing):
         found = str(inspect.signature(thing))
     except (TypeError, ValueError):
         return ""
-    return found.replace("'", "")
+    return re.sub(r"<function (\w+) at \w+>", r"\1", found.replace("'", ""))
 
 
 def members(cls):
