@@ -15,6 +15,9 @@ from tensegrity.errors import (
 from tensegrity.gradients import objective
 from tensegrity.gradients.compute import gradient
 from tensegrity.lens.lens import Lens
+from tensegrity.measure.interfaces import Transmission, interface, transmission
+from tensegrity.measure.observables import arrival
+from tensegrity.measure.pulses import Pulse, phase_shift, pulses
 from tensegrity.prisms.closed import member_stiffness
 from tensegrity.prisms.contact import bar_contact
 from tensegrity.prisms.fit import fit
@@ -59,6 +62,7 @@ __all__ = [
     "PowerLaw",
     "Prediction",
     "Prism",
+    "Pulse",
     "RangeError",
     "Record",
     "RecordError",
@@ -70,7 +74,9 @@ __all__ = [
     "Structure",
     "StructurePath",
     "TensegrityError",
+    "Transmission",
     "Wall",
+    "arrival",
     "bar_contact",
     "column",
     "control_path",
@@ -81,13 +87,17 @@ __all__ = [
     "fit",
     "gradient",
     "held",
+    "interface",
     "member_stiffness",
     "modes",
     "objective",
+    "phase_shift",
     "plates",
     "predict",
+    "pulses",
     "resume",
     "simulate",
     "solitary_wave",
     "sweep",
+    "transmission",
 ]
