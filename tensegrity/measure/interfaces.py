@@ -21,6 +21,7 @@ from tensegrity.scenes.scene import State
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array
 
+NOTHING = 1e-6  # of the incident amplitude: a smaller peak is no pulse
 QUIET = 1e-3  # of the incident amplitude: a larger elongation at an end has been there
 
 
@@ -110,7 +111,7 @@ def transmission(run: Run, row: int = -1, fraction: float = FRACTION) -> Transmi
         for has left the interface and nothing has come to an end of the chain.
     fraction : float, optional
         A peak counts from this part of the largest |elongation| of its own chain on, above 0, at
-        most 1.
+        most 1; and from 1e-6 of the incident amplitude on.
 
     Returns
     -------
@@ -145,7 +146,7 @@ def transmission(run: Run, row: int = -1, fraction: float = FRACTION) -> Transmi
             f"at {run.t[row]:g} s the incident pulse has not met the interface, which it does at "
             f"{meets:g} s"
         )
-    last = Instant(chain, State(run.u[row], run.v[row]))
+    last = Instant(chain, State(run.u[row], run.v[row]), NOTHING * abs(incident.amplitude))
     parts = last.pulses(fraction, 0, site), last.pulses(fraction, site, None)
     energies = last.site_energy[:site].sum(), last.site_energy[site:].sum()
     if incident.direction < 0:

@@ -4,7 +4,9 @@ A wave of a chain is known at its sites and bonds only, and its peak lies betwee
 recovered from the exact solitary wave of the same springs and masses whose energy is that of the
 pulse: elongations and velocities, by least squares over the width of that wave, give the place,
 and the energy is corrected until the wave is neither higher nor lower than the pulse.  Where no
-wave fits, the peak is that of a spline through the elongations.  Energy flows through a bond at
+wave fits, the displacement between two sites is that of the polynomial of fifth degree with
+the displacements, slopes -v/c and curvatures a/c^2 at both, of a wave that travels at the speed
+c: momentum over mass and total elongation, which is constant.  Energy flows through a bond at
 the rate -T v, T being its tension and v the mean velocity of its two sites; the direction of a
 pulse is that of its flow.
 """
@@ -108,11 +110,15 @@ def pulses(run: Run, row: int = -1, fraction: float = FRACTION) -> list[Pulse]:
 
     Notes
     -----
-    A solitary wave is placed to 1e-6 sites or as well as the run knows it.  Where `wave` is None,
-    place and amplitude are those of the largest value of a spline of fifth order: to 1e-3 of the
-    amplitude and 1e-2 sites where a hump is 8 sites wide at half its height, worse where it is
-    narrower.  Pulses that overlap are cut at the least elongation between them; a hump that is
-    cut by an end of the chain, and one across different springs or masses, has no `wave`.
+    A solitary wave is found as exactly as the run knows it: launched at any place to 1e-7 sites
+    and of its amplitude.  What travels but is no such wave is interpolated through displacements,
+    velocities and accelerations at its sites: to 1e-3 sites and 3e-4 of the amplitude where it is
+    3 sites wide at half its height, to 1e-2 sites and 2e-2 where it is 1.3 sites wide.  What does
+    not travel is interpolated through its elongations alone, by a spline of fifth order.
+
+    Pulses that overlap are cut at the least elongation between them.  While waves pass through
+    each other there is one pulse, which is none of them.  A pulse whose width reaches an end of
+    the chain, or another spring or mass, has no `wave`.
 
     Examples
     --------
@@ -195,12 +201,12 @@ def sites_around(r: Array, peak: int) -> tuple[int, int]:
 
 
 class Instant:
-    """A chain in one state, and what its pulses are read from."""
+    """A chain in one state, and its pulses; an elongation below `least` [m] is none."""
 
-    def __init__(self, chain: Chain, state: State) -> None:
+    def __init__(self, chain: Chain, state: State, least: float = 0.0) -> None:
         self.chain, self.u, self.v = chain, state.u, state.v
         self.r = chain.elongation(state.u)
-        self.least = ROUND_OFF * float(np.abs(state.u).max())
+        self.least = max(least, ROUND_OFF * float(np.abs(state.u).max()))
         self.site_energy = chain.site_energy(state.u, state.v)
         self.tension = chain.bond_tension(state.u)
 
