@@ -57,6 +57,7 @@ from tensegrity import (
     PowerLaw,
     Prediction,
     Prism,
+    Pulse,
     RangeError,
     Record,
     RecordError,
@@ -68,7 +69,9 @@ from tensegrity import (
     Structure,
     StructurePath,
     TensegrityError,
+    Transmission,
     Wall,
+    arrival,
     bar_contact,
     column,
     control_path,
@@ -79,15 +82,19 @@ from tensegrity import (
     fit,
     gradient,
     held,
+    interface,
     member_stiffness,
     modes,
     objective,
+    phase_shift,
     plates,
     predict,
+    pulses,
     resume,
     simulate,
     solitary_wave,
     sweep,
+    transmission,
 )
 from tensegrity.engine import methods
 from tensegrity.export import to_c
@@ -304,6 +311,10 @@ def waves(spring: Potential, chain: Chain) -> State:
     assert_type(lens.focusing().gain, float)
     lens.run(record="x")  # type: ignore[arg-type]
     assert_type(predict(spring)["compression"].speeds, tuple[float, float])
+    assert_type(predict(spring)["compression"].curve(excess=[0.1, 0.2]).width, Array)
+    assert_type(phase_shift(lens.run(), wave, wave), tuple[float, float])
+    assert_type(interface(spring, spring, (40, 60), mass=(1.0, 2.0)), Chain)
+    interface(chain, spring)  # type: ignore[arg-type]
     assert_type(wave.excess, float)
     assert_type(wave.strain - wave.elongation(wave.x), Array)
     assert_type(asymptotics.sound_speed(spring), float)
@@ -324,15 +335,20 @@ def measured(chain: Chain, run: Run) -> float:
     passed = observables.beyond(run, 5)
     assert_type(passed.energy - passed.work, Array)
     assert_type(passed.momentum_error, float)
-    assert_type(observables.pulses(chain, run.final)[0].momentum, float)
+    assert_type(pulses(run, fraction=0.2), list[Pulse])
+    assert_type(pulses(run)[0].wave, SolitaryWave | None)
+    assert_type(transmission(run, row=-1), Transmission)
+    assert_type(transmission(run).reflected, tuple[Pulse, ...])
+    assert_type(transmission(run).transmitted_delays, Array)
     assert_type(observables.crest(chain.elongation(run.final.u)), tuple[float, float])
     assert_type(observables.passage(run.t, run.u[:, 0], run.v[:, 0]), float)
-    times = observables.arrival(run, 3) + observables.duration(run, 3, level=0.1)
+    times = arrival(run, 3, direction=-1, after=0.5) + observables.duration(run, 3, level=0.1)
     front = observables.tail_front(chain, run.final)
     observables.beyond(chain, 5)  # type: ignore[arg-type]
     observables.speed(run, 5)  # type: ignore[arg-type]
-    observables.arrival(chain, 3)  # type: ignore[arg-type]
-    observables.pulses(run, run.final)  # type: ignore[arg-type]
+    arrival(chain, 3)  # type: ignore[arg-type]
+    pulses(chain, run.final)  # type: ignore[arg-type]
+    pulses(run, run.final)  # type: ignore[arg-type]
     return times + front + observables.speed(run, (3, 9)) + observables.width(run.t, run.energy)
 
 

@@ -106,7 +106,8 @@ def pulses(run: Run, row: int = -1, fraction: float = FRACTION) -> list[Pulse]:
     Raises
     ------
     TensegrityError
-        Another scene than a chain; a site that was not recorded; no such row.
+        Another scene than a chain, or one whose springs change in time; a site that was not
+        recorded; no such row.
 
     Notes
     -----
@@ -151,6 +152,8 @@ def chain_of(run: Run) -> Chain:
             f"the scene of the run is {type(chain).__name__}, must be a Chain: pulses run along "
             "bonds in a row"
         )
+    if chain.tune:
+        raise TensegrityError("the springs change in time: what is measured asks for constant ones")
     if run.sites != tuple(range(chain.sites)):
         raise TensegrityError(f"{len(run.sites)} of {chain.sites} sites recorded: record all")
     return chain
