@@ -215,8 +215,9 @@ def test_waves_that_overlap_are_cut_at_the_least_elongation_between_them():
 
 def test_waves_that_meet_have_no_direction():
     wave, chain = solitary_wave(PRISM, speed_ratio=1.3), Chain(PRISM, 101)
-    both = wave.launch(chain, 50.0) + wave.launch(chain, 50.0, direction=-1)
-    (pulse,) = pulses(still(chain, both), 0)
+    both = wave.launch(chain, 35.0) + wave.launch(chain, 65.0, direction=-1)
+    run = simulate(chain, both, 14.5 / wave.speed, dt=0.01 / wave.speed)
+    (pulse,) = pulses(run)
     assert (pulse.direction, pulse.speed, pulse.wave) == (0, 0.0, None)
 
 
@@ -326,6 +327,9 @@ def test_only_runs_of_whole_chains_have_pulses():
     network = Network([[0.0, 0.0], [1.0, 0.0]], [(0, 1)], LINEAR)
     with pytest.raises(TensegrityError, match="scene of the run is Network, must be a Chain"):
         pulses(simulate(network, network.at_rest(), 1.0))
+    changes = Chain(PRISM, 10, tune=lambda t: Prism(1.0, 0.7, 0.01 + 0.001 * t, 1.0).potential())
+    with pytest.raises(TensegrityError, match="the springs change in time"):
+        pulses(simulate(changes, changes.at_rest(), 1.0, dt=0.1))
     chain = Chain(PRISM, 10)
     with pytest.raises(TensegrityError, match="2 of 10 sites recorded"):
         pulses(simulate(chain, chain.at_rest(), 1.0, record=Record(every=1, sites=[0, 1])))
