@@ -27,7 +27,7 @@ def wall_peak(diameters, t_end=T_END, dt=T_END / STEPS, p=None):
     scene = chain([Bead(d, STEEL) for d in diameters], striker=STRIKER, end=STEEL)
     load = objective.load(wall=0)
     asked = objective.peak(load) if p is None else objective.p_norm(load, p)
-    found = gradient(asked, scene, scene.start(), t_end, dt, wanted=("diameter",))
+    found = gradient(asked, scene, scene.start(), t_end, dt=dt, wanted=("diameter",))
     scale = 1.0 if p is None else t_end ** (-1 / p)
     return found.value * scale, found.by("diameter")[1:-1] * scale
 
@@ -217,7 +217,7 @@ def test_ctrl_c_gives_the_best_until_then(monkeypatch):
 
 
 def test_starts_lost_with_a_worker_are_counted(monkeypatch):
-    plain, lost = module.Crew.outcomes, []
+    plain, lost = module.WorkerPool.outcomes, []
 
     def lossy(self, function, cases):
         for number, result in plain(self, function, cases):
@@ -226,7 +226,7 @@ def test_starts_lost_with_a_worker_are_counted(monkeypatch):
                 result = module.Failed(number, "BrokenProcessPool: died", True)
             yield number, result
 
-    monkeypatch.setattr(module.Crew, "outcomes", lossy)
+    monkeypatch.setattr(module.WorkerPool, "outcomes", lossy)
     found = small()
     assert found.failed == 1
     assert np.flatnonzero(np.isinf(found.history)).tolist() == [0]  # it counts as one design

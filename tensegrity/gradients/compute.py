@@ -14,14 +14,14 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 
 from tensegrity import check
 from tensegrity.engine import methods, native, pieces
 from tensegrity.engine.codegen import depends_on
-from tensegrity.engine.reverse import Layout, OnGrid, Seeds
+from tensegrity.engine.reverse import Layout, OnGrid, OutputCotangents
 from tensegrity.errors import TensegrityError
 from tensegrity.gradients import result
 from tensegrity.gradients.adjoint import Backward, Forward
@@ -33,7 +33,7 @@ from tensegrity.runs.problem import Problem, count
 from tensegrity.runs.record import Record
 from tensegrity.scenes.dynamics import HasDynamics, dynamics
 from tensegrity.scenes.ensemble import Ensemble
-from tensegrity.scenes.forcing import refuse
+from tensegrity.scenes.forcing import refuse_driven
 from tensegrity.scenes.scene import Scene, State
 from tensegrity.typing import Array
 
@@ -55,17 +55,69 @@ class _Task:
     checkpoints: int | None
 
 
+@overload
 def gradient(
-    objective: Trace | Objective | Sequence[Trace | Objective],
+    objective: Trace | Objective,
     scene: Scene,
     state: State,
     t_end: float,
-    dt: float | None = None,
-    method: str | methods.Method = "verlet",
+    *,
+    method: str | methods.Method | None = ...,
+    dt: float,
+    wanted: Sequence[str] | None = ...,
+    exact: bool = ...,
+    checkpoints: int | None = ...,
+) -> Gradient: ...
+@overload
+def gradient(
+    objective: Trace | Objective,
+    scene: Ensemble,
+    state: State,
+    t_end: float,
+    *,
+    method: str | methods.Method | None = ...,
+    dt: float,
+    wanted: Sequence[str] | None = ...,
+    exact: bool = ...,
+    checkpoints: int | None = ...,
+) -> BatchGradient: ...
+@overload
+def gradient(
+    objective: Sequence[Trace | Objective],
+    scene: Scene,
+    state: State,
+    t_end: float,
+    *,
+    method: str | methods.Method | None = ...,
+    dt: float,
+    wanted: Sequence[str] | None = ...,
+    exact: bool = ...,
+    checkpoints: int | None = ...,
+) -> list[Gradient]: ...
+@overload
+def gradient(
+    objective: Sequence[Trace | Objective],
+    scene: Ensemble,
+    state: State,
+    t_end: float,
+    *,
+    method: str | methods.Method | None = ...,
+    dt: float,
+    wanted: Sequence[str] | None = ...,
+    exact: bool = ...,
+    checkpoints: int | None = ...,
+) -> list[BatchGradient]: ...
+def gradient(
+    objective: Trace | Objective | Sequence[Trace | Objective],
+    scene: Scene | Ensemble,
+    state: State,
+    t_end: float,
+    *,
+    method: str | methods.Method | None = None,
+    dt: float,
     wanted: Sequence[str] | None = None,
     exact: bool = False,
     checkpoints: int | None = None,
-    tol: None = None,
 ) -> Any:
     """A number that a run gives, and its derivatives by all that the run depends on.
 
@@ -79,10 +131,12 @@ def gradient(
     state : State
     t_end : float
         [s], >= 0.
-    dt : float
-        Step [s], as for `simulate`.
     method : str or Method, optional
-        A splitting: "verlet", "rkn6", or one of your own.
+        A splitting: "verlet", the default with a fixed step as in `simulate`; "rkn6", or one of
+        your own.
+    dt : float
+        Step [s], as for `simulate`.  A gradient is that of one run with one step: find the step
+        that a tolerance needs with `simulate(..., tol=)` first.
     wanted : sequence of str, optional
         What `by` will be asked for; by default all that it can be.  Fewer cost less.
     exact : bool, optional
@@ -93,8 +147,6 @@ def gradient(
         some more only where it strays from the run by more than 1e-9.  Chains of beads that touch
         without overlap at the start need about 10 where derivatives by their initial state are to
         have more than 5 digits; their `reversal` does not see that.
-    tol : None
-        Not taken: choose a step with `simulate` first.
 
     Returns
     -------
@@ -114,15 +166,11 @@ def gradient(
         raise TensegrityError("objective is an empty sequence: nothing to differentiate")
     if not isinstance(scene, HasDynamics):
         raise TensegrityError(f"scene {check.shown(scene)} is not a scene, such as a Chain")
-    refuse(scene, "a gradient")
+    refuse_driven(scene, "a gradient")
     scene.check(state)
     t_end = check.number("t_end", t_end, least=0, unit="s")
-    if tol is not None or dt is None:
-        raise TensegrityError(
-            f"tol {tol!r}, dt {dt!r}: a gradient is that of one run with one step, choose dt first"
-        )
     dt = check.number("dt", dt, above=0, unit="s")
-    splitting = _splitting(method)
+    splitting = _splitting(methods.default(dt, None, False) if method is None else method)
     exact = check.truth("exact", exact)
     if checkpoints is not None:
         checkpoints = check.whole("checkpoints", checkpoints, least=1)
@@ -131,7 +179,7 @@ def gradient(
             raise TensegrityError(f"{one!r} needs {one.latest:g} s, the run ends at {t_end:g} s")
     native.require()
     task = _Task(objectives, t_end, dt, splitting, wanted, exact, checkpoints)
-    found = (_of_lanes if isinstance(scene, Ensemble) else _of_scene)(task, scene, state)
+    found = (_of_batch if isinstance(scene, Ensemble) else _of_scene)(task, scene, state)
     return found if many else found[0]
 
 
@@ -147,7 +195,7 @@ def _splitting(method: str | methods.Method) -> methods.Splitting:
     return found
 
 
-def _of_lanes(task: _Task, scene: Any, state: Any) -> Any:
+def _of_batch(task: _Task, scene: Any, state: Any) -> Any:
     """Those of each scene, on threads: the loops free the interpreter."""
 
     def one(lane: int) -> Any:
@@ -159,15 +207,15 @@ def _of_lanes(task: _Task, scene: Any, state: Any) -> Any:
     return [_stacked(lanes) for lanes in zip(*each, strict=True)]
 
 
-def _stacked(found: Sequence[Gradient]) -> LaneGradient:
-    def lanes_last(each: Sequence[Any]) -> Any:
+def _stacked(found: Sequence[Gradient]) -> BatchGradient:
+    def batch_last(each: Sequence[Any]) -> Any:
         if isinstance(each[0], dict):
-            return fixed({name: lanes_last([x[name] for x in each]) for name in each[0]})
+            return fixed({name: batch_last([x[name] for x in each]) for name in each[0]})
         return np.stack(each, axis=-1)
 
     names = ("value", "u", "v", "mass", "parameters", "shift")
-    return LaneGradient(
-        **{name: lanes_last([getattr(one, name) for one in found]) for name in names},
+    return BatchGradient(
+        **{name: batch_last([getattr(one, name) for one in found]) for name in names},
         run=tuple(one.run for one in found),  # type: ignore[arg-type]
         reversal=max(one.reversal for one in found),
         digits=min(one.digits for one in found),
@@ -176,7 +224,7 @@ def _stacked(found: Sequence[Gradient]) -> LaneGradient:
     )
 
 
-class LaneGradient(Gradient):
+class BatchGradient(Gradient):
     """That of an ensemble: `value` (lanes,), `run` one of each lane, arrays with lanes last."""
 
     def by(self, name: str) -> Array:
@@ -231,7 +279,7 @@ def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
         each.append(samples.back(slopes, *sampled))
     by_rows, p, g, m, w = map(np.array, zip(*each, strict=True))
     back = Backward(layout, task.method, dt, len(windows), grid)
-    cotangents = Seeds(by_rows, samples.places, samples.of_u, first)
+    cotangents = OutputCotangents(by_rows, samples.places, samples.of_u, first)
     back.go(forward.states, cotangents, forward.again, every)
     p += back.totals.p
     g += back.totals.g

@@ -32,7 +32,7 @@ from tensegrity.scenes.scene import State
 from tensegrity.typing import Array
 
 ROUND_OFF = 1e-12  # of a crest: less is nothing
-CREST = 0.5  # an extremum counts as the pulse if it is this part of the largest
+PEAK_FRACTION = 0.5  # an extremum counts as the pulse if it is this part of the largest
 NEIGHBOURS = 5  # recorded instants on either side that locate a crest
 DEGREE = 7  # of the spline that a budget integrates
 
@@ -56,11 +56,11 @@ def passage(t: Array, elongation: Array, rate: Array) -> float:
 
     t, elongation, rate = _columns(t=t, elongation=elongation, rate=rate)
     size = np.abs(elongation)
-    large = size >= CREST * size.max()
-    turns = (rate[:-1] * rate[1:] <= 0) & (large[:-1] | large[1:]) & (size.max() > 0)
-    if not turns.any():
+    large = size >= PEAK_FRACTION * size.max()
+    sign_changes = (rate[:-1] * rate[1:] <= 0) & (large[:-1] | large[1:]) & (size.max() > 0)
+    if not sign_changes.any():
         raise TensegrityError("no crest passes this bond within the run")
-    first = int(np.argmax(turns))
+    first = int(np.argmax(sign_changes))
     part = slice(max(first + 1 - NEIGHBOURS, 0), first + 1 + NEIGHBOURS)
     start = t[first]
     curve = BarycentricInterpolator(t[part] - start, rate[part])
@@ -179,7 +179,7 @@ def tail_front(chain: Chain, state: State, level: float = 0.5) -> float:
     check.kind("chain", chain, Chain)
     chain.energy(state)  # refuses what is no state of it
     r = chain.elongation(state.u)
-    found = peaks(r, CREST)
+    found = peaks(r, PEAK_FRACTION)
     if not found:
         raise TensegrityError("no pulse: the chain is undeformed")
     behind = np.abs(r[: sites_around(r, found[-1])[0]])
@@ -219,7 +219,7 @@ def crest(elongation: ArrayLike) -> tuple[float, float]:
         At one instant [m].  The parabola through the extremum and its neighbours refines both.
     """
     (r,) = _columns(elongation=elongation)
-    inner = [j for j in peaks(r, CREST) if 0 < j < len(r) - 1]
+    inner = [j for j in peaks(r, PEAK_FRACTION) if 0 < j < len(r) - 1]
     if not inner:
         raise TensegrityError("no crest within the chain")
     shift, top = _parabola(r, int(inner[-1]))
@@ -290,7 +290,7 @@ def wall_gaps(network: Network, u: ArrayLike) -> Array:
     Parameters as for `directions`; (..., wall contacts).
     """
     check.kind("network", network, Network)
-    return check.finite("gap", dynamics(network).stretch(u)[..., len(network.bonds) :])
+    return check.finite("gap", dynamics(network).elongations(u)[..., len(network.bonds) :])
 
 
 @dataclass(frozen=True, eq=False)

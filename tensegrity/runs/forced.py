@@ -75,8 +75,10 @@ class ForcedMotion(Motion):
         shown, sums = (u.copy(), v.copy()), np.zeros((1, 2))
         sites = self._sites
         self._tell(np.zeros(1), shown[0][None, :sites], shown[1][None, :sites], sums)
-        met = np.zeros((len(self._listed.springs), 2))
-        return Point(0, u, v, (*shown, sums[0]), met, np.array([0.0, 0.0, np.inf, -np.inf]))
+        elongation_range = np.zeros((len(self._listed.springs), 2))
+        return Point(
+            0, u, v, (*shown, sums[0]), elongation_range, np.array([0.0, 0.0, np.inf, -np.inf])
+        )
 
     def restore(self) -> None:
         super().restore()
@@ -120,15 +122,15 @@ class ForcedMotion(Motion):
             sums[:, 0] += np.sum(forcing.force(t, 0) * rows_u[:, forced], axis=1)
             sums[:, 0] -= self._first_force
 
-    def _point(self, end: int, met: Array) -> Point:
-        point = super()._point(end, met)
+    def _point(self, end: int, elongation_range: Array) -> Point:
+        point = super()._point(end, elongation_range)
         return point._replace(shown=(*point.shown, self._sums[0]), sums=self._bound.sums.copy())
 
-    def _allows(self, met: Array, end: int) -> bool:
+    def _allows(self, elongation_range: Array, end: int) -> bool:
         if self.tuning is None:
-            return super()._allows(met, end)
+            return super()._allows(elongation_range, end)
         self._limit = self.problem.largest_step(
-            self._omega(float(met[0, 0]), float(met[0, 1]), end)
+            self._omega(float(elongation_range[0, 0]), float(elongation_range[0, 1]), end)
         )
         return self.dt <= self.allowed * self._limit
 
@@ -141,18 +143,18 @@ class ForcedMotion(Motion):
         r = np.tile(r, len(at))
         largest = float(np.max(self.tuning.evaluate(2, p, r)))
         if of.turns:  # tension resists motion across a bond
-            shortest = min(low, 0.0) - float(np.max(of.closing))
+            shortest = min(low, 0.0) - float(np.max(of.zero_length_elongation))
             across = float(np.max(self.tuning.evaluate(1, p, r)))
             largest = max(largest, across / shortest if shortest > 0 else math.inf)
         if not math.isfinite(largest):
             return math.inf
-        return of.frequency_of(np.full(len(of.scene.springs), max(largest, 0.0)))
+        return of.bond_frequency_bound(np.full(len(of.scene.springs), max(largest, 0.0)))
 
     def first_frequency(self) -> float:
         """As of `Motion`."""
         if self.tuning is None:
             return super().first_frequency()
-        r = self.dynamics.stretch(self.point.shown[0][: self._sites])
+        r = self.dynamics.elongations(self.point.shown[0][: self._sites])
         return self._omega(float(r.min()), float(r.max()), self.point.done)
 
     # what was reached
@@ -162,7 +164,7 @@ class ForcedMotion(Motion):
         of, scene = self.dynamics, self.problem.scene
         if self.tuning is None:
             return of.energies(u, v)
-        stored = self.tuning.energies(t, of.stretch(u))
+        stored = self.tuning.energies(t, of.elongations(u))
         mass = scene.mass.reshape(-1, *[1] * (v.ndim - 2))
         motion = (mass * v**2 / 2 - scene.loads * u).reshape(len(u), -1)
         return np.sum(motion, axis=1) + np.sum(stored, axis=-1)
@@ -206,7 +208,7 @@ class ForcedMotion(Motion):
         low = self.tuning.domain(np.array([locked.t]))[0, 0]
         side = int(locked.range[0] > low)
         error = self.tuning.beyond(locked.t, float(locked.range[side]))
-        where = self.dynamics.extreme(0, self._bound.u[: self._sites], side)
+        where = self.dynamics.where_extreme(0, self._bound.u[: self._sites], side)
         return type(error)(f"{error}: the spring {where} got there at t = {locked.t:.6g} s")
 
     def _endless(self, t: float) -> StabilityError:
@@ -215,16 +217,24 @@ class ForcedMotion(Motion):
     def _barrier(self, spring: Any, side: int) -> None:
         """No energy is a bound on what springs reach."""
 
-    def _explained(self, t: float, met: Array, shown: Any) -> LockingError | StabilityError:
+    def _explained(
+        self, t: float, elongation_range: Array, shown: Any
+    ) -> LockingError | StabilityError:
         if self.tuning is not None:
             finite = all(np.isfinite(x[: self._sites]).all() for x in shown)
-            return self._too_coarse(t, shown[0][: self._sites], met) if finite else self._endless(t)
-        error = super()._explained(t, met, shown)
-        if isinstance(error, LockingError) or all(np.isfinite(x).all() for x in (*shown, met)):
+            return (
+                self._too_coarse(t, shown[0][: self._sites], elongation_range)
+                if finite
+                else self._endless(t)
+            )
+        error = super()._explained(t, elongation_range, shown)
+        if isinstance(error, LockingError) or all(
+            np.isfinite(x).all() for x in (*shown, elongation_range)
+        ):
             return error
         return self._endless(t)
 
-    def _too_coarse(self, t: float, u: Array, met: Array) -> StabilityError:
+    def _too_coarse(self, t: float, u: Array, elongation_range: Array) -> StabilityError:
         if self.tuning is not None:
             self._guard.limit = self._limit
-        return super()._too_coarse(t, u, met)
+        return super()._too_coarse(t, u, elongation_range)
