@@ -292,6 +292,9 @@ def test_phase_shifts_of_toda_are_those_of_the_closed_form(kappas, direction):
     places, sites = (60.3, 110.8), 420
     waves = [solitary_wave(TODA, speed_ratio=math.sinh(k) / k) for k in kappas]
     log = math.log(coupling(*kappas, direction))
+    form = math.cosh if direction < 0 else math.sinh
+    total, gap = sum(kappas) / 2, (kappas[0] - kappas[1]) / 2
+    assert log == pytest.approx(2 * math.log(form(gap) / form(total)), rel=1e-9)
     # the peak of wave 2 is where A e2 = 1 while wave 1 is behind it, and where e2 = 1 after it
     state = toda(kappas[0], places[0], sites, (kappas[1], places[1], direction))
     closing = waves[0].speed - direction * waves[1].speed
