@@ -42,7 +42,7 @@ ROOMS = {  # page: (title, modules whose public names it holds, modules document
     "lens": ("Lenses of chains", ["tensegrity.lens"], ["tensegrity.lens.radiation"]),
     "structures": ("Structures", ["tensegrity.structures"], ["tensegrity.catalogue"]),
     "gradients": ("Gradients", ["tensegrity.gradients"], ["tensegrity.gradients.objective"]),
-    "measure": ("Measures", [], ["tensegrity.measure.observables"]),
+    "measure": ("Measures", ["tensegrity.measure"], ["tensegrity.measure.observables"]),
     "granular": ("Granular crystals", ["granular"],
                  ["granular.materials", "granular.observables", "granular.lammps",
                   "granular.design"]),

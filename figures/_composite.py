@@ -16,7 +16,16 @@ from typing import NamedTuple
 import numpy as np
 
 from figures._solitons import pulses
-from tensegrity import Chain, Potential, Record, State, TensegrityError, simulate, solitary_wave
+from tensegrity import (
+    Chain,
+    Potential,
+    Record,
+    State,
+    TensegrityError,
+    interface,
+    simulate,
+    solitary_wave,
+)
 from tensegrity.prisms.condensed import ElasticPotential
 from tensegrity.springs.polynomial import Polynomial
 
@@ -64,8 +73,7 @@ class Interface:
 
     def chain(self, before, after):
         """So many bonds of the near and of the far chain."""
-        mass = np.repeat(self.masses, (before, after + 1))
-        return Chain([self.near] * before + [self.far] * after, before + after + 1, mass)
+        return interface(self.near, self.far, (before, after + 1), self.masses)
 
 
 class Start(NamedTuple):

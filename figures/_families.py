@@ -1,17 +1,14 @@
-"""Potentials whose families of solitary waves are drawn, and waves along each family."""
+"""Potentials whose families of solitary waves are drawn."""
 
 from __future__ import annotations
 
 import math
 
-import numpy as np
 import sympy as sp
 
-from tensegrity import Potential, Prism, TensegrityError, solitary_wave
+from tensegrity import Potential, Prism
 
 R = sp.Symbol("r")
-POINTS = 14  # waves of a family
-FAR = 4.0  # crests of a family without end go so far, over the unit of length
 
 
 def force(*coefficients):
@@ -43,25 +40,3 @@ def springs():
         "$V' = r + 0.914\\,r^3 - 0.01\\,r^4 - 0.375\\,r^5$": force(0, 0.914, -0.01, -0.375),
         "$V' = r + r^2 - 1.2\\,r^3 + 0.3\\,r^4$": force(1, -1.2, 0.3),
     }
-
-
-def crests(family):
-    """Crests along a family [m], close to both of its limits."""
-    first, last = family.crests
-    if math.isinf(last):
-        last = math.copysign(max(FAR, 1.5 * abs(first)), last)
-    near = np.geomspace(3e-3, 0.5, POINTS // 2)
-    end = 1e-5 if family.ends == "front" else 1e-2
-    parts = np.concatenate([near, 1 - np.geomspace(0.4, end, POINTS - near.size)])
-    return first + (last - first) * parts
-
-
-def waves(potential, family):
-    """Those that are found: near a threshold, whose crest is an estimate, some are not."""
-    found = []
-    for crest in crests(family).tolist():
-        try:
-            found.append(solitary_wave(potential, amplitude=crest, family=family.name))
-        except TensegrityError:
-            continue
-    return found

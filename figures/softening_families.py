@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from figures._families import springs, waves
+from figures._families import springs
 from tensegrity import predict
 
 NAME = "softening_families"
@@ -22,7 +22,7 @@ def data():
     for name, spring in springs().items():
         prediction = predict(spring)
         for family in prediction.families:
-            for wave in waves(spring, family):
+            for wave in family.curve().waves:
                 row = (name, family.name, family.ends, wave.amplitude, wave.speed_ratio,
                        wave.residual)  # fmt: skip
                 for key, value in zip(columns, row, strict=True):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from figures._families import force, lennard_jones, springs
-from tensegrity import predict, solitary_wave
+from tensegrity import predict
 
 NAME = "softening_orders"
 GROUP = "softening_limits"
@@ -30,25 +30,21 @@ def data():
     for number, name in enumerate(SMALL):
         families = predict(known[name]).families
         family = next(f for f in families if f.starts == "rest")
-        crests = [solitary_wave(known[name], excess=e, family=family.name).amplitude
-                  for e in EXCESS.tolist()]  # fmt: skip
+        crests = family.curve(excess=EXCESS).amplitude
         law = [family.small_crest(e) for e in EXCESS.tolist()]
         tables[f"small_{number}"] = {"excess": EXCESS, "crest": crests,
-                                     "error": np.abs(np.array(crests) / law - 1)}  # fmt: skip
+                                     "error": np.abs(crests / law - 1)}  # fmt: skip
     for number, (name, spring) in enumerate(TOPS.values()):
         family = predict(spring)[name]
-        waves = [solitary_wave(spring, amplitude=family.crests[1] * (1 - g), family=name)
-                 for g in GAPS.tolist()]  # fmt: skip
+        curve = family.curve(amplitude=family.crests[1] * (1 - GAPS))
         tables[f"top_{number}"] = {
-            "gap": GAPS, "left": [1 - w.speed / family.speeds[1] for w in waves],
-            "width": [w.width() for w in waves],
+            "gap": GAPS, "left": 1 - curve.speed / family.speeds[1], "width": curve.width,
             "rise": np.full(GAPS.size, 2 / family.top_rate),
         }  # fmt: skip
     for n, m in ((12, 6), (6, 3)):
         spring = lennard_jones(n, m)
         family = predict(spring)["compression"]
-        waves = [solitary_wave(spring, speed_ratio=c) for c in SPEEDS.tolist()]
-        left = np.array([1 + w.amplitude for w in waves])
+        left = 1 + family.curve(speed_ratio=SPEEDS).amplitude
         law = np.array([1 + family.wall_crest(c) for c in SPEEDS.tolist()])
         tent = (4 * family.wall[1] / SPEEDS**2) ** (1 / n)
         tables[f"wall_{n}"] = {"speed": SPEEDS, "left": left, "error": np.abs(left / law - 1),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tensegrity import Prism, solitary_wave
+from tensegrity import Prism, predict
 from tensegrity.waves.solitary import largest_speed
 
 NAME = "solitary_families"
@@ -29,12 +29,12 @@ def data():
         bound = largest_speed(spring, family=family, closest=4e-3) / spring.sound_speed()
         largest = min(FASTEST, 1 + 0.9 * (bound - 1))
         excess = np.geomspace(2e-3, largest - 1, POINTS)
-        waves = [solitary_wave(spring, speed_ratio=1 + e, family=family) for e in excess.tolist()]
+        curve = predict(spring)[family].curve(speed_ratio=1 + excess)
         tables[name.replace(", ", "_").replace(" ", "_")] = {
             "speed_excess": excess,
-            "width": [wave.width() for wave in waves],
-            "energy": [wave.energy for wave in waves],
-            "crest": [wave.amplitude for wave in waves],
+            "width": curve.width,
+            "energy": curve.energy,
+            "crest": curve.amplitude,
         }
     return tables
 

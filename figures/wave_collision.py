@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from figures import _measure, _scenes
-from tensegrity import LockingError, arrival, simulate, solitary_wave
+from tensegrity import LockingError, phase_shift, pulses, simulate, solitary_wave
 
 NAME = "wave_collision"
 GROUP = "waves"
@@ -15,75 +15,53 @@ SPEEDS = (1.1, 1.3, 1.6, 2.0)
 MEETINGS = (0.0, 0.125, 0.25, 0.375, 0.5)  # sites from a mass
 SHOWN = (1.6, 0.25)
 TOO_FAST = 2.5
-NEAR_AND_FAR = (0.65, 0.9)  # of the way behind the collision: where the waves are timed
 STEP = 0.02  # sites that the waves go in a step of the coarser run
 WINDOW = 1e-6  # of the crest is left where the energy of a wave is cut off
 
 
-def outcome(run, wave, middle, meeting, travel):
+def outcome(run, wave):
     """Numbers of one collision of two equal waves.
 
     Parameters
     ----------
     run : Run
-        From the instant on at which undisturbed waves would meet.
+        From the launch of both on.
     wave : SolitaryWave
-    middle : int
-        Site counted from which they meet at `meeting`.
-    travel : float
-        Sites that the wave goes in the run.
 
     Returns
     -------
     dict
         residue: share of the energy in neither wave, in windows around the crests; exchange:
         share that the right-going one has more than the other; shift: how far the right-going
-        wave is ahead of an undisturbed one [sites], extrapolated to the instant of meeting;
-        window: change of the residue where the windows are wider.
+        wave is ahead of an undisturbed one [sites]; window: change of the residue where the
+        windows are wider.
     """
     energy = run.scene.site_energy(run.final.u, run.final.v)
-    places = []
-    for near, far in timed(middle, travel):
-        passed = [arrival(run, bond) for bond in (near, far)]
-        speed = (far - near) / (passed[1] - passed[0])
-        places.append(far + 0.5 + speed * (run.t[-1] - passed[1]))
-    met = far + 0.5 - speed * passed[1]  # of the right-going one
+    outgoing = {pulse.direction: pulse.place for pulse in pulses(run, fraction=0.5)}
 
     def windows(tail):
         reach = wave.reach(tail)
-        return [energy[_around(place, reach)].sum() / energy.sum() for place in places]
+        around = (
+            slice(math.floor(outgoing[way] - reach), math.ceil(outgoing[way] + reach) + 1)
+            for way in (-1, 1)
+        )
+        return [energy[part].sum() / energy.sum() for part in around]
 
     left, right = windows(WINDOW)
     return {
         "residue": 1 - left - right,
         "exchange": right - left,
-        "shift": met - middle - meeting,
+        "shift": phase_shift(run, wave, wave)[0],
         "window": left + right - sum(windows(WINDOW / 10)),
     }
-
-
-def timed(middle, travel):
-    """Near and far bond at which the left-going and the right-going wave are timed."""
-    return [[middle + side * int(part * travel) for part in NEAR_AND_FAR] for side in (-1, 1)]
-
-
-def _around(place, reach):
-    return slice(math.floor(place - reach), math.ceil(place + reach) + 1)
 
 
 def collide(spring, speed_ratio, meeting, distance=40, travel=120):
     """One collision, twice resolved: its numbers."""
     scene = _scenes.collision(spring, speed_ratio, meeting, distance, travel)
-    wave, middle = solitary_wave(spring, speed_ratio=speed_ratio), scene.chain.sites // 2
-    bonds = [bond for side in timed(middle, travel) for bond in side]
-    return _measure.resolved(
-        scene,
-        lambda run: outcome(run, wave, middle, meeting, travel),
-        0.1 / wave.speed,
-        sorted({site for bond in bonds for site in (bond, bond + 1)}),
-        step=STEP / wave.speed,
-        quiet=distance / wave.speed,
-    )[1]
+    wave = solitary_wave(spring, speed_ratio=speed_ratio)
+    read, step = lambda run: outcome(run, wave), STEP / wave.speed
+    return _measure.resolved(scene, read, scene.duration, step=step)[1]
 
 
 def too_fast():

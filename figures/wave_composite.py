@@ -9,8 +9,16 @@ import numpy as np
 
 from figures import _measure, _scenes
 from figures._measure import Number
-from tensegrity import Chain, Potential, Record, TensegrityError, budget, simulate, solitary_wave
-from tensegrity.measure.observables import pulses
+from tensegrity import (
+    Potential,
+    Record,
+    TensegrityError,
+    budget,
+    interface,
+    pulses,
+    simulate,
+    solitary_wave,
+)
 
 NAME = "wave_composite"
 GROUP = "waves"
@@ -70,7 +78,7 @@ def composite(case, travel=None):
     """
     wave = solitary_wave(case.near, speed_ratio=case.ratio)
     away = wave.reach(CUT) + 2
-    chain = Chain([case.near] * case.before + [case.far] * case.after, case.before + case.after + 1)
+    chain = interface(case.near, case.far, (case.before, case.after + 1))
     state = wave.launch(chain, case.before - away, tail=CUT)
     travel = 0.9 * case.before if travel is None else travel
     duration = 1.1 * away / wave.speed + 1.03 * travel / wave.sound_speed
@@ -146,8 +154,8 @@ def train(run, before, since):
     """
     r = np.abs(run.scene.elongation(run.final.u))
     front = before + run.scene.springs[-1].sound_speed() * (run.t[-1] - since)
-    found = pulses(run.scene, run.final, COUNTED * r[before:].max() / r.max())
-    signs = [pulse.elongation > 0 for pulse in found if pulse.place > front]
+    found = pulses(run, fraction=COUNTED * r[before:].max() / r.max())
+    signs = [pulse.amplitude > 0 for pulse in found if pulse.place > front]
     return signs.count(False), signs.count(True)
 
 

@@ -18,6 +18,7 @@ from tensegrity.errors import (
 from tensegrity.gradients.compute import gradient
 from tensegrity.lens.lens import Lens
 from tensegrity.measure.budget import budget
+from tensegrity.measure.interfaces import interface, transmission
 from tensegrity.measure.observables import (
     angular_momentum,
     arrival,
@@ -28,6 +29,7 @@ from tensegrity.measure.observables import (
     wall_gaps,
     width,
 )
+from tensegrity.measure.pulses import phase_shift, pulses
 from tensegrity.measure.records import first_peak, largest_peak, peaks, sampled
 from tensegrity.prisms.closed import member_stiffness
 from tensegrity.prisms.contact import bar_contact
@@ -102,13 +104,16 @@ __all__ = [
     "fit",
     "gradient",
     "held",
+    "interface",
     "largest_peak",
     "member_stiffness",
     "modes",
     "objective",
     "peaks",
+    "phase_shift",
     "plates",
     "predict",
+    "pulses",
     "read_curve",
     "resume",
     "sampled",
@@ -119,6 +124,7 @@ __all__ = [
     "sweep",
     "tail_front",
     "tent",
+    "transmission",
     "wall_gaps",
     "width",
 ]

@@ -56,7 +56,7 @@ NEAREST = {  # folders and files, and the tests of what stands there; those of i
     " integrate gradients",
     "tensegrity/gradients": "gradients gradient_input gradient_networks downhill golden",
     "tensegrity/lens": "lens",
-    "tensegrity/measure": "budget observables waves",
+    "tensegrity/measure": "budget observables pulses interfaces waves",
     "tensegrity/prisms": "prism response condensed fit continuation structure ngon units",
     "tensegrity/runs": "integrate golden resume record_times record_faults observe tolerance sweep"
     " limits archive driven_runs",

@@ -57,7 +57,9 @@ SEARCHES = (  # take long with these: see their tests
     ts.solitary_wave, ts.Lens, largest_speed, limit_load, design.peak_force, design.search,
     granular.fcc_pack, granular.hexagonal_pack,
 )  # fmt: skip
-MADE_BY_OTHERS = {"BeadChain", "EquilibriumPath", "Pack", "Run", "SolitaryWave", "StructurePath"}
+MADE_BY_OTHERS = {
+    "BeadChain", "EquilibriumPath", "Pack", "Run", "SolitaryWave", "StructurePath", "Transmission",
+}  # fmt: skip
 INNER = {  # what runs, paths and searches ask of their objects, and nobody else
     "Best", "Budget", "Corrected", "Method", "Midpoint", "Modes", "Nystrom", "Objective",
     "Prediction", "Pulse", "Splitting", "Trace", "argument", "arrays", "at",
@@ -88,6 +90,11 @@ WAVE = ts.solitary_wave(SPRING, speed_ratio=2.0)
 LENNARD_JONES = ts.Potential(((1 + R) ** -12 - 2 * (1 + R) ** -6) / 72, R, domain=(-1.0, math.inf))
 LENS = ts.Lens(ts.Prism(1.0, 0.8, 0.01, 1.0), 3, 2, velocity=0.01)
 RUN = ts.simulate(LINE, LINE.at_rest({0: 0.03}), 20.0, record=ts.Record(every=1))
+CROSSING, JOINED = ts.Chain(SPRING, 81), ts.interface(SPRING, SPRING, (40, 60), (1.0, 1.1))
+MEETING = ts.simulate(CROSSING, WAVE.launch(CROSSING, 20) + WAVE.launch(CROSSING, 60, -1),
+                      40 / WAVE.speed, dt=0.02, record=ts.Record(every=10**6))  # fmt: skip
+MET = ts.simulate(JOINED, WAVE.launch(JOINED, 20), 40 / WAVE.speed, dt=0.02,
+                  record=ts.Record(every=10**6))  # fmt: skip
 BEADS_RUN = ts.simulate(BEADS, BEADS.start(), 6e-5, record=ts.Record(every=1))
 CUBE = granular.fcc_pack(2, 2, bead=BEAD, floor=STEEL, sides=STEEL, striker=STRIKER)
 PACKED = ts.simulate(CUBE, CUBE.start(), 1e-5, dt=1e-6)
@@ -247,7 +254,13 @@ CALLS = [  # where other arguments are needed, or several in one call
     (ts.directions, {"network": NET, "u": NET.at_rest().u}),
     (ts.wall_gaps, {"network": NET, "u": NET.at_rest().u}),
     (observables.passage, {"t": X}),
-    (observables.pulses, {"state": RUN.final}),
+    (ts.pulses, {"run": RUN, "row": 3}),
+    (ts.phase_shift, {"run": MEETING, "left": WAVE, "right": WAVE}),
+    (ts.interface, {"near": SPRING, "far": ELASTIC.potential(), "sites": (4, 4),
+                    "mass": (1.0, 2.0)}),
+    (ts.transmission, {"run": MET, "row": 1}),
+    (ts.predict(SPRING)["compression"].curve, {"speed_ratio": [1.5, 2.0]}),
+    (ts.arrival, {"run": RUN, "bond": 4, "direction": 1}),
     (ts.tail_front, {"state": RUN.final}),
     (ts.budget, {"run": RUN}),
     (ts.speed, {"run": RUN, "where": (3, 5)}),

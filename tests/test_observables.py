@@ -1,6 +1,5 @@
 """Instruments on exact waves, alone and two far apart, where the right answer is known."""
 
-import numpy as np
 import pytest
 
 from tensegrity import (
@@ -14,7 +13,6 @@ from tensegrity import (
     speed,
     tail_front,
 )
-from tensegrity.measure.observables import pulses
 
 SPRING = Prism(1.0, 0.7, 0.01, 1.0).potential()
 
@@ -45,64 +43,6 @@ def test_width_from_a_duration_is_that_of_the_exact_wave(waves, passing):
         assert measured == pytest.approx(waves[0].width(level), rel=1e-6)
 
 
-def test_energy_and_momentum_of_two_waves_far_apart(waves):
-    fast, slow = waves
-    chain = Chain(SPRING, 300)
-    state = slow.launch(chain, at=60.0) + fast.launch(chain, at=220.5)
-    first, second = pulses(chain, state, fraction=0.1)
-    for pulse, wave in ((first, fast), (second, slow)):
-        assert pulse.energy == pytest.approx(wave.energy, rel=1e-10)
-        assert pulse.momentum == pytest.approx(wave.momentum, rel=1e-10)
-    assert first.place == pytest.approx(220.5, abs=1e-10)  # on a bond: the samples are even
-    assert second.place == pytest.approx(60.0, abs=1e-10)  # on a mass: even again
-    assert first.elongation == pytest.approx(fast.amplitude, rel=1e-12)
-
-
-def test_opposite_momenta_of_waves_that_run_apart(waves):
-    fast, slow = waves
-    chain = Chain(SPRING, 300)
-    state = slow.launch(chain, at=60.0, direction=-1) + fast.launch(chain, at=220.5)
-    first, second = pulses(chain, state)
-    assert first.momentum == pytest.approx(fast.momentum, rel=1e-10)
-    assert second.momentum == pytest.approx(-slow.momentum, rel=1e-10)
-
-
-def test_waves_that_overlap_are_cut_at_the_least_elongation_between_them(waves):
-    """Each site counts once, what is at the cuts included."""
-    fast, slow = waves
-    chain = Chain(SPRING, 80)
-    state = slow.launch(chain, at=40.5) + fast.launch(chain, at=44.5)
-    r = np.abs(chain.elongation(state.u))
-    first, second = pulses(chain, state)
-    least = 40 + int(np.argmin(r[40:45]))
-    assert r[least] > 0.01 * r.max()  # or the cut would not matter
-    assert (second.last, first.first) == (least, least + 1)
-    each = chain.site_energy(state.u, state.v)
-    for pulse in (first, second):
-        inside = slice(pulse.first, pulse.last + 1)
-        assert pulse.energy == pytest.approx(each[inside].sum(), rel=1e-12)
-        assert pulse.momentum == pytest.approx((chain.mass * state.v)[inside].sum(), rel=1e-12)
-    assert first.energy + second.energy == pytest.approx(chain.energy(state), rel=1e-9)
-
-
-def test_pulses_are_counted_above_the_stated_fraction(waves):
-    fast, slow = waves
-    chain = Chain(SPRING, 300)
-    state = slow.launch(chain, at=60.5) + fast.launch(chain, at=220.5)
-    part = slow.amplitude / fast.amplitude
-    assert len(pulses(chain, state, 0.99 * part)) == 2
-    assert len(pulses(chain, state, 1.01 * part)) == 1
-
-
-def test_a_pulse_of_rarefaction_carries_momentum_backward():
-    wave = solitary_wave(SPRING, amplitude=0.12)
-    chain = Chain(SPRING, 200)
-    (pulse,) = pulses(chain, wave.launch(chain, at=90.5))
-    assert pulse.elongation == pytest.approx(0.12, rel=1e-12)
-    assert pulse.momentum == pytest.approx(wave.momentum, rel=1e-10)
-    assert wave.momentum < 0
-
-
 def test_front_of_what_follows_a_wave(waves):
     fast, slow = waves
     chain = Chain(SPRING, 300)
@@ -115,9 +55,7 @@ def test_front_of_what_follows_a_wave(waves):
 def test_nothing_to_measure_is_an_error(waves):
     chain = Chain(SPRING, 300)
     with pytest.raises(TensegrityError, match="undeformed"):
-        pulses(chain, chain.at_rest())
-    with pytest.raises(TensegrityError, match="fraction 0 "):
-        pulses(chain, waves[0].launch(chain, at=150.0), fraction=0)
+        tail_front(chain, chain.at_rest())
     alone = waves[0].launch(chain, at=150.5)
     with pytest.raises(TensegrityError, match="follows"):
         tail_front(chain, alone)

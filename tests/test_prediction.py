@@ -384,3 +384,54 @@ def test_a_force_that_softens_first_leaves_a_threshold_where_its_mean_is_back():
     assert "beyond |r| = 1 m" in family.why
     with pytest.raises(TensegrityError, match="no small wave"):
         family.small_crest(1e-3)
+
+
+def test_curve_of_toda_is_the_closed_form():
+    """Speed sinh(k)/k, crest -2 log cosh k, energy 2 (sinh k cosh k - k), width by sech^2."""
+    kappa = np.array([0.2, 0.5, 1.0, 2.0, 3.0])
+    curve = predict(TODA)["compression"].curve(speed=np.sinh(kappa) / kappa)
+    assert len(curve) == 5
+    np.testing.assert_allclose(curve.amplitude, -2 * np.log(np.cosh(kappa)), rtol=1e-10)
+    np.testing.assert_allclose(curve.energy, np.sinh(2 * kappa) - 2 * kappa, rtol=1e-10)
+    np.testing.assert_allclose(curve.excess, np.sinh(kappa) / kappa - 1, rtol=1e-10)
+    level = np.expm1(-0.05 * curve.amplitude) / np.sinh(kappa) ** 2  # sech^2 there
+    np.testing.assert_allclose(curve.width, 2 * np.arccosh(level**-0.5) / kappa, rtol=1e-10)
+    np.testing.assert_allclose(curve.momentum, 2 * np.sinh(kappa), rtol=1e-10)  # c times 2 k
+
+
+@pytest.mark.parametrize(
+    ("spring", "name"), [(CUBIC, "rarefaction"), (PRISM, "compression"), (PRISM, "rarefaction"),
+                         (TODA, "compression"), (TWICE, "rarefaction 2")]
+)  # fmt: skip
+def test_a_curve_by_itself_shows_the_family_from_its_start_to_its_end(spring, name):
+    family = predict(spring, 2.0)[name]
+    curve = family.curve()
+    assert 8 <= len(curve) <= 14
+    size = np.abs(curve.amplitude)
+    assert (np.diff(size) > 0).all()
+    assert (np.diff(curve.speed) > 0).all()
+    assert curve.residual.max() < 1e-12
+    assert {wave.family for wave in curve.waves} == {name}
+    assert {wave.mass for wave in curve.waves} == {2.0}
+    low, high = family.speeds
+    assert low < curve.speed[0] < low + 0.1 * (curve.speed[-1] - low)
+    last = family.crests[1]
+    if math.isinf(last):
+        assert size[-1] > 3.9
+    else:
+        assert 1 - size[-1] / abs(last) == pytest.approx(
+            (1e-5 if family.ends == "front" else 1e-2) * (1 - abs(family.crests[0] / last))
+        )
+        assert curve.speed[-1] < high
+
+
+def test_a_curve_is_asked_for_by_one_quantity_at_most():
+    family = predict(PRISM)["compression"]
+    with pytest.raises(TensegrityError, match="speed and energy given: give at most one"):
+        family.curve(speed=[1.0], energy=[1.0])
+    with pytest.raises(TensegrityError, match="points 3 must be at least 4"):
+        family.curve(3)
+    with pytest.raises(TensegrityError, match=r"amplitude has shape \(\), must be \(n,\)"):
+        family.curve(amplitude=-0.01)
+    with pytest.raises(TensegrityError, match="no solitary wave"):
+        family.curve(speed_ratio=[1.1, 60.0])

@@ -81,13 +81,16 @@ from tensegrity import (
     fit,
     gradient,
     held,
+    interface,
     largest_peak,
     member_stiffness,
     modes,
     objective,
     peaks,
+    phase_shift,
     plates,
     predict,
+    pulses,
     read_curve,
     resume,
     sampled,
@@ -98,11 +101,14 @@ from tensegrity import (
     sweep,
     tail_front,
     tent,
+    transmission,
     wall_gaps,
     width,
 )
 from tensegrity.engine import methods
 from tensegrity.measure import observables
+from tensegrity.measure.interfaces import Transmission
+from tensegrity.measure.pulses import Pulse
 from tensegrity.prisms.path import EquilibriumPath
 from tensegrity.prisms.stability import first_loss, lowest
 from tensegrity.structures.structure_path import StructurePath
@@ -323,6 +329,10 @@ def waves(spring: Potential, chain: Chain) -> State:
     assert_type(lens.focusing().gain, float)
     lens.run(record="x")  # type: ignore[arg-type]
     assert_type(predict(spring)["compression"].speeds, tuple[float, float])
+    assert_type(predict(spring)["compression"].curve(excess=[0.1, 0.2]).width, Array)
+    assert_type(phase_shift(lens.run(), wave, wave), tuple[float, float])
+    assert_type(interface(spring, spring, (40, 60), mass=(1.0, 2.0)), Chain)
+    interface(chain, spring)  # type: ignore[arg-type]
     assert_type(wave.excess, float)
     assert_type(wave.strain - wave.elongation(wave.x), Array)
     assert_type(spring.sound_speed(), float)
@@ -343,15 +353,20 @@ def measured(chain: Chain, run: Run) -> float:
     passed = budget(run, 5)
     assert_type(passed.energy - passed.work, Array)
     assert_type(passed.momentum_error, float)
-    assert_type(observables.pulses(chain, run.final)[0].momentum, float)
+    assert_type(pulses(run, fraction=0.2), list[Pulse])
+    assert_type(pulses(run)[0].wave, SolitaryWave | None)
+    assert_type(transmission(run, row=-1), Transmission)
+    assert_type(transmission(run).reflected, tuple[Pulse, ...])
+    assert_type(transmission(run).transmitted_delays, Array)
     assert_type(observables.crest(chain.elongation(run.final.u)), tuple[float, float])
     assert_type(observables.passage(run.t, run.u[:, 0], run.v[:, 0]), float)
-    times = arrival(run, 3) + duration(run, 3, level=0.1)
+    times = arrival(run, 3, direction=-1, after=0.5) + duration(run, 3, level=0.1)
     front = tail_front(chain, run.final)
     budget(chain, 5)  # type: ignore[arg-type]
     speed(run, 5)  # type: ignore[call-overload]
     arrival(chain, 3)  # type: ignore[arg-type]
-    observables.pulses(run, run.final)  # type: ignore[arg-type]
+    pulses(chain, run.final)  # type: ignore[arg-type]
+    pulses(run, run.final)  # type: ignore[arg-type]
     return times + front + speed(run, (3, 9)) + width(run.t, run.energy)
 
 

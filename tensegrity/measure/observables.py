@@ -1,4 +1,4 @@
-"""What is read off a run: arrivals and speed of the leading pulse; pulses at one instant.
+"""What is read off a run: arrivals and speed of the leading pulse; budgets of a part.
 
 Times are taken where the elongation of one bond turns, by its own rate, and places never from a
 largest value along the chain: both lie between the samples.
@@ -7,7 +7,6 @@ largest value along the chain: both lie between the samples.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import singledispatch
 from typing import Any, overload
 
@@ -17,13 +16,14 @@ from numpy.typing import ArrayLike
 from tensegrity import check
 from tensegrity.engine import forces
 from tensegrity.errors import TensegrityError
+from tensegrity.measure.pulses import peaks, sites_around
 from tensegrity.runs.run import Run
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.scenes.network import Network
 from tensegrity.scenes.scene import State
-from tensegrity.typing import Array, Indices
+from tensegrity.typing import Array
 
 ROUND_OFF = 1e-12  # of a crest: less is nothing
 PEAK_FRACTION = 0.5  # an extremum counts as the pulse if it is this part of the largest
@@ -63,8 +63,8 @@ def passage(t: Array, elongation: Array, rate: Array) -> float:
     return float(start + brentq(curve, 0.0, t[first + 1] - start, xtol=1e-300, rtol=1e-14))
 
 
-def arrival(run: Run, bond: int) -> float:
-    """Instant [s] at which the crest of the leading pulse passes a bond.
+def arrival(run: Run, bond: int, direction: int | None = None, after: float = 0.0) -> float:
+    """Instant [s] at which the peak of the leading pulse passes a bond.
 
     Parameters
     ----------
@@ -72,10 +72,40 @@ def arrival(run: Run, bond: int) -> float:
         With both sites of the bond recorded often enough to resolve the pulse.
     bond : int
         Bond j joins sites j and j + 1.
+    direction : int, optional
+        1: of pulses towards higher sites; -1: towards lower ones.  By default either.  The
+        elongation times the mean velocity of the two sites says which way the energy flows,
+        towards higher sites where it is negative.
+    after : float, optional
+        Only instants from then on count [s], as for what an end has returned.
+
+    Returns
+    -------
+    float
+        The first extremum of the elongation that is at least half the largest one among the
+        instants that count.
+
+    Raises
+    ------
+    TensegrityError
+        A site of the bond was not recorded; no such pulse passes.
+
+    Examples
+    --------
+    >>> from tensegrity import Chain, Prism, Record, arrival, simulate, solitary_wave
+    >>> spring = Prism(base=1.0, height=0.7, prestrain=0.01, k_cross=1.0).potential()
+    >>> wave, chain = solitary_wave(spring, speed_ratio=2.0), Chain(spring, 120)
+    >>> start = wave.launch(chain, at=30.5) + wave.launch(chain, at=85.5, direction=-1)
+    >>> run = simulate(chain, start, 50 / wave.speed, tol=1e-8, record=Record(every=1))
+    >>> [round(arrival(run, 70, direction) * wave.speed, 2) for direction in (1, -1)]
+    [39.23, 15.0]
     """
     if not all(isinstance(getattr(run, name, None), np.ndarray) for name in ("t", "u", "v")):
         raise TensegrityError(f"run is {type(run).__name__}, not a Run")
     bond = check.whole("bond", bond, least=0)
+    if direction is not None and check.whole("direction", direction, least=-1) not in (-1, 1):
+        raise TensegrityError(f"direction {direction} must be 1 or -1")
+    counts = run.t >= check.number("after", after, unit="s")
     if run.u.ndim != 2:
         raise TensegrityError(
             f"rows of shape {run.u.shape[1:]} are not those of one chain: take a lane or an axis"
@@ -84,7 +114,14 @@ def arrival(run: Run, bond: int) -> float:
         left, right = run.sites.index(bond), run.sites.index(bond + 1)
     except ValueError:
         raise TensegrityError(f"sites {bond} and {bond + 1} of bond {bond} not recorded") from None
-    return passage(run.t, run.u[:, right] - run.u[:, left], run.v[:, right] - run.v[:, left])
+    if not counts.any():
+        raise TensegrityError(f"no recorded instant lies after {after:g} s")
+    t, u, v = run.t[counts], run.u[counts], run.v[counts]
+    elongation, rate = u[:, right] - u[:, left], v[:, right] - v[:, left]
+    if direction is not None:
+        flow = -elongation * (v[:, left] + v[:, right])
+        elongation = np.where(direction * flow > 0, elongation, 0.0)
+    return passage(t, elongation, rate)
 
 
 @overload
@@ -171,74 +208,6 @@ def duration(run: Run, bond: int, level: float = 0.05) -> float:
     return float(after[0] - before[-1])
 
 
-@dataclass(frozen=True)
-class Pulse:
-    """A pulse at one instant.
-
-    Attributes
-    ----------
-    place : float
-        Of its crest, where site j is at j (a bond is centred half a site further).
-    elongation : float
-        Of its crest [m], by the parabola through three bonds.
-    energy : float
-        [J] between the cuts, where the elongation stops falling or changes its sign.
-    momentum : float
-        [kg m/s] between the cuts, > 0 towards higher sites.
-    first, last : int
-        Sites between the cuts.
-    """
-
-    place: float
-    elongation: float
-    energy: float
-    momentum: float
-    first: int
-    last: int
-
-
-def pulses(chain: Chain, state: State, fraction: float = 0.1) -> list[Pulse]:
-    """Pulses of a chain at one instant, the foremost (highest site) first.
-
-    Parameters
-    ----------
-    chain : Chain
-    state : State
-    fraction : float, optional
-        A crest counts from this part of the largest elongation on, above 0, at most 1.  How many
-        pulses a train has depends on it.
-
-    Returns
-    -------
-    list of Pulse
-    """
-    if isinstance(chain, Ensemble):
-        raise TensegrityError("chain is an Ensemble: take one of its scenes")
-    check.kind("chain", chain, Chain)
-    chain.energy(state)  # refuses what is no state of it
-    fraction = check.number("fraction", fraction, above=0)
-    if fraction > 1:
-        raise TensegrityError(f"fraction {fraction:g} must be at most 1")
-    r = chain.elongation(state.u)
-    site_energy = chain.site_energy(state.u, state.v)
-    found = []
-    for j in _peaks(r, fraction)[::-1].tolist():
-        low, high = _pulse_end(r, j, -1), _pulse_end(r, j, 1)
-        inside = slice(low + 1, high + 1)
-        shift, top = _parabola(r, j)
-        found.append(
-            Pulse(
-                place=j + 0.5 + shift,
-                elongation=top,
-                energy=float(np.sum(site_energy[inside])),
-                momentum=float(np.sum((chain.mass * state.v)[inside])),
-                first=low + 1,
-                last=high,
-            )
-        )
-    return found
-
-
 def tail_front(chain: Chain, state: State, level: float = 0.5) -> float:
     """Place of the front of what follows the leading pulse, where site j is at j.
 
@@ -251,9 +220,16 @@ def tail_front(chain: Chain, state: State, level: float = 0.5) -> float:
         of the largest one behind it; to about a tenth of a site.
     """
     level = check.number("level", level, above=0, below=1)
-    lead = pulses(chain, state, PEAK_FRACTION)[0]
-    behind = np.abs(chain.elongation(state.u)[: lead.first])
-    if behind.max(initial=0.0) <= ROUND_OFF * abs(lead.elongation):
+    if isinstance(chain, Ensemble):
+        raise TensegrityError("chain is an Ensemble: take one of its scenes")
+    check.kind("chain", chain, Chain)
+    chain.energy(state)  # refuses what is no state of it
+    r = chain.elongation(state.u)
+    found = peaks(r, PEAK_FRACTION)
+    if not found:
+        raise TensegrityError("no pulse: the chain is undeformed")
+    behind = np.abs(r[: sites_around(r, found[-1])[0]])
+    if behind.max(initial=0.0) <= ROUND_OFF * abs(r[found[-1]]):
         raise TensegrityError("nothing follows the leading pulse")
     threshold = level * behind.max()
     j = int(np.flatnonzero(behind >= threshold)[-1])
@@ -269,24 +245,6 @@ def _columns(**given: ArrayLike) -> list[Array]:
     if len(shape) != 1 or not shape[0]:
         raise TensegrityError(f"{next(iter(given))} has shape {shape}, must have one axis, (n,)")
     return [check.vector(name, x, shape) for name, x in zip(given, arrays, strict=True)]
-
-
-def _peaks(r: Array, fraction: float) -> Indices:
-    """Bonds whose |elongation| is a maximum between neighbours of `fraction` of the largest."""
-    size = np.abs(r)
-    if size.max() == 0:
-        raise TensegrityError("no pulse: the chain is undeformed")
-    padded = np.concatenate([[0], size, [0]])
-    peak = (size >= padded[:-2]) & (size > padded[2:]) & (size >= fraction * size.max())
-    return np.flatnonzero(peak)
-
-
-def _pulse_end(r: Array, crest: int, step: int) -> int:
-    """Bond at which a pulse ends: where |r| stops falling, or the sign changes."""
-    sign, j = np.sign(r[crest]), crest
-    while 0 <= j + step < len(r) and abs(r[j + step]) <= abs(r[j]) and r[j + step] * sign > 0:
-        j += step
-    return j
 
 
 def _parabola(r: Array, j: int) -> tuple[float, float]:
@@ -307,7 +265,7 @@ def crest(elongation: ArrayLike) -> tuple[float, float]:
         At one instant [m].  The parabola through the extremum and its neighbours refines both.
     """
     (r,) = _columns(elongation=elongation)
-    inner = [j for j in _peaks(r, PEAK_FRACTION) if 0 < j < len(r) - 1] if r.any() else []
+    inner = [j for j in peaks(r, PEAK_FRACTION) if 0 < j < len(r) - 1]
     if not inner:
         raise TensegrityError("no crest within the chain")
     shift, top = _parabola(r, int(inner[-1]))

@@ -11,12 +11,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
 from tensegrity.root import root
 from tensegrity.springs.potential import Potential
+from tensegrity.waves.curve import FamilyCurve, along
 from tensegrity.waves.family import NEAREST, SIGNS, STEADY, Family
 from tensegrity.waves.nonlinear_part import grows_from_rest, nonlinear_part
 from tensegrity.waves.travelling import decay_rate
@@ -84,6 +86,7 @@ class PredictedFamily:
     wall: tuple[float, float]
     hypotheses: tuple[Hypothesis, ...]
     why: str
+    _potential: Potential = field(repr=False)
     _mass: float = field(repr=False)
     _rest: tuple[float, float, float] = field(repr=False)  # V'', V''', V'''' at rest
     _growth: tuple[float, float] = field(repr=False)  # p, d of V' = V''(0) r + side d |r|^p there
@@ -92,6 +95,50 @@ class PredictedFamily:
     def certain(self) -> bool:
         """Whether all hypotheses hold."""
         return all(h.holds for h in self.hypotheses)
+
+    def curve(
+        self,
+        points: int = 14,
+        *,
+        speed: ArrayLike | None = None,
+        speed_ratio: ArrayLike | None = None,
+        excess: ArrayLike | None = None,
+        amplitude: ArrayLike | None = None,
+        energy: ArrayLike | None = None,
+    ) -> FamilyCurve:
+        """Speed, energy and width of exact waves along the family.
+
+        Parameters
+        ----------
+        points : int, optional
+            How many waves where nothing else is given, 4 at least: from close to the start to
+            close to the end, or up to an amplitude of 4 m where there is none.  Waves that are
+            not found are left out: near a threshold the first amplitude is an estimate.
+        speed, speed_ratio, excess, amplitude, energy : array_like, (waves,), optional
+            At most one: a value for each wave, as `solitary_wave` takes it.
+
+        Returns
+        -------
+        FamilyCurve
+
+        Raises
+        ------
+        TensegrityError
+            More than one of them, or there is no wave with a value that was given.
+
+        Examples
+        --------
+        >>> from tensegrity import Prism, predict
+        >>> spring = Prism(base=1.0, height=0.7, prestrain=0.01, k_cross=1.0).potential()
+        >>> curve = predict(spring)["compression"].curve(speed_ratio=[1.1, 1.5, 2.0])
+        >>> curve.width.round(2).tolist()
+        [5.59, 3.14, 2.68]
+        """
+        given = {
+            "speed": speed, "speed_ratio": speed_ratio, "excess": excess, "amplitude": amplitude,
+            "energy": energy,
+        }  # fmt: skip
+        return along(self._potential, self._mass, self.name, self.crests, self.ends, points, given)
 
     def small_crest(self, excess: float) -> float:
         """Crest [m] of a wave with c/cs - 1 = `excess`, to second order in it.
@@ -267,7 +314,7 @@ def _predicted(side: Family, mass: float) -> PredictedFamily:
     smooth = side.nonlinear.rest, side.nonlinear.slope, side.nonlinear.bend
     return PredictedFamily(
         side.name, "rest" if from_rest else "threshold", ends, (speeds[0], speeds[1]),
-        (first, last), rate, wall, tuple(holds), "; ".join(why), mass, smooth,
+        (first, last), rate, wall, tuple(holds), "; ".join(why), side.potential, mass, smooth,
         side.nonlinear.growth(sign),
     )  # fmt: skip
 

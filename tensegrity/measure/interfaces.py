@@ -1,0 +1,206 @@
+"""Two chains joined, and what becomes of a wave at their interface.
+
+The near chain has the lower sites; the bond that joins both is its own.  A pulse comes along
+one of them: what leads back from the interface is reflected, what leads on in the other chain is
+transmitted, waves of compression and of rarefaction alike.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tensegrity import check
+from tensegrity.errors import TensegrityError
+from tensegrity.measure.pulses import FRACTION, Instant, Pulse, chain_of, check_fraction, check_row
+from tensegrity.runs.run import Run
+from tensegrity.scenes.chain import Chain
+from tensegrity.scenes.scene import State
+from tensegrity.springs.potential import Potential
+from tensegrity.typing import Array
+
+NOTHING = 1e-6  # of the incident amplitude: a smaller peak is no pulse
+QUIET = 1e-3  # of the incident amplitude: a larger elongation at an end has been there
+
+
+def interface(
+    near: Potential,
+    far: Potential,
+    sites: tuple[int, int] = (400, 400),
+    mass: ArrayLike = (1.0, 1.0),
+) -> Chain:
+    """Two chains of equal springs and masses each, joined and free at both ends.
+
+    Parameters
+    ----------
+    near, far : Potential
+        Of the bonds between the sites of either chain; the bond that joins both is a near one.
+    sites : (int, int), optional
+        How many of the near and of the far chain, 1 at least.
+    mass : (float, float), optional
+        Of each site of the near and of the far chain [kg], > 0.
+
+    Returns
+    -------
+    Chain
+        Site `sites[0]` is the first one of the far chain: that is where the interface is.
+
+    Raises
+    ------
+    TensegrityError
+        Bad input.
+    """
+    check.kind("near", near, Potential)
+    check.kind("far", far, Potential)
+    counts = [check.whole("sites", n, least=1) for n in check.sequence("sites", sites, "numbers")]
+    masses = [
+        check.number("mass", m, above=0, unit="kg")
+        for m in check.sequence("mass", mass, "numbers")
+    ]  # fmt: skip
+    if len(counts) != 2 or len(masses) != 2:
+        raise TensegrityError(f"{len(counts)} numbers of sites and {len(masses)} masses: give two")
+    before, after = counts
+    check.room(f"a chain of {before + after} sites", 16.0 * (before + after))
+    springs = [near] * before + [far] * (after - 1)
+    return Chain(springs, before + after, np.repeat(masses, counts))
+
+
+@dataclass(frozen=True, eq=False)
+class Transmission:
+    """What a pulse leaves at an interface; `transmission` finds it.
+
+    Attributes
+    ----------
+    site : int
+        Where the interface is: the first site of the far chain.
+    incident : Pulse
+        In the first recorded row.
+    reflected, transmitted : tuple of Pulse
+        Those that lead away from the interface, in the chain along which the incident one came
+        and in the other one; in the order of their places.
+    reflected_delays, transmitted_delays : ndarray, (pulses,)
+        How much later than the incident peak meets the interface each of them has left it [s], by
+        its speed.
+    reflected_energy, transmitted_energy : float
+        Fraction of the energy of the first row that either chain holds: pulses, and what lies
+        between them and the interface.  Their sum is 1 as well as the run conserves energy.
+    """
+
+    site: int
+    incident: Pulse
+    reflected: tuple[Pulse, ...]
+    transmitted: tuple[Pulse, ...]
+    reflected_delays: Array = field(repr=False)
+    transmitted_delays: Array = field(repr=False)
+    reflected_energy: float
+    transmitted_energy: float
+
+
+def transmission(run: Run, row: int = -1, fraction: float = FRACTION) -> Transmission:
+    """Reflected and transmitted pulses of a wave that has met the interface of two chains.
+
+    Parameters
+    ----------
+    run : Run
+        Of a chain of two parts as `interface` makes it, all sites recorded.  Its first row has
+        one pulse, on its way to the interface along either part.
+    row : int, optional
+        Number of the recorded instant, from the last one if negative, at which all that is asked
+        for has left the interface and nothing has come to an end of the chain.
+    fraction : float, optional
+        A peak counts from this part of the largest |elongation| of its own chain on, above 0, at
+        most 1; and from 1e-6 of the incident amplitude on.
+
+    Returns
+    -------
+    Transmission
+
+    Raises
+    ------
+    TensegrityError
+        Another scene or a chain without an interface; not one incident pulse; the incident one
+        has not met the interface; an end bond was deformed in a recorded row up to this one.
+
+    Examples
+    --------
+    >>> from tensegrity import Prism, interface, simulate, solitary_wave, transmission
+    >>> near = Prism(base=1.0, height=0.8, prestrain=0.1, k_cross=1.0).potential()
+    >>> far = Prism(base=1.0, height=0.8, prestrain=0.02, k_cross=1.0).potential()
+    >>> chain, wave = interface(near, far, (100, 100)), solitary_wave(near, speed_ratio=1.2)
+    >>> run = simulate(chain, wave.launch(chain, at=60.0), 70 / wave.speed, tol=1e-8)
+    >>> found = transmission(run)
+    >>> f"{found.transmitted_energy:.3f}", found.transmitted[-1].direction
+    ('0.982', 1)
+    """
+    chain, row, fraction = chain_of(run), check_row(run, row), check_fraction(fraction)
+    site = _site_of(chain)
+    first = Instant(chain, State(run.u[0], run.v[0]))
+    incident = _incident(first.pulses(fraction), site)
+    rows = slice(len(run.t) + row + 1 if row < 0 else row + 1)
+    _refuse_ends(run, rows, abs(incident.amplitude))
+    meets = float(run.t[0]) + abs(site - incident.place) / incident.speed
+    if not run.t[row] > meets:
+        raise TensegrityError(
+            f"at {run.t[row]:g} s the incident pulse has not met the interface, which it does at "
+            f"{meets:g} s"
+        )
+    last = Instant(chain, State(run.u[row], run.v[row]), NOTHING * abs(incident.amplitude))
+    parts = last.pulses(fraction, 0, site), last.pulses(fraction, site, None)
+    energies = last.site_energy[:site].sum(), last.site_energy[site:].sum()
+    if incident.direction < 0:
+        parts, energies = parts[::-1], energies[::-1]
+    back, on = (
+        tuple(pulse for pulse in part if pulse.direction == direction and pulse.speed > 0)
+        for part, direction in zip(parts, (-incident.direction, incident.direction), strict=True)
+    )
+
+    def delays(several: tuple[Pulse, ...]) -> Array:
+        return np.array([
+            run.t[row] - abs(pulse.place - site) / pulse.speed - meets for pulse in several
+        ])  # fmt: skip
+
+    whole = float(first.site_energy.sum())
+    return Transmission(
+        site, incident, back, on, delays(back), delays(on), float(energies[0]) / whole,
+        float(energies[1]) / whole,
+    )  # fmt: skip
+
+
+def _site_of(chain: Chain) -> int:
+    """The first site of the far chain."""
+    springs, mass = chain.springs, chain.mass
+    bonds = [k for k in range(1, len(springs)) if springs[k] != springs[k - 1]]
+    sites = (np.flatnonzero(np.diff(mass)) + 1).tolist()
+    places = {*bonds, *sites}
+    if len(places) != 1:
+        found = "without" if not places else f"with changes at the sites {sorted(places)}, not with"
+        raise TensegrityError(f"a chain {found} one interface: see `interface`")
+    return int(places.pop())
+
+
+def _incident(found: list[Pulse], site: int) -> Pulse:
+    """The one pulse of the first row, on its way to the interface."""
+    if len(found) != 1:
+        raise TensegrityError(f"{len(found)} pulses in the first row, must be 1")
+    (pulse,) = found
+    if not (site - pulse.place) * pulse.direction > 0 or not pulse.speed > 0:
+        raise TensegrityError(
+            f"the pulse at {pulse.place:g} of the first row, direction {pulse.direction}, is not "
+            f"on its way to the interface at {site}"
+        )
+    return pulse
+
+
+def _refuse_ends(run: Run, rows: slice, amplitude: float) -> None:
+    """Refuse a run in which an end of the chain was deformed."""
+    u = run.u[rows]
+    at_ends = np.abs(np.stack([u[:, 1] - u[:, 0], u[:, -1] - u[:, -2]])).max(axis=0)
+    late = np.flatnonzero(at_ends > QUIET * amplitude)
+    if late.size:
+        row = int(late[0])
+        raise TensegrityError(
+            f"an end bond is deformed by {at_ends[row]:g} m at {run.t[row]:g} s, must be at most "
+            f"{QUIET * amplitude:g} m: take an earlier row or a longer chain"
+        )

@@ -1,0 +1,395 @@
+"""Pulses of a chain at one recorded instant: where they are, how large, which way they go.
+
+A wave of a chain is known at its sites and bonds only, and its peak lies between them.  It is
+recovered from the exact solitary wave of the same springs and masses whose energy is that of the
+pulse; elongations and velocities, by least squares over the width of that wave, give its place.
+Where no wave fits, the displacement between two sites is that of the polynomial of fifth degree
+with the displacements, slopes -v/c and curvatures a/c^2 at both, of a wave that travels at the
+speed c: momentum over mass and total elongation, which is constant.  Energy flows through a bond
+at the rate -T v, T being its tension and v the mean velocity of its two sites; the direction of
+a pulse is that of its flow.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tensegrity import check
+from tensegrity.errors import TensegrityError
+from tensegrity.runs.run import Run
+from tensegrity.scenes.chain import Chain
+from tensegrity.scenes.scene import State
+from tensegrity.typing import Array
+from tensegrity.waves.family import Family
+from tensegrity.waves.solitary import SolitaryWave, solitary_wave
+
+FRACTION = 0.1  # of the largest elongation, from which a peak counts
+DISTINCT = 0.25  # of its height, by which a peak stands above what surrounds it
+RIPPLE = 1e-6  # of a peak: an elongation that rises by less still falls
+ROUND_OFF = 64 * np.finfo(float).eps  # of the largest displacement: elongations below are 0
+NEIGHBOURS = 8  # bonds on either side of a peak, through which its shape is interpolated
+ONE_WAY = 0.9  # of the flow either way: a larger sum is that of a wave that travels
+STANDING = 1e-6  # of the flow either way: a smaller sum has no direction
+SLOW = 0.5  # of the sound speed: what is slower is no wave that travels
+MISFIT = 0.05  # of its largest elongation and velocity, by which a wave may differ
+LEVEL = 0.05  # of the peak, between which a wave has the width over which it is compared
+DEGREE = 5  # of the spline where nothing travels
+ALIKE = 1e-3  # relative difference of amplitudes of one wave, launched and found
+CHANGED = 0.2  # relative change of a wave's amplitude in a collision, at most
+
+
+@dataclass(frozen=True, eq=False)
+class Pulse:
+    """A pulse at one instant; `pulses` finds it.
+
+    Attributes
+    ----------
+    place : float
+        Of its peak, in sites: site j is at j, bond j is centred at j + 1/2.
+    amplitude : float
+        Elongation at the peak of the continuous wave [m], extension > 0.
+    direction : int
+        1 towards higher sites, -1 towards lower ones; 0 where as much energy flows either way, as
+        when two equal waves meet.
+    speed : float
+        [sites/s], >= 0: that of `wave`, or else |momentum| over mass and total elongation, which
+        is the speed of anything that travels without change of form.
+    energy : float
+        Of its sites [J].
+    momentum : float
+        Of its sites [kg m/s], > 0 towards higher sites.
+    first, last : int
+        Its sites: up to where the elongation stops falling or changes its sign.
+    wave : SolitaryWave or None
+        The exact wave that differs from it, over its width at 5 % of the peak, by at most 5 % of
+        the largest elongation and of the largest velocity.
+    """
+
+    place: float
+    amplitude: float
+    direction: int
+    speed: float
+    energy: float
+    momentum: float
+    first: int
+    last: int
+    wave: SolitaryWave | None = field(repr=False)
+
+
+def pulses(run: Run, row: int = -1, fraction: float = FRACTION) -> list[Pulse]:
+    """Pulses of a chain at a recorded instant, in the order of their places.
+
+    Parameters
+    ----------
+    run : Run
+        Of a `Chain`, all sites recorded; elongations count from its state at rest.
+    row : int, optional
+        Number of the recorded instant, from the last one if negative.
+    fraction : float, optional
+        A peak counts from this part of the largest |elongation| on, above 0, at most 1.
+
+    Returns
+    -------
+    list of Pulse
+        Empty where no bond is deformed beyond round-off.  Peaks between which the elongation
+        falls by less than a quarter of the lower one are one pulse.
+
+    Raises
+    ------
+    TensegrityError
+        Another scene than a chain, or one whose springs change in time; a site that was not
+        recorded; no such row.
+
+    Notes
+    -----
+    A solitary wave is found as exactly as the run knows it: launched at any place to 1e-7 sites
+    and of its amplitude.  What travels but is no such wave is interpolated through displacements,
+    velocities and accelerations at its sites: to 1e-3 sites and 3e-4 of the amplitude where it is
+    3 sites wide at half its height, to 1e-2 sites and 2e-2 where it is 1.3 sites wide.  What does
+    not travel is interpolated through its elongations alone, by a spline of fifth order.
+
+    Pulses that overlap are cut at the least elongation between them.  While waves pass through
+    each other there is one pulse, which is none of them.  A pulse whose width reaches an end of
+    the chain, or another spring or mass, has no `wave`.
+
+    Examples
+    --------
+    >>> from tensegrity import Chain, Prism, pulses, simulate, solitary_wave
+    >>> spring = Prism(base=1.0, height=0.7, prestrain=0.01, k_cross=1.0).potential()
+    >>> wave, chain = solitary_wave(spring, speed_ratio=2.0), Chain(spring, 120)
+    >>> run = simulate(chain, wave.launch(chain, at=40.25), 30 / wave.speed, tol=1e-8)
+    >>> (pulse,) = pulses(run)
+    >>> f"{pulse.place:.3f}", pulse.direction, round(pulse.amplitude / wave.amplitude, 5)
+    ('70.250', 1, 1.0)
+    """
+    chain, row = chain_of(run), check_row(run, row)
+    return Instant(chain, State(run.u[row], run.v[row])).pulses(check_fraction(fraction))
+
+
+def check_fraction(fraction: float) -> float:
+    """A part of the largest elongation, above 0 and at most 1."""
+    fraction = check.number("fraction", fraction, above=0)
+    if fraction > 1:
+        raise TensegrityError(f"fraction {fraction:g} must be at most 1")
+    return fraction
+
+
+def chain_of(run: Run) -> Chain:
+    """The chain of a run of which all sites were recorded."""
+    check.kind("run", run, Run)
+    chain = run.scene
+    if not isinstance(chain, Chain):
+        raise TensegrityError(
+            f"the scene of the run is {type(chain).__name__}, must be a Chain: pulses run along "
+            "bonds in a row"
+        )
+    if chain.tune:
+        raise TensegrityError("the springs change in time: what is measured asks for constant ones")
+    if run.sites != tuple(range(chain.sites)):
+        raise TensegrityError(f"{len(run.sites)} of {chain.sites} sites recorded: record all")
+    return chain
+
+
+def check_row(run: Run, row: int) -> int:
+    """The number of a recorded instant, from the last one if negative."""
+    return check.whole("row", row, least=-len(run.t), below=len(run.t))
+
+
+def peaks(r: Array, fraction: float, least: float = 0.0) -> list[int]:
+    """Bonds of the distinct peaks of |elongation|, from a part of the largest on.
+
+    Parameters
+    ----------
+    r : ndarray, (bonds,)
+        [m].
+    fraction : float
+        Of the largest |r|.
+    least : float, optional
+        |r| that is round-off [m].
+    """
+    from scipy.signal import find_peaks
+
+    height = max(fraction * float(np.abs(r).max(initial=0.0)), least)
+    if not height > 0:
+        return []
+    found = []
+    for sign in (-1, 1):
+        padded = np.concatenate([[0.0], np.maximum(sign * r, 0.0), [0.0]])
+        places, facts = find_peaks(padded, height=height, prominence=0)
+        distinct = facts["prominences"] >= DISTINCT * facts["peak_heights"]
+        found += (places[distinct] - 1).tolist()
+    return sorted(found)
+
+
+def sites_around(r: Array, peak: int) -> tuple[int, int]:
+    """First and last site of the pulse with a peak at a bond."""
+    size = np.sign(r[peak]) * r
+    ripple, ends = RIPPLE * size[peak], []
+    for step in (-1, 1):
+        bond = peak
+        while 0 <= bond + step < len(r) and 0 < size[bond + step] <= size[bond] + ripple:
+            bond += step
+        ends.append(bond)
+    low, high = ends
+    return low + (low > 0), high + (high == len(r) - 1)
+
+
+class Instant:
+    """A chain in one state, and its pulses; an elongation below `least` [m] is none."""
+
+    def __init__(self, chain: Chain, state: State, least: float = 0.0) -> None:
+        self.chain, self.u, self.v = chain, state.u, state.v
+        self.r = chain.elongation(state.u)
+        self.least = max(least, ROUND_OFF * float(np.abs(state.u).max()))
+        self.site_energy = chain.site_energy(state.u, state.v)
+        self.tension = chain.bond_tension(state.u)
+
+    def pulses(self, fraction: float, first: int = 0, last: int | None = None) -> list[Pulse]:
+        """Those with a peak from a bond on up to before another, from a part of the largest on."""
+        part = self.r[first:last]
+        return [self.pulse(first + peak) for peak in peaks(part, fraction, self.least)]
+
+    def pulse(self, peak: int) -> Pulse:
+        """The pulse with a peak at a bond."""
+        first, last = sites_around(self.r, peak)
+        inside, mass, speed, direction = slice(first, last + 1), self.chain.mass, 0.0, 0
+        momentum = float((mass * self.v)[inside].sum())
+        flows = -self.tension[first:last] * (self.v[:-1] + self.v[1:])[first:last]
+        through, either = float(flows.sum()), float(np.abs(flows).sum())
+        if abs(through) > STANDING * either:
+            direction = int(np.sign(through))
+            longer = float((mass[:-1] * self.r)[first:last].sum())
+            speed = abs(momentum / longer) if longer else 0.0
+        travels = abs(through) >= ONE_WAY * either and self._is_fast(peak, speed)
+        place, amplitude = self._interpolated(peak, direction * speed if travels else 0.0)
+        energy, wave = float(self.site_energy[inside].sum()), None
+        if travels:
+            try:
+                wave, place = self._fitted(peak, direction, energy)
+                amplitude, speed = wave.amplitude, wave.speed
+            except TensegrityError:  # none fits
+                wave = None
+        return Pulse(place, amplitude, direction, speed, energy, momentum, first, last, wave)
+
+    def _is_fast(self, peak: int, speed: float) -> bool:
+        """Whether a pulse travels as fast as a wave may; not at an end of the chain."""
+        inside = 0 < peak < len(self.r) - 1
+        sound = self.chain.springs[peak].sound_speed(float(self.chain.mass[peak]))
+        return inside and speed > SLOW * sound
+
+    def _interpolated(self, peak: int, velocity: float) -> tuple[float, float]:
+        """Place and value of the extremum next to a bond.
+
+        In a wave that travels u' is -v/c and u'' the acceleration over c^2; where it does not
+        (velocity c = 0), the elongations alone are interpolated.
+        """
+        from scipy.interpolate import BPoly, make_interp_spline
+        from scipy.optimize import minimize_scalar
+
+        sign, near = np.sign(self.r[peak]), slice(max(peak - NEIGHBOURS, 0), peak + NEIGHBOURS + 2)
+        if velocity:
+            turning = np.diff(self.tension, prepend=0.0, append=0.0) / self.chain.mass
+            given = self.u, -self.v / velocity, turning / velocity**2
+            shape = BPoly.from_derivatives(
+                np.arange(self.chain.sites)[near], np.stack([x[near] for x in given], axis=1)
+            )
+
+            def elongation(x: float) -> float:
+                return float(shape(x + 0.5) - shape(x - 0.5))
+
+        elif 0 < peak < len(self.r) - 1 and len(self.r[near]) > DEGREE:
+            bonds = np.arange(len(self.r))[near]
+            spline = make_interp_spline(bonds + 0.5, self.r[near], DEGREE)
+
+            def elongation(x: float) -> float:
+                return float(spline(x))
+
+        else:
+            return peak + 0.5, float(self.r[peak])
+        bounds = max(peak - 0.25, near.start + 0.5), min(peak + 1.25, self.chain.sites - 1.5)
+        found = minimize_scalar(
+            lambda x: -sign * elongation(x), bounds=bounds, method="bounded",
+            options={"xatol": 1e-9},
+        )  # fmt: skip
+        return float(found.x), float(-sign * found.fun)
+
+    def _fitted(self, peak: int, direction: int, energy: float) -> tuple[SolitaryWave, float]:
+        """The exact wave that fits a pulse and the place of its peak; an error where none does."""
+        from scipy.optimize import least_squares
+
+        spring, mass = self.chain.springs[peak], float(self.chain.mass[peak])
+        side = Family(spring, 1 if self.r[peak] > 0 else -1)
+        name = side.holding("amplitude", abs(float(self.r[peak]))).name
+        wave = solitary_wave(spring, mass, energy=energy, family=name)
+        gaps = self._gaps(wave, peak, direction)
+        found = least_squares(
+            lambda place: gaps(place[0]), peak + 0.5, xtol=1e-14, ftol=1e-14, gtol=1e-14
+        )
+        misfit = float(np.abs(found.fun).max())
+        if misfit > MISFIT:
+            raise TensegrityError(f"misfit {misfit:g} of the wave must be at most {MISFIT:g}")
+        return wave, float(found.x[0])
+
+    def _gaps(self, wave: SolitaryWave, peak: int, direction: int) -> Callable[[float], Array]:
+        """Differences from a wave with its peak at a place, over its largest values."""
+        half = max(wave.width(LEVEL) / 2, 1.0)
+        bonds = np.arange(math.ceil(peak - half), math.floor(peak + half) + 1)
+        sites = np.append(bonds, bonds[-1] + 1)
+        if bonds[0] < 0 or sites[-1] >= self.chain.sites:
+            raise TensegrityError(f"the wave at bond {peak} is cut by an end of the chain")
+        if any(self.chain.springs[bond] != wave.potential for bond in bonds.tolist()) or np.any(
+            self.chain.mass[sites] != wave.mass
+        ):
+            raise TensegrityError(f"springs or masses around bond {peak} differ")
+        fastest = wave.speed * abs(float(wave.rate(0.0)))
+
+        def gaps(place: float) -> Array:
+            r = wave.elongation(bonds + 0.5 - place)
+            v = -direction * wave.speed * wave.rate(sites - place)
+            return np.concatenate(
+                [(r - self.r[bonds]) / abs(wave.amplitude), (v - self.v[sites]) / fastest]
+            )
+
+        return gaps
+
+
+def phase_shift(run: Run, left: SolitaryWave, right: SolitaryWave) -> tuple[float, float]:
+    """How far two solitary waves are shifted by their collision.
+
+    Parameters
+    ----------
+    run : Run
+        Of a chain whose first recorded row has the two incident waves apart from each other and
+        nothing else, and whose last one shows them apart again; all sites recorded.
+    left, right : SolitaryWave
+        The incident waves, that at the lower sites first: head-on, or one overtaking the other.
+        Where they were launched is read from the first row.
+
+    Returns
+    -------
+    (float, float)
+        Of the left and of the right wave [sites], > 0: ahead, along its own way, of where it would
+        be undisturbed.  Both lines are continued to the instant at which undisturbed waves meet,
+        that of the incident wave from before, that of the outgoing one, with its own speed, from
+        after.
+
+    Raises
+    ------
+    TensegrityError
+        The waves of the first row are not these, or do not meet within the run; no wave of the
+        last row goes the way of one of them with its amplitude, to a fifth.
+
+    Notes
+    -----
+    Source: M. Toda, J. Phys. Soc. Jpn. 22, 431 (1967), whose lattice shifts waves and leaves
+    nothing else behind.
+    """
+    chain_of(run)
+    for name, wave in (("left", left), ("right", right)):
+        check.kind(name, wave, SolitaryWave)
+    waves, sizes = (left, right), sorted(abs(wave.amplitude) for wave in (left, right))
+    fraction = sizes[0] / sizes[1] / 2
+    incident = pulses(run, 0, fraction)
+    if len(incident) != 2:
+        raise TensegrityError(f"{len(incident)} pulses in the first row, must be 2")
+    for name, pulse, wave in zip(("left", "right"), incident, waves, strict=True):
+        if pulse.wave is None or abs(pulse.amplitude / wave.amplitude - 1) > ALIKE:
+            raise TensegrityError(
+                f"{pulse} of the first row is not the {name} wave, of amplitude "
+                f"{wave.amplitude:g} m"
+            )
+    velocities = [pulse.direction * wave.speed for pulse, wave in zip(incident, waves, strict=True)]
+    closing = velocities[0] - velocities[1]
+    duration = float(run.t[-1] - run.t[0])
+    meeting = (incident[1].place - incident[0].place) / closing if closing > 0 else math.inf
+    if not meeting < duration:
+        raise TensegrityError(
+            f"the waves meet {meeting:g} s after the first row, must be within {duration:g} s"
+        )
+    place = incident[0].place + velocities[0] * meeting
+    outgoing = pulses(run, -1, fraction)
+    found = [_same(outgoing, pulse) for pulse in incident]
+    shifts = [
+        pulse.direction * (pulse.place - place) - pulse.speed * (duration - meeting)
+        for pulse in found
+    ]
+    return shifts[0], shifts[1]
+
+
+def _same(outgoing: list[Pulse], incident: Pulse) -> Pulse:
+    """The outgoing pulse that an incident one has become."""
+    alike = [
+        pulse for pulse in outgoing
+        if pulse.wave is not None and pulse.direction == incident.direction
+        and abs(pulse.amplitude / incident.amplitude - 1) < CHANGED
+    ]  # fmt: skip
+    if not alike:
+        raise TensegrityError(
+            f"no wave of the last row goes on from the one at {incident.place:g} of amplitude "
+            f"{incident.amplitude:g} m"
+        )
+    return min(alike, key=lambda pulse: abs(pulse.amplitude - incident.amplitude))

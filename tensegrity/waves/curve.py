@@ -1,0 +1,104 @@
+"""Speed, energy and width along a family of solitary waves: `along`.
+
+Waves of a family are ordered by the size of their amplitude; speed and energy rise along it, save
+near a threshold.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tensegrity import check
+from tensegrity.errors import TensegrityError
+from tensegrity.springs.potential import Potential
+from tensegrity.typing import Array
+from tensegrity.waves.solitary import SolitaryWave, solitary_wave
+
+FAR, FARTHER = 4.0, 1.5  # m, and times the first amplitude: so far goes a family without end
+NEAR_START, HALF, NEAR_END = 3e-3, 0.5, 0.4  # parts of the way from the first amplitude to the last
+AT_FRONT, AT_WALL = 1e-5, 1e-2  # parts of it that are left at a front and at other ends
+
+
+@dataclass(frozen=True, eq=False)
+class FamilyCurve:
+    """Waves along a family; arrays of shape (waves,).
+
+    Attributes
+    ----------
+    amplitude : ndarray
+        Elongation of the crest [m], extension > 0.
+    speed, excess : ndarray
+        [sites/s]; speed over sound speed, less 1.
+    energy, momentum : ndarray
+        [J], [kg m/s].
+    width : ndarray
+        [sites] at 5 % of the crest.
+    residual : ndarray
+        As of `SolitaryWave`.
+    waves : tuple of SolitaryWave
+    """
+
+    amplitude: Array
+    speed: Array
+    excess: Array
+    energy: Array
+    momentum: Array
+    width: Array
+    residual: Array
+    waves: tuple[SolitaryWave, ...] = field(repr=False)
+
+    def __len__(self) -> int:
+        return len(self.waves)
+
+
+def along(
+    potential: Potential,
+    mass: float,
+    family: str,
+    crests: tuple[float, float],
+    ends: str,
+    points: int,
+    given: dict[str, ArrayLike | None],
+) -> FamilyCurve:
+    """Waves along a family: those with some values of one target of `solitary_wave`, or such ones
+    as show all of it.  See `PredictedFamily.curve`."""
+    points = check.whole("points", points, least=4)
+    targets = {name: value for name, value in given.items() if value is not None}
+    if len(targets) > 1:
+        raise TensegrityError(f"{' and '.join(targets)} given: give at most one of them")
+    whole = not targets
+    ((name, wanted),) = (targets or {"amplitude": amplitudes(*crests, ends, points)}).items()
+    values = check.floats(name, wanted)
+    if values.ndim != 1 or not values.size:
+        raise TensegrityError(f"{name} has shape {values.shape}, must be (n,), n > 0")
+    found = []
+    for value in values.tolist():
+        try:
+            found.append(solitary_wave(potential, mass, family=family, **{name: value}))
+        except TensegrityError:
+            if not whole:
+                raise
+    return _table(tuple(found))
+
+
+def amplitudes(first: float, last: float, ends: str, points: int) -> Array:
+    """Amplitudes along a family [m], close to both of its limits, (points,).
+
+    Where it has no end (inf), they go up to 4 m or 1.5 times the first one.
+    """
+    if math.isinf(last):
+        last = math.copysign(max(FAR, FARTHER * abs(first)), last)
+    near = np.geomspace(NEAR_START, HALF, points // 2)
+    left = AT_FRONT if ends == "front" else AT_WALL
+    parts = np.concatenate([near, 1 - np.geomspace(NEAR_END, left, points - near.size)])
+    return first + (last - first) * parts
+
+
+def _table(waves: tuple[SolitaryWave, ...]) -> FamilyCurve:
+    names = "amplitude", "speed", "excess", "energy", "momentum", "residual"
+    columns = {name: np.array([getattr(wave, name) for wave in waves]) for name in names}
+    return FamilyCurve(width=np.array([wave.width() for wave in waves]), waves=waves, **columns)
