@@ -1,5 +1,6 @@
 """Tensegrity prisms as springs, and lattices of masses joined by them."""
 
+from tensegrity.animation import animate
 from tensegrity.errors import (
     CompilerError,
     ContactError,
@@ -71,6 +72,7 @@ __all__ = [
     "StructurePath",
     "TensegrityError",
     "Wall",
+    "animate",
     "bar_contact",
     "column",
     "control_path",

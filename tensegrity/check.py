@@ -5,6 +5,7 @@ A number is what Python's and NumPy's real numbers are: not a truth value, not t
 
 from __future__ import annotations
 
+import importlib
 import math
 import os
 import sys
@@ -157,15 +158,15 @@ def sequence(name: str, value: Any, of: str) -> tuple[Any, ...]:
     raise TensegrityError(f"{name} {shown(value)} must be a sequence of {of}")
 
 
-def axes(value: Any) -> Any:
-    """Matplotlib's axes, new ones where none are given."""
-    import matplotlib.pyplot as plt
-    from matplotlib.axes import Axes
-
-    if value is None:
-        return plt.subplots(figsize=(7, 4.5), layout="constrained")[1]
-    kind("axes", value, Axes)
-    return value
+def package(name: str, what: str, extra: str) -> Any:
+    """A package that only `what` needs, imported; refused where it is not installed, naming the
+    extra of this one that has it."""
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        raise TensegrityError(
+            f"{what} needs {name}, which is not installed: install this package with [{extra}]"
+        ) from error
 
 
 def path(name: str, value: object) -> Path:

@@ -16,20 +16,15 @@ from contextlib import nullcontext
 from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from tensegrity.errors import TensegrityError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
     from typing import Any
 
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from numpy.typing import ArrayLike
 
 DOTS = 110  # per inch
-VIEW = 0.5, 0.3  # rad: about the vertical, and from above
 
 
 def page(
@@ -81,36 +76,6 @@ def _picture(draw: Callable[[Figure], object], size: tuple[float, float], title:
     data = base64.b64encode(file.getvalue()).decode()
     width = f"{size[0] * 96:.0f}"
     return f'<img alt="{html.escape(title)}" width="{width}" src="data:image/png;base64,{data}">'
-
-
-def wires(axes: Axes, positions: ArrayLike, ends: ArrayLike, bars: int = 0) -> None:
-    """Draw members as lines, seen from aside and a little above.
-
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-    positions : array_like, (nodes, 1 to 3)
-        [m].
-    ends : array_like, (members, 2)
-    bars : int, optional
-        The first so many members are drawn thick.
-    """
-    places, pairs = np.asarray(positions, dtype=float), np.asarray(ends, dtype=int).reshape(-1, 2)
-    if places.shape[1] == 1:
-        places = np.column_stack([places, np.zeros(len(places))])
-    elif places.shape[1] == 3:
-        (around, above), (x, y, z) = VIEW, places.T
-        across = x * np.cos(around) + y * np.sin(around)
-        depth = y * np.cos(around) - x * np.sin(around)
-        places = np.column_stack([across, z * np.cos(above) + depth * np.sin(above)])
-    from matplotlib.collections import LineCollection
-
-    segments = places[pairs]
-    axes.add_collection(LineCollection(list(segments[bars:]), colors="0.45", linewidths=1.0))
-    axes.add_collection(LineCollection(list(segments[:bars]), colors="C0", linewidths=3.0))
-    axes.plot(*places.T, "o", color="0.2", ms=3)
-    axes.set_aspect("equal")
-    axes.axis("off")
 
 
 def progress(total: int, unit: str, done: int = 0) -> Any:

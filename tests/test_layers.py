@@ -18,6 +18,7 @@ BASE = [
     "root",
     "minimum",
     "notebook",
+    "plotting",
 ]  # modules that every room may use
 ROOMS = [  # inside tensegrity: each may import what stands before it
     "engine",
@@ -32,7 +33,7 @@ ROOMS = [  # inside tensegrity: each may import what stands before it
     "lens",
     "gradients",
 ]
-ABOVE = ["export", "__main__"]  # modules for users that no room uses
+ABOVE = ["export", "animation", "__main__"]  # modules for users that no room uses
 
 
 @cache

@@ -7,7 +7,6 @@ import sys
 from html.parser import HTMLParser
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
 from tensegrity import (
@@ -106,7 +105,7 @@ def test_a_long_run_is_thinned_before_it_is_drawn(monkeypatch):
     big = 1500
     long = simulate(found.scene, found.final, 150.0, dt=0.1, record=Record(every=1))
     assert len(long.t) == big + 1
-    monkeypatch.setattr(type(long), "plot", lambda self, axes=None: seen.append(len(self.t)))
+    monkeypatch.setattr(type(long), "plot", lambda self, ax=None: seen.append(len(self.t)))
     long._repr_html_()
     assert seen[0] <= 300
 
@@ -134,14 +133,3 @@ def test_bars_are_seen_in_notebooks(monkeypatch, capsys):
         assert bar.n == 3
     monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: None))
     assert not notebook.in_notebook()
-
-
-def test_lines_are_seen_from_aside_in_any_dimension():
-    from matplotlib.figure import Figure
-
-    for dim in (1, 2, 3):
-        axes = Figure().subplots()
-        notebook.wires(axes, np.eye(3)[:, :dim], [(0, 1), (1, 2)], bars=1)
-        thin, thick = axes.collections
-        assert len(thin.get_segments()) == len(thick.get_segments()) == 1
-        assert all(np.isfinite(s).all() for s in thick.get_segments())

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity import check
+from tensegrity import check, plotting
 from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.prisms.curve import NAMES, OFF, RESOLVED, Misfit, intervals, loads
 from tensegrity.prisms.prism import Prism
@@ -149,9 +149,9 @@ class Fit:
         )
         return "\n".join([*lines, *(f"  not identified: {word}" for word in self.unidentified)])
 
-    def plot(self, axes: Axes | None = None) -> Axes:
+    def plot(self, ax: Axes | None = None) -> Axes:
         """Points, fitted curve and its 95 % band; returns the Matplotlib axes."""
-        drawn: Axes = check.axes(axes)
+        drawn: Axes = plotting.axes(ax)
         order = np.argsort(self.shortening)
         x, y = self.shortening[order], self.computed()[order]
         w = self._quantile(0.95) * self.band()[order]

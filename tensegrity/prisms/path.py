@@ -13,7 +13,7 @@ import inspect
 import math
 from collections.abc import Iterable
 from concurrent.futures import Executor
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING, ClassVar, overload
 
 import numpy as np
 
@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from typing import Any
 
-    from matplotlib.axes import Axes
-
     from tensegrity.prisms.closed import Columns, Found
     from tensegrity.structures.structure_path import StructurePath
     from tensegrity.structures.supports import Supports
@@ -41,13 +39,7 @@ if TYPE_CHECKING:
 
 PART = 16  # paths in a task of a worker
 COLUMNS = ("height", "twist", "base", "load", "shortening")
-LABELS = {
-    "height": "height [m]",
-    "twist": "twist [rad]",
-    "base": "base [m]",
-    "load": "axial load [N], compression > 0",
-    "shortening": "shortening [m]",
-}
+UNITS = {"height": "m", "twist": "rad", "base": "m", "load": "N", "shortening": "m"}
 ENDS = {
     "contact": "the bars meet on the axis (twist pi)",
     "flat": "the prism is flat (height 0)",
@@ -94,6 +86,8 @@ class EquilibriumPath(Table):
     stable_load: Flags
     stable_height: Flags
 
+    _units: ClassVar = UNITS
+
     def __init__(
         self,
         prism: Prism,
@@ -122,15 +116,6 @@ class EquilibriumPath(Table):
                 f"base {event.base:.6g} m, load {event.load:.6g} N{note}"
             )
         return "\n".join([*lines, f"  ends: {self.end}"])
-
-    def plot(  # type: ignore[override]
-        self, x: str = "shortening", y: str = "load", axes: Axes | None = None
-    ) -> Axes:
-        """Draw one column against another, events marked; returns the Matplotlib axes."""
-        return super().plot(x, y, axes, LABELS)
-
-    def _draw(self, axes: Axes) -> Axes:
-        return self.plot(axes=axes)
 
 
 @overload

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.errors import NoLocking, TensegrityError
-from tensegrity.notebook import page, wires
+from tensegrity.notebook import page
 from tensegrity.prisms.closed import assembled, exact, rigid_potential
 from tensegrity.springs.potential import Potential, call
 from tensegrity.structures.structure import Structure
@@ -174,12 +174,12 @@ class Prism:
 
     def _draw(self, figure: Any) -> None:
         """The prism at rest, and its load against shortening."""
-        shape, curve = figure.subplots(1, 2, width_ratios=(1, 1.4))
+        shape = figure.add_subplot(1, 2, 1, projection="3d")
+        curve = figure.add_subplot(1, 2, 2)
         rigid = [name for name in ("k_base", "k_bar") if math.isinf(getattr(self, name))]
         finite: dict[str, Any] = dict.fromkeys(rigid, STIFF * self.k_cross)
         # the shape at rest is that of any constants
-        structure = replace(self, **finite).structure()
-        wires(shape, structure.positions, structure.ends, structure.bars)
+        replace(self, **finite).structure().plot(shape)
         potential = self.potential()
         low, high = potential.reach
         r = np.linspace(SHOWN * low, min(high, -low) / 2, 200)
