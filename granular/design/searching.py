@@ -28,7 +28,7 @@ from granular.design.spaces import Choice, Order, Sizes, Space
 from granular.materials import Material
 from tensegrity import TensegrityError, check
 from tensegrity.engine import native
-from tensegrity.notebook import progress
+from tensegrity.notebook import one_bar, progress
 from tensegrity.runs import archive
 from tensegrity.runs.sweep import Crew, Failed, keep, require_same
 from tensegrity.typing import Array
@@ -109,7 +109,7 @@ def search(
     dt = t_end / objective.step_count(unit, t_end, COARSE * objective.SHARE * unit)
     native.require()
     problem = Problem(space, striker, wall, t_end, dt, build)
-    with Crew(executor) as crew:
+    with Crew(executor) as crew, one_bar("design"):
         trail = _Trail(problem, crew, budget, checkpoint, name, seed)
         try:
             with progress(budget, "design", trail.begun) as trail.bar:

@@ -28,6 +28,7 @@ from tensegrity.gradients.adjoint import Backward, Forward
 from tensegrity.gradients.objective import Objective, Trace, objective_of
 from tensegrity.gradients.result import Gradient, digits
 from tensegrity.gradients.samples import Samples
+from tensegrity.notebook import one_bar
 from tensegrity.readonly import fixed
 from tensegrity.runs.problem import Problem, count
 from tensegrity.runs.record import Record
@@ -184,6 +185,7 @@ class LaneGradient(Gradient):
         return np.stack([lane.by(name) for lane in self._scene], axis=-1)
 
 
+@one_bar("step")
 def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
     """Those of one scene: its run, traces of it, and the pass backwards."""
     of = dynamics(scene)
