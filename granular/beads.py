@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
 
+HUGE, FAST = 1.0, 100.0  # m, m/s: from there on a unit is probably another than was meant
+
+
 @dataclass(frozen=True)
 class Bead:
     """A sphere.
@@ -52,6 +55,11 @@ class Bead:
     def __post_init__(self) -> None:
         diameter = check.number("diameter", self.diameter, above=0, unit="m")
         _require("material", self.material, Material)
+        if diameter >= HUGE:
+            check.warn_once(
+                f"a bead of diameter {diameter:g} m, {1e3 * diameter:g} mm: lengths are in metres, "
+                f"{diameter:g} mm are {diameter / 1e3:g} m"
+            )
         mass = self.material.density * volume(diameter) if self.mass is None else self.mass
         radius = diameter / 2 if self.contact_radius is None else self.contact_radius
         object.__setattr__(self, "diameter", diameter)
@@ -89,6 +97,11 @@ class Striker:
         speed = check.number(
             "speed of the striker, towards the chain", self.speed, above=0, unit="m/s"
         )
+        if speed >= FAST:
+            check.warn_once(
+                f"a striker of {1e3 * self.bead.diameter:g} mm at {speed:g} m/s: speeds are in m/s, "
+                f"and Hertzian contact without loss holds far below {FAST:g} m/s"
+            )
         object.__setattr__(self, "speed", speed)
 
 

@@ -9,8 +9,10 @@ import importlib
 import math
 import os
 import sys
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import lru_cache
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Any
@@ -89,7 +91,16 @@ def kind(name: str, value: object, wanted: type, words: str = "") -> None:
     """Refuse what is not of the wanted class; `words` say where one comes from."""
     if not isinstance(value, wanted):
         article = "an" if wanted.__name__[0] in "AEIOU" else "a"
+        words = words or made_by(value, wanted)
         raise TensegrityError(f"{name} {shown(value)} is not {article} {wanted.__name__}{words}")
+
+
+def made_by(value: object, wanted: type) -> str:
+    """Which method of a value gives what is wanted, as a prism gives its potential; or ""."""
+    method = wanted.__name__.lower()
+    if not callable(getattr(value, method, None)):
+        return ""
+    return f": give {type(value).__name__.lower()}.{method}()"
 
 
 def floats(name: str, value: ArrayLike) -> NDArray[np.float64]:
@@ -156,6 +167,12 @@ def sequence(name: str, value: Any, of: str) -> tuple[Any, ...]:
     except TypeError:
         pass
     raise TensegrityError(f"{name} {shown(value)} must be a sequence of {of}")
+
+
+@lru_cache(maxsize=256)
+def warn_once(words: str) -> None:
+    """Warn whoever makes an object whose `__post_init__` calls this; of the same only once."""
+    warnings.warn(words, UserWarning, stacklevel=4)
 
 
 def package(name: str, what: str, extra: str) -> Any:

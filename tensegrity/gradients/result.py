@@ -103,8 +103,8 @@ class Gradient:
             A name that nothing in the scene has, or that was not wanted.
         """
         check.kind("name", name, str)
-        if name == "mass" and name not in self._names:
-            raise TensegrityError("by 'mass': derivatives by masses are the attribute .mass")
+        if name in ("u", "v", "mass", "shift"):
+            raise TensegrityError(f"by {name!r}: these derivatives are the attribute .{name}")
         if name not in self._names:
             known = ", ".join(self._names) or "nothing"
             raise TensegrityError(f"by {check.shown(name)}: this gradient knows {known}")
@@ -135,9 +135,12 @@ class Gradient:
         """
         name = by if by is not None else (*self._names, "mass")[0]
         found = self.mass if name == "mass" else self.by(name)
-        scene, unit = self._scene, UNITS.get(name, "")
+        one = self._scene[0] if isinstance(self._scene, tuple) else self  # of an ensemble
+        scene, unit = one._scene, UNITS.get(name, "")
         label = f"derivative by {name}" + (f" [value per {unit}]" if unit else "")
         of_sites = name == "mass" or name in dynamics(scene).arguments
+        if isinstance(scene, Network) and found.ndim == 2:
+            raise TensegrityError(f"{found.shape[1]} gradients in one: no map shows them all")
         if isinstance(scene, Network):
             picture = Picture(scene, ax, facecolors=None if of_sites else "0.95")
             image = picture.paint(found, of_sites)
