@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from granular.materials import Material
 from tensegrity import TensegrityError, check
+from tensegrity.printing import filled
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -67,6 +68,12 @@ class Bead:
         radius = check.number("contact radius", radius, above=0, unit="m")
         object.__setattr__(self, "contact_radius", radius)
 
+    def __str__(self) -> str:
+        return filled(
+            f"bead of {self.material.name}: diameter {self.diameter:.6g} m, mass {self.mass:.6g} "
+            f"kg, contact radius {self.contact_radius:.6g} m"
+        )
+
     @property
     def radius(self) -> float:
         """Half the diameter [m]."""
@@ -92,6 +99,9 @@ class Striker:
     bead: Bead
     speed: float
 
+    def __str__(self) -> str:
+        return filled(f"striker at {self.speed:.6g} m/s, a {self.bead}")
+
     def __post_init__(self) -> None:
         _require("striker", self.bead, Bead)
         speed = check.number(
@@ -99,8 +109,8 @@ class Striker:
         )
         if speed >= FAST:
             check.warn_once(
-                f"a striker of {1e3 * self.bead.diameter:g} mm at {speed:g} m/s: speeds are in m/s, "
-                f"and Hertzian contact without loss holds far below {FAST:g} m/s"
+                f"a striker of {1e3 * self.bead.diameter:g} mm at {speed:g} m/s: speeds are in "
+                f"m/s, and Hertzian contact without loss holds far below {FAST:g} m/s"
             )
         object.__setattr__(self, "speed", speed)
 

@@ -19,6 +19,7 @@ BASE = [
     "minimum",
     "notebook",
     "plotting",
+    "printing",
 ]  # modules that every room may use
 ROOMS = [  # inside tensegrity: each may import what stands before it
     "engine",

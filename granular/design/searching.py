@@ -145,7 +145,8 @@ class _Trail:
         self, problem: Problem, workers: WorkerPool, budget: int, path: Any, method: str, seed: int
     ) -> None:
         self._problem, self._workers, self._budget = problem, workers, budget
-        self._method, self._seed, self.bar, self.failed = method, seed, None, 0
+        self._method, self._seed, self.failed = method, seed, 0
+        self.bar: Any = None
         self._leads = Descents(problem) if method == "gradient" else problem
         self.forces: list[float] = []
         self._known: dict[bytes, tuple[Array, float]] = {}  # the best design of each row

@@ -10,6 +10,7 @@ import numpy as np
 from tensegrity import check, plotting
 from tensegrity.errors import TensegrityError
 from tensegrity.notebook import page
+from tensegrity.printing import filled
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -48,7 +49,7 @@ class Event:
         raise AttributeError(f"event has no {name!r}, only {', '.join(at)}")
 
     def __str__(self) -> str:
-        return f"{self.kind}: " + ", ".join(f"{k} {v:.6g}" for k, v in self.at.items())
+        return filled(f"{self.kind}: " + ", ".join(f"{k} {v:.6g}" for k, v in self.at.items()))
 
 
 class Table:
@@ -101,20 +102,17 @@ class Table:
         return (self[row] for row in range(len(self)))
 
     def __str__(self) -> str:
-        first, last = (
-            ", ".join(f"{name} {value:.6g}" for name, value in self[row].items())
-            for row in (0, len(self) - 1)
-        )
+        first, last = (self._quantities(self[row], self.columns) for row in (0, len(self) - 1))
         story = [f"{len(self)} rows", f"  from {first}", *(f"  {e}" for e in self.events)]
-        return "\n".join([*story, f"  to {last}", f"  ends: {self.end}"])
+        return filled("\n".join([*story, f"  to {last}", f"  ends: {self.end}"]))
 
     def __repr__(self) -> str:
         kinds = ", ".join(e.kind for e in self.events) or "no events"
-        return f"{type(self).__name__}({len(self)} rows; {kinds})"
+        return filled(f"{type(self).__name__}({len(self)} rows; {kinds})")
 
     def _repr_html_(self) -> str:
         rows = {
-            name: f"{column[0]:.6g} to {column[-1]:.6g}"
+            self.heading(name): f"{column[0]:.6g} to {column[-1]:.6g}"
             for name, column in self.columns.items()
             if np.ndim(column) == 1 and np.asarray(column).dtype.kind == "f"
         }
@@ -125,6 +123,10 @@ class Table:
         rows["ends"] = self.end
         title = f"{type(self).__name__}, {len(self)} rows"
         return page(title, rows, lambda figure: self.plot(figure.subplots()))
+
+    def _quantities(self, values: Mapping[str, Any], names: Iterable[str]) -> str:
+        """Values of columns in words, with their units."""
+        return ", ".join(f"{n} {values[n]:.6g} {self._units.get(n, '')}".rstrip() for n in names)
 
     def heading(self, name: str) -> str:
         """What a column holds, and its unit."""

@@ -16,6 +16,7 @@ from tensegrity.engine.law import Law
 from tensegrity.engine.programs import derived as program_of
 from tensegrity.engine.programs import run
 from tensegrity.errors import TensegrityError
+from tensegrity.printing import filled, span
 from tensegrity.prisms.closed import polygon, rigid_law
 from tensegrity.prisms.condensed import ElasticPotential
 from tensegrity.scenes.dynamics import dynamics
@@ -166,11 +167,13 @@ class Gradient:
 
     def __str__(self) -> str:
         known = ", ".join(self._names) or "nothing"
-        return (
-            f"value {self.value:.9g}, {self.digits:.3g} digits of which round-off leaves\n"
+        return filled(
+            f"value {span(self.value)}, known to {self.digits:.3g} digits\n"
             f"derivatives by u, v, mass, and by {known}\n"
-            f"returned to the start within {self.reversal:.1e}"
+            f"the pass backwards returned to the start within {self.reversal:.1e} m, m/s"
         )
+
+    __repr__ = __str__
 
 
 def digits(value: float, by_u: Array, by_v: Array, largest: tuple[float, float]) -> float:

@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike
 from tensegrity import check
 from tensegrity.engine import forces
 from tensegrity.errors import TensegrityError
+from tensegrity.printing import printed
 from tensegrity.runs.run import Run
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.dynamics import dynamics
@@ -148,6 +149,9 @@ class Pulse:
     momentum: float
     first: int
     last: int
+
+    __str__ = printed(place="sites", elongation="m", energy="J", momentum="kg m/s")
+    __repr__ = __str__
 
 
 def pulses(chain: Chain, state: State, fraction: float = 0.1) -> list[Pulse]:
@@ -358,6 +362,9 @@ class Budget:
     impulse: Array
     energy_error: float
     momentum_error: float
+
+    __str__ = printed(t="s", energy="J", momentum="kg m/s", work="J", impulse="kg m/s")
+    __repr__ = __str__
 
 
 def beyond(run: Run, bond: int) -> Budget:

@@ -19,6 +19,7 @@ import numpy as np
 
 from tensegrity import check, plotting
 from tensegrity.errors import EquilibriumError, TensegrityError
+from tensegrity.printing import filled
 from tensegrity.prisms.curve import NAMES, OFF, RESOLVED, Misfit, intervals, loads
 from tensegrity.prisms.prism import Prism
 
@@ -147,7 +148,10 @@ class Fit:
             f"  {len(self.load)} points, shortening {self.shortening.min():.6g} to "
             f"{self.shortening.max():.6g} m"
         )
-        return "\n".join([*lines, *(f"  not identified: {word}" for word in self.unidentified)])
+        lines += [f"  not identified: {word}" for word in self.unidentified]
+        return filled("\n".join(lines))
+
+    __repr__ = __str__
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Points, fitted curve and its 95 % band; returns the Matplotlib axes."""

@@ -22,6 +22,7 @@ from tensegrity.branches.table import Event, Table
 from tensegrity.errors import TensegrityError
 from tensegrity.notebook import progress
 from tensegrity.once import once
+from tensegrity.printing import filled
 from tensegrity.prisms.closed import rigid_path
 from tensegrity.prisms.elastic_path import elastic_path
 from tensegrity.prisms.prism import Prism
@@ -115,7 +116,7 @@ class EquilibriumPath(Table):
                 f"  {event.kind} at height {event.height:.6g} m, twist {event.twist:.6g} rad, "
                 f"base {event.base:.6g} m, load {event.load:.6g} N{note}"
             )
-        return "\n".join([*lines, f"  ends: {self.end}"])
+        return filled("\n".join([*lines, f"  ends: {self.end}"]))
 
 
 @overload

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from tensegrity import check
 from tensegrity.errors import NoLocking, TensegrityError
 from tensegrity.notebook import page
+from tensegrity.printing import filled
 from tensegrity.prisms.closed import assembled, exact, rigid_potential
 from tensegrity.springs.potential import Potential, call
 from tensegrity.structures.structure import Structure
@@ -156,6 +157,12 @@ class Prism:
         if self.sides == 3:
             del given["sides"]
         return call("Prism", **given)
+
+    def __str__(self) -> str:
+        given = [("base", "m"), ("height", "m"), ("prestrain", ""), ("k_cross", "N/m")]
+        given += [(k, "N/m") for k in ("k_base", "k_bar") if getattr(self, k) != math.inf]
+        numbers = (f"{name} {getattr(self, name):.6g} {unit}".rstrip() for name, unit in given)
+        return filled(f"prism of {self.sides} sides: {', '.join(numbers)}")
 
     def _repr_html_(self) -> str:
         lengths = self.natural_lengths()

@@ -17,6 +17,7 @@ import numpy as np
 from tensegrity import check
 from tensegrity.engine.driven import Forcing
 from tensegrity.errors import TensegrityError
+from tensegrity.printing import printed
 from tensegrity.readonly import FixedDict, fixed
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.signals import RTOL, check_signals, expression_of, signals_of
@@ -112,6 +113,8 @@ class Damping:
 
     bond: Array = 0.0  # type: ignore[assignment]
     ground: Array = 0.0  # type: ignore[assignment]
+
+    __str__ = printed(bond="N s/m", ground="N s/m")
 
     if TYPE_CHECKING:  # what converts is taken, arrays are kept
 

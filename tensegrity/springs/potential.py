@@ -21,6 +21,7 @@ from tensegrity import check
 from tensegrity.engine.compiled import evaluated
 from tensegrity.engine.law import DerivedLaw, Law, check_law
 from tensegrity.errors import LockingError, TensegrityError
+from tensegrity.printing import concise
 from tensegrity.readonly import fixed
 from tensegrity.springs.kinks import kinks
 
@@ -308,6 +309,8 @@ class Potential:
 
     def _key(self) -> Hashable:
         return self.law, self.values.tobytes(), self._length, self._domain
+
+    __str__ = concise
 
     def __repr__(self) -> str:
         if self.origin:

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from tensegrity import check, plotting
 from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.notebook import page
+from tensegrity.printing import filled, listed, span
 from tensegrity.readonly import ReadOnly, fixed
 from tensegrity.scenes.network import Network
 from tensegrity.structures import statics
@@ -398,6 +399,18 @@ class Structure(ReadOnly):
             lambda figure: self.plot(plotting.subplot(figure, self.dim == 3)),
             size=(4.0, 3.2),
         )
+
+    def __str__(self) -> str:
+        lines = [repr(self)]
+        for name, chosen in (("bars", ~self.is_string), ("strings", self.is_string)):
+            if chosen.any():
+                lines.append(
+                    f"  {name}: lengths {span(self.lengths[chosen], 'm')}, tensions "
+                    f"{span(self.tensions[chosen], 'N')}"
+                )
+        if self.slack.any():
+            lines.append(f"  slack: strings {listed(np.flatnonzero(self.slack))}")
+        return filled("\n".join(lines))
 
     def __repr__(self) -> str:
         return (

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from tensegrity.branches.table import Event, Table
+from tensegrity.printing import filled, listed, span
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -81,11 +82,12 @@ class StructurePath(Table):
 
     def __str__(self) -> str:
         shown = [name for name in self.columns if not name.startswith("tension")]
-        lines = [f"{self.structure}", f"  {len(self)} equilibria"]
-        for word, row in (("from", self[0]), ("to", self[-1])):
-            lines.append(f"  {word} " + ", ".join(f"{n} {row[n]:.6g}" for n in shown[:2]))
+        lines = [f"{self.structure!r}", f"  {len(self)} equilibria"]
+        for word, row in (("from", 0), ("to", -1)):
+            lines.append(f"  {word} {self._quantities(self[row], shown[:2])}")
+            tension, slack = self.tensions[row], np.flatnonzero(self.slack[row])
+            lines.append(f"    tensions {span(tension, 'N')}, slack: {listed(slack)}")
         for event in self.events:
             note = event.note and f": {event.note}"
-            at = ", ".join(f"{name} {event.at[name]:.6g}" for name in shown[:2])
-            lines.append(f"  {event.kind} at {at}{note}")
-        return "\n".join([*lines, f"  ends: {self.end}"])
+            lines.append(f"  {event.kind} at {self._quantities(event.at, shown[:2])}{note}")
+        return filled("\n".join([*lines, f"  ends: {self.end}"]))

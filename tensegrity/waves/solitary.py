@@ -219,6 +219,8 @@ class SolitaryWave:
             f"{text['energy']}, {text['momentum']}\n{text['residual']}"
         )
 
+    __repr__ = __str__
+
     def _repr_html_(self) -> str:
         title = f"Solitary wave of {self.family}"
         return page(title, self._texts(), lambda figure: self.plot(figure.subplots()))
