@@ -65,7 +65,7 @@ def animate(
     frames : int, optional
         Most instants that are shown, >= 1, evenly spaced among those that were recorded.
     rate : float, optional
-        Frames in a second.
+        Frames in a second, at least 0.01.
     factor : float, optional
         By which displacements in a map are magnified, > 0.
     label : str, optional
@@ -89,7 +89,8 @@ def animate(
 
     figure = Figure(figsize=plotting.SIZE, dpi=DOTS, layout="constrained")
     draw = moving(run, figure.subplots(), show, factor=factor, label=label)
-    rows = np.unique(np.linspace(0, len(run.t) - 1, frames).round().astype(int))
+    count = len(run.t)
+    rows = np.unique(np.linspace(0, count - 1, min(frames, count)).round().astype(int))
     plotting.film(path, figure, rows.tolist(), draw, rate)
 
 

@@ -29,6 +29,7 @@ SIZE = 7.0, 4.5  # inches, of a new figure
 FAINTEST = 1e-4  # of the largest value: the lower end of logarithmic colours
 WIDEST, THINNEST = 5.0, 0.05  # points: lines of the largest force, and of the least that is drawn
 FORMATS = (".gif", ".mp4")
+SLOWEST = 0.01  # frames in a second
 
 
 def axes(ax: Any = None, in_space: bool = False) -> Any:
@@ -168,7 +169,7 @@ def film(
     show : callable (frame) -> None
         Changes what is drawn.
     rate : float, optional
-        Frames in a second, > 0.
+        Frames in a second, at least 0.01.
 
     Raises
     ------
@@ -177,7 +178,7 @@ def film(
         written.
     """
     path = check.path("path", path)
-    rate = check.number("rate", rate, above=0, unit="frames/s")
+    rate = check.number("rate", rate, least=SLOWEST, unit="frames/s")
     if path.suffix.lower() not in FORMATS:
         raise TensegrityError(f"path {check.shown(str(path))} must end in {' or '.join(FORMATS)}")
     from matplotlib import animation

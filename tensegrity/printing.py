@@ -18,16 +18,18 @@ if TYPE_CHECKING:
     from typing import Any
 
 WIDTH = 80
+GLUE = "\xa0"  # a space at which no line is broken
+UNIT = re.compile(r"(?<=\d) (?=[A-Za-z])")  # between a number and its unit
 LONG = re.compile(r"(?<![\w.])\d+(?:\.\d*)?(?:e[+-]?\d+)?(?![\w.])")  # a number
 
 
 def filled(text: str) -> str:
     """Text whose lines are broken where they are wider than 80 columns, and indented then."""
     lines = []
-    for line in text.splitlines():
+    for line in UNIT.sub(GLUE, text).splitlines():
         indent = line[: len(line) - len(line.lstrip())] + "    "
         lines += textwrap.wrap(line, WIDTH, subsequent_indent=indent, break_on_hyphens=False)
-    return "\n".join(lines)
+    return "\n".join(lines).replace(GLUE, " ")
 
 
 def concise(thing: object) -> str:
@@ -69,7 +71,11 @@ def _short(value: Any, unit: str) -> str:
     if isinstance(value, float):
         return f"{value:.6g}{behind}"
     if isinstance(value, (tuple, list)) and len(value) > 3:
+        if not isinstance(value[0], (int, float)):
+            return f"{len(value)} of kind {type(value[0]).__name__}"
         value = np.array(value)
+    if isinstance(value, tuple) and all(isinstance(x, float) for x in value):
+        return ", ".join(f"{x:.6g}" for x in value) + behind
     if isinstance(value, np.ndarray) and value.size > 3 and value.dtype.kind in "iuf":
         return f"{value.shape} from {span(value, unit)}"
     if isinstance(value, np.ndarray) and value.ndim == 0:

@@ -219,22 +219,15 @@ def test_another_thread_shows_no_second_bar(monkeypatch):
         assert (terminal.bars[0].n, len(terminal.bars)) == (1, 1)
 
 
-def test_bars_are_seen_in_notebooks_and_never_in_a_file(monkeypatch, capsys):
+def test_bars_are_seen_in_notebooks_and_never_in_a_file(monkeypatch):
+    made = a_terminal(monkeypatch).bars
     monkeypatch.setattr(sys, "stderr", None)
-    made, init = [], tqdm.__init__
-
-    def noted(self, *given, **options):
-        made.append(self)
-        init(self, *given, **options)
-
-    monkeypatch.setattr(tqdm, "__init__", noted)
     with notebook.progress(3, "step", done=1) as still:
         still.update(2)
     assert made == []
     assert still.n == 3
-    monkeypatch.undo()
-    monkeypatch.setattr(tqdm, "__init__", noted)
     shell = SimpleNamespace(config={"IPKernelApp": {}})
+    monkeypatch.setattr(sys, "stderr", io.StringIO())
     monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))
     assert notebook.in_notebook()
     with notebook.progress(3, "step", done=1) as bar:

@@ -112,7 +112,7 @@ class Table:
 
     def _repr_html_(self) -> str:
         rows = {
-            self.heading(name): f"{column[0]:.6g} to {column[-1]:.6g}"
+            self._heading(name): f"{column[0]:.6g} to {column[-1]:.6g}"
             for name, column in self.columns.items()
             if np.ndim(column) == 1 and np.asarray(column).dtype.kind == "f"
         }
@@ -128,7 +128,7 @@ class Table:
         """Values of columns in words, with their units."""
         return ", ".join(f"{n} {values[n]:.6g} {self._units.get(n, '')}".rstrip() for n in names)
 
-    def heading(self, name: str) -> str:
+    def _heading(self, name: str) -> str:
         """What a column holds, and its unit."""
         unit = self._units.get(name)
         return f"{name} [{unit}]" if unit else name
@@ -149,7 +149,7 @@ class Table:
             If pandas is not installed.
         """
         frame = check.package("pandas", "to_dataframe", "data").DataFrame(self.columns)
-        frame.attrs["headings"] = {name: self.heading(name) for name in self.columns}
+        frame.attrs["headings"] = {name: self._heading(name) for name in self.columns}
         frame.attrs["events"] = [{"kind": e.kind, "row": e.row, **e.at} for e in self.events]
         frame.attrs["end"] = self.end
         return frame
@@ -168,7 +168,7 @@ class Table:
             A path that names no file, or a file that cannot be written.
         """
         table = np.column_stack([np.asarray(c, dtype=float) for c in self.columns.values()])
-        header = ",".join(map(self.heading, self.columns))
+        header = ",".join(map(self._heading, self.columns))
         try:
             np.savetxt(
                 check.path("path", path), table, fmt="%.17g", delimiter=",", header=header,
@@ -213,6 +213,6 @@ class Table:
         if self.events:
             drawn.legend(frameon=False)
         signs = {"load": ", compression > 0"}
-        labels = [self.heading(name) + signs.get(name, "") for name in (x, y)]
+        labels = [self._heading(name) + signs.get(name, "") for name in (x, y)]
         drawn.set(xlabel=labels[0], ylabel=labels[1])
         return drawn

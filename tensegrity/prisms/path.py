@@ -111,11 +111,8 @@ class EquilibriumPath(Table):
         if self.begin:
             lines.append(f"  begins: {self.begin}")
         for event in self.events:
-            note = event.note and f": {event.note}"
-            lines.append(
-                f"  {event.kind} at height {event.height:.6g} m, twist {event.twist:.6g} rad, "
-                f"base {event.base:.6g} m, load {event.load:.6g} N{note}"
-            )
+            lines.append(f"  {event.kind} at {self._quantities(event.at, COLUMNS[:4])}")
+            lines += [f"    {event.note}"] * bool(event.note)
         return filled("\n".join([*lines, f"  ends: {self.end}"]))
 
 

@@ -73,12 +73,12 @@ class StructurePath(Table):
         count = len(self.structure.ends)
         return np.column_stack([self.columns[f"tension {m}"] for m in range(count)])
 
-    def heading(self, name: str) -> str:
+    def _heading(self, name: str) -> str:
         """What a column holds, and its unit; a member's tension by the name of the member."""
         kind, _, number = name.partition(" ")
         if kind == "tension":
             return f"tension of {self.structure.name_of(int(number))} [N]"
-        return super().heading(name)
+        return super()._heading(name)
 
     def __str__(self) -> str:
         shown = [name for name in self.columns if not name.startswith("tension")]
@@ -88,6 +88,6 @@ class StructurePath(Table):
             tension, slack = self.tensions[row], np.flatnonzero(self.slack[row])
             lines.append(f"    tensions {span(tension, 'N')}, slack: {listed(slack)}")
         for event in self.events:
-            note = event.note and f": {event.note}"
-            lines.append(f"  {event.kind} at {self._quantities(event.at, shown[:2])}{note}")
+            lines.append(f"  {event.kind} at {self._quantities(event.at, shown[:2])}")
+            lines += [f"    {event.note}"] * bool(event.note)
         return filled("\n".join([*lines, f"  ends: {self.end}"]))
