@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array
 
 DOTS = 90  # per inch, of a film
+LONGEST, BESIDE = 7.0, 1.5  # inches: of a film, and for labels and a scale
 ROOM = 0.05  # of the range of a profile, left free above and below
 LABELS = {
     "elongation": "elongation [m]",
@@ -88,7 +89,10 @@ def animate(
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=plotting.SIZE, dpi=DOTS, layout="constrained")
-    draw = moving(run, figure.subplots(), show, factor=factor, label=label)
+    ax = figure.subplots()
+    draw = moving(run, ax, show, factor=factor, label=label)
+    if isinstance(run.scene, Network):
+        figure.set_size_inches(*_fitting(ax))
     count = len(run.t)
     rows = np.unique(np.linspace(0, count - 1, min(frames, count)).round().astype(int))
     plotting.film(path, figure, rows.tolist(), draw, rate)
@@ -102,14 +106,14 @@ def moving(
     factor: float = 1.0,
     top: float | None = None,
     widest: float | None = None,
-    label: str = "",
+    label: str | None = "",
 ) -> Callable[[int], None]:
     """Draw a run on axes; returns what shows one of its recorded instants there.
 
     Parameters
     ----------
     run, show, factor, label
-        As of `animate`.
+        As of `animate`; a label of None leaves out the scale of the colours.
     ax : matplotlib.axes.Axes, optional
         By default of a new figure.
     top : float, optional
@@ -139,13 +143,15 @@ def moving(
     if not len(run.t):
         raise TensegrityError("0 instants recorded, must be at least 1 to animate")
     factor = check.number("factor", factor, above=0)
-    values, words = _values(run, show, label)
+    values, words = _values(run, show, label or "")
     if isinstance(scene, Chain):
         return _profile(run, plotting.axes(ax), values, words)
     colours = plotting.rooted(check.number("top", values.max() if top is None else top, least=0))
     picture = Picture(scene, ax, factor, np.argsort(values.max(axis=0)), facecolors=None, **colours)
+    picture.make_room(run.u)
     picture.show(run.u[0], values[0])
-    picture.scale(picture.sites, words)
+    if label is not None:
+        picture.scale(picture.sites, words)
     if widest is None:
         largest = [float(np.abs(forces(scene, u)[1]).max(initial=0.0)) for u in run.u]
         widest = float(np.median(largest))
@@ -160,6 +166,14 @@ def moving(
         )
 
     return draw
+
+
+def _fitting(ax: Axes) -> tuple[float, float]:
+    """Size [inches] of a figure of a map, with room for its labels and its scale."""
+    wide, high = np.ptp(ax.get_xlim()), np.ptp(ax.get_ylim())
+    if wide > high:
+        return LONGEST, float(max(LONGEST * high / wide + BESIDE, LONGEST / 2))
+    return float(max(LONGEST * wide / high + BESIDE, LONGEST / 2)), LONGEST
 
 
 def _values(run: Run, show: Any, label: str) -> tuple[Array, str]:

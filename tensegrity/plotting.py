@@ -145,9 +145,11 @@ def members(
         ax.legend(frameon=False, fontsize=8, loc="upper left")
 
 
-def widths(force: NDArray[np.float64], widest: float) -> NDArray[np.float64]:
+def widths(
+    force: NDArray[np.float64], widest: float, points: float = WIDEST
+) -> NDArray[np.float64]:
     """Widths of lines [points] that are proportional to forces, those above `widest` [N] cut."""
-    return np.clip(WIDEST * force / (widest or 1.0), THINNEST, WIDEST)
+    return np.clip(points * force / (widest or 1.0), THINNEST, max(points, THINNEST))
 
 
 def film(

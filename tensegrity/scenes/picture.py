@@ -62,7 +62,8 @@ class Picture:
             radius = np.asarray(scene.radius)
         else:
             radius = np.full(len(places), DOT * scene.lengths.min(initial=np.ptp(places) or 1.0))
-        low, high = (places - radius[:, None]).min(axis=0), (places + radius[:, None]).max(axis=0)
+        self._radius = radius[:, None]
+        low, high = (places - self._radius).min(axis=0), (places + self._radius).max(axis=0)
         self._unit, unit = plotting.metres((high - low).max())
         for wall in scene.walls:
             line = _edge(wall, low, high)
@@ -81,16 +82,31 @@ class Picture:
         self._lines = LineCollection([], capstyle="round", zorder=3)
         self.ax.add_collection(self.sites)
         self.ax.add_collection(self._lines)
-        room = MARGIN * (high - low).max() * np.array([-1, 1])
-        (left, right), (bottom, top) = (
-            self._unit * (np.array(ends) + room) for ends in zip(low, high, strict=True)
-        )
-        self.ax.set(aspect="equal", xlim=(left, right), ylim=(bottom, top), xlabel=f"x [{unit}]")
+        self.ax.set(aspect="equal", xlabel=f"x [{unit}]")
+        self._low, self._high = low, high
+        self._frame(low, high)
+        # a line of force is not wider than a bead
+        inches = self.ax.get_position().width * self.ax.figure.get_figwidth()
+        points = 72 * inches / np.ptp(self.ax.get_xlim())
+        self._widest = min(plotting.WIDEST, float(points * size.min()) / 2)
         if scene.dim > 1:
             self.ax.set_ylabel(f"{'y' if scene.dim == 2 else 'z'} [{unit}]")
         else:
             self.ax.set_yticks([])
         self.ax.grid(False)
+
+    def _frame(self, low: Array, high: Array) -> None:
+        """Show what is between two corners [m]."""
+        room = MARGIN * (high - low).max()
+        (left, bottom), (right, top) = self._unit * (low - room), self._unit * (high + room)
+        self.ax.set(xlim=(left, right), ylim=(bottom, top))
+
+    def make_room(self, u: Array) -> None:
+        """Let all displacements (T, sites, dim) [m] be seen, as far as half the picture goes."""
+        moved, most = self._places + self._factor * _seen(u), (self._high - self._low).max() / 2
+        lowest, highest = (moved - self._radius).min((0, 1)), (moved + self._radius).max((0, 1))
+        low = np.clip(lowest, self._low - most, self._low)
+        self._frame(low, np.clip(highest, self._high, self._high + most))
 
     def show(self, u: Array, values: Array | None = None) -> None:
         """Displacements (sites, dim) [m] and a value of each site."""
@@ -101,9 +117,15 @@ class Picture:
 
     def scale(self, shown: Any, label: str) -> None:
         """A scale of the colours, along the longer side of the picture."""
+        from matplotlib.colors import PowerNorm
+        from matplotlib.ticker import MaxNLocator
+
         (left, right), (low, high) = self.ax.get_xlim(), self.ax.get_ylim()
         wide = right - left > 2 * (high - low)
         given: dict[str, Any] = {"location": "bottom", "shrink": 0.6} if wide else {"shrink": 0.9}
+        if isinstance(shown.norm, PowerNorm):  # large values are close to each other
+            ticks, top = MaxNLocator(4).tick_values(0, shown.norm.vmax), shown.norm.vmax
+            given["ticks"] = ticks[ticks <= top * (1 + 1e-9)]
         self.ax.figure.colorbar(shown, ax=self.ax, label=label, **given)
 
     def arrows(self, vectors: Array) -> None:
@@ -134,7 +156,7 @@ class Picture:
         order = np.argsort(size)[np.count_nonzero(size == 0) :]
         lines = self._unit * _seen(ends)
         self._lines.set_segments(list(lines[order]))
-        self._lines.set(linewidths=plotting.widths(size[order], widest))
+        self._lines.set(linewidths=plotting.widths(size[order], widest, self._widest))
         self._lines.set_color(["C3" if f < 0 else "C0" for f in tension[order]])
 
 
