@@ -129,7 +129,6 @@ def one_bar(unit: str) -> Iterator[None]:
     finally:
         _calls.remove(call)
         if call.bar is not None:
-            call.bar.total = call.bar.n
             call.bar.close()
 
 

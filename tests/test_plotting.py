@@ -122,8 +122,9 @@ def test_a_structure_shows_slack_strings_and_tensions():
     bars, taut, slack = (c for c in axes.collections if c.get_label()[0] != "_")
     assert [c.get_label() for c in (bars, taut, slack)] == ["bars", "strings", "slack strings"]
     assert (taut.get_array() == squeezed.tensions[squeezed.is_string & ~squeezed.slack]).all()
-    counts = [len(c._segments3d) for c in (bars, slack)]
-    assert counts == [squeezed.bars, squeezed.slack.sum()]
+    counts = [len(c._segments3d) for c in (bars, taut, slack)]
+    loose = squeezed.slack.sum()
+    assert counts == [squeezed.bars, squeezed.strings - loose, loose]
     with pytest.raises(TensegrityError, match="must have projection='3d'"):
         squeezed.plot(Figure().subplots())
     with pytest.raises(TensegrityError, match="must be of the plane"):
