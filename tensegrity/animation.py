@@ -143,6 +143,8 @@ def moving(
     if not len(run.t):
         raise TensegrityError("0 instants recorded, must be at least 1 to animate")
     factor = check.number("factor", factor, above=0)
+    if label is not None:
+        check.kind("label", label, str)
     values, words = _values(run, show, label or "")
     if isinstance(scene, Chain):
         return _profile(run, plotting.axes(ax), values, words)

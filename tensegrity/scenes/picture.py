@@ -124,7 +124,8 @@ class Picture:
         wide = right - left > 2 * (high - low)
         given: dict[str, Any] = {"location": "bottom", "shrink": 0.6} if wide else {"shrink": 0.9}
         if isinstance(shown.norm, PowerNorm):  # large values are close to each other
-            ticks, top = MaxNLocator(4).tick_values(0, shown.norm.vmax), shown.norm.vmax
+            top: float = shown.norm.vmax  # type: ignore[assignment]
+            ticks = np.asarray(MaxNLocator(4).tick_values(0.0, top))
             given["ticks"] = ticks[ticks <= top * (1 + 1e-9)]
         self.ax.figure.colorbar(shown, ax=self.ax, label=label, **given)
 
