@@ -137,29 +137,6 @@ def draw_density(axes, table, title=None):
         axes.set_title(title, fontsize=10)
 
 
-def animate_density(table, path, title, frames=60):
-    """The energy of each site over time, from the table of `density`, as a GIF."""
-    import matplotlib.pyplot as plt
-    from matplotlib.animation import FuncAnimation, PillowWriter
-
-    names = [name for name in table if name != "time"]
-    sites, energy = np.array(names, dtype=float), np.stack([table[n] for n in names], axis=1)
-    rows = np.linspace(0, len(energy) - 1, frames).round().astype(int)
-    figure, axes = plt.subplots(figsize=(7, 3.2), layout="constrained", dpi=80)
-    (line,) = axes.plot(sites, np.log10(energy[0]))  # a logarithmic axis is slow to draw
-    axes.set(xlabel="site", ylabel="log$_{10}$(energy per site / largest)")
-    axes.set_ylim(math.log10(FAINTEST), 0.2)
-
-    def show(row):
-        line.set_ydata(np.log10(energy[row]))
-        axes.set_title(f"{title}: {table['time'][row]:6.1f} s", fontsize=10)
-
-    show(0)
-    figure.canvas.draw()
-    figure.set_layout_engine("none")  # what it found stays: no new layout for each frame
-    FuncAnimation(figure, show, rows).save(path, PillowWriter(fps=12))
-
-
 def row(scene, claim, measured, error):
     """A row of the group's table."""
     return {

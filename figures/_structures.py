@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from tensegrity import plotting
+
 ENDS = ("x0", "y0", "z0", "x1", "y1", "z1")
 
 
@@ -57,7 +59,6 @@ def show(axes, table, frame):
 def film(table, path):
     """All frames as a GIF."""
     import matplotlib.pyplot as plt
-    from matplotlib.animation import FuncAnimation, PillowWriter
 
     figure = plt.figure(figsize=(5, 4.6))
     axes = figure.add_subplot(projection="3d")
@@ -66,8 +67,7 @@ def film(table, path):
         axes.clear()
         show(axes, table, number)
 
-    count = 1 + max(table["frame"])
-    FuncAnimation(figure, frame, frames=count).save(path, PillowWriter(fps=9))
+    plotting.film(path, figure, range(1 + max(table["frame"])), frame, rate=9)
 
 
 def upright(s, lower):

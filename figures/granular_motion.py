@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
+import tensegrity
 from figures import _guide
 from figures._disks import disks
 from figures._guide import PARYLENE, STEEL
@@ -14,14 +17,20 @@ GROUP = "granular"
 
 END = 1.5e-3  # s
 FRAMES, SHOWN = 100, (12, 22, 42, 84)  # of the GIF; of the picture
-RATE = 12  # frames a second
 HELD = 6.0  # N: the colours end here
+
+
+@cache
+def motion(end, frames):
+    """The run of the guide of Fig. 5, one row a frame."""
+    guide = diamond_guide(bead=STEEL, branches=(STEEL, PARYLENE), striker=_guide.light(0.50))
+    return _guide.followed(guide, end, every=round(end / frames / _guide.DT))
 
 
 def data():
     """Force on each bead at each frame, places and walls of the guide of Fig. 5."""
-    guide = diamond_guide(bead=STEEL, branches=(STEEL, PARYLENE), striker=_guide.light(0.50))
-    run = _guide.followed(guide, END, every=round(END / FRAMES / _guide.DT))
+    run = motion(END, FRAMES)
+    guide = run.scene
     forces = sensor_force(run, range(1, guide.sites))
     x, y = guide.positions[1:].T
     edges = np.array([[*w.start, *w.end] for w in guide.layout.walls if not w.is_bevel])
@@ -64,19 +73,7 @@ def draw(figure, tables):
 
 
 def animate(tables, path):
-    """Write all frames as a GIF."""
-    import matplotlib.pyplot as plt
-    from PIL import Image
-
-    figure, axes = plt.subplots(figsize=(10, 3.8), dpi=80, layout="constrained")
-    forces, t = _forces(tables), tables["forces"]["t [s]"]
-    disks = _stage(axes, tables)
-    figure.colorbar(disks, ax=axes, label="force by eq. (5) [N]", shrink=0.8)
-    images = []
-    for instant, force in zip(t, forces, strict=True):
-        disks.set_array(force)
-        axes.set_title(f"{1e3 * instant:.2f} ms; green rims: Parylene-C coated", fontsize=9)
-        figure.canvas.draw()
-        figure.set_layout_engine("none")  # every frame as the first is laid out
-        images.append(Image.fromarray(np.array(figure.canvas.buffer_rgba())).convert("RGB"))
-    images[0].save(path, save_all=True, append_images=images[1:], duration=1000 // RATE, loop=0)
+    """Write all frames as a film."""
+    forces = np.insert(_forces(tables), 0, 0.0, axis=1)  # of the striker nothing is read
+    label = "force by eq. (5) [N]"
+    tensegrity.animate(motion(END, FRAMES), path, forces, frames=FRAMES + 1, label=label)

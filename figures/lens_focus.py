@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from figures import _lens, _motion
+from figures import _lens
 from figures._lens import row
+from tensegrity import plotting
 
 NAME = "lens_focus"
 GROUP = "lens"
@@ -209,4 +210,4 @@ def animate(tables, path):
         image.set_data(fields[name])
         axes.set_title(f"{float(name.split()[0]):+6.2f} s from the focus", family="monospace")
 
-    _motion.gif(path, figure, list(fields), show)
+    plotting.film(path, figure, fields, show, rate=10)

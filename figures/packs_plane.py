@@ -1,8 +1,8 @@
 """The pack in the plane, struck straight and obliquely: both animations of the talk side by side.
 
 12 rows of 21 and 20 steel beads, a steel striker at 1 m/s on the middle of the top row: straight
-down, and at 30 degrees along a close-packed line.  Left the motion, displacements magnified, right
-the contact forces as lines whose width is the force.
+down, and at 30 degrees along a close-packed line.  In motion displacements are magnified, and
+contact forces are lines whose width is the force.
 """
 
 from __future__ import annotations
@@ -11,10 +11,12 @@ import math
 
 import numpy as np
 
-from figures import _motion, _packs
+from figures import _packs
 from figures._packs import ROW, SLOW, STEEL, D, row
 from granular import energies, wall_force
 from tensegrity import Record, largest_peak
+from tensegrity.animation import moving
+from tensegrity.plotting import film
 
 NAME = "packs_plane"
 GROUP = "packs"
@@ -22,7 +24,7 @@ GROUP = "packs"
 TILTED = (-0.5, math.sqrt(0.75)), (0.5, -math.sqrt(0.75))
 HITS = {"straight": {}, "oblique": {"offset": TILTED[0], "direction": TILTED[1]}}
 END, FRAMES = 6e-4, 60
-FACTOR, MOST = 60, 50.0  # of the displacements; N of the widest line
+FACTOR, MOST, FASTEST = 60, 50.0, 0.5  # of the displacements; N of the widest line; m/s
 KNOWN = {"straight": (575.759026, 219.97633), "oblique": (482.694720, 224.91311)}
 SPEEDS = {"straight": (643.5, 480.9), "oblique": (639.3, 489.5)}  # m/s, of the first and last pair
 
@@ -37,17 +39,6 @@ def down(scene):
         found += np.flatnonzero((scene.bonds == pair).all(axis=1)).tolist()
         site = int(following)
     return found
-
-
-def frames(scene, run):
-    """Displacements, speeds and contact forces of all rows, as columns."""
-    return {
-        "t [s]": run.t,
-        **{f"{name}{k} [m]": run.u[:, k, axis]
-           for k in range(scene.sites) for axis, name in enumerate(("ux ", "uz "))},
-        **{f"speed {k} [m/s]": np.linalg.norm(run.v[:, k], axis=1) for k in range(scene.sites)},
-        **{f"force {k} [N]": f for k, f in enumerate(-scene.bond_tension(run.u).T)},
-    }  # fmt: skip
 
 
 def data():
@@ -76,7 +67,6 @@ def data():
                 part: shares[::10][:, list(sites)].sum(axis=1)
                 for part, sites in scene.parts.items()
             }},
-            f"{name}_frames": frames(scene, thinned(scene)),
         }  # fmt: skip
     return tables
 
@@ -147,30 +137,12 @@ def draw(figure, tables):
 
 
 def animate(tables, path):
-    """Both hits, motion left and contact forces right, as a GIF."""
+    """Both hits, forces of contacts as lines, as a film."""
     import matplotlib.pyplot as plt
 
-    figure, panels = plt.subplots(2, 2, figsize=(11, 8.6), dpi=70, layout="constrained")
-    stages = []
-    for line, (name, how) in zip(panels, HITS.items(), strict=True):
-        scene = _packs.plane(**how)
-        width, top = 21 * D, scene.places[:, 1].max() + D / 2
-        stage = _motion.Stage(line, scene.positions, D, (0, width, top), FACTOR, MOST)
-        columns = {kind: np.stack([x for key, x in tables[f"{name}_frames"].items()
-                                   if key.startswith(kind)], axis=1)
-                   for kind in ("ux", "uz", "speed", "force")}  # fmt: skip
-        line[0].set_title(f"struck {name}: displacements x {FACTOR}", fontsize=9)
-        line[1].set_title(f"contact forces, widest line {MOST:g} N", fontsize=9)
-        stages.append((scene, stage, columns))
-    figure.colorbar(stages[0][1].disks, ax=panels[:, 0], label="speed [m/s]", shrink=0.6)
-
-    def show(k):
-        for scene, stage, columns in stages:
-            u = np.stack([columns["ux"][k], columns["uz"][k]], axis=1)
-            force = columns["force"][k]
-            carry = force > 0.01
-            ends = scene.positions[scene.bonds[carry]]
-            stage.show(u, columns["speed"][k], 0.2, ends, force[carry])
-        figure.suptitle(f"t = {1e3 * tables['straight_frames']['t [s]'][k]:.2f} ms", fontsize=10)
-
-    _motion.gif(path, figure, range(FRAMES + 1), show)
+    figure, panels = plt.subplots(2, 1, figsize=(7, 8.6), dpi=80, layout="constrained")
+    draws = [
+        moving(thinned(_packs.plane(**how)), axes, factor=FACTOR, top=FASTEST, widest=MOST)
+        for axes, how in zip(panels, HITS.values(), strict=True)
+    ]
+    film(path, figure, range(FRAMES + 1), lambda row: [draw(row) for draw in draws], rate=10)

@@ -7,7 +7,7 @@ import numpy as np
 from figures import _pack as common
 from figures._disks import disks
 from granular import sensor_force, simulate, wall_force
-from tensegrity import Record
+from tensegrity import Record, plotting
 
 NAME = "protectors_pack"
 GROUP = "protectors"
@@ -142,20 +142,17 @@ def _forces(tables):
 def animate(tables, path):
     """Write all frames as a GIF."""
     import matplotlib.pyplot as plt
-    from PIL import Image
 
     figure, axes = plt.subplots(figsize=(9, 5.2), dpi=80, layout="constrained")
     forces, t = _forces(tables), tables["forces"]["t [s]"]
     disks = stage(axes, tables)
     figure.colorbar(disks, ax=axes, label="force on a bead [N]", shrink=0.8, extend="max")
-    images = []
-    for instant, force in zip(t, forces, strict=True):
-        disks.set_array(force)
-        axes.set_title(f"{1e3 * instant:.2f} ms after the blow, the best pack")
-        figure.canvas.draw()
-        figure.set_layout_engine("none")  # every frame as the first is laid out
-        images.append(Image.fromarray(np.array(figure.canvas.buffer_rgba())).convert("RGB"))
-    images[0].save(path, save_all=True, append_images=images[1:], duration=1000 // RATE, loop=0)
+
+    def show(row):
+        disks.set_array(forces[row])
+        axes.set_title(f"{1e3 * t[row]:.2f} ms after the blow, the best pack")
+
+    plotting.film(path, figure, range(len(t)), show, RATE)
 
 
 def text(tables):

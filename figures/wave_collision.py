@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 
+import tensegrity
 from figures import _measure, _scenes
 from tensegrity import LockingError, phase_shift, pulses, simulate, solitary_wave
 
@@ -74,6 +76,12 @@ def too_fast():
     return "the bars do not meet"
 
 
+@cache
+def shown():
+    """The run of the collision that is shown."""
+    return simulate(*_scenes.collision(_scenes.rigid(*PRISM), *SHOWN), method="rkn6")
+
+
 def data():
     """Residue, exchange and shift over speed and place of meeting; one density; the locking."""
     spring = _scenes.rigid(*PRISM)
@@ -88,8 +96,7 @@ def data():
             window = abs(found["window"].value)
             tables["residue"].setdefault(f"{ratio} window", []).append(window)
             energy_error = max(energy_error, found["energy error"].value)
-    run = simulate(*_scenes.collision(spring, *SHOWN), method="rkn6")
-    tables["density"] = _measure.density(run)
+    tables["density"] = _measure.density(shown())
     tables["energy"] = {"largest relative error": [energy_error]}
     tables["locking"] = {"speed ratio": [TOO_FAST], "message": [too_fast()]}
     return tables
@@ -114,7 +121,7 @@ def draw(figure, tables):
 
 def animate(tables, path):
     """The collision that is shown, in motion."""
-    _measure.animate_density(tables["density"], path, f"two waves at {SHOWN[0]} sound speeds")
+    tensegrity.animate(shown(), path, "energy", frames=60)
 
 
 def table(tables):

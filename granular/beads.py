@@ -8,9 +8,13 @@ from typing import TYPE_CHECKING
 
 from granular.materials import Material
 from tensegrity import TensegrityError, check
+from tensegrity.printing import filled
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
+
+
+HUGE, FAST = 1.0, 100.0  # m, m/s: from there on a unit is probably another than was meant
 
 
 @dataclass(frozen=True)
@@ -52,12 +56,23 @@ class Bead:
     def __post_init__(self) -> None:
         diameter = check.number("diameter", self.diameter, above=0, unit="m")
         _require("material", self.material, Material)
+        if diameter >= HUGE:
+            check.warn_once(
+                f"a bead of diameter {diameter:g} m, {1e3 * diameter:g} mm: lengths are in metres, "
+                f"{diameter:g} mm are {diameter / 1e3:g} m"
+            )
         mass = self.material.density * volume(diameter) if self.mass is None else self.mass
         radius = diameter / 2 if self.contact_radius is None else self.contact_radius
         object.__setattr__(self, "diameter", diameter)
         object.__setattr__(self, "mass", check.number("mass", mass, above=0, unit="kg"))
         radius = check.number("contact radius", radius, above=0, unit="m")
         object.__setattr__(self, "contact_radius", radius)
+
+    def __str__(self) -> str:
+        return filled(
+            f"bead of {self.material.name}: diameter {self.diameter:.6g} m, mass {self.mass:.6g} "
+            f"kg, contact radius {self.contact_radius:.6g} m"
+        )
 
     @property
     def radius(self) -> float:
@@ -116,11 +131,19 @@ class Striker:
     bead: Bead
     speed: float
 
+    def __str__(self) -> str:
+        return filled(f"striker at {self.speed:.6g} m/s, a {self.bead}")
+
     def __post_init__(self) -> None:
         _require("striker", self.bead, Bead)
         speed = check.number(
             "speed of the striker, towards the chain", self.speed, above=0, unit="m/s"
         )
+        if speed >= FAST:
+            check.warn_once(
+                f"a striker of {1e3 * self.bead.diameter:g} mm at {speed:g} m/s: speeds are in "
+                f"m/s, and Hertzian contact without loss holds far below {FAST:g} m/s"
+            )
         object.__setattr__(self, "speed", speed)
 
 

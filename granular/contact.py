@@ -16,6 +16,7 @@ from granular.beads import Bead
 from granular.materials import Material
 from tensegrity import PowerLaw, TensegrityError, check
 from tensegrity.engine.programs import derived, run
+from tensegrity.printing import printed
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -43,6 +44,8 @@ class Contact:
 
     constant: float
     exponent: float = 1.5
+
+    __str__ = printed(constant="N/m^exponent")
 
     def __post_init__(self) -> None:
         constant = check.number("contact constant", self.constant, above=0, unit="N/m^n")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity import Run, TensegrityError, check
+from tensegrity.printing import concise
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -39,6 +40,8 @@ class Crystal:
 
         def contact_forces(self, u: Array) -> Array: ...
         def overlaps(self, u: Array) -> Array: ...
+
+    __str__ = concise
 
     def __repr__(self) -> str:
         counts = [f"{name}: {len(sites)}" for name, sites in self.parts.items()]

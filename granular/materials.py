@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from tensegrity import TensegrityError, check
+from tensegrity.printing import filled
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,12 @@ class Material:
     poisson: float
     density: float
     source: str = ""
+
+    def __str__(self) -> str:
+        return filled(
+            f"{self.name}: modulus {self.modulus:.6g} Pa, Poisson's ratio {self.poisson:.6g}, "
+            f"density {self.density:.6g} kg/m^3"
+        )
 
     def __post_init__(self) -> None:
         check.kind("name of a material", self.name, str)

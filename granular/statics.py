@@ -18,6 +18,7 @@ import numpy as np
 from granular.crystal import site_name
 from tensegrity import EquilibriumError, minimum
 from tensegrity.engine import forces
+from tensegrity.printing import filled
 from tensegrity.readonly import ReadOnly, fixed
 from tensegrity.scenes.dynamics import dynamics
 
@@ -51,6 +52,16 @@ class Equilibrium(ReadOnly):
     u: Array
     residual: float
     contacts: int
+
+    def __str__(self) -> str:
+        way = np.linalg.norm(self.u, axis=-1)
+        return filled(
+            f"{len(self.u)} beads at rest under their loads: {self.contacts} contacts carry, "
+            f"{self.residual:.1e} N are left over\n"
+            f"  displacements up to {way.max():.6g} m, of site {int(way.argmax())}"
+        )
+
+    __repr__ = __str__
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "u", fixed(self.u))

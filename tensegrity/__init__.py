@@ -1,6 +1,7 @@
 """Tensegrity prisms as springs, and lattices of masses joined by them."""
 
 from tensegrity import catalogue, objective
+from tensegrity.animation import animate
 from tensegrity.engine.methods import METHODS
 from tensegrity.engine.schemes import Nystrom, Splitting
 from tensegrity.errors import (
@@ -89,6 +90,7 @@ __all__ = [
     "TensegrityError",
     "Wall",
     "angular_momentum",
+    "animate",
     "arrival",
     "bar_contact",
     "budget",

@@ -5,11 +5,14 @@ A number is what Python's and NumPy's real numbers are: not a truth value, not t
 
 from __future__ import annotations
 
+import importlib
 import math
 import os
 import sys
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import lru_cache
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Any
@@ -88,7 +91,16 @@ def kind(name: str, value: object, wanted: type, words: str = "") -> None:
     """Refuse what is not of the wanted class; `words` say where one comes from."""
     if not isinstance(value, wanted):
         article = "an" if wanted.__name__[0] in "AEIOU" else "a"
+        words = words or made_by(value, wanted)
         raise TensegrityError(f"{name} {shown(value)} is not {article} {wanted.__name__}{words}")
+
+
+def made_by(value: object, wanted: type) -> str:
+    """Which method of a value gives what is wanted, as a prism gives its potential; or ""."""
+    method = wanted.__name__.lower()
+    if not callable(getattr(value, method, None)):
+        return ""
+    return f": give {type(value).__name__.lower()}.{method}()"
 
 
 def floats(name: str, value: ArrayLike) -> NDArray[np.float64]:
@@ -157,15 +169,21 @@ def sequence(name: str, value: Any, of: str) -> tuple[Any, ...]:
     raise TensegrityError(f"{name} {shown(value)} must be a sequence of {of}")
 
 
-def axes(value: Any) -> Any:
-    """Matplotlib's axes, new ones where none are given."""
-    import matplotlib.pyplot as plt
-    from matplotlib.axes import Axes
+@lru_cache(maxsize=256)
+def warn_once(words: str) -> None:
+    """Warn whoever makes an object whose `__post_init__` calls this; of the same only once."""
+    warnings.warn(words, UserWarning, stacklevel=4)
 
-    if value is None:
-        return plt.subplots(figsize=(7, 4.5), layout="constrained")[1]
-    kind("axes", value, Axes)
-    return value
+
+def package(name: str, what: str, extra: str) -> Any:
+    """A package that only `what` needs, imported; refused where it is not installed, naming the
+    extra of this one that has it."""
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        raise TensegrityError(
+            f"{what} needs {name}, which is not installed: install this package with [{extra}]"
+        ) from error
 
 
 def path(name: str, value: object) -> Path:

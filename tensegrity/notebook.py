@@ -10,26 +10,22 @@ from __future__ import annotations
 import base64
 import html
 import io
+import multiprocessing
 import sys
+import threading
 import warnings
-from contextlib import nullcontext
-from types import SimpleNamespace
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from tensegrity.errors import TensegrityError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterator, Mapping
     from typing import Any
 
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from numpy.typing import ArrayLike
 
 DOTS = 110  # per inch
-VIEW = 0.5, 0.3  # rad: about the vertical, and from above
 
 
 def page(
@@ -83,61 +79,103 @@ def _picture(draw: Callable[[Figure], object], size: tuple[float, float], title:
     return f'<img alt="{html.escape(title)}" width="{width}" src="data:image/png;base64,{data}">'
 
 
-def wires(axes: Axes, positions: ArrayLike, ends: ArrayLike, bars: int = 0) -> None:
-    """Draw members as lines, seen from aside and a little above.
+class _Call:
+    """The one bar of a call, which everything counted in its unit adds to.
 
-    Parameters
+    Attributes
     ----------
-    axes : matplotlib.axes.Axes
-    positions : array_like, (nodes, 1 to 3)
-        [m].
-    ends : array_like, (members, 2)
-    bars : int, optional
-        The first so many members are drawn thick.
+    bar : tqdm or None
+        None until something is counted: to import tqdm takes as long as all of a short run.
     """
-    places, pairs = np.asarray(positions, dtype=float), np.asarray(ends, dtype=int).reshape(-1, 2)
-    if places.shape[1] == 1:
-        places = np.column_stack([places, np.zeros(len(places))])
-    elif places.shape[1] == 3:
-        (around, above), (x, y, z) = VIEW, places.T
-        across = x * np.cos(around) + y * np.sin(around)
-        depth = y * np.cos(around) - x * np.sin(around)
-        places = np.column_stack([across, z * np.cos(above) + depth * np.sin(above)])
-    from matplotlib.collections import LineCollection
 
-    segments = places[pairs]
-    axes.add_collection(LineCollection(list(segments[bars:]), colors="0.45", linewidths=1.0))
-    axes.add_collection(LineCollection(list(segments[:bars]), colors="C0", linewidths=3.0))
-    axes.plot(*places.T, "o", color="0.2", ms=3)
-    axes.set_aspect("equal")
-    axes.axis("off")
+    def __init__(self, unit: str) -> None:
+        self.unit, self.thread, self.bar = unit, threading.get_ident(), None
+
+    def serves(self, unit: str) -> bool:
+        """Whether what is counted in this unit, here, shows on this bar."""
+        return unit == self.unit and self.thread == threading.get_ident()
 
 
-def progress(total: int, unit: str, done: int = 0) -> Any:
+class _Counter:
+    """What counts one part of a call: `n` of `total` units, shown on the bar of the call."""
+
+    def __init__(self, total: int, done: int, bar: Any = None) -> None:
+        self.total, self.n, self._bar = total, done, bar
+
+    def update(self, more: int = 1) -> None:
+        """Count more."""
+        self.n += more
+        if self._bar is not None:
+            self._bar.update(more)
+
+
+_calls: list[_Call] = []  # of this process: one, or none
+
+
+@contextmanager
+def one_bar(unit: str) -> Iterator[None]:
+    """A context in which all that `progress` counts in this unit is one bar.
+
+    Within that of another call it does nothing: the outermost call has the bar.  At the end the bar
+    is full, whatever was broken off, and cleared.
+    """
+    if _calls or not _is_watched():
+        yield
+        return
+    call: Any = _Call(unit)
+    _calls.append(call)
+    try:
+        yield
+    finally:
+        _calls.remove(call)
+        if call.bar is not None:
+            call.bar.close()
+
+
+@contextmanager
+def progress(total: int, unit: str, done: int = 0) -> Iterator[_Counter]:
     """A bar of tqdm as a context, from the first second on, in a terminal or a notebook; anywhere
-    else one that is still.
+    else one that is still, and so within a call that has a bar of another unit.
 
     Parameters
     ----------
     total, done : int
         Units in all, and those that were there before.
     unit : str
-
-    Notes
-    -----
-    To import tqdm takes as long as all of a short run.
     """
-    notebook = in_notebook()
-    if not notebook and (sys.stderr is None or not sys.stderr.isatty()):
-        return nullcontext(SimpleNamespace(n=done, total=total, update=lambda more=1: None))
-    if notebook:
+    with one_bar(unit):
+        call: Any = next((call for call in _calls if call.serves(unit)), None)
+        if call is None:
+            yield _Counter(total, done)
+            return
+        if call.bar is None:
+            call.bar = _bar(unit, done)
+        else:
+            call.bar.update(done)
+        call.bar.total += total
+        counter = _Counter(total, done, call.bar)
+        try:
+            yield counter
+        finally:
+            call.bar.total -= total - counter.n  # what was broken off is not waited for
+
+
+def _is_watched() -> bool:
+    """Whether somebody sees a bar: not that of a worker, nor one in a file."""
+    if multiprocessing.parent_process() is not None:
+        return False
+    return in_notebook() or (sys.stderr is not None and sys.stderr.isatty())
+
+
+def _bar(unit: str, done: int) -> Any:
+    if in_notebook():
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # no widgets: a bar of text then
             from tqdm.auto import tqdm
     else:
         from tqdm import tqdm
 
-    return tqdm(total=total, initial=done, unit=unit, unit_scale=True, delay=1.0, leave=False)
+    return tqdm(total=0, initial=done, unit=unit, unit_scale=True, delay=1.0, leave=False)
 
 
 def in_notebook() -> bool:

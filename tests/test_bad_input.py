@@ -95,6 +95,7 @@ MEETING = ts.simulate(CROSSING, WAVE.launch(CROSSING, 20) + WAVE.launch(CROSSING
                       40 / WAVE.speed, dt=0.02, record=ts.Record(every=10**6))  # fmt: skip
 MET = ts.simulate(JOINED, WAVE.launch(JOINED, 20), 40 / WAVE.speed, dt=0.02,
                   record=ts.Record(every=10**6))  # fmt: skip
+SHORT_RUN = ts.simulate(LINE, LINE.at_rest({0: 0.01}), 1.0, record=ts.Record(times=[0.0, 1.0]))
 BEADS_RUN = ts.simulate(BEADS, BEADS.start(), 6e-5, record=ts.Record(every=1))
 CUBE = granular.fcc_pack(2, 2, bead=BEAD, floor=STEEL, sides=STEEL, striker=STRIKER)
 PACKED = ts.simulate(CUBE, CUBE.start(), 1e-5, dt=1e-6)
@@ -220,6 +221,8 @@ CALLS = [  # where other arguments are needed, or several in one call
                "lengths": [1.0, 1.0], "mass": 1.0, "walls": [WALL], "wall_contacts": [(0, 0)],
                "wall_spring": SPRING, "wall_gaps": [0.95], "radius": 0.05,
                "loads": np.zeros((3, 2)), "held": [2]}),
+    (ts.animate, {"run": SHORT_RUN, "path": f"{FOLDER.name}/made.gif", "show": "energy",
+                  "frames": 1, "rate": 10.0, "factor": 2.0, "label": "load [N]"}),
     (ts.Record, {"every": 1, "sites": [0, 1], "path": None}),
     (ts.Record, {"interval": 0.1, "path": FILE, "checkpoint": 1.0}),
     (ts.resume, {"path": FILE, "scene": None}),

@@ -2,6 +2,7 @@
 
 import math
 import tracemalloc
+import warnings
 from collections.abc import Sequence
 from decimal import Decimal
 from fractions import Fraction
@@ -11,6 +12,7 @@ import pytest
 import sympy as sp
 from scenes import with_memory
 
+import tensegrity
 from granular import Bead, Contact, Material, Striker, chain, diamond_guide, materials, y_guide
 from tensegrity import (
     Chain,
@@ -183,3 +185,38 @@ def test_an_upper_bound_is_no_value_itself(asked, at):
     assert asked("site", at - 1, least=0, below=3) == 2
     with pytest.raises(TensegrityError, match=r"site 3 must be below 3$"):
         asked("site", at, least=0, below=3)
+
+
+def test_a_prism_where_a_potential_is_wanted_is_told_what_gives_one():
+    prism = tensegrity.Prism(1.0, 0.7, 0.01, 1.0)
+    calls = [
+        lambda: tensegrity.Chain(prism, 4),
+        lambda: tensegrity.Chain([prism] * 3, 4),
+        lambda: tensegrity.solitary_wave(prism, speed_ratio=1.5),
+        lambda: tensegrity.predict(prism),
+        lambda: tensegrity.dispersion(prism, 1.0, [0.1]),
+        lambda: tensegrity.Network([[0, 0], [1, 0]], [(0, 1)], prism),
+        lambda: tensegrity.Network([[0, 0], [1, 0]], [(0, 1)], [prism]),
+    ]
+    for call in calls:
+        with pytest.raises(TensegrityError, match=r"Potential.*: give prism\.potential\(\)$"):
+            call()
+    with pytest.raises(TensegrityError, match=r"give structure\.network\(\)"):
+        check.kind("network", tensegrity.Structure([[0, 0], [1, 0]], [(0, 1)]), tensegrity.Network)
+    with pytest.raises(TensegrityError, match=r"is not a Potential$"):
+        tensegrity.solitary_wave(3.0, speed_ratio=1.5)
+
+
+def test_a_bead_of_metres_and_a_striker_of_km_per_second_are_warned_about_once():
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        beads = [Bead(5.25, STEEL) for _ in range(3)]
+        Bead(5.25e-3, STEEL)
+        strikers = [Striker(Bead(5.25e-3, STEEL), 1e3) for _ in range(2)]
+        Striker(Bead(5.25e-3, STEEL), 10.0)
+    assert len(beads) + len(strikers) == 5
+    big, fast = caught
+    assert "diameter 5.25 m, 5250 mm" in str(big.message)
+    assert "5.25 mm are 0.00525 m" in str(big.message)
+    assert "5.25 mm at 1000 m/s" in str(fast.message)
+    assert big.filename == fast.filename == __file__

@@ -406,6 +406,6 @@ def test_branch_plots_itself_with_its_events():
     import matplotlib
 
     matplotlib.use("Agg")
-    axes = circle().plot("parameter", "v")
+    axes = circle().plot(x="parameter", y="v")
     assert axes.get_xlabel() == "parameter"
     assert {t.get_text() for t in axes.get_legend().get_texts()} == {"half", "fold", "below"}

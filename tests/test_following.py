@@ -158,7 +158,7 @@ def test_what_cannot_be_followed_is_refused():
     with pytest.raises(TensegrityError, match="need the radius"):
         Network(places, (), PAIR, contacts="follow", law=law)
     odd = followed(places, (), law=lambda site, other: None)
-    with pytest.raises(TensegrityError, match="law of 0 and 1 is None, not a Potential"):
+    with pytest.raises(TensegrityError, match="law of 0 and 1 None is not a Potential"):
         simulate(odd, odd.at_rest({0: (1.0, 0.0)}), 3e-2)
     with pytest.raises(TensegrityError, match="fixed contacts"):
         Ensemble([followed(places, ())] * 2)

@@ -118,6 +118,9 @@ def test_a_name_that_nothing_has_or_that_was_not_wanted():
     for name in ("prestrain", "diameter", 3):
         with pytest.raises(TensegrityError):
             found.by(name)
+    for name in ("mass", "u", "v", "shift"):
+        with pytest.raises(TensegrityError, match=f"attribute .{name}$"):
+            found.by(name)
 
 
 def test_a_law_without_preload_has_no_derivative_by_it():

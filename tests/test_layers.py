@@ -18,6 +18,8 @@ BASE = [
     "root",
     "minimum",
     "notebook",
+    "plotting",
+    "printing",
 ]  # modules that every room may use
 ROOMS = [  # inside tensegrity: each may import what stands before it
     "engine",
@@ -33,7 +35,7 @@ ROOMS = [  # inside tensegrity: each may import what stands before it
     "lens",
     "gradients",
 ]
-ABOVE = ["objective", "__main__"]  # modules for users that no room uses
+ABOVE = ["objective", "animation", "__main__"]  # modules for users that no room uses
 
 
 @cache

@@ -1,24 +1,31 @@
 """What a notebook shows of an object: a table and a picture, nothing that could run."""
 
 import base64
-import re
+import contextlib
+import io
 import subprocess
 import sys
+import threading
 from html.parser import HTMLParser
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
+from tqdm import tqdm
 
 from tensegrity import (
     Chain,
+    LockingError,
     Network,
     Prism,
     Record,
     equilibrium_path,
+    equilibrium_paths,
+    gradient,
     notebook,
+    objective,
     simulate,
     solitary_wave,
+    sweep,
 )
 
 RIGID = Prism(1.0, 0.7, 0.01, 1.0)
@@ -106,7 +113,7 @@ def test_a_long_run_is_thinned_before_it_is_drawn(monkeypatch):
     big = 1500
     long = simulate(found.scene, found.final, 150.0, dt=0.1, record=Record(every=1))
     assert len(long.t) == big + 1
-    monkeypatch.setattr(type(long), "plot", lambda self, axes=None: seen.append(len(self.t)))
+    monkeypatch.setattr(type(long), "plot", lambda self, ax=None: seen.append(len(self.t)))
     long._repr_html_()
     assert seen[0] <= 300
 
@@ -120,28 +127,113 @@ def test_nothing_is_drawn_until_it_is_asked_for():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-def test_bars_are_seen_in_notebooks(monkeypatch, capsys):
+class Terminal(io.StringIO):
+    """What a user sees: text in which a return of the carriage goes to the beginning of a line."""
+
+    def isatty(self):
+        return True
+
+    @property
+    def last(self):
+        """The line as it is left."""
+        line = ""
+        for part in self.getvalue().split("\r"):
+            line = part + line[len(part) :]
+        return line.rstrip()
+
+
+def a_terminal(monkeypatch):
+    """A terminal, where bars show at once, and these."""
+    shown = Terminal()
+    monkeypatch.setattr(sys, "stderr", shown)
+    init, shown.bars = tqdm.__init__, []
+
+    def at_once(self, *given, **options):
+        init(self, *given, **options | {"delay": 0, "mininterval": 0})
+        shown.bars.append(self)
+
+    monkeypatch.setattr(tqdm, "__init__", at_once)
+    return shown
+
+
+def long_chain():
+    chain = Chain(SPRING, 3000)
+    return chain, chain.at_rest({0: 0.03}), 200.0
+
+
+CALLS = {
+    "run": lambda: simulate(*long_chain(), dt=0.02),
+    "run to a tolerance": lambda: simulate(*long_chain(), tol=1e-8),
+    "gradient": lambda: gradient(objective.peak(objective.load(bond=9)), *long_chain(), dt=0.02),
+    "sweep": lambda: sweep(lambda dt: simulate(*long_chain(), dt=dt).steps, [0.02, 0.025]),
+    "paths": lambda: equilibrium_paths([ELASTIC] * 3),
+    "run that locks": lambda: simulate(Chain(SPRING, 3000), wild(), 2000.0, dt=0.02),
+}
+
+
+def wild():
+    return Chain(SPRING, 3000).at_rest({0: 0.3})
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_a_call_has_one_bar_that_is_full_and_cleared_at_the_end(monkeypatch, name):
+    terminal = a_terminal(monkeypatch)
+    with contextlib.suppress(LockingError):
+        CALLS[name]()
+    assert len(terminal.bars) <= 1
+    assert len(terminal.bars) == 1 or name == "run to a tolerance"  # that may be done at once
+    for bar in terminal.bars:
+        assert bar.n == bar.total > 0
+        assert "%|" in terminal.getvalue()
+    assert terminal.last == ""
+
+
+def test_parts_of_a_call_add_up_on_its_bar(monkeypatch):
+    terminal = a_terminal(monkeypatch)
+    with notebook.one_bar("step"):
+        with notebook.progress(4, "step") as first:
+            first.update(4)
+        with notebook.progress(10, "step", done=2) as second:  # broken off at 5
+            second.update(3)
+            (bar,) = terminal.bars
+            assert (bar.n, bar.total) == (9, 14)
+            with notebook.progress(7, "case") as other:
+                other.update(7)
+        assert (bar.n, bar.total) == (9, 9)
+    assert len(terminal.bars) == 1
+    assert (first.n, second.n, other.n) == (4, 5, 7)
+
+
+def test_another_thread_shows_no_second_bar(monkeypatch):
+    terminal = a_terminal(monkeypatch)
+
+    def count():
+        with notebook.progress(3, "step") as still:
+            still.update(3)
+
+    with notebook.progress(5, "step") as one:
+        other = threading.Thread(target=count)
+        other.start()
+        other.join()
+        one.update()
+        assert (terminal.bars[0].n, len(terminal.bars)) == (1, 1)
+
+
+def test_bars_are_seen_in_notebooks_and_never_in_a_file(monkeypatch):
+    made = a_terminal(monkeypatch).bars
     monkeypatch.setattr(sys, "stderr", None)
-    with notebook.progress(3, "step") as still:
-        assert not hasattr(still, "close")
-    monkeypatch.undo()
+    with notebook.progress(3, "step", done=1) as still:
+        still.update(2)
+    assert made == []
+    assert still.n == 3
     shell = SimpleNamespace(config={"IPKernelApp": {}})
+    monkeypatch.setattr(sys, "stderr", io.StringIO())
     monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))
     assert notebook.in_notebook()
     with notebook.progress(3, "step", done=1) as bar:
-        bar.update(2)
-        assert re.match("tqdm", type(bar).__name__)
-        assert bar.n == 3
+        bar.update()
+    assert bar.n == 2
+    (drawn,) = made
+    assert drawn.n == drawn.total == 2  # a notebook leaves a bar that is not full
     monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: None))
     assert not notebook.in_notebook()
-
-
-def test_lines_are_seen_from_aside_in_any_dimension():
-    from matplotlib.figure import Figure
-
-    for dim in (1, 2, 3):
-        axes = Figure().subplots()
-        notebook.wires(axes, np.eye(3)[:, :dim], [(0, 1), (1, 2)], bars=1)
-        thin, thick = axes.collections
-        assert len(thin.get_segments()) == len(thick.get_segments()) == 1
-        assert all(np.isfinite(s).all() for s in thick.get_segments())

@@ -458,9 +458,9 @@ def test_path_is_a_table(tmp_path):
     assert path[:3].end == "cut here"
     path.to_csv(tmp_path / "path.csv")
     back = np.genfromtxt(tmp_path / "path.csv", delimiter=",", names=True)
-    assert (back["load"] == path.load).all()
+    assert (back["load_N"] == path.load).all()
     assert back.dtype.names == (
-        "height", "twist", "base", "load", "shortening", "stable_load", "stable_height",
+        "height_m", "twist_rad", "base_m", "load_N", "shortening_m", "stable_load", "stable_height",
     )  # fmt: skip
 
 
@@ -470,7 +470,7 @@ def test_path_plots_itself_with_units():
     matplotlib.use("Agg")
     axes = equilibrium_path(Prism(1.0, 1.0, 0.1, 1.0, 5.0, 50.0)).plot()
     assert axes.get_xlabel() == "shortening [m]"
-    assert axes.get_ylabel() == "axial load [N], compression > 0"
+    assert axes.get_ylabel() == "load [N], compression > 0"
 
 
 # --- any admissible prism --------------------------------------------------------------------

@@ -228,7 +228,9 @@ def test_table_slices_prints_and_writes(ball, tmp_path):
     assert "equilibria" in str(path)
     path.to_csv(tmp_path / "path.csv")
     header = (tmp_path / "path.csv").read_text().splitlines()[0]
-    assert header.startswith("shortening,load,stable_load,stable_height,tension 0")
+    assert header.startswith("shortening [m],load [N],stable_load,stable_height,")
+    assert header.endswith(",tension of string 28 [N],tension of string 29 [N]")
+    assert "tension of bar 5 [N]" in header
 
 
 def test_bars_of_some_thickness_touch_before_their_axes_meet():

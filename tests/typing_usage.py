@@ -66,6 +66,7 @@ from tensegrity import (
     TensegrityError,
     Wall,
     angular_momentum,
+    animate,
     arrival,
     bar_contact,
     budget,
@@ -131,7 +132,7 @@ def prisms_and_paths() -> Potential:
     assert_type(path.stable_load, Flags)
     assert_type([event.load for event in path.events if event.kind == "fold"], list[float])
     path.to_csv("path.csv")
-    path.plot("twist", "load").set_title("twist")
+    path.plot(x="twist", y="load").set_title("twist")
     spring = prism.potential(preload=0.1)
     assert_type(spring, Potential)
     assert_type(spring.domain, tuple[float, float])
@@ -230,6 +231,7 @@ def chains(spring: Potential) -> Run:
     assert_type(run.final.v, Array)
     assert_type(run.error_estimate, float | None)
     run.plot().set_ylim(0.0, 1.0)
+    animate(run, "run.gif", "velocity", frames=20, rate=10, factor=1.0)
     assert_type(chain.bond_tension(run.u), Array)
     assert_type(chain.energy(run.final), float)
     lanes = Ensemble(chain, lanes=8)

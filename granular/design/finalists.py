@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from tensegrity import TensegrityError
+from tensegrity.printing import filled
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -90,7 +91,7 @@ class Best:
             f"{self.evaluations} designs computed"
         ]
         lines += [
-            f"in {one.t_end:.4g} s at dt = {one.dt:.3g} s: {one.force:.8g} N" for one in self.again
+            f"in {one.t_end:.4g} s at dt = {one.dt:.3g} s: {one.force:.6g} N" for one in self.again
         ]
         if self.failed:
             lines.append(f"{self.failed} designs were lost with their workers")
@@ -101,7 +102,7 @@ class Best:
                 f"NOT converged in time: these differ by more than {MOVED:g}; take a longer "
                 "t_end, or this force as an estimate"
             )
-        return "\n".join(lines)
+        return filled("\n".join(lines))
 
     __repr__ = __str__
 

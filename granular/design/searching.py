@@ -28,7 +28,7 @@ from granular.design.spaces import Choice, Order, Sizes, Space
 from granular.materials import Material
 from tensegrity import TensegrityError, check
 from tensegrity.engine import native
-from tensegrity.notebook import progress
+from tensegrity.notebook import one_bar, progress
 from tensegrity.runs import archive
 from tensegrity.runs.sweep import Failed, WorkerPool, keep, require_same
 from tensegrity.typing import Array
@@ -109,7 +109,7 @@ def search(
     dt = t_end / objective.step_count(unit, t_end, COARSE * objective.SHARE * unit)
     native.require()
     problem = Problem(space, striker, wall, t_end, dt, build)
-    with WorkerPool(executor) as workers:
+    with WorkerPool(executor) as workers, one_bar("design"):
         trail = _Trail(problem, workers, budget, checkpoint, name, seed)
         try:
             with progress(budget, "design", trail.begun) as trail.bar:
@@ -145,7 +145,8 @@ class _Trail:
         self, problem: Problem, workers: WorkerPool, budget: int, path: Any, method: str, seed: int
     ) -> None:
         self._problem, self._workers, self._budget = problem, workers, budget
-        self._method, self._seed, self.bar, self.failed = method, seed, None, 0
+        self._method, self._seed, self.failed = method, seed, 0
+        self.bar: Any = None
         self._leads = Descents(problem) if method == "gradient" else problem
         self.forces: list[float] = []
         self._known: dict[bytes, tuple[Array, float]] = {}  # the best design of each row

@@ -19,6 +19,7 @@ from granular.beads import Bead, volume
 from granular.contact import hertz_constants, hertz_slopes
 from granular.materials import Material
 from tensegrity import TensegrityError, check
+from tensegrity.printing import printed
 
 if TYPE_CHECKING:
     from numpy.random import Generator
@@ -146,6 +147,8 @@ class Order(Kinds):
 
     given: tuple[Bead, ...]
 
+    __str__ = printed()
+
     def __init__(self, given: Sequence[Bead]) -> None:
         object.__setattr__(self, "given", _tuple("beads", given, Bead))
         if len(self.kinds) < 2:
@@ -214,6 +217,8 @@ class Choice(Kinds):
     diameter: float
     materials: tuple[Material, ...]
 
+    __str__ = printed(diameter="m")
+
     def __init__(self, count: int, diameter: float, materials: Sequence[Material]) -> None:
         found = _tuple("materials", materials, Material)
         object.__setattr__(self, "count", check.whole("count of beads", count, least=1))
@@ -267,6 +272,8 @@ class Sizes:
     diameters: tuple[float, float]
     length: float
     material: Material
+
+    __str__ = printed(diameters="m", length="m")
 
     def __post_init__(self) -> None:
         count = check.whole("count of beads", self.count, least=2)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING, ClassVar, overload
 
 import numpy as np
 
-from tensegrity import check
+from tensegrity import check, plotting
 from tensegrity.errors import TensegrityError
 from tensegrity.notebook import page
+from tensegrity.printing import filled
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -48,7 +49,7 @@ class Event:
         raise AttributeError(f"event has no {name!r}, only {', '.join(at)}")
 
     def __str__(self) -> str:
-        return f"{self.kind}: " + ", ".join(f"{k} {v:.6g}" for k, v in self.at.items())
+        return filled(f"{self.kind}: " + ", ".join(f"{k} {v:.6g}" for k, v in self.at.items()))
 
 
 class Table:
@@ -65,6 +66,7 @@ class Table:
     """
 
     _by_row: tuple[str, ...] = ()  # arrays besides the columns that a slice divides
+    _units: ClassVar[Mapping[str, str]] = {}  # of columns
 
     def __init__(self, columns: Mapping[str, Any], events: Iterable[Event], end: str) -> None:
         self.columns, self.events, self.end = dict(columns), tuple(events), end
@@ -100,20 +102,17 @@ class Table:
         return (self[row] for row in range(len(self)))
 
     def __str__(self) -> str:
-        first, last = (
-            ", ".join(f"{name} {value:.6g}" for name, value in self[row].items())
-            for row in (0, len(self) - 1)
-        )
+        first, last = (self._quantities(self[row], self.columns) for row in (0, len(self) - 1))
         story = [f"{len(self)} rows", f"  from {first}", *(f"  {e}" for e in self.events)]
-        return "\n".join([*story, f"  to {last}", f"  ends: {self.end}"])
+        return filled("\n".join([*story, f"  to {last}", f"  ends: {self.end}"]))
 
     def __repr__(self) -> str:
         kinds = ", ".join(e.kind for e in self.events) or "no events"
-        return f"{type(self).__name__}({len(self)} rows; {kinds})"
+        return filled(f"{type(self).__name__}({len(self)} rows; {kinds})")
 
     def _repr_html_(self) -> str:
         rows = {
-            name: f"{column[0]:.6g} to {column[-1]:.6g}"
+            self._heading(name): f"{column[0]:.6g} to {column[-1]:.6g}"
             for name, column in self.columns.items()
             if np.ndim(column) == 1 and np.asarray(column).dtype.kind == "f"
         }
@@ -123,17 +122,53 @@ class Table:
             rows[f"{number + 1}: {event.kind}"] = at
         rows["ends"] = self.end
         title = f"{type(self).__name__}, {len(self)} rows"
-        return page(title, rows, lambda figure: self._draw(figure.subplots()))
+        return page(title, rows, lambda figure: self.plot(figure.subplots()))
 
-    def _draw(self, axes: Axes) -> Axes:
-        """The first two columns."""
-        x, y = list(self.columns)[:2]
-        return Table.plot(self, x, y, axes)
+    def _quantities(self, values: Mapping[str, Any], names: Iterable[str]) -> str:
+        """Values of columns in words, with their units."""
+        return ", ".join(f"{n} {values[n]:.6g} {self._units.get(n, '')}".rstrip() for n in names)
+
+    def _heading(self, name: str) -> str:
+        """What a column holds, and its unit."""
+        unit = self._units.get(name)
+        return f"{name} [{unit}]" if unit else name
+
+    def to_dataframe(self) -> Any:
+        """The columns as a table of pandas.
+
+        Returns
+        -------
+        pandas.DataFrame
+            A row for each point, with the columns under their names; `attrs` has "headings", what
+            each column holds with its unit, "events", one dict for each with its kind and row, and
+            "end".
+
+        Raises
+        ------
+        TensegrityError
+            If pandas is not installed.
+        """
+        frame = check.package("pandas", "to_dataframe", "data").DataFrame(self.columns)
+        frame.attrs["headings"] = {name: self._heading(name) for name in self.columns}
+        frame.attrs["events"] = [{"kind": e.kind, "row": e.row, **e.at} for e in self.events]
+        frame.attrs["end"] = self.end
+        return frame
 
     def to_csv(self, path: str | PathLike[str]) -> None:
-        """Write the columns with 17 digits, one header line."""
+        """Write the columns with 17 digits, below a line that names them and their units.
+
+        Parameters
+        ----------
+        path : str or path
+            A file that is there is replaced.
+
+        Raises
+        ------
+        TensegrityError
+            A path that names no file, or a file that cannot be written.
+        """
         table = np.column_stack([np.asarray(c, dtype=float) for c in self.columns.values()])
-        header = ",".join(self.columns)
+        header = ",".join(map(self._heading, self.columns))
         try:
             np.savetxt(
                 check.path("path", path), table, fmt="%.17g", delimiter=",", header=header,
@@ -142,21 +177,42 @@ class Table:
         except OSError as error:
             raise TensegrityError(f"{path} cannot be written: {error.strerror}") from error
 
-    def plot(
-        self, x: str, y: str, axes: Axes | None = None, labels: Mapping[str, str] | None = None
-    ) -> Axes:
-        """Draw one column against another with the events marked; returns the axes."""
+    def plot(self, ax: Axes | None = None, *, x: str | None = None, y: str | None = None) -> Axes:
+        """Draw one column against another, with the events marked.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            By default of a new figure.
+        x, y : str, optional
+            Names of columns; by default the load against the shortening where there are both, else
+            the second column against the first.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        TensegrityError
+            What is no axes, or no column.
+        """
+        usual = [name if name in self.columns else "" for name in ("shortening", "load")]
+        usual = usual if all(usual) else list(self.columns)[:2]
+        x, y = usual[0] if x is None else x, usual[1] if y is None else y
         for name in (x, y):
             if not isinstance(name, str) or name not in self.columns:
                 raise TensegrityError(
                     f"column {check.shown(name)} is not one of {', '.join(self.columns)}"
                 )
-        axes = check.axes(axes)
-        axes.plot(self.columns[x], self.columns[y], "-", lw=1.5)
+        drawn: Axes = plotting.axes(ax)
+        drawn.plot(self.columns[x], self.columns[y], "-", lw=1.5)
         for kind in dict.fromkeys(e.kind for e in self.events):
             found = [e.at for e in self.events if e.kind == kind]
-            axes.plot([e[x] for e in found], [e[y] for e in found], "o", ms=5, label=kind)
+            drawn.plot([e[x] for e in found], [e[y] for e in found], "o", ms=5, label=kind)
         if self.events:
-            axes.legend(frameon=False)
-        axes.set(xlabel=(labels or {}).get(x, x), ylabel=(labels or {}).get(y, y))
-        return axes
+            drawn.legend(frameon=False)
+        signs = {"load": ", compression > 0"}
+        labels = [self._heading(name) + signs.get(name, "") for name in (x, y)]
+        drawn.set(xlabel=labels[0], ylabel=labels[1])
+        return drawn

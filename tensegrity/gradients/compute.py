@@ -28,6 +28,7 @@ from tensegrity.gradients.adjoint import Backward, Forward
 from tensegrity.gradients.objective import Objective, Trace, objective_of
 from tensegrity.gradients.result import Gradient, digits
 from tensegrity.gradients.samples import Samples
+from tensegrity.notebook import one_bar
 from tensegrity.readonly import fixed
 from tensegrity.runs.problem import Problem, count
 from tensegrity.runs.record import Record
@@ -179,7 +180,8 @@ def gradient(
             raise TensegrityError(f"{one!r} needs {one.latest:g} s, the run ends at {t_end:g} s")
     native.require()
     task = _Task(objectives, t_end, dt, splitting, wanted, exact, checkpoints)
-    found = (_of_batch if isinstance(scene, Ensemble) else _of_scene)(task, scene, state)
+    with one_bar("step"):
+        found = (_of_batch if isinstance(scene, Ensemble) else _of_scene)(task, scene, state)
     return found if many else found[0]
 
 

@@ -11,20 +11,25 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity import check
+from tensegrity import check, plotting
 from tensegrity.engine.law import Law
 from tensegrity.engine.programs import derived as program_of
 from tensegrity.engine.programs import run
 from tensegrity.errors import TensegrityError
+from tensegrity.printing import filled, span
 from tensegrity.prisms.closed import polygon, rigid_law
 from tensegrity.prisms.condensed import ElasticPotential
 from tensegrity.scenes.dynamics import dynamics
+from tensegrity.scenes.network import Network
+from tensegrity.scenes.picture import Picture
 from tensegrity.springs.polynomial import Polynomial
 from tensegrity.springs.power_law import PowerLaw
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from typing import Any
+
+    from matplotlib.axes import Axes
 
     from tensegrity.runs.run import Run
     from tensegrity.springs.collection import Springs
@@ -35,6 +40,8 @@ TINY = 1e-30  # step of a derivative through the complex plane
 DIGITS = -np.log10(np.finfo(float).eps)
 PRISM = ("prestrain", "height", "k_cross")
 POWER = ("stiffness", "preload")
+UNITS = {"mass": "kg", "height": "m", "k_cross": "N/m", "preload": "N", "diameter": "m",
+         "modulus": "Pa"}  # fmt: skip
 RIGID = rigid_law(), rigid_law(any_sides=True)  # of triangular prisms, and of any number of sides
 
 
@@ -97,6 +104,8 @@ class Gradient:
             A name that nothing in the scene has, or that was not wanted.
         """
         check.kind("name", name, str)
+        if name in ("u", "v", "mass", "shift"):
+            raise TensegrityError(f"by {name!r}: these derivatives are the attribute .{name}")
         if name not in self._names:
             known = ", ".join(self._names) or "nothing"
             raise TensegrityError(f"by {check.shown(name)}: this gradient knows {known}")
@@ -104,6 +113,45 @@ class Gradient:
         if name in of.arguments:
             return of.by_argument(name, self.mass, self._along, self.shift)
         return self._along(name)
+
+    def plot(self, ax: Axes | None = None, by: str | None = None) -> Axes:
+        """Draw derivatives by an argument, or by the masses.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            By default of a new figure.
+        by : str, optional
+            What `by` takes, or "mass"; by default the first that this gradient knows.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            Of a chain the derivatives against sites or bonds, of a network a map.
+
+        Raises
+        ------
+        TensegrityError
+            What is no axes, or a name that this gradient does not know.
+        """
+        name = by if by is not None else (*self._names, "mass")[0]
+        found = self.mass if name == "mass" else self.by(name)
+        one = self._scene[0] if isinstance(self._scene, tuple) else self  # of an ensemble
+        scene, unit = one._scene, UNITS.get(name, "")
+        label = f"derivative by {name}" + (f" [value per {unit}]" if unit else "")
+        of_sites = name == "mass" or name in dynamics(scene).arguments
+        if isinstance(scene, Network) and found.ndim == 2:
+            raise TensegrityError(f"{found.shape[1]} gradients in one: no map shows them all")
+        if isinstance(scene, Network):
+            picture = Picture(scene, ax, facecolors=None if of_sites else "0.95")
+            image = picture.paint(found, of_sites)
+            picture.scale(image, label)
+            return picture.ax
+        drawn: Axes = plotting.axes(ax)
+        drawn.axhline(0.0, color="0.7", lw=0.8)
+        drawn.plot(found, "o-", ms=3)
+        drawn.set(xlabel="site" if of_sites else "bond", ylabel=label)
+        return drawn
 
     def _along(self, name: str) -> Array:
         """By an argument of the springs."""
@@ -119,11 +167,13 @@ class Gradient:
 
     def __str__(self) -> str:
         known = ", ".join(self._names) or "nothing"
-        return (
-            f"value {self.value:.9g}, {self.digits:.3g} digits of which round-off leaves\n"
+        return filled(
+            f"value {span(self.value)}, known to {self.digits:.3g} digits\n"
             f"derivatives by u, v, mass, and by {known}\n"
-            f"returned to the start within {self.reversal:.1e}"
+            f"the pass backwards returned to the start within {self.reversal:.1e} m, m/s"
         )
+
+    __repr__ = __str__
 
 
 def digits(value: float, by_u: Array, by_v: Array, largest: tuple[float, float]) -> float:

@@ -15,6 +15,7 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+from tensegrity.printing import printed
 from tensegrity.runs.run import Run
 from tensegrity.scenes.chain import Chain
 from tensegrity.typing import Array
@@ -46,6 +47,9 @@ class Budget:
     impulse: Array
     energy_error: float
     momentum_error: float
+
+    __str__ = printed(t="s", energy="J", momentum="kg m/s", work="J", impulse="kg m/s")
+    __repr__ = __str__
 
 
 def budget(run: Run, bond: int) -> Budget:

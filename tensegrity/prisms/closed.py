@@ -115,7 +115,7 @@ def _about(prism: Any, height: float, preload: float) -> Potential:
     )
     numbers = [float(value) for value in values.values()]
     domain = -float(values[role["lock"]]), float(values[role["stroke"]])
-    origin = call(f"{prism}.potential", preload=preload)
+    origin = call(f"{prism!r}.potential", preload=preload)
     return Potential.from_law(law, numbers, height, domain, ends, origin, (prism, preload))
 
 

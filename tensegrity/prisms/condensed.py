@@ -174,7 +174,7 @@ class ElasticPotential(Potential):
     def __init__(self, prism: Members, preload: float = 0.0) -> None:
         self.made_of = (prism, preload)
         self._prism, self._preload = prism, preload
-        self.origin = call(f"{prism}.potential", preload=preload)
+        self.origin = call(f"{prism!r}.potential", preload=preload)
         self._kind = kind_of(prism)
         self._p = numbers(prism)
         self._at_rest = self._loaded() if preload else self._zero()
@@ -227,7 +227,7 @@ class ElasticPotential(Potential):
     def law(self) -> ElasticLaw:
         if self._in_loop[0] is None:
             raise EquilibriumError(
-                f"the compiled loop finds no equilibria of {self._prism} about its length "
+                f"the compiled loop finds no equilibria of {self._prism!r} about its length "
                 f"{self._length:g} m under the preload: its members are too stiff for "
                 "it, or too soft"
             )

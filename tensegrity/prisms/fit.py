@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity import check
+from tensegrity import check, plotting
 from tensegrity.errors import EquilibriumError, TensegrityError
+from tensegrity.printing import filled
 from tensegrity.prisms.curve import NAMES, OFF, RESOLVED, Misfit, intervals, loads
 from tensegrity.prisms.measured import read_curve
 from tensegrity.prisms.prism import Prism
@@ -147,11 +148,14 @@ class Fit:
             f"  {len(self.load)} points, shortening {self.shortening.min():.6g} to "
             f"{self.shortening.max():.6g} m"
         )
-        return "\n".join([*lines, *(f"  not identified: {word}" for word in self.unidentified)])
+        lines += [f"  not identified: {word}" for word in self.unidentified]
+        return filled("\n".join(lines))
 
-    def plot(self, axes: Axes | None = None) -> Axes:
+    __repr__ = __str__
+
+    def plot(self, ax: Axes | None = None) -> Axes:
         """Points, fitted curve and its 95 % band; returns the Matplotlib axes."""
-        drawn: Axes = check.axes(axes)
+        drawn: Axes = plotting.axes(ax)
         order = np.argsort(self.shortening)
         x, y = self.shortening[order], self.computed()[order]
         w = self._quantile(0.95) * self.band()[order]

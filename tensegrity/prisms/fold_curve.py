@@ -70,7 +70,7 @@ def limit_load(prism: Prism, prestrain: float) -> Table:
     start = np.zeros(len(of.unknowns))
     first = trace(of, start, p, direction=-1, stop=("fold", "flat"))
     if first.end != "fold":
-        raise TensegrityError(f"{prism} has no limit load")
+        raise TensegrityError(f"{prism!r} has no limit load")
     on_fold = fold_start(of, first.events[-1], p, PRESTRAIN)
     direction = 1 if prestrain > prism.prestrain else -1
     p[PRESTRAIN] = prestrain

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from concurrent.futures import Executor
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING, ClassVar, overload
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from tensegrity import check
 from tensegrity.branches.table import Event, Table
 from tensegrity.errors import TensegrityError
 from tensegrity.notebook import progress
+from tensegrity.printing import filled
 from tensegrity.prisms.closed import rigid_path
 from tensegrity.prisms.elastic_path import elastic_path
 from tensegrity.prisms.prism import Prism
@@ -30,8 +31,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from typing import Any
 
-    from matplotlib.axes import Axes
-
     from tensegrity.prisms.closed import Columns, Found
     from tensegrity.structures.structure_path import StructurePath
     from tensegrity.structures.supports import Supports
@@ -39,13 +38,7 @@ if TYPE_CHECKING:
 
 PART = 16  # paths in a task of a worker
 COLUMNS = ("height", "twist", "base", "load", "shortening")
-LABELS = {
-    "height": "height [m]",
-    "twist": "twist [rad]",
-    "base": "base [m]",
-    "load": "axial load [N], compression > 0",
-    "shortening": "shortening [m]",
-}
+UNITS = {"height": "m", "twist": "rad", "base": "m", "load": "N", "shortening": "m"}
 ENDS = {
     "contact": "the bars meet on the axis (twist pi)",
     "flat": "the prism is flat (height 0)",
@@ -92,6 +85,8 @@ class EquilibriumPath(Table):
     stable_load: Flags
     stable_height: Flags
 
+    _units: ClassVar = UNITS
+
     def __init__(
         self,
         prism: Prism,
@@ -114,21 +109,9 @@ class EquilibriumPath(Table):
         if self.begin:
             lines.append(f"  begins: {self.begin}")
         for event in self.events:
-            note = event.note and f": {event.note}"
-            lines.append(
-                f"  {event.kind} at height {event.height:.6g} m, twist {event.twist:.6g} rad, "
-                f"base {event.base:.6g} m, load {event.load:.6g} N{note}"
-            )
-        return "\n".join([*lines, f"  ends: {self.end}"])
-
-    def plot(  # type: ignore[override]
-        self, x: str = "shortening", y: str = "load", axes: Axes | None = None
-    ) -> Axes:
-        """Draw one column against another, events marked; returns the Matplotlib axes."""
-        return super().plot(x, y, axes, LABELS)
-
-    def _draw(self, axes: Axes) -> Axes:
-        return self.plot(axes=axes)
+            lines.append(f"  {event.kind} at {self._quantities(event.at, COLUMNS[:4])}")
+            lines += [f"    {event.note}"] * bool(event.note)
+        return filled("\n".join([*lines, f"  ends: {self.end}"]))
 
 
 @overload

@@ -17,7 +17,8 @@ from numpy.typing import ArrayLike
 
 from tensegrity import check
 from tensegrity.errors import NoLocking, TensegrityError
-from tensegrity.notebook import page, wires
+from tensegrity.notebook import page
+from tensegrity.printing import filled
 from tensegrity.prisms.closed import assembled, exact, rigid_potential
 from tensegrity.springs.potential import Potential, call
 from tensegrity.structures.structure import Structure
@@ -182,6 +183,12 @@ class Prism:
             del given["sides"]
         return call("Prism", **given)
 
+    def __str__(self) -> str:
+        given = [("base", "m"), ("height", "m"), ("prestrain", ""), ("k_cross", "N/m")]
+        given += [(k, "N/m") for k in ("k_base", "k_bar") if getattr(self, k) != math.inf]
+        numbers = (f"{name} {getattr(self, name):.6g} {unit}".rstrip() for name, unit in given)
+        return filled(f"prism of {self.sides} sides: {', '.join(numbers)}")
+
     def _repr_html_(self) -> str:
         lengths = self.natural_lengths()
         rows = {
@@ -199,12 +206,12 @@ class Prism:
 
     def _draw(self, figure: Any) -> None:
         """The prism at rest, and its load against shortening."""
-        shape, curve = figure.subplots(1, 2, width_ratios=(1, 1.4))
+        shape = figure.add_subplot(1, 2, 1, projection="3d")
+        curve = figure.add_subplot(1, 2, 2)
         rigid = [name for name in ("k_base", "k_bar") if math.isinf(getattr(self, name))]
         finite: dict[str, Any] = dict.fromkeys(rigid, STIFF * self.k_cross)
         # the shape at rest is that of any constants
-        structure = replace(self, **finite).structure()
-        wires(shape, structure.positions, structure.ends, structure.bars)
+        replace(self, **finite).structure().plot(shape)
         potential = self.potential()
         low, high = potential.reach
         r = np.linspace(SHOWN * low, min(high, -low) / 2, 200)

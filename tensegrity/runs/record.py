@@ -20,6 +20,7 @@ import numpy as np
 from tensegrity import check
 from tensegrity.engine.march import Wanted
 from tensegrity.errors import TensegrityError
+from tensegrity.printing import printed
 
 if TYPE_CHECKING:
     from typing import Any, TypeAlias
@@ -84,6 +85,8 @@ class Record:
     times: Sequence[float] | None = None
     interval: float | None = None
     checkpoint: float | None = None
+
+    __str__ = printed(times="s", interval="s", checkpoint="s")
 
     def __post_init__(self) -> None:
         ways = {name: getattr(self, name) for name in ("every", "times", "interval")}

@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity import check
+from tensegrity import check, plotting
 from tensegrity.errors import TensegrityError
 from tensegrity.notebook import page
 from tensegrity.runs import archive
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.ensemble import Ensemble
+from tensegrity.scenes.network import Network
+from tensegrity.scenes.picture import Picture
 from tensegrity.scenes.scene import Scene, State, unchecked_state
 
 if TYPE_CHECKING:
@@ -27,33 +29,33 @@ if TYPE_CHECKING:
     Frozen = TypeVar("Frozen")
 
 
-FAINTEST = 1e-4  # of the largest energy density: the lower end of the colours
-
-
-def energy_density(run: Any, axes: Axes | None = None) -> Axes:
-    """Energy of each site against time, logarithmic colours; returns the axes."""
-    from matplotlib.colors import LogNorm
-
+def energy_density(run: Any, ax: Axes | None = None) -> Axes:
+    """See `Run.plot`."""
     scene = run.scene
     if run.sites != tuple(range(scene.sites)):
         raise TensegrityError(
             f"{len(run.sites)} of {scene.sites} sites recorded: record all to plot"
         )
-    axes = check.axes(axes)
+    drawn: Axes = plotting.axes(ax)
     density = scene.site_energy(run.u, run.v)
-    largest = density.max() or 1.0
-    image = axes.pcolormesh(
-        np.arange(scene.sites),
-        run.t,
-        np.clip(density, FAINTEST * largest, None),
-        norm=LogNorm(FAINTEST * largest, largest),
-        cmap="viridis",
-        shading="nearest",
-        rasterized=True,
-    )
-    axes.set(xlabel="site", ylabel="time [s]")
-    axes.figure.colorbar(image, ax=axes, label="energy per site [J]")
-    return axes
+    if isinstance(scene, Network):
+        largest = density.max(axis=0, initial=0.0)
+        style = plotting.logarithmic(largest)
+        picture = Picture(scene, drawn, order=np.argsort(largest), facecolors=None, **style)
+        picture.show(np.zeros(scene.shape), largest)
+        picture.scale(picture.sites, "largest energy of each site [J]")
+    else:
+        image = drawn.pcolormesh(
+            np.arange(scene.sites),
+            run.t,
+            density,
+            shading="nearest",
+            rasterized=True,
+            **plotting.logarithmic(density),
+        )
+        drawn.set(xlabel="site", ylabel="time [s]")
+        drawn.figure.colorbar(image, ax=drawn, label="energy per site [J]")
+    return drawn
 
 
 SHOWN = 300  # instants in a notebook's picture
@@ -248,10 +250,76 @@ class Run:
         total = np.einsum("s,ts...->t...", self.scene.mass, self.v[:, order])
         return total if self.impulse is None else total + self.impulse.sum(axis=1)
 
-    def plot(self, axes: Axes | None = None) -> Axes:
-        """Space-time density of energy; needs all sites recorded. Returns the axes."""
+    def to_xarray(self) -> Any:
+        """The recorded rows as a data set of xarray.
 
-        return energy_density(self, axes)
+        Returns
+        -------
+        xarray.Dataset
+            `u` [m] and `v` [m/s] over t, site and, of a network, axis ("x", "y", "z"); `energy`,
+            and `work` and `loss` where the scene is driven or damped [J] over t; `impulse` on the
+            walls [N s] over t, wall and axis.  The coordinates are t [s] and the numbers of the
+            sites that were recorded; runs of an ensemble have `scene` as the last dimension.
+            Variables have their unit in `attrs["units"]`; method, step [s] and error estimate are
+            attributes of the set.
+
+        Raises
+        ------
+        TensegrityError
+            If xarray is not installed.
+        """
+        xarray = check.package("xarray", "to_xarray", "data")
+        behind, axis = ["scene"] * self._batch, ["axis"] * (self.u.ndim - 2 - self._batch)
+        along = list("xyz"[: self.u.shape[2]]) if axis else ["x"]
+        kinds: dict[str, tuple[list[str], str, str]] = {
+            "u": (["site", *axis], "m", "displacement"),
+            "v": (["site", *axis], "m/s", "velocity"),
+            "energy": ([], "J", "total energy"),
+            "work": ([], "J", "work done on the scene"),
+            "loss": ([], "J", "energy taken by dashpots"),
+            "impulse": (["wall", "axis"], "N s", "impulse that a wall received"),
+        }
+        rows = {
+            name: (["t", *names, *behind], getattr(self, name), {"units": unit, "long_name": words})
+            for name, (names, unit, words) in kinds.items()
+            if getattr(self, name) is not None
+        }
+        places: dict[str, Any] = {
+            "t": ("t", self.t, {"units": "s"}),
+            "site": ("site", list(self.sites)),
+        }
+        if axis or "impulse" in rows:
+            places["axis"] = "axis", along
+        about = {
+            "method": self.method,
+            "dt": self.dt,
+            "steps": self.steps,
+            "force_model": self.force_model,
+        }
+        if self.error_estimate is not None:
+            about["error_estimate"] = self.error_estimate
+        return xarray.Dataset(rows, places, about | {"complete": int(self.complete)})
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Energy of the sites in logarithmic colours.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            By default of a new figure.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            Of a chain the energy of each site against time; of a network, and so of a guide or a
+            pack, a map of the largest energy that each site had.
+
+        Raises
+        ------
+        TensegrityError
+            What is no axes; a run in which not all sites were recorded.
+        """
+        return energy_density(self, ax)
 
     def __str__(self) -> str:
         estimate = "" if self.error_estimate is None else f", estimated {self.error_estimate:.1e}"
@@ -329,7 +397,7 @@ class RunBatch(Run):
         """The largest of any scene."""
         return max(run.energy_error for run in self)
 
-    def plot(self, axes: Axes | None = None) -> Axes:
+    def plot(self, ax: Axes | None = None) -> Axes:
         """Refused: plot one of them."""
         raise TensegrityError(f"{len(self)} runs in one: plot one of them, such as run[0].plot()")
 

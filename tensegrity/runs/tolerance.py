@@ -11,6 +11,7 @@ import numpy as np
 
 from tensegrity.engine.codegen import cost
 from tensegrity.errors import LockingError, RangeError, StabilityError, TensegrityError
+from tensegrity.notebook import one_bar
 from tensegrity.runs.march import Marched, march
 from tensegrity.runs.problem import Problem
 from tensegrity.runs.record import Record
@@ -189,6 +190,7 @@ MARGINS = (0.05, 0.5)  # over the range met, on either side, by which a fit is w
 STUCK = 4  # refinements in a row that bring nothing: round-off is reached
 
 
+@one_bar("step")
 def to_tolerance(problem, tol):
     """The run whose step is refined until runs with different steps say that a tolerance is met.
 

@@ -91,13 +91,13 @@ class Chain(Scene):
         if not isinstance(spring, Sequence):
             raise TensegrityError(
                 f"spring {check.shown(spring)} is not a Potential or a sequence of them"
+                f"{check.made_by(spring, Potential)}"
             )
         springs = tuple(spring)
         if len(springs) != self.sites - 1:
             raise TensegrityError(f"{len(springs)} springs for {self.sites - 1} bonds")
         for number, one in enumerate(springs):
-            if not isinstance(one, Potential):
-                raise TensegrityError(f"spring {number} is {check.shown(one)}, not a Potential")
+            check.kind(f"spring {number}", one, Potential)
         return springs
 
     def _masses(self, mass: ArrayLike) -> Array:

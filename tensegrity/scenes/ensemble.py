@@ -20,6 +20,7 @@ from tensegrity.engine import kernel
 from tensegrity.engine.bonds import Bonds
 from tensegrity.engine.methods import Method
 from tensegrity.errors import TensegrityError
+from tensegrity.printing import concise
 from tensegrity.readonly import fixed
 from tensegrity.scenes.dynamics import Dynamics, HasDynamics, dynamics
 from tensegrity.scenes.scene import (
@@ -388,6 +389,8 @@ class Ensemble(HasDynamics):
         refuse_other(state, self.shape, f"ensemble has {self.shape}, lanes last")
         number = check.whole("lane", number, least=0, below=self.lanes)
         return unchecked_state(*(np.ascontiguousarray(x[..., number]) for x in (state.u, state.v)))
+
+    __str__ = concise
 
     def __repr__(self) -> str:
         same = all(scene is self.scenes[0] for scene in self.scenes)

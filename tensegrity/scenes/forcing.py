@@ -17,6 +17,7 @@ import numpy as np
 from tensegrity import check
 from tensegrity.engine.driven import Forcing
 from tensegrity.errors import TensegrityError
+from tensegrity.printing import concise, printed
 from tensegrity.readonly import FixedDict, fixed
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.signals import RTOL, check_signals, expression_of, signals_of
@@ -73,6 +74,8 @@ class Drive:
     signals: tuple[Any, ...] = field(init=False, repr=False)  # of each coordinate, or None
     prescribes: bool = field(init=False, repr=False)
 
+    __str__ = concise
+
     if TYPE_CHECKING:  # what converts is taken
 
         def __init__(
@@ -112,6 +115,8 @@ class Damping:
 
     bond: Array = 0.0  # type: ignore[assignment]
     ground: Array = 0.0  # type: ignore[assignment]
+
+    __str__ = printed(bond="N s/m", ground="N s/m")
 
     if TYPE_CHECKING:  # what converts is taken, arrays are kept
 

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from tensegrity import check
 from tensegrity.errors import ContactError, StabilityError, TensegrityError
 from tensegrity.readonly import fixed
 from tensegrity.scenes.clearance import Clearance, ClearanceMonitor
@@ -141,12 +142,12 @@ class NewContactLaw:
         if not (isinstance(self.given, Potential) or callable(self.given)):
             raise TensegrityError(
                 f"law {self.given!r} is not a Potential or a function of two that touch"
+                f"{check.made_by(self.given, Potential)}"
             )
 
     def __call__(self, site: int, other: Any) -> Potential:
         spring = self.given if isinstance(self.given, Potential) else self.given(site, other)
-        if not isinstance(spring, Potential):
-            raise TensegrityError(f"law of {site!r} and {other!r} is {spring!r}, not a Potential")
+        check.kind(f"law of {site!r} and {other!r}", spring, Potential)
         return spring
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
-from tensegrity.notebook import page, wires
+from tensegrity.notebook import page
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.forcing import start_driven_sites
 from tensegrity.scenes.neighbour_list import new_contact_law
@@ -33,6 +33,7 @@ from tensegrity.scenes.network_input import (
     springs_of,
     whole_pairs,
 )
+from tensegrity.scenes.picture import Picture, forces
 from tensegrity.scenes.scene import Scene, State, velocities
 from tensegrity.scenes.walls import Wall
 from tensegrity.springs.potential import Potential
@@ -40,6 +41,7 @@ from tensegrity.springs.potential import Potential
 if TYPE_CHECKING:
     from typing import Any, Self
 
+    from matplotlib.axes import Axes
     from numpy.typing import ArrayLike
 
     from tensegrity.scenes.forcing import Damping, Drive, Tune
@@ -236,6 +238,38 @@ class Network(Scene):
         self._refuse_other(state)
         return self.mass @ state.v
 
+    def plot(self, ax: Axes | None = None, u: ArrayLike | None = None) -> Axes:
+        """Sites, walls, and forces of bonds and contacts as lines: compression red, tension blue.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Of the plane; by default of a new figure.  What is in space is seen along its second
+            axis.
+        u : array_like, (sites, dim), optional
+            Displacements [m]; by default those at rest.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            The width of a line is the force; the title says how much the widest line carries.
+            Forces count as those of `bond_tension`, from the state at rest of preloaded springs.
+
+        Raises
+        ------
+        TensegrityError
+            What is no axes or no displacements of this network.
+        """
+        at = self.at_rest().u if u is None else check.vector("displacement", u, self.shape)
+        picture = Picture(self, ax)
+        picture.show(at)
+        ends, tension = forces(self, at)
+        widest = float(np.abs(tension).max(initial=0.0))
+        picture.push(ends, tension, widest)
+        if widest:
+            picture.ax.set_title(f"widest line {widest:.3g} N", fontsize=9)
+        return picture.ax
+
     def _repr_html_(self) -> str:
         rows = {
             "sites": f"{self.sites} in {self.dim} dimensions",
@@ -246,7 +280,7 @@ class Network(Scene):
         return page(
             "Network",
             rows,
-            lambda figure: wires(figure.subplots(), self.positions, self.bonds),
+            lambda figure: self.plot(figure.subplots()),
             size=(3.4, 3.4),
         )
 

@@ -189,13 +189,11 @@ def springs_of(
     if not isinstance(spring, Sequence):
         raise TensegrityError(
             f"spring {check.shown(spring)} of the {name}s is not a Potential, nor a list"
+            f"{check.made_by(spring, Potential)}"
         )
     springs = tuple(spring)
     if len(springs) != count:
         raise TensegrityError(f"{len(springs)} springs for {count} {name}s")
     for number, one in enumerate(springs):
-        if not isinstance(one, Potential):
-            raise TensegrityError(
-                f"spring of {name} {number} is {check.shown(one)}, not a Potential"
-            )
+        check.kind(f"spring of {name} {number}", one, Potential)
     return springs

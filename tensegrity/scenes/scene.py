@@ -11,6 +11,7 @@ import numpy as np
 from tensegrity import check
 from tensegrity.engine import forces
 from tensegrity.errors import TensegrityError
+from tensegrity.printing import concise, printed
 from tensegrity.readonly import FixedDict
 from tensegrity.scenes.dynamics import HasDynamics, dynamics
 from tensegrity.scenes.forcing import checked_forcing
@@ -51,6 +52,8 @@ class State:
 
     u: Array
     v: Array
+
+    __repr__ = __str__ = printed(u="m", v="m/s")
 
     if TYPE_CHECKING:  # what converts is taken, arrays are kept
 
@@ -103,6 +106,7 @@ class Scene(HasDynamics):
         Arguments of the springs that depend on time, or the spring of an instant.
     """
 
+    __str__ = concise
     drive: Mapping[int, Drive] = FixedDict()
     damping: Damping | None = None
     tune: Any = FixedDict()

@@ -9,6 +9,7 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+from tensegrity.printing import printed
 from tensegrity.readonly import ReadOnly, fixed
 
 if TYPE_CHECKING:
@@ -44,6 +45,8 @@ class Wall(ReadOnly):
     point: Array
     normal: Array
     extent: Array | None = None
+
+    __str__ = printed(point="m", extent="m")
 
     if TYPE_CHECKING:  # what converts is taken, arrays are kept
 

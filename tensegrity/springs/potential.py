@@ -22,6 +22,7 @@ from tensegrity.engine.compiled import evaluated
 from tensegrity.engine.law import DerivedLaw, Law, check_law
 from tensegrity.engine.programs import derived, run
 from tensegrity.errors import LockingError, TensegrityError
+from tensegrity.printing import concise
 from tensegrity.readonly import fixed
 from tensegrity.springs.kinks import kinks
 
@@ -377,6 +378,8 @@ class Potential:
 
     def _key(self) -> Hashable:
         return self.law, self.values.tobytes(), self._length, self._domain
+
+    __str__ = concise
 
     def __repr__(self) -> str:
         if self.origin:

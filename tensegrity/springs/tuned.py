@@ -315,8 +315,7 @@ class Tuned:
 def spring_at(tune: Callable[[float], Potential], t: float) -> Potential:
     """The spring that a function of time gives at an instant."""
     spring = tune(t)
-    if not isinstance(spring, Potential):
-        raise TensegrityError(f"tune({t:g}) is {check.shown(spring)}, not a Potential")
+    check.kind(f"tune({t:g})", spring, Potential)
     return spring
 
 

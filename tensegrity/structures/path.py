@@ -15,6 +15,7 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import EquilibriumError, TensegrityError
+from tensegrity.printing import filled, listed, span
 from tensegrity.readonly import fixed
 from tensegrity.structures.equations import Loading
 from tensegrity.structures.members import settle
@@ -41,11 +42,32 @@ class Equilibrium:
     loads : ndarray, (nodes, dim)
         [N].
     supports : Supports or None
+    start : Structure
+        From which it was found, without the loads.
     """
 
     structure: Structure
     loads: Array
     supports: Supports | None
+    start: Structure
+
+    def __str__(self) -> str:
+        loads, moved = (np.linalg.norm(x, axis=1) for x in (self.loads, self.displacements))
+        state = "stable" if self.stable else "not stable"
+        return filled(
+            f"equilibrium of {self.structure.nodes} nodes under loads of {loads.sum():.6g} N at "
+            f"{np.count_nonzero(loads)} of them, {self.supports or 'no supports'}: {state}\n"
+            f"  displacements up to {moved.max():.6g} m, of node {int(moved.argmax())}\n"
+            f"  tensions {span(self.tensions, 'N')}\n"
+            f"  slack strings: {listed(np.flatnonzero(self.slack))}"
+        )
+
+    __repr__ = __str__
+
+    @property
+    def displacements(self) -> Array:
+        """Of the nodes from where they were without the loads [m], (nodes, dim)."""
+        return self.positions - self.start.positions
 
     @property
     def positions(self) -> Array:
@@ -101,7 +123,7 @@ def equilibrium(
     forces = nodal(structure, loads)
     freedom = structure.freedom(supports)
     x = settle(structure.members, freedom, structure.positions, forces)
-    return Equilibrium(structure.at(x), fixed(forces), supports)
+    return Equilibrium(structure.at(x), fixed(forces), supports, structure)
 
 
 def nodal(structure: Structure, loads: Any) -> Array:

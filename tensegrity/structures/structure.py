@@ -8,16 +8,16 @@ self-stress and mechanisms.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensegrity import check
+from tensegrity import check, plotting
 from tensegrity.errors import EquilibriumError, TensegrityError
-from tensegrity.notebook import page, wires
+from tensegrity.notebook import page
+from tensegrity.printing import filled, listed, span
 from tensegrity.readonly import ReadOnly, fixed
 from tensegrity.scenes.network import Network
 from tensegrity.structures import statics
@@ -29,32 +29,15 @@ from tensegrity.structures.members import (
     rigid_plates,
     settle,
 )
+from tensegrity.structures.modes import Modes
 from tensegrity.structures.statics import SelfStress
 from tensegrity.structures.supports import Freedom, Supports
 from tensegrity.typing import Array, Flags
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 SOFT = 1e-12  # of the largest stiffness: eigenvalues below it are round-off
-
-
-@dataclass(frozen=True)
-class Modes:
-    """The softest modes of a structure, rigid motions out.
-
-    Attributes
-    ----------
-    eigenvalues : ndarray, (count,)
-        Of the tangent stiffness [N/m], the lowest first; one below 0 is an instability, and 0
-        where it is round-off.
-    frequencies : ndarray, (count,)
-        Angular frequencies of small motions [rad/s], the lowest first; below 0 the rate [1/s]
-        at which an unstable motion grows.
-    shapes : ndarray, (count, nodes, dim)
-        Motions that belong to the frequencies, the largest displacement of a node being 1.
-    """
-
-    eigenvalues: Array
-    frequencies: Array
-    shapes: Array
 
 
 class Structure(ReadOnly):
@@ -332,7 +315,8 @@ class Structure(ReadOnly):
         shapes = vectors.T.reshape(-1, *self.positions.shape)
         largest = np.sqrt(np.sum(shapes**2, axis=2)).max(axis=1)
         frequencies = np.sign(squares) * np.sqrt(np.abs(squares))
-        return Modes(values, frequencies, shapes / largest[:, None, None])
+        total = freedom.motions.shape[1] - freedom.rigid.shape[1]
+        return Modes(values, frequencies, shapes / largest[:, None, None], self, total)
 
     def is_stable(self, supports: Supports | None = None) -> bool:
         """Whether every motion that supports leave costs energy, rigid motions apart; one that
@@ -378,6 +362,29 @@ class Structure(ReadOnly):
 
         return network(self.positions, self.members, self.mass)
 
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Bars thick, taut strings in the colours of their tension, slack strings dashed and red.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            With projection "3d" for a structure in space; by default of a new figure.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        TensegrityError
+            What is no axes, or not of the dimension of the structure.
+        """
+        drawn: Axes = plotting.axes(ax, in_space=self.dim == 3)
+        plotting.members(
+            drawn, self.positions, self.ends, self.is_string, self.slack, self.tensions
+        )
+        return drawn
+
     def _repr_html_(self) -> str:
         rows = {
             "nodes": f"{self.nodes} in {self.dim} dimensions",
@@ -389,9 +396,21 @@ class Structure(ReadOnly):
         return page(
             "Structure",
             rows,
-            lambda figure: wires(figure.subplots(), self.positions, self.ends, self.bars),
-            size=(3.4, 3.4),
+            lambda figure: self.plot(plotting.subplot(figure, self.dim == 3)),
+            size=(4.0, 3.2),
         )
+
+    def __str__(self) -> str:
+        lines = [repr(self)]
+        for name, chosen in (("bars", ~self.is_string), ("strings", self.is_string)):
+            if chosen.any():
+                lines.append(
+                    f"  {name}: lengths {span(self.lengths[chosen], 'm')}, tensions "
+                    f"{span(self.tensions[chosen], 'N')}"
+                )
+        if self.slack.any():
+            lines.append(f"  slack: strings {listed(np.flatnonzero(self.slack))}")
+        return filled("\n".join(lines))
 
     def __repr__(self) -> str:
         return (

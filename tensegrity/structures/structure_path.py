@@ -2,27 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from tensegrity.branches.table import Event, Table
+from tensegrity.printing import filled, listed, span
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
     from typing import Any
 
-    from matplotlib.axes import Axes
-
     from tensegrity.structures.structure import Structure
     from tensegrity.structures.supports import Supports
     from tensegrity.typing import Array, Flags
-
-LABELS = {
-    "shortening": "shortening [m]",
-    "load": "load [N], compression > 0",
-    "control": "control",
-}
 
 
 class StructurePath(Table):
@@ -58,6 +51,7 @@ class StructurePath(Table):
     positions: Array
     slack: Flags
     _by_row = ("positions", "slack")
+    _units: ClassVar = {"shortening": "m", "load": "N", "work": "J"}
 
     def __init__(
         self,
@@ -79,23 +73,21 @@ class StructurePath(Table):
         count = len(self.structure.ends)
         return np.column_stack([self.columns[f"tension {m}"] for m in range(count)])
 
+    def _heading(self, name: str) -> str:
+        """What a column holds, and its unit; a member's tension by the name of the member."""
+        kind, _, number = name.partition(" ")
+        if kind == "tension":
+            return f"tension of {self.structure.name_of(int(number))} [N]"
+        return super()._heading(name)
+
     def __str__(self) -> str:
         shown = [name for name in self.columns if not name.startswith("tension")]
-        lines = [f"{self.structure}", f"  {len(self)} equilibria"]
-        for word, row in (("from", self[0]), ("to", self[-1])):
-            lines.append(f"  {word} " + ", ".join(f"{n} {row[n]:.6g}" for n in shown[:2]))
+        lines = [f"{self.structure!r}", f"  {len(self)} equilibria"]
+        for word, row in (("from", 0), ("to", -1)):
+            lines.append(f"  {word} {self._quantities(self[row], shown[:2])}")
+            tension, slack = self.tensions[row], np.flatnonzero(self.slack[row])
+            lines.append(f"    tensions {span(tension, 'N')}, slack: {listed(slack)}")
         for event in self.events:
-            note = event.note and f": {event.note}"
-            at = ", ".join(f"{name} {event.at[name]:.6g}" for name in shown[:2])
-            lines.append(f"  {event.kind} at {at}{note}")
-        return "\n".join([*lines, f"  ends: {self.end}"])
-
-    def plot(  # type: ignore[override]
-        self, x: str | None = None, y: str | None = None, axes: Axes | None = None
-    ) -> Axes:
-        """Draw one column against another, events marked; returns the Matplotlib axes."""
-        first, second = list(self.columns)[:2]
-        return super().plot(first if x is None else x, second if y is None else y, axes, LABELS)
-
-    def _draw(self, axes: Axes) -> Axes:
-        return self.plot(axes=axes)
+            lines.append(f"  {event.kind} at {self._quantities(event.at, shown[:2])}")
+            lines += [f"    {event.note}"] * bool(event.note)
+        return filled("\n".join([*lines, f"  ends: {self.end}"]))

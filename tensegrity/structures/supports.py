@@ -11,6 +11,7 @@ import numpy as np
 from tensegrity import check
 from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.minimum import complement, lowest
+from tensegrity.printing import concise
 from tensegrity.typing import Array, Flags
 
 LEFT = 1e-9  # part of a rigid motion that supports may take and still leave it
@@ -124,6 +125,8 @@ class Supports:
             if held.any() and not held.all():
                 raise TensegrityError(f"node {node} is both held along axes and on a plate")
         return [along for along in across if not along[held].any()]
+
+    __str__ = concise
 
     def __repr__(self) -> str:
         parts = [f"held({[n for n, _ in self.holds]})"] if self.holds else []

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from tensegrity import check
 from tensegrity.errors import TensegrityError
 from tensegrity.once import once
+from tensegrity.printing import filled
 from tensegrity.root import root
 from tensegrity.springs.potential import Potential
 from tensegrity.waves.curve import FamilyCurve, along
@@ -45,7 +46,9 @@ class Hypothesis:
     holds: bool
 
     def __str__(self) -> str:
-        return f"{self.statement}: {self.value:.6g}, {'holds' if self.holds else 'FAILS'}"
+        return filled(f"{self.statement}: {self.value:.6g}, {'holds' if self.holds else 'FAILS'}")
+
+    __repr__ = __str__
 
 
 @dataclass(frozen=True)
@@ -193,15 +196,19 @@ class PredictedFamily:
         low, high = self.speeds
         first, last = self.crests
         about = "about " if self.starts == "threshold" else ""
-        return "\n".join(
-            [
-                f"{self.name}: from {self.starts} to {self.ends}",
-                f"  speeds {low:.6g} to {high:.6g} sites/s, crests {about}{first:.6g} to "
-                f"{last:.6g} m",
-                f"  {self.why}",
-                *(f"  {h}" for h in self.hypotheses),
-            ]
+        return filled(
+            "\n".join(
+                [
+                    f"{self.name}: from {self.starts} to {self.ends}",
+                    f"  speeds {low:.6g} to {high:.6g} sites/s, crests {about}{first:.6g} to "
+                    f"{last:.6g} m",
+                    f"  {self.why}",
+                    *(f"  {h}" for h in self.hypotheses),
+                ]
+            )
         )
+
+    __repr__ = __str__
 
 
 @dataclass(frozen=True)
@@ -235,7 +242,9 @@ class Prediction:
 
     def __str__(self) -> str:
         missing = [f"{name}: none. {why}" for name, why in self.absent.items()]
-        return "\n".join([*map(str, self.families), *missing])
+        return filled("\n".join([*map(str, self.families), *missing]))
+
+    __repr__ = __str__
 
 
 def predict(potential: Potential, mass: float = 1.0) -> Prediction:

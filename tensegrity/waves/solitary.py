@@ -10,12 +10,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensegrity import check
+from tensegrity import check, plotting
 from tensegrity.errors import TensegrityError
 from tensegrity.notebook import page
 from tensegrity.root import root
@@ -28,8 +28,11 @@ from tensegrity.waves.family import STROKE, Family, refined
 from tensegrity.waves.multidomain import Integrals, may_cross_kink, multidomain_wave
 from tensegrity.waves.travelling import NoWaveError, Series
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 LEAST_LEVEL = 1e-8  # of the crest, at which a width is asked for
-PLOTTED = 1e-3  # of the crest, where a notebook's picture ends
+PLOTTED = 1e-3  # of the crest, where a picture ends
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,14 +218,34 @@ class SolitaryWave:
             f"{text['energy']}, {text['momentum']}\n{text['residual']}"
         )
 
-    def _repr_html_(self) -> str:
-        def draw(figure: Any) -> None:
-            near = np.abs(self.x) <= self.reach(PLOTTED)
-            axes = figure.subplots()
-            axes.plot(self.x[near], self._on_x[near])
-            axes.set(xlabel="distance from the crest [sites]", ylabel="elongation [m]")
+    __repr__ = __str__
 
-        return page(f"Solitary wave of {self.family}", self._texts(), draw)
+    def _repr_html_(self) -> str:
+        title = f"Solitary wave of {self.family}"
+        return page(title, self._texts(), lambda figure: self.plot(figure.subplots()))
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Elongation against the distance from the crest, extension > 0.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            By default of a new figure.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        TensegrityError
+            What is no axes.
+        """
+        drawn: Axes = plotting.axes(ax)
+        near = np.abs(self.x) <= self.reach(PLOTTED)
+        drawn.plot(self.x[near], self._on_x[near])
+        drawn.set(xlabel="distance from the crest [sites]", ylabel="elongation [m]")
+        return drawn
 
 
 def solitary_wave(

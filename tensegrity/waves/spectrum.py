@@ -11,21 +11,26 @@ Source: L. Brillouin, Wave Propagation in Periodic Structures (1946), chapters I
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensegrity import check
+from tensegrity import check, plotting
 from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.minimum import lowest, round_off
 from tensegrity.scenes.dynamics import dynamics
 from tensegrity.scenes.ensemble import Ensemble
 from tensegrity.scenes.forcing import driven_entries
+from tensegrity.scenes.network import Network
+from tensegrity.scenes.picture import Picture
 from tensegrity.scenes.scene import SMALLEST_MASS, Scene, State
 from tensegrity.springs.potential import Potential
 from tensegrity.typing import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 BOUND = 1e-6  # of the largest stiffness over mass: how far below zero the search starts
 AT_REST = 1e-6  # force left on a site of an equilibrium, over those that meet there
@@ -42,13 +47,65 @@ class Modes:
         Angular frequencies [rad/s], ascending; 0 for motions that meet no stiffness.
     shapes : ndarray, (count, *shape of the scene)
         Displacements of each [1/sqrt(kg)]: the sum of m u^2 is 1, the largest entry above 0.
+    scene : Scene
+    total : int
+        Number of all modes of the scene, of which these are the first.
     """
 
     frequencies: Array
     shapes: Array
+    scene: Scene = field(repr=False)
+    total: int
 
     def __len__(self) -> int:
         return len(self.frequencies)
+
+    def __str__(self) -> str:
+        lines = [f"modes 1 to {len(self)} of {self.total}"]
+        for number, (frequency, shape) in enumerate(
+            zip(self.frequencies, self.shapes, strict=True)
+        ):
+            motion = np.sum(shape.reshape(self.scene.sites, -1) ** 2, axis=1)
+            lines.append(
+                f"  {number + 1}: {frequency:.6g} rad/s, {frequency / (2 * np.pi):.6g} Hz, "
+                f"site {int(motion.argmax())} moves most"
+            )
+        return "\n".join(lines)
+
+    __repr__ = __str__
+
+    def plot(self, ax: Axes | None = None, number: int = 0) -> Axes:
+        """Draw a mode: of a chain displacement against site, of a network as arrows at its sites.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            By default of a new figure.
+        number : int, optional
+            Of the mode, from 0.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        TensegrityError
+            What is no axes, or no mode.
+        """
+        number = check.whole("number", number, least=0, below=len(self))
+        words = f"mode {number + 1} of {self.total}: {self.frequencies[number]:.6g} rad/s"
+        shape = self.shapes[number]
+        if isinstance(self.scene, Network):
+            picture = Picture(self.scene, ax)
+            picture.arrows(shape)
+            picture.ax.set_title(words, fontsize=10)
+            return picture.ax
+        drawn: Axes = plotting.axes(ax)
+        drawn.plot(shape, "o-", ms=3, label=words)
+        drawn.set(xlabel="site", ylabel="displacement [1/$\\sqrt{\\mathrm{kg}}$]")
+        drawn.legend(frameon=False)
+        return drawn
 
 
 def modes(scene: Scene, about: State | None = None, count: int = 10) -> Modes:
@@ -102,7 +159,7 @@ def modes(scene: Scene, about: State | None = None, count: int = 10) -> Modes:
     shapes[:, free] = vectors.T
     largest = shapes[np.arange(count), np.abs(shapes).argmax(axis=1)]
     shapes *= np.sign(largest)[:, None]
-    return Modes(np.sqrt(squares), shapes.reshape(count, *scene.shape))
+    return Modes(np.sqrt(squares), shapes.reshape(count, *scene.shape), scene, free.size)
 
 
 def _equilibrium(scene: Scene, about: State) -> Array:

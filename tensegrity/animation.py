@@ -1,0 +1,223 @@
+"""Runs in motion: `animate` writes a run as a film, `moving` draws its instants on given axes.
+
+A chain is the profile of its elongations, velocities or energies.  Guides, packs and other
+networks are maps: sites move and take colours, and the forces between them are lines as wide as
+the force.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tensegrity import check, plotting
+from tensegrity.errors import TensegrityError
+from tensegrity.runs.run import Run
+from tensegrity.scenes.chain import Chain
+from tensegrity.scenes.ensemble import Ensemble
+from tensegrity.scenes.network import Network
+from tensegrity.scenes.picture import Picture, forces
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from os import PathLike
+    from typing import Any
+
+    from matplotlib.axes import Axes
+    from numpy.typing import ArrayLike
+
+    from tensegrity.typing import Array
+
+DOTS = 90  # per inch, of a film
+LONGEST, BESIDE = 7.0, 1.5  # inches: of a film, and for labels and a scale
+ROOM = 0.05  # of the range of a profile, left free above and below
+LABELS = {
+    "elongation": "elongation [m]",
+    "velocity": "velocity [m/s]",
+    "speed": "speed [m/s]",
+    "energy": "energy per site [J]",
+}
+OF_CHAINS, OF_NETWORKS = ("elongation", "velocity", "energy"), ("speed", "energy")
+
+
+def animate(
+    run: Run,
+    path: str | PathLike[str],
+    show: str | ArrayLike | None = None,
+    *,
+    frames: int = 100,
+    rate: float = 12.0,
+    factor: float = 1.0,
+    label: str = "",
+) -> None:
+    """Write a run as a film.
+
+    Parameters
+    ----------
+    run : Run
+        With all sites recorded; its rows are the instants that can be shown.
+    path : str or path
+        Of a .gif, or of a .mp4, which needs the program ffmpeg.
+    show : str or array_like (T, sites), optional
+        Of a chain "elongation" (default), "velocity" or "energy", against bond or site; of a
+        network the colours of the sites, "speed" (default) or "energy".  Or values of one's own
+        for each recorded instant and site.
+    frames : int, optional
+        Most instants that are shown, >= 1, evenly spaced among those that were recorded.
+    rate : float, optional
+        Frames in a second, at least 0.01.
+    factor : float, optional
+        By which displacements in a map are magnified, > 0.
+    label : str, optional
+        What values of one's own are, with their unit.
+
+    Raises
+    ------
+    TensegrityError
+        No run, or one of an ensemble; sites or instants that were not recorded; a path that does
+        not end in .gif or .mp4; a .mp4 without ffmpeg; a file that cannot be written.
+
+    Examples
+    --------
+    >>> from tensegrity import Chain, PowerLaw, animate, simulate
+    >>> chain = Chain(PowerLaw(1.0, 1.5), sites=40)
+    >>> run = simulate(chain, chain.at_rest({0: 0.1}), 60.0)
+    >>> animate(run, "wave.gif", show="velocity")  # doctest: +SKIP
+    """
+    frames = check.whole("frames", frames, least=1)
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=plotting.SIZE, dpi=DOTS, layout="constrained")
+    ax = figure.subplots()
+    draw = moving(run, ax, show, factor=factor, label=label)
+    if isinstance(run.scene, Network):
+        figure.set_size_inches(*_fitting(ax))
+    count = len(run.t)
+    rows = np.unique(np.linspace(0, count - 1, min(frames, count)).round().astype(int))
+    plotting.film(path, figure, rows.tolist(), draw, rate)
+
+
+def moving(
+    run: Run,
+    ax: Axes | None = None,
+    show: str | ArrayLike | None = None,
+    *,
+    factor: float = 1.0,
+    top: float | None = None,
+    widest: float | None = None,
+    label: str | None = "",
+) -> Callable[[int], None]:
+    """Draw a run on axes; returns what shows one of its recorded instants there.
+
+    Parameters
+    ----------
+    run, show, factor, label
+        As of `animate`; a label of None leaves out the scale of the colours.
+    ax : matplotlib.axes.Axes, optional
+        By default of a new figure.
+    top : float, optional
+        Value at the upper end of the colours of a map; by default the largest that is shown.
+    widest : float, optional
+        Force [N] of the widest line of a map, and of all that carry more; by default the median,
+        over the instants, of the largest force.
+
+    Returns
+    -------
+    callable (int) -> None
+        Takes the number of a recorded instant.
+
+    Raises
+    ------
+    TensegrityError
+        As `animate`.
+    """
+    check.kind("run", run, Run)
+    scene = run.scene
+    if isinstance(scene, Ensemble) or not isinstance(scene, (Chain, Network)):
+        raise TensegrityError(f"a run of {type(scene).__name__}: take that of one scene")
+    if run.sites != tuple(range(scene.sites)):
+        raise TensegrityError(
+            f"{len(run.sites)} of {scene.sites} sites recorded: record all to animate"
+        )
+    if not len(run.t):
+        raise TensegrityError("0 instants recorded, must be at least 1 to animate")
+    factor = check.number("factor", factor, above=0)
+    if label is not None:
+        check.kind("label", label, str)
+    values, words = _values(run, show, label or "")
+    if isinstance(scene, Chain):
+        return _profile(run, plotting.axes(ax), values, words)
+    colours = plotting.rooted(check.number("top", values.max() if top is None else top, least=0))
+    picture = Picture(scene, ax, factor, np.argsort(values.max(axis=0)), facecolors=None, **colours)
+    picture.make_room(run.u)
+    picture.show(run.u[0], values[0])
+    if label is not None:
+        picture.scale(picture.sites, words)
+    if widest is None:
+        largest = [float(np.abs(forces(scene, u)[1]).max(initial=0.0)) for u in run.u]
+        widest = float(np.median(largest))
+    widest = check.number("widest", widest, least=0, unit="N")
+    magnified = "" if factor == 1 else f", displacements x {factor:g}"
+
+    def draw(row: int) -> None:
+        picture.show(run.u[row], values[row])
+        picture.push(*forces(scene, run.u[row], factor), widest)
+        picture.ax.set_title(
+            f"{_time(run, row)}; widest line {widest:.3g} N{magnified}", fontsize=9
+        )
+
+    return draw
+
+
+def _fitting(ax: Axes) -> tuple[float, float]:
+    """Size [inches] of a figure of a map, with room for its labels and its scale."""
+    wide, high = np.ptp(ax.get_xlim()), np.ptp(ax.get_ylim())
+    if wide > high:
+        return LONGEST, float(max(LONGEST * high / wide + BESIDE, LONGEST / 2))
+    return float(max(LONGEST * wide / high + BESIDE, LONGEST / 2)), LONGEST
+
+
+def _values(run: Run, show: Any, label: str) -> tuple[Array, str]:
+    """What is shown of every instant, (T, sites or bonds), and in words."""
+    scene, known = run.scene, OF_CHAINS if isinstance(run.scene, Chain) else OF_NETWORKS
+    show = known[0] if show is None else show
+    if not isinstance(show, str):
+        return check.vector("show", show, (len(run.t), scene.sites)), label
+    if show not in known:
+        raise TensegrityError(f"show {check.shown(show)} must be one of {', '.join(known)}")
+    if show == "elongation":
+        return scene.elongation(run.u), LABELS[show]
+    if show == "velocity":
+        return run.v, LABELS[show]
+    if show == "speed":
+        return np.linalg.norm(run.v, axis=-1), LABELS[show]
+    return scene.site_energy(run.u, run.v), LABELS[show]
+
+
+def _profile(run: Run, ax: Axes, values: Array, words: str) -> Callable[[int], None]:
+    """Values along a chain."""
+    if words == LABELS["energy"]:  # a logarithmic axis takes long to draw
+        largest = float(values.max()) or 1.0
+        values = np.log10(np.maximum(values / largest, plotting.FAINTEST))
+        words = f"log$_{{10}}$(energy per site / {largest:.3g} J)"
+    low, high = float(values.min()), float(values.max())
+    room = ROOM * (high - low) or 1.0
+    place = np.arange(values.shape[1])
+    (line,) = ax.plot(place, values[0], lw=1.2)
+    ax.set(xlabel="site" if len(place) == run.scene.sites else "bond", ylabel=words)
+    ax.set(xlim=(0, len(place) - 1), ylim=(low - room, high + room))
+
+    def draw(row: int) -> None:
+        line.set_ydata(values[row])
+        ax.set_title(_time(run, row), fontsize=10)
+
+    return draw
+
+
+def _time(run: Run, row: int) -> str:
+    """An instant, of a width that stays."""
+    end, t = float(run.t[-1]), float(run.t[row])
+    units = ((1.0, "s"), (1e3, "ms"), (1e6, "us"))
+    factor, unit = next((pair for pair in units if pair[0] * end >= 1), units[-1])
+    return f"t = {factor * t:.2f} {unit}"

@@ -1,0 +1,227 @@
+"""Parts of pictures: axes, members, disks, lines of force, and frames written as a film.
+
+Nothing here knows a scene; `plot` of structures, networks and runs is made of these parts.
+Matplotlib is imported when something is drawn, and not before.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tensegrity import check
+from tensegrity.errors import TensegrityError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+    from os import PathLike
+    from typing import Any, TypeVar
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from numpy.typing import NDArray
+
+    Frame = TypeVar("Frame")
+
+SIZE = 7.0, 4.5  # inches, of a new figure
+FAINTEST = 1e-4  # of the largest value: the lower end of logarithmic colours
+WIDEST, THINNEST = 5.0, 0.05  # points: lines of the largest force, and of the least that is drawn
+FORMATS = (".gif", ".mp4")
+SLOWEST = 0.01  # frames in a second
+
+
+def axes(ax: Any = None, in_space: bool = False) -> Any:
+    """Matplotlib's axes.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; by default a new figure.
+    in_space : bool, optional
+        Whether they must have three axes.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Raises
+    ------
+    TensegrityError
+        What is no axes, or has two axes where three are needed, or the reverse.
+    """
+    from matplotlib.axes import Axes
+
+    if ax is None:
+        import matplotlib.pyplot as plt
+
+        return subplot(plt.figure(figsize=SIZE, layout="constrained"), in_space)
+    check.kind("ax", ax, Axes)
+    if in_space != (ax.name == "3d"):
+        wanted = "have projection='3d'" if in_space else "be of the plane"
+        raise TensegrityError(f"ax has projection {ax.name!r}, must {wanted}")
+    return ax
+
+
+def subplot(figure: Any, in_space: bool) -> Any:
+    """Axes that fill a figure, of the plane or in space."""
+    return figure.add_subplot(projection="3d" if in_space else None)
+
+
+def metres(size: float) -> tuple[float, str]:
+    """Factor and name of the unit in which lengths of this size [m] are read easily."""
+    return (1e3, "mm") if size < 0.5 else (1.0, "m")
+
+
+def logarithmic(values: NDArray[np.float64], colours: str = "viridis") -> dict[str, Any]:
+    """Colour map and norm of values >= 0, down to `FAINTEST` of the largest."""
+    from matplotlib.colors import LogNorm
+
+    largest = values.max(initial=0.0) or 1.0
+    return {"cmap": colours, "norm": LogNorm(FAINTEST * largest, largest, clip=True)}
+
+
+def rooted(largest: float) -> dict[str, Any]:
+    """Colour map and norm of values from 0 to the largest, which tell small ones from each other:
+    by their square root."""
+    from matplotlib.colors import PowerNorm
+
+    return {"cmap": "GnBu", "norm": PowerNorm(0.5, 0.0, largest or 1.0, clip=True)}
+
+
+def members(
+    ax: Axes,
+    positions: NDArray[np.float64],
+    ends: NDArray[np.intp],
+    is_string: NDArray[np.bool_],
+    slack: NDArray[np.bool_],
+    tensions: NDArray[np.float64],
+) -> None:
+    """Draw bars thick, taut strings in the colours of their tension and slack strings dashed.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+        Of the dimension of the positions.
+    positions : ndarray, (nodes, 2 or 3)
+        [m].
+    ends : ndarray of int, (members, 2)
+    is_string, slack : ndarray of bool, (members,)
+    tensions : ndarray, (members,)
+        [N].
+    """
+    from matplotlib.collections import LineCollection
+
+    factor, unit = metres(np.ptp(positions, axis=0).max())
+    lines, dim = factor * positions[ends], positions.shape[1]
+    kind: Any = LineCollection
+    if dim == 3:
+        kind = import_module("mpl_toolkits.mplot3d.art3d").Line3DCollection
+    taut, largest = is_string & ~slack, tensions[is_string].max(initial=0.0)
+    colours: dict[str, Any] = {"colors": "C0"}
+    if largest > 0:
+        colours = {"array": tensions[taut], "cmap": "viridis", "clim": (0.0, largest)}
+    styles: list[tuple[Any, str, dict[str, Any]]] = [
+        (~is_string, "bars", {"colors": "0.15", "linewidths": 3.0}),
+        (taut, "strings", {"linewidths": 1.6, **colours}),
+        (slack, "slack strings", {"colors": "C3", "linewidths": 1.2, "linestyles": "--"}),
+    ]
+    for chosen, label, style in styles:
+        if chosen.any():
+            drawn = ax.add_collection(kind(lines[chosen], label=label, **style))
+            if "array" in style:
+                ax.figure.colorbar(drawn, ax=ax, label="tension of strings [N]", shrink=0.75)
+    low, high = (f(factor * positions, axis=0) for f in (np.min, np.max))
+    room = 0.05 * (high - low).max()
+    limits = {f"{name}lim": (low[k] - room, high[k] + room) for k, name in enumerate("xyz"[:dim])}
+    ax.set(**limits, **{f"{name}label": f"{name} [{unit}]" for name in "xyz"[:dim]})
+    if dim == 3:
+        ax.set_box_aspect(high - low + 2 * room, zoom=0.85)  # type: ignore[call-arg]
+        ax.locator_params(nbins=4)
+    else:
+        ax.set_aspect("equal")
+    if slack.any():
+        ax.legend(frameon=False, fontsize=8, loc="upper left")
+
+
+def widths(
+    force: NDArray[np.float64], widest: float, points: float = WIDEST
+) -> NDArray[np.float64]:
+    """Widths of lines [points] that are proportional to forces, those above `widest` [N] cut."""
+    return np.clip(points * force / (widest or 1.0), THINNEST, max(points, THINNEST))
+
+
+def film(
+    path: str | PathLike[str],
+    figure: Figure,
+    frames: Iterable[Frame],
+    show: Callable[[Frame], object],
+    rate: float = 12.0,
+) -> None:
+    """Write a figure as it is after `show(frame)`, for each frame, as a film.
+
+    Parameters
+    ----------
+    path : str or path
+        Of a .gif or a .mp4, written beside and renamed.
+    figure : matplotlib.figure.Figure
+        Of a size that stays.
+    frames : iterable
+    show : callable (frame) -> None
+        Changes what is drawn.
+    rate : float, optional
+        Frames in a second, at least 0.01.
+
+    Raises
+    ------
+    TensegrityError
+        Another ending of the path; a .mp4 without the program ffmpeg; a file that cannot be
+        written.
+    """
+    path = check.path("path", path)
+    rate = check.number("rate", rate, least=SLOWEST, unit="frames/s")
+    if path.suffix.lower() not in FORMATS:
+        raise TensegrityError(f"path {check.shown(str(path))} must end in {' or '.join(FORMATS)}")
+    from matplotlib import animation
+
+    mp4 = path.suffix.lower() == ".mp4"
+    if mp4 and not animation.FFMpegWriter.isAvailable():
+        raise TensegrityError(
+            f"{path}: a .mp4 needs the program ffmpeg, which is not there; a .gif needs none"
+        )
+    try:
+        with check.replacing(path) as new:
+            if mp4:
+                _mp4(new, figure, frames, show, rate)
+            else:
+                _gif(new, figure, frames, show, rate)
+    except OSError as error:
+        raise TensegrityError(f"{path} cannot be written: {error.strerror or error}") from error
+
+
+def _mp4(new: Any, figure: Any, frames: Any, show: Any, rate: float) -> None:
+    from matplotlib.animation import FFMpegWriter
+
+    writer = FFMpegWriter(fps=rate, extra_args=["-f", "mp4"])  # type: ignore[arg-type]
+    with writer.saving(figure, str(new), figure.dpi):
+        for frame in frames:
+            show(frame)
+            writer.grab_frame()
+            figure.set_layout_engine("none")
+
+
+def _gif(new: Any, figure: Any, frames: Any, show: Any, rate: float) -> None:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from PIL import Image
+
+    canvas: Any = FigureCanvasAgg(figure)
+    images = []
+    for frame in frames:
+        show(frame)
+        canvas.draw()
+        figure.set_layout_engine("none")  # every frame is laid out as the first
+        image = Image.fromarray(np.array(canvas.buffer_rgba())).convert("RGB")
+        images.append(image.quantize(method=Image.Quantize.FASTOCTREE))
+    first, *rest = images
+    first.save(new, "GIF", save_all=True, append_images=rest, duration=round(1000 / rate), loop=0)

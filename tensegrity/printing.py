@@ -1,0 +1,90 @@
+"""What objects say of themselves in print: lines of at most 80 columns, numbers of six digits.
+
+The text of a `repr` that reads back keeps all digits, so that equal texts are equal objects; what
+`print` shows is made here.
+"""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from dataclasses import fields
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from typing import Any
+
+WIDTH = 80
+GLUE = "\xa0"  # a space at which no line is broken
+UNIT = re.compile(r"(?<=\d) (?=[A-Za-z])")  # between a number and its unit
+LONG = re.compile(r"(?<![\w.])\d+(?:\.\d*)?(?:e[+-]?\d+)?(?![\w.])")  # a number
+
+
+def filled(text: str) -> str:
+    """Text whose lines are broken where they are wider than 80 columns, and indented then."""
+    lines = []
+    for line in UNIT.sub(GLUE, text).splitlines():
+        indent = line[: len(line) - len(line.lstrip())] + "    "
+        lines += textwrap.wrap(line, WIDTH, subsequent_indent=indent, break_on_hyphens=False)
+    return "\n".join(lines).replace(GLUE, " ")
+
+
+def concise(thing: object) -> str:
+    """The `repr` of something with numbers of six digits, in lines of 80 columns."""
+    return filled(LONG.sub(lambda found: _rounded(found[0]), repr(thing)))
+
+
+def span(values: Any, unit: str = "") -> str:
+    """From the smallest to the largest of some numbers, with their unit."""
+    low, high = (f"{f(values):.6g}" for f in (np.min, np.max))
+    return (low if low == high else f"{low} to {high}") + (unit and f" {unit}")
+
+
+def listed(numbers: Any, most: int = 12) -> str:
+    """Numbers one after the other, or how many where there are more; "none"."""
+    if len(numbers) > most:
+        return f"{len(numbers)} of them"
+    return ", ".join(str(int(n)) for n in numbers) or "none"
+
+
+def printed(**units: str) -> Callable[[Any], str]:
+    """A method that prints the fields of a dataclass with their units, those apart that are None
+    or not part of its `repr`."""
+
+    def text(self: Any) -> str:
+        parts = [
+            f"{field.name} {_short(getattr(self, field.name), units.get(field.name, ''))}"
+            for field in fields(self)
+            if field.repr and getattr(self, field.name) is not None
+        ]
+        return filled(f"{type(self).__name__}: {', '.join(parts)}".removesuffix(": "))
+
+    return text
+
+
+def _short(value: Any, unit: str) -> str:
+    """A value in few words: of many numbers their shape and range."""
+    behind = unit and f" {unit}"
+    if isinstance(value, float):
+        return f"{value:.6g}{behind}"
+    if isinstance(value, (tuple, list)) and len(value) > 3:
+        if not isinstance(value[0], (int, float)):
+            return f"{len(value)} of kind {type(value[0]).__name__}"
+        value = np.array(value)
+    if isinstance(value, tuple) and all(isinstance(x, float) for x in value):
+        return ", ".join(f"{x:.6g}" for x in value) + behind
+    if isinstance(value, np.ndarray) and value.size > 3 and value.dtype.kind in "iuf":
+        return f"{value.shape} from {span(value, unit)}"
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        return f"{value[()]:.6g}{behind}"
+    if isinstance(value, np.ndarray) and value.dtype.kind == "f":
+        return str([float(f"{x:.6g}") for x in value.ravel()]) + behind
+    return " ".join(str(value).split()) + behind
+
+
+def _rounded(number: str) -> str:
+    digits = re.sub(r"e.*|\.", "", number).strip("0")
+    return number if len(digits) <= 6 or number.isdigit() else f"{float(number):.6g}"

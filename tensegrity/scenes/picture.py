@@ -1,0 +1,184 @@
+"""A network drawn: sites at their places, walls, and forces as lines whose width is the force.
+
+In space it is seen along the second axis, so that the first and the last one span the picture.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tensegrity import plotting
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from matplotlib.axes import Axes
+
+    from tensegrity.scenes.walls import Wall
+    from tensegrity.typing import Array
+
+DOT = 0.12  # radius of a site without one, over the shortest bond
+MARGIN = 0.04  # of the size
+
+
+def forces(scene: Any, u: Array, factor: float = 1.0) -> tuple[Array, Array]:
+    """Ends [m] of all bonds and wall contacts, (n, 2, dim), and their tensions [N], at given
+    displacements, which are drawn magnified."""
+    listed = scene.listed(u)
+    x = scene.positions + factor * u
+    walls = [scene.walls[k] for k in listed.wall_contacts[:, 1]]
+    sites = x[listed.wall_contacts[:, 0]]
+    feet = [p - w.height(p) * w.normal for p, w in zip(sites, walls, strict=True)]
+    touching = np.stack([sites, np.reshape(feet, sites.shape)], axis=1)
+    tension = np.concatenate([listed.bond_tension(u), -listed.wall_load(u)])
+    return np.concatenate([x[listed.bonds], touching]), tension
+
+
+class Picture:
+    """A network on axes of the plane, whose sites move and take colours.
+
+    Parameters
+    ----------
+    scene : Network
+    ax : matplotlib.axes.Axes or None
+    factor : float, optional
+        By which displacements are magnified.
+    order : ndarray of int, (sites,), optional
+        In which sites are drawn, one over the other.
+    **style
+        Of the disks of sites: colour map and norm where they show values.
+    """
+
+    def __init__(
+        self, scene: Any, ax: Axes | None, factor: float = 1.0, order: Any = None, **style: Any
+    ) -> None:
+        from matplotlib.collections import EllipseCollection, LineCollection
+
+        self.ax: Axes = plotting.axes(ax)
+        self._factor, places, self._bonds = factor, _seen(scene.positions), scene.bonds
+        if scene.radius is not None:
+            radius = np.asarray(scene.radius)
+        else:
+            radius = np.full(len(places), DOT * scene.lengths.min(initial=np.ptp(places) or 1.0))
+        self._radius = radius[:, None]
+        low, high = (places - self._radius).min(axis=0), (places + self._radius).max(axis=0)
+        self._unit, unit = plotting.metres((high - low).max())
+        for wall in scene.walls:
+            line = _edge(wall, low, high)
+            if line is not None:
+                self.ax.plot(*self._unit * line.T, "0.3", lw=1.2, zorder=1)
+        if scene.radius is None:
+            lines = self._unit * places[scene.bonds]
+            self.ax.add_collection(LineCollection(list(lines), colors="0.7", lw=0.8, zorder=1))
+        self._order = np.arange(len(places)) if order is None else order
+        self._places, size = places, 2 * self._unit * radius[self._order]
+        style = {"facecolors": "0.85", "edgecolors": "0.4", "lw": 0.4, "zorder": 2} | style
+        self.sites = EllipseCollection(
+            size, size, 0 * size, units="xy", offset_transform=self.ax.transData, **style
+        )
+        self.sites.set_offsets(self._unit * places[self._order])
+        self._lines = LineCollection([], capstyle="round", zorder=3)
+        self.ax.add_collection(self.sites)
+        self.ax.add_collection(self._lines)
+        self.ax.set(aspect="equal", xlabel=f"x [{unit}]")
+        self._low, self._high = low, high
+        self._frame(low, high)
+        # a line of force is not wider than a bead
+        inches = self.ax.get_position().width * self.ax.figure.get_figwidth()
+        points = 72 * inches / np.ptp(self.ax.get_xlim())
+        self._widest = min(plotting.WIDEST, float(points * size.min()) / 2)
+        if scene.dim > 1:
+            self.ax.set_ylabel(f"{'y' if scene.dim == 2 else 'z'} [{unit}]")
+        else:
+            self.ax.set_yticks([])
+        self.ax.grid(False)
+
+    def _frame(self, low: Array, high: Array) -> None:
+        """Show what is between two corners [m]."""
+        room = MARGIN * (high - low).max()
+        (left, bottom), (right, top) = self._unit * (low - room), self._unit * (high + room)
+        self.ax.set(xlim=(left, right), ylim=(bottom, top))
+
+    def make_room(self, u: Array) -> None:
+        """Let all displacements (T, sites, dim) [m] be seen, as far as half the picture goes."""
+        moved, most = self._places + self._factor * _seen(u), (self._high - self._low).max() / 2
+        lowest, highest = (moved - self._radius).min((0, 1)), (moved + self._radius).max((0, 1))
+        low = np.clip(lowest, self._low - most, self._low)
+        self._frame(low, np.clip(highest, self._high, self._high + most))
+
+    def show(self, u: Array, values: Array | None = None) -> None:
+        """Displacements (sites, dim) [m] and a value of each site."""
+        moved = self._unit * (self._places + self._factor * _seen(u))
+        self.sites.set_offsets(moved[self._order])
+        if values is not None:
+            self.sites.set_array(np.asarray(values)[self._order])
+
+    def scale(self, shown: Any, label: str) -> None:
+        """A scale of the colours, along the longer side of the picture."""
+        from matplotlib.colors import PowerNorm
+        from matplotlib.ticker import MaxNLocator
+
+        (left, right), (low, high) = self.ax.get_xlim(), self.ax.get_ylim()
+        wide = right - left > 2 * (high - low)
+        given: dict[str, Any] = {"location": "bottom", "shrink": 0.6} if wide else {"shrink": 0.9}
+        if isinstance(shown.norm, PowerNorm):  # large values are close to each other
+            top: float = shown.norm.vmax  # type: ignore[assignment]
+            ticks = np.asarray(MaxNLocator(4).tick_values(0.0, top))
+            given["ticks"] = ticks[ticks <= top * (1 + 1e-9)]
+        self.ax.figure.colorbar(shown, ax=self.ax, label=label, **given)
+
+    def arrows(self, vectors: Array) -> None:
+        """An arrow at each site, (sites, dim), the longest a tenth of the picture."""
+        seen, size = _seen(vectors), np.linalg.norm(vectors, axis=-1).max() or 1.0
+        longest = 0.1 * np.diff([self.ax.get_xlim(), self.ax.get_ylim()], axis=1).max()
+        places = self._unit * self._places
+        for axis in ("x", "y"):
+            low, high = getattr(self.ax, f"get_{axis}lim")()
+            self.ax.set(**{f"{axis}lim": (low - longest, high + longest)})
+        given = {"angles": "xy", "scale_units": "xy", "scale": size / longest}
+        self.ax.quiver(*places.T, *seen.T, color="C3", zorder=4, width=0.004, **given)
+
+    def paint(self, values: Array, of_sites: bool) -> Any:
+        """Sites, or else bonds, in colours of values of either sign; what a scale belongs to."""
+        shown = self.sites if of_sites else self._lines
+        if not of_sites:
+            self._lines.set_segments(list(self._unit * self._places[self._bonds]))
+            self._lines.set_linewidth(plotting.WIDEST / 2)
+            values = values[: len(self._bonds)]
+        most = float(np.abs(values).max(initial=0.0)) or 1.0
+        shown.set(array=values, cmap="RdBu_r", clim=(-most, most))
+        return shown
+
+    def push(self, ends: Array, tension: Array, widest: float) -> None:
+        """Lines of force: compression red, tension blue, `widest` [N] the widest line."""
+        size = np.abs(tension)
+        order = np.argsort(size)[np.count_nonzero(size == 0) :]
+        lines = self._unit * _seen(ends)
+        self._lines.set_segments(list(lines[order]))
+        self._lines.set(linewidths=plotting.widths(size[order], widest, self._widest))
+        self._lines.set_color(["C3" if f < 0 else "C0" for f in tension[order]])
+
+
+def _seen(x: Array) -> Array:
+    """The two coordinates of places (..., dim) that are seen; of a line 0 is the second."""
+    if x.shape[-1] == 1:
+        return np.concatenate([x, np.zeros_like(x)], axis=-1)
+    return x[..., [0, -1]]
+
+
+def _edge(wall: Wall, low: Array, high: Array) -> Array | None:
+    """The line on which a wall is seen, (2, 2), as long as it is or the box is; None where the
+    picture shows its face."""
+    middle, normal = _seen(wall.point[None])[0], _seen(wall.normal[None])[0]
+    size = float(np.linalg.norm(normal))
+    if size < 0.5:
+        return None
+    along = np.array([-normal[1], normal[0]]) / size
+    if wall.extent is not None and len(wall.extent):
+        half = np.abs(_seen(wall.extent) @ along).max()
+        return middle + np.outer([-half, half], along)
+    corners = np.array([(x, z) for x in (low[0], high[0]) for z in (low[1], high[1])])
+    places = (corners - middle) @ along
+    return middle + np.outer([places.min(), places.max()], along)

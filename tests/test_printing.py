@@ -1,0 +1,156 @@
+"""What `print` shows of every kind of object: 80 columns, six digits, units."""
+
+import re
+
+import numpy as np
+import pytest
+import sympy
+from networks import patch
+from scenes import prism_chain, smooth_blow
+from structures import icosahedron
+
+import granular
+from granular.design import Choice, Order, Sizes
+from tensegrity import (
+    Damping,
+    Drive,
+    Ensemble,
+    Lens,
+    Polynomial,
+    Potential,
+    PowerLaw,
+    Prism,
+    Record,
+    Wall,
+    equilibrium,
+    equilibrium_path,
+    fit,
+    gradient,
+    held,
+    modes,
+    objective,
+    plates,
+    predict,
+    simulate,
+    solitary_wave,
+)
+from tensegrity.measure import observables
+from tensegrity.printing import WIDTH, filled
+
+THIRD = 1 / 3
+STEEL = granular.materials["steel"]
+BEAD = granular.Bead(THIRD / 100, STEEL)
+STRIKER = granular.Striker(BEAD, THIRD)
+PRISM = Prism(1.0, 0.7, THIRD / 10, 10 * THIRD)
+ELASTIC = Prism(1.0, 0.7, THIRD / 10, 10 * THIRD, k_base=100 * THIRD, k_bar=1000 * THIRD)
+CHAIN = prism_chain(30)
+RUN = simulate(CHAIN, smooth_blow(CHAIN), 20.0, dt=0.1, record=Record(every=1))
+PLATES = plates([0, 1, 2], [3, 4, 5])
+R = sympy.Symbol("r")
+LOADED = granular.fcc_pack(2, 3, bead=BEAD, floor=STEEL, sides=STEEL, gravity=9.81)
+
+
+def path():
+    return equilibrium_path(ELASTIC)
+
+
+def fitted():
+    found = path()
+    part = slice(1, 20)
+    return fit(found.shortening[part], found.load[part], ELASTIC, ("prestrain",), noise=1e-5)
+
+
+def of_a_load():
+    return gradient(objective.peak(objective.load(bond=9)), CHAIN, smooth_blow(CHAIN), 9.0, dt=0.1)
+
+
+READS_BACK = {  # the repr of these has all digits
+    "prism": lambda: ELASTIC,
+    "potential": lambda: ELASTIC.potential(preload=THIRD),
+    "power law": lambda: PowerLaw(THIRD, 1.5, preload=THIRD, length=1.0),
+    "energy": lambda: Potential(sum(THIRD * R**n for n in range(2, 9)), R, {}),
+    "polynomial": lambda: Polynomial(PRISM.potential(), -THIRD / 10, THIRD / 10, 1e-6),
+    "chain": lambda: CHAIN,
+    "network": lambda: patch(3),
+    "ensemble": lambda: Ensemble(granular.chain([BEAD] * 4, striker=STRIKER), 3),
+    "record": lambda: Record(times=np.linspace(0, THIRD, 99), sites=range(50)),
+    "damping": lambda: Damping(THIRD, [THIRD] * 30),
+    "drive": lambda: Drive(force=THIRD * sympy.sin(THIRD * sympy.Symbol("t"))),
+    "wall": lambda: Wall((THIRD, THIRD), (0, 1)),
+    "supports": lambda: plates(range(0, 30, 2), range(1, 30, 2)) + held(range(30, 60)),
+    "material": lambda: STEEL,
+    "bead": lambda: BEAD,
+    "striker": lambda: STRIKER,
+    "contact": lambda: granular.hertz(BEAD, BEAD),
+    "chain of beads": lambda: granular.chain([BEAD] * 4, striker=STRIKER, end=STEEL),
+    "guide": lambda: granular.diamond_guide(3, 5, bead=BEAD),
+    "pack": lambda: LOADED,
+    "order": lambda: Order([BEAD] * 10 + [granular.Bead(0.005, STEEL)] * 10),
+    "choice": lambda: Choice(20, 0.005, list(granular.materials.values())),
+    "sizes": lambda: Sizes(20, (0.004, THIRD / 50), 0.1 + THIRD / 100, STEEL),
+    "lens": lambda: Lens(PRISM, chains=5),
+}
+RESULTS = {
+    "run": lambda: RUN,
+    "state": lambda: RUN.final,
+    "path": path,
+    "path of a structure": lambda: equilibrium_path(
+        ELASTIC.structure(), supports=PLATES, max_shortening=0.05
+    ),
+    "event": lambda: path().events[0],
+    "structure": lambda: icosahedron(),
+    "equilibrium": lambda: equilibrium(ELASTIC.structure(), {3: (0, 0, -THIRD / 100)}, PLATES),
+    "modes of a structure": lambda: icosahedron().modes(9),
+    "modes": lambda: modes(CHAIN, count=12),
+    "self-stress": lambda: icosahedron().self_stress(),
+    "rest": lambda: LOADED.equilibrium,
+    "wave": lambda: solitary_wave(CHAIN.springs[0], speed_ratio=1.5),
+    "prediction": lambda: predict(CHAIN.springs[0]),
+    "family": lambda: predict(CHAIN.springs[0]).families[0],
+    "fit": fitted,
+    "gradient": of_a_load,
+    "pulse": lambda: observables.pulses(CHAIN, RUN.final)[0],
+    "budget": lambda: observables.beyond(RUN, 9),
+    "objective": lambda: objective.peak(objective.load(bond=9)),
+}
+NUMBER = re.compile(r"(?<![\w.])\d+\.\d+")
+
+
+def checked(text):
+    assert max(map(len, text.splitlines())) <= WIDTH, text
+    for number in NUMBER.findall(text):
+        assert len(number.replace(".", "").lstrip("0")) <= 6, text
+
+
+@pytest.mark.parametrize("name", [*READS_BACK, *RESULTS])
+def test_what_is_printed_fits_80_columns_with_six_digits(name):
+    thing = (READS_BACK | RESULTS)[name]()
+    checked(str(thing))
+    if name in RESULTS:
+        checked(repr(thing))
+
+
+def test_an_engineer_reads_displacements_tensions_and_slack():
+    structure = ELASTIC.structure()
+    found = equilibrium(structure, {3: (0, 0, -0.01)}, PLATES)
+    moved = np.linalg.norm(found.positions - structure.positions, axis=1).max()
+    text = str(found)
+    assert f"displacements up to {moved:.6g} m" in text
+    assert f"tensions {found.tensions.min():.6g} to {found.tensions.max():.6g} N" in text
+    assert "slack strings: none" in text
+    ball = icosahedron()
+    squeezed = ball.at(ball.positions * [1, 1, 0.8])
+    numbers = ", ".join(map(str, np.flatnonzero(squeezed.slack)))
+    assert f"slack: strings {numbers}" in str(squeezed)
+    assert str(ball.modes(3)).startswith("modes 1 to 3 of 30, rigid motions out")
+    assert str(modes(CHAIN, count=2)).startswith("modes 1 to 2 of 30\n")
+    stress = ball.self_stress()
+    assert str(stress).startswith(f"{len(stress.states)} state of self-stress of 30 members")
+
+
+def test_lines_break_between_a_number_and_its_unit_never():
+    text = filled("  " + "tension 12 N, " * 20)
+    assert all(line.startswith("      ") for line in text.splitlines()[1:])
+    assert all("12 N" in line for line in text.splitlines())
+    assert not any(line.endswith("12") for line in text.splitlines())
+    assert " ".join(text.split()) == " ".join(("tension 12 N, " * 20).split())
