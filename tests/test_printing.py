@@ -22,6 +22,7 @@ from tensegrity import (
     Prism,
     Record,
     Wall,
+    budget,
     equilibrium,
     equilibrium_path,
     fit,
@@ -31,10 +32,10 @@ from tensegrity import (
     objective,
     plates,
     predict,
+    pulses,
     simulate,
     solitary_wave,
 )
-from tensegrity.measure import observables
 from tensegrity.printing import WIDTH, filled
 
 THIRD = 1 / 3
@@ -109,8 +110,8 @@ RESULTS = {
     "family": lambda: predict(CHAIN.springs[0]).families[0],
     "fit": fitted,
     "gradient": of_a_load,
-    "pulse": lambda: observables.pulses(CHAIN, RUN.final)[0],
-    "budget": lambda: observables.beyond(RUN, 9),
+    "pulse": lambda: pulses(RUN)[0],
+    "budget": lambda: budget(RUN, 9),
     "objective": lambda: objective.peak(objective.load(bond=9)),
 }
 NUMBER = re.compile(r"(?<![\w.])\d+\.\d+")

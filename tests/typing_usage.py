@@ -39,6 +39,7 @@ from granular.design import Choice, Order, Sizes, peak_force, search
 from granular.design.finalists import Best
 from granular.lammps import run_lammps, to_lammps
 from tensegrity import (
+    METHODS,
     Chain,
     CompilerError,
     ContactError,
@@ -50,6 +51,7 @@ from tensegrity import (
     LockingError,
     Network,
     NoLocking,
+    Nystrom,
     Polynomial,
     Potential,
     PowerLaw,
@@ -60,6 +62,7 @@ from tensegrity import (
     ResolutionError,
     Run,
     SolitaryWave,
+    Splitting,
     StabilityError,
     State,
     Structure,
@@ -194,6 +197,8 @@ def structures() -> Structure:
     assert_type(fit(*read_curve(Path("curve.csv")), prism).offset, float)
     assert_type(catalogue.expandable_octahedron(strut=0.3, k_bar=[1e6] * 6), Structure)
     assert_type(catalogue.tower(stages=3, mass=0.1).bars, int)
+    assert_type(catalogue.truncated_tetrahedron().strings, int)
+    assert_type([catalogue.snelson_x(), catalogue.dome(), catalogue.plate()], list[Structure])
     catalogue.geodesic(12)  # type: ignore[arg-type]
     fit("curve.csv")  # type: ignore[call-arg]
     assert_type(s.network(), Network)
@@ -261,7 +266,7 @@ def chains(spring: Potential) -> Run:
 
 def recorded(chain: Chain, state: State) -> Run:
     record = Record(sites=[0], times=[0.5, 1.0], interval=0.25, path="rows.npy", checkpoint=60)
-    run = simulate(chain, state, 10.0, method=methods.METHODS["rkn6"], record=record)
+    run = simulate(chain, state, 10.0, method=METHODS["rkn6"], record=record)
     run.save("run.npz")
     assert_type(Run.load(Path("run.npz")), Run)
     assert_type(resume("rows.npy"), Run)
@@ -389,13 +394,14 @@ def of_methods() -> list[float]:
     verlet = methods.find("verlet")
     assert_type(verlet, methods.Method)
     assert_type(verlet.symplectic, bool)
-    own = methods.Splitting("own", 2, 0.05, (0.5, 0.5), drifts=(1.0,), limitations="never")
+    assert_type(Nystrom("rule", 2, 0.05, (0.5,), ((0.0,),), (0.5,), (1.0,)).stages, int)
+    own = Splitting("own", 2, 0.05, (0.5, 0.5), drifts=(1.0,), limitations="never")
     assert_type(own.step_matrix(0.1)[0], Array)
-    methods.Splitting("own", 2, 0.05, kicks=0.5, drifts=1.0)  # type: ignore[arg-type]
-    methods.Splitting("own", 2, 0.05, (0.5, 0.5), (1.0,), "none")  # type: ignore[call-arg]
+    Splitting("own", 2, 0.05, kicks=0.5, drifts=1.0)  # type: ignore[arg-type]
+    Splitting("own", 2, 0.05, (0.5, 0.5), (1.0,), "none")  # type: ignore[call-arg]
     own.check()
-    methods.METHODS[2]  # type: ignore[index]
-    return [method.stability_limit * method.stages for method in methods.METHODS.values()]
+    METHODS[2]  # type: ignore[index]
+    return [method.stability_limit * method.stages for method in METHODS.values()]
 
 
 def differentiated(chain: Chain, state: State) -> Array:

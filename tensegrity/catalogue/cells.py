@@ -42,7 +42,7 @@ def snelson_x(
     --------
     >>> from tensegrity import catalogue
     >>> x = catalogue.snelson_x(width=2.0)
-    >>> print(x, x.is_stable())
+    >>> print(repr(x), x.is_stable())
     Structure(4 nodes in 2 dimensions, 2 bars, 4 strings, 0 of them slack) True
     """
     corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * sizes(width=width, height=height)

@@ -156,7 +156,7 @@ def dome(
     --------
     >>> from tensegrity import catalogue, held
     >>> s = catalogue.dome(sides=10, hoops=2)
-    >>> print(s, s.is_stable(held(range(10))))
+    >>> print(repr(s), s.is_stable(held(range(10))))
     Structure(52 nodes in 3 dimensions, 31 bars, 120 strings, 0 of them slack) True
     """
     sides, hoops = check.whole("sides", sides, least=3), check.whole("hoops", hoops, least=0)

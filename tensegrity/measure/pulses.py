@@ -20,6 +20,7 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
+from tensegrity.printing import printed
 from tensegrity.runs.run import Run
 from tensegrity.scenes.chain import Chain
 from tensegrity.scenes.scene import State
@@ -78,6 +79,9 @@ class Pulse:
     first: int
     last: int
     wave: SolitaryWave | None = field(repr=False)
+
+    __str__ = printed(place="sites", amplitude="m", speed="sites/s", energy="J", momentum="kg m/s")
+    __repr__ = __str__
 
 
 def pulses(run: Run, row: int = -1, fraction: float = FRACTION) -> list[Pulse]:
