@@ -17,7 +17,7 @@ V, V_0, V_2, V_3, mirrored = sp.symbols("V V(0) V''(0) V'''(r) V(-r)", real=True
 r, c_0, d = sp.symbols("r c_0 d", positive=True)
 a, b, h_0, m = waves.stiffness, waves.slope, waves.spacing, waves.mass
 e = waves.bend
-gamma, c, c_s, x = waves.gamma, waves.speed, waves.sound, waves.position
+gamma, c, c_s, x = waves.gamma, waves.speed, waves.acoustic_speed, waves.position
 locks = ((prism.reference_height, (0.6, 2.0)), (prism.base, (0.5, 1.0)))
 
 

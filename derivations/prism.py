@@ -48,7 +48,7 @@ class Member:
         Spring constant [N/m] and natural length [m] of one of them.
     step : int
         How many nodes further round it ends than it starts.
-    rises : bool
+    inclined : bool
         Whether it ends at the upper polygon; if not there are as many in each.
     """
 
@@ -56,13 +56,13 @@ class Member:
     stiffness: sp.Symbol
     natural: sp.Symbol
     step: int
-    rises: bool
+    inclined: bool
 
     def pairs(self, sides: int = 3) -> list[tuple[int, int]]:
         """Nodes that each joins: 0 to n - 1 the lower ones, n to 2 n - 1 the upper ones."""
-        starts = (0,) if self.rises else (0, sides)
+        starts = (0,) if self.inclined else (0, sides)
         return [
-            (start + i, (sides if self.rises else start) + (i + self.step) % sides)
+            (start + i, (sides if self.inclined else start) + (i + self.step) % sides)
             for start in starts
             for i in range(sides)
         ]
@@ -79,21 +79,21 @@ class Member:
 
     def count(self, of: Polygon = TRIANGLE) -> sp.Expr:
         """How many there are."""
-        return of.sides if self.rises else 2 * of.sides
+        return of.sides if self.inclined else 2 * of.sides
 
     def length_squared(self, radius: sp.Expr | None = None, of: Polygon = TRIANGLE) -> sp.Expr:
         """Squared length in circumradius (or base), twist and height [m^2]."""
         if radius is None:
             radius = CIRCUMRADIUS if of is TRIANGLE else of.circumradius
         start = node(0, of, radius=radius)
-        if not self.rises:
+        if not self.inclined:
             squared = squared_distance(start, node(self.step, of, radius=radius))
             return of.expanded(squared) if of is ANY else squared
         return squared_distance(start, node(self.step, of, height, twist, radius))
 
     def length(self, of: Polygon = TRIANGLE) -> sp.Expr:
         """Length(l, phi, h) [m]."""
-        if not self.rises:
+        if not self.inclined:
             return base
         return sp.sqrt(self.length_squared(of=of))
 
@@ -182,7 +182,7 @@ def least_k_base(of: Polygon = TRIANGLE) -> sp.Expr:
 def argument() -> list[Step]:
     squared = [bar_length_squared(), cross_length_squared()]
     members = sp.symbols("b s", positive=True)
-    rises = sp.solve(squared[0] - members[0] ** 2, height)
+    heights = sp.solve(squared[0] - members[0] ** 2, height)
     rest = (natural_cross, natural_base, natural_bar)
     return [
         Step("Positions of the three lower and the three upper nodes:",
@@ -190,7 +190,7 @@ def argument() -> list[Step]:
         Step("A bar joins a lower node to the upper one turned away by the twist, a cross string "
              "to the one that follows it:",
              *(sp.Eq(x**2, length) for x, length in zip(members, squared, strict=True))),
-        Step("so the height is", sp.Eq(height, rises[-1])),
+        Step("so the height is", sp.Eq(height, heights[-1])),
         Step("Elastic energy of 3 cross strings, 6 base strings and 3 bars, U =", energy()),
         Step("Natural lengths for which U is stationary at twist 5 pi/6 and height h0:",
              *(sp.Eq(x, value) for x, value in zip(rest, natural_lengths(), strict=True))),

@@ -15,7 +15,7 @@ from derivations.argument import Step
 
 TITLE = "Waves: sound speed, dispersion, sech² and its correction, tent, largest speed"
 
-mass, spacing, gamma, speed, sound = sp.symbols("m h_0 gamma c c_s", positive=True)
+mass, spacing, gamma, speed, acoustic_speed = sp.symbols("m h_0 gamma c c_s", positive=True)
 stiffness = sp.Symbol("a", positive=True)  # V''(0)
 slope, bend = sp.symbols("b e", real=True)  # V'''(0), V''''(0)
 elongation, position = sp.symbols("r x", real=True)
@@ -68,7 +68,7 @@ def gamma_squared() -> sp.Expr:
     ratio = sp.Symbol("y", positive=True)
     series = sp.series(sp.simplify(speed_of_decay() ** 2), gamma, 0, 4).removeO()
     leading = sp.expand(series - 1).coeff(gamma, 2) / 2  # c/cs = 1 + half of it gamma^2
-    return sp.solve(leading * ratio - (speed - sound) / sound, ratio)[0]
+    return sp.solve(leading * ratio - (speed - acoustic_speed) / acoustic_speed, ratio)[0]
 
 
 @cache
@@ -144,9 +144,9 @@ def argument() -> list[Step]:
              sp.Eq(mass * sp.Symbol("u_1''"), equation_of_motion())),
         Step("A plane wave in the linear lattice gives the dispersion relation (k per site)",
              sp.Eq(sp.Symbol("omega") ** 2, dispersion())),
-        Step("and, for long waves, the sound speed", sp.Eq(sound, sound_speed())),
+        Step("and, for long waves, the sound speed", sp.Eq(acoustic_speed, sound_speed())),
         Step("A travelling wave decays like exp(-gamma x) where k = i gamma:",
-             sp.Eq(speed / sound, speed_of_decay())),
+             sp.Eq(speed / acoustic_speed, speed_of_decay())),
         Step("so near the sound speed", sp.Eq(gamma**2, gamma_squared())),
         Step("With r = gamma^2 R1 + gamma^4 R2 + ..., the order gamma^4 of the travelling wave's "
              "equation gives (a, b, e the second to fourth derivative of V)",

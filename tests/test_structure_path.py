@@ -22,7 +22,7 @@ from tensegrity import (
     plates,
 )
 from tensegrity.prisms.contact import distances
-from tensegrity.structures.active_set import Ray, chosen
+from tensegrity.structures.active_set import OutgoingBranch, selected
 
 PLATES = plates([0, 4, 8], [3, 7, 11])
 PRISM = Prism(1.0, 1.0, 0.1, 1.0, 5.0, 50.0)
@@ -319,14 +319,14 @@ def test_of_several_stable_rays_the_lowest_is_followed():
     """Whatever their order; an unstable one only where there is no other."""
 
     def ray(slope, stable):
-        return Ray(np.array([True, False]), 1, slope, stable)
+        return OutgoingBranch(np.array([True, False]), 1, slope, stable)
 
     low, high, unstable = ray(-2.0, True), ray(1.0, True), ray(-5.0, False)
     corner = np.array([0, 1])
     for found in ([low, high, unstable], [unstable, high, low]):
-        assert chosen(found, "stable", corner) is low
-    assert chosen([unstable], "stable", corner) is unstable
-    assert chosen([], "stable", corner) is None
+        assert selected(found, "stable", corner) is low
+    assert selected([unstable], "stable", corner) is unstable
+    assert selected([], "stable", corner) is None
 
 
 def test_a_smooth_path_takes_few_points():

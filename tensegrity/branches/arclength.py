@@ -34,7 +34,7 @@ ROOT_AT_START, FOLD_AT_START = 1e-14, 1e-8  # event functions that vanish at the
 TINY = 1e-300  # keeps quotients of zeros finite
 
 
-class Stepper:
+class ArclengthStepper:
     """Steps along a branch with m unknowns and events of some kinds; p are its parameters.
 
     A kind of steps gives `advance`, `values`, `linearised` and `polish`.  What is a formula here
@@ -70,7 +70,7 @@ class Stepper:
         bend = (tangent + old_tangent - 2 * slope) * (1 + t)
         return z + step * (tangent + t * (curve + bend))
 
-    def between(self, before, here, part):
+    def interpolated(self, before, here, part):
         """z and unit tangent at a given part (0 to 1) of the way, from the cubic through both."""
         m, u, w = self.m, part, 1 - part
         rise = here[self.length] * u * w
@@ -79,19 +79,19 @@ class Stepper:
         tangent = w * before[m : 2 * m] + u * here[m : 2 * m]
         return z, tangent / (tangent.T @ tangent) ** 0.5
 
-    def near(self, row, before, here):
+    def deviation(self, row, before, here):
         """How much farther a point is from the curve between two others than `NEAR` allows, the
         cosine between its tangent and that of the curve, and the latter."""
         m = self.m
         chord, moved = here[:m] - before[:m], row[:m] - before[:m]
         square = chord.T @ chord
-        guess, tangent = self.between(before, here, (moved.T @ chord) / (square + TINY))
+        guess, tangent = self.interpolated(before, here, (moved.T @ chord) / (square + TINY))
         away = row[:m] - guess
         away = away - (away.T @ tangent) * tangent
         beyond = (away.T @ away) ** 0.5 - NEAR * square**0.5 - NEAR**2
         return beyond, row[m : 2 * m].T @ tangent, tangent
 
-    def at(self, z, tangent, p):
+    def corrected(self, z, tangent, p):
         """The point of the branch next to z in the plane normal to `tangent`."""
         here = self.row(z, tangent)
         return self.advance(self.before(here), here, np.zeros(6), p)[: self.size]
@@ -118,29 +118,29 @@ class Stepper:
             while not good:
                 if not control[0] >= control[5]:
                     return count
-                made = self.advance(before, here, control, p)
-                good, control[0] = made[self.size :]
-            rows[count] = made[: self.size]
+                result = self.advance(before, here, control, p)
+                good, control[0] = result[self.size :]
+            rows[count] = result[: self.size]
             tests, signs = rows[count, self.tests :], here[self.tests :]
             np.copyto(tests, ROOT_AT_START * signs, where=tests == 0)
             count += 1
-            if (signs * tests < 0).any() or not here[self.side] * made[self.side] > 0:
+            if (signs * tests < 0).any() or not here[self.side] * result[self.side] > 0:
                 break
         return count
 
-    def approach(self, kind, before, here, part, ends, p):
+    def locate_event(self, kind, before, here, part, ends, p):
         """The event of a kind next to a part of the way between two points, or None.
 
         None also where it is farther from one of two `ends` than they are from each other:
         another root.
         """
-        z, tangent = self.between(before, here, part)
+        z, tangent = self.interpolated(before, here, part)
         z = self.polish(kind, z, tangent, p)
         low, high = (end[: self.m] for end in ends)
-        reach = np.linalg.norm(high - low) + 1e-12
-        if z is None or any(np.linalg.norm(z - end) > reach for end in (low, high)):
+        spread = np.linalg.norm(high - low) + 1e-12
+        if z is None or any(np.linalg.norm(z - end) > spread for end in (low, high)):
             return None
-        row = self.at(z, tangent, p)
+        row = self.corrected(z, tangent, p)
         row[: self.m], row[2 * self.m : self.residual] = z, self.values(z, p)
         return row if self.on_curve(row, before, here) else None
 
@@ -149,13 +149,13 @@ class Stepper:
 
         Where branches meet it gets the tangent of the curve, for its own is round-off.
         """
-        beyond, cosine, tangent = self.near(row, before, here)
+        beyond, cosine, tangent = self.deviation(row, before, here)
         if cosine < ALIGNED:
             row[self.m : 2 * self.m] = tangent
         return beyond <= 0
 
 
-class Machine(Stepper):
+class CompiledStepper(ArclengthStepper):
     """The functions of a problem, in scaled unknowns asinh(unknown/scale).
 
     Parameters
@@ -167,44 +167,44 @@ class Machine(Stepper):
         What names the problem in `kept`.
     """
 
-    def __init__(self, problem, facts, parts=None) -> None:
-        names = (facts[key] for key in ("unknowns", "scale", "roots", "folds", "values"))
+    def __init__(self, problem, layout, key=None) -> None:
+        names = (layout[key] for key in ("unknowns", "scale", "roots", "folds", "values"))
         super().__init__(*names)
-        self.numbers = facts["numbers"]
-        self._parts, self._scaled = parts, once(lambda: _Scaled(problem))
-        self.functions = Functions(self._named("machine"), self._made, self._follow())
-        self.newton = once(self._made_newton)
+        self.numbers = layout["numbers"]
+        self._key, self._scaled = key, once(lambda: _Scaled(problem))
+        self.functions = Functions(self._cache_key("stepper"), self._build, self._loop_source())
+        self.newton = once(self._build_newton)
         self.library = self.functions.library
         if self.library:
             pointer, number = ctypes.c_void_p, ctypes.c_longlong
             self.library.steps.argtypes = [*[pointer] * 3, number, number]
-            self.library.at.argtypes = [pointer] * 4
+            self.library.corrected.argtypes = [pointer] * 4
             self.library.least_norm.argtypes = [pointer] * 3
             several = [*[pointer] * 4, ctypes.c_double, *[pointer] * 3, number]
-            self.library.approach.argtypes = several
+            self.library.locate_event.argtypes = several
 
-    def _named(self, *what):
-        return self._parts and (*what, self._parts)
+    def _cache_key(self, *what):
+        return self._key and (*what, self._key)
 
-    def _made(self):
+    def _build(self):
         import casadi as ca
 
         s = self._scaled()
         linear = ca.Function("linear", [s.z, s.p], [s.g, s.jacobian])
         tests = ca.Function("tests", [s.z, s.p], [s.values, s.g / s.size, s.roots, *s.slopes])
         part, *rows = ca.SX.sym("part"), *(ca.SX.sym("row", self.size) for _ in range(3))
-        curve = ca.vertcat(*self.between(*rows[:2], part))
+        curve = ca.vertcat(*self.interpolated(*rows[:2], part))
         return {
-            "advance": self._advance(s.p, linear, tests),
+            "advance": self._build_advance(s.p, linear, tests),
             "linear": ca.Function(
                 "linear", [s.z, s.p], [ca.vertcat(s.g, ca.vec(ca.densify(s.jacobian)))]
             ),
             "values": ca.Function("values", [s.z, s.p], [s.values]),
-            "between": ca.Function("between", [*rows[:2], part], [curve]),
-            "near": ca.Function("near", rows, [ca.vertcat(*self.near(*rows))]),
+            "interpolated": ca.Function("interpolated", [*rows[:2], part], [curve]),
+            "deviation": ca.Function("deviation", rows, [ca.vertcat(*self.deviation(*rows))]),
         }
 
-    def _advance(self, p, at, tests):
+    def _build_advance(self, p, at, tests):
         """Predict, correct, tangent, tests and control as one function of (two points, control,
         parameters)."""
         import casadi as ca
@@ -225,15 +225,16 @@ class Machine(Stepper):
         new = new / ca.norm_2(new)
         values, scaled, roots, *slopes = tests(z, p)
         cosine = ca.dot(new, tangent)
-        error, arc = measures(ca.norm_inf(z - guess), ca.norm_2(z - here), cosine, step, length)
+        moved, chord = ca.norm_2(z - guess), ca.norm_2(z - here)
+        error, arc = error_and_arc(ca.norm_inf(z - guess), chord, cosine, step, length)
         side = _determinant(ca.vertcat(jacobian, border))
-        moved, residual = ca.norm_2(z - guess), ca.norm_inf(scaled)
+        residual = ca.norm_inf(scaled)
         tests = [roots, *(ca.dot(s, new) for s in slopes)]
         figures = (error, moved, moves[-1], cosine, residual, side * row[self.side])
-        made = [z, new, values, residual, arc, side, *tests, *_controlled(figures, control)]
-        return ca.Function("advance", [before, row, control, p], [ca.vertcat(*made)])
+        result = [z, new, values, residual, arc, side, *tests, *_step_control(figures, control)]
+        return ca.Function("advance", [before, row, control, p], [ca.vertcat(*result)])
 
-    def _follow(self):
+    def _loop_source(self):
         """C of the loop, with the numbers that it is made for."""
         sizes = {"M": self.m, "VALUES": len(self.tabulated), "KINDS": len(self.kinds)}
         sizes |= {"POLISH": POLISH, "ALIGNED": ALIGNED, "FULL_RANK": FULL_RANK, "TINY": TINY}
@@ -242,10 +243,10 @@ class Machine(Stepper):
         text = files(__package__).joinpath("follow.c").read_text()
         return "\n".join([*defined, '#line 1 "follow.c"', text])
 
-    def _made_newton(self, kind):
+    def _build_newton(self, kind):
         """One Newton step on the system of an event, and where its compiled form is."""
         found = Functions(
-            self._named("newton", kind), lambda: {"newton": self._scaled().newton(kind)}
+            self._cache_key("newton", kind), lambda: {"newton": self._scaled().newton(kind)}
         )
         at = found.library and ctypes.cast(found.library[f"{PREFIX}newton"], ctypes.c_void_p).value
         return found, at
@@ -254,25 +255,25 @@ class Machine(Stepper):
         """The row beyond `here`, whether it is good, and the step to try next."""
         return self.functions("advance", before, here, control, p)
 
-    def at(self, z, tangent, p):
+    def corrected(self, z, tangent, p):
         if not self.library:
-            return super().at(z, tangent, p)
-        made = np.empty(self.size)
-        self.library.at(*map(address, (p, z, tangent, made)))
-        return made
+            return super().corrected(z, tangent, p)
+        result = np.empty(self.size)
+        self.library.corrected(*map(address, (p, z, tangent, result)))
+        return result
 
     def steps(self, rows, count, control, p):
         if not self.library:
             return super().steps(rows, count, control, p)
         return self.library.steps(*map(address, (p, control, rows)), count, len(rows))
 
-    def approach(self, kind, before, here, part, ends, p):
+    def locate_event(self, kind, before, here, part, ends, p):
         newton = self.newton(kind)[1]
         if not (self.library and newton):
-            return super().approach(kind, before, here, part, ends, p)
-        made = np.empty(self.size)
-        given = newton, *map(address, (p, before, here)), part, *map(address, (*ends, made))
-        return made if self.library.approach(*given, kind in self.folds) else None
+            return super().locate_event(kind, before, here, part, ends, p)
+        result = np.empty(self.size)
+        given = newton, *map(address, (p, before, here)), part, *map(address, (*ends, result))
+        return result if self.library.locate_event(*given, kind in self.folds) else None
 
     def values(self, z, p):
         """Values to tabulate."""
@@ -297,11 +298,11 @@ class Machine(Stepper):
             *new, moved = newton("newton", x, *normal, p).tolist()
             return np.array(new), moved
 
-        x = settled(step, np.concatenate([z, *normal]))
+        x = converged(step, np.concatenate([z, *normal]))
         return None if x is None else x[: self.m]
 
 
-def settled(step, x):
+def converged(step, x):
     """Where steps x -> (next x, how far it is) come to rest to round-off, or None."""
     previous = math.inf
     for _ in range(POLISH):
@@ -355,14 +356,14 @@ class _Scaled:
         return ca.Function("newton", [x, *normal, self.p], [step])
 
 
-def measures(missed, chord, cosine, step, length):
+def error_and_arc(missed, chord, cosine, step, length):
     """Error of the cubic through two points, and length of the branch between them."""
     # errors of cubics: 1/16 times this for interpolation by extrapolation, and a margin of 2
     error = missed * (step / (step + length)) ** 2 / 8
     return error, chord * (1 + (1 - cosine) / 12)  # chord to arc of a circle, order 4
 
 
-def _controlled(figures, control):
+def _step_control(figures, control):
     """Whether a step is good, and the next one to try, in CasADi."""
     import casadi as ca
 
@@ -387,16 +388,16 @@ def _controlled(figures, control):
 
 @once
 def control_function():
-    """`_controlled` of figures and control, compiled."""
+    """`_step_control` of figures and control, compiled."""
 
-    def made():
+    def build():
         import casadi as ca
 
         figures, control = ca.SX.sym("figures", 6), ca.SX.sym("control", 6)
-        found = ca.vertcat(*_controlled(ca.vertsplit(figures), control))
+        found = ca.vertcat(*_step_control(ca.vertsplit(figures), control))
         return {"control": ca.Function("control", [figures, control], [found])}
 
-    return Functions(("control",), made)
+    return Functions(("control",), build)
 
 
 def _determinant(matrix):

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity import check
-from tensegrity.branches.arclength import Machine
+from tensegrity.branches.arclength import CompiledStepper
 from tensegrity.branches.table import Event, Table
 from tensegrity.engine.disk_cache import cached, maker
 from tensegrity.errors import TensegrityError
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 START_ITERATIONS = 50
 BISECTIONS = 45  # where Newton's method does not locate an event
-ROOM = 256  # rows, at first
+INITIAL_ROWS = 256  # rows, at first
 
 
 class ContinuationError(TensegrityError):
@@ -99,11 +99,11 @@ class Problem:
         if self.folds is None:
             object.__setattr__(self, "folds", {"fold": self.z[m - 1]})
 
-        object.__setattr__(self, "_made", once(lambda: Machine(self, _facts(self))))
+        self.__dict__["_build_stepper"] = once(lambda: CompiledStepper(self, _layout(self)))
 
     @property
-    def _machine(self):
-        return self._made()
+    def _stepper(self):
+        return self._build_stepper()
 
 
 class DerivedProblem(Problem):
@@ -121,9 +121,9 @@ class DerivedProblem(Problem):
 
     def __init__(self, make: Callable[..., Problem], *arguments: Any) -> None:
         name = maker(make, *arguments)
-        derive = once(lambda: make(*arguments))
-        machine = once(lambda: Machine(self, cached(("problem", name), lambda: _facts(self)), name))
-        self.__dict__.update(derived=derive, _made=machine)
+        key, derive = ("problem", name), once(lambda: make(*arguments))
+        build = once(lambda: CompiledStepper(self, cached(key, lambda: _layout(self)), name))
+        self.__dict__.update(derived=derive, _build_stepper=build)
 
 
 def _field_of(name: str) -> Any:
@@ -134,8 +134,8 @@ for _field in fields(Problem):
     setattr(DerivedProblem, _field.name, _field_of(_field.name))
 
 
-def _facts(problem):
-    """What a `Machine` has to know of a problem besides its functions."""
+def _layout(problem):
+    """What a `CompiledStepper` has to know of a problem besides its functions."""
     return {
         "unknowns": list(problem.unknowns),
         "scale": list(problem.scale),
@@ -247,20 +247,20 @@ def trace(
         If the start is not near a solution, the step falls below the smallest one or `points`
         rows do not reach an end; its `branch` holds the rows so far.
     """
-    settings, machine = settings or Settings(), problem._machine
-    start, p = _checked(machine, start, parameters, direction, stop)
-    rows, events, end = _walked(machine, start, p, settings, direction, stop)
-    branch = _branch(machine, rows, events, end if end in machine.kinds else "failed")
-    if end not in machine.kinds:
-        failure = ContinuationError(f"{end}; last good point {_shown(machine, rows[-1])}")
+    settings, stepper = settings or Settings(), problem._stepper
+    start, p = _checked(stepper, start, parameters, direction, stop)
+    rows, events, end = _follow_branch(stepper, start, p, settings, direction, stop)
+    branch = _branch(stepper, rows, events, end if end in stepper.kinds else "failed")
+    if end not in stepper.kinds:
+        failure = ContinuationError(f"{end}; last good point {_formatted(stepper, rows[-1])}")
         failure.branch = branch
         raise failure
     return branch
 
 
-def _walked(machine, start, p, settings, direction, stop):
+def _follow_branch(stepper, start, p, settings, direction, stop):
     """Rows, events (kind, row, point) and the kind of event, or the failure, that ends them."""
-    first = _first_point(machine, start, p, settings, direction)
+    first = _first_point(stepper, start, p, settings, direction)
     control = np.array(
         [
             min(settings.first, settings.largest),
@@ -272,37 +272,37 @@ def _walked(machine, start, p, settings, direction, stop):
         ]
     )
     most, count, events, folds = settings.points, 1, [], []
-    rows = np.empty((min(ROOM, most), machine.size))
-    rows[0], rows[0, machine.length] = first, control[0]  # its length: the predictor has one
-    for i, test in enumerate(first[machine.tests :].tolist()):
-        if abs(test) <= machine.vanishing[i]:
-            rows[0, machine.tests + i] = 0.0  # it gets a sign with the first step
-            if i >= len(machine.roots):
+    rows = np.empty((min(INITIAL_ROWS, most), stepper.size))
+    rows[0], rows[0, stepper.length] = first, control[0]  # its length: the predictor has one
+    for i, test in enumerate(first[stepper.tests :].tolist()):
+        if abs(test) <= stepper.vanishing[i]:
+            rows[0, stepper.tests + i] = 0.0  # it gets a sign with the first step
+            if i >= len(stepper.roots):
                 folds.append(i)
             else:
-                events.append((machine.kinds[i], 0, first))
+                events.append((stepper.kinds[i], 0, first))
     while count < most:
         if count == len(rows):
             rows = np.concatenate([rows, np.empty_like(rows)])[:most]
-        last, count = count, machine.steps(rows, count, control, p)
+        last, count = count, stepper.steps(rows, count, control, p)
         if count == last:
             return rows[:count], events, f"the step fell below {settings.smallest:g}"
         if folds:
-            events += _starting_folds(machine, rows, folds, p)
+            events += _starting_folds(stepper, rows, folds, p)
             folds = []
         before, here = rows[count - 2], rows[count - 1]
-        for kind, point in _located(machine, before, here, p):
+        for kind, point in _events_between(stepper, before, here, p):
             events.append((kind, count - 1 - (kind not in stop), point))
             if kind in stop:
-                here[:] = _measured(machine, before, point)
+                here[:] = _with_length(stepper, before, point)
                 return rows[:count], events, kind
     return rows, events, f"{most} rows do not reach an end"
 
 
-def _checked(machine, start, parameters, direction, stop):
+def _checked(stepper, start, parameters, direction, stop):
     p = np.asarray(parameters, dtype=float).ravel()
     start = np.asarray(start, dtype=float).ravel()
-    m, k = machine.m, machine.numbers
+    m, k = stepper.m, stepper.numbers
     if p.size != k or start.size != m:
         raise TensegrityError(
             f"{start.size} start values and {p.size} parameters do not suit the problem, must be "
@@ -313,21 +313,21 @@ def _checked(machine, start, parameters, direction, stop):
     if direction not in (1, -1):
         raise TensegrityError(f"direction {direction!r} must be 1 or -1")
     for kind in stop:
-        if kind not in machine.kinds:
-            raise TensegrityError(f"stop {kind!r} is not among {machine.kinds}")
-    return np.arcsinh(start / machine.scale), p
+        if kind not in stepper.kinds:
+            raise TensegrityError(f"stop {kind!r} is not among {stepper.kinds}")
+    return np.arcsinh(start / stepper.scale), p
 
 
-def _shown(machine, row):
-    values = zip(machine.names, np.sinh(row[: machine.m]) * machine.scale, strict=True)
+def _formatted(stepper, row):
+    values = zip(stepper.names, np.sinh(row[: stepper.m]) * stepper.scale, strict=True)
     return ", ".join(f"{name} {value:.9g}" for name, value in values)
 
 
-def _first_point(machine, z, p, settings, direction):
+def _first_point(stepper, z, p, settings, direction):
     """Nearest solution by least-norm Newton steps, which work at a fold as elsewhere."""
     residual = math.nan
     for _ in range(START_ITERATIONS):
-        move, tangent = machine.least_norm(z, p)
+        move, tangent = stepper.least_norm(z, p)
         moves = move.tolist()
         finite = math.isfinite(sum(moves))
         if not finite:
@@ -337,36 +337,36 @@ def _first_point(machine, z, p, settings, direction):
             break
     if finite:
         lead = tangent[-1] if abs(tangent[-1]) > 1e-8 else tangent[np.argmax(np.abs(tangent))]
-        point = machine.at(z, tangent if lead * direction > 0 else -tangent, p)
-        residual = point[machine.residual]
+        point = stepper.corrected(z, tangent if lead * direction > 0 else -tangent, p)
+        residual = point[stepper.residual]
     if not residual <= settings.residual:
         raise ContinuationError(
-            f"no solution near the start: residual {residual:.3g} at {_shown(machine, z)} is "
+            f"no solution near the start: residual {residual:.3g} at {_formatted(stepper, z)} is "
             f"above {settings.residual:g}"
         )
     return point
 
 
-def _starting_folds(machine, rows, folds, p):
+def _starting_folds(stepper, rows, folds, p):
     """Which of the folds that vanish at the first row are events: they change sign there."""
     here, control = rows[0].copy(), np.zeros(6)
-    here[machine.length], control[0] = 1.0, -rows[1, machine.length]
-    back = machine.advance(machine.before(here), here, control, p)
-    places = [(machine.kinds[i], machine.tests + i) for i in folds]
+    here[stepper.length], control[0] = 1.0, -rows[1, stepper.length]
+    back = stepper.advance(stepper.before(here), here, control, p)
+    places = [(stepper.kinds[i], stepper.tests + i) for i in folds]
     return [(kind, 0, rows[0].copy()) for kind, at in places if back[at] * rows[1, at] < 0]
 
 
-def _located(machine, before, here, p):
+def _events_between(stepper, before, here, p):
     """Events between two points, in their order: (kind, point).
 
     A root may be passed twice in a step that holds a fold: the fold divides it.
     """
-    m, roots = machine.m, len(machine.roots)
-    signs, tests = before[machine.tests :].tolist(), here[machine.tests :].tolist()
+    m, roots = stepper.m, len(stepper.roots)
+    signs, tests = before[stepper.tests :].tolist(), here[stepper.tests :].tolist()
     crossed = [i for i, test in enumerate(tests) if signs[i] * test < 0]
 
     def event(i, start, end):
-        return machine.kinds[i], _locate(machine, start, end, i, signs[i], p)
+        return stepper.kinds[i], _locate(stepper, start, end, i, signs[i], p)
 
     def place(one):
         return (one[1][:m] - before[:m]) @ before[m : 2 * m]
@@ -380,69 +380,69 @@ def _located(machine, before, here, p):
     else:
         start = before
         for end in (*(fold for _, fold in ordered(found)), here):
-            tests = end[machine.tests :].tolist()
+            tests = end[stepper.tests :].tolist()
             part = [i for i in range(roots) if signs[i] * tests[i] < 0]
-            found += [event(i, start, _measured(machine, start, end)) for i in part]
+            found += [event(i, start, _with_length(stepper, start, end)) for i in part]
             if end is not here:
                 start, signs = end, [new or old for new, old in zip(tests, signs, strict=True)]
-    if before[machine.side] * here[machine.side] < 0:
-        found.append(("bifurcation", _bifurcation(machine, before, here, p)))
+    if before[stepper.side] * here[stepper.side] < 0:
+        found.append(("bifurcation", _bifurcation(stepper, before, here, p)))
     return ordered(found)
 
 
-def _measured(machine, start, end):
+def _with_length(stepper, start, end):
     """A point with its distance from another one as the length of the step to it."""
     end = end.copy()
-    end[machine.length] = math.dist(start[: machine.m].tolist(), end[: machine.m].tolist())
+    end[stepper.length] = math.dist(start[: stepper.m].tolist(), end[: stepper.m].tolist())
     return end
 
 
-def _locate(machine, before, here, number, sign, p):
+def _locate(stepper, before, here, number, sign, p):
     """The point where an event function vanishes between two points."""
-    test = machine.tests + number
+    test = stepper.tests + number
     low = 0.0, float(before[test]), before
     high = 1.0, float(here[test]), here
     for _ in range(BISECTIONS):
         part = low[0] + (high[0] - low[0]) * low[1] / (low[1] - high[1])
         ends = low[2], high[2]
-        point = machine.approach(machine.kinds[number], before, here, part, ends, p)
+        point = stepper.locate_event(stepper.kinds[number], before, here, part, ends, p)
         if point is not None:
             return point
         part = (low[0] + high[0]) / 2
-        middle = machine.at(*machine.between(before, here, part), p)
+        middle = stepper.corrected(*stepper.interpolated(before, here, part), p)
         if middle[test] * sign > 0:
             low = part, float(middle[test]), middle
         else:
             high = part, float(middle[test]), middle
-    machine.on_curve(middle, before, here)
+    stepper.on_curve(middle, before, here)
     return middle
 
 
-def _bifurcation(machine, before, here, p):
+def _bifurcation(stepper, before, here, p):
     """The point where the bordered determinant changes its sign between two points."""
     low, high = 0.0, 1.0
     for _ in range(BISECTIONS):
         middle = (low + high) / 2
-        point = machine.at(*machine.between(before, here, middle), p)
-        if point[machine.side] * before[machine.side] > 0:
+        point = stepper.corrected(*stepper.interpolated(before, here, middle), p)
+        if point[stepper.side] * before[stepper.side] > 0:
             low = middle
         else:
             high = middle
     return point
 
 
-def _branch(machine, rows, events, end):
-    m, count = machine.m, len(rows)
-    names, values = (*machine.names, *machine.tabulated), machine.residual
+def _branch(stepper, rows, events, end):
+    m, count = stepper.m, len(rows)
+    names, values = (*stepper.names, *stepper.tabulated), stepper.residual
     data = np.concatenate([rows, *(point[None] for _, _, point in events)])
     table = data[:, m:values].copy()
-    table[:, :m] = np.sinh(data[:, :m]) * machine.scale  # in the place of tangents
+    table[:, :m] = np.sinh(data[:, :m]) * stepper.scale  # in the place of tangents
     listed = [
         Event(kind, row, dict(zip(names, at, strict=True)))
         for (kind, row, _), at in zip(events, table[count:].tolist(), strict=True)
     ]
     columns = dict(zip(names, table[:count].T.copy(), strict=True))
-    rows[0, machine.length] = 0.0
-    arc = np.add.accumulate(rows[:, machine.length])
+    rows[0, stepper.length] = 0.0
+    arc = np.add.accumulate(rows[:, stepper.length])
     z, tangent, residual = table[:count, :m], rows[:, m : 2 * m].copy(), rows[:, values]
     return Branch(columns, listed, end, z, tangent, arc, residual)

@@ -71,10 +71,10 @@ def refined_fold(problem: Problem, fold: str, z: ArrayLike, parameters: ArrayLik
     """Unknowns (m,) at the fold next to z, located on the extended system; None if it fails."""
     p, scale = np.asarray(parameters, dtype=float), np.array(problem.scale)
     z = np.arcsinh(np.asarray(z, dtype=float) / scale)
-    z = problem._machine.polish(fold, z, _tangent(problem, z, p), p)
+    z = problem._stepper.polish(fold, z, _tangent(problem, z, p), p)
     return None if z is None else np.sinh(z) * scale
 
 
 def _tangent(problem: Problem, z: Array, p: Array) -> Array:
     """Unit tangent of the branch through a point, in scaled unknowns."""
-    return np.linalg.svd(problem._machine.linearised(z, p)[1])[2][-1]
+    return np.linalg.svd(problem._stepper.linearised(z, p)[1])[2][-1]

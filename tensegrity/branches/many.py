@@ -14,15 +14,15 @@ import numpy as np
 
 from tensegrity.branches.arclength import (
     ITERATIONS,
-    Stepper,
+    ArclengthStepper,
     control_function,
-    measures,
-    settled,
+    converged,
+    error_and_arc,
 )
 from tensegrity.typing import Array, Indices
 
 CONSTANT = 1e-13  # part of a unit tangent below which an unknown does not change: no fold
-SECANT, REACH = 1e-4, 0.2  # first and largest step of a secant, in scaled unknowns
+SECANT, LARGEST_SECANT = 1e-4, 0.2  # first and largest step of a secant, in scaled unknowns
 
 
 class Equations(Protocol):
@@ -44,19 +44,19 @@ class Equations(Protocol):
         """Gradient of one of them, (m,)."""
 
 
-class ManyProblem(Stepper):
+class ManyProblem(ArclengthStepper):
     """A problem for `trace`, of `Equations`; without parameters, in unknowns asinh(u/scale)."""
 
     numbers = 0
 
-    def __init__(self, of: Any) -> None:
-        super().__init__(of.names, of.scale, of.roots, of.folds)
-        self.of, self._stationary = of, list(of.folds.values())
-        for number in of.leaving:
+    def __init__(self, equations: Any) -> None:
+        super().__init__(equations.names, equations.scale, equations.roots, equations.folds)
+        self.equations, self._stationary = equations, list(equations.folds.values())
+        for number in equations.leaving:
             self.vanishing[number] = math.inf
 
     @property
-    def _machine(self) -> Self:
+    def _stepper(self) -> Self:
         return self
 
     def unknowns(self, z: Array) -> Array:
@@ -65,7 +65,7 @@ class ManyProblem(Stepper):
 
     def linearised(self, z: Array, p: Any) -> tuple[Array, Array]:
         """Residual and Jacobian in scaled unknowns."""
-        g, jacobian = self.of.linearised(self.unknowns(z))
+        g, jacobian = self.equations.linearised(self.unknowns(z))
         return g, jacobian * (np.cosh(z) * self.scale)
 
     def values(self, z: Array, p: Any) -> Any:
@@ -87,7 +87,7 @@ class ManyProblem(Stepper):
             right[: m - 1], right[m - 1] = g, tangent @ (z - guess)
             move, info = lapack.dgesv(matrix, right)[2:]
             if info or not np.isfinite(move).all():
-                return self._nowhere(z, control)
+                return self._rejected_row(z, control)
             z, last = z - move, float(np.abs(move).max())
         g, matrix[: m - 1] = self.linearised(z, None)
         factors, pivots, info = lapack.dgetrf(matrix)
@@ -96,20 +96,20 @@ class ManyProblem(Stepper):
         new = lapack.dgetrs(factors, pivots, end)[0]
         size = np.linalg.norm(new)
         if info or not np.isfinite(size):
-            return self._nowhere(z, control)
+            return self._rejected_row(z, control)
         new = new / size
         swaps = np.count_nonzero(pivots != np.arange(m))
         side = float(np.prod(np.sign(np.diag(factors)))) * (-1) ** swaps
         missed, chord, cosine = z - guess, np.linalg.norm(z - here[:m]), float(new @ tangent)
-        error, arc = measures(np.abs(missed).max(), chord, cosine, step, here[self.length])
+        error, arc = error_and_arc(np.abs(missed).max(), chord, cosine, step, here[self.length])
         parts = new[self._stationary]
         parts[np.abs(parts) <= CONSTANT] = 0.0
         residual, sides = np.abs(g).max(), side * here[self.side]
         figures = [error, np.linalg.norm(missed), last, cosine, residual, sides]
-        row = [z, new, [residual, arc, side], self.of.tests(self.unknowns(z)), parts]
+        row = [z, new, [residual, arc, side], self.equations.tests(self.unknowns(z)), parts]
         return np.concatenate([*row, control_function()("control", figures, control)])
 
-    def _nowhere(self, z: Array, control: Array) -> Array:
+    def _rejected_row(self, z: Array, control: Array) -> Array:
         row = self.row(z, np.zeros(self.m), 0.0)
         row[self.residual] = math.inf
         return np.append(row, [0.0, control[0] / 10])
@@ -127,31 +127,31 @@ class ManyProblem(Stepper):
         def step(z: Array) -> tuple[Array, float]:
             u = self.unknowns(z)
             rates = np.cosh(z) * self.scale
-            g, jacobian = self.of.linearised(u)
-            row = self.of.test_gradient(u, number) * rates
-            right = np.append(g, self.of.tests(u)[number])
+            g, jacobian = self.equations.linearised(u)
+            row = self.equations.test_gradient(u, number) * rates
+            right = np.append(g, self.equations.tests(u)[number])
             try:
                 new = z - np.linalg.solve(np.vstack([jacobian * rates, row]), right)
             except np.linalg.LinAlgError:
                 return z, math.nan
             return new, float(np.linalg.norm((new - z) / (1 + np.abs(new))))
 
-        return settled(step, z)
+        return converged(step, z)
 
     def _stationary_at(self, number: int, z: Array, tangent: Array) -> Array | None:
         """Where the tangent has no part in an unknown, by the secant method; None if it fails."""
 
         def secant(x: tuple[Array, Array, float, float]) -> tuple[Any, float]:
-            z, tangent, step, reach = x
-            z, new = self._along(z + step * tangent, tangent)
+            z, tangent, step, largest = x
+            z, new = self._point_and_tangent(z + step * tangent, tangent)
             step *= -new[number] / (new[number] - tangent[number])
-            good = new.any() and abs(step) < max(reach / 2, 1e-11)
+            good = new.any() and abs(step) < max(largest / 2, 1e-11)
             return (z, new, step, abs(step)), abs(step) if good else math.nan
 
-        x = settled(secant, (*self._along(z, tangent), SECANT, REACH))
+        x = converged(secant, (*self._point_and_tangent(z, tangent), SECANT, LARGEST_SECANT))
         return None if x is None else x[0] + x[2] * x[1]
 
-    def _along(self, z: Array, tangent: Array) -> tuple[Array, Array]:
+    def _point_and_tangent(self, z: Array, tangent: Array) -> tuple[Array, Array]:
         """z and tangent of the point of the branch next to z."""
-        row = self.at(z, tangent, None)
+        row = self.corrected(z, tangent, None)
         return row[: self.m], row[self.m : 2 * self.m]

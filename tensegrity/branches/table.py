@@ -86,13 +86,13 @@ class Table:
         if not isinstance(key, slice):
             return {name: column[key] for name, column in self.columns.items()}
         rows = range(len(self))[key]
-        kept = {row: number for number, row in enumerate(rows)}
+        new_row = {row: number for number, row in enumerate(rows)}
         part = object.__new__(type(self))
         part.__dict__.update(self.__dict__)
         part.__dict__.update((name, getattr(self, name)[key]) for name in self._by_row)
         part.columns = {name: column[key] for name, column in self.columns.items()}
-        part.events = tuple(replace(e, row=kept[e.row]) for e in self.events if e.row in kept)
-        if len(self) - 1 not in kept:
+        part.events = tuple(replace(e, row=new_row[e.row]) for e in self.events if e.row in new_row)
+        if len(self) - 1 not in new_row:
             part.end = "cut here"
         return part
 

@@ -31,11 +31,11 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array
 
     Columns = dict[str, Any]
-    Found = tuple[str, int, dict[str, float]]  # kind, row, numbers
-    Parts = tuple[list[Columns], list[Found], str, bool]  # end, and whether it begins upright
+    LocatedEvent = tuple[str, int, dict[str, float]]  # kind, row, numbers
+    PathParts = tuple[list[Columns], list[LocatedEvent], str, bool]  # end, upright start
 
 DIGITS = 40  # decimals in which numbers are computed before they are rounded
-NOTHING = 1e-30  # of a number with some prestrain: none without
+NEGLIGIBLE = 1e-30  # of a number with some prestrain: none without
 SAMPLES = 4000  # elongations among which a limit point is looked for
 STATE = ("height", "twist", "base", "load")  # columns of a path
 ROWS = 200  # of a path
@@ -103,7 +103,7 @@ def _about(prism: Any, height: float, preload: float) -> Potential:
     if prism.prestrain == 0:  # what is proportional to it is round-off of many decimals
         sizes = exact("parameters", replace(prism, prestrain=0.1), height, preload)
         pairs = zip(numbers, sizes, strict=True)
-        numbers = [x if abs(x) > NOTHING * abs(y) else x * 0 for x, y in pairs]
+        numbers = [x if abs(x) > NEGLIGIBLE * abs(y) else x * 0 for x, y in pairs]
     values = dict(zip(law.parameters, numbers, strict=True))
     (locking_squared,) = exact("locking height squared", prism)
     if locking_squared <= 0:
@@ -186,7 +186,9 @@ def _roles() -> dict[str, str]:
     return cached(("roles of the rigid law",), make)
 
 
-def rigid_path(prism: Any, min_height: float, max_load: float, max_height: float | None) -> Parts:
+def rigid_path(
+    prism: Any, min_height: float, max_load: float, max_height: float | None
+) -> PathParts:
     """Rows of the closed form, closer towards where the prism locks, and events."""
     potential = prism.potential()
     low, _ = potential.domain
@@ -221,7 +223,7 @@ def rigid_path(prism: Any, min_height: float, max_load: float, max_height: float
 
     rows, upright = 0, False
     if max_height is not None:
-        up = _stretched(prism, potential, max_height)
+        up = _tension_side(prism, potential, max_height)
         r, rows = np.concatenate([up, r]), len(up)
         upright = max_height - prism.height >= potential.domain[1]
     columns = _rigid_columns(prism, potential, r)
@@ -238,7 +240,7 @@ def rigid_path(prism: Any, min_height: float, max_load: float, max_height: float
     return [columns], listed, kind, upright
 
 
-def _stretched(prism: Any, potential: Potential, max_height: float) -> Array:
+def _tension_side(prism: Any, potential: Potential, max_height: float) -> Array:
     """Elongations above the reference, the highest first."""
     top = min(max_height - prism.height, potential.domain[1])
     part = np.linspace(1.0, 0.0, ROWS + 1)[:-1]

@@ -252,22 +252,22 @@ class ElasticPotential(Potential):
         """Law, its parameters and its reach: the widest on which few iterations are enough."""
         low, high = self._domain
         return (
-            self._settled(low, high)
+            self._compiled_on(low, high)
             or self._widest(lambda part: (low * part, high))
             or self._widest(lambda part: (low, high * part))
             or (None, np.empty(0), (math.inf, -math.inf))
         )
 
     def _widest(self, ends):
-        """What `_settled` finds for the largest part of the domain for which it finds something."""
+        """The result of `_compiled_on` on the largest part of the domain where there is one."""
         found, good, bad = None, 0.0, 1.0
         for _ in range(HALVINGS):
             part = (good + bad) / 2
-            shorter = self._settled(*ends(part))
+            shorter = self._compiled_on(*ends(part))
             found, good, bad = (shorter, part, bad) if shorter else (found, good, part)
         return found
 
-    def _settled(self, low, high):
+    def _compiled_on(self, low, high):
         """Law, parameters and reach for elongations in an interval; None if it takes too many
         iterations."""
         values = self._numbers(low, high, self._fitted(low, high))

@@ -61,16 +61,16 @@ def bar_contact(path: EquilibriumPath | StructurePath, diameter: float) -> BarCo
         )
     found = None
     for numbers, ends in pairs:
-        apart = distances(x, ends) - diameter
-        touching = np.flatnonzero(apart <= 0)
+        gaps = distances(x, ends) - diameter
+        touching = np.flatnonzero(gaps <= 0)
         if not touching.size:
             continue
         row = int(touching[0])
         place = float(row)
         if row:
-            place = row - 1 + float(apart[row - 1] / (apart[row - 1] - apart[row]))
+            place = row - 1 + float(gaps[row - 1] / (gaps[row - 1] - gaps[row]))
         if found is None or place < found[0]:
-            found = place, numbers, float(apart[0] + diameter)
+            found = place, numbers, float(gaps[0] + diameter)
     if found is None:
         return None
     rows = np.arange(len(along))

@@ -34,7 +34,7 @@ ITERATIONS = 10
 ROUND_OFF = 1e-11
 SETTLED = 1e-14  # the last move of Newton's method, or a small one that is round-off
 FEW = 5e-3  # of the height, the size of offsets
-OFF = 1e3  # misfit of parameters that have no such curve, over the largest load
+NO_CURVE = 1e3  # misfit of parameters that have no such curve, over the largest load
 RESOLVED = 1e-12  # of the largest load: the least noise that computed loads can resolve
 STEPS = 200  # to an interval's end, at most: three to five where a parameter is identified
 MOVES = 1000  # to the least misfit, at most
@@ -45,7 +45,7 @@ STUCK = 1e-6  # of what a step must gain: where not even that is found
 BORDER = 0.1  # of the noise: by how much residuals of a fit may miss the least
 
 
-def loads(prism: Prism, x: Array) -> Array:
+def traced_loads(prism: Prism, x: Array) -> Array:
     """Loads [N] at shortenings [m], by a branch traced from the reference."""
     return -_potential_within(prism, x).tension(-x)
 
@@ -78,7 +78,7 @@ class Curve:
         self._step, self._last = _functions(*kind_of(prism))
         self._at, self._inner, self._rates = self._traced(np.zeros(len(NAMES) + 1))
 
-    def made(self, theta: Array) -> Prism:
+    def prism_at(self, theta: Array) -> Prism:
         """The prism of some logarithms of parameters over the first ones, (5,) as `NAMES`."""
         changed = {
             name: getattr(self.prism, name) * math.exp(value)
@@ -106,7 +106,7 @@ class Curve:
         return load, slopes
 
     def _traced(self, theta: Array) -> tuple[Array, Array, Array]:
-        potential = _potential_within(self.made(theta), self.x + theta[-1])
+        potential = _potential_within(self.prism_at(theta), self.x + theta[-1])
         if not isinstance(potential, ElasticPotential):
             raise TensegrityError("k_base inf and k_bar inf: the prism must have elastic members")
         inner = potential.states(-(self.x + theta[-1]))[:, :-1]
@@ -187,13 +187,13 @@ class Misfit:
         return theta
 
     def __call__(self, z: Array) -> tuple[Array, Array]:
-        """The misfits, (points,), all `OFF` where there is no such curve; (points, unknowns)."""
+        """Misfits, (points,), all `NO_CURVE` where no such curve exists; (points, unknowns)."""
         key = z.tobytes()
         if key != self._last[0]:  # SciPy wants one after the other
             try:
                 computed, slopes = self.curve(self.theta(z))
             except TensegrityError:
-                found = np.full(len(self.y), OFF), np.zeros((len(self.y), len(z)))
+                found = np.full(len(self.y), NO_CURVE), np.zeros((len(self.y), len(z)))
             else:
                 slopes = slopes[:, self.places] * self.weights / self.size
                 found = (computed - self.y) / self.size, slopes
@@ -222,11 +222,11 @@ def intervals(
             "the residuals are not least: no intervals"
         )
     width = max(quantile * noise, FINEST * float(np.linalg.norm(r)))
-    shift = at.theta(_felt(at, FAINT * noise))
-    centre, offset = at.curve.made(shift), offset + float(shift[-1])
+    shift = at.theta(_kept_sensitive(at, FAINT * noise))
+    centre, offset = at.curve.prism_at(shift), offset + float(shift[-1])
     at, found = Misfit(centre, x + offset, y, names), {}
     for k, name in enumerate(names):
-        low, high = (_end(at, k, side, width) for side in (-1, 1))
+        low, high = (_interval_end(at, k, side, width) for side in (-1, 1))
         if name == "offset":
             found[name] = offset + at.weights[k] * low, offset + at.weights[k] * high
         else:
@@ -235,7 +235,7 @@ def intervals(
     return found
 
 
-def _felt(at: Misfit, change: float) -> Array:
+def _kept_sensitive(at: Misfit, change: float) -> Array:
     """Unknowns as good as the best ones, none so extreme that the misfit does not feel it."""
     z = np.zeros(len(at.places))
     r, slopes = at(z)
@@ -248,7 +248,7 @@ def _felt(at: Misfit, change: float) -> Array:
     return z
 
 
-def _end(at: Misfit, k: int, side: int, width: float) -> float:
+def _interval_end(at: Misfit, k: int, side: int, width: float) -> float:
     """Where the misfit, least in all unknowns but one, leaves the least of all by width^2.
 
     Newton's method between brackets on the root of what it leaves: almost linear in the one.
@@ -261,8 +261,8 @@ def _end(at: Misfit, k: int, side: int, width: float) -> float:
     for _ in range(STEPS):
         z = inside.copy()
         z[k] = side * new
-        z, r, slopes = _settled(at, others, z, ENDED * width**2)
-        left = math.inf if r[0] == OFF else math.sqrt(max(float(r @ r - least), 0.0))
+        z, r, slopes = _least_misfit(at, others, z, ENDED * width**2)
+        left = math.inf if r[0] == NO_CURVE else math.sqrt(max(float(r @ r - least), 0.0))
         if abs(left - width) <= ENDED * width:
             return float(z[k])
         if left > width:
@@ -283,7 +283,7 @@ def _end(at: Misfit, k: int, side: int, width: float) -> float:
     raise EquilibriumError(f"no end of the interval of {at.names[k]} found in {STEPS} steps")
 
 
-def _settled(at: Misfit, free: Any, z: Array, gain: float) -> tuple[Array, Array, Array]:
+def _least_misfit(at: Misfit, free: Any, z: Array, gain: float) -> tuple[Array, Array, Array]:
     """Where the misfit is least in some unknowns, to `gain` of its square; misfit, derivatives.
 
     Levenberg's method, no change of an unknown above 1.  Damped steps that gain nothing may be too

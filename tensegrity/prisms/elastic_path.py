@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from typing import Any
 
     from tensegrity.branches.continuation import Branch
-    from tensegrity.prisms.closed import Columns, Found, Parts
+    from tensegrity.prisms.closed import Columns, LocatedEvent, PathParts
     from tensegrity.prisms.prism import Prism
 
 ROWS = 200  # of the part where base strings are slack
@@ -32,7 +32,7 @@ FLAT = {"height": 0.0, "load": 0.0}  # exactly, by symmetry
 
 def elastic_path(
     prism: Prism, min_height: float, max_load: float, max_height: float | None, past_contact: bool
-) -> Parts:
+) -> PathParts:
     """Rows and events; tension states, where asked for, before the reference."""
     level = min_height if min_height > 0 else -prism.height
     stop = ("flat", "height", "load", *(() if past_contact else ("contact",)))
@@ -46,17 +46,17 @@ def elastic_path(
         parts, rows = [tension, *parts], len(up) - 1
         above = [(kind, max(rows - 1 - row, 0), at) for kind, row, at in above[::-1] if row > 0]
         if up.end == "unloaded":
-            hanging = _hanging(prism, max_height, tension)
-            parts, rows = [hanging, *parts], rows + len(hanging["height"])
-            upright = bool(hanging["height"][0] < max_height)
-            above = [(kind, row + len(hanging["height"]), at) for kind, row, at in above]
+            upright_rows = _upright(prism, max_height, tension)
+            parts, rows = [upright_rows, *parts], rows + len(upright_rows["height"])
+            upright = bool(upright_rows["height"][0] < max_height)
+            above = [(kind, row + len(upright_rows["height"]), at) for kind, row, at in above]
         events = [*above, *((kind, row + rows, at) for kind, row, at in events)]
     return parts, events, down.end, upright
 
 
 def _branch(
     prism: Prism, p: list[float], direction: int, stop: tuple[str, ...]
-) -> tuple[Branch, list[Found]]:
+) -> tuple[Branch, list[LocatedEvent]]:
     """The branch in the problem's units, and its events in SI units as (kind, row, numbers)."""
     of, start = problem(*kind_of(prism)), np.zeros(4 - kind_of(prism)[0])
     branch = trace(of, start, p, SETTINGS, direction, stop)
@@ -99,7 +99,7 @@ def _columns(prism: Prism, branch: Branch) -> Columns:
     return columns | {"stable_load": by_load, "stable_height": by_height}
 
 
-def _hanging(prism: Prism, max_height: float, below: Columns) -> Columns:
+def _upright(prism: Prism, max_height: float, below: Columns) -> Columns:
     """Rows above the point where base strings and bars unload, the highest first.
 
     The upright states of `derivations.mixed`.  The energy is a sum of squares with positive weights
@@ -108,7 +108,7 @@ def _hanging(prism: Prism, max_height: float, below: Columns) -> Columns:
     cross, _, bar = prism.natural_lengths()
     height = np.linspace(below["height"][0], min(max_height, bar), ROWS + 1)[:0:-1]
     symbols = height, prism.k_cross, cross, bar
-    twist, base_squared, load = run(derived(_hanging_forms, prism.sides), np, symbols)
+    twist, base_squared, load = run(derived(_upright_forms, prism.sides), np, symbols)
     true = np.ones(ROWS, dtype=bool)
     return {
         "height": height,
@@ -120,7 +120,7 @@ def _hanging(prism: Prism, max_height: float, below: Columns) -> Columns:
     }
 
 
-def _hanging_forms(sides: int) -> tuple[list[Any], tuple[Any, ...]]:
+def _upright_forms(sides: int) -> tuple[list[Any], tuple[Any, ...]]:
     """(twist, squared base, load) of height, k_cross, natural lengths of cross string and bar."""
     from derivations import mixed, prism, regular
 

@@ -38,7 +38,9 @@ def _forms(rigid_base: bool, any_sides: bool) -> Any:
         "load": derived.load(of),
         "energy": derived.stored_energy(of),
     }
-    forms |= dict(zip(("cross_pull", "base_pull", "bar_pull"), derived.tensions(of), strict=True))
+    forms |= dict(
+        zip(("cross_tension", "base_tension", "bar_tension"), derived.tensions(of), strict=True)
+    )
     forms |= dict(zip(("cross_length", "width", "bar_length"), derived.lengths(of), strict=True))
     given = [p[i] for i in range(p.numel()) if i not in (4, 5)]  # where a branch ends is no form
     values = to_casadi(list(forms.values()), symbols)(*unknowns, *given)
@@ -67,8 +69,8 @@ def _problem(rigid_base: bool, any_sides: bool) -> Problem:
 
     z, p, form = _forms(rigid_base, any_sides)
     reference = math.pi / 2 + math.pi / p[6] if any_sides else float(REFERENCE_TWIST)
-    pulls = ca.vertcat(form["cross_pull"], form["base_pull"], form["bar_pull"])
-    force = ca.norm_2(pulls) + LEAST
+    tensions = ca.vertcat(form["cross_tension"], form["base_tension"], form["bar_tension"])
+    force = ca.norm_2(tensions) + LEAST
     names = ("twist", "bar") if rigid_base else ("base", "twist", "bar")
     sizes = {"base": force, "twist": force, "bar": form["bar_length"] ** 2}
     height = p[0] + form["rise"]
@@ -79,8 +81,8 @@ def _problem(rigid_base: bool, any_sides: bool) -> Problem:
         ca.vertcat(*(form[name] for name in names)),
         size=ca.vertcat(*(sizes[name] for name in names)),
         roots={
-            "contact": form["cross_pull"],
-            "unloaded": form["bar_pull"] if rigid_base else form["base_pull"],
+            "contact": form["cross_tension"],
+            "unloaded": form["bar_tension"] if rigid_base else form["base_tension"],
             "flat": height,
             "height": height - p[4],
             "load": form["load"] - p[5],
@@ -135,9 +137,9 @@ def tangent(rigid_base: bool, any_sides: bool) -> Any:
     matrix = ca.jacobian(ca.vertcat(*rows), z)[:, order] @ ca.diag(ca.vertcat(*columns))
     # the equations take b from its tension; the energy takes it from the coordinates
     multiplier = matrix[-2, :]
-    share = multiplier.T * form["bar_pull"] / (sides * form["bar_length"])
-    share[-2] = 0
-    return ca.Function("tangent", [z, p], [matrix - share @ multiplier])
+    coupling = multiplier.T * form["bar_tension"] / (sides * form["bar_length"])
+    coupling[-2] = 0
+    return ca.Function("tangent", [z, p], [matrix - coupling @ multiplier])
 
 
 @once

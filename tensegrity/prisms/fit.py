@@ -19,7 +19,7 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import EquilibriumError, TensegrityError
-from tensegrity.prisms.curve import NAMES, OFF, RESOLVED, Misfit, intervals, loads
+from tensegrity.prisms.curve import NAMES, NO_CURVE, RESOLVED, Misfit, intervals, traced_loads
 from tensegrity.prisms.prism import Prism
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ LARGE = 0.3  # relative standard error from which a parameter counts as not iden
 SAME = 1e-9  # of the largest load: two ways to the loads agree
 POOR = 0.5  # of the loads' squares left by a curve that is not theirs
 FOREIGN = 10  # times the loads of the given prism: in another unit
-LIKELY = 3.0  # times a given noise: what noise may explain
+EXPLAINED = 3.0  # times a given noise: what noise may explain
 CONTRADICTED = 1e4  # times a given noise: more than a fit may leave
 
 
@@ -138,7 +138,7 @@ class Fit:
         for name in self.names:
             lines.append(f"  {name} = {self.values[name]:.6g} +- {self.errors[name]:.2g}")
         size = np.sqrt(np.mean(self.residuals**2))
-        runs, expected = _runs(self.residuals)
+        runs, expected = _sign_runs(self.residuals)
         lines.append(
             f"  residuals {size:.3g} N for a noise of {self.noise:.3g} N; {runs} runs of one sign, "
             f"{expected:.0f} expected; condition {self.condition:.3g}"
@@ -202,11 +202,11 @@ def fit(
         the given prism, or are 10 times larger or smaller, and the best fit, too, leaves over half
         of their squares and 3 times a given noise: in another sign or unit, most likely.
     """
-    x, y = _points(shortening, load)
+    x, y = _read_points(shortening, load)
     check.kind("prism", prism, Prism, ": where the fit starts")
     if prism.is_rigid:
         raise TensegrityError("k_base inf and k_bar inf: the prism must have elastic members")
-    free = _free(free, prism)
+    free = _checked_names(free, prism)
     names = (*free, "offset") if check.truth("offset", offset) else free
     if noise is not None:
         noise = check.number("noise", noise, above=0, unit="N")
@@ -223,7 +223,7 @@ def fit(
     if not y.any():
         raise TensegrityError("all loads are 0 N: no curve")
     at = Misfit(prism, x, y, names)
-    z = _least(at, noise)
+    z = _least_squares(at, noise)
     misfit, slopes = at(z)
     degrees = len(x) - count if noise is None else math.inf
     spread = noise or at.size * float(np.sqrt(misfit @ misfit / degrees))
@@ -231,7 +231,7 @@ def fit(
     large = np.maximum(sizes, 1e-14 * sizes[0])
     one = (right.T / large**2) @ right  # covariance for a noise of the largest load
     alone, part = np.sqrt(np.diag(one)), spread / at.size
-    best, shift = at.curve.made(at.theta(z)), float(at.theta(z)[-1])
+    best, shift = at.curve.prism_at(at.theta(z)), float(at.theta(z)[-1])
     values = {n: float(getattr(best, n)) for n in free}
     errors = {n: float(values[n] * part * d) for n, d in zip(free, alone, strict=False)}
     if offset:
@@ -244,20 +244,20 @@ def fit(
     )  # fmt: skip
 
 
-def _least(at: Misfit, noise: float | None) -> Array:
+def _least_squares(at: Misfit, noise: float | None) -> Array:
     """The unknowns with the least misfit, where that is a fit."""
     from scipy.optimize import least_squares
 
     z = np.zeros(len(at.places))
-    words = _unlike(at.curve(at.theta(z))[0], at.x, at.y)
-    if np.abs(at(z)[0]).max() >= OFF:
+    words = _sign_or_unit_hint(at.curve(at.theta(z))[0], at.x, at.y)
+    if np.abs(at(z)[0]).max() >= NO_CURVE:
         raise EquilibriumError(f"no prism near the given one has this curve{words}")
     z = least_squares(
         lambda z: at(z)[0], z, lambda z: at(z)[1], method="lm", xtol=1e-12, ftol=1e-12
     ).x
     misfit, theta = at(z)[0], at.theta(z)
     try:
-        traced = loads(at.curve.made(theta), at.x + theta[-1])
+        traced = traced_loads(at.curve.prism_at(theta), at.x + theta[-1])
         same = np.abs((traced - at.y) / at.size - misfit).max() <= SAME
     except TensegrityError:
         same = False
@@ -267,7 +267,7 @@ def _least(at: Misfit, noise: float | None) -> Array:
         )
     left = at.size * float(np.sqrt(np.mean(misfit**2)))
     poor = misfit @ misfit > POOR * np.sum((at.y / at.size) ** 2)
-    if words and poor and not (noise and left <= LIKELY * noise):
+    if words and poor and not (noise and left <= EXPLAINED * noise):
         raise EquilibriumError(f"no prism near the given one has this curve{words}")
     least = max(left / CONTRADICTED, RESOLVED * at.size)
     if noise and noise < least:
@@ -278,7 +278,7 @@ def _least(at: Misfit, noise: float | None) -> Array:
     return z
 
 
-def _unlike(start: Array, x: Array, y: Array) -> str:
+def _sign_or_unit_hint(start: Array, x: Array, y: Array) -> str:
     """What is wrong with the signs or units of points, next to the loads of the given prism."""
     known = f"{start.min():.4g} to {start.max():.4g} N"
     if (start / np.abs(start).max()) @ (y / np.abs(y).max()) < 0:
@@ -310,8 +310,8 @@ def _unidentified(
         if name in names or math.isinf(value) or name == "k_cross":
             continue
         try:
-            doubled = loads(replace(prism, **{name: 2 * value}), x)
-            change = np.abs(doubled - loads(prism, x)).max()
+            doubled = traced_loads(replace(prism, **{name: 2 * value}), x)
+            change = np.abs(doubled - traced_loads(prism, x)).max()
         except TensegrityError:
             continue
         if change < 3 * noise / math.sqrt(len(x)):
@@ -319,7 +319,7 @@ def _unidentified(
     return tuple(words)
 
 
-def _free(free: Any, prism: Prism) -> tuple[str, ...]:
+def _checked_names(free: Any, prism: Prism) -> tuple[str, ...]:
     names = check.sequence("free", free, "names")
     for name in names:
         if not isinstance(name, str) or name not in NAMES or names.count(name) > 1:
@@ -334,7 +334,7 @@ def _free(free: Any, prism: Prism) -> tuple[str, ...]:
     return names
 
 
-def _points(shortening: Any, load: Any) -> tuple[Array, Array]:
+def _read_points(shortening: Any, load: Any) -> tuple[Array, Array]:
     if load is None:
         path = check.path("shortening", shortening)
         try:
@@ -351,7 +351,7 @@ def _points(shortening: Any, load: Any) -> tuple[Array, Array]:
     return check.vector("shortening", x, x.shape), check.vector("load", y, x.shape)
 
 
-def _runs(residuals: Array) -> tuple[int, float]:
+def _sign_runs(residuals: Array) -> tuple[int, float]:
     """Runs of residuals of one sign, and how many independent ones would have on average."""
     up = residuals > 0
     above, below = int(up.sum()), int((~up).sum())

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
-    from tensegrity.prisms.closed import Columns, Found
+    from tensegrity.prisms.closed import Columns, LocatedEvent
     from tensegrity.structures.structure_path import StructurePath
     from tensegrity.structures.supports import Supports
     from tensegrity.typing import Array, Flags
@@ -340,7 +340,7 @@ def _followed(
 def _path(
     prism: Prism,
     parts: Sequence[Columns],
-    events: Iterable[Found],
+    events: Iterable[LocatedEvent],
     end: str,
     upright: bool,
     past_contact: bool,

@@ -22,7 +22,7 @@ from tensegrity.prisms.closed import assembled, exact, rigid_potential
 from tensegrity.springs.potential import Potential, call
 from tensegrity.structures.structure import Structure
 
-SHOWN = 0.95  # of the way to the end of the domain in a notebook's picture
+DRAWN = 0.95  # of the way to the end of the domain in a notebook's picture
 STIFF = 100.0  # constants over k_cross for the drawing of rigid members
 
 
@@ -182,7 +182,7 @@ class Prism:
         wires(shape, structure.positions, structure.ends, structure.bars)
         potential = self.potential()
         low, high = potential.reach
-        r = np.linspace(SHOWN * low, min(high, -low) / 2, 200)
+        r = np.linspace(DRAWN * low, min(high, -low) / 2, 200)
         curve.plot(-r, -potential.tension(r))
         curve.set(xlabel="shortening [m]", ylabel="axial load [N]")
 

@@ -27,7 +27,7 @@ SUPPORTS = ("plates", "tilting")
 
 
 @dataclass(frozen=True)
-class Loss:
+class StabilityLoss:
     """Where the symmetric path first loses stability under dead load, for a support.
 
     Attributes
@@ -79,7 +79,7 @@ def lowest(
     )
 
 
-def first_loss(prism: Prism, support: str = "plates") -> Loss:
+def first_loss(prism: Prism, support: str = "plates") -> StabilityLoss:
     """First loss of stability under dead load along the compressive path.
 
     Parameters
@@ -104,8 +104,8 @@ def first_loss(prism: Prism, support: str = "plates") -> Loss:
     path = structure_path(prism.structure(), supports=supports, loads=loads, branch="symmetric")
     for event in path.events:
         if event.kind in ("fold", "bifurcation"):
-            return Loss(prism.height - event.shortening, event.load, event.kind == "fold")
-    return Loss(math.nan, math.nan, False)
+            return StabilityLoss(prism.height - event.shortening, event.load, event.kind == "fold")
+    return StabilityLoss(math.nan, math.nan, False)
 
 
 def _held(support: str, sides: int) -> Supports:
@@ -119,9 +119,9 @@ def _held(support: str, sides: int) -> Supports:
 def _keeps_symmetry(shape: Array) -> bool:
     """Whether a motion is its own image when all turns by one corner."""
     sides = len(shape) // 2
-    turn = 2 * math.pi / sides
+    angle = 2 * math.pi / sides
     rotation = np.array(
-        [[math.cos(turn), -math.sin(turn), 0], [math.sin(turn), math.cos(turn), 0], [0, 0, 1]]
+        [[math.cos(angle), -math.sin(angle), 0], [math.sin(angle), math.cos(angle), 0], [0, 0, 1]]
     )
     turned = np.roll(shape.reshape(2, sides, 3), 1, axis=1).reshape(-1, 3) @ rotation.T
     return bool(np.sum(turned * shape) > 0.9 * np.sum(shape * shape))

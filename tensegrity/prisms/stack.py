@@ -37,18 +37,18 @@ def stacked(prism: Any, count: int, chirality: str, plates: bool) -> Structure:
     nodes: list[Array] = []
     bars: list[tuple[int, int]] = []
     cross: list[tuple[int, int]] = []
-    bases, shares = [], []
-    turn, level = 0.0, 0
+    bases, multiplicity = [], []
+    angle, level = 0.0, 0
     for unit in range(count):
         sense = -1 if chirality == "alternate" and unit % 2 else 1
         if plates or unit == 0:
-            nodes.append(polygon(n, prism.base, turn, unit * prism.height))
-            shares.append(1.0)
+            nodes.append(polygon(n, prism.base, angle, unit * prism.height))
+            multiplicity.append(1.0)
         else:
-            shares[-1] = 2.0
-        turn += sense * prism.reference_twist
-        nodes.append(polygon(n, prism.base, turn, (unit + 1) * prism.height))
-        shares.append(1.0)
+            multiplicity[-1] = 2.0
+        angle += sense * prism.reference_twist
+        nodes.append(polygon(n, prism.base, angle, (unit + 1) * prism.height))
+        multiplicity.append(1.0)
         start = n * (len(nodes) - 2)
         for member, listed in ((derived.BAR, bars), (derived.CROSS, cross)):
             listed += [(start + i, start + n + (i + sense * member.step) % n) for i in range(n)]
@@ -60,7 +60,7 @@ def stacked(prism: Any, count: int, chirality: str, plates: bool) -> Structure:
         bars=bars,
         strings=cross + bases,
         k_bar=prism.k_bar,
-        k_string=np.repeat([prism.k_cross, *(prism.k_base * np.array(shares))],
+        k_string=np.repeat([prism.k_cross, *(prism.k_base * np.array(multiplicity))],
                            [len(cross), *[n] * len(nodes)]),
         natural_lengths=np.repeat([rest.bar, rest.cross, rest.base],
                                   [len(bars), len(cross), len(bases)]),
@@ -68,9 +68,9 @@ def stacked(prism: Any, count: int, chirality: str, plates: bool) -> Structure:
     )  # fmt: skip
 
 
-def polygon(sides: int, base: ArrayLike, turn: ArrayLike, height: ArrayLike) -> Array:
+def polygon(sides: int, base: ArrayLike, angle: ArrayLike, height: ArrayLike) -> Array:
     """Corners of regular polygons of side `base` [m] across the last axis, (..., sides, 3)."""
-    each = (np.asarray(x, dtype=float)[..., None] for x in (base, turn, height))
+    each = (np.asarray(x, dtype=float)[..., None] for x in (base, angle, height))
     side, first, z = np.broadcast_arrays(*each)
     angles = first + 2 * np.pi / sides * np.arange(sides)
     radius = side / (2 * np.sin(np.pi / sides))

@@ -25,9 +25,9 @@ import numpy as np
 from tensegrity.branches.continuation import Settings
 from tensegrity.branches.many import ManyProblem
 from tensegrity.minimum import least_part
-from tensegrity.structures.equations import Loading, Piece
+from tensegrity.structures.equations import Loading, SmoothPiece
 from tensegrity.structures.members import Members
-from tensegrity.structures.supports import NOTHING
+from tensegrity.structures.supports import NEGLIGIBLE
 from tensegrity.typing import Array, Flags, Indices
 
 ALL = 10  # strings at a corner up to which all choices are tried
@@ -49,7 +49,7 @@ NONE = np.zeros(0, dtype=np.int64)
 
 
 @dataclass(frozen=True)
-class Ray:
+class OutgoingBranch:
     """A branch that leaves a corner.
 
     Attributes
@@ -69,8 +69,10 @@ class Ray:
     stable: bool
 
 
-def rays(loading: Loading, u: Array, taut: Flags, corner: Indices, arrived: int = 0) -> list[Ray]:
-    """Branches that leave a point at which the strings of `corner` are at natural length.
+def outgoing(
+    loading: Loading, u: Array, taut: Flags, critical: Indices, incoming: int = 0
+) -> list[OutgoingBranch]:
+    """Branches that leave a point at which the strings of `critical` are at natural length.
 
     Parameters
     ----------
@@ -89,54 +91,54 @@ def rays(loading: Loading, u: Array, taut: Flags, corner: Indices, arrived: int 
         Those on which it goes on in that sense; if there are none, those on which it turns back,
         other than the one that led here.
     """
-    found: list[Ray] = []
-    for sense in (-1, 1) if arrived < 0 else (1, -1):
-        for choice in choices(loading, u, taut, corner, sense):
-            if sense == -arrived and (choice == taut).all():
+    found: list[OutgoingBranch] = []
+    for sense in (-1, 1) if incoming < 0 else (1, -1):
+        for choice in taut_sets(loading, u, taut, critical, sense):
+            if sense == -incoming and (choice == taut).all():
                 continue
-            ray = _ray(loading, u, choice, corner, sense)
-            if ray is not None:
-                found.append(ray[0])
+            leaving = _outgoing_branch(loading, u, choice, critical, sense)
+            if leaving is not None:
+                found.append(leaving[0])
         if found:
             break
     return found
 
 
-def chosen(found: list[Ray], branch: str, corner: Indices) -> Ray | None:
-    """The ray that a path follows; None where none leaves the corner."""
+def selected(found: list[OutgoingBranch], branch: str, critical: Indices) -> OutgoingBranch | None:
+    """The branch that a path follows; None where none leaves the corner."""
     if not found:
         return None
     if branch == "symmetric":
         for state in (False, True):
-            for ray in found:
-                if (ray.taut[corner] == state).all():
-                    return ray
+            for leaving in found:
+                if (leaving.taut[critical] == state).all():
+                    return leaving
     lowest = [r for r in found if r.stable] or found
     least = min(r.slope for r in lowest)
     return next(r for r in lowest if r.slope <= least + SAME * max(abs(least), 1e-300))
 
 
-def choices(
-    loading: Loading, u: Array, taut: Flags, corner: Indices, sense: int
+def taut_sets(
+    loading: Loading, u: Array, taut: Flags, critical: Indices, sense: int
 ) -> Iterator[Flags]:
     """Which strings may be taut; where they are too many, those that iteration settles on."""
-    if len(corner) <= ALL:
-        for states in product((False, True), repeat=len(corner)):
+    if len(critical) <= ALL:
+        for states in product((False, True), repeat=len(critical)):
             choice = taut.copy()
-            choice[corner] = states
+            choice[critical] = states
             yield choice
         return
     rng, seen = np.random.default_rng(0), set()
-    starts = [np.zeros(len(corner), bool), np.ones(len(corner), bool)]
-    starts += [rng.random(len(corner)) < 0.5 for _ in range(TRIES)]
+    starts = [np.zeros(len(critical), bool), np.ones(len(critical), bool)]
+    starts += [rng.random(len(critical)) < 0.5 for _ in range(TRIES)]
     for states in starts:
         for _ in range(30):
             choice = taut.copy()
-            choice[corner] = states
-            ray = _ray(loading, u, choice, corner, sense, check=False)
-            if ray is None:
+            choice[critical] = states
+            leaving = _outgoing_branch(loading, u, choice, critical, sense, check=False)
+            if leaving is None:
                 break
-            new = ray[1] > 0
+            new = leaving[1] > 0
             if (new == states).all():
                 if states.tobytes() not in seen:
                     seen.add(states.tobytes())
@@ -145,11 +147,11 @@ def choices(
             states = new
 
 
-def _ray(
-    loading: Loading, u: Array, choice: Flags, corner: Indices, sense: int, check: bool = True
-) -> tuple[Ray, Array] | None:
-    """The ray of a choice and the rates of its strings; None where signs do not fit."""
-    piece = Piece(loading, choice, corner, piece_stretch(loading, u, choice))
+def _outgoing_branch(
+    loading: Loading, u: Array, choice: Flags, critical: Indices, sense: int, check: bool = True
+) -> tuple[OutgoingBranch, Array] | None:
+    """The branch of a choice and the rates of its strings; None where signs do not fit."""
+    piece = SmoothPiece(loading, choice, critical, strains_at(loading, u, choice))
     _, jacobian = piece.linearised(u)
     try:
         rate = np.append(np.linalg.solve(jacobian[:, :-1], -jacobian[:, -1]), 1.0) * sense
@@ -160,32 +162,32 @@ def _ray(
     numbers = piece.leaving
     longer = np.array([piece.test_gradient(u, n) @ rate for n in numbers])
     size = SAME * (np.abs(longer).max(initial=0.0) + 1e-300)
-    wanted = np.where(choice[corner], longer >= -size, longer <= size)
+    wanted = np.where(choice[critical], longer >= -size, longer <= size)
     if check and not wanted.all():
         return None
-    if not least_part(jacobian[:, :-1] * piece.scale[:-1]) > NOTHING:
+    if not least_part(jacobian[:, :-1] * piece.scale[:-1]) > NEGLIGIBLE:
         return None  # a motion has no stiffness beyond: any ray would do
     stiff = piece.tangent(u)
     if loading.pattern is None:
         step = 1e-6
-        scattered_forces = piece.tensions(u + step * rate * sense) - piece.tensions(
+        tension_change = piece.tensions(u + step * rate * sense) - piece.tensions(
             u - step * rate * sense
         )
-        slope = float(-loading.change @ scattered_forces) / (2 * step)
+        slope = float(-loading.change @ tension_change) / (2 * step)
         inner = stiff
     else:
         slope = float(rate[-2] * sense)
         inner = stiff[:-1, :-1]
     stable = bool(np.linalg.eigvalsh(inner)[0] > 0) if len(inner) else True
-    return Ray(choice, sense, slope, stable), longer
+    return OutgoingBranch(choice, sense, slope, stable), longer
 
 
-def piece_stretch(loading: Loading, u: Array, taut: Flags) -> Array:
+def strains_at(loading: Loading, u: Array, taut: Flags) -> Array:
     """Stretch of the members at a point, (members,)."""
-    return Piece(loading, taut, NONE, np.zeros(len(taut))).stretch(u)
+    return SmoothPiece(loading, taut, NONE, np.zeros(len(taut))).strains(u)
 
 
-def branches_off(piece: Piece, u: Array, corner: Indices = NONE) -> Array | None:
+def stable_branch_beyond(piece: SmoothPiece, u: Array, critical: Indices = NONE) -> Array | None:
     """A point of the stable branch a little beyond u, or None.
 
     Parameters
@@ -197,30 +199,32 @@ def branches_off(piece: Piece, u: Array, corner: Indices = NONE) -> Array | None
     corner : ndarray of int, optional
         Strings at natural length there.
     """
-    of, count = piece.of, piece.of.free - (piece.of.pattern is not None)
-    starts = _directions(piece, u, corner, count)
-    if len(starts) == 3 and not len(corner):
+    loading, count = piece.loading, piece.loading.free - (piece.loading.pattern is not None)
+    starts = _soft_directions(piece, u, critical, count)
+    if len(starts) == 3 and not len(critical):
         for start in starts[1:]:
-            x = _opened(piece, u, start)
+            x = _branch_along_mode(piece, u, start)
             if x is not None:
                 return x
-    across = (of.motions @ of.basis)[:, :count]
+    across = (loading.motions @ loading.basis)[:, :count]
     for step, least in zip(BEYOND, SETTLED, strict=True):
-        x, nearer = (_lowest(of, u, starts, across, part * step, least) for part in (1.0, 0.25))
+        x, nearer = (
+            _lowest_minimum(loading, u, starts, across, part * step, least) for part in (1.0, 0.25)
+        )
         if x is None or nearer is None:
             continue
         far, close = (np.linalg.norm((at - u)[:count]) for at in (x, nearer))
-        return x if close < SHRUNK * far or far <= NEAR * of.span else None
+        return x if close < SHRUNK * far or far <= NEAR * loading.span else None
     return None
 
 
-def _directions(piece: Piece, u: Array, corner: Indices, count: int) -> Array:
+def _soft_directions(piece: SmoothPiece, u: Array, critical: Indices, count: int) -> Array:
     """Unit directions without stiffness in both senses, (starts, count); the first is zero."""
     rng, found = np.random.default_rng(0), [np.zeros(count)]
-    for taut in choices(piece.of, u, piece.taut, corner, 1):
-        tangent = Piece(piece.of, taut, NONE, np.zeros(0)).tangent(u)[:count, :count]
+    for taut in taut_sets(piece.loading, u, piece.taut, critical, 1):
+        tangent = SmoothPiece(piece.loading, taut, NONE, np.zeros(0)).tangent(u)[:count, :count]
         values, modes = np.linalg.eigh(tangent)
-        number = int(np.sum(values <= SOFT * piece.of.members.stiffness.max()))
+        number = int(np.sum(values <= SOFT * piece.loading.members.stiffness.max()))
         number = max(number, int((taut == piece.taut).all()))
         parts = rng.standard_normal((DIRECTIONS * number, number)) if number > 1 else np.eye(number)
         for one in parts / np.linalg.norm(parts, axis=1, keepdims=True) @ modes[:, :number].T:
@@ -229,36 +233,38 @@ def _directions(piece: Piece, u: Array, corner: Indices, count: int) -> Array:
     return np.array(found)
 
 
-def _opened(piece: Piece, u: Array, start: Array) -> Array | None:
+def _branch_along_mode(piece: SmoothPiece, u: Array, start: Array) -> Array | None:
     """The point of the branch that leaves u along one mode, at the amplitude `NEAR`; None where
     there is none, or none that is stable and beyond u."""
-    machine = ManyProblem(piece)
-    z, count = np.arcsinh(u / machine.scale), len(start)
-    normal = np.zeros(machine.m)
-    normal[:count] = start / (np.cosh(z) * machine.scale)[:count]
+    stepper = ManyProblem(piece)
+    z, count = np.arcsinh(u / stepper.scale), len(start)
+    normal = np.zeros(stepper.m)
+    normal[:count] = start / (np.cosh(z) * stepper.scale)[:count]
     normal /= np.linalg.norm(normal)
-    point = machine.at(z + NEAR * normal, normal, None)
-    x = machine.unknowns(point[: machine.m])
-    if not (point[machine.residual] <= Settings.residual and x[-1] > u[-1]):
+    point = stepper.corrected(z + NEAR * normal, normal, None)
+    x = stepper.unknowns(point[: stepper.m])
+    if not (point[stepper.residual] <= Settings.residual and x[-1] > u[-1]):
         return None
-    same = (~piece.of.members.pulls_only | (piece.stretch(x) >= 0)) == piece.taut
+    same = (~piece.loading.members.tension_only | (piece.strains(x) >= 0)) == piece.taut
     values = np.linalg.eigvalsh(piece.tangent(x)[:count, :count])
     return x if same.all() and values[0] > ROUND_OFF * values[-1] else None
 
 
-def _lowest(
-    of: Loading, u: Array, starts: Array, across: Array, part: float, least: float
+def _lowest_minimum(
+    loading: Loading, u: Array, starts: Array, across: Array, part: float, least: float
 ) -> Array | None:
     """The lowest of the nearest minima from the starts, a part of its size beyond u."""
     beyond = u.copy()
-    beyond[-1] += part * (1.0 if of.pattern is None else of.span)
-    members = replace(of.members, natural=of.members.natural + beyond[-1] * of.change)
-    begin, found = of.at(beyond), []
+    beyond[-1] += part * (1.0 if loading.pattern is None else loading.span)
+    members = replace(
+        loading.members, natural=loading.members.natural + beyond[-1] * loading.change
+    )
+    begin, found = loading.positions_at(beyond), []
     for amplitude in AMPLITUDES:
         for start in starts:
-            moved = across @ (amplitude * np.sqrt(part) * of.span * start)
+            moved = across @ (amplitude * np.sqrt(part) * loading.span * start)
             from_here = begin + moved.reshape(begin.shape)
-            settled = _settled(of, members, across, begin, from_here, least)
+            settled = _minimum_from(loading, members, across, begin, from_here, least)
             found += [(np.linalg.norm(settled[0] - begin), *settled)] if settled else []
     if not found:
         return None
@@ -268,37 +274,39 @@ def _lowest(
     )
     for moved in (away / 4 * softest, -away / 4 * softest):
         from_here = x + (across @ moved).reshape(x.shape)
-        again = _settled(of, members, across, begin, from_here, least)
+        again = _minimum_from(loading, members, across, begin, from_here, least)
         if again is None or np.linalg.norm(again[0] - x) > away / 10:
             return None  # slack strings leave a set of equilibria: none is determined
-    beyond[: across.shape[1]] = across.T @ (x - of.positions).ravel()
-    if of.pattern is not None:
-        beyond[-2] = (of.motions @ of.basis[:, -1]) @ (members.gradient(x) - of.dead).ravel()
+    beyond[: across.shape[1]] = across.T @ (x - loading.positions).ravel()
+    if loading.pattern is not None:
+        beyond[-2] = (loading.motions @ loading.basis[:, -1]) @ (
+            members.gradient(x) - loading.dead
+        ).ravel()
     return beyond
 
 
-def _settled(
-    of: Loading, members: Members, across: Array, begin: Array, x: Array, settled: float
+def _minimum_from(
+    loading: Loading, members: Members, across: Array, begin: Array, x: Array, settled: float
 ) -> tuple[Array, float, Array] | None:
     """The minimum of the energy next to x over the motions `across`, that energy and softest mode.
 
     Newton's method, mode by mode of the tangent, within a region that grows and shrinks; strings
     are slack or taut as they are.
     """
-    small = BEYOND[0] * of.span
+    small = BEYOND[0] * loading.span
     radius = max(np.abs(x - begin).max(), small)
-    energy, calm = _energy(of, members, x), 0
+    energy, calm = _energy(loading, members, x), 0
     for _ in range(ITERATIONS):
         values, modes = np.linalg.eigh(across.T @ (members.tangent(x) @ across))
-        slope = modes.T @ (across.T @ (members.gradient(x) - of.dead).ravel())
+        slope = modes.T @ (across.T @ (members.gradient(x) - loading.dead).ravel())
         least = ROUND_OFF * np.abs(values).max()
         if not least > 0:
             return None
         step = -slope / np.maximum(np.abs(values), least)
         move = np.clip(step, -radius, radius)
         new = x + (across @ (modes @ move)).reshape(x.shape)
-        after, away = _energy(of, members, new), np.abs(new - begin).max()
-        if away > FAR * of.span:
+        after, away = _energy(loading, members, new), np.abs(new - begin).max()
+        if away > FAR * loading.span:
             return None
         if after > energy + ROUND_OFF * abs(energy):
             radius = np.abs(move).max() / 4
@@ -310,5 +318,5 @@ def _settled(
     return None
 
 
-def _energy(of: Loading, members: Members, x: Array) -> float:
-    return members.energy(x) - float(np.sum(of.dead * x))
+def _energy(loading: Loading, members: Members, x: Array) -> float:
+    return members.energy(x) - float(np.sum(loading.dead * x))

@@ -17,14 +17,14 @@ SMALLEST = 1e-100  # elongation [m] from which a string has tension
 
 
 class _Member(Potential):
-    pulls_only = False
+    tension_only = False
 
     def __init__(self, stiffness: float, length: float) -> None:
         stiffness = check.number("stiffness", stiffness, above=0, unit="N/m")
         length = check.number("length", length, above=0, unit="m")
-        values = [stiffness, TAUT * length] if self.pulls_only else [stiffness]
-        self._set(_law(self.pulls_only), values, length, (-math.inf, math.inf))
-        self.openings = ((0.0, stiffness, 1.0, 1.0),) if self.pulls_only else ()
+        values = [stiffness, TAUT * length] if self.tension_only else [stiffness]
+        self._set(_law(self.tension_only), values, length, (-math.inf, math.inf))
+        self.openings = ((0.0, stiffness, 1.0, 1.0),) if self.tension_only else ()
         self.origin = call(type(self).__name__, stiffness=stiffness, length=length)
 
 
@@ -35,7 +35,7 @@ class StringSpring(_Member):
     taut string from -`TAUT` of this length on, as in `tensegrity.structures.members`.
     """
 
-    pulls_only = True
+    tension_only = True
 
 
 class BarSpring(_Member):
@@ -43,19 +43,19 @@ class BarSpring(_Member):
 
 
 @once
-def _law(pulls_only: bool) -> Law:
+def _law(tension_only: bool) -> Law:
     import sympy as sp
 
     from derivations import member
 
-    r, pulled, margin = sp.symbols("r pulled margin", real=True)
+    r, positive_part, margin = sp.symbols("r positive_part margin", real=True)
     stretched = member.energy(member.natural + r)
-    if not pulls_only:
+    if not tension_only:
         return Law(stretched, r, (member.stiffness,))
-    scattered_forces, taut = sp.Heaviside(r - SMALLEST), sp.Heaviside(r + margin)
-    tension, known = sp.diff(stretched, r).subs(r, pulled), (member.stiffness, margin)
+    has_tension, taut = sp.Heaviside(r - SMALLEST), sp.Heaviside(r + margin)
+    tension, known = sp.diff(stretched, r).subs(r, positive_part), (member.stiffness, margin)
     return Law(
-        scattered_forces * stretched, r, known, tension, ((pulled, scattered_forces * r, taut),)
+        has_tension * stretched, r, known, tension, ((positive_part, has_tension * r, taut),)
     )
 
 
@@ -65,7 +65,7 @@ def network(positions: Array, members: Members, mass: Array) -> Network:
     springs = [
         (StringSpring if string else BarSpring)(k, length)
         for string, k, length in zip(
-            members.pulls_only.tolist(), members.stiffness.tolist(), lengths, strict=True
+            members.tension_only.tolist(), members.stiffness.tolist(), lengths, strict=True
         )
     ]
     return Network(positions, members.ends, springs, lengths=members.natural, mass=mass)

@@ -118,7 +118,7 @@ class Loading:
     def pairs(self) -> Indices:
         """Pairs of bars that may meet, (pairs, 2): without a common node, and not in one plane
         from the start, as parallel ones; none where the structure is plane."""
-        bars = np.flatnonzero(~self.members.pulls_only)
+        bars = np.flatnonzero(~self.members.tension_only)
         ends = self.members.ends
         found = [
             (a, b)
@@ -130,7 +130,7 @@ class Loading:
         pairs = np.array(found, dtype=np.int64).reshape(-1, 2)
         return pairs[np.abs(self.crossing(self.positions, pairs)[0]) > PLANE]
 
-    def at(self, u: Array) -> Array:
+    def positions_at(self, u: Array) -> Array:
         """Positions, (nodes, dim)."""
         motion = self.motions @ (self.basis @ self.coordinates(u))
         return self.positions + motion.reshape(self.positions.shape)
@@ -160,7 +160,7 @@ class Loading:
         return volume / (lengths * self.span), within
 
 
-class Piece:
+class SmoothPiece:
     """The smooth piece of a path with given strings taut: `branches.many.Equations`.
 
     Parameters
@@ -173,12 +173,12 @@ class Piece:
         Stretch of the strings there, which is round-off for these.
     """
 
-    def __init__(self, loading: Loading, taut: Flags, corner: Indices, stretch: Array) -> None:
-        self.of, self.taut = loading, taut
-        self.strings = np.flatnonzero(loading.members.pulls_only)
+    def __init__(self, loading: Loading, taut: Flags, critical: Indices, strains: Array) -> None:
+        self.loading, self.taut = loading, taut
+        self.strings = np.flatnonzero(loading.members.tension_only)
         self.offset = np.zeros(len(taut))
-        self.offset[corner] = stretch[corner]
-        self.leaving = np.searchsorted(self.strings, corner)
+        self.offset[critical] = strains[critical]
+        self.leaving = np.searchsorted(self.strings, critical)
         loaded = loading.pattern is not None
         names = [f"w{i}" for i in range(loading.free - loaded)]
         self.names = (*names, *(("load", "shortening") if loaded else ("control",)))
@@ -203,131 +203,129 @@ class Piece:
 
     def natural(self, u: Array) -> Array:
         """Natural lengths of the members [m]."""
-        members = self.of.members
-        return members.natural if self.of.pattern is not None else (
-            members.natural + u[-1] * self.of.change
+        members = self.loading.members
+        return members.natural if self.loading.pattern is not None else (
+            members.natural + u[-1] * self.loading.change
         )  # fmt: skip
 
     def separations(self, u: Array) -> tuple[Array, Array]:
         """Separations and lengths."""
-        moved = self.of.gain @ self.of.coordinates(u)
-        d = self.of.start + moved.reshape(self.of.start.shape)
+        moved = self.loading.gain @ self.loading.coordinates(u)
+        d = self.loading.start + moved.reshape(self.loading.start.shape)
         return d, np.sqrt(np.einsum("ij,ij->i", d, d))
 
     def tensions(self, u: Array) -> Array:
         """[N], (members,)."""
-        return self._nodal_forces(u, self.separations(u)[1])
+        return self._tensions_at(u, self.separations(u)[1])
 
-    def _nodal_forces(self, u: Array, lengths: Array) -> Array:
+    def _tensions_at(self, u: Array, lengths: Array) -> Array:
         """Tensions at known lengths of the members."""
-        scattered_forces = self.of.members.stiffness * (lengths - self.natural(u))
-        return np.where(self.taut, scattered_forces, 0.0)
+        tensions = self.loading.members.stiffness * (lengths - self.natural(u))
+        return np.where(self.taut, tensions, 0.0)
 
-    def stretch(self, u: Array) -> Array:
+    def strains(self, u: Array) -> Array:
         """Length over natural length, less 1, (members,)."""
         return self.separations(u)[1] / self.natural(u) - 1
 
     def linearised(self, u: Array) -> tuple[Array, Array]:
         """Forces left in the motions over their size, and the Jacobian of that."""
-        of, members = self.of, self.of.members
+        loading, members = self.loading, self.loading.members
         d, lengths = self.separations(u)
-        scattered_forces = self._nodal_forces(u, lengths)
-        density = scattered_forces / lengths
-        along = of.basis.T @ of.along
-        left = of.gain.T @ (density[:, None] * d).ravel() - of.weight
-        size = np.abs(scattered_forces).max() + ROUND_OFF * float(
-            np.max(members.stiffness * lengths)
-        )
+        tensions = self._tensions_at(u, lengths)
+        density = tensions / lengths
+        along = loading.basis.T @ loading.along
+        left = loading.gain.T @ (density[:, None] * d).ravel() - loading.weight
+        size = np.abs(tensions).max() + ROUND_OFF * float(np.max(members.stiffness * lengths))
         stiff = self.tangent_of(d, lengths, density)
-        if of.pattern is None:
-            rate = np.where(self.taut, -members.stiffness * of.change / lengths, 0.0)
-            last = of.gain.T @ (rate[:, None] * d).ravel()
+        if loading.pattern is None:
+            rate = np.where(self.taut, -members.stiffness * loading.change / lengths, 0.0)
+            last = loading.gain.T @ (rate[:, None] * d).ravel()
             return left / size, np.column_stack([stiff, last]) / size
         g = left - u[-2] * along
         return g / size, np.column_stack([stiff[:, :-1], -along, stiff[:, -1]]) / size
 
     def tangent_of(self, d: Array, lengths: Array, density: Array) -> Array:
         """Tangent over the motions of the basis, (free, free)."""
-        stiffness = np.where(self.taut, self.of.members.stiffness, 0.0)
+        stiffness = np.where(self.taut, self.loading.members.stiffness, 0.0)
         blocks = forces.tangents(d / lengths[:, None], stiffness, density)
-        turned = np.matmul(blocks, self.of.gain.reshape(*d.shape, -1))
-        return np.asarray(self.of.gain.T @ turned.reshape(self.of.gain.shape))
+        turned = np.matmul(blocks, self.loading.gain.reshape(*d.shape, -1))
+        return np.asarray(self.loading.gain.T @ turned.reshape(self.loading.gain.shape))
 
     def tangent(self, u: Array) -> Array:
         """The same at a point."""
         d, lengths = self.separations(u)
-        return self.tangent_of(d, lengths, self._nodal_forces(u, lengths) / lengths)
+        return self.tangent_of(d, lengths, self._tensions_at(u, lengths) / lengths)
 
     def tests(self, u: Array) -> Array:
         """Functions that vanish at events, (roots,)."""
-        of = self.of
-        x = of.at(u)
-        parts = [(self.stretch(u) - self.offset)[self.strings], of.crossing(x)[0]]
-        if of.plate:
-            normal, low, up = of.plate
+        loading = self.loading
+        x = loading.positions_at(u)
+        parts = [(self.strains(u) - self.offset)[self.strings], loading.crossing(x)[0]]
+        if loading.plate:
+            normal, low, up = loading.plate
             heights = x @ normal
             inner = heights[self.plate_nodes]
-            parts.append((inner - heights[low[0]]) / of.span if low else np.ones(len(inner)))
+            parts.append((inner - heights[low[0]]) / loading.span if low else np.ones(len(inner)))
             if up:
-                parts.append((heights[up[0]] - inner) / of.span)
+                parts.append((heights[up[0]] - inner) / loading.span)
                 bottom = heights[low[0]] if low else -np.inf
-                parts.append(np.array([(heights[up[0]] - bottom) / of.span]))
-        ends = (u[-2] - of.limits[0]) / of.force, (u[-1] / of.limits[1]) ** 2 - 1
+                parts.append(np.array([(heights[up[0]] - bottom) / loading.span]))
+        ends = (u[-2] - loading.limits[0]) / loading.force, (u[-1] / loading.limits[1]) ** 2 - 1
         parts.append(np.array([ends[k] for k in self.limits]))
-        parts.append(np.array([u[-1] - BACK] if of.pattern is None else []))
+        parts.append(np.array([u[-1] - BACK] if loading.pattern is None else []))
         return np.concatenate(parts)
 
     def test_gradient(self, u: Array, number: int) -> Array:
         """Gradient of one test where it vanishes, (m,)."""
-        of, strings = self.of, len(self.strings)
+        loading, strings = self.loading, len(self.strings)
         row = np.zeros(len(u))
         if number < strings:
             member = self.strings[number]
             d, lengths = self.separations(u)
             natural, dim = self.natural(u)[member], d.shape[1]
-            gain = of.gain[dim * member : dim * (member + 1)]
+            gain = loading.gain[dim * member : dim * (member + 1)]
             self._place(row, (d[member] / lengths[member]) @ gain / natural)
-            if of.pattern is None:
-                row[-1] = -lengths[member] * of.change[member] / natural**2
+            if loading.pattern is None:
+                row[-1] = -lengths[member] * loading.change[member] / natural**2
             return row
         name, *rest = self.roots[number].split()
         if name == "load":
-            row[-2] = 1 / of.force
+            row[-2] = 1 / loading.force
         elif name == "height":
-            row[-1] = 2 * u[-1] / of.limits[1] ** 2
+            row[-1] = 2 * u[-1] / loading.limits[1] ** 2
         elif name == "back":
             row[-1] = 1.0
         elif name == "contact":
-            self._place(row, self._volume_gradient(of.at(u), *map(int, rest)))
+            self._place(row, self._volume_gradient(loading.positions_at(u), *map(int, rest)))
         else:
-            normal, low, up = of.plate  # type: ignore[misc]
-            rise = np.einsum("i,nif->nf", normal, of.by_node)
+            normal, low, up = loading.plate  # type: ignore[misc]
+            rise = np.einsum("i,nif->nf", normal, loading.by_node)
             bottom = rise[low[0]] if low else 0.0
             if name == "flat":
                 change = rise[up[0]] - bottom
             else:
                 node = rise[int(rest[0])]
                 change = node - bottom if rest[1] == "lower" else rise[up[0]] - node
-            self._place(row, change / of.span)
+            self._place(row, change / loading.span)
         return row
 
     def _place(self, row: Array, by_motion: Array) -> None:
         """Rates by the motions of the basis, at the unknowns that they are."""
-        if self.of.pattern is None:
+        if self.loading.pattern is None:
             row[:-1] = by_motion
         else:
             row[:-2], row[-1] = by_motion[:-1], by_motion[-1]
 
     def _volume_gradient(self, x: Array, one: int, other: int) -> Array:
         """Of the volume that two bars span, over the lengths it is measured by."""
-        of, ends = self.of, self.of.members.ends
+        loading, ends = self.loading, self.loading.members.ends
         (a, b), (c, d) = ends[one], ends[other]
         first, second, separations = x[b] - x[a], x[d] - x[c], x[c] - x[a]
-        rows = of.by_node
+        rows = loading.by_node
         change = (
             np.cross(first, second) @ (rows[c] - rows[a])
             + np.cross(second, separations) @ (rows[b] - rows[a])
             + np.cross(separations, first) @ (rows[d] - rows[c])
         )
-        size = np.linalg.norm(first) * np.linalg.norm(second) * of.span
+        size = np.linalg.norm(first) * np.linalg.norm(second) * loading.span
         return np.asarray(change / size)

@@ -44,7 +44,7 @@ class Members:
     ends: Indices
     stiffness: Array
     natural: Array
-    pulls_only: Flags
+    tension_only: Flags
 
     def separations(self, positions: Array) -> tuple[Array, Array]:
         """Vectors (members, dim) from first to second ends, and their lengths."""
@@ -54,12 +54,12 @@ class Members:
     def taut(self, lengths: Array, within: float = TAUT) -> Flags:
         """Which members count with their stiffness: bars, and strings not shorter than their
         natural length by more than a part of it."""
-        return ~self.pulls_only | (lengths >= (1 - within) * self.natural)
+        return ~self.tension_only | (lengths >= (1 - within) * self.natural)
 
     def elongations(self, lengths: Array) -> Array:
         """By which members have a force [m], (members,); 0 of strings not beyond their natural
         length."""
-        return np.maximum(lengths - self.natural, np.where(self.pulls_only, 0.0, -np.inf))
+        return np.maximum(lengths - self.natural, np.where(self.tension_only, 0.0, -np.inf))
 
     def tensions(self, positions: Array) -> Array:
         """[N], (members,); 0 of slack strings."""
@@ -89,7 +89,7 @@ class Members:
 
 
 @dataclass(frozen=True)
-class _Loaded:
+class _LoadedMembers:
     """Members under constant loads, over the motions that are left: a `minimum.Energy`."""
 
     members: Members
@@ -142,7 +142,9 @@ class _Loaded:
             )
 
 
-def settle(members: Members, freedom: Freedom, positions: Array, loads: Array) -> Array:
+def equilibrium_positions(
+    members: Members, freedom: Freedom, positions: Array, loads: Array
+) -> Array:
     """Positions of an equilibrium under constant loads, downhill in energy from given ones.
 
     Raises
@@ -150,8 +152,8 @@ def settle(members: Members, freedom: Freedom, positions: Array, loads: Array) -
     EquilibriumError
         If there is none nearby: loads drive a rigid motion, or the energy falls without end.
     """
-    freedom.refuse_driven(positions, loads)
-    of = _Loaded(members, freedom, positions, loads)
+    freedom.refuse_unbalanced(positions, loads)
+    of = _LoadedMembers(members, freedom, positions, loads)
     x, f = minimised(of, positions)
     left, size = np.abs(f).max(initial=0.0), of.largest(x)
     if not left <= max(SETTLED * size, ROUND_OFF * members.stiffness.max() * of.span):
@@ -178,7 +180,7 @@ def rigid_plates(given: Any, nodes: int) -> tuple[tuple[int, ...], ...]:
     return groups
 
 
-def ends_of(name: str, given: Any, nodes: int) -> Indices:
+def member_ends(name: str, given: Any, nodes: int) -> Indices:
     """The two different nodes of each bar or string; (members, 2)."""
     try:
         listed = [tuple(pair) for pair in given]
@@ -195,7 +197,7 @@ def ends_of(name: str, given: Any, nodes: int) -> Indices:
     return np.array(listed, dtype=np.int64).reshape(-1, 2)
 
 
-def refuse_double(ends: Indices, bars: int) -> None:
+def refuse_duplicates(ends: Indices, bars: int) -> None:
     """Refuse two members between the same nodes; the first ones are bars."""
     first: dict[tuple[int, int], int] = {}
     for number, (i, j) in enumerate(np.sort(ends, axis=1).tolist()):
@@ -205,7 +207,7 @@ def refuse_double(ends: Indices, bars: int) -> None:
         first[i, j] = number
 
 
-def each(name: str, given: ArrayLike, count: int, unit: str) -> Array:
+def positive_for_each(name: str, given: ArrayLike, count: int, unit: str) -> Array:
     """One positive number for each, from one for all or one for each; (count,)."""
     values = check.floats(name, given)
     if values.shape not in ((), (count,)):

@@ -17,7 +17,7 @@ from tensegrity import check
 from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.readonly import fixed
 from tensegrity.structures.equations import Loading
-from tensegrity.structures.members import settle
+from tensegrity.structures.members import equilibrium_positions
 from tensegrity.structures.path_follower import PathFollower
 from tensegrity.structures.structure import Structure
 from tensegrity.structures.structure_path import StructurePath
@@ -100,7 +100,7 @@ def equilibrium(
     check.kind("structure", structure, Structure)
     forces = nodal(structure, loads)
     freedom = structure.freedom(supports)
-    x = settle(structure.members, freedom, structure.positions, forces)
+    x = equilibrium_positions(structure.members, freedom, structure.positions, forces)
     return Equilibrium(structure.at(x), fixed(forces), supports)
 
 
@@ -232,5 +232,5 @@ def _plate(structure: Structure, supports: Supports | None) -> Plates | None:
 
 def _motions(structure: Structure, supports: Supports | None, pattern: Array) -> Array:
     freedom = structure.freedom(supports)
-    freedom.refuse_driven(structure.positions, pattern)
+    freedom.refuse_unbalanced(structure.positions, pattern)
     return np.asarray(freedom.motions @ freedom.complement())

@@ -54,8 +54,8 @@ class SelfStress:
         Where it is small the shape nearly has one state more: see `Structure.nearest_form`.
         """
         values = self.singular_values
-        kept = values[values > ZERO * values[0]]
-        return float(kept[-1] / values[0])
+        nonzero = values[values > ZERO * values[0]]
+        return float(nonzero[-1] / values[0])
 
     @cached_property
     def feasible(self) -> Array:

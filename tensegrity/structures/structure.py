@@ -23,11 +23,11 @@ from tensegrity.scenes.network import Network
 from tensegrity.structures import statics
 from tensegrity.structures.members import (
     Members,
-    each,
-    ends_of,
-    refuse_double,
+    equilibrium_positions,
+    member_ends,
+    positive_for_each,
+    refuse_duplicates,
     rigid_plates,
-    settle,
 )
 from tensegrity.structures.statics import SelfStress
 from tensegrity.structures.supports import Freedom, Supports
@@ -114,22 +114,24 @@ class Structure(ReadOnly):
             raise TensegrityError(f"positions have shape {places.shape}, must be (nodes, 2) or 3")
         self.positions = check.vector("positions", places, places.shape)
         nodes = len(places)
-        pairs = [ends_of(name, ends, nodes) for name, ends in (("bar", bars), ("string", strings))]
+        pairs = [
+            member_ends(name, ends, nodes) for name, ends in (("bar", bars), ("string", strings))
+        ]
         self.ends = np.concatenate(pairs)
         self.is_string = np.arange(len(self.ends)) >= len(pairs[0])
         if not len(self.ends):
             raise TensegrityError("0 bars and strings, must be at least 1")
-        refuse_double(self.ends, len(pairs[0]))
+        refuse_duplicates(self.ends, len(pairs[0]))
         alone = sorted(set(range(nodes)) - set(self.ends.ravel().tolist()))
         if alone:
             raise TensegrityError(f"node {alone[0]} is in no member")
         self.stiffnesses = np.concatenate(
             [
-                each(name, k, len(of), "N/m")
+                positive_for_each(name, k, len(of), "N/m")
                 for name, k, of in zip(("k_bar", "k_string"), (k_bar, k_string), pairs, strict=True)
             ]
         )
-        self.mass = each("mass", mass, nodes, "kg")
+        self.mass = positive_for_each("mass", mass, nodes, "kg")
         self.platforms = rigid_plates(platforms, nodes)
         lengths = self.lengths
         least = 1e-12 * np.ptp(places, axis=0).max()
@@ -143,7 +145,9 @@ class Structure(ReadOnly):
         if natural_lengths is None:
             self.natural_lengths = lengths
         else:
-            self.natural_lengths = each("natural length", natural_lengths, len(lengths), "m")
+            self.natural_lengths = positive_for_each(
+                "natural length", natural_lengths, len(lengths), "m"
+            )
 
     def name_of(self, member: int) -> str:
         """A member in words."""
@@ -288,7 +292,9 @@ class Structure(ReadOnly):
         EquilibriumError
             If all strings and bars end without stress.
         """
-        x = settle(self.members, self.freedom(None), self.positions, 0 * self.positions)
+        x = equilibrium_positions(
+            self.members, self.freedom(None), self.positions, 0 * self.positions
+        )
         found = self.at(x)
         if not (np.abs(found.tensions) > 1e-12 * self.stiffnesses * self.natural_lengths).any():
             longest = np.max(self.lengths / self.natural_lengths)

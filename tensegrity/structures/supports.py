@@ -13,8 +13,8 @@ from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.minimum import complement, lowest
 from tensegrity.typing import Array, Flags
 
-LEFT = 1e-9  # part of a rigid motion that supports may take and still leave it
-NOTHING = 1e-13  # of the largest stiffness: where bounds of eigenvalues below 0 start
+REMAINING = 1e-9  # part of a rigid motion that supports may take and still leave it
+NEGLIGIBLE = 1e-13  # of the largest stiffness: where bounds of eigenvalues below 0 start
 WORK = 1e-9  # of loads in rigid motions, over their size
 
 
@@ -65,14 +65,14 @@ class Supports:
         """
         from scipy.sparse import csc_array
 
-        held, riding = self._held(nodes, dim), self._riding(platforms)
+        held, on_platforms = self._fixed_coordinates(nodes, dim), self._platform_nodes(platforms)
         on_plates, axes, normal = {*self.lower, *self.upper}, np.eye(dim), self.direction(dim)
         moving: list[tuple[Any, Array]] = []
         for node in range(nodes):
-            if node in riding:
+            if node in on_platforms:
                 own = axes[:-1]
             elif node in on_plates:
-                own = self._in_plate(node, held[node])
+                own = self._in_plane_directions(node, held[node])
             else:
                 own = axes[~held[node]]
             moving += [((node,), along) for along in own]
@@ -90,7 +90,7 @@ class Supports:
         matrix.eliminate_zeros()
         return matrix
 
-    def _held(self, nodes: int, dim: int) -> Flags:
+    def _fixed_coordinates(self, nodes: int, dim: int) -> Flags:
         """Which coordinates are kept, (nodes, dim); refuses nodes and axes that do not exist."""
         for node in (*(n for n, _ in self.holds), *self.lower, *self.upper):
             if node >= nodes:
@@ -103,7 +103,7 @@ class Supports:
                 found[node, axis] = True
         return found
 
-    def _riding(self, platforms: Any) -> set[int]:
+    def _platform_nodes(self, platforms: Any) -> set[int]:
         """Nodes on platforms; refuses those that are supported too."""
         found = {node for group in platforms for node in group}
         both = sorted(found & {*self.lower, *self.upper, *(node for node, _ in self.holds)})
@@ -115,7 +115,7 @@ class Supports:
             )
         return found
 
-    def _in_plate(self, node: int, held: Flags) -> list[Array]:
+    def _in_plane_directions(self, node: int, held: Flags) -> list[Array]:
         """Directions in the plates along which a node is not held."""
         if self.normal is None:
             across = np.eye(len(held))[:-1]
@@ -145,9 +145,9 @@ def held(nodes: Sequence[int], axes: Sequence[int] | None = None) -> Supports:
     -------
     Supports
     """
-    numbers = _numbers("held node", nodes)
-    kept = None if axes is None else _numbers("axis", axes)
-    return Supports(tuple((node, kept) for node in numbers))
+    numbers = _distinct_numbers("held node", nodes)
+    fixed_axes = None if axes is None else _distinct_numbers("axis", axes)
+    return Supports(tuple((node, fixed_axes) for node in numbers))
 
 
 def plates(
@@ -166,7 +166,10 @@ def plates(
     -------
     Supports
     """
-    low, up = _numbers("node of the lower plate", lower), _numbers("node of the upper plate", upper)
+    low, up = (
+        _distinct_numbers("node of the lower plate", lower),
+        _distinct_numbers("node of the upper plate", upper),
+    )
     both = sorted({*low} & {*up})
     if both:
         raise TensegrityError(f"node {both[0]} is on both plates")
@@ -178,7 +181,7 @@ def plates(
     return Supports((), low, up, tuple(across.tolist()))
 
 
-def _numbers(name: str, given: Sequence[int]) -> tuple[int, ...]:
+def _distinct_numbers(name: str, given: Sequence[int]) -> tuple[int, ...]:
     given = check.sequence(name, given, "whole numbers")
     numbers = [check.whole(name, node, least=0) for node in given]
     twice = [n for n in numbers if numbers.count(n) > 1]
@@ -201,7 +204,7 @@ def rigid_motions(positions: Array) -> Array:
     return np.column_stack([c.ravel() for c in columns])
 
 
-def left_over(motions: Any, positions: Array, parts: Any) -> Array:
+def remaining_rigid_motions(motions: Any, positions: Array, parts: Any) -> Array:
     """Orthonormal rigid motions of the parts among `motions`, in their coordinates.
 
     Parameters
@@ -224,13 +227,13 @@ def left_over(motions: Any, positions: Array, parts: Any) -> Array:
     rigid = np.concatenate(columns, axis=1)
     inside = motions.T @ rigid
     _, sizes, right = np.linalg.svd(rigid - motions @ inside, full_matrices=False)
-    return np.asarray(inside @ right[sizes < LEFT].T)
+    return np.asarray(inside @ right[sizes < REMAINING].T)
 
 
 def orthonormal(columns: Array) -> Array:
     """A basis of what columns span."""
     left, sizes, _ = np.linalg.svd(columns, full_matrices=False)
-    return left[:, sizes > LEFT * sizes[0]]
+    return left[:, sizes > REMAINING * sizes[0]]
 
 
 @dataclass(frozen=True)
@@ -255,11 +258,13 @@ class Freedom:
     def of(cls, supports: Supports | None, positions: Array, platforms: Any, parts: Any) -> Freedom:
         """Motions that supports and platforms leave."""
         motions = (supports or Supports()).motions(len(positions), positions.shape[1], platforms)
-        return cls(motions, left_over(motions, positions, parts), parts)
+        return cls(motions, remaining_rigid_motions(motions, positions, parts), parts)
 
     def at(self, positions: Array) -> Freedom:
         """The same at other positions."""
-        return Freedom(self.motions, left_over(self.motions, positions, self.parts), self.parts)
+        return Freedom(
+            self.motions, remaining_rigid_motions(self.motions, positions, self.parts), self.parts
+        )
 
     def reduced(self, tangent: Any) -> Any:
         """A tangent over these motions, (free, free)."""
@@ -275,10 +280,10 @@ class Freedom:
         from scipy.sparse import diags_array
 
         weights = self.reduced(diags_array(mass))
-        values, vectors = lowest(self.reduced(tangent), weights, self.rigid, count, NOTHING)
+        values, vectors = lowest(self.reduced(tangent), weights, self.rigid, count, NEGLIGIBLE)
         return values, self.motions @ vectors
 
-    def refuse_driven(self, positions: Array, loads: Array) -> None:
+    def refuse_unbalanced(self, positions: Array, loads: Array) -> None:
         """Refuse loads that do work on rigid motions that supports leave."""
         driven = self.rigid.T @ (self.motions.T @ loads.ravel())
         if np.linalg.norm(driven) <= WORK * np.abs(loads).sum():
