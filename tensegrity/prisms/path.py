@@ -1,10 +1,10 @@
-"""Equilibrium paths of a prism under axial load: fully elastic, rigid-elastic and between.
+"""Equilibrium paths of a prism under axial load, for rigid or elastic bases and bars.
 
-Members have no thickness.  With elastic bases or bars the path is a branch (`elastic_path`); with
-both rigid it is the closed form (`rigid_path`).  Strings are unilateral: cross strings go slack
-where the bars meet (twist pi), where the path ends, and base strings where they unload (twist
-2 pi/n), beyond which the cross strings hang upright and pull alone.  Source: seeds/000, part III,
-"Numerical approach".
+Members have no thickness.  With elastic bases or bars the path is followed by arc-length
+continuation (`elastic_path`); with both rigid it is a closed form (`rigid_path`).  Strings carry
+tension only: cross strings go slack where the bars meet (twist pi), where the path ends; base
+strings go slack where they unload (twist 2 pi/n), beyond which the cross strings stand upright
+and alone carry the load.  Source: seeds/000, part III, "Numerical approach".
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from tensegrity.structures.supports import Supports
     from tensegrity.typing import Array, Flags
 
-PART = 16  # paths in a task of a worker
+PART = 16  # paths per task of a worker
 COLUMNS = ("height", "twist", "base", "load", "shortening")
 LABELS = {
     "height": "height [m]",
@@ -51,21 +51,22 @@ LABELS = {
 ENDS = {
     "contact": "the bars meet on the axis (twist pi)",
     "flat": "the prism is flat (height 0)",
-    "height": "the height asked for",
-    "load": "the load asked for",
+    "height": "the requested height is reached",
+    "load": "the requested load is reached",
 }
-UPRIGHT = "the bars stand upright: no equilibrium is higher"
+UPRIGHT = "the bars stand upright: no equilibrium has a larger height"
 CONTACT = "the bars meet; cross strings go slack"
 PASSED = "the bars pass through each other; beyond, cross strings carry compression"
-SLACK = "base strings and bars unload; beyond, upright cross strings pull alone"
+SLACK = "base strings and bars unload; beyond, upright cross strings alone carry the load"
 UNLOADED = "base strings and bars unload; beyond, base strings carry compression"
-UNSTRESSED = "without prestrain all members are unloaded here"
+UNSTRESSED = "without prestrain no member is stressed here"
 
 
 class EquilibriumPath(Table):
     """Equilibria of a prism as a table, from the reference state into compression.
 
-    Tension states, where asked for, come before the reference, the highest first.
+    If the tension side was requested, its states precede the reference, the largest height first.
+    Columns are attributes; `path[3]` is a row as a dict, `path[:10]` a path of the first ten rows.
 
     Attributes
     ----------
@@ -76,14 +77,27 @@ class EquilibriumPath(Table):
     shortening : ndarray, (rows,)
         Reference height less height [m].
     stable_load, stable_height : ndarray of bool, (rows,)
-        Stability under given (dead) load and under given height, between flat plates and in the
-        threefold symmetric motions only.
+        Whether the equilibrium is stable under given (dead) load, and under given height, between
+        flat plates, against motions with the symmetry of the polygons only.
     events : tuple of Event
-        Each with `kind` ("fold": dF = 0, "turn": dh = 0, "slack", "contact", "flat",
-        "bifurcation"), `height`, `twist`, `base`, `load`, `shortening`, `row`.
+        Located points, each with `kind`, `row` and the columns as attributes.  The kinds are
+        "fold" (limit point in load, dF = 0), "turn" (limit point in displacement, dh = 0),
+        "slack", "contact", "flat" and "bifurcation".
     prism : Prism
     end, begin : str
-        Why the path ends there; why its tension side is shorter than asked for, if it is.
+        Why the path ends; why the tension side is shorter than requested, empty if it is not.
+
+    Examples
+    --------
+    >>> from tensegrity import Prism, equilibrium_path
+    >>> path = equilibrium_path(Prism(1.0, 0.7, 0.1, 1.0, k_base=20.0, k_bar=20.0))
+    >>> fold, contact = path.events
+    >>> fold.kind, round(fold.load, 5), round(fold.height, 5)
+    ('fold', 1.23989, 0.35545)
+    >>> bool(path[0]["stable_load"]), bool(path[-1]["stable_load"])
+    (True, False)
+    >>> len(path[: fold.row + 1].events)
+    1
     """
 
     height: Array
@@ -126,7 +140,19 @@ class EquilibriumPath(Table):
     def plot(  # type: ignore[override]
         self, x: str = "shortening", y: str = "load", axes: Axes | None = None
     ) -> Axes:
-        """Draw one column against another, events marked; returns the Matplotlib axes."""
+        """Draw one column against another, with the events marked.
+
+        Parameters
+        ----------
+        x, y : str, optional
+            Names of columns.
+        axes : matplotlib.axes.Axes, optional
+            Axes to draw on; new ones by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+        """
         return super().plot(x, y, axes, LABELS)
 
     def _draw(self, axes: Axes) -> Axes:
