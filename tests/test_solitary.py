@@ -343,7 +343,7 @@ def test_largest_speed_is_the_limit_from_two_sets_of_waves(shape):
 def test_softening_ends_a_family_at_the_speed_of_a_front():
     """Near it the wave has a flat top at the level the front joins to rest."""
     spring, _ = ELASTIC[1]
-    rise = family.Family(spring, -1).rise
+    rise = family.Family(spring, -1).rising_part
     size, above = rise.top, rise.ceiling
     wave = solitary_wave(spring, amplitude=-0.998 * size)
     assert wave.speed**2 == pytest.approx(spring.stiffness(0.0) + above, rel=1e-5)

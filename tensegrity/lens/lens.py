@@ -175,9 +175,7 @@ class Lens:
         delays = self._attainable(found, self.delays)
         first = found.prestrain(found.t[-1] + self._margin(found, delays) + delays)
         arrivals = self._struck.arrivals(first)
-        late = (
-            self._focus_peaks(first, arrivals) - arrivals.t
-        )  # of arrivals of all of an end's face
+        late = self._focus_peaks(first, arrivals) - arrivals.t  # travel time from the whole face
         delays = self._attainable(found, late.max() - late)
         leave = found.t[-1] + self._margin(found, delays) + delays
         missed = arrivals.t - leave

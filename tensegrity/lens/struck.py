@@ -32,9 +32,7 @@ LEAST = 1e-2  # of the blow's velocity: a last mass that was never so fast has s
 EXTENSION = 1.6  # a run in which some pulse does not arrive is done again, so much longer
 EARLY = 0.5  # of the time that sound takes for a site: so long the first prism is watched
 PATIENCE = 4.0  # of the time that sound takes: no pulse comes later
-SEARCH_RATIO = (
-    64.0  # to how many times smaller or larger prestrains a range that suffices is looked for
-)
+SEARCH_RATIO = 64.0  # factor by which the search for a sufficient range extends either end
 
 
 class Arrivals(NamedTuple):
@@ -182,9 +180,8 @@ def arrival_range(struck: Struck, low: float, high: float) -> ArrivalRange:
         If arrivals do not fall throughout: at large blows they do not depend on a small prestrain.
     """
     early = EARLY / float(struck.sound_speed([low])[0])
-    struck.run(
-        [low, high], early, Record(sites=(0,))
-    )  # bars that meet do so at once, near the blow
+    # where bars come into contact they do so at the start, near the struck mass
+    struck.run([low, high], early, Record(sites=(0,)))
     coarse = np.geomspace(low, high, SAMPLES // 4)  # at large blows runs take long: refuse early
     _require_falling(struck, coarse, struck.arrivals(coarse).t)
     prestrains = np.geomspace(low, high, SAMPLES)
@@ -216,8 +213,8 @@ def sufficient_range(struck: Struck, low: float, high: float, span: float) -> st
             return f"{found.prestrain(found.t[-1] + span):.3g} to {high:.3g} can"
         return f"{low:.3g} to {found.prestrain(found.t[0] - span):.3g} can"
     return (
-        f"neither smaller ones, to {low / SEARCH_RATIO:.3g}, nor larger ones, to {high * SEARCH_RATIO:.3g}, "
-        "can: longer chains can, or a focus farther away"
+        f"neither smaller ones, to {low / SEARCH_RATIO:.3g}, nor larger ones, to "
+        f"{high * SEARCH_RATIO:.3g}, can: longer chains can, or a focus farther away"
     )
 
 

@@ -300,7 +300,7 @@ class Motion:
     def fastest(self) -> float:
         """Bound on the largest angular frequency over all elongations met [rad/s]."""
         within = self._listed.stiffness_bounds(self.point.elongation_range)
-        return max(self._fastest, self._listed.fastest(within))
+        return max(self._fastest, self._listed.spring_frequency_bound(within))
 
     @property
     def done(self) -> int:

@@ -88,7 +88,7 @@ def reach(of: Dynamics, energy: float) -> Reach:
     if found is None:
         ranges = within(of, energy)
         stiffness = of.stiffness_bounds(ranges)
-        found = Reach(ranges, stiffness, of.fastest(stiffness))
+        found = Reach(ranges, stiffness, of.spring_frequency_bound(stiffness))
         if len(known) * len(ranges) > REMEMBERED:
             known.clear()
         known[energy] = found
@@ -253,7 +253,7 @@ class Guard:
             wider[above, 1] = _towards(high[above], elongation_range[above, 1], margin)
             stiffness = self._stiffness.copy()
             stiffness[grown] = self._dynamics.stiffness_bounds(wider, grown)
-            omega = self._dynamics.fastest(stiffness)
+            omega = self._dynamics.spring_frequency_bound(stiffness)
             self.limit = self._problem.largest_step(omega)
             if self._dt <= self._allowed * self.limit:
                 self._safe, self._stiffness = wider, stiffness

@@ -292,7 +292,7 @@ class RunBatch(Run):
             if values[name] is not None:
                 values[name] = np.ascontiguousarray(values[name][..., k])
         final = (np.ascontiguousarray(x[..., k]) for x in (self.final.u, self.final.v))
-        elongation_range = self.elongation_range[dynamics(self.scene).places_of(k)]
+        elongation_range = self.elongation_range[dynamics(self.scene).spring_numbers(k)]
         return unchecked(
             Run,
             values,

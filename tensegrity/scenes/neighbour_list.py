@@ -60,7 +60,7 @@ class NeighbourList(Clearance):
         return ends, listed
 
     def free_travel(self, x, moved, ends, listed):
-        """How far every site may move until something could be wrong [m]; as `Clearance.free_travel`."""
+        """Distance [m] that every site may move before a contact could be missed."""
         found = np.asarray(self.skin / 2 - moved)  # what is not in the lists
         inside = -self._by_wall("overhang", x, listed)
         for ways in (self.wall_gaps(x, ends), self.law_margin(x), inside):

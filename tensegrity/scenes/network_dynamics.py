@@ -150,7 +150,7 @@ class NetworkDynamics(Dynamics):
         """The same network with other springs, one for each of the different `springs`."""
         scene = self.scene._varied(springs=tuple(springs[k] for k in self.springs.group))
         scene._in_thread.dynamics = found = type(self)(scene)
-        found.__dict__["crowding"] = self.neighbour_counts
+        found.__dict__["neighbour_counts"] = self.neighbour_counts
         return scene
 
     # the engine's view
@@ -171,7 +171,7 @@ class NetworkDynamics(Dynamics):
     def elongations(self, u: ArrayLike) -> Array:
         """Elongation of each bond [m], and gap of each wall contact; (..., springs)."""
         u = check.rows("displacements", u, self.shape, are_finite=False)
-        return forces.elongations(self.contact_bonds, u)
+        return forces.stretch(self.contact_bonds, u)
 
     def evaluate(self, name: str, u: ArrayLike) -> Array:
         """Energy [J] or tension [N] of each bond and wall contact; (..., springs)."""

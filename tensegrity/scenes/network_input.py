@@ -145,8 +145,9 @@ def checked_wall_gaps(gaps: ArrayLike, found: Array, radius: Array) -> Array:
     if far.size:
         k = int(far[0])
         raise TensegrityError(
-            f"gap {gaps[k]:.6g} m of wall contact {k} must be within {GAP_TOLERANCE * radius[k]:.3g} m, "
-            f"{GAP_TOLERANCE:g} of the radius, of {found[k]:.6g} m, which the positions give"
+            f"gap {gaps[k]:.6g} m of wall contact {k} must be within "
+            f"{GAP_TOLERANCE * radius[k]:.3g} m, {GAP_TOLERANCE:g} of the radius, of "
+            f"{found[k]:.6g} m, which the positions give"
         )
     return gaps
 

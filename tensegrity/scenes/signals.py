@@ -24,8 +24,10 @@ RTOL = 1e-9  # relative: what begins, or ends, where it should
 
 
 class Expression:
-    """A SymPy expression of t as a function of instants; `order_limit` is the order of a method that
-    its corners leave."""
+    """A SymPy expression of t as a function of time.
+
+    `order_limit` is the order to which kinks of the expression reduce any method.
+    """
 
     def __init__(self, name: str, expression: Any) -> None:
         self.name, self.expression = name, expression

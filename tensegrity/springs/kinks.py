@@ -24,9 +24,7 @@ LEAST = 1e-10  # jump of a derivative over its size, below which it is round-off
 SAME = 1e-17  # of an exponent, and the fraction or the float that it is
 PURE = 1e-15  # coefficient of the next power [1/m] over that of a power that is alone
 MOST_BORDERS = 64  # borders of a law that are told apart
-SEARCH_EXPONENTS = range(
-    -240, 81
-)  # powers of 2^(1/4) at which zeros are looked for, where they have no form
+SEARCH_EXPONENTS = range(-240, 81)  # of 2^(1/4): sizes between which zeros are bracketed
 Kink = tuple[float, float, float, float]
 TAUT = 1e-10  # of its natural length, by which a string that counts as taut may be shorter
 UNKNOWN: Kink = (math.nan, math.nan, math.nextafter(1.0, 0.0), math.nan)

@@ -65,8 +65,8 @@ def _with_stiffness(family, above, mass):
         )
     if above <= part.floor:
         raise TensegrityError(
-            f"{describe(above)} must be above {describe(part.floor)}, that of the front at which the "
-            f"waves before those of {family.name} end"
+            f"{describe(above)} must be above {describe(part.floor)}, that of the front at which "
+            f"the waves before those of {family.name} end"
         )
 
     def place(value):  # from -inf to inf within the family

@@ -82,11 +82,7 @@ class Family:
     def holding(self, name, value):
         """The family of this sign, or the last one, to which a target belongs, see `by_target`."""
         number = next(
-            (
-                k
-                for k, rising_part in enumerate(self.rising_parts)
-                if value < rising_part.bound(name)
-            ),
+            (k for k, part in enumerate(self.rising_parts) if value < part.bound(name)),
             len(self.rising_parts) - 1,
         )
         same = self.rising_part is self.rising_parts[number]
@@ -200,9 +196,10 @@ class Family:
             )
         if size >= self.rising_part.top:
             flat = f", and as waves of {self.name} approach that, their tops grow flat and endless"
+            flat = flat if self.top_stiffness >= 0 else ""
             raise NoWaveError(
-                f"crest {self.sign * size:g} m must be below {self.rising_part.top:g} m in size, where "
-                f"2V/r^2 is largest: the spring softens{flat if self.top_stiffness >= 0 else ''}"
+                f"crest {self.sign * size:g} m must be below {self.rising_part.top:g} m in size, "
+                f"where 2V/r^2 is largest: the spring softens{flat}"
             )
         law = Scaled(self.potential, self.sign * size)
         if size > (1 - FLAT) * self.rising_part.top and self.ends_in_plateau:

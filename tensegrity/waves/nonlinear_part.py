@@ -264,9 +264,7 @@ def rising_parts(nonlinear, sign, sizes) -> list[RisingPart]:
         return root(lambda size: float(level_at(size)) - floor, low, high, relative=1e-14)
 
     flat = FLAT
-    if (
-        nonlinear.core == 0 < nonlinear.rest
-    ):  # differences of energies, which are round-off near rest
+    if nonlinear.core == 0 < nonlinear.rest:  # differences of energies: round-off near rest
         sizes, flat = sizes[sizes > NEAR * nonlinear.scale], ROUGH
     level = level_at(sizes)
     unit = nonlinear.rest + np.abs(level)

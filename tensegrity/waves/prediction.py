@@ -19,7 +19,7 @@ from tensegrity.root import root
 from tensegrity.springs.potential import Potential
 from tensegrity.waves.asymptotics import sound_speed
 from tensegrity.waves.family import NEAREST, SIGNS, STEADY, Family
-from tensegrity.waves.nonlinear_part import excess, grows_from_rest
+from tensegrity.waves.nonlinear_part import grows_from_rest, nonlinear_part
 from tensegrity.waves.travelling import decay_rate
 
 GROWTH = 1e-6  # relative rise of Q over the last factor of 2 in size, where it has no bound
@@ -219,7 +219,7 @@ def predict(potential: Potential, mass: float = 1.0) -> Prediction:
     check.kind("potential", potential, Potential)
     mass = check.number("mass", mass, above=0, unit="kg")
     families, absent = [], {}
-    excess(potential)  # says where the spring is not at rest
+    nonlinear_part(potential)  # says where the spring is not at rest
     sound = sound_speed(potential, mass)  # refuses one that does not return to it
     for name, sign in SIGNS.items():
         try:
@@ -265,11 +265,11 @@ def _predicted(side: Family, mass: float) -> PredictedFamily:
         ends, top, last = "none", float(level[-1]) if bounded else math.inf, sign * math.inf
         why.append(f"2V/r^2 rises on and on, {'to a bound' if bounded else 'without bound'}")
     speeds = [math.sqrt((side.rest + above) / mass) for above in (part.floor, top)]
-    smooth = side.beyond.rest, side.beyond.slope, side.beyond.bend
+    smooth = side.nonlinear.rest, side.nonlinear.slope, side.nonlinear.bend
     return PredictedFamily(
         side.name, "rest" if from_rest else "threshold", ends, (speeds[0], speeds[1]),
         (first, last), rate, wall, tuple(holds), "; ".join(why), mass, smooth,
-        side.beyond.growth(sign),
+        side.nonlinear.growth(sign),
     )  # fmt: skip
 
 
@@ -290,8 +290,8 @@ def _describe_degenerate_front(side: Family) -> str:
 def _describe_start(side: Family, from_rest: bool) -> str:
     if side.rest == 0:
         return "a sonic vacuum: any amplitude has its wave"
-    if from_rest and grows_from_rest(side.beyond, side.sign):
-        power, _ = side.beyond.growth(side.sign)
+    if from_rest and grows_from_rest(side.nonlinear, side.sign):
+        power, _ = side.nonlinear.growth(side.sign)
         turns = {2.0: "V'''(0)", 3.0: "V''''(0), with V'''(0) = 0,"}
         turn = turns.get(power, f"a force beyond the linear one that goes like |r|^{power:g}")
         return f"{turn} stiffens the spring on this side, so waves start from zero"

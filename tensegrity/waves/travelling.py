@@ -11,8 +11,8 @@ m c^2 = mu V'(A)/A.  So mu rho = K f(rho), with f(1) = 1, for compression and fo
 
 Near the sound speed that equation says next to nothing: f is almost rest rho, mu almost rest.
 What it says beyond the linear law is nu rho + rest (1 - K) rho = K g(rho), nu = mu - rest and
-g = f - rest rho, see `nonlinear_part`.  It is solved as rho = P g(rho), P = K/(nu + rest (1 - K)), which
-is as well conditioned at the sound speed as far above it.
+g = f - rest rho, see `nonlinear_part`.  It is solved as rho = P g(rho),
+P = K/(nu + rest (1 - K)), which is as well conditioned at the sound speed as far above it.
 Starting values come from the map rho -> K f/(K f)(0): at given norm it climbs the energy of
 a convex law (M. Herrmann, Proc. R. Soc. Edinburgh A 140, 753 (2010)), so it needs no small wave
 to begin with.  Newton's method does the rest, mu nu being an unknown beside rho.  The amplitude
@@ -322,7 +322,7 @@ def newton(profile, condition, converged=CONVERGED):
 
     Raises
     ------
-    NoWave
+    NoWaveError
         If it does not converge.
     """
     previous = best = math.inf
