@@ -136,7 +136,7 @@ def test_work_of_control_is_what_the_strings_do_as_they_are_drawn_in():
 
 def test_structure_that_its_loads_do_not_leave_at_rest_is_refused():
     s = arch(0.6, 1.0)
-    with pytest.raises(EquilibriumError, match="not in equilibrium: 1 N are left"):
+    with pytest.raises(EquilibriumError, match="not in equilibrium: 1 N are unbalanced"):
         control_path(s, {0: 1.0}, GROUND)
     with pytest.raises(TensegrityError, match="loaded node 3 must be below 3"):
         control_path(s, {0: 1.0}, GROUND, loads={3: (0, -1.0)})

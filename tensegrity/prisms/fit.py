@@ -218,7 +218,7 @@ def fit(
     >>> {name: round(found.values[name], 4) for name in ("prestrain", "k_base")}
     {'prestrain': 0.1, 'k_base': 20.0}
     >>> [round(end, 4) for end in found.intervals()["prestrain"]]
-    [0.0993, 0.1007]
+    [0.0972, 0.1029]
     """
     x, y = _read_points(shortening, load)
     check.kind("prism", prism, Prism, ": where the fit starts")

@@ -1,4 +1,4 @@
-"""A structure as masses and springs for `simulate`: bars push and pull, strings pull only."""
+"""A structure as masses and springs for `simulate`; strings carry tension only."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tensegrity.springs.potential import Potential, call
 from tensegrity.structures.members import Members
 from tensegrity.typing import Array
 
-SMALLEST = 1e-100  # elongation [m] from which a string has tension
+SMALLEST = 1e-100  # elongation above which a string has tension [m]
 
 
 class _Member(Potential):
@@ -29,17 +29,17 @@ class _Member(Potential):
 
 
 class StringSpring(_Member):
-    """A string of a stiffness [N/m] > 0: tension(r) = stiffness max(r, 0).
+    """A string with tension(r) = stiffness max(r, 0), stiffness > 0 [N/m].
 
-    The elongation r [m] counts from its natural length [m] > 0.  The stiffness at r is that of a
-    taut string from -`TAUT` of this length on, as in `tensegrity.structures.members`.
+    The elongation r [m] is measured from the natural length > 0 [m].  Down to -`TAUT` times this
+    length the stiffness is that of a taut string, as in `tensegrity.structures.members`.
     """
 
     tension_only = True
 
 
 class BarSpring(_Member):
-    """A bar of a stiffness [N/m] > 0: tension(r) = stiffness r; lengths as of a string."""
+    """A bar with tension(r) = stiffness r; r [m] is measured from the natural length > 0 [m]."""
 
 
 @once
@@ -60,8 +60,22 @@ def _law(tension_only: bool) -> Law:
 
 
 def network(positions: Array, members: Members, mass: Array) -> Network:
-    """See `Structure.network`."""
-    lengths = [float(f"{x:.3g}") for x in members.natural]  # those off by round-off: one spring
+    """The network of a structure; see `Structure.network`.
+
+    Parameters
+    ----------
+    positions : ndarray, (nodes, dim)
+        Positions of the nodes [m].
+    members : Members
+    mass : ndarray, (nodes,)
+        Masses [kg].
+
+    Returns
+    -------
+    Network
+    """
+    # lengths equal up to round-off have one spring
+    lengths = [float(f"{x:.3g}") for x in members.natural]
     springs = [
         (StringSpring if string else BarSpring)(k, length)
         for string, k, length in zip(
