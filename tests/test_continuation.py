@@ -390,7 +390,7 @@ def test_branch_prints_its_events_and_end():
 
 def test_a_part_of_a_branch_says_whether_its_end_was_cut_off():
     branch = circle()
-    assert branch[:-1].end == "cut here"
+    assert branch[:-1].end == "end of the slice"
     assert branch[3:].end == branch[::-1].end == branch.end == "below"
 
 

@@ -49,7 +49,7 @@ def test_curve_and_its_derivatives_are_those_of_traced_branches(prism):
     found, slopes = curve(theta)
 
     def traced(t):
-        return traced_loads(curve.made(t), x + t[-1])
+        return traced_loads(curve.prism_at(t), x + t[-1])
 
     assert np.abs(found - traced(theta)).max() < 1e-14 * found.max()
     for k in np.flatnonzero(theta):

@@ -93,7 +93,7 @@ def test_growing_bars_bow_then_snap_at_a_slack_corner_of_their_closed_form():
     *_, path = guyed(0.0)
     pitchfork, corner, fold = path.events
     assert [e.kind for e in path.events] == ["bifurcation", "slack", "fold"]
-    assert "turns back" in corner.note
+    assert "the path reverses its sense" in corner.note
     assert pitchfork.control == pytest.approx(0.5, rel=1e-9)
     assert corner.control == pytest.approx((1.1 * np.hypot(1, 0.2) - 1) / 0.2, rel=1e-10)
     x = (0.01 / 1.05) ** (1 / 3)  # where l_N(x) is least with one guy
@@ -112,7 +112,7 @@ def test_growing_bars_bow_to_where_the_weight_on_them_rests(weight):
     found = equilibrium(s.at(pushed, natural_lengths=[1.2, 1.2, 0.8, 0.8]), loads, supports)
     bowed = path.positions[-1, 2]
     assert np.abs(bowed) == pytest.approx(np.abs(found.positions[2]), rel=1e-9)
-    assert path.end == "the natural lengths asked for"
+    assert path.end == "the requested natural lengths are reached"
 
 
 def test_work_of_control_is_what_the_strings_do_as_they_are_drawn_in():

@@ -194,7 +194,7 @@ def test_structure_of_a_prism_goes_slack_where_the_prism_path_makes_contact():
 def test_paths_are_those_of_the_unit_structure_at_any_size(size, ball):
     small = ball.at(ball.positions * size, natural_lengths=ball.natural_lengths * size)
     path = equilibrium_path(small, supports=PLATES, max_shortening=size)
-    assert path.end == "the shortening asked for"
+    assert path.end == "the requested shortening is reached"
     (load,) = loads_at(ball, [1.0])
     assert path.load[-1] / size == pytest.approx(load, rel=1e-12)
 
@@ -209,7 +209,7 @@ def test_a_bar_held_by_slack_strings_alone_is_refused():
 
 def test_unstressed_prism_whose_mechanism_has_no_stiffness_is_refused():
     s = Prism(1.0, 0.7, 0.0, 1.0, 5.0, 50.0).structure()
-    with pytest.raises(EquilibriumError, match="give it some prestress"):
+    with pytest.raises(EquilibriumError, match="no branch is determined; prestress"):
         equilibrium_path(s, supports=plates(*ends(s)))
 
 

@@ -93,7 +93,7 @@ class Table:
         part.columns = {name: column[key] for name, column in self.columns.items()}
         part.events = tuple(replace(e, row=new_row[e.row]) for e in self.events if e.row in new_row)
         if len(self) - 1 not in new_row:
-            part.end = "cut here"
+            part.end = "end of the slice"
         return part
 
     def __iter__(self) -> Iterator[dict[str, Any]]:

@@ -1,9 +1,9 @@
-"""Equilibria of a structure as the equations of a branch, with given strings taut.
+"""The equilibrium equations of a structure with a fixed set of taut strings.
 
-Unknowns are the motions that supports leave (rigid ones out), then either the load and the
-shortening that belongs to it, or a control from 0 to 1 along which natural lengths change.  A
-string that is slack has no force, and one that is taut pulls or pushes: the branch ends where
-that becomes wrong.
+The unknowns are the motions that the supports permit, without rigid ones, followed by the load
+and the conjugate shortening, or by a control from 0 to 1 along which natural lengths change.
+Slack strings carry no force; taut ones obey their linear law also in compression, and the branch
+ends where the length of a string contradicts its state.
 """
 
 from __future__ import annotations
@@ -23,33 +23,33 @@ if TYPE_CHECKING:
 
     Plates = tuple[Array, tuple[int, ...], tuple[int, ...]]
 
-ROUND_OFF = 1e-3  # of stiffness times length beside tension: what residuals are measured by
-BACK = -0.01  # control at which a path that has turned back ends
-INSIDE = 1e-9  # part of a bar at its ends within which a crossing is none
-PLANE = 1e-9  # volume over lengths below which two bars lie in a plane
+ROUND_OFF = 1e-3  # weight of stiffness times length in the scale of residuals
+BACK = -0.01  # control at which a path that has reversed ends
+INSIDE = 1e-9  # fraction of a bar next to its ends within which it is not crossed
+PLANE = 1e-9  # volume over lengths below which two bars are coplanar
 
 
 @dataclass(frozen=True, eq=False)
 class Loading:
-    """What changes along a path, and what a structure may do.
+    """The load or control of a path, and the motions of the structure.
 
     Attributes
     ----------
     members : Members
     positions : ndarray, (nodes, dim)
-        At the start.
+        Positions at the start [m].
     motions : ndarray, (nodes dim, free)
-        Orthonormal.
+        Orthonormal basis of the permitted motions.
     pattern : ndarray, (nodes, dim), optional
-        Forces of the load 1 N; None in a path of control.
+        Nodal forces per unit load; None if natural lengths are controlled.
     change : ndarray, (members,)
-        Change of natural lengths over the whole control [m].
+        Change of the natural lengths from control 0 to 1 [m].
     plate : tuple, optional
         Unit normal, nodes of the lower and the upper plate.
     limits : tuple of two float
-        Load [N] at which to end, and shortening [m] (or control) in either sense.
+        Load [N] at which the path ends, and shortening [m] (or control) in either sense.
     dead : ndarray, (nodes, dim)
-        Loads that stay [N].
+        Constant loads [N].
     """
 
     members: Members
@@ -68,15 +68,15 @@ class Loading:
 
     @cached_property
     def along(self) -> Array:
-        """Work of the load 1 N in each motion, (free,)."""
+        """Work of the unit load on each motion, (free,)."""
         if self.pattern is None:
             return np.zeros(self.free)
         return np.asarray(self.motions.T @ self.pattern.ravel())
 
     @cached_property
     def basis(self) -> Array:
-        """Motions as (across the load, along it), (free, free): the last column is of shortening
-        1 m; in a path of control the identity."""
+        """Basis of the motions, (free, free): those on which the load does no work, then that of
+        unit shortening; the identity if natural lengths are controlled."""
         if self.pattern is None:
             return np.eye(self.free)
         size = float(self.along @ self.along)
@@ -85,7 +85,7 @@ class Loading:
 
     @cached_property
     def weight(self) -> Array:
-        """Work of the loads that stay in each motion of the basis, (free,)."""
+        """Work of the constant loads on each motion of the basis, (free,)."""
         return np.asarray(self.basis.T @ (self.motions.T @ self.dead.ravel()))
 
     @cached_property
@@ -111,13 +111,13 @@ class Loading:
 
     @cached_property
     def force(self) -> float:
-        """Size of loads [N]."""
+        """Scale of loads [N]."""
         return float(np.median(self.members.stiffness)) * self.span
 
     @cached_property
     def pairs(self) -> Indices:
-        """Pairs of bars that may meet, (pairs, 2): without a common node, and not in one plane
-        from the start, as parallel ones; none where the structure is plane."""
+        """Pairs of bars that may come into contact, (pairs, 2): without a common node, and not
+        coplanar at the start; none if the structure is planar."""
         bars = np.flatnonzero(~self.members.tension_only)
         ends = self.members.ends
         found = [
@@ -131,18 +131,19 @@ class Loading:
         return pairs[np.abs(self.crossing(self.positions, pairs)[0]) > PLANE]
 
     def positions_at(self, u: Array) -> Array:
-        """Positions, (nodes, dim)."""
+        """Positions at unknowns u [m], (nodes, dim)."""
         motion = self.motions @ (self.basis @ self.coordinates(u))
         return self.positions + motion.reshape(self.positions.shape)
 
     def coordinates(self, u: Array) -> Array:
-        """Motions of the basis, (free,)."""
+        """Coefficients of the motions of the basis, (free,)."""
         if self.pattern is None:
             return u[:-1]
         return np.concatenate([u[:-2], u[-1:]])
 
     def crossing(self, x: Array, pairs: Indices | None = None) -> tuple[Array, Flags]:
-        """Signed volume over lengths that two bars span, and whether they pass within both."""
+        """Signed volume spanned by pairs of bars over the product of lengths and the size, and
+        whether the common perpendicular meets both bars between their ends; (pairs,) each."""
         ends = self.members.ends
         pairs = self.pairs if pairs is None else pairs
         if not len(pairs):
@@ -161,16 +162,17 @@ class Loading:
 
 
 class SmoothPiece:
-    """The smooth piece of a path with given strings taut: `branches.many.Equations`.
+    """The equations of a smooth piece of a path, as `branches.many.Equations`.
 
     Parameters
     ----------
     loading : Loading
     taut : ndarray of bool, (members,)
-    corner : ndarray of int
+        Which members are taut; bars always are.
+    critical : ndarray of int
         Strings at their natural length where the piece starts.
-    stretch : ndarray, (members,)
-        Stretch of the strings there, which is round-off for these.
+    strains : ndarray, (members,)
+        Strains there, which for these strings are round-off.
     """
 
     def __init__(self, loading: Loading, taut: Flags, critical: Indices, strains: Array) -> None:
@@ -209,26 +211,26 @@ class SmoothPiece:
         )  # fmt: skip
 
     def separations(self, u: Array) -> tuple[Array, Array]:
-        """Separations and lengths."""
+        """Separations (members, dim) and lengths (members,) of the ends of members [m]."""
         moved = self.loading.gain @ self.loading.coordinates(u)
         d = self.loading.start + moved.reshape(self.loading.start.shape)
         return d, np.sqrt(np.einsum("ij,ij->i", d, d))
 
     def tensions(self, u: Array) -> Array:
-        """[N], (members,)."""
+        """Tensions of the members [N], (members,)."""
         return self._tensions_at(u, self.separations(u)[1])
 
     def _tensions_at(self, u: Array, lengths: Array) -> Array:
-        """Tensions at known lengths of the members."""
+        """Tensions at given lengths of the members [N], (members,)."""
         tensions = self.loading.members.stiffness * (lengths - self.natural(u))
         return np.where(self.taut, tensions, 0.0)
 
     def strains(self, u: Array) -> Array:
-        """Length over natural length, less 1, (members,)."""
+        """Strains of the members, length over natural length minus 1, (members,)."""
         return self.separations(u)[1] / self.natural(u) - 1
 
     def linearised(self, u: Array) -> tuple[Array, Array]:
-        """Forces left in the motions over their size, and the Jacobian of that."""
+        """Unbalanced forces on the motions over their scale, and the Jacobian of this residual."""
         loading, members = self.loading, self.loading.members
         d, lengths = self.separations(u)
         tensions = self._tensions_at(u, lengths)
@@ -245,19 +247,32 @@ class SmoothPiece:
         return g / size, np.column_stack([stiff[:, :-1], -along, stiff[:, -1]]) / size
 
     def tangent_of(self, d: Array, lengths: Array, density: Array) -> Array:
-        """Tangent over the motions of the basis, (free, free)."""
+        """Tangent stiffness over the motions of the basis.
+
+        Parameters
+        ----------
+        d : ndarray, (members, dim)
+            Separations of the ends of members [m].
+        lengths, density : ndarray, (members,)
+            Lengths [m] and force densities, tension over length [N/m].
+
+        Returns
+        -------
+        ndarray, (free, free)
+            [N/m].
+        """
         stiffness = np.where(self.taut, self.loading.members.stiffness, 0.0)
         blocks = forces.tangents(d / lengths[:, None], stiffness, density)
         turned = np.matmul(blocks, self.loading.gain.reshape(*d.shape, -1))
         return np.asarray(self.loading.gain.T @ turned.reshape(self.loading.gain.shape))
 
     def tangent(self, u: Array) -> Array:
-        """The same at a point."""
+        """Tangent stiffness over the motions of the basis at unknowns u, (free, free)."""
         d, lengths = self.separations(u)
         return self.tangent_of(d, lengths, self._tensions_at(u, lengths) / lengths)
 
     def tests(self, u: Array) -> Array:
-        """Functions that vanish at events, (roots,)."""
+        """Event functions, each of which vanishes at its events, (roots,)."""
         loading = self.loading
         x = loading.positions_at(u)
         parts = [(self.strains(u) - self.offset)[self.strings], loading.crossing(x)[0]]
@@ -276,7 +291,7 @@ class SmoothPiece:
         return np.concatenate(parts)
 
     def test_gradient(self, u: Array, number: int) -> Array:
-        """Gradient of one test where it vanishes, (m,)."""
+        """Gradient of one event function where it vanishes, (m,)."""
         loading, strings = self.loading, len(self.strings)
         row = np.zeros(len(u))
         if number < strings:
@@ -310,14 +325,14 @@ class SmoothPiece:
         return row
 
     def _place(self, row: Array, by_motion: Array) -> None:
-        """Rates by the motions of the basis, at the unknowns that they are."""
+        """Write derivatives in the motions of the basis to their places in a row."""
         if self.loading.pattern is None:
             row[:-1] = by_motion
         else:
             row[:-2], row[-1] = by_motion[:-1], by_motion[-1]
 
     def _volume_gradient(self, x: Array, one: int, other: int) -> Array:
-        """Of the volume that two bars span, over the lengths it is measured by."""
+        """Gradient of the scaled volume of `Loading.crossing` in these motions, (free,)."""
         loading, ends = self.loading, self.loading.members.ends
         (a, b), (c, d) = ends[one], ends[other]
         first, second, separations = x[b] - x[a], x[d] - x[c], x[c] - x[a]

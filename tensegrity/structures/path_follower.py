@@ -1,8 +1,9 @@
-"""A path of a structure while it is followed: piece by piece, from corner to corner.
+"""Path following for structures: smooth pieces, joined where strings go slack or taut.
 
-A path is made of smooth pieces, each with given strings taut, followed by arc length; where a
-string goes slack or taut a new piece begins, and where a path loses stability the stable branch may
-be taken.  Stability is counted in eigenvalues of the tangent below 0.
+A path consists of smooth pieces, each with a fixed set of taut strings, which are followed by
+arc-length continuation.  A new piece begins where a string goes slack or taut, or where the path
+loses stability and the stable branch is followed.  An equilibrium is stable if no eigenvalue of
+the tangent is negative.
 """
 
 from __future__ import annotations
@@ -42,41 +43,41 @@ if TYPE_CHECKING:
     _Located = tuple[str, int, Array]  # kind, the row before it, unknowns
 
 SETTINGS = Settings(tolerance=1e-8, largest=0.05, points=4000)
-FIRST_ROWS = 300  # rows of a piece that are followed before it is looked whether the path leaves it
-NEUTRAL = 1e-10  # eigenvalues below this part of the stiffness are zero
-AT_NATURAL = TAUT  # stretch below which a string is at its natural length where a piece ends
+FIRST_ROWS = 300  # rows of a piece before the first check whether the path leaves it
+NEUTRAL = 1e-10  # eigenvalues below this fraction of the stiffness are zero
+AT_NATURAL = TAUT  # strain below which a string is at its natural length where a piece ends
 PIECES = 100
-ROUND_OFF = 1e-13  # eigenvalues above minus this part of the stiffness are not negative
-WIDE = 1e-3  # steps on which a bifurcation is located twice
-NEARER = 0.1  # part of the interval between two rows that is interpolated again
-AROUND, DEGREE = 12, 5  # points around a bifurcation, and polynomial through them
-TOUCHING = 1e-9  # of the size of the structure: bars that are nearer meet
+ROUND_OFF = 1e-13  # eigenvalues above minus this fraction of the stiffness are not negative
+WIDE = 1e-3  # step above which the location of a bifurcation is refined once
+NEARER = 0.1  # fraction of the interval between two rows that the refinement interpolates
+AROUND, DEGREE = 12, 5  # points around a bifurcation, and degree of the polynomial through them
+TOUCHING = 1e-9  # of the size of the structure: distance below which bars are in contact
 ENDS = {
     "contact": "two bars meet",
     "plate": "a node reaches a plate",
     "flat": "the plates meet",
-    "load": "the load asked for",
-    "height": "the shortening asked for",
-    "other": "the shortening asked for, in the other sense",
-    "control": "the natural lengths asked for",
+    "load": "the requested load is reached",
+    "height": "the requested shortening is reached",
+    "other": "the requested shortening is reached in the opposite sense",
+    "control": "the requested natural lengths are reached",
     "back": "back at the natural lengths of the start",
-    "nothing": "no equilibrium, or none that is determined, leaves this corner",
+    "nothing": "no equilibrium, or no unique one, leaves this change of active set",
     "snap": "no stable branch leaves this {}: the structure snaps",
-    "pieces": f"{PIECES} pieces do not reach an end",
+    "pieces": f"no end is reached within {PIECES} smooth pieces",
 }
 
 
 @dataclass
 class _TracedPiece:
-    """A traced piece, cut where the path leaves it."""
+    """A traced piece, up to the point where the path leaves it."""
 
     piece: SmoothPiece
     u: Array
-    negative: Array  # numbers of negative eigenvalues, (rows, 2): given load, given shortening
+    negative: Array  # counts of negative eigenvalues, (rows, 2): given load, given shortening
 
 
 class PathFollower:
-    """A path while it is followed."""
+    """A path while it is being followed."""
 
     def __init__(
         self, structure: Structure, supports: Supports | None, loading: Loading, branch: str
@@ -96,7 +97,7 @@ class PathFollower:
         self.end = ""
 
     def path(self) -> StructurePath:
-        """Follow it from the start to its end."""
+        """Follow the path from the start to its end."""
         u = np.zeros(self.loading.free + 1)
         none = np.zeros(len(self.structure.ends), bool)
         strains = strains_at(self.loading, u, none)
@@ -112,13 +113,13 @@ class PathFollower:
                 raise EquilibriumError(
                     f"{len(critical)} strings are without tension at the start and a motion is "
                     f"without stiffness (smallest eigenvalue {softest:.3g} N/m): no branch is "
-                    "determined; give it some prestress"
+                    "determined; prestress the structure"
                 )
             chosen = selected(outgoing(self.loading, u, taut, critical), self.branch, critical)
             if chosen is None:
                 raise EquilibriumError(
                     f"{len(critical)} strings are at their natural length at the start and no "
-                    "equilibrium leads away from it"
+                    "equilibrium path leads away from it"
                 )
             taut, sense = chosen.taut, chosen.sense
         self._refuse_undetermined(SmoothPiece(self.loading, taut, critical, strains), u)
@@ -134,12 +135,12 @@ class PathFollower:
         return self._table()
 
     def _refuse_undetermined(self, piece: SmoothPiece, u: Array) -> None:
-        """Refuse a start from which more than one branch leaves: equations of too low a rank."""
+        """Refuse a start at which the equations are rank deficient: several branches leave it."""
         left = least_part(piece.linearised(u)[1] * piece.scale)
         if left <= NEGLIGIBLE:
             raise EquilibriumError(
                 "a motion is without stiffness at the start and not driven (smallest singular "
-                f"value {left:.3g} of the largest): no branch is determined; give it some prestress"
+                f"value {left:.3g} of the largest): no branch is determined; prestress it"
             )
 
     def _critical_strings(self, strains: Array) -> Indices:
@@ -148,7 +149,7 @@ class PathFollower:
     def _follow_piece(
         self, piece: SmoothPiece, u: Array, sense: int, points: int = FIRST_ROWS
     ) -> Any:
-        """Follow one piece; where and how the next begins, or None at the end of the path."""
+        """Follow one piece; the start of the next one, or None at the end of the path."""
         traced, reason = self._trace_piece(piece, u, sense, points)
         if traced is None:
             self.end = f"the path could not be followed: {reason}"
@@ -176,7 +177,7 @@ class PathFollower:
         return self._after_piece(piece, rows[-1], reason, -1 if traced.tangent[-1, -1] < 0 else 1)
 
     def _after_piece(self, piece: SmoothPiece, u: Array, reason: str, incoming: int) -> Any:
-        """What follows a piece that ended at u, as of `_follow_piece`."""
+        """The start of the next piece after one that ended at u, as `_follow_piece` returns it."""
         word, *numbers = reason.split()
         if word == "bifurcation":
             return self._switch_branch(piece, u)
@@ -190,7 +191,7 @@ class PathFollower:
         return None
 
     def _events(self, piece: SmoothPiece, traced: Branch, negative: Array) -> list[_Located]:
-        """What was met on a piece, and where it loses stability."""
+        """The located events of a piece, and the bifurcations where it loses stability."""
         events = [
             (e.kind, e.row, np.array([e.at[name] for name in piece.names]))
             for e in traced.events
@@ -201,7 +202,7 @@ class PathFollower:
         return events + sorted(found, key=itemgetter(1))
 
     def _departure(self, events: list[_Located], negative: Array) -> _Located | None:
-        """Where a path leaves a piece before its end: on a stable branch, or as bars meet."""
+        """The event at which the path leaves a piece early: a bifurcation, or contact of bars."""
         pairs, found = [tuple(pair) for pair in self.loading.pairs.tolist()], []
         for event in events:
             kind, row, u = event
@@ -217,8 +218,8 @@ class PathFollower:
     def _trace_piece(
         self, piece: SmoothPiece, u: Array, sense: int, points: int
     ) -> tuple[Branch | None, str]:
-        """The piece from u, and why it ends: in a first step so short that strings that leave
-        their natural length there have not come back to it."""
+        """The piece from u, and why it ends; its first step is so short that strings which leave
+        their natural length there do not return to it within the step."""
         problem, first = ManyProblem(piece), SETTINGS.first
         stop = [name for name in piece.roots if not name.startswith("contact")]
         while True:
@@ -237,7 +238,7 @@ class PathFollower:
                 return traced, reason
 
     def _change_active_set(self, piece: SmoothPiece, u: Array, reached: int, incoming: int) -> Any:
-        """The piece that begins where strings are at natural length, of which the path met one."""
+        """The next piece where strings, `reached` among them, are at their natural length."""
         strains = piece.strains(u)
         critical = np.union1d(
             self._critical_strings(strains), [reached]
@@ -267,13 +268,13 @@ class PathFollower:
                 return self._start_beyond(piece, u, beyond)
             if chosen is not None:
                 self.events.append(("slack", row, u, piece, words[0]))
-                self.end = ENDS["snap"].format("corner")
+                self.end = ENDS["snap"].format("change of active set")
                 return None
         if chosen is not None and len(critical) > 1:
             count = int(chosen.taut[critical].sum())
-            words.append(f"{count} of {len(critical)} at the corner taut beyond it")
+            words.append(f"{count} of {len(critical)} strings at natural length are taut beyond")
         if chosen is not None and chosen.sense != incoming:
-            words.append("the path turns back")
+            words.append("the path reverses its sense")
         self.events.append(("slack", row, u, piece, ", ".join(words)))
         if chosen is None:
             self.end = ENDS["nothing"]
@@ -289,7 +290,7 @@ class PathFollower:
         return self._start_beyond(piece, u, found)
 
     def _start_beyond(self, piece: SmoothPiece, u: Array, found: Array) -> Any:
-        """The piece that begins at a point found beyond u."""
+        """The piece that begins at a point of a branch a little beyond u."""
         strains = strains_at(self.loading, found, piece.taut)
         taut = ~self.loading.members.tension_only | (strains >= 0)
         if (taut != piece.taut).any():
@@ -299,12 +300,12 @@ class PathFollower:
     # stability
 
     def _constrained_tangent(self, piece: SmoothPiece, u: Array) -> Array:
-        """Tangent where the last unknown is given."""
+        """Tangent stiffness for a given last unknown (shortening or control)."""
         stiff = piece.tangent(u)
         return stiff if self.loading.pattern is None else stiff[:-1, :-1]
 
     def _negative(self, piece: SmoothPiece, u: Array) -> tuple[int, int]:
-        """Negative eigenvalues under given load, and where the last unknown is given."""
+        """Counts of negative eigenvalues under given load, and for a given last unknown."""
         stiff = piece.tangent(u)
         scale = np.ones(len(stiff))
         if (
@@ -319,7 +320,7 @@ class PathFollower:
     def _bifurcations(
         self, piece: SmoothPiece, traced: Branch, negative: Array, events: list[_Located]
     ) -> list[_Located]:
-        """Where eigenvalues change their sign other than by a turn; how many is in the kind."""
+        """Points other than limit points where eigenvalues change sign, with their number."""
         limit_rows, stepper = (
             [row for kind, row, _ in events if kind == self.limit_kind],
             ManyProblem(piece),
@@ -339,7 +340,7 @@ class PathFollower:
     def _bifurcations_at_limit_points(
         self, piece: SmoothPiece, traced: Branch, negative: Array, events: list[_Located]
     ) -> list[_Located]:
-        """The first turn at which a stable branch does not end but joins another one."""
+        """The first limit point at which a stable branch continues on another stable branch."""
         if self.branch != "stable":
             return []
         for kind, row, u in sorted(events, key=itemgetter(1)):
@@ -351,10 +352,10 @@ class PathFollower:
         return []
 
     def _locate_bifurcation(self, stepper: Any, ends: list[Array], below: int) -> Array:
-        """The point between two where the number of negative eigenvalues changes.
+        """The point between two others where the number of negative eigenvalues changes.
 
-        At the point itself the equations are singular, and round-off moves a solution along the
-        lost mode: so eigenvalue and unknowns are interpolated from points around it.
+        The equations are singular there, and round-off displaces a solution along the critical
+        mode.  Eigenvalue and unknowns are therefore interpolated from points around it.
         """
         from numpy.polynomial import chebyshev
 
@@ -389,7 +390,7 @@ class PathFollower:
             half *= NEARER
         return np.array(found)
 
-    # what came out
+    # the result
 
     def _table(self) -> StructurePath:
         names, loaded = ["shortening", "load"], self.loading.pattern is not None
