@@ -74,8 +74,8 @@ def test_curve_cannot_tell_strings_from_prestrain_nor_bars():
     assert found.correlation[0, 1] < -0.999
     assert found.errors["k_cross"] > found.values["k_cross"]
     words = " ".join(found.unidentified)
-    assert "only k_cross p0/(1 + p0) is known" in words
-    assert "k_bar: doubled" in words
+    assert "only the combination k_cross p0/(1 + p0) is known" in words
+    assert "k_bar: doubling it" in words
     assert "not identified: k_bar" in str(found)
 
 

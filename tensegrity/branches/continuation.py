@@ -1,18 +1,19 @@
-"""Branches of g(z; p) = 0 with one unknown more than equations, followed by arc length.
+"""Pseudo-arclength continuation of solution branches of g(z; p) = 0.
 
-Pseudo-arclength predictor-corrector (Keller 1977; Allgower & Georg 1990): a cubic through the
-last two points and their tangents predicts, Newton's method bordered by the old tangent
-corrects.  How far the predictor misses measures the fourth derivative of the branch, and so the
-error of cubic interpolation between the rows: that sets the step.  A point counts only if the
-residual is at round-off, the corrector moved little and the tangent turned little, else the step
-is shortened; also where the bordered determinant changes its sign, as it does between a branch
-and a neighbour that nearly meets it.  Folds are located on the extended system (Moore & Spence
-1980), roots of user functions on the system bordered by them; interpolation only starts both.
+There is one unknown more than equations.  Each step is a predictor-corrector step (Keller 1977;
+Allgower & Georg 1990): the predictor is the cubic through the last two points and their tangents,
+the corrector is Newton's method bordered by the previous tangent.  The distance between both
+measures the fourth derivative of the branch, hence the error of cubic interpolation between the
+rows, which controls the step.  A point is accepted if its residual is at round-off and both the
+correction and the angle between the tangents are small; otherwise the step is reduced.  The step
+is also reduced where the bordered determinant changes sign, as between a branch and another one
+close to it.  Limit points (folds) are located on their extended system (Moore & Spence 1980), roots
+of user functions on the equations extended by the function.
 
-A `Problem` is what is solved, `Settings` how, a `Branch` what came out.  The walk goes from event
-to event; what is quiet between two takes one call where the steps are compiled (`follow.c`).  An
-event function that changes its sign gives the interval; a guess on the cubic through both points
-is polished on the extended system of the event, and bisection steps in where that fails.
+A `Problem` states the equations, `Settings` the tolerances, and a `Branch` is the result.  Steps
+between two events take a single call if they are compiled (`follow.c`).  A sign change of an
+event function brackets the event; Newton's method on the extended system starts from the cubic
+between the two points, and bisection takes over where it fails.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity import check
-from tensegrity.branches.arclength import CompiledStepper
+from tensegrity.branches.compiled_stepper import CompiledStepper
 from tensegrity.branches.table import Event, Table
 from tensegrity.engine.disk_cache import cached, maker
 from tensegrity.errors import TensegrityError
@@ -41,11 +42,11 @@ if TYPE_CHECKING:
 
 START_ITERATIONS = 50
 BISECTIONS = 45  # where Newton's method does not locate an event
-INITIAL_ROWS = 256  # rows, at first
+INITIAL_ROWS = 256  # rows allocated at first
 
 
 class ContinuationError(TensegrityError):
-    """A branch could not be followed; `branch` holds the points found so far (or None)."""
+    """A branch could not be followed; `branch` holds its points so far, or is None."""
 
     branch = None
 
@@ -57,21 +58,21 @@ class Problem:
     Attributes
     ----------
     unknowns : tuple of str
-        Names of the m unknowns; the last is the parameter by which a start is held.
+        Names of the m unknowns; the last one sets the direction at the start.
     z, p : casadi.SX, (m,), (k,)
-        Symbols of the unknowns and of the numbers given at each trace.
+        Symbols of the unknowns, and of the parameters given to `trace`.
     residual : casadi.SX, (m - 1,)
     scale : sequence of float, (m,), optional
-        Sizes of the unknowns (metres, radians and newtons side by side).  Lengths are measured
-        in asinh(unknown/scale): beyond its size an unknown counts by its relative change, so
-        that forces may grow by orders of magnitude on the way.
+        Typical magnitudes of the unknowns, which may have different units.  Arc length is that
+        of asinh(unknown/scale), so that unknowns above their scale count by relative changes and
+        forces may grow by orders of magnitude along the branch.
     size : casadi.SX, (m - 1,), optional
-        Size of the terms of each equation, by which its residual is judged; 1 by default.
+        Magnitude of the terms of each equation, by which its residual is divided; 1 by default.
     roots, folds : dict of str to casadi.SX
-        Functions of (z, p): an event where one vanishes, an event where one is stationary along
-        the branch.  By default the fold in the last unknown.
+        Event functions of (z, p): an event is where a root vanishes, or where a fold is
+        stationary along the branch.  By default the limit point of the last unknown.
     values : dict of str to casadi.SX
-        Functions of (z, p) to be tabulated beside the unknowns.
+        Further functions of (z, p) to tabulate.
     """
 
     unknowns: tuple[str, ...]
@@ -107,16 +108,17 @@ class Problem:
 
 
 class DerivedProblem(Problem):
-    """A problem that a function derives, when its expressions are asked for.
+    """A problem whose expressions are derived by a function on first use.
 
-    To trace it needs none of them, where its machine is kept (`tensegrity.engine.disk_cache`).
+    Tracing needs no expressions if the compiled functions of the problem are in the disk cache
+    (`tensegrity.engine.disk_cache`).
 
     Parameters
     ----------
     make : callable
-        A function of a module, which gives a `Problem`.
+        A module-level function that returns a `Problem`.
     *arguments
-        What it is called with; texts and numbers, which say all that the problem depends on.
+        Its arguments, texts and numbers, which determine the problem.
     """
 
     def __init__(self, make: Callable[..., Problem], *arguments: Any) -> None:
@@ -135,7 +137,7 @@ for _field in fields(Problem):
 
 
 def _layout(problem):
-    """What a `CompiledStepper` has to know of a problem besides its functions."""
+    """Names, scales and sizes of a problem, which a `CompiledStepper` needs besides functions."""
     return {
         "unknowns": list(problem.unknowns),
         "scale": list(problem.scale),
@@ -148,20 +150,20 @@ def _layout(problem):
 
 @dataclass(frozen=True)
 class Settings:
-    """How a branch is followed; lengths are in scaled unknowns.
+    """Tolerances of a continuation; lengths are those of scaled unknowns.
 
     Attributes
     ----------
     tolerance : float
-        Estimated error of cubic interpolation between rows.
+        Largest estimated error of cubic interpolation between rows.
     residual : float
         Largest scaled residual of a row.
     first, smallest, largest : float
-        Steps.
+        First step, and bounds of all steps.
     turn : float
         Largest angle between the tangents of neighbouring rows [rad].
     points : int
-        Most rows.
+        Largest number of rows.
     """
 
     tolerance: float = 1e-6
@@ -184,19 +186,19 @@ class Settings:
 
 
 class Branch(Table):
-    """A traced branch: a table of unknowns and values, with what the tracing knew.
+    """A traced branch: a table of unknowns and values, with tangents and residuals.
 
     Attributes
     ----------
     z, tangent : ndarray, (rows, m)
         Unknowns, and unit tangents in scaled unknowns.
     arc : ndarray, (rows,)
-        Length of the branch from its start, in scaled unknowns.
+        Arc length from the start of the branch, in scaled unknowns.
     residual : ndarray, (rows,)
         Largest scaled residual.
     """
 
-    p: Any  # numbers it was traced with, where they were kept
+    p: Any  # parameters of the trace, if they were stored
     _by_row = ("z", "tangent", "arc", "residual")
 
     def __init__(
@@ -229,23 +231,26 @@ def trace(
     start : array_like, (m,)
         A point on or near the branch.
     parameters : array_like, (k,)
+        Values of the symbols p.
     settings : Settings, optional
     direction : {1, -1}
-        Sense in which the last unknown first goes; on a fold, that of the largest component.
+        Initial sense of the last unknown; at a limit point, of the largest component.
     stop : collection of str
-        Kinds of event at which to end; the last row is then that event.
+        Kinds of event at which the branch ends, with that event as its last row.
 
     Returns
     -------
     Branch
-        It ends at the first event in `stop`; simple bifurcations on the way are events too.
-        Threads may trace the same problem at once.
+        It ends at the first event in `stop`; simple bifurcations are events as well.
+        Several threads may trace the same problem at once.
 
     Raises
     ------
     ContinuationError
-        If the start is not near a solution, the step falls below the smallest one or `points`
-        rows do not reach an end; its `branch` holds the rows so far.
+        If the start is not near a solution, the step falls below the smallest one, or no end is
+        reached within `points` rows; its `branch` holds the rows so far.
+    TensegrityError
+        If start, parameters, direction or `stop` do not suit the problem.
     """
     settings, stepper = settings or Settings(), problem._stepper
     start, p = _checked(stepper, start, parameters, direction, stop)
@@ -259,24 +264,18 @@ def trace(
 
 
 def _follow_branch(stepper, start, p, settings, direction, stop):
-    """Rows, events (kind, row, point) and the kind of event, or the failure, that ends them."""
+    """Rows, events (kind, row, point), and the kind of the last event or the failure."""
     first = _first_point(stepper, start, p, settings, direction)
-    control = np.array(
-        [
-            min(settings.first, settings.largest),
-            settings.tolerance,
-            settings.residual,
-            settings.turn,
-            settings.largest,
-            settings.smallest,
-        ]
-    )
+    bounds = [
+        getattr(settings, x) for x in ("tolerance", "residual", "turn", "largest", "smallest")
+    ]
+    control = np.array([min(settings.first, settings.largest), *bounds])
     most, count, events, folds = settings.points, 1, [], []
     rows = np.empty((min(INITIAL_ROWS, most), stepper.size))
-    rows[0], rows[0, stepper.length] = first, control[0]  # its length: the predictor has one
+    rows[0], rows[0, stepper.length] = first, control[0]  # the predictor needs a length
     for i, test in enumerate(first[stepper.tests :].tolist()):
         if abs(test) <= stepper.vanishing[i]:
-            rows[0, stepper.tests + i] = 0.0  # it gets a sign with the first step
+            rows[0, stepper.tests + i] = 0.0  # its sign is that of the first step
             if i >= len(stepper.roots):
                 folds.append(i)
             else:
@@ -324,7 +323,7 @@ def _formatted(stepper, row):
 
 
 def _first_point(stepper, z, p, settings, direction):
-    """Nearest solution by least-norm Newton steps, which work at a fold as elsewhere."""
+    """Nearest solution by least-norm Newton steps, which also converge at limit points."""
     residual = math.nan
     for _ in range(START_ITERATIONS):
         move, tangent = stepper.least_norm(z, p)
@@ -348,7 +347,7 @@ def _first_point(stepper, z, p, settings, direction):
 
 
 def _starting_folds(stepper, rows, folds, p):
-    """Which of the folds that vanish at the first row are events: they change sign there."""
+    """The folds among those at the first row that are events: the function changes sign."""
     here, control = rows[0].copy(), np.zeros(6)
     here[stepper.length], control[0] = 1.0, -rows[1, stepper.length]
     back = stepper.advance(stepper.before(here), here, control, p)
@@ -357,9 +356,9 @@ def _starting_folds(stepper, rows, folds, p):
 
 
 def _events_between(stepper, before, here, p):
-    """Events between two points, in their order: (kind, point).
+    """Events (kind, point) between two points, in the order along the branch.
 
-    A root may be passed twice in a step that holds a fold: the fold divides it.
+    A step with a fold is divided there, because a root may occur on both sides of it.
     """
     m, roots = stepper.m, len(stepper.roots)
     signs, tests = before[stepper.tests :].tolist(), here[stepper.tests :].tolist()
@@ -391,14 +390,14 @@ def _events_between(stepper, before, here, p):
 
 
 def _with_length(stepper, start, end):
-    """A point with its distance from another one as the length of the step to it."""
+    """A copy of a row with its distance from another one as step length."""
     end = end.copy()
     end[stepper.length] = math.dist(start[: stepper.m].tolist(), end[: stepper.m].tolist())
     return end
 
 
 def _locate(stepper, before, here, number, sign, p):
-    """The point where an event function vanishes between two points."""
+    """The point between two others where an event function vanishes."""
     test = stepper.tests + number
     low = 0.0, float(before[test]), before
     high = 1.0, float(here[test]), here
@@ -419,7 +418,7 @@ def _locate(stepper, before, here, number, sign, p):
 
 
 def _bifurcation(stepper, before, here, p):
-    """The point where the bordered determinant changes its sign between two points."""
+    """The point between two others where the bordered determinant changes sign."""
     low, high = 0.0, 1.0
     for _ in range(BISECTIONS):
         middle = (low + high) / 2

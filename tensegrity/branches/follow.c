@@ -1,5 +1,6 @@
-/* The fast step of the walker in continuation.py: as many as are quiet, and the event in one that is
-   not.  It calls what CasADi wrote of the formulas in arclength.py, which says what a row holds. */
+/* The compiled loop of arc-length continuation: steps until one contains an event, and the location
+   of events.  It calls the functions that CasADi generates in compiled_stepper.py; the layout of a
+   row is described in arclength.py. */
 #include <math.h>
 #include <string.h>
 
@@ -26,12 +27,12 @@ static double dot(const double *a, const double *b)
     return sum;
 }
 
-/* Least-norm Newton step to g = 0 and the unit vector along the branch, from the QR factors of
-   the transposed Jacobian, whose columns are `rows`; 0 where its rank is in doubt. */
+/* Least-norm Newton step to g = 0 and the unit tangent of the branch, by QR factorisation of the
+   transposed Jacobian, whose columns are `rows`; returns 0 if its rank is doubtful. */
 int least_norm(const double *p, const double *z, double *move)
 {
     double g[M * M], rows[M - 1][M], *along = move + M;
-    double q[M][M], scale[M], factor[M], largest = 0; /* mirrors I - q factor q', diagonal in scale */
+    double q[M][M], scale[M], factor[M], largest = 0; /* reflections I - q factor q' */
     call(tensegrity_linear, g, z, p, 0, 0);
     for (int i = 0; i < M - 1; i++)
         for (int j = 0; j < M; j++)
@@ -72,7 +73,7 @@ int least_norm(const double *p, const double *z, double *move)
     return 1;
 }
 
-/* A point before the first one, such that the cubic through both is the tangent. */
+/* A fictitious point before the first one, for which the cubic predictor is the tangent. */
 static const double *preceding(const double *here, double *before)
 {
     for (int i = 0; i < M; i++) {
@@ -109,7 +110,7 @@ int steps(const double *p, double *control, double *rows, integer count, integer
     return count;
 }
 
-/* The point of the branch next to z in the plane normal to a tangent. */
+/* See ArclengthStepper.corrected. */
 void corrected(const double *p, const double *z, const double *tangent, double *row)
 {
     double before[SIZE], here[SIZE] = {0}, control[6] = {0}, out[SIZE + 2];
@@ -151,7 +152,7 @@ static double distance(const double *a, const double *b)
 
 /* See ArclengthStepper.locate_event. */
 int locate_event(evaluate *newton, const double *p, const double *before, const double *here,
-             double part, const double *low, const double *high, double *row, integer fold)
+                 double part, const double *low, const double *high, double *row, integer fold)
 {
     double curve[2 * M], found[2 + M], spread = distance(high, low) + 1e-12;
     call(tensegrity_interpolated, curve, before, here, &part, 0);

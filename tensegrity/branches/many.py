@@ -1,8 +1,8 @@
-"""Branches of problems with many unknowns: the same continuation on arrays.
+"""Continuation of problems with many unknowns, on arrays.
 
-Where a `Problem` is a few CasADi expressions, its step compiled whole, a `ManyProblem` gives
-residual and Jacobian as arrays and is solved by LAPACK: for tens to hundreds of unknowns.  `trace`
-takes both, with the same steps, the same acceptance and the same events.
+A `Problem` is a set of CasADi expressions whose step is compiled as a whole.  A `ManyProblem`
+evaluates residual and Jacobian as arrays and solves by LAPACK, for tens to hundreds of unknowns.
+`trace` takes both, with the same steps, the same step control and the same events.
 """
 
 from __future__ import annotations
@@ -21,31 +21,31 @@ from tensegrity.branches.arclength import (
 )
 from tensegrity.typing import Array, Indices
 
-CONSTANT = 1e-13  # part of a unit tangent below which an unknown does not change: no fold
-SECANT, LARGEST_SECANT = 1e-4, 0.2  # first and largest step of a secant, in scaled unknowns
+CONSTANT = 1e-13  # component of a unit tangent below which an unknown is constant
+SECANT, LARGEST_SECANT = 1e-4, 0.2  # first and largest secant step, in scaled unknowns
 
 
 class Equations(Protocol):
-    """What a branch solves, in unknowns u (m,), the last being that by which a start is held."""
+    """Equations of a branch in unknowns u (m,); the last one sets the direction at the start."""
 
     names: tuple[str, ...]
     scale: Array
     roots: tuple[str, ...]
-    folds: dict[str, int]  # name and number of the unknown that is stationary there
-    leaving: Indices  # numbers of the roots that are known to vanish at the start
+    folds: dict[str, int]  # name of the event, and number of the unknown that is stationary
+    leaving: Indices  # numbers of the roots that vanish at the start
 
     def linearised(self, u: Array) -> tuple[Array, Array]:
-        """Residual (m - 1,) over its size, and its Jacobian (m - 1, m)."""
+        """Scaled residual (m - 1,) and its Jacobian (m - 1, m)."""
 
     def tests(self, u: Array) -> Array:
-        """Functions of which each vanishes at an event, (roots,)."""
+        """Event functions, each of which vanishes at its events, (roots,)."""
 
     def test_gradient(self, u: Array, number: int) -> Array:
-        """Gradient of one of them, (m,)."""
+        """Gradient of one event function, (m,)."""
 
 
 class ManyProblem(ArclengthStepper):
-    """A problem for `trace`, of `Equations`; without parameters, in unknowns asinh(u/scale)."""
+    """A problem for `trace` from `Equations`, without parameters, in unknowns asinh(u/scale)."""
 
     numbers = 0
 
@@ -60,21 +60,35 @@ class ManyProblem(ArclengthStepper):
         return self
 
     def unknowns(self, z: Array) -> Array:
-        """u of scaled unknowns."""
+        """Unknowns u of scaled unknowns z, (m,)."""
         return np.asarray(np.sinh(z) * self.scale)
 
     def linearised(self, z: Array, p: Any) -> tuple[Array, Array]:
-        """Residual and Jacobian in scaled unknowns."""
+        """Residual (m - 1,) and Jacobian (m - 1, m) in scaled unknowns."""
         g, jacobian = self.equations.linearised(self.unknowns(z))
         return g, jacobian * (np.cosh(z) * self.scale)
 
     def values(self, z: Array, p: Any) -> Any:
-        """None."""
+        """No further tabulated values."""
         return ()
 
-    @np.errstate(all="ignore")  # iterations that run off are told by what is not finite
+    @np.errstate(all="ignore")  # divergence is detected by non-finite values
     def advance(self, before: Array, here: Array, control: Array, p: Any) -> Array:
-        """The row beyond `here`, whether it is good, and the step to try next."""
+        """One step beyond a point.
+
+        Parameters
+        ----------
+        before, here : ndarray, (size,)
+            Rows of the last two points.
+        control : ndarray, (6,)
+            As for `ArclengthStepper.steps`.
+        p : ignored
+
+        Returns
+        -------
+        ndarray, (size + 2,)
+            Row of the new point, whether it is accepted (1 or 0), and the next step.
+        """
         from scipy.linalg import lapack
 
         m, step = self.m, control[0]
@@ -116,9 +130,20 @@ class ManyProblem(ArclengthStepper):
 
     @np.errstate(all="ignore")
     def polish(self, kind: str, z: Array, tangent: Array, p: Any) -> Array | None:
-        """Newton's method on the equations with the test of an event; None where it fails.
+        """An event by Newton's method on the extended system, or by the secant method for folds,
+        whose functions have no gradient.
 
-        Folds have no gradient: the secant method along the branch.
+        Parameters
+        ----------
+        kind : str
+        z, tangent : ndarray, (m,)
+            Initial scaled unknowns, and a tangent of the branch.
+        p : ignored
+
+        Returns
+        -------
+        ndarray, (m,), or None
+            Scaled unknowns; None if the iteration fails.
         """
         if kind not in self.roots:
             return self._stationary_at(self._stationary[self.folds.index(kind)], z, tangent)
@@ -139,7 +164,7 @@ class ManyProblem(ArclengthStepper):
         return converged(step, z)
 
     def _stationary_at(self, number: int, z: Array, tangent: Array) -> Array | None:
-        """Where the tangent has no part in an unknown, by the secant method; None if it fails."""
+        """The point where one component of the tangent vanishes, by the secant method, or None."""
 
         def secant(x: tuple[Array, Array, float, float]) -> tuple[Any, float]:
             z, tangent, step, largest = x
@@ -152,6 +177,6 @@ class ManyProblem(ArclengthStepper):
         return None if x is None else x[0] + x[2] * x[1]
 
     def _point_and_tangent(self, z: Array, tangent: Array) -> tuple[Array, Array]:
-        """z and tangent of the point of the branch next to z."""
+        """Scaled unknowns and tangent of the point of the branch closest to z."""
         row = self.corrected(z, tangent, None)
         return row[: self.m], row[self.m : 2 * self.m]

@@ -1,4 +1,4 @@
-"""Curves as tables: columns of equal length, and the events located on them."""
+"""Curves as tables: columns of equal length, and the events located on the curve."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
-FIRST = 6  # columns and events that a notebook shows
+FIRST = 6  # number of columns and events that a notebook shows
 
 
 @dataclass(frozen=True)
 class Event:
-    """A located point of a branch; the columns of the table are attributes of it too.
+    """A located point of a branch; it has the columns of the table as attributes.
 
     Attributes
     ----------
     kind : str
     row : int
-        The last row before it (or at it).
+        The last row before the event, or at it.
     at : dict of str to float
-        Value of each column.
+        Value of each column at the event.
     note : str
-        What happens there, in words.
+        A description in words, or empty.
     """
 
     kind: str
@@ -42,7 +42,7 @@ class Event:
     note: str = ""
 
     def __getattr__(self, name: str) -> float:
-        at = self.__dict__.get("at", {})  # none yet in a copy that is being made
+        at = self.__dict__.get("at", {})  # missing while a copy is being made
         if name in at:
             return at[name]
         raise AttributeError(f"event has no {name!r}, only {', '.join(at)}")
@@ -54,7 +54,8 @@ class Event:
 class Table:
     """Columns of equal length along a curve, and the events on it.
 
-    Columns are attributes; `table[3]` is a row (a dict), a slice is a table, `len` counts rows.
+    Columns are attributes; `table[3]` is a row as a dict, a slice is a table, and `len` is the
+    number of rows.
 
     Attributes
     ----------
@@ -64,7 +65,7 @@ class Table:
         Why the curve ends there.
     """
 
-    _by_row: tuple[str, ...] = ()  # arrays besides the columns that a slice divides
+    _by_row: tuple[str, ...] = ()  # further arrays with one entry per row
 
     def __init__(self, columns: Mapping[str, Any], events: Iterable[Event], end: str) -> None:
         self.columns, self.events, self.end = dict(columns), tuple(events), end
@@ -126,7 +127,7 @@ class Table:
         return page(title, rows, lambda figure: self._draw(figure.subplots()))
 
     def _draw(self, axes: Axes) -> Axes:
-        """The first two columns."""
+        """Draw the first two columns against each other."""
         x, y = list(self.columns)[:2]
         return Table.plot(self, x, y, axes)
 
@@ -145,7 +146,26 @@ class Table:
     def plot(
         self, x: str, y: str, axes: Axes | None = None, labels: Mapping[str, str] | None = None
     ) -> Axes:
-        """Draw one column against another with the events marked; returns the axes."""
+        """Draw one column against another, with the events marked.
+
+        Parameters
+        ----------
+        x, y : str
+            Names of columns.
+        axes : matplotlib.axes.Axes, optional
+            Axes to draw on; new ones by default.
+        labels : dict of str to str, optional
+            Axis labels of columns; by default their names.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        TensegrityError
+            If `x` or `y` is no column.
+        """
         for name in (x, y):
             if not isinstance(name, str) or name not in self.columns:
                 raise TensegrityError(

@@ -1,7 +1,8 @@
-"""The equilibria of prisms with elastic bases or bars as equations, in CasADi.
+"""The equilibrium equations of prisms with elastic bases or bars, in CasADi.
 
-The forms of `derivations.mixed` as a problem for `tensegrity.branches.continuation`, in units of
-the base and of k_cross times base: one set of functions serves every prism.
+The forms of `derivations.mixed` make a problem for `tensegrity.branches.continuation`.  Lengths are
+in units of the base and forces in units of k_cross times base, so that one set of functions serves
+all prisms.
 """
 
 from __future__ import annotations
@@ -15,13 +16,13 @@ from tensegrity.once import once
 from tensegrity.prisms.closed import polygon
 from tensegrity.typing import Members
 
-LEAST = 1e-5  # force over k_cross base that residuals are seen by where all members are unloaded
+LEAST = 1e-5  # force over k_cross base that scales residuals if all members are unloaded
 UNKNOWNS = ("base tension", "bar tension", "half turn", "rise")
 
 
 @once
 def _forms(rigid_base: bool, any_sides: bool) -> Any:
-    """What `derivations.mixed` gives, as CasADi expressions of unknowns z and parameters p."""
+    """The forms of `derivations.mixed` as CasADi expressions of unknowns z and parameters p."""
     import casadi as ca
 
     from derivations import mixed as derived
@@ -42,7 +43,7 @@ def _forms(rigid_base: bool, any_sides: bool) -> Any:
         zip(("cross_tension", "base_tension", "bar_tension"), derived.tensions(of), strict=True)
     )
     forms |= dict(zip(("cross_length", "width", "bar_length"), derived.lengths(of), strict=True))
-    given = [p[i] for i in range(p.numel()) if i not in (4, 5)]  # where a branch ends is no form
+    given = [p[i] for i in range(p.numel()) if i not in (4, 5)]  # without the bounds of a branch
     values = to_casadi(list(forms.values()), symbols)(*unknowns, *given)
     found = {name: ca.SX(value) for name, value in zip(forms, values, strict=True)}
     return z, p, found | {"half_turn": unknowns[2], "rise": unknowns[3]}
@@ -50,14 +51,15 @@ def _forms(rigid_base: bool, any_sides: bool) -> Any:
 
 @once
 def problem(rigid_base: bool = False, any_sides: bool = False) -> Problem:
-    """Equilibria of a prism as a branch, parametrised by the rise h - h0.
+    """Equilibria of a prism as a branch in the rise h - h0.
 
-    Unknowns: changes of the tension of a base string (absent if the bases are rigid) and of a
-    bar, tangent of half the turn, rise.  With rigid bars the bar's tension is the multiplier of
-    its constant length.  Parameters: h0, p0, k1/k2, k1/k3, and a height and a load at which to
-    end; n, sin(pi/n) and cos(pi/n) where `any_sides`, else the prism is triangular.  Events:
-    contact (the cross strings unload at twist pi), unloaded (base strings and bars unload at
-    twist 2 pi/n), flat, height, load; fold, turn.
+    The unknowns are the changes of the tensions of a base string (absent if the bases are rigid)
+    and of a bar, the tangent of half the change of twist, and the rise.  For rigid bars the
+    tension is the Lagrange multiplier of their constant length.  The parameters are h0, p0, k1/k2,
+    k1/k3, and a height and a load at which to end; then n, sin(pi/n) and cos(pi/n) if `any_sides`,
+    otherwise the prism is triangular.  The events are contact (cross strings unload at twist pi),
+    unloaded (base strings and bars unload at twist 2 pi/n), flat, height and load, and the limit
+    points in load ("fold") and in displacement ("turn").
     """
     return DerivedProblem(_problem, rigid_base, any_sides)
 
@@ -98,12 +100,26 @@ def _problem(rigid_base: bool, any_sides: bool) -> Problem:
 
 
 def kind_of(prism: Members) -> tuple[bool, bool]:
-    """Which `problem` is that of a prism."""
+    """Arguments `rigid_base` and `any_sides` of `problem` for a prism."""
     return math.isinf(prism.k_base), prism.sides != 3
 
 
 def numbers(prism: Members, height: float = -1.0, load: float = math.inf) -> list[float]:
-    """Parameters of `problem` for a prism, with the height [m] and the load [N] at which to end."""
+    """Parameters of `problem` for a prism.
+
+    Parameters
+    ----------
+    prism : Prism
+    height : float, optional
+        Height at which a branch ends [m].
+    load : float, optional
+        Axial load at which it ends [N], compression > 0.
+
+    Returns
+    -------
+    list of float, (6,) or (9,)
+        Dimensionless.
+    """
     n, angle = prism.sides, math.pi / prism.sides
     sides = (float(n), math.sin(angle), math.cos(angle)) if kind_of(prism)[1] else ()
     return [
@@ -119,10 +135,11 @@ def numbers(prism: Members, height: float = -1.0, load: float = math.inf) -> lis
 
 @once
 def tangent(rigid_base: bool, any_sides: bool) -> Any:
-    """Symmetric tangent of the energy in (base, twist, bar tension, height).
+    """Symmetric tangent of the mixed (Hellinger-Reissner) energy.
 
-    The bar's tension is the multiplier of its compatibility, so one negative eigenvalue belongs
-    to it (Hellinger-Reissner); the base counts by its tension times the root of its stiffness.
+    The variables are base, twist, bar tension and height.  The bar tension is the multiplier of a
+    compatibility condition, to which one negative eigenvalue belongs; the base is scaled by the
+    square root of its stiffness.
     """
     import casadi as ca
 
@@ -135,7 +152,7 @@ def tangent(rigid_base: bool, any_sides: bool) -> Any:
         rows, columns = [softness * form["base"], *rows], [1 / softness, *columns]
         order = [0, 2, 1, 3]
     matrix = ca.jacobian(ca.vertcat(*rows), z)[:, order] @ ca.diag(ca.vertcat(*columns))
-    # the equations take b from its tension; the energy takes it from the coordinates
+    # the equations take the bar length from its tension, the energy from the coordinates
     multiplier = matrix[-2, :]
     coupling = multiplier.T * form["bar_tension"] / (sides * form["bar_length"])
     coupling[-2] = 0
@@ -144,7 +161,7 @@ def tangent(rigid_base: bool, any_sides: bool) -> Any:
 
 @once
 def inner(rigid_base: bool, any_sides: bool) -> Any:
-    """Newton step at given height, and energy with its derivatives in the height."""
+    """A Newton step at given height, and the energy and its derivatives in the height."""
     import casadi as ca
 
     z, p, form = _forms(rigid_base, any_sides)

@@ -259,9 +259,12 @@ def equilibrium_path(
     [('slack', 0.0476)]
     """
     if isinstance(prism, Structure):
-        smooth = past_contact is not False
-        bounded = max_height is not None
-        _refuse(prism, min_height=min_height != 0, max_height=bounded, past_contact=smooth)
+        _refuse(
+            prism,
+            min_height=(min_height, 0.0),
+            max_height=(max_height, None),
+            past_contact=(past_contact, False),
+        )
         if supports is None:
             raise TensegrityError("a path of a structure needs supports: held(...) or plates(...)")
         return structure_path(
@@ -275,18 +278,19 @@ def equilibrium_path(
     check.kind("prism", prism, Prism)
     _refuse(
         prism,
-        supports=supports is not None,
-        branch=branch != "stable",
-        loads=loads is not None,
-        max_shortening=max_shortening != math.inf,
+        supports=(supports, None),
+        branch=(branch, "stable"),
+        loads=(loads, None),
+        max_shortening=(max_shortening, math.inf),
     )
     return _followed(*_bounds(prism, min_height, max_load, max_height, past_contact))
 
 
-def _refuse(of: object, **given: bool) -> None:
-    """Refuse arguments that were given, though they do not belong to a path of this kind."""
-    for name, was_given in given.items():
-        if was_given:
+def _refuse(of: object, **given: tuple[Any, Any]) -> None:
+    """Refuse arguments (value, default) that do not belong to a path of this kind."""
+    for name, (value, default) in given.items():
+        plain = isinstance(value, (int, float, str)) and not isinstance(default, bool)
+        if not (value is default or (plain and value == default)):
             raise TensegrityError(f"{name} does not belong to a path of a {type(of).__name__}")
 
 

@@ -1,9 +1,10 @@
-"""Where a prism loses the symmetric path: the prism in all coordinates of its nodes.
+"""Stability of the symmetric path of a prism against all motions of its nodes.
 
-The symmetric equilibria of `tensegrity.prisms.path` are equilibria of `Prism.structure` too; there
-its tangent decides whether they are stable against motions that base, twist and height cannot
-describe.  The load is dead (axial, shared by the upper nodes).  The lower nodes lie on a smooth
-plate; how the upper ones are held is a matter of `SUPPORTS`.  Source: seeds/000, part III.
+The symmetric equilibria of `tensegrity.prisms.path` are equilibria of `Prism.structure` as well.
+The tangent stiffness of that structure decides on their stability against motions that base, twist
+and height do not describe.  The axial load is dead and equal on the upper nodes.  The lower nodes
+lie on a smooth plate; `SUPPORTS` lists the supports of the upper ones.  Source: seeds/000, part
+III.
 """
 
 from __future__ import annotations
@@ -23,19 +24,19 @@ from tensegrity.structures.supports import Supports, plates
 from tensegrity.typing import Array, Flags
 
 SUPPORTS = ("plates", "tilting")
-"""Upper nodes at one height (a guided plate), or each at its own (free to tilt)."""
+"""Upper nodes on a guided plate, at a common height; or free to tilt, each at its own height."""
 
 
 @dataclass(frozen=True)
 class StabilityLoss:
-    """Where the symmetric path first loses stability under dead load, for a support.
+    """The point where the symmetric path first loses stability under dead load.
 
     Attributes
     ----------
     height, load : float
-        [m], [N]; nan where it keeps stability up to the end of the path.
+        Height [m] and axial load [N], compression > 0; nan if the whole path is stable.
     symmetric : bool
-        Whether it is lost at a fold: the mode keeps the symmetry of the polygons.
+        Whether the point is a limit point, whose mode has the symmetry of the polygons.
     """
 
     height: float
@@ -46,23 +47,29 @@ class StabilityLoss:
 def lowest(
     prism: Prism, path: Table, support: str = "plates", count: int = 4
 ) -> tuple[Array, Flags]:
-    """Lowest eigenvalues of the tangent over the motions that a support leaves free.
+    """Lowest eigenvalues of the tangent stiffness along a symmetric path.
 
     Parameters
     ----------
     prism : Prism
-        With finite `k_base` and `k_bar`.
-    path : table with base, twist and height, (rows,)
-        For instance an `EquilibriumPath`.
-    support : str
+        `k_base` and `k_bar` must be finite.
+    path : Table
+        With columns base, twist and height, (rows,); for instance an `EquilibriumPath`.
+    support : str, optional
         One of `SUPPORTS`.
-    count : int
+    count : int, optional
+        Number of eigenvalues.
 
     Returns
     -------
     tuple of two ndarrays, (rows, count)
-        Eigenvalues in ascending order [N/m], and whether each mode keeps the symmetry of the
-        polygons.  Slack strings are absent; where bars meet, those at their natural length count.
+        Eigenvalues in ascending order [N/m], and whether each mode has the symmetry of the
+        polygons.  Slack strings contribute nothing, strings at their natural length do.
+
+    Raises
+    ------
+    TensegrityError
+        If an argument is outside its bounds, or the prism has rigid members.
     """
     check.kind("prism", prism, Prism)
     supports = _held(support, prism.sides)
@@ -96,7 +103,7 @@ def first_loss(prism: Prism, support: str = "plates") -> StabilityLoss:
     Raises
     ------
     EquilibriumError
-        If the prism has no prestrain: at rest some motion is without stiffness then.
+        If the prism has no prestrain, so that a motion has no stiffness at rest.
     """
     check.kind("prism", prism, Prism)
     n, supports = prism.sides, _held(support, prism.sides)
@@ -117,7 +124,7 @@ def _held(support: str, sides: int) -> Supports:
 
 
 def _keeps_symmetry(shape: Array) -> bool:
-    """Whether a motion is its own image when all turns by one corner."""
+    """Whether a motion is invariant under the rotation by one side of the polygons."""
     sides = len(shape) // 2
     angle = 2 * math.pi / sides
     rotation = np.array(

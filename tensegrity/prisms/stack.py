@@ -1,6 +1,6 @@
-"""Nodes and members of prisms on one another: what `column` and `Prism.structure` give.
+"""Nodes and members of a column of prisms, for `column` and `Prism.structure`.
 
-Source: seeds/000, part III, chains of prisms; members without thickness.
+Members have no thickness.  Source: seeds/000, part III, chains of prisms.
 """
 
 from __future__ import annotations
@@ -16,11 +16,29 @@ from tensegrity.errors import TensegrityError
 from tensegrity.structures.structure import Structure
 from tensegrity.typing import Array
 
-PER_SIDE = 1400  # bytes that a column takes for a side of each of its prisms
+PER_SIDE = 1400  # bytes of memory per side of each prism of a column
 
 
 def stacked(prism: Any, count: int, chirality: str, plates: bool) -> Structure:
-    """See `tensegrity.column`."""
+    """The structure of a column; `tensegrity.column` documents the arguments.
+
+    Parameters
+    ----------
+    prism : Prism
+        With finite `k_base` and `k_bar`.
+    count : int
+    chirality : {"alternate", "same"}
+    plates : bool
+
+    Returns
+    -------
+    Structure
+
+    Raises
+    ------
+    TensegrityError
+        If an argument is outside its bounds, the column exceeds the memory, or members are rigid.
+    """
     count = check.whole("count", count, least=1)
     check.room(f"a column of {count} prisms", PER_SIDE * prism.sides * count)
     plates = check.truth("plates", plates)
@@ -69,7 +87,19 @@ def stacked(prism: Any, count: int, chirality: str, plates: bool) -> Structure:
 
 
 def polygon(sides: int, base: ArrayLike, angle: ArrayLike, height: ArrayLike) -> Array:
-    """Corners of regular polygons of side `base` [m] across the last axis, (..., sides, 3)."""
+    """Corners of regular polygons normal to the z axis.
+
+    Parameters
+    ----------
+    sides : int
+    base, angle, height : array_like, broadcast to (...)
+        Length of a side [m], rotation about the z axis [rad], and position along it [m].
+
+    Returns
+    -------
+    ndarray, (..., sides, 3)
+        [m].
+    """
     each = (np.asarray(x, dtype=float)[..., None] for x in (base, angle, height))
     side, first, z = np.broadcast_arrays(*each)
     angles = first + 2 * np.pi / sides * np.arange(sides)
@@ -78,6 +108,18 @@ def polygon(sides: int, base: ArrayLike, angle: ArrayLike, height: ArrayLike) ->
 
 
 def symmetric_nodes(sides: int, base: Array, twist: Array, height: Array) -> Array:
-    """Nodes of a prism in symmetric states, lower ones first, (rows, 2 sides, 3)."""
+    """Nodes of a prism in symmetric states.
+
+    Parameters
+    ----------
+    sides : int
+    base, twist, height : ndarray, (rows,)
+        [m], [rad], [m].
+
+    Returns
+    -------
+    ndarray, (rows, 2 sides, 3)
+        Positions [m], lower nodes first.
+    """
     lower = polygon(sides, base, 0.0, 0.0)
     return np.concatenate([lower, polygon(sides, base, twist, height)], axis=1)

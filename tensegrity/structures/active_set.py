@@ -217,7 +217,19 @@ def _outgoing_branch(
 
 
 def strains_at(loading: Loading, u: Array, taut: Flags) -> Array:
-    """Strains of the members at a point u, (members,), for given taut members."""
+    """Strains of the members at a point.
+
+    Parameters
+    ----------
+    loading : Loading
+    u : ndarray
+        Unknowns.
+    taut : ndarray of bool, (members,)
+
+    Returns
+    -------
+    ndarray, (members,)
+    """
     return SmoothPiece(loading, taut, NONE, np.zeros(len(taut))).strains(u)
 
 
