@@ -20,7 +20,7 @@ OUTPUT = Path("derivations") / "output"
 
 
 def check(progress: Callable[[Iterable[Any]], Iterable[Any]]) -> int:
-    """Re-derive and hold every entry of the ledger; the number of disagreements."""
+    """Derive every entry of the ledger anew and compare; returns the number of disagreements."""
     start, checks = time.perf_counter(), []
     for entry in progress(ledger.entries()):
         checks.append(ledger.check(entry))

@@ -1,6 +1,6 @@
-"""The report: one page of HTML with MathML, no script, nothing fetched.
+"""The report: a self-contained page of HTML with MathML, without scripts.
 
-Each derivation is printed as its argument, followed by the ledger entries it decides.
+Each derivation is printed as its argument, followed by the ledger entries that it decides.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ table { border-collapse: collapse; } th, td { border: 1px solid #bbb; padding: .
   .formula { overflow: visible; } }
 """
 
-LONGEST = 200  # operations of a derived form that still fits on a line
+LONGEST = 200  # operations of the longest derived form that is shown
 TYPOGRAPHY = {
     "<mo>-</mo>": "<mo>&#x2212;</mo>",
     "<mo>&InvisibleTimes;</mo>": '<mspace width="0.17em"></mspace>',
     "<mo>&#xB7;</mo>": '<mspace width="0.17em"></mspace>',
 }
-"""What SymPy writes, and what reads better."""
+"""Replacements in the MathML that SymPy writes."""
 
 WORDS = {
     r"\beta0\b": "η₀", r"\bsqrt ?3": "√3", r"\bphi": "φ", r"\bpi\b": "π", r"\bgamma\b": "γ",
@@ -52,11 +52,11 @@ WORDS = {
     r"\b([A-GI-Zhxcskgpa])([0-3])\b": r"\1<sub>\2</sub>",
     r"\^(\w+|\([^)]*\))": r"<sup>\1</sup>",
 }  # fmt: skip
-"""Plain words and signs of the sources, as they are set on the page."""
+"""Typesetting of symbols in plain text: patterns and replacements."""
 
 
 SOURCES = {"seeds/000": "the talk", "seeds/001": "the paper"}
-"""The two sources by what they are."""
+"""Names of the two sources on the page."""
 
 
 def prose(text: str) -> str:
@@ -70,7 +70,7 @@ def prose(text: str) -> str:
 
 
 class _Printer(MathMLPresentationPrinter):
-    """Cases as a table behind a brace, which SymPy writes as a call."""
+    """Prints cases as a table behind a brace."""
 
     def _print_Piecewise(self, expression):
         def element(name, *children):
@@ -175,7 +175,7 @@ def _summary(checks):
 
 
 class Section(NamedTuple):
-    """A part of the report: where links lead, its heading, and its HTML below that."""
+    """A section of the report: anchor, heading, and HTML body."""
 
     key: str
     title: str
@@ -185,7 +185,7 @@ class Section(NamedTuple):
 def sections(
     names: Sequence[str] = NAMES, progress: Callable[[Iterable[Any]], Iterable[Any]] = iter
 ) -> list[Section]:
-    """Each derivation with the ledger entries that it decides; then signs, and a summary.
+    """The derivations with the ledger entries that they decide, the signs, and a summary.
 
     Parameters
     ----------

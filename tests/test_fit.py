@@ -56,7 +56,7 @@ def test_curve_and_its_derivatives_are_those_of_traced_branches(prism):
         h = 1e-5 * np.eye(5)[k]
         difference = (traced(theta + h) - traced(theta - h)) / 2e-5
         assert np.abs(slopes[:, k] - difference).max() < 1e-7 * np.abs(slopes).max()
-    with pytest.raises(TensegrityError, match="goes beyond this prism"):
+    with pytest.raises(TensegrityError, match="exceeds the range of this prism"):
         curve(np.array([0, 0, 0, 0, 2.0]))
     assert np.abs(curve(theta)[0] - found).max() < 1e-14 * found.max()
 
@@ -89,7 +89,7 @@ def test_file_of_two_columns_is_read(tmp_path):
 def test_what_cannot_be_fitted_is_refused(tmp_path):
     for wrong, words in (
         (lambda: fit(SHORTENING[:3], LOAD[:3], THIN), "3 points are fewer than 4"),
-        (lambda: fit(SHORTENING * 10, LOAD, THIN), "beyond this prism"),
+        (lambda: fit(SHORTENING * 10, LOAD, THIN), "exceeds the range of this prism"),
         (lambda: fit(SHORTENING, LOAD[:5], THIN), "of one length"),
         (lambda: fit(SHORTENING, LOAD, THIN, ("height",)), "must be one of prestrain"),
         (lambda: fit(SHORTENING, LOAD, Prism(1.0, 0.7, 0.1, 1.0)), "elastic members"),

@@ -56,7 +56,7 @@ def _potential_within(prism: Prism, x: Array) -> Any:
         potential.tension(-x)
     except LockingError as error:
         raise TensegrityError(
-            f"shortening {x.min():.6g} to {x.max():.6g} m is outside the range of this prism: {error}"
+            f"shortening {x.min():.6g} to {x.max():.6g} m exceeds the range of this prism: {error}"
         ) from None
     return potential
 
