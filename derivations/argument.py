@@ -71,7 +71,7 @@ class Verdict(Enum):
     HOLDS = "holds"
     CONVENTION = "holds under a convention"
     SLIP = "slip"
-    NO_DATA = "no data in the seed"
+    NO_DATA = "no data in the source"
 
 
 def as_printed(form: sp.Expr) -> sp.Expr:

@@ -102,11 +102,10 @@ def third_derivative_sign() -> sp.Expr:
 
 @cache
 def convexity_coefficients() -> list[sp.Expr]:
-    """Coefficients of the polynomial by which 2 s^2 g'' - g'^2 > 0 (s is convex).
+    """Coefficients of a polynomial in y and z with the sign of 2 s^2 g'' - g'^2 (s is convex).
 
-    With tan((pi - phi)/2) = (2 - sqrt3)/(1 + z) and eta0^2 = sqrt3/6 + y, the twist runs from
-    5 pi/6 to pi as z runs from 0 to infinity.  If all coefficients in y and z are positive, the
-    claim holds for y >= 0 and z >= 0.
+    tan((pi - phi)/2) = (2 - sqrt3)/(1 + z), so that phi runs from 5 pi/6 to pi as z from 0 to
+    infinity, and eta0^2 = sqrt3/6 + y.  All must be positive for the claim at y, z >= 0.
     """
     _, g = string_gain()
     t, y, z = sp.symbols("t y z", nonnegative=True)
@@ -133,9 +132,7 @@ def prove_hardening() -> sp.Expr:
     (critical,) = sp.solve(third_derivative_sign(), lock_square)  # increases with C on (-1, 0)
     start = sp.cos(prism.REFERENCE_TWIST)
     if sp.expand(critical.subs(cosine, start) + locking_slenderness_squared() - bound) != 0:
-        raise ArithmeticError(
-            "the third derivatives of g and V change sign at different slenderness"
-        )
+        raise ArithmeticError("the third derivatives of g and V change sign at different places")
     rising = sp.factor(sp.diff(critical, cosine))  # (1 - C^2)/C^2
     if sp.simplify(rising - (1 - cosine**2) / cosine**2) != 0:
         raise ArithmeticError("the bound on h_lock is not largest at the reference")
@@ -183,18 +180,15 @@ def argument() -> list[Step]:
         Step("so that V''' < 0 there if and only if the slenderness exceeds",
              sp.Eq(eta**2, hardening_slenderness_squared())),
         Step("For H3 on all of (-d, 0]: V''' is a positive multiple of (1 - s_N/s) g''' plus a "
-             "positive multiple of g' (g'' - g'^2/(2 s^2)), where g' < 0. The sign of g''' is "
-             "that of",
+             "positive multiple of g' (g'' - g'^2/(2 s^2)), where g' < 0. g''' has the sign of",
              third_derivative_sign()),
         Step("which is negative for X_l > (1 + C)^2/(-C). The right side is at most its value at "
-             "C = -sqrt3/2, which gives the same bound. The bracket is positive: with "
-             "tan((pi - phi)/2) = (2 - sqrt3)/(1 + z) and eta0^2 = sqrt3/6 + y it is a polynomial "
-             f"of {len(convexity_coefficients())} terms with positive coefficients, the least of "
-             "which is",
+             "C = -sqrt3/2, the same bound. The bracket is positive: with tan((pi - phi)/2) = "
+             "(2 - sqrt3)/(1 + z) and eta0^2 = sqrt3/6 + y it is a polynomial of "
+             f"{len(convexity_coefficients())} terms with positive coefficients, the least being",
              min(convexity_coefficients())),
-        Step("For H3, V(r) < V(-r) holds for every change of twist if and only if eta0^2 exceeds "
-             "the following, whose supremum, as delta tends to 0, is again the same bound. Above "
-             "it H3 holds completely.",
+        Step("V(r) < V(-r) holds for every change of twist if and only if eta0^2 exceeds the "
+             "following. Its supremum, for delta to 0, is the same bound, above which H3 holds.",
              stroke_condition()),
         Step("The bars never meet below the slenderness",
              sp.Eq(eta**2, locking_slenderness_squared())),

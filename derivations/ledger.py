@@ -61,7 +61,7 @@ def _relation_agrees(relation, cases, domain):
     for values, truth in cases:
         if bool(relation.subs(values)) is not truth:
             return ""
-    return f"correct truth value in {len(cases)} cases"
+    return f"cases: {len(cases)}, all with the correct truth value"
 
 
 def _form_agrees(form, other, domain):

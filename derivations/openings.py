@@ -6,8 +6,7 @@ contact, however, is a power n of the overlap on one side of a root and 0 on the
 quadrature errors are large.  Their sum over all steps is known: it is Hurwitz' zeta function of
 the position of the root in its step (the generalised Euler-Maclaurin formula: I. Navot, J. Math.
 Phys. 40, 271, 1961; J. N. Lyness, B. W. Ninham, Math. Comp. 21, 162, 1967).  The total error of
-the steps before a loss of contact, or after its onset, is therefore subtracted in the step of the
-event.
+the steps before a loss, or after an onset, of contact is subtracted in the step of the event.
 
 Times are measured from the event in steps, overlaps and their rates of change per step.
 """
@@ -152,8 +151,7 @@ def argument() -> list[Step]:
     third = offsets(3)[2]
     return [
         Step("A rule with one value per step, at the fraction q, integrates the square of the time "
-             "since the event with an error of h^3 times the following, without the contribution "
-             "of the far end:", square),
+             "since the event with an error, without that of the far end, of h^3 times", square),
         Step("This is minus a Bernoulli polynomial over 3. For any power n it is h^(n+1) times "
              "Hurwitz' zeta function, the continuation of the sum of (q + j)^n:",
              sp.Eq(sp.Symbol("E_n"), zeta(), evaluate=False)),
@@ -191,9 +189,8 @@ def argument() -> list[Step]:
         Step("For n = 1 the zeta functions of integer q vanish outside the step, and the motion is "
              "known. With g + g_t tau for all other forces, which follow from the ends of the "
              "step, the impulse of a closed contact is k over h times", linear()[0]),
-        Step("while its kicks are summed directly. Both bodies receive the correction with "
-             "opposite signs. A contact that begins and ends within a step, with the duration l in "
-             "steps, has the impulse over h", touch()),
+        Step("while its kicks are summed directly. Corrections of both bodies are opposite. A "
+             "contact within a step, lasting l steps, has the impulse over h", touch()),
         Step("and the contribution of the kicks to it is known. The remaining error is due to the "
              "next powers: the jerk, and the effect of the contact force on the positions at later "
              "kicks of the same step. With corrections the error decreases with the power", left()),

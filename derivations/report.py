@@ -44,13 +44,15 @@ TYPOGRAPHY = {
 }
 """Replacements in the MathML that SymPy writes."""
 
+_NAMES = "alpha beta gamma delta epsilon eta theta kappa nu pi rho tau phi psi omega"
+GREEK = dict(zip(_NAMES.split(), "αβγδεηθκνπρτφψω", strict=True))
 WORDS = {
-    r"\beta0\b": "η₀", r"\bsqrt ?3": "√3", r"\bphi": "φ", r"\bpi\b": "π", r"\bgamma\b": "γ",
-    r"\bdelta": "δ", r"\btheta\b": "θ", r"\balpha\b": "α", r"\brho\b": "ρ", r"\bepsilon\b": "ε",
-    r"\bnu\b": "ν", r"\beta\b": "η", r">=": "≥", r"<=": "≤", r" - ": " − ",
-    r"\b([A-Za-zφ])_([0-9A-Za-zφ])\b": r"\1<sub>\2</sub>",
+    r"\beta0\b": "η₀", r"\bsqrt ?3": "√3",
+    **{rf"(?<![A-Za-z]){name}(?![A-Za-z])": letter for name, letter in GREEK.items()},
+    r">=": "≥", r"<=": "≤", r" - ": " − ",
+    r"\b([A-Za-zα-ω])_([0-9A-Za-zα-ω*])(?!\w)": r"\1<sub>\2</sub>",
     r"\b([A-GI-Zhxcskgpa])([0-3])\b": r"\1<sub>\2</sub>",
-    r"\^(\w+|\([^)]*\))": r"<sup>\1</sup>",
+    r"\^(-?\w+|\([^)]*\)|-)": r"<sup>\1</sup>",
 }  # fmt: skip
 """Typesetting of symbols in plain text: patterns and replacements."""
 
@@ -141,9 +143,9 @@ def _entry(check):
         parts.append("<p>As derived: see the argument above.</p>")
     elif isinstance(found, sp.Basic):
         parts += ["<p>As derived:</p>", _equation(entry.left, found)]
-    note = f" {prose(entry.note)}." if entry.note else ""
+    verdict += f":</span> {prose(entry.note)}." if entry.note else ".</span>"
     parts.append(
-        f'<p><span class="verdict">{escape(verdict[0].upper() + verdict[1:])}.</span>{note} '
+        f'<p><span class="verdict">{verdict[0].upper() + verdict[1:]} '
         f'<span class="place">({escape(check.how)})</span></p></div>'
     )
     return "\n".join(parts)

@@ -1,8 +1,7 @@
 """Families of solitary waves of a chain: small waves, flat-topped waves, waves near a wall.
 
 Masses m and springs V(r) with V(0) = V'(0) = 0, r > 0 in extension; the spacing is 1; Q = 2V/r^2.
-Waves exist where Q exceeds its values nearer to rest (G. Friesecke, J. Wattis, Commun. Math.
-Phys. 161, 391, 1994).
+Existence where Q increases: G. Friesecke, J. Wattis, Commun. Math. Phys. 161, 391 (1994).
 """
 
 from __future__ import annotations
@@ -189,14 +188,12 @@ def argument() -> list[Step]:
         Step("when the gap between the peak and r_* decreases to a fraction g. As Q is "
              "stationary, c_* - c is proportional to the square of the gap. Further families start "
              "wherever Q exceeds all its values nearer to rest, with m c^2 above that level."),
-        Step("The first peak of such a family is estimated by the long-wave equation, in which a "
-             "wave with peak r has",
+        Step("The long-wave equation estimates its first peak: a wave with peak r has",
              sp.Eq(m * c**2, long_wave())),
         Step("Near a wall V = A y^-n at the distance y from the end of the domain. Two masses "
-             "that collide with relative velocity w separate as w t + beta s, with the least "
-             "distance s and", sp.Eq(beta, delay())),
-        Step("In a fast wave the masses collide one after the other. Each collides again at the "
-             "time 1/c after its first collision, so that",
+             "that collide with relative velocity w separate as w t + beta s least distance s:",
+             sp.Eq(beta, delay())),
+        Step("In a fast wave the masses collide one by one, each again after the time 1/c:",
              sp.Eq(sp.Symbol("w") / c, relative_speed())),
         Step("and the energy of the relative motion determines s. The tent, s = 0, is approached "
              "only as c^(-2/n); with this s the error is O(1/c).", wall_balance()),
