@@ -191,7 +191,7 @@ def argument() -> list[Step]:
         Step("The long-wave equation estimates its first peak: a wave with peak r has",
              sp.Eq(m * c**2, long_wave())),
         Step("Near a wall V = A y^-n at the distance y from the end of the domain. Two masses "
-             "that collide with relative velocity w separate as w t + beta s least distance s:",
+             "colliding with relative velocity w separate as w t + beta s, with least distance s:",
              sp.Eq(beta, delay())),
         Step("In a fast wave the masses collide one by one, each again after the time 1/c:",
              sp.Eq(sp.Symbol("w") / c, relative_speed())),
