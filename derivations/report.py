@@ -210,7 +210,7 @@ def sections(
         body = f"{arguments[name]}\n<h3>Printed formulas</h3>\n{ledger_part}"
         found.append(Section(name, derivation(name).TITLE, body))
     found.append(Section("signs", "Sign conventions", _signs()))
-    found.append(Section("summary", "What the ledger found", _summary(checks)))
+    found.append(Section("summary", "Summary of the ledger", _summary(checks)))
     return found
 
 
@@ -228,7 +228,7 @@ def page(
             f"<title>Derivations</title><style>{STYLE}</style></head><body>",
             "<h1>Derivations</h1><p>Tensegrity prisms and granular chains as nonlinear-wave media: "
             "every formula of the two sources, derived from energies and geometry by program, and "
-            "the printed forms held against what was derived.</p>",
+            "compared with its printed form.</p>",
             f"<nav><h2>Contents</h2><ol>{contents}</ol></nav>",
             *(f'<section id="{s.key}"><h2>{escape(s.title)}</h2>{s.body}</section>' for s in parts),
             "</body></html>\n",
