@@ -375,7 +375,7 @@ def assembled(
             f"stiffness {min(stiffness):g} N/m must be above 1e-100 and k_cross {stiffness[0]:g} "
             "N/m below 1e100"
         )
-    condition, stretched, level = _assembly()
+    condition, stressed_lengths, squared_height = _assembly()
     softness = [1 / k for k in stiffness]
     most = min(stiffness[0], 2 * sine * stiffness[1])
 
@@ -389,8 +389,8 @@ def assembled(
             f"{lengths[1]:g} m: the stress of the strings is not resolved in floating point"
         )
     density = brentq(gap, 0.0, high, xtol=1e-300, rtol=1e-15)
-    length, side, _ = stretched(density, *lengths, *softness, sine)
-    squared = level(length, side, sine)
+    length, side, _ = stressed_lengths(density, *lengths, *softness, sine)
+    squared = squared_height(length, side, sine)
     if not squared > 0:
         raise EquilibriumError(
             f"these members make no prism: h^2 = {squared:.6g} m^2 must be above 0 (cross strings "
