@@ -167,7 +167,10 @@ def test_minima_next_to_each_state_are_the_next_state_of_the_path(prestrain, kin
 
 @pytest.mark.parametrize(
     ("prestrain", "kind", "words"),
-    [(0.2, "held", "leaves this change of active set"), (0.01, "guided", "leaves this bifurcation")],
+    [
+        (0.2, "held", "leaves this change of active set"),
+        (0.01, "guided", "leaves this bifurcation"),
+    ],
 )
 def test_a_structure_snaps_only_where_no_minimum_beyond_comes_near(prestrain, kind, words):
     s, given = octahedron(prestrain, kind)
