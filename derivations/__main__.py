@@ -18,7 +18,7 @@ from derivations.argument import NAMES, Verdict
 
 
 def check(progress: Callable[[Iterable[Any]], Iterable[Any]]) -> int:
-    """Re-derive and hold every entry of the ledger; the number of disagreements."""
+    """Derive every entry of the ledger anew and compare; returns the number of disagreements."""
     start, checks = time.perf_counter(), []
     for entry in progress(ledger.entries()):
         checks.append(ledger.check(entry))

@@ -1,7 +1,8 @@
-"""A derivation as it is read: sentences, each with the formula that the program found.
+"""The form of a derivation: sentences, each with the formulas that the program derived.
 
-An entry of the ledger holds a printed formula against it: what is printed, as SymPy, how it is to
-be read (a sign convention, a slip put right), and what derives it.
+An entry of the ledger compares a printed formula with the derivation.  It holds the printed form in
+SymPy, the reading under which it is correct (a sign convention, or the correction of a slip), and
+the function that derives it.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ NAMES = (
     "member",
     "junction",
 )
-"""The derivations, in reading order; each module offers TITLE and argument()."""
+"""The derivations in reading order; each module defines TITLE and argument()."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,7 @@ def derivation(name: str) -> ModuleType:
     Raises
     ------
     ValueError
-        If there is none of that name.
+        If no derivation has that name.
     """
     if name not in NAMES:
         raise ValueError(f"derivation {name!r} is not one of {', '.join(NAMES)}")
@@ -65,16 +66,16 @@ def derivation(name: str) -> ModuleType:
 
 
 class Verdict(Enum):
-    """What became of a printed formula."""
+    """The result of comparing a printed formula with its derivation."""
 
     HOLDS = "holds"
     CONVENTION = "holds under a convention"
     SLIP = "slip"
-    NO_DATA = "no data in the seed"
+    NO_DATA = "no data in the source"
 
 
 def as_printed(form: sp.Expr) -> sp.Expr:
-    """The reading of a form that needs none."""
+    """The identity, for forms that are correct as printed."""
     return form
 
 
@@ -85,25 +86,26 @@ class Entry:
     Attributes
     ----------
     name : str
-        "talk." or "paper." and a word.
+        "talk.", "paper." or "ours.", and a word.
     place : str
         Where it is printed.
     derivation : str
-        Module that derives it.
+        The module that derives it.
     left : sympy.Basic or str
-        Its left side, for display.
+        Its left-hand side, for display.
     printed : sympy.Basic or None
-        The printed right side (expression or tuple of them), or a printed relation; None for
-        a claim without formula.
+        The printed right-hand side, an expression or a tuple of expressions, or a printed
+        relation; None for a claim without a formula.
     derive : callable () -> sympy.Basic
-        The derived right side; for a relation a list of (values, expected truth): cases in
-        which the relation as read must be true or false.
+        Returns the derived right-hand side; for a relation, a list of (values, truth) at which
+        the relation, as read, must have that truth value.
     verdict : Verdict
     note : str
-        The convention, or what is wrong and where.
+        The convention, or the error and its place.
     reading : callable (printed) -> form
-    domain : dict of Symbol to (low, high)
-        Where random points are taken; others lie in (1/2, 2).
+        Applies the convention or the correction.
+    domain : tuple of (Symbol, (low, high))
+        Intervals of the random points of comparison; other symbols lie in (1/2, 2).
     """
 
     name: str

@@ -1,7 +1,7 @@
-"""Contact of spheres after Hertz, and waves on chains of power-law contacts after Nesterenko.
+"""Hertz's contact of spheres, and Nesterenko's waves on chains of power-law contacts.
 
-The contact law is derived from the elastic half space (Boussinesq's point load) and the
-parabolic gap of two spheres; waves from the long-wave expansion of the chain's energy.
+The contact law follows from the elastic half space (Boussinesq's point load) and the parabolic gap
+between two spheres, the waves from the long-wave expansion of the chain's energy.
 Source: seeds/000, part II, "Discrete element modeling"; seeds/001, eqs. (1)-(5);
 V. F. Nesterenko, Dynamics of Heterogeneous Materials (2001), chapter 1.
 """
@@ -28,8 +28,8 @@ compression, wave, mass, speed, position = sp.symbols("xi xi_m m c x", positive=
 def sinking() -> sp.Expr:
     """Displacement at rho under the pressure p_m sqrt(1 - rho^2/A^2), times the plane modulus.
 
-    Boussinesq: p dA/(pi distance), summed along chords through the point: a chord's pressure
-    is a half circle of squared radius A^2 - rho^2 sin^2(theta).
+    Boussinesq's solution p dA/(pi distance) is integrated along chords through the point; along a
+    chord the pressure is a semicircle of squared radius A^2 - rho^2 sin^2(theta).
     """
     s, theta, half = sp.symbols("s theta half", positive=True)
     chord = sp.integrate(sp.sqrt(half**2 - s**2), (s, -half, half))
@@ -40,7 +40,8 @@ def sinking() -> sp.Expr:
 
 @cache
 def hertz() -> tuple[sp.Expr, sp.Expr]:
-    """(overlap, force) in the contact radius A: sinking = overlap - gap, rho^2/(2 R)."""
+    """Overlap and force in the contact radius A; the displacement is the overlap minus
+    rho^2/(2 R)."""
     depth = sp.Symbol("delta")
     mismatch = sinking() / effective_modulus - (depth - place**2 / (2 * effective_radius))
     found = sp.solve(sp.Poly(sp.expand(mismatch), place).coeffs(), [depth, pressure], dict=True)[0]
@@ -53,7 +54,7 @@ def hertz() -> tuple[sp.Expr, sp.Expr]:
 
 @cache
 def hertz_constant() -> tuple[sp.Expr, sp.Expr]:
-    """alpha_ij, in F = alpha delta^n; and n."""
+    """The constant alpha_ij and the exponent n of F = alpha delta^n."""
     depth, load = hertz()
     (radius,) = sp.solve(depth - overlap, contact_radius)
     force = sp.powsimp(load.subs(contact_radius, radius))
@@ -65,21 +66,21 @@ def hertz_constant() -> tuple[sp.Expr, sp.Expr]:
 
 
 def wall_constant() -> sp.Expr:
-    """alpha of a sphere i on a plane wall j: r_j without bound."""
+    """alpha of a sphere i on a plane wall j, the limit of infinite r_j."""
     return sp.limit(hertz_constant()[0], radius_2, sp.oo)
 
 
 def power_law_energy() -> sp.Expr:
-    """Energy of a contact of overlap delta: the work of F = alpha delta^n."""
+    """Energy of a contact at overlap delta, the work of F = alpha delta^n."""
     return sp.integrate(constant * overlap**exponent, overlap)
 
 
 @cache
 def long_wave() -> tuple[sp.Expr, dict[str, sp.Expr]]:
-    """Tension terms of the chain for slow variation: (lead, correction) of m c^2 xi / alpha.
+    """Leading term and correction of m c^2 xi / alpha for slowly varying xi.
 
-    The bond between sites x and x+1 shortens by the mean of xi over it. Expanded about the
-    middle of a mass and integrated once: lambda xi = xi^n + correction.
+    The bond between sites x and x + 1 shortens by the mean of xi over it.  The difference of the
+    forces, expanded about a site and integrated once, is lambda xi = xi^n + correction.
     """
     x, h = sp.symbols("x h")
     xi = sp.Function("xi")
@@ -103,10 +104,10 @@ def long_wave() -> tuple[sp.Expr, dict[str, sp.Expr]]:
 
 @cache
 def nesterenko() -> tuple[sp.Expr, sp.Expr, sp.Expr]:
-    """(lambda, kappa, power): xi = xi_m cos^power(kappa x), m c^2 = alpha lambda(xi_m).
+    """lambda, kappa and power of xi = xi_m cos^power(kappa x), m c^2 = alpha lambda(xi_m).
 
-    lambda xi = xi^n + n/24 ((n - 1) xi^(n-2) xi'^2 + 2 xi^(n-1) xi'') with the coefficients
-    of `long_wave`; xi = w^power makes it an equation of w = cos(kappa x).
+    The equation lambda xi = xi^n + n/24 ((n - 1) xi^(n-2) xi'^2 + 2 xi^(n-1) xi''), with the
+    coefficients of `long_wave`, is solved by xi = w^power with w = cos(kappa x).
     """
     _, c = long_wave()
     w, power, kappa2 = sp.symbols("w power kappa2", positive=True)
@@ -124,7 +125,7 @@ def nesterenko() -> tuple[sp.Expr, sp.Expr, sp.Expr]:
 
 
 def scalings() -> tuple[sp.Expr, sp.Expr]:
-    """Exponents s, t in F_m ~ I^s and V ~ I^t: I ~ c xi, c^2 ~ xi^(n-1), F ~ xi^n."""
+    """Exponents s, t in F_m ~ I^s and V ~ I^t, from I ~ c xi, c^2 ~ xi^(n-1) and F ~ xi^n."""
     wave_speed = (exponent - 1) / 2
     momentum = sp.simplify(wave_speed + 1)
     return sp.simplify(exponent / momentum), sp.simplify(wave_speed / momentum)
@@ -132,9 +133,10 @@ def scalings() -> tuple[sp.Expr, sp.Expr]:
 
 @cache
 def effective_mass() -> sp.Expr:
-    """P^2/(2 E m) of Nesterenko's wave, n = 3/2, its energy by the virial theorem.
+    """P^2/(2 E m) of Nesterenko's wave for n = 3/2, with the energy from the virial theorem.
 
-    2 T = sum of force times overlap on the mean, so T/E = (n + 1)/(n + 3).
+    Twice the mean kinetic energy is the mean sum of force times overlap, so that
+    T/E = (n + 1)/(n + 3).
     """
     n = sp.Rational(3, 2)
     _, kappa, power = (x.subs(exponent, n) for x in nesterenko())
@@ -146,7 +148,7 @@ def effective_mass() -> sp.Expr:
 
 
 def rarefaction_sign() -> sp.Expr:
-    """Sign of the small waves' strain under precompression: that of V''/V''' of the power law."""
+    """Sign of the strain of small waves under precompression, that of V''/V''' of the power law."""
     at_rest = sp.Symbol("delta_0", positive=True)
     energy = power_law_energy().subs(overlap, at_rest - sp.Symbol("r"))
     second, third = (sp.diff(energy, sp.Symbol("r"), k).subs(sp.Symbol("r"), 0) for k in (2, 3))
@@ -157,22 +159,24 @@ def argument() -> list[Step]:
     lam, kappa, power = nesterenko()
     profile = wave * sp.cos(kappa * position) ** power
     return [
-        Step("A half space under the pressure p_m √(1 - rho^2/A^2) sinks, times its plane "
-             "modulus E/(1 - nu^2), by", sinking()),
-        Step("Two spheres: the sum of both equals overlap minus gap rho^2/(2R) for every rho. So",
+        Step("The surface displacement of a half space under the pressure p_m √(1 - rho^2/A^2), "
+             "times its plane modulus E/(1 - nu^2), is", sinking()),
+        Step("The displacements of two spheres add up to the overlap minus the gap rho^2/(2R) for "
+             "every rho. Hence",
              sp.Eq(overlap, hertz()[0]), sp.Eq(sp.Symbol("F"), hertz()[1])),
-        Step("Eliminating A, with 1/E_s and 1/R_s the sums of both bodies: F = alpha delta^n,",
+        Step("Let 1/E_s and 1/R_s be the sums of both compliances and curvatures. Eliminating A "
+             "gives F = alpha delta^n with",
              sp.Eq(constant, hertz_constant()[0]), sp.Eq(exponent, hertz_constant()[1])),
-        Step("A plane wall is the limit of a large radius:", sp.Eq(constant, wall_constant())),
-        Step("Any power law stores", sp.Eq(sp.Symbol("V"), power_law_energy())),
-        Step("Precompressed, its small waves are compressive for n > 1 and rarefactions for n < 1: "
-             "the sign of the strain is", rarefaction_sign()),
-        Step("Without precompression: the strain of Nesterenko's long wave (one spacing = 1) and "
-             "its speed, for any n > 1", sp.Eq(compression, profile),
+        Step("A plane wall is the limit of an infinite radius:", sp.Eq(constant, wall_constant())),
+        Step("The energy of a power law is", sp.Eq(sp.Symbol("V"), power_law_energy())),
+        Step("Under precompression small waves are compressive for n > 1 and rarefaction waves for "
+             "n < 1: the sign of the strain is", rarefaction_sign()),
+        Step("Without precompression, the strain of Nesterenko's long wave (in units of one "
+             "spacing) and its speed are, for any n > 1,", sp.Eq(compression, profile),
              sp.Eq(mass * speed**2 / constant, lam)),
-        Step("Momentum, force and speed of these waves scale with the amplitude; hence F ~ I^s, "
-             "V ~ I^t with", *scalings()),
-        Step("and for spheres", *(s.subs(exponent, sp.Rational(3, 2)) for s in scalings())),
-        Step("Effective mass P^2/(2E) in masses of a bead:",
+        Step("Momentum, force and speed of these waves are powers of the amplitude, so that "
+             "F ~ I^s and V ~ I^t with", *scalings()),
+        Step("and, for spheres,", *(s.subs(exponent, sp.Rational(3, 2)) for s in scalings())),
+        Step("The effective mass P^2/(2E), in units of the mass of a bead, is",
              sp.Eq(effective_mass(), effective_mass().evalf(5), evaluate=False)),
     ]  # fmt: skip

@@ -1,10 +1,9 @@
 """The fully elastic prism: equilibrium equations and axial stiffness in closed form.
 
-The equations are the gradient of the energy.  For the stiffness the elongations themselves
-are the coordinates, (l, b, h) instead of (l, phi, h): bases and bars then add only to the
-diagonal of the Hessian, their stiffnesses enter as compliances, and rigid members are the
-value at zero instead of a limit.  Source: seeds/000, part III, "Elastic problem", "Axial
-stiffness".
+The equations are the gradient of the energy.  For the stiffness the coordinates are (l, b, h)
+instead of (l, phi, h).  Bases and bars then contribute to the diagonal of the Hessian only, their
+stiffnesses enter as compliances, and rigid members are the value at zero compliance rather than a
+limit.  Source: seeds/000, part III, "Elastic problem", "Axial stiffness".
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ bar = sp.Symbol("b", positive=True)
 
 
 def equations() -> tuple[sp.Expr, sp.Expr, sp.Expr]:
-    """(g1, g2, g3): gradient of U + 3 f h, each with the normalisation of the talk."""
+    """(g1, g2, g3), the gradient of U + 3 f h with the normalisation of the talk."""
     energy = prism.energy() + 3 * third_load * height
     g1 = sp.diff(energy, base) / (2 * sp.sqrt(3))
     g2 = -sp.diff(energy, twist) / (sp.sqrt(3) * base)
@@ -37,7 +36,7 @@ def equations() -> tuple[sp.Expr, sp.Expr, sp.Expr]:
 
 @cache
 def cross_length_squared(of: Polygon = TRIANGLE) -> sp.Expr:
-    """s^2(l, b, h): the twist eliminated by the bar, on the branch 0 < phi < pi."""
+    """s^2(l, b, h), the twist eliminated by the bar length, on the branch 0 < phi < pi."""
     cosine = sp.Symbol("c")
     compatibility = prism.bar_length_squared(None, of).subs(sp.cos(twist), cosine) - bar**2
     (cos_twist,) = sp.solve(compatibility, cosine)
@@ -47,14 +46,14 @@ def cross_length_squared(of: Polygon = TRIANGLE) -> sp.Expr:
 
 @cache
 def _reference(of):
-    """The reference state in units of the circumradius: a = 1, l = 2 S, h = eta0."""
+    """The reference state in units of the circumradius, a = 1, l = 2 S, h = eta0."""
     lengths = {base: 2 * of.sine, height: slenderness}
     squared = prism.bar_length_squared(None, of).subs({twist: of.reference_twist, **lengths})
     return {**lengths, bar: sp.sqrt(sp.expand(of.expanded(squared)))}
 
 
 def _at_reference(expression, of):
-    """An expression in l, b, h at the reference, expanded so that its root 3 are collected."""
+    """An expression in l, b, h at the reference, expanded so that powers of sqrt 3 combine."""
     expression = sp.expand(expression.subs(_reference(of)))
     if of is ANY:  # the roots are powers of sin phi = C
         expression = sp.expand(expression.replace(_is_root, _in_cosine))
@@ -78,9 +77,9 @@ def _in_cosine(power):
 
 @cache
 def string_hessian(of: Polygon = TRIANGLE) -> sp.Matrix:
-    """Hessian in (l, b, h) of the energy of the three cross strings, at the reference, k1 = 1.
+    """Hessian in (l, b, h) of the energy of the cross strings at the reference, for k1 = 1.
 
-    With s^2 = S and force density q, half k (s - sN)^2 has the second derivatives
+    With s^2 = S and force density q, the second derivatives of (s - sN)^2/2 are
     (1 - q)/(4 S) S_i S_j + (q/2) S_ij.
     """
     squared, coordinates = cross_length_squared(of), (base, bar, height)
@@ -97,12 +96,12 @@ def string_hessian(of: Polygon = TRIANGLE) -> sp.Matrix:
 
 @cache
 def axial_stiffness(of: Polygon = TRIANGLE) -> sp.Expr:
-    """K_h0/k1 in eta0, q and the compliances in units of 1/k1: c2 = k1/k2, c3 = k1/k3."""
+    """K_h0/k1 in eta0, q and the compliances c2 = k1/k2 and c3 = k1/k3."""
     return condensed(string_hessian(of), of)
 
 
 def condensed(h: sp.Matrix, of: Polygon = TRIANGLE) -> sp.Expr:
-    """A string Hessian in (l, b, h), 6/c2 and 3/c3 added to its diagonal, without l and b."""
+    """A string Hessian in (l, b, h) with 6/c2 and 3/c3 added to its diagonal, condensed to h."""
     soft_base, soft_bar = base_compliance, bar_compliance
     bases, bars = prism.BASE.count(of), prism.BAR.count(of)
     ll, bb, hh = (h[i, i] for i in range(3))
@@ -117,7 +116,7 @@ def condensed(h: sp.Matrix, of: Polygon = TRIANGLE) -> sp.Expr:
 
 
 def axial_stiffness_of_prism(of: Polygon = TRIANGLE) -> sp.Expr:
-    """K_h0 [N/m] in l, h0, p0, k1, k2, k3; an infinite k2 or k3 is a compliance of zero."""
+    """K_h0 [N/m] in l, h0, p0, k1, k2, k3; an infinite k2 or k3 is a zero compliance."""
     radius = prism.CIRCUMRADIUS if of is TRIANGLE else of.circumradius
     return k_cross * axial_stiffness(of).subs(
         {
@@ -151,30 +150,31 @@ def argument() -> list[Step]:
     symbolic = sp.Matrix([[ll, lb, lh], [lb, bb, bh], [lh, bh, hh]])
     pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
     return [
-        Step("Energy of 3 cross strings, 6 base strings and 3 bars:", prism.energy()),
+        Step("The energy of 3 cross strings, 6 base strings and 3 bars is", prism.energy()),
         Step(
-            "Equilibrium under the load F = 3f: the gradient of U + F h vanishes. With the talk's "
-            "normalisation (U_l/(2 sqrt 3), -U_phi/(sqrt 3 l), -f - U_h/3):",
+            "In equilibrium under the load F = 3f the gradient of U + F h vanishes. With the "
+            "normalisation of the talk, (U_l/(2 sqrt 3), -U_phi/(sqrt 3 l), -f - U_h/3), it reads",
             *(sp.Eq(sp.Symbol(f"g_{i}"), g) for i, g in enumerate((g1, g2, g3), 1)),
         ),
         Step(
-            "For the stiffness take l, b, h as coordinates. The bar eliminates the twist:",
+            "For the stiffness the coordinates are l, b, h. The bar length eliminates the twist:",
             sp.Eq(sp.Symbol("s") ** 2, cross_length_squared()),
         ),
         Step(
-            "Hessian of the cross strings at the reference, with k1 = a = 1 and q = p0/(1 + p0):",
+            "The Hessian of the cross strings at the reference, with k1 = a = 1 and "
+            "q = p0/(1 + p0), has the entries",
             *(sp.Eq(name, hessian[i, j]) for name, (i, j) in zip(symbols, pairs, strict=True)),
         ),
         Step(
-            "Bases and bars add 6 k2 and 3 k3 to the diagonal; eliminating l and b, with "
-            "c2 = k1/k2 and c3 = k1/k3:",
+            "Bases and bars add 6 k2 and 3 k3 to its diagonal. Eliminating l and b gives, with "
+            "c2 = k1/k2 and c3 = k1/k3,",
             sp.Eq(sp.Symbol("K_h0") / k_cross, condensed(symbolic)),
         ),
-        Step("Rigid bases:", sp.Eq(sp.Symbol("K_h0") / k_cross, limit(base=0))),
-        Step("Rigid bars:", sp.Eq(sp.Symbol("K_h0") / k_cross, limit(bar=0))),
-        Step("Both rigid:", sp.Eq(sp.Symbol("K_h0") / k_cross, limit(base=0, bar=0))),
+        Step("For rigid bases this is", sp.Eq(sp.Symbol("K_h0") / k_cross, limit(base=0))),
+        Step("for rigid bars", sp.Eq(sp.Symbol("K_h0") / k_cross, limit(bar=0))),
+        Step("and if both are rigid", sp.Eq(sp.Symbol("K_h0") / k_cross, limit(base=0, bar=0))),
         Step(
-            "The stiffness vanishes with the prestrain, in proportion to q:",
+            "The stiffness vanishes with the prestrain in proportion to q:",
             sp.Eq(
                 sp.Limit(sp.Symbol("K_h0") / (k_cross * extension), extension, 0), small_prestrain()
             ),

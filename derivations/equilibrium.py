@@ -1,9 +1,9 @@
 """Equilibrium of the six nodes: member forces under axial load, self-stress, taut range.
 
-Unknowns are force densities, force over length: x1 of the cross strings and x2 of the base
-strings in tension, x3 of the bars in compression.  The load F is the total axial one,
-compression > 0, shared equally by the three nodes of each base.  Nothing is assumed about
-stiffness.  Source: seeds/000, part III, "Equilibrium problem".
+The unknowns are force densities, force over length: x1 of the cross strings and x2 of the base
+strings in tension, x3 of the bars in compression.  F is the total axial load, compression > 0,
+distributed equally over the three nodes of each base.  The result does not depend on the
+stiffnesses.  Source: seeds/000, part III, "Equilibrium problem".
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ load = sp.Symbol("F", real=True)
 
 @cache
 def residuals() -> list[sp.Matrix]:
-    """Total force on each of the six nodes, as one list of vectors (three lower, three upper)."""
+    """Total forces on the six nodes, three lower and three upper ones, as a list of vectors."""
     lower, upper = prism.nodes()
     positions = [*lower, *upper]
     up = sp.Matrix([0, 0, load / 3])
     forces = [up] * 3 + [-up] * 3
-    for member, density in zip(prism.MEMBERS, (x1, x2, -x3), strict=True):  # bars push
+    for member, density in zip(prism.MEMBERS, (x1, x2, -x3), strict=True):  # bars are compressed
         for i, j in member.ends:
-            pull = density * (positions[j] - positions[i])
-            forces[i], forces[j] = forces[i] + pull, forces[j] - pull
+            force = density * (positions[j] - positions[i])
+            forces[i], forces[j] = forces[i] + force, forces[j] - force
     return [force.applyfunc(lambda f: sp.expand(sp.expand_trig(f))) for force in forces]
 
 
@@ -51,13 +51,13 @@ def matrix() -> sp.Matrix:
 
 @cache
 def determinant() -> sp.Expr:
-    """Its determinant: no load can be carried, and self-stress is possible, where it vanishes."""
+    """Determinant of `matrix`; where it vanishes, self-stress exists and no load is carried."""
     return sp.factor(_reduced(matrix().det()))
 
 
 @cache
 def force_densities() -> tuple[sp.Expr, sp.Expr, sp.Expr]:
-    """x1, x2, x3 under the axial load F: from one node, and then found to hold on all six."""
+    """x1, x2, x3 under the axial load F, solved at one node and verified at all six."""
     adjugate = matrix().adjugate() * sp.Matrix([0, 0, load / 3])
     solution = [sp.cancel(_reduced(x) / determinant()) for x in adjugate]
     at_solution = dict(zip(densities, solution, strict=True))
@@ -70,7 +70,7 @@ def force_densities() -> tuple[sp.Expr, sp.Expr, sp.Expr]:
 
 @cache
 def self_stress() -> dict[sp.Expr, tuple[sp.Expr, sp.Expr]]:
-    """{twist: (x2/x1, x3/x1)}: the twists at which the unloaded prism can be prestressed."""
+    """{twist: (x2/x1, x3/x1)} for the twists at which the unloaded prism can be prestressed."""
     singular = sp.solveset(determinant(), twist, sp.Interval.Lopen(-sp.pi, sp.pi))
     found = {}
     for value in singular:
@@ -81,21 +81,21 @@ def self_stress() -> dict[sp.Expr, tuple[sp.Expr, sp.Expr]]:
 
 
 def tensegrity_twist() -> sp.Expr:
-    """The one twist of `self_stress` at which all strings pull while the bars push."""
+    """The only twist of `self_stress` with tensioned strings and compressed bars."""
     (value,) = [t for t, ratios in self_stress().items() if all(r > 0 for r in ratios)]
     return value
 
 
 @cache
 def ratios() -> tuple[sp.Expr, sp.Expr]:
-    """x2/x1 and x3/x1 under any load: functions of the twist alone."""
+    """x2/x1 and x3/x1 under any load, functions of the twist alone."""
     first, second, third = force_densities()
     return tuple(sp.cancel(x / first) for x in (second, third))
 
 
 @cache
 def taut_range() -> tuple[sp.Expr, sp.Expr]:
-    """Open interval of twists in which the three force densities have one sign, and its ends."""
+    """Ends of the open interval of twists in which the three force densities have one sign."""
     zeros = {sp.Integer(0), 2 * sp.pi}
     for ratio in ratios():
         for part in sp.fraction(sp.together(ratio)):
@@ -112,7 +112,7 @@ def taut_range() -> tuple[sp.Expr, sp.Expr]:
 
 
 def unloaded_at_low_end() -> sp.Expr:
-    """Load in terms of x1 where base strings and bars unload together."""
+    """Load, in terms of x1, at which base strings and bars unload together."""
     (value,) = sp.solve(force_densities()[0].subs(twist, taut_range()[0]) - x1, load)
     return value
 
@@ -121,36 +121,36 @@ def argument() -> list[Step]:
     low, high = taut_range()
     upper = residuals()[3]
     steps = [
-        Step("The forces on an upper node must vanish, in the three directions:", *upper),
-        Step("Three equations, three unknowns. The determinant of the system is", determinant()),
+        Step("The three components of the force on an upper node must vanish:", *upper),
+        Step("These are three equations for three unknowns, with the determinant", determinant()),
         Step(
-            "Solving them at this node gives a state that balances all six nodes:",
+            "The solution at this node balances all six nodes:",
             *(sp.Eq(x, value) for x, value in zip(densities, force_densities(), strict=True)),
         ),
         Step(
-            "Without load a non-zero state needs the determinant to vanish. Null vectors there:",
+            "Without load a non-zero state requires a vanishing determinant. The null vectors are",
             *(
                 sp.And(sp.Eq(twist, t), sp.Eq(x2 / x1, r2), sp.Eq(x3 / x1, r3), evaluate=False)
                 for t, (r2, r3) in self_stress().items()
             ),
         ),
         Step(
-            "Only at the following twist do all strings pull while the bars push; at the other "
-            "one the base strings would have to push whenever the cross strings pull.",
+            "Only at the following twist are all strings in tension and the bars in compression; "
+            "at the other one, base strings are compressed if cross strings are tensioned.",
             sp.Eq(twist, tensegrity_twist()),
         ),
         Step(
-            "Under load the ratios depend on the twist alone:",
+            "Under load the ratios depend on the twist only:",
             sp.Eq(x2 / x1, ratios()[0]),
             sp.Eq(x3 / x1, ratios()[1]),
         ),
         Step(
-            "They are positive together in one interval of the full turn:",
+            "Both are positive in a single interval of twists:",
             sp.And(low < twist, twist < high),
         ),
         Step(
-            "At its upper end the cross strings unload (the load stays finite), at its lower end "
-            "base strings and bars unload together, and the load is then",
+            "At its upper end the cross strings unload while the load remains finite. At its lower "
+            "end base strings and bars unload together, under the load",
             sp.Eq(load, unloaded_at_low_end()),
         ),
     ]

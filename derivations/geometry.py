@@ -1,9 +1,9 @@
 """Elongation of a bond between two points in the plane or in space, and the gap to a plane wall.
 
-A bond joins points at the separation D + w, D its reference and w the difference of the
-displacements.  Elongations are small beside lengths: the plain difference |D + w| - L loses the
-digits that they differ in, so the form for the loop has the difference taken out.
-Source: seeds/001, eqs. (1)-(6), where overlaps of micrometres stand beside millimetres.
+A bond joins points at the separation D + w, where D is the reference and w the difference of the
+displacements.  Elongations are small compared with lengths, and the difference |D + w| - L
+cancels leading digits; the form for numerical evaluation avoids the cancellation.  Source:
+seeds/001, eqs. (1)-(6), with overlaps of micrometres of beads of millimetres.
 """
 
 from __future__ import annotations
@@ -41,28 +41,28 @@ def _separation(dim):
 
 @cache
 def elongation(dim: int) -> sp.Expr:
-    """The same without the difference of like numbers, in g = |D| - L.
+    """The elongation without cancellation, in g = |D| - L.
 
-    a - L = (a^2 - L^2)/(a + L); in the numerator |D|^2 - L^2 with |D| = L + g is left small.
+    By a - L = (a^2 - L^2)/(a + L), where the numerator contains |D|^2 - L^2 in terms of g.
     """
     separation = _separation(dim)
     reference, relative = vectors(dim)
     at_rest = sum(d**2 for d in reference)
     change = sp.expand(separation**2 - at_rest)
-    opening = sp.factor((length + initial) ** 2 - length**2)
+    initial_term = sp.factor((length + initial) ** 2 - length**2)
     terms = [sp.factor(sum(t for t in change.args if t.has(w))) for w in relative]
-    return (opening + sum(terms)) / (separation + length)
+    return (initial_term + sum(terms)) / (separation + length)
 
 
 @cache
 def direction(dim: int) -> list[sp.Expr]:
-    """Gradient of the elongation in w: the unit vector from the first point to the second."""
+    """Gradient of the elongation in w, the unit vector from the first point to the second."""
     return [sp.simplify(sp.diff(plain_elongation(dim), w)) for w in vectors(dim)[1]]
 
 
 @cache
 def wall_gap(dim: int) -> tuple[sp.Expr, list[sp.Expr]]:
-    """Gap of a point to a plane of unit normal D, g at w = 0; and its gradient, the normal."""
+    """Gap between a point and a plane of unit normal D, g at w = 0, and its gradient."""
     normal, displacement = vectors(dim)
     gap = initial + sum(n * w for n, w in zip(normal, displacement, strict=True))
     return gap, [sp.diff(gap, w) for w in displacement]
@@ -72,11 +72,11 @@ def argument() -> list[Step]:
     gap, normal = wall_gap(2)
     rate = sp.Symbol("r'")
     return [
-        Step("Two points at the separation D + w, joined by a bond of length L, are too far apart "
-             "by", sp.Eq(sp.Symbol("r"), plain_elongation(2))),
-        Step("Multiplied by the sum over the sum, with |D| = L + g, no difference of like numbers "
-             "is left:", sp.Eq(sp.Symbol("r"), elongation(2))),
+        Step("The elongation of a bond of length L between two points at the separation D + w is",
+             sp.Eq(sp.Symbol("r"), plain_elongation(2))),
+        Step("Expanding by the sum of both lengths removes the cancellation; with |D| = L + g it "
+             "becomes", sp.Eq(sp.Symbol("r"), elongation(2))),
         Step("Its gradient in w is the unit vector along the bond:", sp.Matrix(direction(2))),
-        Step("A plane wall of unit normal D keeps, from the initial gap g, the gap",
+        Step("The gap to a plane wall of unit normal D, initially g, and its gradient are",
              sp.Eq(sp.Symbol("r"), gap), sp.Eq(rate, sp.Matrix(normal), evaluate=False)),
     ]  # fmt: skip

@@ -1,8 +1,8 @@
-"""Is the rigid-elastic potential of the kind that localises waves?  H1, H2 and H3, decided.
+"""The hypotheses H1, H2 and H3 on potentials with localised waves, for the rigid-elastic prism.
 
-All lengths here in units of the circumradius.  On the compression side the twist phi runs
-from 5 pi/6 to pi; X = h^2 and C = cos phi are then polynomials of one another, and
-g = s^2 - s0^2 is elementary in C.  The proofs reduce each claim to the sign of a polynomial.
+Lengths are in units of the circumradius.  In compression the twist phi runs from 5 pi/6 to pi;
+X = h^2 and C = cos phi are then polynomials of each other, and g = s^2 - s0^2 is elementary in C.
+The proofs reduce each claim to the sign of a polynomial.
 Source: seeds/000, part III, "Properties of the elastic potential of rigid-elastic prisms".
 """
 
@@ -27,7 +27,7 @@ turn = sp.Symbol("delta", real=True)  # phi - 5 pi/6
 
 @cache
 def path(of: Polygon = TRIANGLE) -> tuple[sp.Expr, sp.Expr]:
-    """(h^2 - h0^2, s^2 - s0^2) as functions of the turn, a = 1: the geometry on b = const."""
+    """(h^2 - h0^2, s^2 - s0^2) as functions of the change of twist at constant b, for a = 1."""
     one = sp.Integer(1)
     bars, strings = prism.bar_length_squared(one, of), prism.cross_length_squared(one, of)
     gained = [-bars, strings - bars]
@@ -38,12 +38,12 @@ def path(of: Polygon = TRIANGLE) -> tuple[sp.Expr, sp.Expr]:
 
 @cache
 def derivatives(highest: int = 4, of: Polygon = TRIANGLE) -> list[sp.Expr]:
-    """[V'', V''', ...] at the reference in eta0, q, a, k1: V as a power series in the turn."""
+    """[V'', V''', ...] at the reference in eta0, q, a, k1, by power series in delta."""
     gained = [sp.series(x, turn, 0, highest + 1).removeO() for x in path(of)]
     r, *unknown = sp.symbols(f"r t_1:{highest}")
     guess = sum(t * r**k for k, t in enumerate(unknown, 1))
     compatibility = sp.expand((eta + r) ** 2 - eta**2 - gained[0].subs(turn, guess))
-    for k, t in enumerate(unknown, 1):  # turn(r), one coefficient after the other
+    for k, t in enumerate(unknown, 1):  # the coefficients of delta(r) in turn
         (value,) = sp.solve(compatibility.coeff(r, k), t)
         compatibility = sp.expand(compatibility.subs(t, value))
         guess = guess.subs(t, value)
@@ -63,7 +63,7 @@ def derivatives(highest: int = 4, of: Polygon = TRIANGLE) -> list[sp.Expr]:
 
 
 def curvature_ratio() -> sp.Expr:
-    """h0 V'''/V'': free of the prestrain."""
+    """h0 V'''/V'', which does not depend on the prestrain."""
     second, third = derivatives()[:2]
     return sp.expand(sp.cancel(eta * radius * third / second))
 
@@ -75,14 +75,14 @@ def hardening_slenderness_squared() -> sp.Expr:
 
 
 def locking_slenderness_squared() -> sp.Expr:
-    """eta0^2 below which the bars never meet: h_lock = 0."""
+    """eta0^2 below which the bars never meet, where h_lock = 0."""
     (value,) = sp.solve(square + path()[0].subs(turn, sp.pi - prism.REFERENCE_TWIST), square)
     return sp.expand(value)
 
 
 @cache
 def string_gain() -> tuple[sp.Expr, sp.Expr]:
-    """g(X) by C = cos phi = (X - X_l)/2 - 1: (C, g) with g up to a constant, sin phi > 0."""
+    """C = cos phi = (X - X_l)/2 - 1, and g up to a constant, in X; sin phi > 0."""
     bars = prism.bar_length_squared(sp.Integer(1)).subs(sp.cos(twist), cosine)
     level = sp.expand(bars - bars.subs(cosine, -1))  # b^2 - h^2 against its value at phi = pi
     (as_cosine,) = sp.solve(lock_square - level.subs(prism.height, 0) - square, cosine)
@@ -92,7 +92,7 @@ def string_gain() -> tuple[sp.Expr, sp.Expr]:
 
 
 def third_derivative_sign() -> sp.Expr:
-    """(s^2)''' divided by positive factors: a polynomial in C = cos phi and X_l = h_lock^2."""
+    """(s^2)''' over positive factors, a polynomial in C = cos phi and X_l = h_lock^2."""
     as_cosine, g = string_gain()
     third = 2 * square * sp.diff(g, square, 3) + 3 * sp.diff(g, square, 2)  # (s^2)'''/(4 h)
     third = third.subs(square, sp.solve(as_cosine - cosine, square)[0])
@@ -102,10 +102,10 @@ def third_derivative_sign() -> sp.Expr:
 
 @cache
 def convexity_coefficients() -> list[sp.Expr]:
-    """2 s^2 g'' - g'^2 > 0 (s is convex) for eta0^2 >= sqrt3/6, as a polynomial's coefficients.
+    """Coefficients of a polynomial in y and z with the sign of 2 s^2 g'' - g'^2 (s is convex).
 
-    phi runs from 5 pi/6 to pi as z from 0 to infinity, tan((pi - phi)/2) = (2 - sqrt3)/(1 + z),
-    and eta0^2 = sqrt3/6 + y: all coefficients in y >= 0 and z >= 0 are to be positive.
+    tan((pi - phi)/2) = (2 - sqrt3)/(1 + z), so that phi runs from 5 pi/6 to pi as z from 0 to
+    infinity, and eta0^2 = sqrt3/6 + y.  All must be positive for the claim at y, z >= 0.
     """
     _, g = string_gain()
     t, y, z = sp.symbols("t y z", nonnegative=True)
@@ -123,31 +123,31 @@ def convexity_coefficients() -> list[sp.Expr]:
 
 
 def prove_hardening() -> sp.Expr:
-    """H3 for eta0^2 > sqrt3/6: three bounds, each from its own argument, and they must agree.
+    """H3 for eta0^2 > sqrt3/6, by three independent bounds, which must agree.
 
     With g of `string_gain` and (k) for the k-th derivative, V(3) is (3/2) k1 times
     (1 - s_N/s) g(3) + (3 s_N/(2 s^3)) g(1) (g(2) - g(1)^2/(2 s^2)), and g(1) < 0.
     """
     bound = hardening_slenderness_squared()
-    (critical,) = sp.solve(third_derivative_sign(), lock_square)  # rises with C on (-1, 0)
+    (critical,) = sp.solve(third_derivative_sign(), lock_square)  # increases with C on (-1, 0)
     start = sp.cos(prism.REFERENCE_TWIST)
     if sp.expand(critical.subs(cosine, start) + locking_slenderness_squared() - bound) != 0:
-        raise ArithmeticError("the third derivative of g changes sign elsewhere than that of V")
+        raise ArithmeticError("the third derivatives of g and V change sign at different places")
     rising = sp.factor(sp.diff(critical, cosine))  # (1 - C^2)/C^2
     if sp.simplify(rising - (1 - cosine**2) / cosine**2) != 0:
         raise ArithmeticError("the bound on h_lock is not largest at the reference")
     if any(c <= 0 for c in convexity_coefficients()):
-        raise ArithmeticError("the convexity of s(h) is not shown by positive coefficients")
+        raise ArithmeticError("a coefficient is not positive: the convexity of s(h) is not proved")
     if sp.expand(sp.limit(stroke_condition(), turn, 0) - bound) != 0:
-        raise ArithmeticError("the strokes compare at another slenderness")
+        raise ArithmeticError("the comparison of strokes gives another slenderness")
     return bound
 
 
 def stroke_condition() -> sp.Expr:
-    """eta0^2 above which turning back by delta takes more height than turning on by it.
+    """eta0^2 above which a twist by -delta changes the height by more than one by delta.
 
-    V grows with |delta| alone, so V(r) < V(-r) means h(delta) + h(-delta) > 2 h0: squared
-    twice, 4 even eta0^2 > odd^2, the even and the odd part in delta of h^2 - h0^2.
+    V grows with |delta|, so that V(r) < V(-r) is equivalent to h(delta) + h(-delta) > 2 h0.
+    Squaring twice gives 4 even eta0^2 > odd^2, with the even and odd parts of h^2 - h0^2 in delta.
     """
     gained, back = path()[0], path()[0].subs(turn, -turn)
     even, odd = sp.expand((gained + back) / 2), sp.expand((gained - back) / 2)
@@ -155,7 +155,7 @@ def stroke_condition() -> sp.Expr:
 
 
 def cubic_stiffness() -> sp.Expr:
-    """Force over r^3 at the reference when the prestrain vanishes [N/m^3]."""
+    """Force over r^3 at the reference without prestrain [N/m^3]."""
     return sp.factor(derivatives()[2].subs(extension, 0) / 6)
 
 
@@ -165,36 +165,36 @@ def argument() -> list[Step]:
     force_order, energy_order = lock_order()
     gap = sp.Symbol("r") + sp.Symbol("d")
     return [
-        Step("With the turn delta = phi - 5 pi/6 the geometry reads, a = 1:",
+        Step("With the change of twist delta = phi - 5 pi/6 and a = 1 the geometry is",
              sp.Eq(square - eta**2, path()[0]),
              sp.Eq(sp.Symbol("s") ** 2 - sp.Symbol("s_0") ** 2, path()[1])),
-        Step("Expanding delta(r) and then V gives, at the reference,",
+        Step("Expanding delta(r), and then V, gives at the reference",
              *(sp.Eq(n, v) for n, v in zip(names, (second, third, fourth), strict=True))),
-        Step("H1 holds on (-d, b - h0), not up to infinity: V grows with |delta|, vanishes at 0 "
-             "only, and V'' > 0 there exactly when the prestrain is positive."),
-        Step("H2 fails: near locking the force and the energy behave like the powers below, the "
-             "energy stays finite, and (r + d) V tends to 0. What holds is V >= c0 there.",
+        Step("H1 holds on (-d, b - h0), not up to infinity: V grows with |delta| and vanishes only "
+             "at 0, where V'' > 0 if and only if the prestrain is positive."),
+        Step("H2 fails: near locking force and energy have the following powers, so that the "
+             "energy is finite and (r + d) V tends to 0. Only V >= c0 holds there.",
              gap**force_order, sp.Symbol("V_lock") - gap**energy_order),
-        Step("H3, curvature at the reference, whatever the prestrain:",
+        Step("For H3, the curvature of the force at the reference is, for every prestrain,",
              sp.Eq(eta * radius * names[1] / names[0], curvature_ratio())),
-        Step("so V''' < 0 there exactly above the slenderness",
+        Step("so that V''' < 0 there if and only if the slenderness exceeds",
              sp.Eq(eta**2, hardening_slenderness_squared())),
-        Step("H3 on all of (-d, 0]: V''' is a positive multiple of (1 - s_N/s) g''' plus a "
-             "positive multiple of g' (g'' - g'^2/(2 s^2)), and g' < 0. The "
-             "sign of g''' is that of",
+        Step("For H3 on all of (-d, 0]: V''' is a positive multiple of (1 - s_N/s) g''' plus a "
+             "positive multiple of g' (g'' - g'^2/(2 s^2)), where g' < 0. g''' has the sign of",
              third_derivative_sign()),
-        Step("negative for X_l > (1 + C)^2/(-C), at most its value at C = -sqrt3/2: the same "
-             "bound. The bracket is positive: with tan((pi - phi)/2) = (2 - sqrt3)/(1 + z) and "
-             f"eta0^2 = sqrt3/6 + y it is a polynomial of {len(convexity_coefficients())} terms, "
-             "all positive; the least coefficient is",
+        Step("which is negative for X_l > (1 + C)^2/(-C). The right side is at most its value at "
+             "C = -sqrt3/2, the same bound. The bracket is positive: with tan((pi - phi)/2) = "
+             "(2 - sqrt3)/(1 + z) and eta0^2 = sqrt3/6 + y it is a polynomial of "
+             f"{len(convexity_coefficients())} terms with positive coefficients, the least being",
              min(convexity_coefficients())),
-        Step("H3, V(r) < V(-r): true for every turn exactly if eta0^2 exceeds the following, "
-             "whose supremum (delta to 0) is the same bound again. So H3 holds entirely above it.",
+        Step("V(r) < V(-r) holds for every change of twist if and only if eta0^2 exceeds the "
+             "following. Its supremum, for delta to 0, is the same bound, above which H3 holds.",
              stroke_condition()),
-        Step("Below this slenderness the bars never meet:",
+        Step("The bars never meet below the slenderness",
              sp.Eq(eta**2, locking_slenderness_squared())),
-        Step("Without prestrain V'' and V''' vanish and a cubic force remains, a sonic vacuum:",
+        Step("Without prestrain V'' and V''' vanish; a cubic force, a sonic vacuum, remains:",
              sp.Eq(sp.Symbol("F"), cubic_stiffness() * sp.Symbol("r") ** 3)),
-        Step("V'' and V''' shrink like q, V'''' does not. The first correction to the sech^2 wave "
-             "is of relative size gamma^2 V'' V''''/V'''^2, so gamma^2 must stay well below q."),
+        Step("V'' and V''' are proportional to q for small q, V'''' is not. The first correction "
+             "to the sech^2 wave has the relative size gamma^2 V'' V''''/V'''^2, so that gamma^2 "
+             "must be much smaller than q."),
     ]  # fmt: skip

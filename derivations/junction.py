@@ -1,8 +1,8 @@
-"""A solitary wave at a junction, as a quasi-particle that keeps momentum and energy.
+"""A solitary wave at a junction, as a quasi-particle with conserved momentum and energy.
 
-One wave of momentum I0 arrives; one of momentum I1 goes back, and n of momentum I2 leave in
-each of two branches at +-theta from the axis. All have the same effective mass, so energies
-are as the squares of the momenta. Source: seeds/001, eq. (7).
+A wave of momentum I0 is incident; one of momentum I1 is reflected, and n of momentum I2 are
+transmitted into each of two branches at angles +-theta to the axis.  All waves have the same
+effective mass, so that energies are proportional to squared momenta.  Source: seeds/001, eq. (7).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ waves = sp.Symbol("n", positive=True)
 
 
 def balances() -> tuple[sp.Expr, sp.Expr]:
-    """Axial momentum and energy: what comes minus what leaves; I1 is counted backwards > 0."""
+    """Axial momentum and energy before minus after; I1 is positive backwards."""
     momentum = incident + reflected - 2 * waves * transmitted * sp.cos(half_angle)
     energy = incident**2 - reflected**2 - 2 * waves * transmitted**2
     return momentum, energy
@@ -31,26 +31,26 @@ def balances() -> tuple[sp.Expr, sp.Expr]:
 
 @cache
 def split() -> tuple[sp.Expr, sp.Expr]:
-    """(I1, I2) for any half-angle and number of waves, the solution with I2 not zero."""
+    """(I1, I2) for any half-angle and number of waves, from the solution with nonzero I2."""
     solutions = sp.solve(balances(), [reflected, transmitted], dict=True)
     (found,) = [s for s in solutions if s[transmitted] != 0]
     return tuple(sp.factor(found[x]) for x in (reflected, transmitted))
 
 
 def at_thirty_degrees() -> tuple[sp.Expr, sp.Expr]:
-    """(I1, I2) of the printed guide: 60 degrees between the branches."""
+    """(I1, I2) of the printed guide, with 60 degrees between the branches."""
     return tuple(sp.factor(x.subs(half_angle, sp.pi / 6)) for x in split())
 
 
 def force_ratios() -> tuple[sp.Expr, sp.Expr]:
-    """Largest force of the incident wave over that of the transmitted and reflected one, n = 1."""
+    """Peak force of the incident wave over those of transmitted and reflected waves, n = 1."""
     power = contact.scalings()[0].subs(contact.exponent, sp.Rational(3, 2))
     back, forth = (x.subs(waves, 1) for x in at_thirty_degrees())
     return (incident / forth) ** power, (incident / back) ** power
 
 
 def no_reflection() -> sp.Expr:
-    """Half-angle at which the reflected wave vanishes, n = 1; beyond, none of its kind returns."""
+    """Half-angle at which the reflected wave vanishes for n = 1; beyond it I1 is negative."""
     back = split()[0].subs(waves, 1)
     (cosine,) = sp.solve(sp.numer(sp.together(back)) / incident, sp.cos(half_angle))[-1:]
     return sp.acos(sp.Abs(cosine))
@@ -60,16 +60,17 @@ def argument() -> list[Step]:
     momentum, energy = balances()
     to_branch, to_stem = force_ratios()
     return [
-        Step("Axial momentum and energy (P^2/2M) before and after:",
+        Step("The axial momentum and the energy (P^2/2M) are conserved:",
              sp.Eq(momentum, 0), sp.Eq(energy, 0)),
-        Step("Besides I2 = 0 there is one solution:",
+        Step("Besides I2 = 0 there is one solution,",
              *(sp.Eq(x, v) for x, v in zip((reflected, transmitted), split(), strict=True))),
-        Step("For branches at 30 degrees from the axis, eq. (7):",
+        Step("For branches at 30 degrees to the axis this is eq. (7):",
              *(sp.Eq(x, v)
                for x, v in zip((reflected, transmitted), at_thirty_degrees(), strict=True))),
-        Step("With one wave a branch and F ~ I^(6/5), the force ratios incident to transmitted and "
-             "incident to reflected are", sp.Eq(to_branch, to_branch.evalf(4), evaluate=False),
+        Step("With one wave per branch and F ~ I^(6/5), the ratios of the incident to the "
+             "transmitted and to the reflected force are",
+             sp.Eq(to_branch, to_branch.evalf(4), evaluate=False),
              sp.Eq(to_stem, to_stem.evalf(4), evaluate=False)),
-        Step("The reflected wave vanishes, for one wave a branch, at the half-angle",
+        Step("For one wave per branch the reflected wave vanishes at the half-angle",
              sp.Eq(half_angle, no_reflection())),
     ]  # fmt: skip

@@ -1,7 +1,7 @@
-"""The ledger: every formula printed in the two sources, held against the derived one.
+"""The ledger: every formula printed in the two sources, compared with the derived one.
 
-What an entry should say is derived anew at each check.  Read as its `reading` has it, it must
-agree with the derived form, and unread it must not, or the verdict is wrong as well.
+The correct form is derived anew at each check.  The printed form must agree with it under the
+`reading` of the entry and, if a convention or correction is claimed, disagree without it.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from derivations import ledger_paper, ledger_talk, ledger_waves
 from derivations.argument import Entry, Verdict
 
 POINTS, DIGITS = 50, 30
-EXPANDED_BELOW, SIMPLIFIED_BELOW = 400, 120  # operations beyond which points alone decide
-NEGLIGIBLE = mpmath.mpf(10) ** -40  # of numbers of order one, of which some points are zeros
+EXPANDED_BELOW, SIMPLIFIED_BELOW = 400, 120  # operations above which only points are compared
+NEGLIGIBLE = mpmath.mpf(10) ** -40  # absolute tolerance where forms of order one vanish
 
 
 @dataclass(frozen=True)
 class Check:
-    """Outcome for one entry: whether its verdict is confirmed, and by what."""
+    """Result for one entry: whether its verdict is confirmed, and by which comparison."""
 
     entry: Entry
     confirmed: bool
@@ -37,12 +37,12 @@ class Check:
 
 @cache
 def derived(entry: Entry) -> Any:
-    """The derived form of an entry, computed once a process."""
+    """The derived form of an entry, computed once per process."""
     return entry.derive()
 
 
 def check(entry: Entry, printed: Any = None) -> Check:
-    """Hold an entry, or another `printed` form in its place, against the derivation."""
+    """Compare an entry, or another `printed` form in its place, with the derivation."""
     printed = entry.printed if printed is None else printed
     if printed is None:
         return Check(entry, entry.verdict is Verdict.NO_DATA, "a claim without formula")
@@ -57,15 +57,15 @@ def check(entry: Entry, printed: Any = None) -> Check:
 
 
 def _relation_agrees(relation, cases, domain):
-    """How a relation was confirmed on its cases, or "" if one of them contradicts it."""
+    """How a relation was confirmed on its cases, or "" if one case contradicts it."""
     for values, truth in cases:
         if bool(relation.subs(values)) is not truth:
             return ""
-    return f"true and false as it must be in {len(cases)} cases"
+    return f"cases: {len(cases)}, all with the correct truth value"
 
 
 def _form_agrees(form, other, domain):
-    """How two forms were found equal, or "" if they are not."""
+    """How two forms were shown to be equal, or "" if they differ."""
     pairs = list(zip(_components(form), _components(other), strict=True))
     differences = [sp.sympify(a - b).doit() for a, b in pairs]
     if all(d.count_ops() < EXPANDED_BELOW for d in differences):
@@ -120,7 +120,7 @@ SIGNS = (
     ("epsilon", "strain waves (talk, III)", "compression", "-strain"),
     ("I_1", "eq. (7) (paper)", "backwards along the stem", "-momentum"),
 )
-"""Printed quantity, where, what it counts as positive, and its name here."""
+"""Printed quantity, place, positive sense, and its name here."""
 
 
 def entries() -> tuple[Entry, ...]:

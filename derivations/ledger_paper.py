@@ -22,7 +22,7 @@ rate = sp.Symbol("dH/dt", real=True)
 
 
 def _hamiltonian():
-    """Legendre's transform of T - V for two beads in the plane."""
+    """Legendre transform of T - V for two beads in the plane."""
     masses = (m_1, m_1, m_2, m_2)
     lagrangian = sum(mass * w**2 / 2 for mass, w in zip(masses, velocities, strict=True)) - V_12
     definitions = [sp.diff(lagrangian, w) - x for x, w in zip(momenta, velocities, strict=True)]
@@ -31,9 +31,9 @@ def _hamiltonian():
 
 
 def _section_force():
-    """Force across a bead's middle plane, normal to its motion: one contact ahead, one behind.
+    """Force across the middle plane of a bead, normal to its motion, with a contact on each side.
 
-    The front half, of half the mass, is accelerated by the section against the contact ahead.
+    The force across the section accelerates the front half of the mass against the contact ahead.
     """
     ahead, behind = f_1 * sp.cos(theta_1), -f_2 * sp.cos(theta_2)
     section, acceleration = sp.symbols("S A")
@@ -43,7 +43,7 @@ def _section_force():
 
 
 def _newton():
-    """Newton's law for the oscillator's force, and what momentum means."""
+    """Newton's law for the force of the oscillator, and the definition of momentum."""
     return sp.Tuple(-sp.diff(oscillator.subs(p, 0), q), p / m)
 
 
@@ -54,7 +54,7 @@ def _energy_rate():
 
 
 def _rounded(value, digits):
-    """A derived number to the digits that are printed."""
+    """A derived number, rounded to the printed digits."""
     return sp.Rational(str(round(float(value), digits)))
 
 
@@ -66,7 +66,7 @@ thirds = ((nu_i, (0.1, 0.5)), (nu_j, (0.1, 0.5)))
 ENTRIES = (
     Entry("paper.eq1", "paper, eq. (1)", "contact", gap, -(surface_j - surface_i).dot(normal),
           lambda: r_i + r_j - distance,
-          note="overlap counts positive: opposite to the talk's particle strain"),
+          note="overlap is positive, opposite to the particle strain of the talk"),
     Entry("paper.momenta", "paper, before eq. (2)", "contact", sp.Symbol("p_2i-1"), m * v,
           lambda: m_i * v, CONV, "m stands for m_i", lambda e: e.subs(m, m_i)),
     Entry("paper.eq2", "paper, eq. (2)", "contact", sp.Symbol("H"),
@@ -92,13 +92,13 @@ ENTRIES = (
           _energy_rate),
     Entry("paper.energy_error", "paper, after eq. (6)", "contact",
           "relative energy error below 1e-5 at a step of 1e-6 s", verdict=NO_DATA,
-          note="a matter of runs, not of formulas"),
+          note="a result of runs, not of formulas"),
     Entry("paper.effective_mass", "paper, section IV", "contact", sp.Symbol("m_eff") / m,
           sp.Rational(7, 5), lambda: _rounded(contact.effective_mass(), 1),
-          note="of the long wave; to the printed digits"),
+          note="for the long wave, to the printed digits"),
     Entry("paper.eq7_reflected", "paper, eq. (7)", "junction", junction.reflected,
           (3 * waves - 2) / (2 + 3 * waves) * I_0, lambda: junction.at_thirty_degrees()[0],
-          note="I1 counts backwards; branches at 30 degrees, n waves in each"),
+          note="I1 is positive backwards; branches at 30 degrees, n waves in each"),
     Entry("paper.eq7_transmitted", "paper, eq. (7)", "junction", junction.transmitted,
           2 * sp.sqrt(3) / (2 + 3 * waves) * I_0, lambda: junction.at_thirty_degrees()[1]),
     Entry("paper.force_scaling", "paper, section IV", "contact", sp.Symbol("F_m"),
@@ -116,18 +116,18 @@ ENTRIES = (
     Entry("paper.speed_ratio_transmitted", "paper, section IV", "junction",
           sp.Symbol("V_t") / sp.Symbol("V_i"), sp.Rational(894, 1000),
           lambda: _rounded(sp.Rational("506.64") / sp.Rational("566.96"), 3),
-          note="of the measured speeds printed beside it"),
+          note="from the measured speeds printed next to it"),
     Entry("paper.speed_ratio_reflected", "paper, section IV", "junction",
           sp.Symbol("V_r") / sp.Symbol("V_i"), sp.Rational(734, 1000),
           lambda: _rounded(sp.Rational("415.92") / sp.Rational("566.96"), 3),
-          note="of the measured speeds printed beside it"),
+          note="from the measured speeds printed next to it"),
     Entry("paper.speed_ratios_numerical", "paper, section IV", "junction",
           "V_t/V_i = 0.917, V_r/V_i = 0.688 from numerical runs", verdict=NO_DATA,
-          note="a matter of runs, not of formulas"),
+          note="a result of runs, not of formulas"),
     Entry("paper.steel_ptfe_speeds", "paper, section IV", "contact",
           "signal about 4 times faster in the steel branch than in the PTFE branch",
-          verdict=NO_DATA, note="a matter of runs, not of formulas"),
+          verdict=NO_DATA, note="a result of runs, not of formulas"),
     Entry("paper.parylene_overlap", "paper, section IV", "contact",
           "overlaps of 10 micrometres, 5 and 2 on the mean", verdict=NO_DATA,
-          note="a matter of runs, not of formulas"),
+          note="a result of runs, not of formulas"),
 )  # fmt: skip

@@ -34,7 +34,7 @@ PART_II = 'talk, part II, "Discrete element modeling"'
 
 
 def _total_potential():
-    """Contacts and external forces both by their potential energies, as in `waves`."""
+    """Potential energies of contacts and of external forces, as in `waves`."""
     return V_01 + V_02 + V_12 + W_0 + W_1 + W_2
 
 
@@ -73,7 +73,7 @@ upright = ((phi, (2.15, 3.1)), (b, (2.0, 3.0)), (l, (0.5, 1.0)))
 
 
 def _self_stress(kind, which):
-    """The twist that is, or is not, the tensegrity's; or one of its ratios in terms of x1."""
+    """The twist of the tensegrity, or the other one; or one of its ratios in terms of x1."""
     twist = equilibrium.tensegrity_twist()
     if not kind:
         (twist,) = set(equilibrium.self_stress()) - {twist}
@@ -111,29 +111,29 @@ CONV, SLIP, NO_DATA = Verdict.CONVENTION, Verdict.SLIP, Verdict.NO_DATA
 ENTRIES = (
     Entry("talk.power_law_waves", "talk, overview", "contact", sp.Symbol("sign(strain)"),
           -sp.sign(n - 1), contact.rarefaction_sign,
-          note="n > 1 carries compressive, n < 1 rarefaction waves; needs precompression"),
+          note="compressive waves for n > 1, rarefaction waves for n < 1, under precompression"),
     Entry("talk.negative_effective_moduli", "talk, overview", "waves",
           "anomalous acoustics of linear metamaterials", verdict=NO_DATA),
     Entry("talk.soliton_properties", "talk, part I", "waves",
           "permanent form, localised, unchanged by collisions", verdict=NO_DATA,
-          note="collisions on these lattices radiate: a matter of runs"),
+          note="collisions on these lattices radiate: a result of runs"),
     Entry("talk.particle_strain", PART_II, "contact", gap,
           (surface_j - surface_i).dot(centre_j - centre_i) / distance,
           lambda: distance - r_i - r_j,
-          note="y are the surface points that face each other; a gap counts positive"),
+          note="y are the surface points that face each other; a gap is positive"),
     Entry("talk.total_potential", PART_II, "waves", sp.Symbol("V"),
           V_01 + V_02 + V_12 - (W_0 + W_1 + W_2), _total_potential, CONV,
-          "the raised dash is a minus: W is then the work of the external forces, the negative "
-          "of their potential energy", lambda e: e.subs({w: -w for w in (W_0, W_1, W_2)})),
+          "the raised dash is a minus sign: W is then the work of the external forces, minus "
+          "their potential energy", lambda e: e.subs({w: -w for w in (W_0, W_1, W_2)})),
     Entry("talk.contact_energy", PART_II, "contact", sp.Symbol("V_ij"),
           alpha * pressed ** (n + 1) / (n + 1),
           lambda: contact.power_law_energy().subs(contact.overlap, -pressed), SLIP,
-          "delta^- <= 0 needs absolute bars before the power",
+          "delta^- <= 0 needs an absolute value before the power",
           lambda e: e.subs(pressed, sp.Abs(pressed)), negative),
     Entry("talk.contact_force", PART_II, "contact", sp.Symbol("F_ij"), alpha * pressed**n,
           lambda: sp.diff(contact.power_law_energy(), contact.overlap).subs(
               contact.overlap, -pressed), SLIP,
-          "delta^- <= 0 needs absolute bars before the power; so read it is the contact force, "
+          "delta^- <= 0 needs an absolute value before the power; it is then the contact force, "
           "compression > 0, and -V'", lambda e: e.subs(pressed, sp.Abs(pressed)), negative),
     Entry("talk.negative_part", PART_II, "contact", pressed, sp.Min(0, gap),
           lambda: -sp.Max(0, -gap), domain=((gap, (-1.0, 1.0)),)),
@@ -154,17 +154,20 @@ ENTRIES = (
           domain=taut),
     Entry("talk.density_cross", BALANCE, "equilibrium", x1,
           -2 * F * sin(phi) / (3 * root3 * h * D), lambda: equilibrium.force_densities()[0],
-          note="F counts compression", domain=taut),
+          note="F is positive in compression", domain=taut),
     Entry("talk.density_base", BALANCE, "equilibrium", x2,
           -F * (sin(phi) ** 2 - root3 * sin(phi) + cos(phi) ** 2 - cos(phi)) / (9 * h * D),
-          lambda: equilibrium.force_densities()[1], note="F counts compression", domain=taut),
+          lambda: equilibrium.force_densities()[1],
+          note="F is positive in compression", domain=taut),
     Entry("talk.density_bar", BALANCE, "equilibrium", x3,
           F / (3 * h) - 2 * F * sin(phi) / (3 * root3 * h * D),
-          lambda: equilibrium.force_densities()[2], note="F and x3 count compression", domain=taut),
+          lambda: equilibrium.force_densities()[2],
+          note="F and x3 are positive in compression", domain=taut),
     Entry("talk.other_twist", BALANCE, "equilibrium", phi, -sp.pi / 6,
           lambda: _self_stress(False, None)),
     Entry("talk.other_twist_base", BALANCE, "equilibrium", x2, -x1 / root3,
-          lambda: _self_stress(False, 0), note="base strings push where cross strings pull"),
+          lambda: _self_stress(False, 0),
+          note="base strings are compressed where cross strings are tensioned"),
     Entry("talk.other_twist_bar", BALANCE, "equilibrium", x3, x1, lambda: _self_stress(False, 1)),
     Entry("talk.twist", BALANCE, "equilibrium", phi, sp.Rational(5, 6) * sp.pi,
           lambda: _self_stress(True, None)),
@@ -177,7 +180,8 @@ ENTRIES = (
           lambda: sp.diff(k2 * (l - lN) ** 2 / 2, l) / l),
     Entry("talk.hooke_bar", ELASTIC, "elastic", x3, k3 * (b - bN) / b,
           lambda: -sp.diff(k3 * (b - bN) ** 2 / 2, b) / b, CONV,
-          "x3 counts tension here and compression in the equilibrium problem", lambda e: -e),
+          "x3 is positive in tension here, in compression in the equilibrium problem",
+          lambda e: -e),
     Entry("talk.g1", ELASTIC, "elastic", sp.Symbol("g_1"),
           l / 6 * (
               k3 * 4 * sin(phi / 2) ** 2 * (root3 - 3 * bN / lower_root)
@@ -202,23 +206,23 @@ ENTRIES = (
           sp.Tuple(sp.diff(g3, h) * Dh + sp.diff(g3, f) * Df,
                    sp.diff(arc, h) * Dh + sp.diff(arc, f) * Df),
           lambda: sp.Tuple(_newton(g3), _newton(arc)), domain=taut,
-          note="shown for g3 and the arc length as psi; equated to -(g, psi)"),
+          note="checked for g3, and the arc length as psi; equated to -(g, psi)"),
     Entry("talk.axial_stiffness", 'talk, part III, "Axial stiffness"', "elastic",
           sp.Symbol("K_h0"), q * stiffness_numerator / stiffness_denominator, _stiffness, CONV,
-          "eta0 = h0/a0 with a0 = l0/sqrt 3, not h0/l0; the last brace is one too many",
+          "eta0 = h0/a0 with a0 = l0/sqrt 3, not h0/l0; there is one closing brace too many",
           lambda e: e.subs(eta0, h0 * root3 / l)),
     Entry("talk.rigid_height", RIGID, "rigid_response", h,
           sqrt(b**2 - 2 * third * l**2 * (1 - cos(phi))),
           lambda: sp.sqrt(sp.solve(prism.bar_length_squared() - b**2, h**2)[0]), domain=upright),
     Entry("talk.rigid_twist", RIGID, "rigid_response", phi,
           sp.acos(1 - (b**2 - h**2) / (2 * a**2)), lambda: sp.acos(rigid_response.cos_twist()),
-          note="a = l/sqrt 3, not named on the slide", domain=locking_range),
+          note="a = l/sqrt 3, which the slide does not define", domain=locking_range),
     Entry("talk.rigid_force", RIGID, "rigid_response", F, rigid_first,
           lambda: _rigid_load(False), CONV,
-          "F counts tension here (dU/dh) and compression in the equilibrium problem",
+          "F is positive in tension here (dU/dh), in compression in the equilibrium problem",
           lambda e: -e.subs(s, rigid_response.cross_length()), locking_range),
     Entry("talk.rigid_force_of_twist", RIGID, "rigid_response", F, rigid_second,
           lambda: _rigid_load(True), CONV,
-          "F counts tension here (dU/dh) and compression in the equilibrium problem",
+          "F is positive in tension here (dU/dh), in compression in the equilibrium problem",
           lambda e: -e, upright),
 )  # fmt: skip

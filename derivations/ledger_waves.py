@@ -1,5 +1,5 @@
-"""Ledger of the talk (seeds/000), part III from "Properties of the elastic potential" on; and of
-what is not in the sources: the families of localised waves and their ends."""
+"""Ledger of the talk (seeds/000), part III from "Properties of the elastic potential" on, and of
+results that are not in the sources: the families of localised waves and their ends."""
 
 from random import Random
 
@@ -17,12 +17,12 @@ V, V_0, V_2, V_3, mirrored = sp.symbols("V V(0) V''(0) V'''(r) V(-r)", real=True
 r, c_0, d = sp.symbols("r c_0 d", positive=True)
 a, b, h_0, m = waves.stiffness, waves.slope, waves.spacing, waves.mass
 e = waves.bend
-gamma, c, c_s, x = waves.gamma, waves.speed, waves.sound, waves.position
+gamma, c, c_s, x = waves.gamma, waves.speed, waves.acoustic_speed, waves.position
 locks = ((prism.reference_height, (0.6, 2.0)), (prism.base, (0.5, 1.0)))
 
 
 def _samples(slender, count=50):
-    """Random admissible prisms with, or without, eta0^2 > sqrt3/6: {eta0, q, a, k1} at random."""
+    """Random values {eta0, q, a, k1} of admissible prisms, with or without eta0^2 > sqrt3/6."""
     random = Random(1)
     hard, locks = hardening.hardening_slenderness_squared(), hardening.locking_slenderness_squared()
     bound, width = (hard, 2) if slender else (locks, hard - locks)
@@ -39,7 +39,7 @@ def _samples(slender, count=50):
 
 
 def _turned(values, turns):
-    """V - V(0) per (3/2) k1 a^2 at some turns of a sampled prism."""
+    """V - V(0) over (3/2) k1 a^2 at some changes of twist of a sampled prism."""
     eta, q = values[hardening.eta], values[hardening.extension]
     at_rest = prism.at_reference(prism.cross_length_squared(sp.Integer(1)))
     rest = sp.sqrt(at_rest.subs(prism.reference_height, eta).evalf(30))
@@ -76,13 +76,13 @@ def _read_domain(form):
 
 
 def _growth():
-    """The power of the distance to locking with which the energy diverges: none."""
+    """The power of the distance to locking with which the energy diverges, which is zero."""
     grows = min(rigid_response.lock_order()[0] + 1, sp.Integer(0))
     return c_0 * (r + d) ** grows
 
 
 def _third_derivative():
-    """Sign of V''' on the compression side: along the path by exact differentiation."""
+    """Sign of V''' in compression, by exact differentiation along the path."""
     hardening.prove_hardening()
     delta = hardening.turn
     eta, q = hardening.eta, hardening.extension
@@ -104,7 +104,7 @@ def _third_derivative():
 
 
 def _asymmetry(kind):
-    """V(r) and V(-r) at equal strokes: the turn back is found from the turn on."""
+    """V(r) and V(-r) at equal strokes, with the opposite change of twist solved for."""
     import mpmath
 
     hardening.prove_hardening()
@@ -126,7 +126,7 @@ def _asymmetry(kind):
 
 
 def _prism_derivative(order):
-    """Derivative of V at the reference by differentiating V(h), in hardening's symbols."""
+    """Derivative of V(h) at the reference, in the symbols of `hardening`."""
     eta, q, radius = hardening.eta, hardening.extension, hardening.radius
     lengths = {prism.base: sp.sqrt(3), prism.reference_height: eta}
     bars = prism.at_reference(prism.bar_length_squared()).subs(lengths)
@@ -154,30 +154,33 @@ ENTRIES = (
           "is V >= c0 close to -d", lambda e: e.replace(c_0 / (r + d), c_0)),
     Entry("talk.H3_derivative", PLACE, "hardening", "H3", V_3 < 0,
           _third_derivative, CONV,
-          "for slender prisms, eta0^2 > sqrt3/6, where it is proved; thicker ones soften first",
+          "proved for slender prisms, eta0^2 > sqrt3/6; thicker ones soften first",
           lambda e: sp.Implies(slender, e)),
     Entry("talk.H3_asymmetry", PLACE, "hardening", "H3", sp.Lt(V, mirrored),
           lambda: _asymmetry(True) + _asymmetry(False), CONV,
-          "for slender prisms, eta0^2 > sqrt3/6, where it is proved",
+          "proved for slender prisms, eta0^2 > sqrt3/6",
           lambda e: sp.Implies(slender, e)),
     Entry("talk.a", PLACE, "hardening", a, _prism_derivative(2),
-          lambda: hardening.derivatives()[0], note="V''(0) of the rigid-elastic prism, two ways"),
+          lambda: hardening.derivatives()[0],
+          note="V''(0) of the rigid-elastic prism, derived in two ways"),
     Entry("talk.b", PLACE, "hardening", b, _prism_derivative(3),
-          lambda: hardening.derivatives()[1], note="V'''(0) of the rigid-elastic prism, two ways"),
+          lambda: hardening.derivatives()[1],
+          note="V'''(0) of the rigid-elastic prism, derived in two ways"),
     Entry("talk.error_order", PLACE, "waves", sp.Symbol("O(error)"), gamma**4,
-          lambda: gamma ** waves.error_order(), note="Toda's exact wave shows the same order"),
+          lambda: gamma ** waves.error_order(),
+          note="the exact wave of the Toda lattice has the same order"),
     Entry("talk.sech2", PLACE, "waves", sp.Symbol("epsilon"), strain, waves.sech_strain, CONV,
-          "epsilon counts compression; x and width in metres", lambda e: -e),
+          "epsilon is positive in compression; x and width in metres", lambda e: -e),
     Entry("talk.gamma", PLACE, "waves", gamma**2, 24 * (c - c_s) / c_s, waves.gamma_squared,
           note="to leading order, by which gamma is defined"),
     Entry("talk.sound_speed", PLACE, "waves", c_s, h_0 * sp.sqrt(a / m), waves.sound_speed),
     Entry("talk.tent_speed", PLACE, "waves", "speeds of the tent", sp.Ge(c, c_s),
           lambda: [({c: sp.Rational(21, 20) * c_s, fast: False}, False),
                    ({c: 100 * c_s, fast: True}, True)], SLIP,
-          "must be c much larger than c_s: just above it the sech^2 wave is many sites wide",
+          "requires c much larger than c_s: slightly above it the sech^2 wave is many sites wide",
           lambda e: sp.And(fast, e)),
     Entry("talk.tent", PLACE, "waves", sp.Symbol("epsilon"), tent,
-          lambda: waves.tent().subs(waves.stroke, d), CONV, "epsilon counts compression",
+          lambda: waves.tent().subs(waves.stroke, d), CONV, "epsilon is positive in compression",
           lambda e: -e, ((x, (-3.0, 3.0)), (h_0, (0.5, 2.0)))),
     Entry("talk.width_slow", 'talk, part III, "Numerical simulation"', "waves",
           "about 7 prisms at 1.05 c_s, 3 at 2 to 3 c_s", verdict=NO_DATA,
@@ -199,29 +202,29 @@ OWN_ENTRIES = (
     Entry("ours.small_crest", OWN, "softening", own.crest,
           a / b * (6 * own.excess
                    + (sp.Rational(6, 5) - 9 * a * e / b**2) * own.excess**2),
-          own.small_crest, note="the sign of V'''(0) is that of small waves"),
+          own.small_crest, note="small waves have the sign of V'''(0)"),
     Entry("ours.even_crest", OWN, "softening", own.crest**2, 24 * a * own.excess / e,
-          own.small_crest_squared, note="V'''(0) = 0 < V''''(0): both signs"),
+          own.small_crest_squared, note="if V'''(0) = 0 < V''''(0), for both signs"),
     Entry("ours.crest_of_power", OWN, "softening", sp.Abs(own.crest),
           (a * own.excess * (own.exponent + 1) / own.growth) ** (1 / (own.exponent - 1)),
-          own.small_crest_of_power, note="V' = a r + d |r|^p next to rest"),
+          own.small_crest_of_power, note="if V' = a r + d |r|^p near rest"),
     Entry("ours.front", OWN, "softening", sp.Symbol("m c_*^2, V(r_*)"),
           sp.Tuple(sp.Symbol("T", real=True) / own.r, own.r * sp.Symbol("T", real=True) / 2),
           lambda: sp.Tuple(*own.front()), note="momentum and energy across a front"),
     Entry("ours.front_curvature", OWN, "softening", sp.Symbol("Q''(r_*)"),
           2 * (own.top_stiffness - own.level) / own.top**2, own.level_curvature),
     Entry("ours.flat_top_rate", OWN, "softening",
-          "c_* over the speed of sound in a chain strained by r_*",
+          "c_* over the sound speed of a chain at the elongation r_*",
           sp.sinh(own.rate / 2) / (own.rate / 2), own.top_rate),
     Entry("ours.flat_top_width", OWN, "softening", sp.Symbol("width"),
           2 * sp.log(1 / own.gap) / own.rate, own.top_width,
-          note="what the width gains when the gap of the crest falls to a part g; with the gap "
-          "of the speed, which goes like its square, half as much"),
+          note="increase of the width when the gap of the peak decreases to a fraction g; half as "
+          "much for the gap of the speed, which is proportional to its square"),
     Entry("ours.long_wave", OWN, "softening", sp.Symbol("m c^2"),
           sp.Symbol("T") ** 2 / (2 * (own.r * sp.Symbol("T") - sp.Symbol("V"))),
           lambda: own.long_wave().subs({own.tension(own.r): sp.Symbol("T"),
                                         own.energy(own.r): sp.Symbol("V")}),
-          note="estimates the first crest of a family that does not start from zero",
+          note="estimates the first peak of a family that does not start from zero",
           domain=((sp.Symbol("V"), (0.1, 0.2)),)),
     Entry("ours.wall_delay", OWN, "softening", sp.Symbol("beta"),
           -sp.sqrt(sp.pi) * sp.gamma(-1 / own.power)

@@ -1,8 +1,8 @@
-"""A straight elastic member between two points: force on them and tangent, from its energy.
+"""A straight elastic member between two points: force and tangent stiffness from its energy.
 
-E = k/2 (|d| - l_N)^2 with d from the first end to the second.  Everything that a structure of any
-bars and strings needs is a derivative of it; a string that is shorter than l_N is slack and has
-none.  Source: seeds/000, part III, "Elastic problem", member by member.
+The energy is E = k/2 (|d| - l_N)^2, with d from the first end to the second.  Forces and stiffness
+of structures of bars and strings are its derivatives; a string shorter than l_N is slack and has
+no energy.  Source: seeds/000, part III, "Elastic problem", for a single member.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ stiffness, natural, length = sp.symbols("k l_N l", positive=True)
 density = sp.Symbol("q", real=True)  # tension over length
 
 POSITIONS = sp.symbols("x:18", real=True)
-"""Coordinates of the lower nodes, then of the upper ones: x0 y0 z0 x1 ..."""
+"""Coordinates of the lower nodes, then of the upper ones, x0 y0 z0 x1 ..."""
 
 CONSTANTS = (
     *(member.stiffness for member in prism.MEMBERS),
@@ -30,34 +30,34 @@ CONSTANTS = (
 
 @cache
 def separation(dim: int) -> tuple[sp.Symbol, ...]:
-    """Symbols of d."""
+    """Symbols of the components of d."""
     return tuple(sp.symbols([f"d_{axis}" for axis in "xyz"[:dim]], real=True))
 
 
 def length_of(dim: int) -> sp.Expr:
-    """|d|."""
+    """Length |d|."""
     return sp.sqrt(sum(d**2 for d in separation(dim)))
 
 
 def energy(length: sp.Expr = length) -> sp.Expr:
-    """E at a length [J]."""
+    """Energy E at a length [J]."""
     return stiffness * (length - natural) ** 2 / 2
 
 
 def tension() -> sp.Expr:
-    """dE/dl [N], of `length`."""
+    """Tension dE/dl at `length` [N]."""
     return sp.diff(energy(), length)
 
 
 @cache
 def pull(dim: int) -> list[sp.Expr]:
-    """Gradient of E in d [N]: what pulls the first end; the second feels the opposite."""
+    """Gradient of E in d [N]: the force on the first end, minus that on the second."""
     return [sp.diff(energy(length_of(dim)), d) for d in separation(dim)]
 
 
 @cache
 def tangent(dim: int) -> sp.Matrix:
-    """Hessian of E in d [N/m], in d, `length` and `density`."""
+    """Hessian of E in d [N/m], as a function of d, `length` and `density`."""
     back = {stiffness * (length - natural): density * length}
     hessian = sp.hessian(energy(length_of(dim)), separation(dim))
     known = {length_of(dim): length, natural: length * (1 - density / stiffness)}
@@ -65,15 +65,15 @@ def tangent(dim: int) -> sp.Matrix:
 
 
 def tangent_in_density(dim: int = 3) -> sp.Matrix:
-    """(k - q) n n^T + q I with n = d/l: what `tangent` is."""
+    """The form (k - q) n n^T + q I of `tangent`, with n = d/l."""
     direction = sp.Matrix(separation(dim)) / length
     return (stiffness - density) * direction * direction.T + density * sp.eye(dim)
 
 
 @cache
 def prism_energy() -> sp.Expr:
-    """Elastic energy of a prism with six free nodes, U(`POSITIONS`) [J], no symmetry assumed; at
-    symmetric positions it is that of `derivations.prism`."""
+    """Elastic energy U(`POSITIONS`) of a prism with six free nodes [J], without symmetry; at
+    symmetric positions it equals that of `derivations.prism`."""
 
     def length(i, j):
         return sp.sqrt(sum((POSITIONS[3 * i + k] - POSITIONS[3 * j + k]) ** 2 for k in range(3)))
@@ -97,10 +97,10 @@ def argument() -> list[Step]:
         raise ArithmeticError("the tangent of a member is not (k - q) n n^T + q I")
     n = sp.MatrixSymbol("n", 3, 1)
     return [
-        Step("A member of spring constant k and natural length l_N at the length l stores",
+        Step("The energy of a member of spring constant k, natural length l_N and length l is",
              energy()),
-        Step("and pulls its ends together with", sp.Eq(sp.Symbol("T"), tension())),
-        Step("Both ends stand d apart, l = |d|. With the force density q = T/l and n = d/l the "
-             "gradient in d is q d, and the Hessian is",
+        Step("and its tension", sp.Eq(sp.Symbol("T"), tension())),
+        Step("Let d be the vector between both ends, l = |d|. With the force density q = T/l and "
+             "n = d/l the gradient in d is q d, and the Hessian is",
              (stiffness - density) * n * n.T + density * sp.Identity(3)),
     ]  # fmt: skip

@@ -1,18 +1,19 @@
-"""Equilibrium of a prism with elastic bases or bars, in unknowns that suit any stiffness.
+"""Equilibrium of a prism with elastic bases or bars, in mixed variables for any stiffness.
 
-The tension k (length - natural length) of a stiff member is lost to round-off when it is taken
-from coordinates.  So the tensions themselves are unknowns and the lengths follow from them,
-l = l0 + (change of tension)/k2 and b = b0 + (change of tension)/k3; at rigid members the
-compliance 1/k is zero and nothing else changes.  The twist enters by the tangent of half the
-turn from the reference, which leaves no trigonometry.  All unknowns are changes from the
-self-stressed state, and constants that cancel there are cancelled by the program.
+The tension k (length - natural length) of a stiff member is lost to round-off if it is computed
+from coordinates.  The tensions are therefore unknowns and the lengths follow from them,
+l = l0 + (change of tension)/k2 and b = b0 + (change of tension)/k3; for rigid members the
+compliance 1/k is zero.  The twist enters by the tangent of half its change from the reference, so
+that all forms are algebraic.  All unknowns are changes from the self-stressed state; constants
+that cancel there are eliminated symbolically.
 
 Lengths are in units of the base l0, forces in units of k1 l0.  The equations are the gradient of
 `prism.energy()` at fixed height (seeds/000, part III, "Elastic problem": g1 = g2 = 0) and the
 compatibility of the bars; the load is -dU/dh.
 
-Above the height at which base strings and bars unload together there is one closed form: the bars
-keep their natural length, and the cross strings, upright, pull alone ("Numerical approach").
+Above the height at which base strings and bars unload together the state is a closed form: the
+bars have their natural length, and the upright cross strings alone carry the load ("Numerical
+approach").
 """
 
 from __future__ import annotations
@@ -27,7 +28,9 @@ from derivations.prism import base, height, twist
 from derivations.regular import ANY, TRIANGLE, Polygon
 
 base_tension, bar_tension = sp.symbols("y_2 y_3", real=True)  # changes of tension
-half_turn = sp.Symbol("tau", real=True)  # tan of half the turn from the self-stressed state
+half_turn = sp.Symbol(
+    "tau", real=True
+)  # tan of half the change of twist from the self-stressed state
 rise = sp.Symbol("eta", real=True)  # h - h0
 UNKNOWNS = (base_tension, bar_tension, half_turn, rise)
 
@@ -40,7 +43,7 @@ _UNITS = {prism.k_cross: 1}
 
 
 def _turned(expression, of):
-    """With the twist written as the reference plus a turn, in terms of tan of half of it."""
+    """With the twist as the reference plus a change, in terms of the tangent of half of it."""
     turn = sp.Symbol("delta", real=True)
     sine, versine = sp.symbols("sigma nu", real=True)
     expression = sp.expand(of.expanded(expression.subs(twist, of.reference_twist + turn)))
@@ -51,7 +54,7 @@ def _turned(expression, of):
 
 @cache
 def gain(squared: sp.Expr, of: Polygon = TRIANGLE) -> sp.Expr:
-    """A squared length less its reference value, every term small where the unknowns are."""
+    """A squared length minus its reference value, each term small for small unknowns."""
     wider, higher = sp.symbols("Lambda Z", real=True)  # l^2 - 1, h^2 - h0^2
     expression, turned = _turned(squared, of)
     expression = expression.subs({base**2: 1 + wider, height**2: reference_height**2 + higher})
@@ -62,12 +65,13 @@ def gain(squared: sp.Expr, of: Polygon = TRIANGLE) -> sp.Expr:
 
 
 def reference_length(squared: sp.Expr, of: Polygon = TRIANGLE) -> sp.Expr:
+    """A length in the self-stressed state, in units of the base."""
     return sp.sqrt(prism.at_reference(squared, of).subs(base, 1))
 
 
 @cache
 def reference_tensions(of: Polygon = TRIANGLE) -> tuple[sp.Expr, sp.Expr, sp.Expr]:
-    """(cross, base, bar) tensions of one member in the self-stressed state; no stiffness left."""
+    """Tensions (cross, base, bar) of single members in the self-stressed state."""
     pulls = (
         member.tension(prism.at_reference(member.length(of), of)).subs(member.natural, natural)
         for member, natural in zip(prism.MEMBERS, prism.natural_lengths(of), strict=True)
@@ -77,7 +81,7 @@ def reference_tensions(of: Polygon = TRIANGLE) -> tuple[sp.Expr, sp.Expr, sp.Exp
 
 @cache
 def _gradient(coordinate, of):
-    """dU/d(coordinate) with each natural length replaced by length less tension over stiffness."""
+    """dU/d(coordinate), with natural lengths replaced by length minus tension over stiffness."""
     s, b = prism.cross_length(of), prism.bar_length(of)
     derivative = sp.diff(prism.energy(of), coordinate).subs(
         {
@@ -89,7 +93,7 @@ def _gradient(coordinate, of):
 
 
 def lengths(of: Polygon = TRIANGLE) -> tuple[sp.Expr, sp.Expr, sp.Expr]:
-    """(cross, base, bar) in terms of the unknowns; the bar's from its tension."""
+    """Lengths (cross, base, bar) in the unknowns; that of the bar follows from its tension."""
     cross = prism.cross_length_squared(None, of)
     return (
         sp.sqrt(reference_length(cross, of) ** 2 + gain(cross, of)),
@@ -99,7 +103,7 @@ def lengths(of: Polygon = TRIANGLE) -> tuple[sp.Expr, sp.Expr, sp.Expr]:
 
 
 def tension_changes(of: Polygon = TRIANGLE) -> tuple[sp.Expr, sp.Expr, sp.Expr]:
-    """(cross, base, bar) tensions less those of the self-stressed state."""
+    """Tensions (cross, base, bar) minus those of the self-stressed state."""
     squared = prism.cross_length_squared(None, of)
     return (
         gain(squared, of) / (lengths(of)[0] + reference_length(squared, of)),
@@ -109,7 +113,7 @@ def tension_changes(of: Polygon = TRIANGLE) -> tuple[sp.Expr, sp.Expr, sp.Expr]:
 
 
 def tensions(of: Polygon = TRIANGLE) -> tuple[sp.Expr, sp.Expr, sp.Expr]:
-    """(cross, base, bar) tension of one member."""
+    """Tensions (cross, base, bar) of single members."""
     return tuple(
         start + change
         for start, change in zip(reference_tensions(of), tension_changes(of), strict=True)
@@ -125,17 +129,17 @@ def _in_unknowns(coordinate, of):
 
 
 def base_equilibrium(of: Polygon = TRIANGLE) -> sp.Expr:
-    """dU/dl."""
+    """dU/dl in the unknowns."""
     return _in_unknowns(base, of)
 
 
 def twist_equilibrium(of: Polygon = TRIANGLE) -> sp.Expr:
-    """dU/d phi."""
+    """dU/d phi in the unknowns."""
     return _in_unknowns(twist, of)
 
 
 def bar_compatibility(of: Polygon = TRIANGLE) -> sp.Expr:
-    """b^2 from the coordinates less b^2 from the bar's tension."""
+    """b^2 from the coordinates minus b^2 from the tension of the bar."""
     longer = bar_compliance * bar_tension
     squared = prism.bar_length_squared(None, of)
     bar = reference_length(squared, of)
@@ -148,7 +152,7 @@ def load(of: Polygon = TRIANGLE) -> sp.Expr:
 
 
 def stored_energy(of: Polygon = TRIANGLE) -> sp.Expr:
-    """U - U0, of the tensions and their changes so that its error vanishes with them."""
+    """U - U0 in the tensions and their changes, with an error that vanishes with the changes."""
     members = zip(
         (member.count(of) for member in prism.MEMBERS),
         (1, base_compliance, bar_compliance),
@@ -171,7 +175,7 @@ def upright_twist(of: Polygon = TRIANGLE) -> sp.Expr:
 
 
 def upright_base_squared(of: Polygon = TRIANGLE) -> sp.Expr:
-    """l^2 [m^2] of the state of this height, from the natural length of the bars."""
+    """l^2 of the upright state at a height [m^2], from the natural length of the bars."""
     square = sp.Symbol("square")
     squared = prism.bar_length_squared(None, of).subs(twist, upright_twist(of))
     squared = of.expanded(squared) if of is ANY else squared
@@ -182,7 +186,7 @@ def upright_base_squared(of: Polygon = TRIANGLE) -> sp.Expr:
 
 @cache
 def upright_load(of: Polygon = TRIANGLE) -> sp.Expr:
-    """Axial load [N], compression > 0, of a state in which no base string is needed."""
+    """Axial load of the upright state [N], compression > 0, which needs no base strings."""
     energy = sum(member.energy(member.length(of), of) for member in (prism.CROSS, prism.BAR))
     state = {twist: upright_twist(of), base: sp.sqrt(upright_base_squared(of))}
     if of is ANY:
@@ -190,5 +194,5 @@ def upright_load(of: Polygon = TRIANGLE) -> sp.Expr:
         energy, state = energy.subs(sines), {x: v.subs(sines) for x, v in state.items()}
     slopes = [sp.simplify(sp.diff(energy, x).subs(state)) for x in (base, twist, height)]
     if slopes[:2] != [0, 0]:
-        raise ArithmeticError("the prism does not hang in equilibrium without base strings")
+        raise ArithmeticError("the upright prism is not in equilibrium without base strings")
     return -slopes[2]

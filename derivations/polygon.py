@@ -1,7 +1,7 @@
-"""Prisms with any number of sides: what holds for every n, derived with n as a symbol.
+"""Prisms with any number of sides, with n as a symbol.
 
 R is the circumradius of the base, S = sin(pi/n), C = cos(pi/n), eta = h0/R, q = p0/(1 + p0).  The
-three-sided prism of the talk is the case S = sqrt 3/2, C = 1/2.
+triangular prism of the talk is the case S = sqrt 3/2, C = 1/2.
 Source: seeds/000, part III, whose statements are for n = 3.
 """
 
@@ -26,7 +26,7 @@ natural_lengths = prism.natural_cross, prism.natural_base, prism.natural_bar
 
 @cache
 def balance() -> list[sp.Expr]:
-    """Radial, tangential and axial force on a lower node of the unloaded prism, less R."""
+    """Radial, tangential and axial force on a lower node of the unloaded prism."""
     at = regular.node(0, ANY, radius=circumradius)
     others = {
         base_density: [regular.node(i, ANY, radius=circumradius) for i in (1, -1)],
@@ -42,7 +42,7 @@ def balance() -> list[sp.Expr]:
 
 @cache
 def self_stress() -> dict[sp.Symbol, sp.Expr]:
-    """Force densities {base, bar} that balance one of 1 in a cross string, at the twist."""
+    """Force densities {base, bar} in equilibrium with 1 in a cross string, at the twist."""
     radial, tangential, axial = balance()
     (bar,) = sp.solve(axial, bar_density)
     turning = tangential.subs(bar_density, bar).subs(twist, ANY.reference_twist)
@@ -57,12 +57,12 @@ def self_stress() -> dict[sp.Symbol, sp.Expr]:
 
 @cache
 def load() -> sp.Expr:
-    """-dV/dh of rigid bases and bars [N], compression > 0, in h, s and the twist."""
+    """Load -dV/dh for rigid bases and bars [N], compression > 0, in h, s and the twist."""
     squared = prism.CROSS.length_squared(circumradius, ANY)
     slope = sp.diff(squared, prism.height) + sp.diff(squared, twist) * turn_rate()
     length = sp.Symbol("s", positive=True)
-    pull = ANY.sides * prism.CROSS.tension(length) / (2 * length)
-    return -sp.simplify(pull * slope)
+    weight = ANY.sides * prism.CROSS.tension(length) / (2 * length)
+    return -sp.simplify(weight * slope)
 
 
 @cache
@@ -72,7 +72,7 @@ def derivatives() -> list[sp.Expr]:
 
 
 def curvature_ratio() -> sp.Expr:
-    """h0 V'''/V'': free of the prestrain."""
+    """h0 V'''/V'', which does not depend on the prestrain."""
     second, third = derivatives()
     return sp.factor(sp.cancel(eta * radius * third / second))
 
@@ -96,10 +96,10 @@ def locking_slenderness_squared() -> sp.Expr:
 
 @cache
 def members_condition() -> tuple[sp.Expr, tuple[sp.Expr, sp.Expr, sp.Expr]]:
-    """(b^2 - s^2 - l^2/S, the lengths s, l, b in x1 and natural lengths) of the self-stressed
-    prism: x1 is the root.
+    """b^2 - s^2 - l^2/S, of which x1 is the root, and the lengths s, l, b at self-stress.
 
-    The tension of each kind of member is its force density times its length.
+    The lengths depend on x1 and the natural lengths, because the tension of each kind of member is
+    its force density times its length.
     """
     densities = {**self_stress(), cross_density: sp.Integer(1)}
     lengths = []
@@ -107,8 +107,8 @@ def members_condition() -> tuple[sp.Expr, tuple[sp.Expr, sp.Expr, sp.Expr]]:
         prism.MEMBERS, (cross_density, base_density, bar_density), strict=True
     ):
         length = sp.Symbol("L", positive=True)
-        pull = cross_density * densities[density] * length
-        (value,) = sp.solve(member.tension(length) - pull, length)
+        tension = cross_density * densities[density] * length
+        (value,) = sp.solve(member.tension(length) - tension, length)
         lengths.append(value)
     gap = prism.bar_length_squared(None, ANY) - prism.cross_length_squared(None, ANY)
     gap = prism.at_reference(gap, ANY)
@@ -133,26 +133,29 @@ def argument() -> list[Step]:
     condition, lengths = members_condition()
     names = sp.symbols("s l b")
     return [
-        Step("Forces on a lower node (radial, tangential, axial) with force densities x_1, x_2, "
-             "x_3 of cross strings, base strings and bars:", sp.Matrix(balance())),
-        Step("They balance without load at the twist", sp.Eq(twist, sp.pi / 2 + sp.pi / ANY.sides)),
-        Step("for every n, where base strings and bars carry, per force density of a cross string,",
+        Step("With force densities x_1, x_2, x_3 of cross strings, base strings and bars, the "
+             "radial, tangential and axial forces on a lower node are", sp.Matrix(balance())),
+        Step("Without load they vanish at the twist", sp.Eq(twist, sp.pi / 2 + sp.pi / ANY.sides)),
+        Step("for every n. The force densities of base strings and bars, over that of a cross "
+             "string, are then",
              *(sp.Eq(name / cross_density, x) for name, x in densities.items())),
-        Step("One state of self-stress and 6 n - 6 - 4 n + 1 = 2 n - 5 mechanisms: the triangular "
-             "prism has one, each further side brings two more. All are stiffened by prestress."),
+        Step("There is one state of self-stress, hence 6 n - 6 - 4 n + 1 = 2 n - 5 mechanisms: one "
+             "for the triangular prism and two more for each further side. Prestress stiffens all "
+             "of them."),
         Step("With rigid bases and bars the load is",
              sp.Eq(sp.Symbol("F"), load().subs(half_angle, sp.pi / ANY.sides))),
-        Step("and at the reference, with the turn as parameter,",
+        Step("and at the reference, with the change of twist as parameter,",
              sp.Eq(sp.Symbol("V''"), second), sp.Eq(sp.Symbol("V'''"), third)),
-        Step("so the prism softens first where eta^2 is above the first, and locks where it is "
-             "above the second of",
+        Step("The prism therefore softens first if eta^2 exceeds the first, and locks if it "
+             "exceeds the second, of",
              hardening_slenderness_squared(), locking_slenderness_squared()),
-        Step("With elastic members the axial stiffness is rational in S, eta, q and the "
-             "compliances; the Hessian of the cross strings in (l, b, h) is",
+        Step("For elastic members the axial stiffness is a rational function of S, eta, q and the "
+             "compliances. The Hessian of the cross strings in (l, b, h) is",
              elastic.string_hessian(ANY).applyfunc(sp.factor)),
-        Step("From cut lengths: each member's length in the self-stressed prism follows from x_1,",
+        Step("From cut lengths: the length of each member in the self-stressed prism follows from "
+             "x_1,",
              *(sp.Eq(name, x) for name, x in zip(names, lengths, strict=True))),
-        Step("and x_1 is the one root in (0, min(k_1, 2 S k_2)) of the following, which falls from "
-             "b_N^2 - s_N^2 - l_N^2/S: that must be positive.", condition),
+        Step("and x_1 is the only root in (0, min(k_1, 2 S k_2)) of the following function. It "
+             "decreases from b_N^2 - s_N^2 - l_N^2/S, which must be positive.", condition),
         Step("The height is then", sp.Eq(prism.reference_height**2, height_squared())),
     ]  # fmt: skip

@@ -1,8 +1,8 @@
 """Geometry, energy and natural lengths of the regular tensegrity prism.
 
-Two regular polygons of base strings, the upper one raised by the height and turned by the twist,
-joined by as many bars and cross strings without thickness: three, or n (`derivations.regular`).
-The geometry is typed once, as the positions of the nodes and the table of `MEMBERS` between them.
+Two regular polygons of base strings, the upper one raised by the height and rotated by the twist,
+are joined by bars and cross strings without thickness: three of each, or n (`derivations.regular`).
+The geometry is entered once, as the positions of the nodes and the table of `MEMBERS`.
 Source: seeds/000, part III, "Compatibility equations" and "Elastic problem".
 """
 
@@ -32,14 +32,14 @@ CIRCUMRADIUS = base / sp.sqrt(3)
 
 
 def nodes() -> tuple[list[sp.Matrix], list[sp.Matrix]]:
-    """Positions of the three lower and of the three upper nodes, as two lists of vectors."""
+    """Positions of the three lower and the three upper nodes, as two lists of vectors."""
     lower = [node(i, TRIANGLE, radius=CIRCUMRADIUS) for i in range(3)]
     return lower, [node(i, TRIANGLE, height, twist, CIRCUMRADIUS) for i in range(3)]
 
 
 @dataclass(frozen=True)
 class Member:
-    """A kind of members, equal by symmetry.
+    """A kind of member, of which all are equivalent by symmetry.
 
     Attributes
     ----------
@@ -47,67 +47,67 @@ class Member:
     stiffness, natural : sympy.Symbol
         Spring constant [N/m] and natural length [m] of one of them.
     step : int
-        How many nodes further round it ends than it starts.
-    rises : bool
-        Whether it ends at the upper polygon; if not there are as many in each.
+        Number of nodes, around the polygon, between its first and its second end.
+    inclined : bool
+        Whether it joins the lower to the upper polygon; otherwise each polygon has its own.
     """
 
     kind: str
     stiffness: sp.Symbol
     natural: sp.Symbol
     step: int
-    rises: bool
+    inclined: bool
 
     def pairs(self, sides: int = 3) -> list[tuple[int, int]]:
-        """Nodes that each joins: 0 to n - 1 the lower ones, n to 2 n - 1 the upper ones."""
-        starts = (0,) if self.rises else (0, sides)
+        """The nodes that members join; 0 to n - 1 are the lower ones, n to 2 n - 1 the upper."""
+        starts = (0,) if self.inclined else (0, sides)
         return [
-            (start + i, (sides if self.rises else start) + (i + self.step) % sides)
+            (start + i, (sides if self.inclined else start) + (i + self.step) % sides)
             for start in starts
             for i in range(sides)
         ]
 
     @property
     def ends(self) -> list[tuple[int, int]]:
-        """Of a triangular prism."""
+        """The pairs of a triangular prism."""
         return self.pairs()
 
     @property
     def number(self) -> int:
-        """How many a triangular prism has."""
+        """The number of such members of a triangular prism."""
         return len(self.ends)
 
     def count(self, of: Polygon = TRIANGLE) -> sp.Expr:
-        """How many there are."""
-        return of.sides if self.rises else 2 * of.sides
+        """The number of such members."""
+        return of.sides if self.inclined else 2 * of.sides
 
     def length_squared(self, radius: sp.Expr | None = None, of: Polygon = TRIANGLE) -> sp.Expr:
-        """Squared length in circumradius (or base), twist and height [m^2]."""
+        """Squared length in circumradius (by default in the base), twist and height [m^2]."""
         if radius is None:
             radius = CIRCUMRADIUS if of is TRIANGLE else of.circumradius
         start = node(0, of, radius=radius)
-        if not self.rises:
+        if not self.inclined:
             squared = squared_distance(start, node(self.step, of, radius=radius))
             return of.expanded(squared) if of is ANY else squared
         return squared_distance(start, node(self.step, of, height, twist, radius))
 
     def length(self, of: Polygon = TRIANGLE) -> sp.Expr:
         """Length(l, phi, h) [m]."""
-        if not self.rises:
+        if not self.inclined:
             return base
         return sp.sqrt(self.length_squared(of=of))
 
     def tension(self, length: sp.Expr | None) -> sp.Expr:
-        """Tension of one at a length [N]."""
+        """Tension of one member at a length [N]."""
         return self.stiffness * (length - self.natural)
 
     def energy(self, length: sp.Expr | None, of: Polygon = TRIANGLE) -> sp.Expr:
-        """Elastic energy of all at a length [J]."""
+        """Elastic energy of all members of this kind at a length [J]."""
         return self.count(of) / 2 * self.stiffness * (length - self.natural) ** 2
 
 
-# A bar joins a lower node to the upper one turned away from it by the twist, a cross string to
-# the one before that, turned by the twist less 2 pi/n.
+# A bar joins a lower node to the upper one at the angle of the twist, a cross string to the one
+# before it, at the twist minus 2 pi/n.
 CROSS = Member("cross", k_cross, natural_cross, -1, True)
 BASE = Member("base", k_base, natural_base, 1, False)
 BAR = Member("bar", k_bar, natural_bar, 0, True)
@@ -116,13 +116,13 @@ MEMBERS = (CROSS, BASE, BAR)
 
 @cache
 def bar_length_squared(radius: sp.Expr | None = None, of: Polygon = TRIANGLE) -> sp.Expr:
-    """b^2."""
+    """Squared length b^2 of a bar [m^2]."""
     return BAR.length_squared(radius, of)
 
 
 @cache
 def cross_length_squared(radius: sp.Expr | None = None, of: Polygon = TRIANGLE) -> sp.Expr:
-    """s^2."""
+    """Squared length s^2 of a cross string [m^2]."""
     return CROSS.length_squared(radius, of)
 
 
@@ -152,14 +152,14 @@ def at_reference(expression: sp.Expr, of: Polygon = TRIANGLE) -> sp.Expr:
 def natural_lengths(of: Polygon = TRIANGLE) -> tuple[sp.Expr, sp.Expr, sp.Expr]:
     """Natural lengths (s_N, l_N, b_N) [m] that put the unloaded prism at twist 5 pi/6, height h0.
 
-    The prestrain p0 = (s0 - s_N)/s_N gives s_N; l_N and b_N follow because U is stationary
-    there in all three coordinates: three equations for the two unknowns, which can be met
-    at this twist and at phi = pi/n - pi/2 only.
+    The prestrain p0 = (s0 - s_N)/s_N determines s_N.  l_N and b_N follow from the stationarity of U
+    in all three coordinates: three equations for two unknowns, which have a solution only at this
+    twist and at phi = pi/n - pi/2.
     """
     cross = at_reference(cross_length(of), of) / (1 + prestrain)
     gradient = [at_reference(sp.diff(energy(of), q), of) for q in (base, twist, height)]
     residual = [g.subs(natural_cross, cross) for g in gradient]
-    if of is ANY:  # sine and cosine are two symbols: one of three equations is checked apart
+    if of is ANY:  # sine and cosine are symbols: one of the three equations is checked separately
         residual, last = [residual[0], residual[2]], residual[1]
     solutions = sp.linsolve(residual, [natural_base, natural_bar])
     if of is ANY:
@@ -182,16 +182,16 @@ def least_k_base(of: Polygon = TRIANGLE) -> sp.Expr:
 def argument() -> list[Step]:
     squared = [bar_length_squared(), cross_length_squared()]
     members = sp.symbols("b s", positive=True)
-    rises = sp.solve(squared[0] - members[0] ** 2, height)
+    heights = sp.solve(squared[0] - members[0] ** 2, height)
     rest = (natural_cross, natural_base, natural_bar)
     return [
-        Step("Positions of the three lower and the three upper nodes:",
+        Step("The positions of the three lower and the three upper nodes are",
              *(sp.Matrix.hstack(*triangle) for triangle in nodes())),
-        Step("A bar joins a lower node to the upper one turned away by the twist, a cross string "
-             "to the one that follows it:",
+        Step("A bar joins a lower node to the upper one at the angle of the twist, a cross string "
+             "to the one before it. Their squared lengths are",
              *(sp.Eq(x**2, length) for x, length in zip(members, squared, strict=True))),
-        Step("so the height is", sp.Eq(height, rises[-1])),
-        Step("Elastic energy of 3 cross strings, 6 base strings and 3 bars, U =", energy()),
-        Step("Natural lengths for which U is stationary at twist 5 pi/6 and height h0:",
+        Step("so that the height is", sp.Eq(height, heights[-1])),
+        Step("The elastic energy U of 3 cross strings, 6 base strings and 3 bars is", energy()),
+        Step("U is stationary at twist 5 pi/6 and height h0 for the natural lengths",
              *(sp.Eq(x, value) for x, value in zip(rest, natural_lengths(), strict=True))),
     ]  # fmt: skip

@@ -11,12 +11,12 @@ base = sp.Symbol("l", positive=True)
 number_of_sides = sp.Symbol("n", positive=True, integer=True)
 half_sine, half_cosine = sp.symbols("S C", positive=True)  # of pi/n
 SIDES = number_of_sides, half_sine, half_cosine
-half_angle = sp.Symbol("alpha", positive=True)  # pi/n, while it is inside of a sine
+half_angle = sp.Symbol("alpha", positive=True)  # pi/n as the argument of a sine
 
 
 @dataclass(frozen=True)
 class Polygon:
-    """What the base of a prism is: a number of sides, with sine and cosine of pi over it.
+    """A regular polygon: its number of sides n, the angle pi/n, and its sine and cosine.
 
     Attributes
     ----------
@@ -30,16 +30,16 @@ class Polygon:
 
     @property
     def reference_twist(self) -> sp.Expr:
-        """Twist of the self-stressed state in which strings pull and bars push."""
+        """Twist of the self-stressed state with tensioned strings and compressed bars."""
         return sp.pi / 2 + self.angle
 
     @property
     def circumradius(self) -> sp.Expr:
-        """Of a polygon of side l [m]."""
+        """Circumradius of a polygon of side l [m]."""
         return base / (2 * self.sine)
 
     def expanded(self, expression: sp.Expr) -> sp.Expr:
-        """An expression with sines of sums expanded, in `sine` and `cosine`."""
+        """An expression with sines of sums expanded in terms of `sine` and `cosine`."""
         expression = sp.expand_trig(expression)
         known = {sp.sin(half_angle): half_sine, sp.cos(half_angle): half_cosine}
         return expression.subs(known)
@@ -56,16 +56,32 @@ def node(
     twist: sp.Expr = sp.S.Zero,
     radius: sp.Expr | None = None,
 ) -> sp.Matrix:
-    """Position of a node of a polygon that is raised and turned."""
+    """Position of a node of a polygon at a height, rotated by a twist.
+
+    Parameters
+    ----------
+    number : int
+        Number of the node, counter-clockwise.
+    of : Polygon
+    height, twist : sympy.Expr, optional
+        [m], [rad]; zero by default.
+    radius : sympy.Expr, optional
+        Circumradius [m]; by default that of a polygon of side l.
+
+    Returns
+    -------
+    sympy.Matrix, (3, 1)
+        [m].
+    """
     radius = of.circumradius if radius is None else radius
     angle = twist + 2 * of.angle * number
     return sp.Matrix([radius * sp.cos(angle), radius * sp.sin(angle), height])
 
 
 def squared_distance(start: sp.Matrix, end: sp.Matrix) -> sp.Expr:
-    """Between two positions, as a sum of sines."""
+    """Squared distance between two positions, with products of sines reduced to sums."""
     difference = end - start
-    return sp.expand(TR8(sp.expand(difference.dot(difference))))  # products of sines to sums
+    return sp.expand(TR8(sp.expand(difference.dot(difference))))
 
 
 def vanishes(expression: sp.Expr) -> bool:

@@ -1,6 +1,6 @@
-"""The report: one page of HTML with MathML, no script, nothing fetched.
+"""The report: a self-contained page of HTML with MathML, without scripts.
 
-Each derivation is printed as its argument, followed by the ledger entries it decides.
+Each derivation is printed as its argument, followed by the ledger entries that it decides.
 """
 
 from __future__ import annotations
@@ -36,27 +36,29 @@ table { border-collapse: collapse; } th, td { border: 1px solid #bbb; padding: .
   .formula { overflow: visible; } }
 """
 
-LONGEST = 200  # operations of a derived form that still fits on a line
+LONGEST = 200  # operations of the longest derived form that is shown
 TYPOGRAPHY = {
     "<mo>-</mo>": "<mo>&#x2212;</mo>",
     "<mo>&InvisibleTimes;</mo>": '<mspace width="0.17em"></mspace>',
     "<mo>&#xB7;</mo>": '<mspace width="0.17em"></mspace>',
 }
-"""What SymPy writes, and what reads better."""
+"""Replacements in the MathML that SymPy writes."""
 
+_NAMES = "alpha beta gamma delta epsilon eta theta kappa nu pi rho tau phi psi omega"
+GREEK = dict(zip(_NAMES.split(), "αβγδεηθκνπρτφψω", strict=True))
 WORDS = {
-    r"\beta0\b": "η₀", r"\bsqrt ?3": "√3", r"\bphi": "φ", r"\bpi\b": "π", r"\bgamma\b": "γ",
-    r"\bdelta": "δ", r"\btheta\b": "θ", r"\balpha\b": "α", r"\brho\b": "ρ", r"\bepsilon\b": "ε",
-    r"\bnu\b": "ν", r"\beta\b": "η", r">=": "≥", r"<=": "≤", r" - ": " − ",
-    r"\b([A-Za-zφ])_([0-9A-Za-zφ])\b": r"\1<sub>\2</sub>",
+    r"\beta0\b": "η₀", r"\bsqrt ?3": "√3",
+    **{rf"(?<![A-Za-z]){name}(?![A-Za-z])": letter for name, letter in GREEK.items()},
+    r">=": "≥", r"<=": "≤", r" - ": " − ",
+    r"\b([A-Za-zα-ω])_([0-9A-Za-zα-ω*])(?!\w)": r"\1<sub>\2</sub>",
     r"\b([A-GI-Zhxcskgpa])([0-3])\b": r"\1<sub>\2</sub>",
-    r"\^(\w+|\([^)]*\))": r"<sup>\1</sup>",
+    r"\^(-?\w+|\([^)]*\)|-)": r"<sup>\1</sup>",
 }  # fmt: skip
-"""Plain words and signs of the sources, as they are set on the page."""
+"""Typesetting of symbols in plain text: patterns and replacements."""
 
 
 SOURCES = {"seeds/000": "the talk", "seeds/001": "the paper"}
-"""The two sources by what they are."""
+"""Names of the two sources on the page."""
 
 
 def prose(text: str) -> str:
@@ -70,7 +72,7 @@ def prose(text: str) -> str:
 
 
 class _Printer(MathMLPresentationPrinter):
-    """Cases as a table behind a brace, which SymPy writes as a call."""
+    """Prints cases as a table behind a brace."""
 
     def _print_Piecewise(self, expression):
         def element(name, *children):
@@ -141,9 +143,9 @@ def _entry(check):
         parts.append("<p>As derived: see the argument above.</p>")
     elif isinstance(found, sp.Basic):
         parts += ["<p>As derived:</p>", _equation(entry.left, found)]
-    note = f" {prose(entry.note)}." if entry.note else ""
+    verdict += f":</span> {prose(entry.note)}." if entry.note else ".</span>"
     parts.append(
-        f'<p><span class="verdict">{escape(verdict[0].upper() + verdict[1:])}.</span>{note} '
+        f'<p><span class="verdict">{verdict[0].upper() + verdict[1:]} '
         f'<span class="place">({escape(check.how)})</span></p></div>'
     )
     return "\n".join(parts)
@@ -175,7 +177,7 @@ def _summary(checks):
 
 
 class Section(NamedTuple):
-    """A part of the report: where links lead, its heading, and its HTML below that."""
+    """A section of the report: anchor, heading, and HTML body."""
 
     key: str
     title: str
@@ -185,7 +187,7 @@ class Section(NamedTuple):
 def sections(
     names: Sequence[str] = NAMES, progress: Callable[[Iterable[Any]], Iterable[Any]] = iter
 ) -> list[Section]:
-    """Each derivation with the ledger entries that it decides; then signs, and a summary.
+    """The derivations with the ledger entries that they decide, the signs, and a summary.
 
     Parameters
     ----------
@@ -208,7 +210,7 @@ def sections(
         body = f"{arguments[name]}\n<h3>Printed formulas</h3>\n{ledger_part}"
         found.append(Section(name, derivation(name).TITLE, body))
     found.append(Section("signs", "Sign conventions", _signs()))
-    found.append(Section("summary", "What the ledger found", _summary(checks)))
+    found.append(Section("summary", "Summary of the ledger", _summary(checks)))
     return found
 
 
@@ -226,7 +228,7 @@ def page(
             f"<title>Derivations</title><style>{STYLE}</style></head><body>",
             "<h1>Derivations</h1><p>Tensegrity prisms and granular chains as nonlinear-wave media: "
             "every formula of the two sources, derived from energies and geometry by program, and "
-            "the printed forms held against what was derived.</p>",
+            "compared with its printed form.</p>",
             f"<nav><h2>Contents</h2><ol>{contents}</ol></nav>",
             *(f'<section id="{s.key}"><h2>{escape(s.title)}</h2>{s.body}</section>' for s in parts),
             "</body></html>\n",

@@ -1,11 +1,11 @@
-"""The rigid-elastic potential as compiled code evaluates it, without cancellation.
+"""The rigid-elastic potential in the forms of compiled code, without cancellation.
 
-Two forms of V(h) of `rigid_response` serve the numbers: `energy()`, relative to a loaded height
-h1, whose error shrinks with the elongation r; and `tension()`, its derivative with two square
-roots and a single division, free of cancellation at the reference and at both locking ends.
-Both come from V by a change of variable, the turn delta = phi - phi1 from a known state.
-Compatibility reads h^2 - h1^2 = 2 a^2 (cos phi - cos phi1), a quadratic in tan(delta/2).
-What their parameters are for a prism is in `rigid_parameters`.
+Two forms of V(h) of `rigid_response` are evaluated: `energy()`, relative to a loaded height h1,
+whose error vanishes with the elongation r; and `tension()`, its derivative with two square roots
+and one division, without cancellation at the reference and at both locking ends.  Both follow from
+V by a change of variable to the change of twist delta = phi - phi1 from a known state, where
+compatibility, h^2 - h1^2 = 2 a^2 (cos phi - cos phi1), is quadratic in tan(delta/2).  The
+parameters for a prism are in `rigid_parameters`.
 """
 
 from __future__ import annotations
@@ -36,7 +36,9 @@ __all__ = [
     "potential_energy", "preload", "tension",
 ]  # fmt: skip
 
-delta, twist_1 = sp.symbols("delta phi_1", real=True)  # turn from the known state, its twist
+delta, twist_1 = sp.symbols(
+    "delta phi_1", real=True
+)  # change of twist from the known state; its twist
 gain = sp.Symbol("z")  # h^2 - h1^2
 area = sp.Symbol("A")  # a^2
 root, root_1 = sp.symbols("rho rho_1")  # 2 a^2 sin phi, now and in the known state
@@ -44,10 +46,10 @@ root, root_1 = sp.symbols("rho rho_1")  # 2 a^2 sin phi, now and in the known st
 
 @cache
 def turn() -> tuple[sp.Expr, sp.Expr]:
-    """(sin delta, 1 - cos delta) as rational functions of z and rho, free of cancellation.
+    """sin delta and 1 - cos delta as rational functions of z and rho, without cancellation.
 
     Compatibility, z = 2 a^2 (cos(phi1 + delta) - cos phi1), is a quadratic in tan(delta/2).
-    Of its roots the one that vanishes with z is -z/(rho + rho1) in conjugate form.
+    The root that vanishes with z is -z/(rho + rho1), in conjugate form.
     """
     t = -gain / (root + root_1)
     return sp.cancel(2 * t / (1 + t**2)), sp.cancel(2 * t**2 / (1 + t**2))
@@ -55,14 +57,14 @@ def turn() -> tuple[sp.Expr, sp.Expr]:
 
 @cache
 def cross_gain(of: Polygon = TRIANGLE, start: sp.Expr = twist_1) -> sp.Expr:
-    """s^2 - s1^2 in terms of delta, with h eliminated by b = const."""
+    """s^2 - s1^2 in terms of delta, with h eliminated by constant b."""
     squared = prism.cross_length_squared(circumradius, of) - prism.bar_length_squared(circumradius)
     difference = squared.subs(twist, start + delta) - squared.subs(twist, start)
     return sp.expand(of.expanded(difference)).subs(circumradius**2, area)
 
 
 def height_rate() -> sp.Expr:
-    """d phi/d h along b = const, with rho = 2 a^2 sin phi."""
+    """d phi/d h at constant b, with rho = 2 a^2 sin phi."""
     return turn_rate().subs(sp.sin(twist), root / (2 * circumradius**2)).subs(prism.height, height)
 
 
@@ -83,7 +85,7 @@ PARAMETERS = (
 
 
 def parameters_of(of: Polygon = TRIANGLE) -> tuple[sp.Symbol, ...]:
-    """Symbols of the law: `PARAMETERS`, and those of the polygon where it is any."""
+    """Symbols of the law: `PARAMETERS`, and those of the polygon if it is `ANY`."""
     return (*PARAMETERS, *regular.SIDES) if of is ANY else PARAMETERS
 
 
@@ -102,16 +104,17 @@ THROUGH = (
         -2 * (length_at_rest + elongation),
     ),
 )
-"""Squares through which `tension` depends on r: (symbol, value, derivative).
+"""Squares through which `tension` depends on r, as (symbol, value, derivative).
 
-The values are products of distances, exact next to their zeros.  The derivatives are not the
-sums of those distances: 2 h stays exact down to h = 0, where a thick prism lies flat.
+The values are products of distances, which are exact next to their zeros.  The derivatives are
+written as 2 h rather than sums of distances, which is exact down to h = 0, where a thick prism is
+flat.
 """
 
 
 @cache
 def energy(of: Polygon = TRIANGLE) -> sp.Expr:
-    """V(r) = U(h1 + r) - U(h1) + F0 r [J], its error proportional to r however small r is."""
+    """V(r) = U(h1 + r) - U(h1) + F0 r [J], with an error proportional to r for small r."""
     sine, versine = turn()
     gained = versine_gain * versine + sine_gain * sine
     extended = gained / (sp.sqrt(length_1**2 + gained) + length_1)
@@ -126,9 +129,10 @@ def energy(of: Polygon = TRIANGLE) -> sp.Expr:
 def tension(of: Polygon = TRIANGLE) -> sp.Expr:
     """V'(r) = dU/dh + F0 [N] with two square roots and one division, in r and `THROUGH`.
 
-    The known state is the self-stressed one: rho1 = 2 a^2 C and s^2 - s0^2 ~ 1 - cos delta.  With
-    rho^2 eliminated the denominator in `turn` is 4 a^2 C M, M = 2 a^2 C + rho + z S/C, and
-    s = T/M.  Where s - s_N appears, its conjugate (s^2 - s_N^2)/(s + s_N) does not cancel.
+    The known state is the self-stressed one, with rho1 = 2 a^2 C and s^2 - s0^2 ~ 1 - cos delta.
+    After elimination of rho^2 the denominator in `turn` is 4 a^2 C M, M = 2 a^2 C + rho + z S/C,
+    and s = T/M.  The difference s - s_N is replaced by (s^2 - s_N^2)/(s + s_N), which does not
+    cancel.
     """
     m, t = sp.symbols("M T")
     cosine = of.expanded(sp.cos(of.reference_twist)) + gain / (2 * area)

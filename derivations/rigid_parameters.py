@@ -1,7 +1,7 @@
 """The parameters of the rigid-elastic potential, in terms of the prism.
 
-They are the symbols of `rigid_elastic`, whose forms compiled code evaluates: each is derived from
-the geometry of the self-stressed state and of the loaded one.
+They are the symbols of the forms in `rigid_elastic`, each derived from the geometry of the
+self-stressed and the loaded state.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ def parameter_expressions(of: Polygon = TRIANGLE) -> dict[sp.Symbol, sp.Expr]:
     Returns
     -------
     dict of Symbol to Expr
-        For a prism that locks; where `locking_height_squared` is negative, p1 = p2 = h1 and
-        p3 = -h_lock^2 keep rho real.
+        For a prism that locks.  If `locking_height_squared` is negative, p1 = p2 = h1 and
+        p3 = -h_lock^2 make rho real.
     """
     radius_squared = prism.CIRCUMRADIUS**2 if of is TRIANGLE else of.circumradius**2
     bar_squared = prism.at_reference(prism.bar_length_squared(None, of), of)

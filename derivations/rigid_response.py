@@ -1,8 +1,8 @@
 """Axial response of a prism with rigid bases and bars: one degree of freedom, in closed form.
 
-With l and b fixed the height determines the twist, so only the cross strings store energy:
-phi(h), V(h), its derivatives, and both ends of the range.  The plain forms follow the talk
-(seeds/000, part III, "Rigid-elastic model").
+With constant l and b the height determines the twist, and only the cross strings store energy.
+The derivation gives phi(h), V(h), its derivatives, and both ends of the range, in the form of the
+talk (seeds/000, part III, "Rigid-elastic model").
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ elongation, preload = sp.symbols("r F_0", real=True)
 
 @cache
 def cos_twist() -> sp.Expr:
-    """cos phi from b = const."""
+    """cos phi at constant b."""
     cosine = sp.Symbol("c")
     compatibility = prism.bar_length_squared(circumradius).subs(sp.cos(twist), cosine)
     return sp.solve(compatibility - bar**2, cosine)[0]
@@ -33,19 +33,19 @@ def cos_twist() -> sp.Expr:
 
 @cache
 def cross_length(of: Polygon = TRIANGLE) -> sp.Expr:
-    """s(h): the twist eliminated, on the branch 0 < phi < pi."""
+    """s(h), with the twist eliminated, on the branch 0 < phi < pi."""
     squared = of.expanded(prism.cross_length_squared(circumradius, of))
     sine = sp.sqrt(1 - cos_twist() ** 2)
     return sp.sqrt(squared.subs({sp.sin(twist): sine, sp.cos(twist): cos_twist()}))
 
 
 def potential_energy(of: Polygon = TRIANGLE) -> sp.Expr:
-    """V(h) [J], of the cross strings alone."""
+    """Energy V(h) of the cross strings [J]."""
     return prism.CROSS.energy(cross_length(of), of)
 
 
 def force(order: int = 1, of: Polygon = TRIANGLE) -> sp.Expr:
-    """d^order V / dh^order: 1 is the axial force [N], tension > 0; 2 the stiffness; 3 its slope."""
+    """Derivative of V(h): order 1 is the axial force [N], tension > 0; 2 is the stiffness [N/m]."""
     return sp.diff(potential_energy(of), height, order)
 
 
@@ -62,14 +62,14 @@ def locking_height_squared(of: Polygon = TRIANGLE) -> sp.Expr:
 
 
 def turn_rate() -> sp.Expr:
-    """d phi/d h along b = const."""
+    """d phi/d h at constant b."""
     squared = prism.bar_length_squared(circumradius)
     return -sp.diff(squared, prism.height) / sp.diff(squared, twist)
 
 
 @cache
 def force_of_twist() -> sp.Expr:
-    """F = dV/dh in terms of h, s and phi: the cross strings pull along the path b = const [N]."""
+    """F = dV/dh at constant b, in terms of h, s and phi [N], tension > 0."""
     squared = prism.cross_length_squared(circumradius)
     slope = sp.diff(squared, prism.height) + sp.diff(squared, twist) * turn_rate()
     length = sp.Symbol("s", positive=True)
@@ -78,7 +78,7 @@ def force_of_twist() -> sp.Expr:
 
 
 def stretched_height() -> sp.Expr:
-    """h at twist 0, where the bars stand upright: the other locking end."""
+    """h at twist 0, where the bars stand upright, the other locking end."""
     return sp.sqrt(prism.at_reference(prism.bar_length_squared()))
 
 
@@ -86,19 +86,19 @@ def stretched_height() -> sp.Expr:
 def lock_force() -> sp.Expr:
     """Leading term of dV/dh above the locking height H, in g = h - H.
 
-    There s has a root-like term: s^2 = s_lock^2 - kappa g^(1/2) + O(g).
+    There s has a square-root term, s^2 = s_lock^2 - kappa g^(1/2) + O(g).
     """
     gap, lock = sp.symbols("g H", positive=True)
     length = sp.Symbol("s_lock", positive=True)
     at_lock = {bar: sp.sqrt(lock**2 + 4 * circumradius**2), height: lock + gap}
     slope = sp.diff(cross_length() ** 2, height).subs(at_lock)
     kappa = sp.limit(sp.simplify(slope) * sp.sqrt(gap), gap, 0, "+")
-    pull = prism.CROSS.number * prism.CROSS.tension(length)  # ds = d(s^2)/(2 s)
-    return pull / (2 * length) * kappa / sp.sqrt(gap)
+    tension = prism.CROSS.number * prism.CROSS.tension(length)  # ds = d(s^2)/(2 s)
+    return tension / (2 * length) * kappa / sp.sqrt(gap)
 
 
 def lock_order() -> tuple[sp.Expr, sp.Expr]:
-    """Exponent of the distance to locking in the force, and in the energy stored on the way."""
+    """Exponents of the distance to locking in the force and in the energy up to locking."""
     gap = sp.Symbol("g", positive=True)
     exponent = lock_force().as_coeff_exponent(gap)[1]
     return exponent, max(exponent + 1, sp.Integer(0))
@@ -106,7 +106,7 @@ def lock_order() -> tuple[sp.Expr, sp.Expr]:
 
 @cache
 def locking_energy() -> sp.Expr:
-    """V between the reference and locking [J], finite: both string lengths are."""
+    """V between the reference and locking [J]; it is finite, as both string lengths are."""
     at_lock = prism.cross_length_squared().subs({twist: sp.pi})
     at_lock = sp.expand(at_lock.subs(prism.height**2, locking_height_squared()))
     at_rest = sp.sqrt(prism.at_reference(prism.cross_length_squared()))
@@ -118,17 +118,17 @@ def locking_energy() -> sp.Expr:
 def argument() -> list[Step]:
     locked, other = sp.Symbol("h_lock"), sp.Symbol("h_stretch")
     return [
-        Step("With l and b fixed, the bar length gives the twist:",
+        Step("At constant l and b the bar length determines the twist:",
              sp.Eq(sp.cos(twist), cos_twist())),
-        Step("Only the cross strings store energy, V(h) =", potential_energy()),
-        Step("Its derivative, with the twist back in place of the roots:",
+        Step("Only the cross strings store energy. V(h) is", potential_energy()),
+        Step("Its derivative, in terms of the twist instead of the roots, is",
              sp.Eq(sp.Symbol("F"), force_of_twist())),
         Step("In compression the bars meet on the axis at phi = pi, at the height",
              sp.Eq(locked**2, locking_height_squared())),
-        Step("which exists for prisms slender enough; near it, with g = h - H > 0, the force is",
+        Step("which exists if the prism is slender enough. With g = h - H > 0 the force near it is",
              lock_force()),
-        Step("an inverse square root, so the energy stays finite. From the reference to locking:",
+        Step("an inverse square root, so that the energy up to locking is finite:",
              sp.Eq(sp.Symbol("V_lock"), locking_energy())),
-        Step("In extension the bars stand upright at phi = 0 and lock as well, at",
+        Step("In extension the prism locks where the bars stand upright, phi = 0, at the height",
              sp.Eq(other, stretched_height())),
     ]  # fmt: skip

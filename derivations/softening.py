@@ -1,7 +1,7 @@
-"""Where the solitary waves of any chain lie: small ones, flat-topped ones, those near a wall.
+"""Families of solitary waves of a chain: small waves, flat-topped waves, waves near a wall.
 
-Masses m, springs V(r) with V(0) = V'(0) = 0, r > 0 extension; sites one apart; Q = 2V/r^2.
-Existence where Q rises: G. Friesecke, J. Wattis, Commun. Math. Phys. 161, 391 (1994).
+Masses m and springs V(r) with V(0) = V'(0) = 0, r > 0 in extension; the spacing is 1; Q = 2V/r^2.
+Existence where Q increases: G. Friesecke, J. Wattis, Commun. Math. Phys. 161, 391 (1994).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ crest = sp.Symbol("r_c", real=True)
 top, level = sp.symbols("r_* Q_*", real=True)  # state behind a front; m c^2 there
 top_stiffness = sp.Symbol("K_*", positive=True)  # V''(r_*)
 rate, gap = sp.symbols("k_t g", positive=True)
-power, strength, left = sp.symbols("n A s", positive=True)  # V = A y^-n at a wall, least y
+power, strength, left = sp.symbols("n A s", positive=True)  # V = A y^-n at a wall; least y
 exponent, growth = sp.symbols("p d", positive=True)  # V' = a r + d |r|^p next to rest
 stroke = waves.stroke
 tension, energy = sp.Function("T"), sp.Function("V")
@@ -30,12 +30,12 @@ r, x = sp.symbols("r x", real=True)
 
 @cache
 def small_crest() -> sp.Expr:
-    """Crest of a small wave to second order in c/cs - 1, where V'''(0) is not 0."""
+    """Peak of a small wave to second order in c/cs - 1, if V'''(0) is not 0."""
     gamma = waves.gamma
     first, second = (p.subs(waves.position, 0) for p in waves.profiles())
     speed = sp.series(waves.speed_of_decay(), gamma, 0, 6).removeO() - 1
     one, two = speed.coeff(gamma, 2), speed.coeff(gamma, 4)
-    gamma_squared = excess / one - two / one**3 * excess**2  # the series turned round
+    gamma_squared = excess / one - two / one**3 * excess**2  # the inverse series
     wave = gamma_squared * first + gamma_squared**2 * second
     series = sp.series(sp.expand(wave), excess, 0, 3).removeO()
     return sp.collect(sp.expand(series), excess, lambda k: sp.factor(sp.simplify(k)))
@@ -43,14 +43,14 @@ def small_crest() -> sp.Expr:
 
 @cache
 def small_crest_squared() -> sp.Expr:
-    """Square of the crest to leading order in c/cs - 1, where V'''(0) = 0 < V''''(0).
+    """Square of the peak to leading order in c/cs - 1, if V'''(0) = 0 < V''''(0).
 
     With q = sech X, X = gamma x: q'' = q - 2 q^3, and m c^2 r = T + T''/12 to that order.
     """
     q, squared = sp.symbols("q z")
     wave = waves.gamma**2
     series = sp.series(waves.speed_of_decay() ** 2, waves.gamma, 0, 3).removeO() - 1
-    # r^2 = z q^2; all terms of the balance over r
+    # r^2 = z q^2; the balance is divided by r
     curved = a * wave * (1 - 2 * q**2) / 12
     balance = sp.expand(a * series - curved - e / 6 * squared * q**2)
     (value,) = sp.solve(balance, squared)
@@ -60,10 +60,10 @@ def small_crest_squared() -> sp.Expr:
 
 @cache
 def front() -> tuple[sp.Expr, sp.Expr]:
-    """(m c^2, V) behind a front that runs into rest and leaves the state r with velocity -c r.
+    """m c^2 and V behind a front that advances into rest and leaves the state r, velocity -c r.
 
-    In one site's time 1/c a site more gains the momentum -m c r, by the tension there, and
-    the energy m (c r)^2/2 + V, by the power of that tension on the moving masses.
+    In the time 1/c one more site gains the momentum -m c r, due to the tension behind the front,
+    and the energy m (c r)^2/2 + V, due to the power of that tension on the moving masses.
     """
     force, stored, squared = sp.symbols("T V mu", real=True)  # mu = m c^2
     momentum = sp.Eq(squared * r, force)
@@ -74,7 +74,7 @@ def front() -> tuple[sp.Expr, sp.Expr]:
 
 @cache
 def level_slope() -> sp.Expr:
-    """dQ/dr; it vanishes where a front may be."""
+    """dQ/dr, which vanishes at the states behind fronts."""
     return sp.simplify(sp.diff(2 * energy(r) / r**2, r).subs(sp.diff(energy(r), r), tension(r)))
 
 
@@ -96,9 +96,9 @@ def top_rate() -> sp.Expr:
 
 @cache
 def top_width() -> sp.Expr:
-    """Rise of the width when the gap r* - crest falls to a part g of itself.
+    """Increase of the width when the gap between r* and the peak decreases to a fraction g.
 
-    The top is r* - gap cosh(k x): what it is where it leaves the top, gap exp(k x)/2, stays.
+    The plateau is r* - gap cosh(k x); it ends where gap exp(k x)/2 has a given size.
     """
     x_ = sp.Symbol("x", positive=True)
     (place,) = sp.solve(sp.Eq(gap * sp.exp(rate * x_), 1), x_)
@@ -107,9 +107,9 @@ def top_width() -> sp.Expr:
 
 @cache
 def long_wave() -> sp.Expr:
-    """m c^2 of the crest r in the long-wave equation m c^2 r = T + T''/12.
+    """m c^2 of a wave with peak r in the long-wave equation m c^2 r = T + T''/12.
 
-    Times dT it is integrated: m c^2 (r T - V) = T^2/2 + T'^2/24, and T' = 0 at the crest.
+    Multiplied by dT and integrated it is m c^2 (r T - V) = T^2/2 + T'^2/24; T' = 0 at the peak.
     """
     squared, t, v = sp.symbols("mu T V")
     (value,) = sp.solve(sp.Eq(squared * (r * t - v), sp.integrate(t, t)), squared)
@@ -118,7 +118,7 @@ def long_wave() -> sp.Expr:
 
 @cache
 def small_crest_of_power() -> sp.Expr:
-    """Size of the crest to leading order in c/cs - 1, where V' = a r + d |r|^p next to rest."""
+    """Size of the peak to leading order in c/cs - 1, if V' = a r + d |r|^p near rest."""
     size, z = sp.symbols("s z", positive=True)  # z = s^(p - 1)
     force = size * (a + growth * z)
     stored = size**2 * (a / 2 + growth * z / (exponent + 1))
@@ -129,10 +129,10 @@ def small_crest_of_power() -> sp.Expr:
 
 @cache
 def delay() -> sp.Expr:
-    """beta: two masses with V = A y^-n between them, least distance s, separate as w t + beta s.
+    """beta: two masses with V = A y^-n and least distance s separate as w t + beta s.
 
-    By energy w t = integral of dy/sqrt(1 - (s/y)^n) from s on, so
-    beta = 1 - integral of (1/sqrt(1 - z^-n) - 1) dz from 1 on; with t = z^-n it is Euler's integral
+    By conservation of energy w t is the integral of dy/sqrt(1 - (s/y)^n) from s, so that
+    beta = 1 - integral of (1/sqrt(1 - z^-n) - 1) dz from 1.  With t = z^-n this is Euler's integral
     of t^(p - 1) ((1 - t)^(-1/2) - 1) at p = -1/n, which is B(p, 1/2) - 1/p for p > -1.
     """
     p = sp.Symbol("p")
@@ -142,10 +142,10 @@ def delay() -> sp.Expr:
 
 @cache
 def relative_speed() -> sp.Expr:
-    """w/c of masses that meet one by one: a mass freed in one meeting has the next at time 1/c.
+    """w/c of masses that collide one after the other, each at the time 1/c after the last.
 
-    From the first it comes with the displacement w t', t' counted from that meeting.  It comes to
-    the next, whose mass rests a stroke d ahead, as any two do: with -w t + beta s still to go.
+    A mass leaves the first collision with the displacement w t', where t' is the time since then.
+    It approaches the next mass, at rest a stroke d ahead, at the distance -w t + beta s.
     """
     w, beta, time = sp.symbols("w beta t")
     own = w * (time + 1 / c)  # displacement from one meeting at -1/c to the next at 0
@@ -155,7 +155,7 @@ def relative_speed() -> sp.Expr:
 
 
 def wall_balance() -> sp.Eq:
-    """The least distance s: the energy of relative motion, reduced mass m/2, is A s^-n."""
+    """The least distance s, where the energy of relative motion, reduced mass m/2, is A s^-n."""
     w = sp.Symbol("w")
     relative = m / 2 * w**2 / 2
     return sp.Eq(strength * left**-power, relative.subs(w, c * relative_speed()))
@@ -165,36 +165,36 @@ def argument() -> list[Step]:
     """The argument as sentences and formulas."""
     beta = sp.Symbol("beta")
     return [
-        Step("Small waves: gamma^2 R1 + gamma^4 R2 of the sech^2 wave at its crest, with gamma "
-             "turned into epsilon = c/cs - 1. They are of one sign, that of V'''(0) (b; a and e "
-             "are the second and the fourth derivative); of the other sign none start from zero.",
+        Step("Small waves: at the peak of the sech^2 wave r = gamma^2 R1 + gamma^4 R2, where gamma "
+             "is replaced by epsilon = c/cs - 1. Their sign is that of V'''(0) = b (a and e are "
+             "the second and the fourth derivative); no waves of the other sign start from zero.",
              sp.Eq(crest, small_crest())),
-        Step("Where V'''(0) = 0 < V''''(0) waves of both signs start from zero, and the crest "
-             "goes like the root:", sp.Eq(crest**2, small_crest_squared())),
-        Step("Where V' = a r + d |r|^p next to rest, d > 0 on a side and p > 1, they start from "
-             "zero on that side, by the long-wave equation:",
+        Step("If V'''(0) = 0 < V''''(0), waves of both signs start from zero, and the peak is "
+             "proportional to the square root of epsilon:", sp.Eq(crest**2, small_crest_squared())),
+        Step("If V' = a r + d |r|^p near rest, with d > 0 on one side and p > 1, waves of that "
+             "side start from zero, by the long-wave equation:",
              sp.Eq(sp.Abs(crest), small_crest_of_power())),
-        Step("A front runs into rest at speed c and leaves the state r, with velocity -c r. "
-             "Momentum and energy leave no choice of m c^2 and V there:",
+        Step("A front advances into rest at speed c and leaves the state r with velocity -c r. "
+             "Momentum and energy determine m c^2 and V there:",
              sp.Eq(m * c**2, front()[0]), sp.Eq(energy(r), front()[1])),
-        Step("Both hold just where Q = 2 V/r^2 is stationary, and there m c^2 = Q:",
+        Step("Both hold if and only if Q = 2 V/r^2 is stationary, where m c^2 = Q:",
              sp.Eq(sp.Symbol("Q'"), level_slope())),
-        Step("so a wave can grow a flat top at the first maximum of Q, where its family ends. "
-             "There Q'' must be negative:", sp.Eq(sp.Symbol("Q''"), level_curvature())),
-        Step("so that V''(r_*) < m c^2, and if V''(r_*) > 0 the wave leaves the top at a real "
-             "rate k_t. If V''(r_*) < 0 the rate is complex and the end of the family another.",
+        Step("A wave can therefore develop a plateau at the first maximum of Q, where its family "
+             "ends. Q'' must be negative there:", sp.Eq(sp.Symbol("Q''"), level_curvature())),
+        Step("so that V''(r_*) < m c^2. If V''(r_*) > 0, the wave leaves the plateau at a real "
+             "rate k_t; if V''(r_*) < 0, the rate is complex and the family ends differently.",
              sp.Eq(c / sp.sqrt(top_stiffness / m), top_rate())),
-        Step("With r = r_* - g cosh(k_t x) near the top, the width grows by", top_width()),
-        Step("when the gap between crest and r_* falls to a part g of what it was. As Q is "
-             "stationary, c_* - c goes like the square of the gap. Beyond, a family starts "
-             "wherever Q rises above all it was nearer to rest: with m c^2 above that level."),
-        Step("Its first crest is estimated by the long-wave equation, in which a crest r has",
+        Step("With r = r_* - g cosh(k_t x) on the plateau, the width increases by", top_width()),
+        Step("when the gap between the peak and r_* decreases to a fraction g. As Q is "
+             "stationary, c_* - c is proportional to the square of the gap. Further families start "
+             "wherever Q exceeds all its values nearer to rest, with m c^2 above that level."),
+        Step("The long-wave equation estimates its first peak: a wave with peak r has",
              sp.Eq(m * c**2, long_wave())),
-        Step("Walls: V = A y^-n at the distance y from the end of the domain. Two masses that "
-             "meet with relative velocity w separate as w t + beta s, s the least distance:",
+        Step("Near a wall V = A y^-n at the distance y from the end of the domain. Two masses "
+             "colliding with relative velocity w separate as w t + beta s, with least distance s:",
              sp.Eq(beta, delay())),
-        Step("In the fast wave they meet one by one; a mass freed in one meeting has the next "
-             "a time 1/c later, so", sp.Eq(sp.Symbol("w") / c, relative_speed())),
-        Step("and the energy of their relative motion gives s. The tent, s = 0, is approached only "
-             "as c^(-2/n); with this s the error is O(1/c).", wall_balance()),
+        Step("In a fast wave the masses collide one by one, each again after the time 1/c:",
+             sp.Eq(sp.Symbol("w") / c, relative_speed())),
+        Step("and the energy of the relative motion determines s. The tent, s = 0, is approached "
+             "only as c^(-2/n); with this s the error is O(1/c).", wall_balance()),
     ]  # fmt: skip

@@ -1,7 +1,7 @@
-"""Waves on a lattice of masses and springs: sound, dispersion, sech^2, tent, largest speed.
+"""Waves on a lattice of masses and springs: sound speed, dispersion, sech^2, tent, largest speed.
 
-Masses m, springs V(r) with V(0) = V'(0) = 0, sites one spacing h0 apart; x counts sites
-unless a formula shows h0.  Source: seeds/000, part III, "Properties of the elastic potential"
+Masses m and springs V(r) with V(0) = V'(0) = 0 have the spacing h0; x is in sites unless a formula
+contains h0.  Source: seeds/000, part III, "Properties of the elastic potential"
 (after Friesecke & Pego 1999, Friesecke & Matthies 2002).
 """
 
@@ -15,7 +15,7 @@ from derivations.argument import Step
 
 TITLE = "Waves: sound speed, dispersion, sech² and its correction, tent, largest speed"
 
-mass, spacing, gamma, speed, sound = sp.symbols("m h_0 gamma c c_s", positive=True)
+mass, spacing, gamma, speed, acoustic_speed = sp.symbols("m h_0 gamma c c_s", positive=True)
 stiffness = sp.Symbol("a", positive=True)  # V''(0)
 slope, bend = sp.symbols("b e", real=True)  # V'''(0), V''''(0)
 elongation, position = sp.symbols("r x", real=True)
@@ -25,7 +25,7 @@ wave_number, time = sp.symbols("k t", positive=True)
 
 @cache
 def equation_of_motion() -> sp.Expr:
-    """Force m u'' on a middle mass, by Lagrange from T - V; W of external forces."""
+    """Force m u'' on an inner mass from Lagrange's equation; W are external potentials."""
     u = [sp.Function(f"u_{j}")(time) for j in (0, 1, 2)]
     spring = sp.Function("V")
     external = [sp.Function(f"W_{j}") for j in (0, 1, 2)]
@@ -45,7 +45,7 @@ def equation_of_motion() -> sp.Expr:
 
 @cache
 def dispersion() -> sp.Expr:
-    """omega^2(k), k per site: a plane wave in the linear lattice m u'' = a (u+ - 2 u + u-)."""
+    """omega^2(k) of a plane wave in the linear lattice m u'' = a (u+ - 2 u + u-), k per site."""
     shift = sp.exp(sp.I * wave_number)
     symbol = stiffness * (shift - 2 + 1 / shift) / mass
     return sp.simplify(-symbol.rewrite(sp.cos))
@@ -57,7 +57,7 @@ def sound_speed() -> sp.Expr:
 
 
 def speed_of_decay() -> sp.Expr:
-    """c/cs of the tail exp(-gamma x) of a travelling wave: the dispersion at k = i gamma."""
+    """c/cs of a travelling wave with tail exp(-gamma x), from the dispersion at k = i gamma."""
     squared = (-dispersion() / wave_number**2).subs(wave_number, sp.I * gamma)
     limit = sp.limit(dispersion() / wave_number**2, wave_number, 0)
     return sp.sqrt(sp.simplify(-squared.rewrite(sp.cosh) / limit).rewrite(sp.cosh))
@@ -68,16 +68,16 @@ def gamma_squared() -> sp.Expr:
     ratio = sp.Symbol("y", positive=True)
     series = sp.series(sp.simplify(speed_of_decay() ** 2), gamma, 0, 4).removeO()
     leading = sp.expand(series - 1).coeff(gamma, 2) / 2  # c/cs = 1 + half of it gamma^2
-    return sp.solve(leading * ratio - (speed - sound) / sound, ratio)[0]
+    return sp.solve(leading * ratio - (speed - acoustic_speed) / acoustic_speed, ratio)[0]
 
 
 @cache
 def profiles() -> tuple[sp.Expr, sp.Expr]:
-    """(R1, R2): r = gamma^2 R1 + gamma^4 R2, polynomials in S = sech^2(X/2), X = gamma x.
+    """R1 and R2 of r = gamma^2 R1 + gamma^4 R2, polynomials in S = sech^2(X/2), X = gamma x.
 
     The travelling wave c^2 m r'' = V'(r+) - 2 V'(r) + V'(r-), divided by D^2 = d^2/dx^2, is
-    m c^2 r = (1 + D^2/12 + D^4/360 + ...) V'(r).  Here gamma is the rate of decay itself; with
-    the speed's gamma, c = cs (1 + gamma^2/24), the tail would add a term x S' to R2.
+    m c^2 r = (1 + D^2/12 + D^4/360 + ...) V'(r).  Here gamma is the rate of decay; with the
+    definition c = cs (1 + gamma^2/24) by the speed, R2 would contain a secular term x S'.
     """
     s, p1, p2, q2 = sp.symbols("S p_1 p_2 q_2")
 
@@ -108,16 +108,16 @@ def sech_strain() -> sp.Expr:
 
 
 def error_order() -> int:
-    """Power of gamma in the error of `sech_strain`: that of the first correction, not zero."""
+    """Power of gamma in the error of `sech_strain`, that of the first nonzero correction."""
     corrections = enumerate(profiles()[1:], 2)
     return next(2 * k for k, profile in corrections if sp.simplify(profile) != 0)
 
 
 @cache
 def tent() -> sp.Expr:
-    """Strain of the fast limit, extension > 0: V' acts on a bond only at its shortest, x = 0.
+    """Strain of the fast limit, extension > 0, where V' acts on a bond only at x = 0, its shortest.
 
-    Then m c^2 r'' = J (delta(x + 1) - 2 delta(x) + delta(x - 1)), and r(0) = -d gives J.
+    Then m c^2 r'' = J (delta(x + 1) - 2 delta(x) + delta(x - 1)), with J from r(0) = -d.
     """
     impulse = sp.Symbol("J", real=True)
     ramp = [sp.Abs(position + 1), -2 * sp.Abs(position), sp.Abs(position - 1)]
@@ -127,10 +127,10 @@ def tent() -> sp.Expr:
 
 
 def largest_speed() -> sp.Expr:
-    """Estimate of the largest speed [sites/s]: masses meet one by one and lose c d in the bond.
+    """Estimate of the largest speed [sites/s], from masses that collide one after the other.
 
-    In the tent a mass moves with velocity c d while its neighbour rests; the energy of their
-    relative motion, reduced mass m/2, is what the bond stores before its bars meet.
+    In the tent a mass moves with velocity c d while its neighbour is at rest.  The energy of their
+    relative motion, with reduced mass m/2, equals the energy of the bond up to locking.
     """
     relative = mass / 2 * (speed * stroke) ** 2 / 2
     return sp.solve(relative - locking_energy, speed)[0]
@@ -139,22 +139,23 @@ def largest_speed() -> sp.Expr:
 def argument() -> list[Step]:
     strain = sp.Symbol("epsilon")
     return [
-        Step("Lagrange's equation of a middle mass; W are potentials of external forces (gravity: "
-             "-m g u along the chain; a precompression F0 on both ends adds F0 r to each V).",
+        Step("Lagrange's equation of an inner mass reads as follows. W are potentials of external "
+             "forces (for gravity along the chain -m g u); a precompression F0 at both ends adds "
+             "F0 r to each V.",
              sp.Eq(mass * sp.Symbol("u_1''"), equation_of_motion())),
-        Step("A plane wave in the linear lattice gives the dispersion relation (k per site)",
+        Step("A plane wave in the linear lattice has the dispersion relation (k per site)",
              sp.Eq(sp.Symbol("omega") ** 2, dispersion())),
-        Step("and, for long waves, the sound speed", sp.Eq(sound, sound_speed())),
-        Step("A travelling wave decays like exp(-gamma x) where k = i gamma:",
-             sp.Eq(speed / sound, speed_of_decay())),
-        Step("so near the sound speed", sp.Eq(gamma**2, gamma_squared())),
-        Step("With r = gamma^2 R1 + gamma^4 R2 + ..., the order gamma^4 of the travelling wave's "
-             "equation gives (a, b, e the second to fourth derivative of V)",
+        Step("and, for long waves, the sound speed", sp.Eq(acoustic_speed, sound_speed())),
+        Step("A travelling wave decays like exp(-gamma x), where k = i gamma:",
+             sp.Eq(speed / acoustic_speed, speed_of_decay())),
+        Step("so that near the sound speed", sp.Eq(gamma**2, gamma_squared())),
+        Step("With r = gamma^2 R1 + gamma^4 R2 + ..., and a, b, e the second to fourth derivatives "
+             "of V, the order gamma^4 of the equation of the travelling wave gives",
              sp.Eq(sp.Symbol("R_1"), profiles()[0])),
-        Step("and the order gamma^6 the next correction, so the error is O(gamma^4):",
+        Step("The order gamma^6 gives the next correction, so that the error is O(gamma^4):",
              sp.Eq(sp.Symbol("R_2"), profiles()[1])),
-        Step("Fast waves: the bond force is an impulse, and the strain tends to the tent",
+        Step("In the fast limit the force of a bond is an impulse, and the strain is the tent",
              sp.Eq(strain, tent())),
-        Step("An estimate of the largest speed before locking, in sites per second, from the "
-             "energy a bond can take:", sp.Eq(speed, largest_speed())),
+        Step("The energy that a bond can store gives an estimate of the largest speed before "
+             "locking, in sites per second:", sp.Eq(speed, largest_speed())),
     ]  # fmt: skip

@@ -189,8 +189,8 @@ def derived(source):
         write(kept, json.dumps(found))
     parts = [
         "# Derivations and ledger",
-        "Every formula of the two sources, derived from energies and geometry by program, and the "
-        "printed forms held against what was derived. The page itself is written by "
+        "Every formula of the two sources, derived from energies and geometry by program, and "
+        "compared with its printed form. The page itself is written by "
         "`python -m derivations`; `--check` fails on a disagreement.",
     ]
     for key, head, body in found["sections"]:

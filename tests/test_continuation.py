@@ -8,7 +8,7 @@ import pytest
 
 from tensegrity import Prism, TensegrityError, equilibrium_path
 from tensegrity.branches.continuation import (
-    ROOM,
+    INITIAL_ROWS,
     Branch,
     ContinuationError,
     Problem,
@@ -162,7 +162,7 @@ def test_a_start_beside_the_branch_meets_the_nearest_point_of_it():
 
 def test_a_branch_outgrows_the_room_for_its_rows():
     branch = circle(largest=1e-3, first=1e-3)
-    assert len(branch) > 4 * ROOM
+    assert len(branch) > 4 * INITIAL_ROWS
     assert np.abs(branch.v**2 + branch.parameter**2 - 1).max() <= 1e-14
     assert [e.kind for e in branch.events] == ["half", "fold", "half", "below"]
 
@@ -390,7 +390,7 @@ def test_branch_prints_its_events_and_end():
 
 def test_a_part_of_a_branch_says_whether_its_end_was_cut_off():
     branch = circle()
-    assert branch[:-1].end == "cut here"
+    assert branch[:-1].end == "end of the slice"
     assert branch[3:].end == branch[::-1].end == branch.end == "below"
 
 

@@ -92,7 +92,7 @@ def test_objects_show_a_table_and_a_picture(name):
 def test_a_part_of_a_path_says_that_it_is_one():
     path = equilibrium_path(ELASTIC)[:5]
     words, _ = read(path._repr_html_())
-    assert "cut here" in words
+    assert "end of the slice" in words
     assert "EquilibriumPath, 5 rows" in words
 
 

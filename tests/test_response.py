@@ -455,7 +455,7 @@ def test_path_is_a_table(tmp_path):
     assert path[0]["height"] == 1.0
     assert (path[2:5].load == path.load[2:5]).all()
     assert np.allclose(path.shortening, 1.0 - path.height, atol=0)
-    assert path[:3].end == "cut here"
+    assert path[:3].end == "end of the slice"
     path.to_csv(tmp_path / "path.csv")
     back = np.genfromtxt(tmp_path / "path.csv", delimiter=",", names=True)
     assert (back["load_N"] == path.load).all()

@@ -21,7 +21,7 @@ from tensegrity import (
     plates,
 )
 from tensegrity.prisms.contact import distances
-from tensegrity.structures.active_set import Ray, chosen
+from tensegrity.structures.active_set import OutgoingBranch, selected
 
 PLATES = plates([0, 4, 8], [3, 7, 11])
 PRISM = Prism(1.0, 1.0, 0.1, 1.0, 5.0, 50.0)
@@ -193,7 +193,7 @@ def test_structure_of_a_prism_goes_slack_where_the_prism_path_makes_contact():
 def test_paths_are_those_of_the_unit_structure_at_any_size(size, ball):
     small = ball.at(ball.positions * size, natural_lengths=ball.natural_lengths * size)
     path = equilibrium_path(small, supports=PLATES, max_shortening=size)
-    assert path.end == "the shortening asked for"
+    assert path.end == "the requested shortening is reached"
     (load,) = loads_at(ball, [1.0])
     assert path.load[-1] / size == pytest.approx(load, rel=1e-12)
 
@@ -208,7 +208,7 @@ def test_a_bar_held_by_slack_strings_alone_is_refused():
 
 def test_unstressed_prism_whose_mechanism_has_no_stiffness_is_refused():
     s = Prism(1.0, 0.7, 0.0, 1.0, 5.0, 50.0).structure()
-    with pytest.raises(EquilibriumError, match="give it some prestress"):
+    with pytest.raises(EquilibriumError, match="no branch is determined; prestress"):
         equilibrium_path(s, supports=plates(*ends(s)))
 
 
@@ -320,14 +320,14 @@ def test_of_several_stable_rays_the_lowest_is_followed():
     """Whatever their order; an unstable one only where there is no other."""
 
     def ray(slope, stable):
-        return Ray(np.array([True, False]), 1, slope, stable)
+        return OutgoingBranch(np.array([True, False]), 1, slope, stable)
 
     low, high, unstable = ray(-2.0, True), ray(1.0, True), ray(-5.0, False)
     corner = np.array([0, 1])
     for found in ([low, high, unstable], [unstable, high, low]):
-        assert chosen(found, "stable", corner) is low
-    assert chosen([unstable], "stable", corner) is unstable
-    assert chosen([], "stable", corner) is None
+        assert selected(found, "stable", corner) is low
+    assert selected([unstable], "stable", corner) is unstable
+    assert selected([], "stable", corner) is None
 
 
 def test_a_smooth_path_takes_few_points():

@@ -82,7 +82,7 @@ def test_paths_on_all_four_pairs_of_triangles_are_one_path_without_a_snap(prestr
     for pair in range(4):
         s, given = octahedron(prestrain, kind, pair)
         path = equilibrium_path(s, max_shortening=1.1, **given)
-        assert path.end == "the shortening asked for"
+        assert path.end == "the requested shortening is reached"
         assert path.stable_height.all()
         places = [e.shortening for e in path.events]
         assert (np.diff(places) > 1e-10).all()
@@ -167,7 +167,10 @@ def test_minima_next_to_each_state_are_the_next_state_of_the_path(prestrain, kin
 
 @pytest.mark.parametrize(
     ("prestrain", "kind", "words"),
-    [(0.2, "held", "leaves this corner"), (0.01, "guided", "leaves this bifurcation")],
+    [
+        (0.2, "held", "leaves this change of active set"),
+        (0.01, "guided", "leaves this bifurcation"),
+    ],
 )
 def test_a_structure_snaps_only_where_no_minimum_beyond_comes_near(prestrain, kind, words):
     s, given = octahedron(prestrain, kind)
@@ -223,7 +226,7 @@ def test_a_path_that_turns_back_ends_at_the_same_shortening_in_the_other_sense()
     path = equilibrium_path(s, supports=line, loads={3: (0, -1.0)}, max_shortening=1.5)
     assert kinds(path) == ["fold", "turn"]
     assert path.shortening[-1] == pytest.approx(-1.5, abs=1e-14)
-    assert path.end == "the shortening asked for, in the other sense"
+    assert path.end == "the requested shortening is reached in the opposite sense"
 
 
 def test_a_path_without_load_has_no_fold():

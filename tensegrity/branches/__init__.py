@@ -1,4 +1,5 @@
-"""Arc-length continuation of any problem of a few unknowns: branches, located events, tables.
+"""Arc-length continuation of solution branches, with located events, as tables.
 
-It knows no prism: problems are CasADi expressions.
+A problem is a set of CasADi expressions, or arrays for many unknowns; nothing here is specific to
+prisms or structures.
 """

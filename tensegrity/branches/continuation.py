@@ -1,18 +1,19 @@
-"""Branches of g(z; p) = 0 with one unknown more than equations, followed by arc length.
+"""Pseudo-arclength continuation of solution branches of g(z; p) = 0.
 
-Pseudo-arclength predictor-corrector (Keller 1977; Allgower & Georg 1990): a cubic through the
-last two points and their tangents predicts, Newton's method bordered by the old tangent
-corrects.  How far the predictor misses measures the fourth derivative of the branch, and so the
-error of cubic interpolation between the rows: that sets the step.  A point counts only if the
-residual is at round-off, the corrector moved little and the tangent turned little, else the step
-is shortened; also where the bordered determinant changes its sign, as it does between a branch
-and a neighbour that nearly meets it.  Folds are located on the extended system (Moore & Spence
-1980), roots of user functions on the system bordered by them; interpolation only starts both.
+There is one unknown more than equations.  Each step is a predictor-corrector step (Keller 1977;
+Allgower & Georg 1990): the predictor is the cubic through the last two points and their tangents,
+the corrector is Newton's method bordered by the previous tangent.  The distance between both
+measures the fourth derivative of the branch, hence the error of cubic interpolation between the
+rows, which controls the step.  A point is accepted if its residual is at round-off and both the
+correction and the angle between the tangents are small; otherwise the step is reduced.  The step
+is also reduced where the bordered determinant changes sign, as between a branch and another one
+close to it.  Limit points (folds) are located on their extended system (Moore & Spence 1980), roots
+of user functions on the equations extended by the function.
 
-A `Problem` is what is solved, `Settings` how, a `Branch` what came out.  The walk goes from event
-to event; what is quiet between two takes one call where the steps are compiled (`follow.c`).  An
-event function that changes its sign gives the interval; a guess on the cubic through both points
-is polished on the extended system of the event, and bisection steps in where that fails.
+A `Problem` states the equations, `Settings` the tolerances, and a `Branch` is the result.  Steps
+between two events take a single call if they are compiled (`follow.c`).  A sign change of an
+event function brackets the event; Newton's method on the extended system starts from the cubic
+between the two points, and bisection takes over where it fails.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity import check
-from tensegrity.branches.arclength import Machine
+from tensegrity.branches.compiled_stepper import CompiledStepper
 from tensegrity.branches.table import Event, Table
 from tensegrity.engine.disk_cache import cached, maker
 from tensegrity.errors import TensegrityError
@@ -41,11 +42,11 @@ if TYPE_CHECKING:
 
 START_ITERATIONS = 50
 BISECTIONS = 45  # where Newton's method does not locate an event
-ROOM = 256  # rows, at first
+INITIAL_ROWS = 256  # rows allocated at first
 
 
 class ContinuationError(TensegrityError):
-    """A branch could not be followed; `branch` holds the points found so far (or None)."""
+    """A branch could not be followed; `branch` holds its points so far, or is None."""
 
     branch = None
 
@@ -57,21 +58,21 @@ class Problem:
     Attributes
     ----------
     unknowns : tuple of str
-        Names of the m unknowns; the last is the parameter by which a start is held.
+        Names of the m unknowns; the last one sets the direction at the start.
     z, p : casadi.SX, (m,), (k,)
-        Symbols of the unknowns and of the numbers given at each trace.
+        Symbols of the unknowns, and of the parameters given to `trace`.
     residual : casadi.SX, (m - 1,)
     scale : sequence of float, (m,), optional
-        Sizes of the unknowns (metres, radians and newtons side by side).  Lengths are measured
-        in asinh(unknown/scale): beyond its size an unknown counts by its relative change, so
-        that forces may grow by orders of magnitude on the way.
+        Typical magnitudes of the unknowns, which may have different units.  Arc length is that
+        of asinh(unknown/scale), so that unknowns above their scale count by relative changes and
+        forces may grow by orders of magnitude along the branch.
     size : casadi.SX, (m - 1,), optional
-        Size of the terms of each equation, by which its residual is judged; 1 by default.
+        Magnitude of the terms of each equation, by which its residual is divided; 1 by default.
     roots, folds : dict of str to casadi.SX
-        Functions of (z, p): an event where one vanishes, an event where one is stationary along
-        the branch.  By default the fold in the last unknown.
+        Event functions of (z, p): an event is where a root vanishes, or where a fold is
+        stationary along the branch.  By default the limit point of the last unknown.
     values : dict of str to casadi.SX
-        Functions of (z, p) to be tabulated beside the unknowns.
+        Further functions of (z, p) to tabulate.
     """
 
     unknowns: tuple[str, ...]
@@ -99,31 +100,32 @@ class Problem:
         if self.folds is None:
             object.__setattr__(self, "folds", {"fold": self.z[m - 1]})
 
-        object.__setattr__(self, "_made", once(lambda: Machine(self, _facts(self))))
+        self.__dict__["_build_stepper"] = once(lambda: CompiledStepper(self, _layout(self)))
 
     @property
-    def _machine(self):
-        return self._made()
+    def _stepper(self):
+        return self._build_stepper()
 
 
 class DerivedProblem(Problem):
-    """A problem that a function derives, when its expressions are asked for.
+    """A problem whose expressions are derived by a function on first use.
 
-    To trace it needs none of them, where its machine is kept (`tensegrity.engine.disk_cache`).
+    Tracing needs no expressions if the compiled functions of the problem are in the disk cache
+    (`tensegrity.engine.disk_cache`).
 
     Parameters
     ----------
     make : callable
-        A function of a module, which gives a `Problem`.
+        A module-level function that returns a `Problem`.
     *arguments
-        What it is called with; texts and numbers, which say all that the problem depends on.
+        Its arguments, texts and numbers, which determine the problem.
     """
 
     def __init__(self, make: Callable[..., Problem], *arguments: Any) -> None:
         name = maker(make, *arguments)
-        derive = once(lambda: make(*arguments))
-        machine = once(lambda: Machine(self, cached(("problem", name), lambda: _facts(self)), name))
-        self.__dict__.update(derived=derive, _made=machine)
+        key, derive = ("problem", name), once(lambda: make(*arguments))
+        build = once(lambda: CompiledStepper(self, cached(key, lambda: _layout(self)), name))
+        self.__dict__.update(derived=derive, _build_stepper=build)
 
 
 def _field_of(name: str) -> Any:
@@ -134,8 +136,8 @@ for _field in fields(Problem):
     setattr(DerivedProblem, _field.name, _field_of(_field.name))
 
 
-def _facts(problem):
-    """What a `Machine` has to know of a problem besides its functions."""
+def _layout(problem):
+    """Names, scales and sizes of a problem, which a `CompiledStepper` needs besides functions."""
     return {
         "unknowns": list(problem.unknowns),
         "scale": list(problem.scale),
@@ -148,20 +150,20 @@ def _facts(problem):
 
 @dataclass(frozen=True)
 class Settings:
-    """How a branch is followed; lengths are in scaled unknowns.
+    """Tolerances of a continuation; lengths are those of scaled unknowns.
 
     Attributes
     ----------
     tolerance : float
-        Estimated error of cubic interpolation between rows.
+        Largest estimated error of cubic interpolation between rows.
     residual : float
         Largest scaled residual of a row.
     first, smallest, largest : float
-        Steps.
+        First step, and bounds of all steps.
     turn : float
         Largest angle between the tangents of neighbouring rows [rad].
     points : int
-        Most rows.
+        Largest number of rows.
     """
 
     tolerance: float = 1e-6
@@ -184,19 +186,19 @@ class Settings:
 
 
 class Branch(Table):
-    """A traced branch: a table of unknowns and values, with what the tracing knew.
+    """A traced branch: a table of unknowns and values, with tangents and residuals.
 
     Attributes
     ----------
     z, tangent : ndarray, (rows, m)
         Unknowns, and unit tangents in scaled unknowns.
     arc : ndarray, (rows,)
-        Length of the branch from its start, in scaled unknowns.
+        Arc length from the start of the branch, in scaled unknowns.
     residual : ndarray, (rows,)
         Largest scaled residual.
     """
 
-    p: Any  # numbers it was traced with, where they were kept
+    p: Any  # parameters of the trace, if they were stored
     _by_row = ("z", "tangent", "arc", "residual")
 
     def __init__(
@@ -229,80 +231,77 @@ def trace(
     start : array_like, (m,)
         A point on or near the branch.
     parameters : array_like, (k,)
+        Values of the symbols p.
     settings : Settings, optional
     direction : {1, -1}
-        Sense in which the last unknown first goes; on a fold, that of the largest component.
+        Initial sense of the last unknown; at a limit point, of the largest component.
     stop : collection of str
-        Kinds of event at which to end; the last row is then that event.
+        Kinds of event at which the branch ends, with that event as its last row.
 
     Returns
     -------
     Branch
-        It ends at the first event in `stop`; simple bifurcations on the way are events too.
-        Threads may trace the same problem at once.
+        It ends at the first event in `stop`; simple bifurcations are events as well.
+        Several threads may trace the same problem at once.
 
     Raises
     ------
     ContinuationError
-        If the start is not near a solution, the step falls below the smallest one or `points`
-        rows do not reach an end; its `branch` holds the rows so far.
+        If the start is not near a solution, the step falls below the smallest one, or no end is
+        reached within `points` rows; its `branch` holds the rows so far.
+    TensegrityError
+        If start, parameters, direction or `stop` do not suit the problem.
     """
-    settings, machine = settings or Settings(), problem._machine
-    start, p = _checked(machine, start, parameters, direction, stop)
-    rows, events, end = _walked(machine, start, p, settings, direction, stop)
-    branch = _branch(machine, rows, events, end if end in machine.kinds else "failed")
-    if end not in machine.kinds:
-        failure = ContinuationError(f"{end}; last good point {_shown(machine, rows[-1])}")
+    settings, stepper = settings or Settings(), problem._stepper
+    start, p = _checked(stepper, start, parameters, direction, stop)
+    rows, events, end = _follow_branch(stepper, start, p, settings, direction, stop)
+    branch = _branch(stepper, rows, events, end if end in stepper.kinds else "failed")
+    if end not in stepper.kinds:
+        failure = ContinuationError(f"{end}; last good point {_formatted(stepper, rows[-1])}")
         failure.branch = branch
         raise failure
     return branch
 
 
-def _walked(machine, start, p, settings, direction, stop):
-    """Rows, events (kind, row, point) and the kind of event, or the failure, that ends them."""
-    first = _first_point(machine, start, p, settings, direction)
-    control = np.array(
-        [
-            min(settings.first, settings.largest),
-            settings.tolerance,
-            settings.residual,
-            settings.turn,
-            settings.largest,
-            settings.smallest,
-        ]
-    )
+def _follow_branch(stepper, start, p, settings, direction, stop):
+    """Rows, events (kind, row, point), and the kind of the last event or the failure."""
+    first = _first_point(stepper, start, p, settings, direction)
+    bounds = [
+        getattr(settings, x) for x in ("tolerance", "residual", "turn", "largest", "smallest")
+    ]
+    control = np.array([min(settings.first, settings.largest), *bounds])
     most, count, events, folds = settings.points, 1, [], []
-    rows = np.empty((min(ROOM, most), machine.size))
-    rows[0], rows[0, machine.length] = first, control[0]  # its length: the predictor has one
-    for i, test in enumerate(first[machine.tests :].tolist()):
-        if abs(test) <= machine.vanishing[i]:
-            rows[0, machine.tests + i] = 0.0  # it gets a sign with the first step
-            if i >= len(machine.roots):
+    rows = np.empty((min(INITIAL_ROWS, most), stepper.size))
+    rows[0], rows[0, stepper.length] = first, control[0]  # the predictor needs a length
+    for i, test in enumerate(first[stepper.tests :].tolist()):
+        if abs(test) <= stepper.vanishing[i]:
+            rows[0, stepper.tests + i] = 0.0  # its sign is that of the first step
+            if i >= len(stepper.roots):
                 folds.append(i)
             else:
-                events.append((machine.kinds[i], 0, first))
+                events.append((stepper.kinds[i], 0, first))
     while count < most:
         if count == len(rows):
             rows = np.concatenate([rows, np.empty_like(rows)])[:most]
-        last, count = count, machine.steps(rows, count, control, p)
+        last, count = count, stepper.steps(rows, count, control, p)
         if count == last:
             return rows[:count], events, f"the step fell below {settings.smallest:g}"
         if folds:
-            events += _starting_folds(machine, rows, folds, p)
+            events += _starting_folds(stepper, rows, folds, p)
             folds = []
         before, here = rows[count - 2], rows[count - 1]
-        for kind, point in _located(machine, before, here, p):
+        for kind, point in _events_between(stepper, before, here, p):
             events.append((kind, count - 1 - (kind not in stop), point))
             if kind in stop:
-                here[:] = _measured(machine, before, point)
+                here[:] = _with_length(stepper, before, point)
                 return rows[:count], events, kind
     return rows, events, f"{most} rows do not reach an end"
 
 
-def _checked(machine, start, parameters, direction, stop):
+def _checked(stepper, start, parameters, direction, stop):
     p = np.asarray(parameters, dtype=float).ravel()
     start = np.asarray(start, dtype=float).ravel()
-    m, k = machine.m, machine.numbers
+    m, k = stepper.m, stepper.numbers
     if p.size != k or start.size != m:
         raise TensegrityError(
             f"{start.size} start values and {p.size} parameters do not suit the problem, must be "
@@ -313,21 +312,21 @@ def _checked(machine, start, parameters, direction, stop):
     if direction not in (1, -1):
         raise TensegrityError(f"direction {direction!r} must be 1 or -1")
     for kind in stop:
-        if kind not in machine.kinds:
-            raise TensegrityError(f"stop {kind!r} is not among {machine.kinds}")
-    return np.arcsinh(start / machine.scale), p
+        if kind not in stepper.kinds:
+            raise TensegrityError(f"stop {kind!r} is not among {stepper.kinds}")
+    return np.arcsinh(start / stepper.scale), p
 
 
-def _shown(machine, row):
-    values = zip(machine.names, np.sinh(row[: machine.m]) * machine.scale, strict=True)
+def _formatted(stepper, row):
+    values = zip(stepper.names, np.sinh(row[: stepper.m]) * stepper.scale, strict=True)
     return ", ".join(f"{name} {value:.9g}" for name, value in values)
 
 
-def _first_point(machine, z, p, settings, direction):
-    """Nearest solution by least-norm Newton steps, which work at a fold as elsewhere."""
+def _first_point(stepper, z, p, settings, direction):
+    """Nearest solution by least-norm Newton steps, which also converge at limit points."""
     residual = math.nan
     for _ in range(START_ITERATIONS):
-        move, tangent = machine.least_norm(z, p)
+        move, tangent = stepper.least_norm(z, p)
         moves = move.tolist()
         finite = math.isfinite(sum(moves))
         if not finite:
@@ -337,36 +336,36 @@ def _first_point(machine, z, p, settings, direction):
             break
     if finite:
         lead = tangent[-1] if abs(tangent[-1]) > 1e-8 else tangent[np.argmax(np.abs(tangent))]
-        point = machine.at(z, tangent if lead * direction > 0 else -tangent, p)
-        residual = point[machine.residual]
+        point = stepper.corrected(z, tangent if lead * direction > 0 else -tangent, p)
+        residual = point[stepper.residual]
     if not residual <= settings.residual:
         raise ContinuationError(
-            f"no solution near the start: residual {residual:.3g} at {_shown(machine, z)} is "
+            f"no solution near the start: residual {residual:.3g} at {_formatted(stepper, z)} is "
             f"above {settings.residual:g}"
         )
     return point
 
 
-def _starting_folds(machine, rows, folds, p):
-    """Which of the folds that vanish at the first row are events: they change sign there."""
+def _starting_folds(stepper, rows, folds, p):
+    """The folds among those at the first row that are events: the function changes sign."""
     here, control = rows[0].copy(), np.zeros(6)
-    here[machine.length], control[0] = 1.0, -rows[1, machine.length]
-    back = machine.advance(machine.before(here), here, control, p)
-    places = [(machine.kinds[i], machine.tests + i) for i in folds]
+    here[stepper.length], control[0] = 1.0, -rows[1, stepper.length]
+    back = stepper.advance(stepper.before(here), here, control, p)
+    places = [(stepper.kinds[i], stepper.tests + i) for i in folds]
     return [(kind, 0, rows[0].copy()) for kind, at in places if back[at] * rows[1, at] < 0]
 
 
-def _located(machine, before, here, p):
-    """Events between two points, in their order: (kind, point).
+def _events_between(stepper, before, here, p):
+    """Events (kind, point) between two points, in the order along the branch.
 
-    A root may be passed twice in a step that holds a fold: the fold divides it.
+    A step with a fold is divided there, because a root may occur on both sides of it.
     """
-    m, roots = machine.m, len(machine.roots)
-    signs, tests = before[machine.tests :].tolist(), here[machine.tests :].tolist()
+    m, roots = stepper.m, len(stepper.roots)
+    signs, tests = before[stepper.tests :].tolist(), here[stepper.tests :].tolist()
     crossed = [i for i, test in enumerate(tests) if signs[i] * test < 0]
 
     def event(i, start, end):
-        return machine.kinds[i], _locate(machine, start, end, i, signs[i], p)
+        return stepper.kinds[i], _locate(stepper, start, end, i, signs[i], p)
 
     def place(one):
         return (one[1][:m] - before[:m]) @ before[m : 2 * m]
@@ -380,69 +379,69 @@ def _located(machine, before, here, p):
     else:
         start = before
         for end in (*(fold for _, fold in ordered(found)), here):
-            tests = end[machine.tests :].tolist()
+            tests = end[stepper.tests :].tolist()
             part = [i for i in range(roots) if signs[i] * tests[i] < 0]
-            found += [event(i, start, _measured(machine, start, end)) for i in part]
+            found += [event(i, start, _with_length(stepper, start, end)) for i in part]
             if end is not here:
                 start, signs = end, [new or old for new, old in zip(tests, signs, strict=True)]
-    if before[machine.side] * here[machine.side] < 0:
-        found.append(("bifurcation", _bifurcation(machine, before, here, p)))
+    if before[stepper.side] * here[stepper.side] < 0:
+        found.append(("bifurcation", _bifurcation(stepper, before, here, p)))
     return ordered(found)
 
 
-def _measured(machine, start, end):
-    """A point with its distance from another one as the length of the step to it."""
+def _with_length(stepper, start, end):
+    """A copy of a row with its distance from another one as step length."""
     end = end.copy()
-    end[machine.length] = math.dist(start[: machine.m].tolist(), end[: machine.m].tolist())
+    end[stepper.length] = math.dist(start[: stepper.m].tolist(), end[: stepper.m].tolist())
     return end
 
 
-def _locate(machine, before, here, number, sign, p):
-    """The point where an event function vanishes between two points."""
-    test = machine.tests + number
+def _locate(stepper, before, here, number, sign, p):
+    """The point between two others where an event function vanishes."""
+    test = stepper.tests + number
     low = 0.0, float(before[test]), before
     high = 1.0, float(here[test]), here
     for _ in range(BISECTIONS):
         part = low[0] + (high[0] - low[0]) * low[1] / (low[1] - high[1])
         ends = low[2], high[2]
-        point = machine.approach(machine.kinds[number], before, here, part, ends, p)
+        point = stepper.locate_event(stepper.kinds[number], before, here, part, ends, p)
         if point is not None:
             return point
         part = (low[0] + high[0]) / 2
-        middle = machine.at(*machine.between(before, here, part), p)
+        middle = stepper.corrected(*stepper.interpolated(before, here, part), p)
         if middle[test] * sign > 0:
             low = part, float(middle[test]), middle
         else:
             high = part, float(middle[test]), middle
-    machine.on_curve(middle, before, here)
+    stepper.on_curve(middle, before, here)
     return middle
 
 
-def _bifurcation(machine, before, here, p):
-    """The point where the bordered determinant changes its sign between two points."""
+def _bifurcation(stepper, before, here, p):
+    """The point between two others where the bordered determinant changes sign."""
     low, high = 0.0, 1.0
     for _ in range(BISECTIONS):
         middle = (low + high) / 2
-        point = machine.at(*machine.between(before, here, middle), p)
-        if point[machine.side] * before[machine.side] > 0:
+        point = stepper.corrected(*stepper.interpolated(before, here, middle), p)
+        if point[stepper.side] * before[stepper.side] > 0:
             low = middle
         else:
             high = middle
     return point
 
 
-def _branch(machine, rows, events, end):
-    m, count = machine.m, len(rows)
-    names, values = (*machine.names, *machine.tabulated), machine.residual
+def _branch(stepper, rows, events, end):
+    m, count = stepper.m, len(rows)
+    names, values = (*stepper.names, *stepper.tabulated), stepper.residual
     data = np.concatenate([rows, *(point[None] for _, _, point in events)])
     table = data[:, m:values].copy()
-    table[:, :m] = np.sinh(data[:, :m]) * machine.scale  # in the place of tangents
+    table[:, :m] = np.sinh(data[:, :m]) * stepper.scale  # in the place of tangents
     listed = [
         Event(kind, row, dict(zip(names, at, strict=True)))
         for (kind, row, _), at in zip(events, table[count:].tolist(), strict=True)
     ]
     columns = dict(zip(names, table[:count].T.copy(), strict=True))
-    rows[0, machine.length] = 0.0
-    arc = np.add.accumulate(rows[:, machine.length])
+    rows[0, stepper.length] = 0.0
+    arc = np.add.accumulate(rows[:, stepper.length])
     z, tangent, residual = table[:count, :m], rows[:, m : 2 * m].copy(), rows[:, values]
     return Branch(columns, listed, end, z, tangent, arc, residual)

@@ -1,4 +1,4 @@
-"""Folds of a branch: located by themselves, and followed in one more parameter."""
+"""Limit points (folds) of a branch: located directly, and continued in a second parameter."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tensegrity.typing import Array
 
 
 def fold_problem(problem: Problem, fold: str, free: int) -> Problem:
-    """The curve of a fold in one more parameter, as a problem of its own.
+    """The continuation of a limit point in a second parameter, as a problem of its own.
 
     Parameters
     ----------
@@ -21,13 +21,13 @@ def fold_problem(problem: Problem, fold: str, free: int) -> Problem:
     fold : str
         One of `problem.folds`.
     free : int
-        Index of the number in `problem.p` that becomes an unknown, the last one, "free".
+        Index in `problem.p` of the parameter that becomes the last unknown, "free".
 
     Returns
     -------
     Problem
-        Unknowns: those of `problem`, their tangent ("d name") and the freed number.  The
-        parameters stay; entry `free` is where the event "end" lies.
+        Its unknowns are those of `problem`, their tangent ("d name") and the freed parameter.
+        Its parameters are those of `problem`; entry `free` is the value at the event "end".
     """
     import casadi as ca
 
@@ -59,7 +59,23 @@ def fold_problem(problem: Problem, fold: str, free: int) -> Problem:
 
 
 def fold_start(problem: Problem, event: Event, parameters: ArrayLike, free: int) -> Array:
-    """A start of `fold_problem` at a fold found by `trace` with these parameters."""
+    """A start for `fold_problem` at a limit point located by `trace`.
+
+    Parameters
+    ----------
+    problem : Problem
+    event : Event
+        The limit point.
+    parameters : array_like, (k,)
+        Those of the trace.
+    free : int
+        Index of the freed parameter.
+
+    Returns
+    -------
+    ndarray, (2 m + 1,)
+        Unknowns of `fold_problem`.
+    """
     p = np.asarray(parameters, dtype=float)
     z = np.array([event.at[name] for name in problem.unknowns])
     scale = np.array(problem.scale)
@@ -68,13 +84,28 @@ def fold_start(problem: Problem, event: Event, parameters: ArrayLike, free: int)
 
 
 def refined_fold(problem: Problem, fold: str, z: ArrayLike, parameters: ArrayLike) -> Array | None:
-    """Unknowns (m,) at the fold next to z, located on the extended system; None if it fails."""
+    """The limit point close to given unknowns, located on the extended system.
+
+    Parameters
+    ----------
+    problem : Problem
+    fold : str
+        One of `problem.folds`.
+    z : array_like, (m,)
+        Unknowns nearby.
+    parameters : array_like, (k,)
+
+    Returns
+    -------
+    ndarray, (m,), or None
+        Unknowns; None if Newton's method fails.
+    """
     p, scale = np.asarray(parameters, dtype=float), np.array(problem.scale)
     z = np.arcsinh(np.asarray(z, dtype=float) / scale)
-    z = problem._machine.polish(fold, z, _tangent(problem, z, p), p)
+    z = problem._stepper.polish(fold, z, _tangent(problem, z, p), p)
     return None if z is None else np.sinh(z) * scale
 
 
 def _tangent(problem: Problem, z: Array, p: Array) -> Array:
     """Unit tangent of the branch through a point, in scaled unknowns."""
-    return np.linalg.svd(problem._machine.linearised(z, p)[1])[2][-1]
+    return np.linalg.svd(problem._stepper.linearised(z, p)[1])[2][-1]

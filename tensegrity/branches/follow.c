@@ -1,5 +1,6 @@
-/* The fast step of the walker in continuation.py: as many as are quiet, and the event in one that is
-   not.  It calls what CasADi wrote of the formulas in arclength.py, which says what a row holds. */
+/* The compiled loop of arc-length continuation: steps until one contains an event, and the location
+   of events.  It calls the functions that CasADi generates in compiled_stepper.py; the layout of a
+   row is described in arclength.py. */
 #include <math.h>
 #include <string.h>
 
@@ -26,12 +27,12 @@ static double dot(const double *a, const double *b)
     return sum;
 }
 
-/* Least-norm Newton step to g = 0 and the unit vector along the branch, from the QR factors of
-   the transposed Jacobian, whose columns are `rows`; 0 where its rank is in doubt. */
+/* Least-norm Newton step to g = 0 and the unit tangent of the branch, by QR factorisation of the
+   transposed Jacobian, whose columns are `rows`; returns 0 if its rank is doubtful. */
 int least_norm(const double *p, const double *z, double *move)
 {
     double g[M * M], rows[M - 1][M], *along = move + M;
-    double q[M][M], scale[M], share[M], largest = 0; /* mirrors I - q share q', diagonal in scale */
+    double q[M][M], scale[M], factor[M], largest = 0; /* reflections I - q factor q' */
     call(tensegrity_linear, g, z, p, 0, 0);
     for (int i = 0; i < M - 1; i++)
         for (int j = 0; j < M; j++)
@@ -44,9 +45,9 @@ int least_norm(const double *p, const double *z, double *move)
         largest = fabs(scale[k]) > largest ? fabs(scale[k]) : largest;
         for (int i = 0; i < M; i++)
             q[k][i] = i < k ? 0 : rows[k][i] - (i == k) * scale[k];
-        share[k] = 2 / (square - rows[k][k] * rows[k][k] + q[k][k] * q[k][k] + TINY);
+        factor[k] = 2 / (square - rows[k][k] * rows[k][k] + q[k][k] * q[k][k] + TINY);
         for (int j = k + 1; j < M - 1; j++) {
-            double product = share[k] * dot(q[k], rows[j]);
+            double product = factor[k] * dot(q[k], rows[j]);
             for (int i = k; i < M; i++)
                 rows[j][i] -= product * q[k][i];
         }
@@ -63,7 +64,7 @@ int least_norm(const double *p, const double *z, double *move)
     for (int i = 0; i < M; i++)
         along[i] = i == M - 1;
     for (int k = M - 2; k >= 0; k--) {
-        double of_move = share[k] * dot(q[k], move), of_along = share[k] * dot(q[k], along);
+        double of_move = factor[k] * dot(q[k], move), of_along = factor[k] * dot(q[k], along);
         for (int i = k; i < M; i++) {
             move[i] -= of_move * q[k][i];
             along[i] -= of_along * q[k][i];
@@ -72,8 +73,8 @@ int least_norm(const double *p, const double *z, double *move)
     return 1;
 }
 
-/* A point before the first one, such that the cubic through both is the tangent. */
-static const double *tangential(const double *here, double *before)
+/* A fictitious point before the first one, for which the cubic predictor is the tangent. */
+static const double *preceding(const double *here, double *before)
 {
     for (int i = 0; i < M; i++) {
         before[i] = here[i] - here[LENGTH] * here[M + i];
@@ -82,26 +83,26 @@ static const double *tangential(const double *here, double *before)
     return before;
 }
 
-/* See Stepper.steps. */
+/* See ArclengthStepper.steps. */
 int steps(const double *p, double *control, double *rows, integer count, integer room)
 {
     while (count < room) {
-        double *here = rows + SIZE * (count - 1), *made = here + SIZE;
+        double *here = rows + SIZE * (count - 1), *row = here + SIZE;
         double first[SIZE], out[SIZE + 2];
-        const double *before = count > 1 ? here - SIZE : tangential(here, first);
+        const double *before = count > 1 ? here - SIZE : preceding(here, first);
         do {
             if (!(control[0] >= control[5]))
                 return count;
             call(tensegrity_advance, out, before, here, control, p);
             control[0] = out[SIZE + 1];
         } while (!out[SIZE]);
-        memcpy(made, out, SIZE * sizeof(double));
+        memcpy(row, out, SIZE * sizeof(double));
         count++;
-        int quiet = here[SIDE] * made[SIDE] > 0;
+        int quiet = here[SIDE] * row[SIDE] > 0;
         for (int kind = TESTS; kind < SIZE; kind++) {
-            if (made[kind] == 0)
-                made[kind] = ROOT_AT_START * here[kind];
-            quiet &= !(here[kind] * made[kind] < 0);
+            if (row[kind] == 0)
+                row[kind] = ROOT_AT_START * here[kind];
+            quiet &= !(here[kind] * row[kind] < 0);
         }
         if (!quiet)
             break;
@@ -109,15 +110,15 @@ int steps(const double *p, double *control, double *rows, integer count, integer
     return count;
 }
 
-/* The point of the branch next to z in the plane normal to a tangent. */
-void at(const double *p, const double *z, const double *tangent, double *made)
+/* See ArclengthStepper.corrected. */
+void corrected(const double *p, const double *z, const double *tangent, double *row)
 {
     double before[SIZE], here[SIZE] = {0}, control[6] = {0}, out[SIZE + 2];
     memcpy(here, z, M * sizeof(double));
     memcpy(here + M, tangent, M * sizeof(double));
     here[LENGTH] = 1;
-    call(tensegrity_advance, out, tangential(here, before), here, control, p);
-    memcpy(made, out, SIZE * sizeof(double));
+    call(tensegrity_advance, out, preceding(here, before), here, control, p);
+    memcpy(row, out, SIZE * sizeof(double));
 }
 
 static int polish(evaluate *newton, int fold, const double *p, double *z, const double *tangent)
@@ -149,21 +150,21 @@ static double distance(const double *a, const double *b)
     return sqrt(sum);
 }
 
-/* See Stepper.approach. */
-int approach(evaluate *newton, const double *p, const double *before, const double *here,
-             double part, const double *low, const double *high, double *made, integer fold)
+/* See ArclengthStepper.locate_event. */
+int locate_event(evaluate *newton, const double *p, const double *before, const double *here,
+                 double part, const double *low, const double *high, double *row, integer fold)
 {
-    double curve[2 * M], found[2 + M], reach = distance(high, low) + 1e-12;
-    call(tensegrity_between, curve, before, here, &part, 0);
+    double curve[2 * M], found[2 + M], spread = distance(high, low) + 1e-12;
+    call(tensegrity_interpolated, curve, before, here, &part, 0);
     if (!polish(newton, fold, p, curve, curve + M))
         return 0;
-    if (!(distance(curve, low) <= reach && distance(curve, high) <= reach))
+    if (!(distance(curve, low) <= spread && distance(curve, high) <= spread))
         return 0;
-    at(p, curve, curve + M, made);
-    memcpy(made, curve, M * sizeof(double));
-    call(tensegrity_values, made + 2 * M, curve, p, 0, 0);
-    call(tensegrity_near, found, made, before, here, 0);
+    corrected(p, curve, curve + M, row);
+    memcpy(row, curve, M * sizeof(double));
+    call(tensegrity_values, row + 2 * M, curve, p, 0, 0);
+    call(tensegrity_deviation, found, row, before, here, 0);
     if (found[1] < ALIGNED)
-        memcpy(made + M, found + 2, M * sizeof(double));
+        memcpy(row + M, found + 2, M * sizeof(double));
     return found[0] <= 0;
 }

@@ -1,8 +1,8 @@
-"""Branches of problems with many unknowns: the same continuation on arrays.
+"""Continuation of problems with many unknowns, on arrays.
 
-Where a `Problem` is a few CasADi expressions, its step compiled whole, a `ManyProblem` gives
-residual and Jacobian as arrays and is solved by LAPACK: for tens to hundreds of unknowns.  `trace`
-takes both, with the same steps, the same acceptance and the same events.
+A `Problem` is a set of CasADi expressions whose step is compiled as a whole.  A `ManyProblem`
+evaluates residual and Jacobian as arrays and solves by LAPACK, for tens to hundreds of unknowns.
+`trace` takes both, with the same steps, the same step control and the same events.
 """
 
 from __future__ import annotations
@@ -14,67 +14,81 @@ import numpy as np
 
 from tensegrity.branches.arclength import (
     ITERATIONS,
-    Stepper,
+    ArclengthStepper,
     control_function,
-    measures,
-    settled,
+    converged,
+    error_and_arc,
 )
 from tensegrity.typing import Array, Indices
 
-CONSTANT = 1e-13  # part of a unit tangent below which an unknown does not change: no fold
-SECANT, REACH = 1e-4, 0.2  # first and largest step of a secant, in scaled unknowns
+CONSTANT = 1e-13  # component of a unit tangent below which an unknown is constant
+SECANT, LARGEST_SECANT = 1e-4, 0.2  # first and largest secant step, in scaled unknowns
 
 
 class Equations(Protocol):
-    """What a branch solves, in unknowns u (m,), the last being that by which a start is held."""
+    """Equations of a branch in unknowns u (m,); the last one sets the direction at the start."""
 
     names: tuple[str, ...]
     scale: Array
     roots: tuple[str, ...]
-    folds: dict[str, int]  # name and number of the unknown that is stationary there
-    leaving: Indices  # numbers of the roots that are known to vanish at the start
+    folds: dict[str, int]  # name of the event, and number of the unknown that is stationary
+    leaving: Indices  # numbers of the roots that vanish at the start
 
     def linearised(self, u: Array) -> tuple[Array, Array]:
-        """Residual (m - 1,) over its size, and its Jacobian (m - 1, m)."""
+        """Scaled residual (m - 1,) and its Jacobian (m - 1, m)."""
 
     def tests(self, u: Array) -> Array:
-        """Functions of which each vanishes at an event, (roots,)."""
+        """Event functions, each of which vanishes at its events, (roots,)."""
 
     def test_gradient(self, u: Array, number: int) -> Array:
-        """Gradient of one of them, (m,)."""
+        """Gradient of one event function, (m,)."""
 
 
-class ManyProblem(Stepper):
-    """A problem for `trace`, of `Equations`; without parameters, in unknowns asinh(u/scale)."""
+class ManyProblem(ArclengthStepper):
+    """A problem for `trace` from `Equations`, without parameters, in unknowns asinh(u/scale)."""
 
     numbers = 0
 
-    def __init__(self, of: Any) -> None:
-        super().__init__(of.names, of.scale, of.roots, of.folds)
-        self.of, self._stationary = of, list(of.folds.values())
-        for number in of.leaving:
+    def __init__(self, equations: Any) -> None:
+        super().__init__(equations.names, equations.scale, equations.roots, equations.folds)
+        self.equations, self._stationary = equations, list(equations.folds.values())
+        for number in equations.leaving:
             self.vanishing[number] = math.inf
 
     @property
-    def _machine(self) -> Self:
+    def _stepper(self) -> Self:
         return self
 
     def unknowns(self, z: Array) -> Array:
-        """u of scaled unknowns."""
+        """Unknowns u of scaled unknowns z, (m,)."""
         return np.asarray(np.sinh(z) * self.scale)
 
     def linearised(self, z: Array, p: Any) -> tuple[Array, Array]:
-        """Residual and Jacobian in scaled unknowns."""
-        g, jacobian = self.of.linearised(self.unknowns(z))
+        """Residual (m - 1,) and Jacobian (m - 1, m) in scaled unknowns."""
+        g, jacobian = self.equations.linearised(self.unknowns(z))
         return g, jacobian * (np.cosh(z) * self.scale)
 
     def values(self, z: Array, p: Any) -> Any:
-        """None."""
+        """No further tabulated values."""
         return ()
 
-    @np.errstate(all="ignore")  # iterations that run off are told by what is not finite
+    @np.errstate(all="ignore")  # divergence is detected by non-finite values
     def advance(self, before: Array, here: Array, control: Array, p: Any) -> Array:
-        """The row beyond `here`, whether it is good, and the step to try next."""
+        """One step beyond a point.
+
+        Parameters
+        ----------
+        before, here : ndarray, (size,)
+            Rows of the last two points.
+        control : ndarray, (6,)
+            As for `ArclengthStepper.steps`.
+        p : ignored
+
+        Returns
+        -------
+        ndarray, (size + 2,)
+            Row of the new point, whether it is accepted (1 or 0), and the next step.
+        """
         from scipy.linalg import lapack
 
         m, step = self.m, control[0]
@@ -87,7 +101,7 @@ class ManyProblem(Stepper):
             right[: m - 1], right[m - 1] = g, tangent @ (z - guess)
             move, info = lapack.dgesv(matrix, right)[2:]
             if info or not np.isfinite(move).all():
-                return self._nowhere(z, control)
+                return self._rejected_row(z, control)
             z, last = z - move, float(np.abs(move).max())
         g, matrix[: m - 1] = self.linearised(z, None)
         factors, pivots, info = lapack.dgetrf(matrix)
@@ -96,29 +110,40 @@ class ManyProblem(Stepper):
         new = lapack.dgetrs(factors, pivots, end)[0]
         size = np.linalg.norm(new)
         if info or not np.isfinite(size):
-            return self._nowhere(z, control)
+            return self._rejected_row(z, control)
         new = new / size
         swaps = np.count_nonzero(pivots != np.arange(m))
         side = float(np.prod(np.sign(np.diag(factors)))) * (-1) ** swaps
         missed, chord, cosine = z - guess, np.linalg.norm(z - here[:m]), float(new @ tangent)
-        error, arc = measures(np.abs(missed).max(), chord, cosine, step, here[self.length])
+        error, arc = error_and_arc(np.abs(missed).max(), chord, cosine, step, here[self.length])
         parts = new[self._stationary]
         parts[np.abs(parts) <= CONSTANT] = 0.0
         residual, sides = np.abs(g).max(), side * here[self.side]
         figures = [error, np.linalg.norm(missed), last, cosine, residual, sides]
-        row = [z, new, [residual, arc, side], self.of.tests(self.unknowns(z)), parts]
+        row = [z, new, [residual, arc, side], self.equations.tests(self.unknowns(z)), parts]
         return np.concatenate([*row, control_function()("control", figures, control)])
 
-    def _nowhere(self, z: Array, control: Array) -> Array:
+    def _rejected_row(self, z: Array, control: Array) -> Array:
         row = self.row(z, np.zeros(self.m), 0.0)
         row[self.residual] = math.inf
         return np.append(row, [0.0, control[0] / 10])
 
     @np.errstate(all="ignore")
     def polish(self, kind: str, z: Array, tangent: Array, p: Any) -> Array | None:
-        """Newton's method on the equations with the test of an event; None where it fails.
+        """An event by Newton's method on the extended system, or by the secant method for folds,
+        whose functions have no gradient.
 
-        Folds have no gradient: the secant method along the branch.
+        Parameters
+        ----------
+        kind : str
+        z, tangent : ndarray, (m,)
+            Initial scaled unknowns, and a tangent of the branch.
+        p : ignored
+
+        Returns
+        -------
+        ndarray, (m,), or None
+            Scaled unknowns; None if the iteration fails.
         """
         if kind not in self.roots:
             return self._stationary_at(self._stationary[self.folds.index(kind)], z, tangent)
@@ -127,31 +152,31 @@ class ManyProblem(Stepper):
         def step(z: Array) -> tuple[Array, float]:
             u = self.unknowns(z)
             rates = np.cosh(z) * self.scale
-            g, jacobian = self.of.linearised(u)
-            row = self.of.test_gradient(u, number) * rates
-            right = np.append(g, self.of.tests(u)[number])
+            g, jacobian = self.equations.linearised(u)
+            row = self.equations.test_gradient(u, number) * rates
+            right = np.append(g, self.equations.tests(u)[number])
             try:
                 new = z - np.linalg.solve(np.vstack([jacobian * rates, row]), right)
             except np.linalg.LinAlgError:
                 return z, math.nan
             return new, float(np.linalg.norm((new - z) / (1 + np.abs(new))))
 
-        return settled(step, z)
+        return converged(step, z)
 
     def _stationary_at(self, number: int, z: Array, tangent: Array) -> Array | None:
-        """Where the tangent has no part in an unknown, by the secant method; None if it fails."""
+        """The point where one component of the tangent vanishes, by the secant method, or None."""
 
         def secant(x: tuple[Array, Array, float, float]) -> tuple[Any, float]:
-            z, tangent, step, reach = x
-            z, new = self._along(z + step * tangent, tangent)
+            z, tangent, step, largest = x
+            z, new = self._point_and_tangent(z + step * tangent, tangent)
             step *= -new[number] / (new[number] - tangent[number])
-            good = new.any() and abs(step) < max(reach / 2, 1e-11)
+            good = new.any() and abs(step) < max(largest / 2, 1e-11)
             return (z, new, step, abs(step)), abs(step) if good else math.nan
 
-        x = settled(secant, (*self._along(z, tangent), SECANT, REACH))
+        x = converged(secant, (*self._point_and_tangent(z, tangent), SECANT, LARGEST_SECANT))
         return None if x is None else x[0] + x[2] * x[1]
 
-    def _along(self, z: Array, tangent: Array) -> tuple[Array, Array]:
-        """z and tangent of the point of the branch next to z."""
-        row = self.at(z, tangent, None)
+    def _point_and_tangent(self, z: Array, tangent: Array) -> tuple[Array, Array]:
+        """Scaled unknowns and tangent of the point of the branch closest to z."""
+        row = self.corrected(z, tangent, None)
         return row[: self.m], row[self.m : 2 * self.m]

@@ -1,4 +1,4 @@
-"""Curves as tables: columns of equal length, and the events located on them."""
+"""Curves as tables: columns of equal length, and the events located on the curve."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
-FIRST = 6  # columns and events that a notebook shows
+FIRST = 6  # number of columns and events that a notebook shows
 
 
 @dataclass(frozen=True)
 class Event:
-    """A located point of a branch; the columns of the table are attributes of it too.
+    """A located point of a branch; it has the columns of the table as attributes.
 
     Attributes
     ----------
     kind : str
     row : int
-        The last row before it (or at it).
+        The last row before the event, or at it.
     at : dict of str to float
-        Value of each column.
+        Value of each column at the event.
     note : str
-        What happens there, in words.
+        A description in words, or empty.
     """
 
     kind: str
@@ -43,7 +43,7 @@ class Event:
     note: str = ""
 
     def __getattr__(self, name: str) -> float:
-        at = self.__dict__.get("at", {})  # none yet in a copy that is being made
+        at = self.__dict__.get("at", {})  # missing while a copy is being made
         if name in at:
             return at[name]
         raise AttributeError(f"event has no {name!r}, only {', '.join(at)}")
@@ -55,7 +55,8 @@ class Event:
 class Table:
     """Columns of equal length along a curve, and the events on it.
 
-    Columns are attributes; `table[3]` is a row (a dict), a slice is a table, `len` counts rows.
+    Columns are attributes; `table[3]` is a row as a dict, a slice is a table, and `len` is the
+    number of rows.
 
     Attributes
     ----------
@@ -65,7 +66,7 @@ class Table:
         Why the curve ends there.
     """
 
-    _by_row: tuple[str, ...] = ()  # arrays besides the columns that a slice divides
+    _by_row: tuple[str, ...] = ()  # further arrays with one entry per row
     _units: ClassVar[Mapping[str, str]] = {}  # of columns
 
     def __init__(self, columns: Mapping[str, Any], events: Iterable[Event], end: str) -> None:
@@ -88,14 +89,14 @@ class Table:
         if not isinstance(key, slice):
             return {name: column[key] for name, column in self.columns.items()}
         rows = range(len(self))[key]
-        kept = {row: number for number, row in enumerate(rows)}
+        new_row = {row: number for number, row in enumerate(rows)}
         part = object.__new__(type(self))
         part.__dict__.update(self.__dict__)
         part.__dict__.update((name, getattr(self, name)[key]) for name in self._by_row)
         part.columns = {name: column[key] for name, column in self.columns.items()}
-        part.events = tuple(replace(e, row=kept[e.row]) for e in self.events if e.row in kept)
-        if len(self) - 1 not in kept:
-            part.end = "cut here"
+        part.events = tuple(replace(e, row=new_row[e.row]) for e in self.events if e.row in new_row)
+        if len(self) - 1 not in new_row:
+            part.end = "end of the slice"
         return part
 
     def __iter__(self) -> Iterator[dict[str, Any]]:

@@ -1,4 +1,4 @@
-"""The tensegrity prism: its potential, its equilibrium path, its limit load and stability.
+"""The tensegrity prism: potential, equilibrium paths, limit load, stability, fits to measurements.
 
-What is derived stands in `derivations`; here it gets numbers.
+The formulas are derived in `derivations`; this room evaluates them.
 """

@@ -1,8 +1,9 @@
-"""Prisms in closed form: numbers to many decimals, from what is cut and measured, and rigid ones.
+"""Closed forms of prisms: exact quantities, potential and path of rigid ones, assembly of members.
 
-The forms are those of `derivations`, at a prism's fields taken as exact.  With rigid bases and bars
-potential and path are closed forms too.  Source: seeds/000, part III; natural lengths, moduli and
-diameters: `derivations.polygon`, "From cut lengths".
+The forms of `derivations` are evaluated in multiple precision, at the values of a prism taken as
+exact.  With rigid bases and bars the potential and the path are closed forms as well.  Source:
+seeds/000, part III; for the assembly from natural lengths `derivations.polygon`, "From cut
+lengths".
 """
 
 from __future__ import annotations
@@ -31,19 +32,19 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array
 
     Columns = dict[str, Any]
-    Found = tuple[str, int, dict[str, float]]  # kind, row, numbers
-    Parts = tuple[list[Columns], list[Found], str, bool]  # end, and whether it begins upright
+    LocatedEvent = tuple[str, int, dict[str, float]]  # kind, row, numbers
+    PathParts = tuple[list[Columns], list[LocatedEvent], str, bool]  # end, upright start
 
-DIGITS = 40  # decimals in which numbers are computed before they are rounded
-NOTHING = 1e-30  # of a number with some prestrain: none without
-SAMPLES = 4000  # elongations among which a limit point is looked for
+DIGITS = 40  # decimal digits of the computation before rounding
+NEGLIGIBLE = 1e-30  # parameter over its value with prestrain, below which it is zero
+SAMPLES = 4000  # elongations at which a limit point is searched for
 STATE = ("height", "twist", "base", "load")  # columns of a path
-ROWS = 200  # of a path
+ROWS = 200  # number of rows of a path
 
 
 @once
 def _decimals() -> Any:
-    """Arithmetic with `DIGITS` decimals, apart from mpmath's own, which all threads share."""
+    """A context of `DIGITS` decimal digits, separate from mpmath's global one."""
     import mpmath
 
     context = mpmath.MPContext()
@@ -52,8 +53,24 @@ def _decimals() -> Any:
 
 
 def exact(name: str, prism: Any, height: float = 1.0, preload: float = 0.0) -> list[Any]:
-    """Values of a quantity of `_of_fields` to `DIGITS` decimals, the prism's fields taken as
-    exact."""
+    """Values of a quantity of `_of_fields` to `DIGITS` decimal digits.
+
+    Parameters
+    ----------
+    name : str
+        One of the quantities of `_of_fields`.
+    prism : Prism
+        Its values are taken as exact.
+    height : float, optional
+        Loaded height [m], for "parameters".
+    preload : float, optional
+        Axial load at rest [N], compression > 0, for "parameters".
+
+    Returns
+    -------
+    list of mpmath.mpf
+        In SI units.
+    """
     fields = (prism.base, prism.height, prism.prestrain, prism.k_cross, prism.k_base, prism.k_bar)
     own = _decimals()
     angle = own.pi / prism.sides
@@ -63,7 +80,7 @@ def exact(name: str, prism: Any, height: float = 1.0, preload: float = 0.0) -> l
 
 
 def _of_fields(name: str, any_sides: bool) -> tuple[list[Any], tuple[Any, ...]]:
-    """Expressions and the symbols of the fields, loaded height, preload and sides."""
+    """Expressions of a quantity, and the symbols of fields, loaded height, preload and sides."""
     from derivations import elastic, regular, rigid_parameters
     from derivations import prism as p
     from derivations import rigid_elastic as r
@@ -83,14 +100,14 @@ def _of_fields(name: str, any_sides: bool) -> tuple[list[Any], tuple[Any, ...]]:
 
 
 def polygon(any_sides: bool) -> Any:
-    """What `derivations` takes for triangles, or for any number of sides."""
+    """The polygon of `derivations` for triangles, or for any number of sides."""
     from derivations import regular
 
     return regular.ANY if any_sides else regular.TRIANGLE
 
 
 def rigid_potential(prism: Any, preload: float) -> Potential:
-    """See `Prism.potential`."""
+    """Potential of a prism with rigid bases and bars at a preload [N]; see `Prism.potential`."""
     unloaded = _about(prism, prism.height, 0.0)
     if preload == 0:
         return unloaded
@@ -100,10 +117,10 @@ def rigid_potential(prism: Any, preload: float) -> Potential:
 def _about(prism: Any, height: float, preload: float) -> Potential:
     law, role = rigid_law(prism.sides != 3), _roles()
     numbers = exact("parameters", prism, height, preload)
-    if prism.prestrain == 0:  # what is proportional to it is round-off of many decimals
+    if prism.prestrain == 0:  # terms proportional to it are round-off
         sizes = exact("parameters", replace(prism, prestrain=0.1), height, preload)
         pairs = zip(numbers, sizes, strict=True)
-        numbers = [x if abs(x) > NOTHING * abs(y) else x * 0 for x, y in pairs]
+        numbers = [x if abs(x) > NEGLIGIBLE * abs(y) else x * 0 for x, y in pairs]
     values = dict(zip(law.parameters, numbers, strict=True))
     (locking_squared,) = exact("locking height squared", prism)
     if locking_squared <= 0:
@@ -120,7 +137,7 @@ def _about(prism: Any, height: float, preload: float) -> Potential:
 
 
 def _loaded_shift(unloaded: Potential, preload: float) -> float:
-    """Elongation of the unloaded potential at which it carries the preload, on its first branch."""
+    """Elongation at which the unloaded potential carries the preload, before its limit point."""
     lowest = _first_limit(unloaded)
     largest = -float(unloaded.tension(lowest))
     if preload >= largest:
@@ -132,7 +149,7 @@ def _loaded_shift(unloaded: Potential, preload: float) -> float:
 
 
 def _first_limit(potential: Potential) -> float:
-    """Elongation of the first limit point in compression, or next to the end of the domain."""
+    """Elongation of the first limit point in compression; the end of the domain if none."""
     low = potential.domain[0]
     r = low * np.sin(np.linspace(0, np.pi / 2, SAMPLES + 1)[1:-1])  # closer towards the end
     falling = np.flatnonzero(potential.stiffness(r) < 0)
@@ -144,7 +161,7 @@ def _first_limit(potential: Potential) -> float:
 
 
 def rigid_law(any_sides: bool = False) -> Law:
-    """Of triangular prisms, or of those with any number of sides, which is a parameter then."""
+    """The law of triangular prisms, or of any prisms, with the number of sides a parameter."""
     return DerivedLaw(_rigid_law, bool(any_sides))
 
 
@@ -157,14 +174,14 @@ def _rigid_law(any_sides: bool) -> Law:
 
 
 def rigid_programs() -> dict[str, Any]:
-    """What `Prism.potential` computes for a rigid triangular prism, for other arithmetics.
+    """The computations of `Prism.potential` for a rigid triangular prism, as programs.
 
     Returns
     -------
     dict
         "parameters" of `rigid_law` and "locking", the square of the locking height, as programs
         (`tensegrity.engine.programs`) of base, height, prestrain, k_cross, k_base, k_bar, loaded
-        height and preload; "places" of the parameters {role: place} that it tells apart.
+        height and preload; "places", {role: place} of the parameters with a role of their own.
     """
     names = [str(name) for name in rigid_law().parameters]
     return {
@@ -176,7 +193,7 @@ def rigid_programs() -> dict[str, Any]:
 
 @once
 def _roles() -> dict[str, str]:
-    """Names of parameters of the rigid law that `Prism.potential` needs to tell apart."""
+    """Names of the parameters of the rigid law to which `Prism.potential` gives a role."""
 
     def make() -> dict[str, str]:
         from derivations import rigid_elastic as derived
@@ -186,8 +203,28 @@ def _roles() -> dict[str, str]:
     return cached(("roles of the rigid law",), make)
 
 
-def rigid_path(prism: Any, min_height: float, max_load: float, max_height: float | None) -> Parts:
-    """Rows of the closed form, closer towards where the prism locks, and events."""
+def rigid_path(
+    prism: Any, min_height: float, max_load: float, max_height: float | None
+) -> PathParts:
+    """Rows of the closed form, denser towards locking, and events.
+
+    Parameters
+    ----------
+    prism : Prism
+        With rigid bases and bars.
+    min_height : float
+        Height at which the path ends [m].
+    max_load : float
+        Axial load at which it ends [N], compression > 0.
+    max_height : float or None
+        Height up to which the tension side is included [m].
+
+    Returns
+    -------
+    tuple
+        Parts (dicts of columns), events (kind, row, numbers), the kind of end, and whether the
+        path begins with upright bars.
+    """
     potential = prism.potential()
     low, _ = potential.domain
     try:
@@ -221,7 +258,7 @@ def rigid_path(prism: Any, min_height: float, max_load: float, max_height: float
 
     rows, upright = 0, False
     if max_height is not None:
-        up = _stretched(prism, potential, max_height)
+        up = _tension_side(prism, potential, max_height)
         r, rows = np.concatenate([up, r]), len(up)
         upright = max_height - prism.height >= potential.domain[1]
     columns = _rigid_columns(prism, potential, r)
@@ -238,8 +275,8 @@ def rigid_path(prism: Any, min_height: float, max_load: float, max_height: float
     return [columns], listed, kind, upright
 
 
-def _stretched(prism: Any, potential: Potential, max_height: float) -> Array:
-    """Elongations above the reference, the highest first."""
+def _tension_side(prism: Any, potential: Potential, max_height: float) -> Array:
+    """Elongations above the reference in descending order."""
     top = min(max_height - prism.height, potential.domain[1])
     part = np.linspace(1.0, 0.0, ROWS + 1)[:-1]
     r = top * (1 - (1 - part) ** 4)
@@ -247,7 +284,7 @@ def _stretched(prism: Any, potential: Potential, max_height: float) -> Array:
 
 
 def _rigid_columns(prism: Any, potential: Potential, r: Array, locked: bool = False) -> Columns:
-    """Numbers at elongations r; at a locked end no load (0 where flat) and no stiffness."""
+    """Columns at elongations r; at a locked end the load is 0 and the stiffness infinite."""
     shared = len(rigid_law().parameters)  # without the number of sides
     (half,) = run(program_of(_half_turn), np, (r, *potential.values[:shared]))
     load = np.zeros_like(r) if locked else -potential.tension(r)
@@ -263,28 +300,33 @@ def _rigid_columns(prism: Any, potential: Potential, r: Array, locked: bool = Fa
 
 
 def _half_turn() -> tuple[list[Any], tuple[Any, ...]]:
-    """Tangent of half the turn from the reference, from constant length of bars and bases."""
+    """Tangent of half the change of twist, from constant lengths of bars and bases."""
     from derivations import rigid_elastic as form
 
     return [form.half_turn()], (form.elongation, *form.PARAMETERS)
 
 
 def member_stiffness(modulus: float, area: float, length: float) -> float:
-    """Spring constant of a member.
+    """Spring constant of a member, EA over its natural length.
 
     Parameters
     ----------
     modulus : float
-        Young's modulus [Pa].
+        Young's modulus [Pa], > 0.
     area : float
-        Cross section [m^2].
+        Area of the cross section [m^2], > 0.
     length : float
-        Natural length [m]: not the stressed one.
+        Natural (unstressed) length [m], > 0.
 
     Returns
     -------
     float
-        EA over the natural length [N/m].
+        Spring constant [N/m].
+
+    Raises
+    ------
+    TensegrityError
+        If a value, or the result, is not finite and positive.
     """
     modulus = check.number("modulus", modulus, above=0, unit="Pa")
     area = check.number("area", area, above=0, unit="m^2")
@@ -295,7 +337,25 @@ def member_stiffness(modulus: float, area: float, length: float) -> float:
 def assembled(
     lengths: Sequence[float], stiffness: Sequence[float], sides: int
 ) -> tuple[float, float, float]:
-    """(base, height, prestrain) of the prism that such members make; see `Prism.from_members`."""
+    """Base, height and prestrain of the prism assembled from members.
+
+    Parameters
+    ----------
+    lengths, stiffness : sequence of 3 floats
+        Natural lengths [m] and spring constants [N/m] of cross strings, base strings and bars.
+    sides : int
+        Sides of the polygons.
+
+    Returns
+    -------
+    tuple of 3 floats
+        Base [m], height [m] and prestrain of the self-stressed state.
+
+    Raises
+    ------
+    EquilibriumError
+        If the members have no self-stressed state of positive height.
+    """
     from scipy.optimize import brentq
 
     sine = math.sin(math.pi / sides)
@@ -315,7 +375,7 @@ def assembled(
             f"stiffness {min(stiffness):g} N/m must be above 1e-100 and k_cross {stiffness[0]:g} "
             "N/m below 1e100"
         )
-    condition, stretched, level = _assembly()
+    condition, stressed_lengths, squared_height = _assembly()
     softness = [1 / k for k in stiffness]
     most = min(stiffness[0], 2 * sine * stiffness[1])
 
@@ -325,23 +385,23 @@ def assembled(
     high = most * (1 - 1e-16)
     if not gap(0.0) * gap(high) < 0:
         raise EquilibriumError(
-            f"bar {lengths[2]:g} m is too long beside cross {lengths[0]:g} m and base "
-            f"{lengths[1]:g} m: no numbers are near enough to the stress that strings take then"
+            f"bar {lengths[2]:g} m is too long for cross {lengths[0]:g} m and base "
+            f"{lengths[1]:g} m: the stress of the strings is not resolved in floating point"
         )
     density = brentq(gap, 0.0, high, xtol=1e-300, rtol=1e-15)
-    length, side, _ = stretched(density, *lengths, *softness, sine)
-    squared = level(length, side, sine)
+    length, side, _ = stressed_lengths(density, *lengths, *softness, sine)
+    squared = squared_height(length, side, sine)
     if not squared > 0:
         raise EquilibriumError(
             f"these members make no prism: h^2 = {squared:.6g} m^2 must be above 0 (cross strings "
-            f"of {length:g} m beside a base of {side:g} m)"
+            f"of {length:g} m with a base of {side:g} m)"
         )
     return side, math.sqrt(squared), density / (stiffness[0] - density)
 
 
 @once
 def _assembly() -> tuple[Callable[..., Any], ...]:
-    """Condition, lengths and squared height as functions; stiffnesses enter as compliances."""
+    """Assembly condition, lengths and squared height as functions of lengths and compliances."""
     import sympy as sp
 
     from derivations import polygon, prism, regular

@@ -1,7 +1,8 @@
-"""Prisms with elastic bases or bars: their potential, and their stability.
+"""Prisms with elastic bases or bars: potential and stability.
 
-The potential eliminates tensions and twist of the `equations` at given height by Newton's method:
-started from a traced branch, or, in the compiled loop, from polynomials of the elongation.
+The potential eliminates tensions and twist from the `equations` at given height by Newton's
+method.  The iteration starts from a traced branch or, in the compiled loop, from polynomials of the
+elongation.
 """
 
 from __future__ import annotations
@@ -25,15 +26,15 @@ from tensegrity.prisms.equations import UNKNOWNS, inner, kind_of, numbers, probl
 from tensegrity.springs.potential import Potential, call
 from tensegrity.typing import Array, Flags, Members
 
-STALLED = 1e-10  # a step of an iteration that no longer shrinks: round-off of stiff members
+STALLED = 1e-10  # size below which a step that no longer shrinks is round-off
 ITERATIONS = 20
 ROUND_OFF = 1e-13
-GUESS = 23  # degree of the polynomials from which the compiled loop starts
-STEPS = (1, 2, 4)  # how often it iterates
-SETTLED = 1e-14  # what one more iteration may change the unknowns by, relative to their largest
-SAMPLES = 512  # elongations at which that is tried
-EXACT = ("-ffp-contract=off",)  # what cancels does so exactly: no load where a prism is flat
-HALVINGS = 8  # of the part of the domain on which it is tried
+GUESS = 23  # degree of the polynomials from which the compiled iteration starts
+STEPS = (1, 2, 4)  # admissible numbers of its iterations
+SETTLED = 1e-14  # largest change by a further iteration, over the largest unknown
+SAMPLES = 512  # elongations at which this is checked
+EXACT = ("-ffp-contract=off",)  # exact cancellation: the load of a flat prism is zero
+HALVINGS = 8  # bisections of the fraction of the domain
 
 
 def stable(z: Array, p: Sequence[float], rigid_base: bool) -> tuple[Flags, Flags]:
@@ -42,13 +43,16 @@ def stable(z: Array, p: Sequence[float], rigid_base: bool) -> tuple[Flags, Flags
     Parameters
     ----------
     z : ndarray, (rows, m)
+        Unknowns of `equations.problem`.
     p : sequence of float, (6,) or (9,)
-        See `numbers`.
+        Its parameters; see `equations.numbers`.
     rigid_base : bool
+        Whether the bases are rigid, which leaves one unknown less.
 
     Returns
     -------
     tuple of two ndarrays of bool, (rows,)
+        Stability under given load, and under given height.
     """
     rows, m = z.shape
     matrices = functions(rigid_base, len(p) > 6)("tangent", z, p).reshape(rows, m, m)
@@ -62,17 +66,17 @@ def stable(z: Array, p: Sequence[float], rigid_base: bool) -> tuple[Flags, Flags
 
 @dataclass(frozen=True)
 class ElasticLaw:
-    """Potential of a prism with elastic members, its inner unknowns by a few fixed iterations.
+    """Law of a prism with elastic members, whose inner unknowns take a fixed number of iterations.
 
-    Without state and without branches, so that the compiled loop takes many bonds at a time.
+    It has neither state nor branches, so that the compiled loop evaluates many bonds at a time.
 
     Attributes
     ----------
     rigid_base : bool
     steps : int
-        Iterations of Newton's method, which start from polynomials of the elongation.
+        Number of Newton iterations, which start from polynomials of the elongation.
     any_sides : bool
-        Whether the number of sides is a parameter, or three.
+        Whether the number of sides is a parameter; otherwise it is three.
     """
 
     rigid_base: bool
@@ -83,7 +87,7 @@ class ElasticLaw:
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Names: scales, state at rest, `numbers` of the prism, interval and coefficients."""
+        """Names of scales, state at rest, `numbers` of the prism, interval and coefficients."""
         names = ("per_base", "force", "preload", "rise_at_rest", "energy_at_rest")
         names += ("height", "prestrain", "k_cross/k_base", "k_cross/k_bar", "middle", "per_half")
         unknowns = UNKNOWNS[self.rigid_base : -1]
@@ -92,12 +96,12 @@ class ElasticLaw:
 
     @property
     def kind(self) -> tuple[bool, bool]:
-        """Which equations: `rigid_base` and `any_sides`."""
+        """Arguments of `equations.problem`: `rigid_base` and `any_sides`."""
         return self.rigid_base, self.any_sides
 
     def guess(self) -> tuple[Any, ...]:
-        """Symbols r, p, and in terms of them the start of the iterations and the parameters of
-        `problem`."""
+        """Symbols r and p, and expressions of the initial unknowns and the parameters of
+        `equations.problem`."""
         import casadi as ca
 
         r, p = ca.SX.sym("r"), ca.SX.sym("p", len(self.parameters))
@@ -112,11 +116,11 @@ class ElasticLaw:
             for row in rows
         ]
         z = ca.vertcat(*guess, at_rest + r * per_base)
-        prism = ca.vertcat(*prism, 0, 0, *sides)  # where a branch ends does not matter here
+        prism = ca.vertcat(*prism, 0, 0, *sides)  # the bounds of a branch are not used here
         return r, p, z, prism
 
     def forms(self) -> tuple[Any, Any, Sequence[Any]]:
-        """The law in CasADi; see `law.Law.forms`."""
+        """Symbols and expressions of the law in CasADi; see `law.Law.forms`."""
         r, p, z, prism = self.guess()
         for _ in range(self.steps):
             z = inner(*self.kind)[0](z, prism)
@@ -132,9 +136,12 @@ class ElasticLaw:
 
 @once
 def functions(rigid_base: bool, any_sides: bool = False) -> Functions:
-    """Functions of (unknowns, parameters of `problem`), compiled: "step", Newton's at given
-    height, "value_0" to "value_3", the energy and its derivatives in the height, "tangent"; and
-    "guess" of (elongation, parameters of an `ElasticLaw`)."""
+    """Compiled functions of the unknowns and the parameters of `equations.problem`.
+
+    They are "step", a Newton step at given height; "value_0" to "value_3", the energy and its
+    derivatives in the height; and "tangent".  "guess" is a function of elongation and parameters
+    of an `ElasticLaw`.
+    """
 
     def make() -> dict[str, Any]:
         import casadi as ca
@@ -152,20 +159,21 @@ def functions(rigid_base: bool, any_sides: bool = False) -> Functions:
 
 
 class ElasticPotential(Potential):
-    """Potential of a prism with elastic bases or bars, twist and lengths in equilibrium.
+    """Potential of a prism with elastic bases or bars; twist and lengths are in equilibrium.
 
     Parameters
     ----------
     prism : Prism
-        With finite `k_base` or `k_bar`.
+        `k_base` or `k_bar` must be finite.
     preload : float, optional
         Axial load F0 at rest [N], compression > 0, >= 0.
 
-    The domain ends where the bars meet (twist pi), the prism is flat (height 0) or equilibrium
-    at given height turns unstable, and where base strings and bars unload (twist 2 pi/n).  The
-    tension is finite at these ends, so they belong to the domain.
-
-    Source: seeds/000, part III, "Elastic problem".
+    Notes
+    -----
+    The domain ends in compression where the bars meet (twist pi), where the prism is flat (height
+    0) or where the equilibrium at given height becomes unstable, and in extension where base
+    strings and bars unload (twist 2 pi/n).  The tension is finite at these ends, which belong to
+    the domain.  Source: seeds/000, part III, "Elastic problem".
     """
 
     _length: float
@@ -186,7 +194,7 @@ class ElasticPotential(Potential):
         self.ends = end, "base strings and bars are unloaded (twist 2 pi/" + f"{prism.sides})"
 
     def _loaded(self):
-        """Unknowns under the preload, on the branch of the reference up to its first fold."""
+        """Unknowns under the preload, on the branch up to its first limit point."""
         p = numbers(self._prism, load=self._preload)
         stop = ("load", "fold", "contact", "flat")
         branch = trace(problem(*self._kind), self._zero(), p, direction=-1, stop=stop)
@@ -202,7 +210,7 @@ class ElasticPotential(Potential):
         return np.zeros(4 - self._kind[0])
 
     def _traced(self):
-        """Rises in ascending order, asinh of the unknowns there, their rates, and the low end."""
+        """Rises in ascending order, asinh of the unknowns and rates there, and why it ends."""
         of, settings = problem(*self._kind), Settings(tolerance=1e-7, largest=0.2)
         stop = ("contact", "flat", "turn")
         down = trace(of, self._zero(), self._p, settings, direction=-1, stop=stop)
@@ -214,12 +222,12 @@ class ElasticPotential(Potential):
         end = reasons[down.end]
         lost = [e.row for e in down.events if e.kind == "bifurcation"]
         if lost:
-            down, end = down[: lost[0] + 1], "equilibrium at given height turns unstable"
+            down, end = down[: lost[0] + 1], "equilibrium at given height becomes unstable"
         up = trace(of, self._zero(), self._p, settings, direction=1, stop=("unloaded",))
         z = np.concatenate([down.z[:0:-1], up.z])
         tangents = np.concatenate([-down.tangent[:0:-1], up.tangent])
         if down.end == "flat":
-            z[0, -1] = -self._p[0]  # exactly
+            z[0, -1] = -self._p[0]  # exact by symmetry
         tangents[:, -1] *= np.sqrt(1 + z[:, -1] ** 2)
         return z[:, -1], np.arcsinh(z), tangents[:, :-1] / tangents[:, -1:], end
 
@@ -228,8 +236,7 @@ class ElasticPotential(Potential):
         if self._in_loop[0] is None:
             raise EquilibriumError(
                 f"the compiled loop finds no equilibria of {self._prism!r} about its length "
-                f"{self._length:g} m under the preload: its members are too stiff for "
-                "it, or too soft"
+                f"{self._length:g} m under the preload: its members are too stiff or too soft"
             )
         return self._in_loop[0]
 
@@ -239,37 +246,37 @@ class ElasticPotential(Potential):
 
     @property
     def reach(self) -> tuple[float, float]:
-        """Elongations [m] that the compiled loop can follow.
+        """Range of elongations that the compiled loop can follow [m].
 
-        All of `domain`, but for members so stiff that the rigid prism's contact of the bars
-        lies far inside of it, there to shortly before that contact; and for members so soft that
-        an extension of the prism is theirs, there a part of the extension.
+        It is the whole `domain`, with two exceptions.  For members so stiff that the bars of the
+        rigid prism would meet far inside the domain, it ends shortly before that contact; for
+        members so soft that they take most of the extension, it ends within the extension.
         """
         return self._in_loop[2]
 
     @cached_property
     def _in_loop(self):
-        """Law, its parameters and its reach: the widest on which few iterations are enough."""
+        """Law, parameters and range: the widest range on which the iterations converge."""
         low, high = self._domain
         return (
-            self._settled(low, high)
+            self._compiled_on(low, high)
             or self._widest(lambda part: (low * part, high))
             or self._widest(lambda part: (low, high * part))
             or (None, np.empty(0), (math.inf, -math.inf))
         )
 
     def _widest(self, ends):
-        """What `_settled` finds for the largest part of the domain for which it finds something."""
+        """The result of `_compiled_on` on the largest part of the domain where there is one."""
         found, good, bad = None, 0.0, 1.0
         for _ in range(HALVINGS):
             part = (good + bad) / 2
-            shorter = self._settled(*ends(part))
+            shorter = self._compiled_on(*ends(part))
             found, good, bad = (shorter, part, bad) if shorter else (found, good, part)
         return found
 
-    def _settled(self, low, high):
-        """Law, parameters and reach for elongations in an interval; None if it takes too many
-        iterations."""
+    def _compiled_on(self, low, high):
+        """Law, parameters and range for elongations in an interval; None if the iterations do not
+        converge on it."""
         values = self._numbers(low, high, self._fitted(low, high))
         of, taken = functions(*self._kind), 0
         z = of("guess", np.linspace(low, high, SAMPLES)[:, None], values)
@@ -282,8 +289,8 @@ class ElasticPotential(Potential):
         return None
 
     def _fitted(self, low, high):
-        """Start of the iterations: the unknowns at rest, which it meets exactly, and the
-        coefficients of their mean slope from there in t = (r - middle)/half."""
+        """Coefficients of the initial unknowns: their values at rest, which are exact, and the
+        polynomial in t = (r - middle)/half of their mean slope from there."""
         from numpy.polynomial import chebyshev
 
         t = chebyshev.chebpts1(2 * GUESS)
@@ -301,7 +308,7 @@ class ElasticPotential(Potential):
         return np.array([*scales, *self._p[:4], *interval, *coefficients.ravel(), *self._p[6:]])
 
     def beyond(self, r: float) -> LockingError:
-        """The error for an elongation at or beyond an end of the domain or of the reach."""
+        """The error for an elongation at or beyond an end of the domain or of the `reach`."""
         if not self._domain[0] < r < self._domain[1]:
             return super().beyond(r)
         side = int(r > 0)
@@ -316,12 +323,12 @@ class ElasticPotential(Potential):
 
     @property
     def parameters(self) -> dict[str, float]:
-        """The prism's fields and the preload, {name: float}."""
+        """Values of the prism and the preload, {name: float}."""
         names = ("base", "height", "prestrain", "k_cross", "k_base", "k_bar")
         return {name: getattr(self._prism, name) for name in names} | {"preload": self._preload}
 
     def states(self, r: Array) -> Array:
-        """Unknowns of the equilibria at elongations r [m], (r.size, m)."""
+        """Unknowns of the equilibria at elongations r (r.size,) [m], (r.size, m)."""
         rise = self._at_rest[-1] + np.clip(r, *self._domain) / self._prism.base
         rise = np.clip(rise, self._rise[0], self._rise[-1])
         z = self._guess(rise)
@@ -350,9 +357,30 @@ class ElasticPotential(Potential):
         return np.column_stack([np.sinh(z), rise])
 
     def derivative(self, order: int, r: ArrayLike, closed: bool = False) -> Array:
+        """Derivative of the energy in the elongation.
+
+        Parameters
+        ----------
+        order : int
+            0 for the energy, up to 3.
+        r : array_like, any shape
+            Elongation [m]; extension > 0.
+        closed : bool, optional
+            Without effect: the ends of the domain are included in any case.
+
+        Returns
+        -------
+        ndarray, shape of r
+            [N m^(1 - order)].
+
+        Raises
+        ------
+        LockingError
+            If an elongation is outside the domain.
+        """
         r = check.numbers("elongation", r, "m")
         low, high = self._domain
-        # an end is a root: where a prism hardly prestressed makes contact, some ulps are open
+        # the ends are computed roots: allow for their round-off, large at small prestrain
         slack = 64 * np.finfo(float).eps * max(self._length, self._prism.height)
         inside = (r >= low - slack) & (r <= high + slack)
         if not inside.all():
@@ -365,7 +393,7 @@ class ElasticPotential(Potential):
         return self._from_states(order, flat).reshape(r.shape)
 
     def _from_states(self, order, r):
-        """The order-th derivative of the energy at elongations r, (r.size,)."""
+        """The order-th derivative of the energy at elongations r (r.size,), (r.size,)."""
         of, name = functions(*self._kind), f"value_{order}"
         result = of(name, self.states(r), self._p)[:, 0]
         result = result * self._prism.k_cross * self._prism.base ** (2 - order)

@@ -1,6 +1,6 @@
-"""Where bars of some thickness touch first along a path that takes them as lines.
+"""First contact of bars with a finite diameter along an equilibrium path.
 
-The path itself is that of members without thickness: beyond the touch it holds no more.
+The path is that of members without thickness, and is not valid beyond the contact.
 """
 
 from __future__ import annotations
@@ -19,28 +19,34 @@ from tensegrity.typing import Array
 
 
 class BarContact(NamedTuple):
-    """The first touch of two bars along a path."""
+    """The first contact of two bars along a path."""
 
-    bars: tuple[int, int]  #: their numbers
-    shortening: float  #: [m]; of a path of control the control
-    load: float  #: [N]; of a path of control nan is never returned: 0
-    distance: float  #: of their axes at the reference [m]
+    bars: tuple[int, int]  #: numbers of the two bars
+    shortening: float  #: [m]; on paths of `control_path` the control
+    load: float  #: [N]; on paths of `control_path` 0
+    distance: float  #: between their axes at the reference [m]
 
 
 def bar_contact(path: EquilibriumPath | StructurePath, diameter: float) -> BarContact | None:
-    """Where bars of a diameter touch first, or None where they stay apart on the whole path.
+    """The first contact of bars of a given diameter along a path.
 
     Parameters
     ----------
     path : EquilibriumPath or StructurePath
         From `equilibrium_path` or `control_path`.
     diameter : float
-        Of all bars [m].
+        Diameter of all bars [m].
 
     Returns
     -------
     BarContact or None
-        Between rows the distances of axes are interpolated linearly in the first column.
+        None if the bars do not touch on the path.  Between rows the distance between axes is
+        interpolated linearly in the first column.
+
+    Raises
+    ------
+    TensegrityError
+        If the diameter is not positive, or `path` is no equilibrium path.
     """
     diameter = check.number("diameter", diameter, above=0, unit="m")
     if isinstance(path, EquilibriumPath):
@@ -61,16 +67,16 @@ def bar_contact(path: EquilibriumPath | StructurePath, diameter: float) -> BarCo
         )
     found = None
     for numbers, ends in pairs:
-        apart = distances(x, ends) - diameter
-        touching = np.flatnonzero(apart <= 0)
+        gaps = distances(x, ends) - diameter
+        touching = np.flatnonzero(gaps <= 0)
         if not touching.size:
             continue
         row = int(touching[0])
         place = float(row)
         if row:
-            place = row - 1 + float(apart[row - 1] / (apart[row - 1] - apart[row]))
+            place = row - 1 + float(gaps[row - 1] / (gaps[row - 1] - gaps[row]))
         if found is None or place < found[0]:
-            found = place, numbers, float(apart[0] + diameter)
+            found = place, numbers, float(gaps[0] + diameter)
     if found is None:
         return None
     rows = np.arange(len(along))
@@ -79,7 +85,7 @@ def bar_contact(path: EquilibriumPath | StructurePath, diameter: float) -> BarCo
 
 
 def distances(x: Array, ends: tuple[int, int, int, int]) -> Array:
-    """Least distances [m] of two bars at many positions (rows, nodes, dim), ends included."""
+    """Distances [m], (rows,), between two segments at positions x (rows, nodes, dim)."""
     a, b, c, d = (x[:, node] for node in ends)
     u, v, w = b - a, d - c, a - c
     uu, uv, vv = (np.sum(p * q, axis=1) for p, q in ((u, u), (u, v), (v, v)))
@@ -87,7 +93,7 @@ def distances(x: Array, ends: tuple[int, int, int, int]) -> Array:
     found = np.full(len(x), np.inf)
     det = uu * vv - uv**2
     s = np.where(det > 1e-12 * uu * vv, (uv * vw - vv * uw) / np.where(det > 0, det, 1), 0.0)
-    for part in (np.clip(s, 0, 1), np.ones(len(x))):  # the other end, where they are parallel
+    for part in (np.clip(s, 0, 1), np.ones(len(x))):  # the other end, for parallel bars
         t = np.clip((uv * part + vw) / vv, 0, 1)
         s = np.clip((uv * t - uw) / uu, 0, 1)
         gap = w + s[:, None] * u - t[:, None] * v

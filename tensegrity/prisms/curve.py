@@ -1,11 +1,11 @@
-"""Loads of a prism at given shortenings, their misfit of a measured curve, and what that allows.
+"""Loads of a prism at given shortenings, their misfit to a measured curve, profile likelihoods.
 
-The equations of `tensegrity.prisms.equations`, their inner unknowns eliminated by Newton's method
-and the implicit function theorem; derivatives in parameters by CasADi.  Each evaluation starts
-from the one before, moved along its derivatives, and from a traced branch where that leads
-nowhere.  Intervals by profile likelihood: the misfit is made least in all unknowns but one, and
-that one moved until the misfit has grown by what a quantile allows.  Source: Bates & Watts,
-Nonlinear Regression Analysis and Its Applications, 1988, chapter 6.
+The inner unknowns of `tensegrity.prisms.equations` are eliminated by Newton's method and the
+implicit function theorem; CasADi differentiates in the parameters.  Each evaluation starts from
+the previous one, extrapolated along its derivatives, or from a traced branch if that fails.  A
+confidence interval by profile likelihood ends where the misfit, minimised over all other unknowns,
+has grown to the bound set by a quantile.  Source: Bates & Watts, Nonlinear Regression Analysis and
+Its Applications, 1988, chapter 6.
 """
 
 from __future__ import annotations
@@ -28,25 +28,25 @@ if TYPE_CHECKING:
     from tensegrity.typing import Array
 
 NAMES = ("prestrain", "k_cross", "k_base", "k_bar")
-ENDS = ("contact", "unloaded", "flat")  # what is positive on the branch of the reference
-FARTHEST = 60.0  # change of a logarithm: by half of it all is as if it were 0 or infinite
+ENDS = ("contact", "unloaded", "flat")  # functions that are positive on the branch
+FARTHEST = 60.0  # largest change of a logarithm; half of it amounts to 0 or infinity
 ITERATIONS = 10
 ROUND_OFF = 1e-11
-SETTLED = 1e-14  # the last move of Newton's method, or a small one that is round-off
-FEW = 5e-3  # of the height, the size of offsets
-OFF = 1e3  # misfit of parameters that have no such curve, over the largest load
-RESOLVED = 1e-12  # of the largest load: the least noise that computed loads can resolve
-STEPS = 200  # to an interval's end, at most: three to five where a parameter is identified
-MOVES = 1000  # to the least misfit, at most
-ENDED = 1e-4  # of the way to an interval's end, where it is found
-FAINT = 0.05  # of the noise: what a factor e in a parameter must change to be felt
-FINEST = 1e-5  # of the residuals: the least change of their size that round-off resolves
-STUCK = 1e-6  # of what a step must gain: where not even that is found
-BORDER = 0.1  # of the noise: by how much residuals of a fit may miss the least
+SETTLED = 1e-14  # change at which Newton's method has converged
+FEW = 5e-3  # scale of offsets over the height
+NO_CURVE = 1e3  # misfit, over the largest load, where a prism has no such curve
+RESOLVED = 1e-12  # smallest resolved noise over the largest load
+STEPS = 200  # largest number of steps to the end of an interval; usually three to five
+MOVES = 1000  # largest number of iterations to the least misfit
+ENDED = 1e-4  # relative tolerance of the end of an interval
+FAINT = 0.05  # change by a factor e in a parameter, over the noise, that is noticeable
+FINEST = 1e-5  # smallest resolved relative change of the residuals
+STUCK = 1e-6  # fraction of the required decrease below which damped steps have failed
+BORDER = 0.1  # distance of a fit from the minimum, over the noise, that is accepted
 
 
-def loads(prism: Prism, x: Array) -> Array:
-    """Loads [N] at shortenings [m], by a branch traced from the reference."""
+def traced_loads(prism: Prism, x: Array) -> Array:
+    """Loads [N] at shortenings x [m], (points,), on a branch traced from the reference."""
     return -_potential_within(prism, x).tension(-x)
 
 
@@ -56,18 +56,18 @@ def _potential_within(prism: Prism, x: Array) -> Any:
         potential.tension(-x)
     except LockingError as error:
         raise TensegrityError(
-            f"shortening {x.min():.6g} to {x.max():.6g} m goes beyond this prism: {error}"
+            f"shortening {x.min():.6g} to {x.max():.6g} m exceeds the range of this prism: {error}"
         ) from None
     return potential
 
 
 class Curve:
-    """Loads at some shortenings as a function of logarithms of parameters, and of an offset.
+    """Loads at given shortenings as a function of logarithms of parameters and an offset.
 
     Parameters
     ----------
     prism : Prism
-        With elastic bases or bars; parameters count from its own.
+        With elastic bases or bars; parameters are relative to its values.
     shortening : ndarray, (points,)
         [m].
     """
@@ -78,8 +78,8 @@ class Curve:
         self._step, self._last = _functions(*kind_of(prism))
         self._at, self._inner, self._rates = self._traced(np.zeros(len(NAMES) + 1))
 
-    def made(self, theta: Array) -> Prism:
-        """The prism of some logarithms of parameters over the first ones, (5,) as `NAMES`."""
+    def prism_at(self, theta: Array) -> Prism:
+        """The prism with parameters multiplied by exp(theta[:4]), in the order of `NAMES`."""
         changed = {
             name: getattr(self.prism, name) * math.exp(value)
             for name, value in zip(NAMES, theta[:-1].tolist(), strict=True)
@@ -88,10 +88,10 @@ class Curve:
         return replace(self.prism, **changed)
 
     def __call__(self, theta: Array) -> tuple[Array, Array]:
-        """Loads [N], (points,), and their derivatives, (points, 5).
+        """Loads [N], (points,), and their derivatives in theta, (points, 5).
 
-        `theta` has changes of the logarithms of the parameters `NAMES` and the offset [m] that is
-        added to the shortenings.
+        `theta` contains the changes of the logarithms of the parameters `NAMES`, and the offset [m]
+        that is added to the shortenings.
         """
         if np.abs(theta[:-1]).max() > FARTHEST:
             raise TensegrityError(f"parameters change by more than a factor e^{FARTHEST:g}")
@@ -106,14 +106,14 @@ class Curve:
         return load, slopes
 
     def _traced(self, theta: Array) -> tuple[Array, Array, Array]:
-        potential = _potential_within(self.made(theta), self.x + theta[-1])
+        potential = _potential_within(self.prism_at(theta), self.x + theta[-1])
         if not isinstance(potential, ElasticPotential):
             raise TensegrityError("k_base inf and k_bar inf: the prism must have elastic members")
         inner = potential.states(-(self.x + theta[-1]))[:, :-1]
         return theta.copy(), inner, np.zeros((*inner.shape, len(theta)))
 
     def _solved(self, theta: Array, inner: Array) -> Any:
-        """Inner unknowns, loads and derivatives; None where Newton's method leaves the branch."""
+        """Inner unknowns, loads and derivatives; None if Newton's method leaves the branch."""
         given = np.concatenate([theta, [self.prism.base, self.prism.k_cross], self._p])
         z, before = inner.T, math.inf
         for _ in range(ITERATIONS):
@@ -135,7 +135,7 @@ class Curve:
 
 @once
 def _functions(rigid_base: bool, any_sides: bool) -> tuple[Any, Any]:
-    """One step of Newton's method, and what is read at its end; one column a point."""
+    """A Newton step, and the results at its end, as functions with one column per point."""
     import casadi as ca
 
     of = problem(rigid_base, any_sides)
@@ -146,13 +146,15 @@ def _functions(rigid_base: bool, any_sides: bool) -> tuple[Any, Any]:
     for place, change in ((1, prestrain), (2, cross - k_base), (3, cross - k_bar)):
         moved[place] = p[place] * ca.exp(change)
     z = ca.vertcat(v, -(x + offset) / base)
-    natural = of.values["base"] - of.p[2] * of.roots["unloaded"]  # of base strings; none below 0
+    natural = (
+        of.values["base"] - of.p[2] * of.roots["unloaded"]
+    )  # of base strings, must be positive
     g, load, *inside = (
         ca.substitute(form, ca.vertcat(of.z, of.p), ca.vertcat(z, moved))
         for form in (of.residual, of.values["load"], natural, *(of.roots[name] for name in ENDS))
     )
     if rigid_base:
-        inside[2] = -inside[2]  # there it is the bars' tension
+        inside[2] = -inside[2]  # tension of the bars, negative on the branch
     load = load * k_cross * ca.exp(cross) * base
     matrix = ca.jacobian(g, v)
     at_rest = ca.substitute(ca.det(matrix), ca.vertcat(v, x, theta), ca.DM.zeros(v.numel() + 6))
@@ -167,10 +169,10 @@ def _functions(rigid_base: bool, any_sides: bool) -> tuple[Any, Any]:
 
 
 class Misfit:
-    """Computed less measured loads over the largest, and their derivatives.
+    """Computed minus measured loads over the largest one, and derivatives in the unknowns.
 
-    Of changes of the logarithms of parameters, and of the offset over `FEW` heights: the unknowns
-    `names`, counted from the prism's own.
+    The unknowns are those of `names`: changes of the logarithms of parameters from their values in
+    the prism, and the offset in units of `FEW` heights.
     """
 
     def __init__(self, prism: Prism, x: Array, y: Array, names: tuple[str, ...]) -> None:
@@ -181,19 +183,19 @@ class Misfit:
         self._last: tuple[bytes, tuple[Array, Array]] = b"", (y, y)
 
     def theta(self, z: Array) -> Array:
-        """The unknowns of `Curve`."""
+        """The arguments theta of `Curve` for unknowns z."""
         theta = np.zeros(len(NAMES) + 1)
         theta[self.places] = z * self.weights
         return theta
 
     def __call__(self, z: Array) -> tuple[Array, Array]:
-        """The misfits, (points,), all `OFF` where there is no such curve; (points, unknowns)."""
+        """Misfits, (points,), all `NO_CURVE` where no such curve exists; (points, unknowns)."""
         key = z.tobytes()
-        if key != self._last[0]:  # SciPy wants one after the other
+        if key != self._last[0]:  # SciPy evaluates values and derivatives separately
             try:
                 computed, slopes = self.curve(self.theta(z))
             except TensegrityError:
-                found = np.full(len(self.y), OFF), np.zeros((len(self.y), len(z)))
+                found = np.full(len(self.y), NO_CURVE), np.zeros((len(self.y), len(z)))
             else:
                 slopes = slopes[:, self.places] * self.weights / self.size
                 found = (computed - self.y) / self.size, slopes
@@ -210,7 +212,32 @@ def intervals(
     noise: float,
     quantile: float,
 ) -> dict[str, tuple[float, float]]:
-    """See `Fit.intervals`: of the fitted prism and offset, some quantile of the noise [N]."""
+    """Confidence intervals by profile likelihood; see `Fit.intervals`.
+
+    Parameters
+    ----------
+    prism : Prism
+        The fitted prism.
+    offset : float
+        The fitted offset [m].
+    x, y : ndarray, (points,)
+        Measured shortenings [m] and loads [N].
+    names : tuple of str
+        Free parameters.
+    noise : float
+        Standard deviation of the loads [N].
+    quantile : float
+        Half-width of an interval in standard errors.
+
+    Returns
+    -------
+    dict of str to (float, float)
+
+    Raises
+    ------
+    EquilibriumError
+        If the fit is not a minimum of the misfit, or an end is not found.
+    """
     at = Misfit(prism, x + offset, y, names)
     noise = max(noise / at.size, RESOLVED)
     r, slopes = at(np.zeros(len(names)))
@@ -222,11 +249,11 @@ def intervals(
             "the residuals are not least: no intervals"
         )
     width = max(quantile * noise, FINEST * float(np.linalg.norm(r)))
-    shift = at.theta(_felt(at, FAINT * noise))
-    centre, offset = at.curve.made(shift), offset + float(shift[-1])
+    shift = at.theta(_kept_sensitive(at, FAINT * noise))
+    centre, offset = at.curve.prism_at(shift), offset + float(shift[-1])
     at, found = Misfit(centre, x + offset, y, names), {}
     for k, name in enumerate(names):
-        low, high = (_end(at, k, side, width) for side in (-1, 1))
+        low, high = (_interval_end(at, k, side, width) for side in (-1, 1))
         if name == "offset":
             found[name] = offset + at.weights[k] * low, offset + at.weights[k] * high
         else:
@@ -235,8 +262,8 @@ def intervals(
     return found
 
 
-def _felt(at: Misfit, change: float) -> Array:
-    """Unknowns as good as the best ones, none so extreme that the misfit does not feel it."""
+def _kept_sensitive(at: Misfit, change: float) -> Array:
+    """Unknowns of nearly least misfit, none so extreme that the misfit is insensitive to it."""
     z = np.zeros(len(at.places))
     r, slopes = at(z)
     for move in (*np.eye(len(z)), *-np.eye(len(z))):
@@ -248,10 +275,10 @@ def _felt(at: Misfit, change: float) -> Array:
     return z
 
 
-def _end(at: Misfit, k: int, side: int, width: float) -> float:
-    """Where the misfit, least in all unknowns but one, leaves the least of all by width^2.
+def _interval_end(at: Misfit, k: int, side: int, width: float) -> float:
+    """Value of one unknown at which the profile misfit exceeds the least one by width^2.
 
-    Newton's method between brackets on the root of what it leaves: almost linear in the one.
+    Bracketed Newton's method on the square root of the excess, which is almost linear in it.
     """
     inside, low, high = np.zeros(len(at.places)), 0.0, math.inf
     r, slopes = at(inside)
@@ -261,8 +288,8 @@ def _end(at: Misfit, k: int, side: int, width: float) -> float:
     for _ in range(STEPS):
         z = inside.copy()
         z[k] = side * new
-        z, r, slopes = _settled(at, others, z, ENDED * width**2)
-        left = math.inf if r[0] == OFF else math.sqrt(max(float(r @ r - least), 0.0))
+        z, r, slopes = _least_misfit(at, others, z, ENDED * width**2)
+        left = math.inf if r[0] == NO_CURVE else math.sqrt(max(float(r @ r - least), 0.0))
         if abs(left - width) <= ENDED * width:
             return float(z[k])
         if left > width:
@@ -275,19 +302,23 @@ def _end(at: Misfit, k: int, side: int, width: float) -> float:
         if high - low <= small:
             if low - held <= 50 * small:
                 return side * low
-            held, high, new = low, math.inf, low + 100 * small  # beyond may have settled elsewhere
+            held, high, new = (
+                low,
+                math.inf,
+                low + 100 * small,
+            )  # the minimisation beyond may have left the valley
             continue
-        rate = side * float(slopes[:, k] @ r)  # of half of what is left squared
+        rate = side * float(slopes[:, k] @ r)  # derivative of half of the squared excess
         aim = min(new + (width - left) * left / rate if rate > 0 else math.inf, low + 1.0)
         new = aim if low < aim < high else (low + min(high, low + 2.0)) / 2
     raise EquilibriumError(f"no end of the interval of {at.names[k]} found in {STEPS} steps")
 
 
-def _settled(at: Misfit, free: Any, z: Array, gain: float) -> tuple[Array, Array, Array]:
-    """Where the misfit is least in some unknowns, to `gain` of its square; misfit, derivatives.
+def _least_misfit(at: Misfit, free: Any, z: Array, gain: float) -> tuple[Array, Array, Array]:
+    """Minimum of the misfit in some unknowns, to `gain` of its square, with misfit and derivatives.
 
-    Levenberg's method, no change of an unknown above 1.  Damped steps that gain nothing may be too
-    short: it ends where one not damped does not either, or where none is short enough.
+    Levenberg's method with changes of at most 1.  A damped step without decrease may only be too
+    short: the iteration ends when an undamped one predicts none either, or no damping helps.
     """
     (r, slopes), least = at(z), 0.1 * math.sqrt(gain)
     damping = least
@@ -301,12 +332,12 @@ def _settled(at: Misfit, free: Any, z: Array, gain: float) -> tuple[Array, Array
         if new @ new < r @ r:
             z, r, slopes, damping = z + move, new, there, max(damping / 3, least)
         else:
-            damping *= 2  # by more, steps along a bent valley come to be far too short
+            damping *= 2  # larger factors make steps along curved valleys too short
     return z, r, slopes
 
 
 def _step(slopes: Array, free: Any, r: Array, damping: float = 0.0) -> Array:
-    """Change of some unknowns that makes misfits least, were they linear; short by damping."""
+    """Step of the linearised least-squares problem in some unknowns, with damping."""
     move = np.zeros(slopes.shape[1])
     some = slopes[:, free]
     rows = np.vstack([some, damping * np.eye(some.shape[1])])

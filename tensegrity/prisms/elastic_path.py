@@ -1,7 +1,8 @@
-"""The path of a prism with elastic bases or bars, as a branch of the problem of `equations`.
+"""The equilibrium path of a prism with elastic bases or bars, by continuation of `equations`.
 
-At rigid bases it has one unknown less.  Beyond the twist at which base strings unload, upright
-cross strings pull alone, in closed form.  Source: seeds/000, part III, "Numerical approach".
+Rigid bases leave one unknown less.  Beyond the twist at which base strings unload, the upright
+cross strings alone carry the load, in closed form.  Source: seeds/000, part III, "Numerical
+approach".
 """
 
 from __future__ import annotations
@@ -22,18 +23,38 @@ if TYPE_CHECKING:
     from typing import Any
 
     from tensegrity.branches.continuation import Branch
-    from tensegrity.prisms.closed import Columns, Found, Parts
+    from tensegrity.prisms.closed import Columns, LocatedEvent, PathParts
     from tensegrity.prisms.prism import Prism
 
-ROWS = 200  # of the part where base strings are slack
+ROWS = 200  # number of rows where base strings are slack
 SETTINGS = Settings(tolerance=1e-8, largest=0.05)
-FLAT = {"height": 0.0, "load": 0.0}  # exactly, by symmetry
+FLAT = {"height": 0.0, "load": 0.0}  # exact by symmetry
 
 
 def elastic_path(
     prism: Prism, min_height: float, max_load: float, max_height: float | None, past_contact: bool
-) -> Parts:
-    """Rows and events; tension states, where asked for, before the reference."""
+) -> PathParts:
+    """Rows and events; states in tension, if requested, precede the reference.
+
+    Parameters
+    ----------
+    prism : Prism
+        With elastic bases or bars.
+    min_height : float
+        Height at which the path ends [m].
+    max_load : float
+        Axial load at which it ends [N], compression > 0.
+    max_height : float or None
+        Height up to which the tension side is included [m].
+    past_contact : bool
+        Whether the smooth energy is followed beyond contact and unloading.
+
+    Returns
+    -------
+    tuple
+        Parts (dicts of columns), events (kind, row, numbers), the kind of end, and whether the
+        path begins with upright bars.
+    """
     level = min_height if min_height > 0 else -prism.height
     stop = ("flat", "height", "load", *(() if past_contact else ("contact",)))
     down, events = _branch(prism, numbers(prism, level, max_load), -1, stop)
@@ -46,18 +67,18 @@ def elastic_path(
         parts, rows = [tension, *parts], len(up) - 1
         above = [(kind, max(rows - 1 - row, 0), at) for kind, row, at in above[::-1] if row > 0]
         if up.end == "unloaded":
-            hanging = _hanging(prism, max_height, tension)
-            parts, rows = [hanging, *parts], rows + len(hanging["height"])
-            upright = bool(hanging["height"][0] < max_height)
-            above = [(kind, row + len(hanging["height"]), at) for kind, row, at in above]
+            upright_rows = _upright(prism, max_height, tension)
+            parts, rows = [upright_rows, *parts], rows + len(upright_rows["height"])
+            upright = bool(upright_rows["height"][0] < max_height)
+            above = [(kind, row + len(upright_rows["height"]), at) for kind, row, at in above]
         events = [*above, *((kind, row + rows, at) for kind, row, at in events)]
     return parts, events, down.end, upright
 
 
 def _branch(
     prism: Prism, p: list[float], direction: int, stop: tuple[str, ...]
-) -> tuple[Branch, list[Found]]:
-    """The branch in the problem's units, and its events in SI units as (kind, row, numbers)."""
+) -> tuple[Branch, list[LocatedEvent]]:
+    """The branch in units of the problem, and its events (kind, row, numbers) in SI units."""
     of, start = problem(*kind_of(prism)), np.zeros(4 - kind_of(prism)[0])
     branch = trace(of, start, p, SETTINGS, direction, stop)
     branch.p = p
@@ -99,16 +120,16 @@ def _columns(prism: Prism, branch: Branch) -> Columns:
     return columns | {"stable_load": by_load, "stable_height": by_height}
 
 
-def _hanging(prism: Prism, max_height: float, below: Columns) -> Columns:
-    """Rows above the point where base strings and bars unload, the highest first.
+def _upright(prism: Prism, max_height: float, below: Columns) -> Columns:
+    """Rows above the point where base strings and bars unload, in descending height.
 
-    The upright states of `derivations.mixed`.  The energy is a sum of squares with positive weights
-    there, hence stable.
+    These are the upright states of `derivations.mixed`, which are stable because their energy is a
+    sum of squares with positive weights.
     """
     cross, _, bar = prism.natural_lengths()
     height = np.linspace(below["height"][0], min(max_height, bar), ROWS + 1)[:0:-1]
     symbols = height, prism.k_cross, cross, bar
-    twist, base_squared, load = run(derived(_hanging_forms, prism.sides), np, symbols)
+    twist, base_squared, load = run(derived(_upright_forms, prism.sides), np, symbols)
     true = np.ones(ROWS, dtype=bool)
     return {
         "height": height,
@@ -120,8 +141,9 @@ def _hanging(prism: Prism, max_height: float, below: Columns) -> Columns:
     }
 
 
-def _hanging_forms(sides: int) -> tuple[list[Any], tuple[Any, ...]]:
-    """(twist, squared base, load) of height, k_cross, natural lengths of cross string and bar."""
+def _upright_forms(sides: int) -> tuple[list[Any], tuple[Any, ...]]:
+    """Twist, squared base and load as forms in height, k_cross and natural lengths of cross
+    string and bar."""
     from derivations import mixed, prism, regular
 
     symbols = (prism.height, prism.k_cross, prism.natural_cross, prism.natural_bar)

@@ -1,7 +1,8 @@
-"""The equilibria of prisms with elastic bases or bars as equations, in CasADi.
+"""The equilibrium equations of prisms with elastic bases or bars, in CasADi.
 
-The forms of `derivations.mixed` as a problem for `tensegrity.branches.continuation`, in units of
-the base and of k_cross times base: one set of functions serves every prism.
+The forms of `derivations.mixed` make a problem for `tensegrity.branches.continuation`.  Lengths are
+in units of the base and forces in units of k_cross times base, so that one set of functions serves
+all prisms.
 """
 
 from __future__ import annotations
@@ -15,13 +16,13 @@ from tensegrity.once import once
 from tensegrity.prisms.closed import polygon
 from tensegrity.typing import Members
 
-LEAST = 1e-5  # force over k_cross base that residuals are seen by where all members are unloaded
+LEAST = 1e-5  # force over k_cross base that scales residuals if all members are unloaded
 UNKNOWNS = ("base tension", "bar tension", "half turn", "rise")
 
 
 @once
 def _forms(rigid_base: bool, any_sides: bool) -> Any:
-    """What `derivations.mixed` gives, as CasADi expressions of unknowns z and parameters p."""
+    """The forms of `derivations.mixed` as CasADi expressions of unknowns z and parameters p."""
     import casadi as ca
 
     from derivations import mixed as derived
@@ -38,9 +39,11 @@ def _forms(rigid_base: bool, any_sides: bool) -> Any:
         "load": derived.load(of),
         "energy": derived.stored_energy(of),
     }
-    forms |= dict(zip(("cross_pull", "base_pull", "bar_pull"), derived.tensions(of), strict=True))
+    forms |= dict(
+        zip(("cross_tension", "base_tension", "bar_tension"), derived.tensions(of), strict=True)
+    )
     forms |= dict(zip(("cross_length", "width", "bar_length"), derived.lengths(of), strict=True))
-    given = [p[i] for i in range(p.numel()) if i not in (4, 5)]  # where a branch ends is no form
+    given = [p[i] for i in range(p.numel()) if i not in (4, 5)]  # without the bounds of a branch
     values = to_casadi(list(forms.values()), symbols)(*unknowns, *given)
     found = {name: ca.SX(value) for name, value in zip(forms, values, strict=True)}
     return z, p, found | {"half_turn": unknowns[2], "rise": unknowns[3]}
@@ -48,14 +51,15 @@ def _forms(rigid_base: bool, any_sides: bool) -> Any:
 
 @once
 def problem(rigid_base: bool = False, any_sides: bool = False) -> Problem:
-    """Equilibria of a prism as a branch, parametrised by the rise h - h0.
+    """Equilibria of a prism as a branch in the rise h - h0.
 
-    Unknowns: changes of the tension of a base string (absent if the bases are rigid) and of a
-    bar, tangent of half the turn, rise.  With rigid bars the bar's tension is the multiplier of
-    its constant length.  Parameters: h0, p0, k1/k2, k1/k3, and a height and a load at which to
-    end; n, sin(pi/n) and cos(pi/n) where `any_sides`, else the prism is triangular.  Events:
-    contact (the cross strings unload at twist pi), unloaded (base strings and bars unload at
-    twist 2 pi/n), flat, height, load; fold, turn.
+    The unknowns are the changes of the tensions of a base string (absent if the bases are rigid)
+    and of a bar, the tangent of half the change of twist, and the rise.  For rigid bars the
+    tension is the Lagrange multiplier of their constant length.  The parameters are h0, p0, k1/k2,
+    k1/k3, and a height and a load at which to end; then n, sin(pi/n) and cos(pi/n) if `any_sides`,
+    otherwise the prism is triangular.  The events are contact (cross strings unload at twist pi),
+    unloaded (base strings and bars unload at twist 2 pi/n), flat, height and load, and the limit
+    points in load ("fold") and in displacement ("turn").
     """
     return DerivedProblem(_problem, rigid_base, any_sides)
 
@@ -67,8 +71,8 @@ def _problem(rigid_base: bool, any_sides: bool) -> Problem:
 
     z, p, form = _forms(rigid_base, any_sides)
     reference = math.pi / 2 + math.pi / p[6] if any_sides else float(REFERENCE_TWIST)
-    pulls = ca.vertcat(form["cross_pull"], form["base_pull"], form["bar_pull"])
-    force = ca.norm_2(pulls) + LEAST
+    tensions = ca.vertcat(form["cross_tension"], form["base_tension"], form["bar_tension"])
+    force = ca.norm_2(tensions) + LEAST
     names = ("twist", "bar") if rigid_base else ("base", "twist", "bar")
     sizes = {"base": force, "twist": force, "bar": form["bar_length"] ** 2}
     height = p[0] + form["rise"]
@@ -79,8 +83,8 @@ def _problem(rigid_base: bool, any_sides: bool) -> Problem:
         ca.vertcat(*(form[name] for name in names)),
         size=ca.vertcat(*(sizes[name] for name in names)),
         roots={
-            "contact": form["cross_pull"],
-            "unloaded": form["bar_pull"] if rigid_base else form["base_pull"],
+            "contact": form["cross_tension"],
+            "unloaded": form["bar_tension"] if rigid_base else form["base_tension"],
             "flat": height,
             "height": height - p[4],
             "load": form["load"] - p[5],
@@ -96,12 +100,26 @@ def _problem(rigid_base: bool, any_sides: bool) -> Problem:
 
 
 def kind_of(prism: Members) -> tuple[bool, bool]:
-    """Which `problem` is that of a prism."""
+    """Arguments `rigid_base` and `any_sides` of `problem` for a prism."""
     return math.isinf(prism.k_base), prism.sides != 3
 
 
 def numbers(prism: Members, height: float = -1.0, load: float = math.inf) -> list[float]:
-    """Parameters of `problem` for a prism, with the height [m] and the load [N] at which to end."""
+    """Parameters of `problem` for a prism.
+
+    Parameters
+    ----------
+    prism : Prism
+    height : float, optional
+        Height at which a branch ends [m].
+    load : float, optional
+        Axial load at which it ends [N], compression > 0.
+
+    Returns
+    -------
+    list of float, (6,) or (9,)
+        Dimensionless.
+    """
     n, angle = prism.sides, math.pi / prism.sides
     sides = (float(n), math.sin(angle), math.cos(angle)) if kind_of(prism)[1] else ()
     return [
@@ -117,10 +135,11 @@ def numbers(prism: Members, height: float = -1.0, load: float = math.inf) -> lis
 
 @once
 def tangent(rigid_base: bool, any_sides: bool) -> Any:
-    """Symmetric tangent of the energy in (base, twist, bar tension, height).
+    """Symmetric tangent of the mixed (Hellinger-Reissner) energy.
 
-    The bar's tension is the multiplier of its compatibility, so one negative eigenvalue belongs
-    to it (Hellinger-Reissner); the base counts by its tension times the root of its stiffness.
+    The variables are base, twist, bar tension and height.  The bar tension is the multiplier of a
+    compatibility condition, to which one negative eigenvalue belongs; the base is scaled by the
+    square root of its stiffness.
     """
     import casadi as ca
 
@@ -133,16 +152,16 @@ def tangent(rigid_base: bool, any_sides: bool) -> Any:
         rows, columns = [softness * form["base"], *rows], [1 / softness, *columns]
         order = [0, 2, 1, 3]
     matrix = ca.jacobian(ca.vertcat(*rows), z)[:, order] @ ca.diag(ca.vertcat(*columns))
-    # the equations take b from its tension; the energy takes it from the coordinates
+    # the equations take the bar length from its tension, the energy from the coordinates
     multiplier = matrix[-2, :]
-    share = multiplier.T * form["bar_pull"] / (sides * form["bar_length"])
-    share[-2] = 0
-    return ca.Function("tangent", [z, p], [matrix - share @ multiplier])
+    coupling = multiplier.T * form["bar_tension"] / (sides * form["bar_length"])
+    coupling[-2] = 0
+    return ca.Function("tangent", [z, p], [matrix - coupling @ multiplier])
 
 
 @once
 def inner(rigid_base: bool, any_sides: bool) -> Any:
-    """Newton step at given height, and energy with its derivatives in the height."""
+    """A Newton step at given height, and the energy and its derivatives in the height."""
     import casadi as ca
 
     z, p, form = _forms(rigid_base, any_sides)

@@ -1,9 +1,10 @@
-"""Prisms fitted to measured curves of load against shortening, with errors.
+"""Fits of a prism to a measured curve of load against shortening, with confidence intervals.
 
-Model: the equilibrium path of the elastic prism, read at a shortening that may be offset; errors
-of the loads independent and of one size.  Least squares on the logarithms of what is positive, by
-SciPy, with the exact derivatives of `tensegrity.prisms.curve`; standard errors from the Jacobian
-at the solution (Gauss-Newton covariance), intervals by profile likelihood.  Sources:
+The model is the equilibrium path of the elastic prism at a shortening with an unknown offset; the
+errors of the loads are independent, with one standard deviation.  SciPy minimises the squared
+residuals over the logarithms of the parameters, with the exact derivatives of
+`tensegrity.prisms.curve`.  Standard errors follow from the Jacobian at the solution (Gauss-Newton
+covariance), intervals from the profile likelihood.  Sources:
 seeds/000, part III, "Experimental validation of the constitutive response"; Bates & Watts,
 Nonlinear Regression Analysis and Its Applications, 1988, chapter 6.
 """
@@ -19,7 +20,7 @@ import numpy as np
 from tensegrity import check, plotting
 from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.printing import filled
-from tensegrity.prisms.curve import NAMES, OFF, RESOLVED, Misfit, intervals, loads
+from tensegrity.prisms.curve import NAMES, NO_CURVE, RESOLVED, Misfit, intervals, traced_loads
 from tensegrity.prisms.measured import read_curve
 from tensegrity.prisms.prism import Prism
 
@@ -33,39 +34,40 @@ if TYPE_CHECKING:
 
     from tensegrity.typing import Array
 
-LARGE = 0.3  # relative standard error from which a parameter counts as not identified
-SAME = 1e-9  # of the largest load: two ways to the loads agree
-POOR = 0.5  # of the loads' squares left by a curve that is not theirs
-FOREIGN = 10  # times the loads of the given prism: in another unit
-LIKELY = 3.0  # times a given noise: what noise may explain
-CONTRADICTED = 1e4  # times a given noise: more than a fit may leave
+LARGE = 0.3  # relative standard error above which a parameter counts as not identified
+SAME = 1e-9  # of the largest load: tolerance between the two computations of the loads
+POOR = 0.5  # residual over total sum of squares above which a fit has failed
+FOREIGN = 10  # ratio to the loads of the given prism that suggests another unit
+EXPLAINED = 3.0  # residual over given noise that noise may explain
+CONTRADICTED = 1e4  # residual over given noise above which the noise is refused
 
 
 @dataclass(frozen=True)
 class Fit:
-    """What a curve says about a prism.
+    """A prism fitted to a measured curve, with its uncertainty.
 
     Attributes
     ----------
     prism : Prism
-        With the estimated parameters.
+        The prism with the estimated parameters.
     names : tuple of str
-        The free ones, then "offset" where it is one.
+        Names of the free parameters, and "offset" last if it is free.
     values, errors : dict of str to float
         Estimates and standard errors, in the units of the parameters; offset in m.
     correlation : ndarray, (parameters, parameters)
+        Correlation matrix of the estimates.
     condition : float
-        Of the Jacobian, columns scaled to relative changes.
+        Condition number of the Jacobian with respect to relative changes of the parameters.
     offset : float
-        Shortening of the prism where the curve says 0 [m].
+        Shortening of the prism at the zero of the measured shortening [m].
     residuals : ndarray, (points,)
-        Measured less computed load [N].
+        Measured minus computed load [N].
     noise : float
-        Standard deviation of the loads [N]: as given, or that of the residuals.
+        Standard deviation of the loads [N], given or estimated from the residuals.
     degrees : float
-        Degrees of freedom behind the noise: points less parameters; inf where it is given.
+        Degrees of freedom of the noise: points minus parameters, or inf if the noise is given.
     unidentified : tuple of str
-        Parameters that this curve does not determine, and why, in words.
+        For each parameter that the curve does not determine, the reason in words.
     """
 
     prism: Prism
@@ -85,7 +87,7 @@ class Fit:
     jacobian: Array
 
     def computed(self) -> Array:
-        """Loads of the fitted prism at the points [N], (points,)."""
+        """Loads of the fitted prism at the measured points [N], (points,)."""
         return self.load - self.residuals
 
     def band(self) -> Array:
@@ -94,32 +96,32 @@ class Fit:
         return np.asarray(np.sqrt(np.maximum(inside, 0.0)))
 
     def intervals(self, level: float = 0.95) -> dict[str, tuple[float, float]]:
-        """Intervals that contain a parameter of the measured prism with some probability.
+        """Confidence intervals of the parameters by profile likelihood.
 
-        By profile likelihood: the values of one parameter at which the squares of the residuals,
-        least in all other parameters, exceed the least of all by at most (t noise)^2.  t is the
-        quantile of Student's distribution of `degrees` degrees of freedom: the normal one where
-        the noise is given.
+        An interval holds the values of one parameter at which the sum of squared residuals,
+        minimised over all other parameters, exceeds its overall minimum by at most (t noise)^2.
+        Here t is the quantile of Student's distribution with `degrees` degrees of freedom, which
+        is the normal distribution if the noise is given.
 
         Parameters
         ----------
         level : float, optional
-            The probability, above 0 and below 1.
+            Confidence level, above 0 and below 1.
 
         Returns
         -------
         dict of str to (float, float)
-            Of each of `names` the lowest and the highest value, in its units, of the range about
-            the estimate.  Where the curve sets no bound it is open: to 0 or inf, of the offset to
-            -inf or inf.  It ends where no prism beyond has equilibria at all points, too.
+            For each of `names` the lower and upper end of the interval, in the units of the
+            parameter.  Where the curve sets no bound the end is 0 or inf, for the offset -inf or
+            inf.  An interval also ends where no prism has equilibria at all points.
 
         Raises
         ------
         TensegrityError
             If the level is outside its bounds.
         EquilibriumError
-            If the fit itself lies where prisms with equilibria at all points end, so that its
-            residuals are not least; or if an end was not found.
+            If the fit lies at the border of the prisms with equilibria at all points, where the
+            residuals are not minimal; or if an end was not found.
         """
         level = check.number("level", level, above=0, below=1)
         return intervals(
@@ -128,7 +130,7 @@ class Fit:
         )  # fmt: skip
 
     def _quantile(self, level: float) -> float:
-        """Standard errors to either side that a probability spans."""
+        """Number of standard errors to either side of an estimate at a confidence level."""
         from scipy.special import ndtri, stdtrit
 
         tail = (1 - level) / 2
@@ -139,7 +141,7 @@ class Fit:
         for name in self.names:
             lines.append(f"  {name} = {self.values[name]:.6g} +- {self.errors[name]:.2g}")
         size = np.sqrt(np.mean(self.residuals**2))
-        runs, expected = _runs(self.residuals)
+        runs, expected = _sign_runs(self.residuals)
         lines.append(
             f"  residuals {size:.3g} N for a noise of {self.noise:.3g} N; {runs} runs of one sign, "
             f"{expected:.0f} expected; condition {self.condition:.3g}"
@@ -154,7 +156,7 @@ class Fit:
     __repr__ = __str__
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Points, fitted curve and its 95 % band; returns the Matplotlib axes."""
+        """Draw points, fitted curve and its 95 % band; returns the Matplotlib axes."""
         drawn: Axes = plotting.axes(ax)
         order = np.argsort(self.shortening)
         x, y = self.shortening[order], self.computed()[order]
@@ -175,22 +177,23 @@ def fit(
     offset: bool = True,
     noise: float | None = None,
 ) -> Fit:
-    """A prism fitted to a measured curve.
+    """Fit a prism to a measured curve of load against shortening by least squares.
 
     Parameters
     ----------
     shortening : array_like (points,) or path
-        [m], compression > 0; or a file of both in m and N: others are read by `read_curve`.
+        Measured shortening [m], compression > 0; or a file of shortening [m] and load [N], which
+        `read_curve` reads.
     load : array_like (points,), or None with a file
-        [N], compression > 0.
+        Measured axial load [N], compression > 0.
     prism : Prism
-        Where to start; what is not free stays as it is.  With elastic bases or bars.
+        Initial guess, with elastic bases or bars; parameters that are not free keep its values.
     free : sequence of str, optional
-        Of "prestrain", "k_cross", "k_base", "k_bar".
+        Parameters to estimate, out of "prestrain", "k_cross", "k_base", "k_bar".
     offset : bool, optional
-        Whether the zero of shortening is unknown too.
+        Whether the zero of the measured shortening is to be estimated too.
     noise : float, optional
-        Standard deviation of the loads [N]; by default that of the residuals.
+        Standard deviation of the loads [N]; by default it is estimated from the residuals.
 
     Returns
     -------
@@ -200,17 +203,32 @@ def fit(
     ------
     TensegrityError
         If there are fewer points than unknowns, or points beyond contact of this prism; if the
-        noise is below 1e-12 of the largest load, or the residuals are above 10,000 times it.
+        noise is below 1e-12 of the largest load, or the residuals exceed 10,000 times the noise.
     EquilibriumError
-        If no prism near the given one has equilibria at all points; or if loads oppose those of
-        the given prism, or are 10 times larger or smaller, and the best fit, too, leaves over half
-        of their squares and 3 times a given noise: in another sign or unit, most likely.
+        If no prism near the given one has equilibria at all points.  Also if the loads have the
+        opposite sign, or a tenth or ten times the size, of those of the given prism, and even the
+        best fit leaves more than half of their sum of squares and 3 times a given noise: they are
+        then most probably in another sign convention or unit.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensegrity import Prism, fit
+    >>> made = Prism(1.0, 0.7, 0.1, 1.0, k_base=20.0, k_bar=20.0)
+    >>> shortening = np.linspace(0.0, 0.3, 31)
+    >>> load = -made.potential().tension(-shortening)
+    >>> guess = Prism(1.0, 0.7, 0.05, 1.0, k_base=10.0, k_bar=20.0)
+    >>> found = fit(shortening, load, guess, noise=1e-3)
+    >>> {name: round(found.values[name], 4) for name in ("prestrain", "k_base")}
+    {'prestrain': 0.1, 'k_base': 20.0}
+    >>> [round(end, 4) for end in found.intervals()["prestrain"]]
+    [0.0972, 0.1029]
     """
-    x, y = _points(shortening, load)
+    x, y = _read_points(shortening, load)
     check.kind("prism", prism, Prism, ": where the fit starts")
     if prism.is_rigid:
         raise TensegrityError("k_base inf and k_bar inf: the prism must have elastic members")
-    free = _free(free, prism)
+    free = _checked_names(free, prism)
     names = (*free, "offset") if check.truth("offset", offset) else free
     if noise is not None:
         noise = check.number("noise", noise, above=0, unit="N")
@@ -227,7 +245,7 @@ def fit(
     if not y.any():
         raise TensegrityError("all loads are 0 N: no curve")
     at = Misfit(prism, x, y, names)
-    z = _least(at, noise)
+    z = _least_squares(at, noise)
     misfit, slopes = at(z)
     degrees = len(x) - count if noise is None else math.inf
     spread = noise or at.size * float(np.sqrt(misfit @ misfit / degrees))
@@ -235,7 +253,7 @@ def fit(
     large = np.maximum(sizes, 1e-14 * sizes[0])
     one = (right.T / large**2) @ right  # covariance for a noise of the largest load
     alone, part = np.sqrt(np.diag(one)), spread / at.size
-    best, shift = at.curve.made(at.theta(z)), float(at.theta(z)[-1])
+    best, shift = at.curve.prism_at(at.theta(z)), float(at.theta(z)[-1])
     values = {n: float(getattr(best, n)) for n in free}
     errors = {n: float(values[n] * part * d) for n, d in zip(free, alone, strict=False)}
     if offset:
@@ -248,20 +266,20 @@ def fit(
     )  # fmt: skip
 
 
-def _least(at: Misfit, noise: float | None) -> Array:
-    """The unknowns with the least misfit, where that is a fit."""
+def _least_squares(at: Misfit, noise: float | None) -> Array:
+    """The unknowns of least misfit; an error where that is no acceptable fit."""
     from scipy.optimize import least_squares
 
     z = np.zeros(len(at.places))
-    words = _unlike(at.curve(at.theta(z))[0], at.x, at.y)
-    if np.abs(at(z)[0]).max() >= OFF:
+    words = _sign_or_unit_hint(at.curve(at.theta(z))[0], at.x, at.y)
+    if np.abs(at(z)[0]).max() >= NO_CURVE:
         raise EquilibriumError(f"no prism near the given one has this curve{words}")
     z = least_squares(
         lambda z: at(z)[0], z, lambda z: at(z)[1], method="lm", xtol=1e-12, ftol=1e-12
     ).x
     misfit, theta = at(z)[0], at.theta(z)
     try:
-        traced = loads(at.curve.made(theta), at.x + theta[-1])
+        traced = traced_loads(at.curve.prism_at(theta), at.x + theta[-1])
         same = np.abs((traced - at.y) / at.size - misfit).max() <= SAME
     except TensegrityError:
         same = False
@@ -271,7 +289,7 @@ def _least(at: Misfit, noise: float | None) -> Array:
         )
     left = at.size * float(np.sqrt(np.mean(misfit**2)))
     poor = misfit @ misfit > POOR * np.sum((at.y / at.size) ** 2)
-    if words and poor and not (noise and left <= LIKELY * noise):
+    if words and poor and not (noise and left <= EXPLAINED * noise):
         raise EquilibriumError(f"no prism near the given one has this curve{words}")
     least = max(left / CONTRADICTED, RESOLVED * at.size)
     if noise and noise < least:
@@ -282,8 +300,8 @@ def _least(at: Misfit, noise: float | None) -> Array:
     return z
 
 
-def _unlike(start: Array, x: Array, y: Array) -> str:
-    """What is wrong with the signs or units of points, next to the loads of the given prism."""
+def _sign_or_unit_hint(start: Array, x: Array, y: Array) -> str:
+    """A hint that signs or units of the points disagree with the given prism; empty if none."""
     known = f"{start.min():.4g} to {start.max():.4g} N"
     if (start / np.abs(start).max()) @ (y / np.abs(y).max()) < 0:
         return (
@@ -303,27 +321,27 @@ def _unlike(start: Array, x: Array, y: Array) -> str:
 def _unidentified(
     prism: Prism, names: tuple[str, ...], deviation: Array, x: Array, noise: float
 ) -> tuple[str, ...]:
-    """Free parameters with large errors; and held ones of which the curve says nothing."""
+    """Free parameters with large errors, and fixed ones to which the curve is insensitive."""
     loose = {n: error for n, error in zip(names, deviation, strict=False) if error > LARGE}
     words = [f"{n}: its standard error is {100 * error:.3g} % of it" for n, error in loose.items()]
     if {"prestrain", "k_cross"} <= {*loose}:
         force = prism.k_cross * prism.prestrain / (1 + prism.prestrain)
-        words.append(f"only k_cross p0/(1 + p0) is known of both, {force:.4g} N/m")
+        words.append(f"only the combination k_cross p0/(1 + p0) is known, {force:.4g} N/m")
     for name in NAMES:
         value = getattr(prism, name)
         if name in names or math.isinf(value) or name == "k_cross":
             continue
         try:
-            doubled = loads(replace(prism, **{name: 2 * value}), x)
-            change = np.abs(doubled - loads(prism, x)).max()
+            doubled = traced_loads(replace(prism, **{name: 2 * value}), x)
+            change = np.abs(doubled - traced_loads(prism, x)).max()
         except TensegrityError:
             continue
         if change < 3 * noise / math.sqrt(len(x)):
-            words.append(f"{name}: doubled, it changes loads by {change:.2g} N only")
+            words.append(f"{name}: doubling it changes the loads by only {change:.2g} N")
     return tuple(words)
 
 
-def _free(free: Any, prism: Prism) -> tuple[str, ...]:
+def _checked_names(free: Any, prism: Prism) -> tuple[str, ...]:
     names = check.sequence("free", free, "names")
     for name in names:
         if not isinstance(name, str) or name not in NAMES or names.count(name) > 1:
@@ -338,7 +356,7 @@ def _free(free: Any, prism: Prism) -> tuple[str, ...]:
     return names
 
 
-def _points(shortening: Any, load: Any) -> tuple[Array, Array]:
+def _read_points(shortening: Any, load: Any) -> tuple[Array, Array]:
     if load is None:
         shortening, load = read_curve(shortening, "m", "N")
     x = check.floats("shortening", shortening)
@@ -348,8 +366,8 @@ def _points(shortening: Any, load: Any) -> tuple[Array, Array]:
     return check.vector("shortening", x, x.shape), check.vector("load", y, x.shape)
 
 
-def _runs(residuals: Array) -> tuple[int, float]:
-    """Runs of residuals of one sign, and how many independent ones would have on average."""
+def _sign_runs(residuals: Array) -> tuple[int, float]:
+    """Number of runs of residuals of one sign, and its mean for independent residuals."""
     up = residuals > 0
     above, below = int(up.sum()), int((~up).sum())
     return 1 + int(np.sum(up[1:] != up[:-1])), 1 + 2 * above * below / max(len(up), 1)

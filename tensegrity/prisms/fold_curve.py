@@ -1,4 +1,4 @@
-"""The limit load of a prism as its prestrain varies: the fold itself followed as a branch.
+"""The limit load of a prism as a function of its prestrain, by continuation of the limit point.
 
 Source: seeds/000, part III, "Effects of element rigidity and internal prestress".
 """
@@ -19,7 +19,7 @@ from tensegrity.once import once
 from tensegrity.prisms.equations import kind_of, numbers, problem
 from tensegrity.prisms.prism import Prism
 
-PRESTRAIN = 1  # its place in the parameters of `equations.problem`
+PRESTRAIN = 1  # index of the prestrain in the parameters of `equations.problem`
 SETTINGS = Settings(tolerance=1e-7, largest=0.05)
 
 
@@ -30,7 +30,7 @@ def _folds(rigid_base: bool, any_sides: bool) -> Problem:
 
 @once
 def _values(rigid_base: bool, any_sides: bool) -> Callable[..., Any]:
-    """Height, twist, base and load as a function of (unknowns, parameters)."""
+    """A function of unknowns and parameters that returns height, twist, base and load."""
     import casadi as ca
 
     of = problem(rigid_base, any_sides)
@@ -39,25 +39,26 @@ def _values(rigid_base: bool, any_sides: bool) -> Callable[..., Any]:
 
 
 def limit_load(prism: Prism, prestrain: float) -> Table:
-    """Limit load from the prism's own prestrain to another one, by continuation of the fold.
+    """Limit load of a prism over a range of prestrains, by continuation of the limit point.
 
     Parameters
     ----------
     prism : Prism
-        With elastic bases or bars, and a fold of its load.
+        With elastic bases or bars and a limit point in load.  The range starts at its prestrain.
     prestrain : float
-        Where to end, >= 0.
+        Prestrain at which the range ends, >= 0.
 
     Returns
     -------
     Table
         Columns prestrain, height [m], twist [rad], base [m] and load [N] (compression > 0) at
-        the first fold.  It follows the smooth energy: a fold may lie beyond contact (twist pi).
+        the first limit point.  The smooth energy is followed, so that a limit point may lie
+        beyond contact (twist pi).
 
     Raises
     ------
     TensegrityError
-        If the prism is rigid or has no fold.
+        If the prism is rigid or has no limit point, or the prestrain is that of the prism.
     """
     check.kind("prism", prism, Prism)
     prestrain = check.number("prestrain", prestrain, least=0)
@@ -87,4 +88,4 @@ def limit_load(prism: Prism, prestrain: float) -> Table:
         "base": base * prism.base,
         "load": load * prism.k_cross * prism.base,
     }
-    return Table(columns, (), "the prestrain asked for")
+    return Table(columns, (), "the requested prestrain is reached")

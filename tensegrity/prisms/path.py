@@ -1,10 +1,10 @@
-"""Equilibrium paths of a prism under axial load: fully elastic, rigid-elastic and between.
+"""Equilibrium paths of a prism under axial load, for rigid or elastic bases and bars.
 
-Members have no thickness.  With elastic bases or bars the path is a branch (`elastic_path`); with
-both rigid it is the closed form (`rigid_path`).  Strings are unilateral: cross strings go slack
-where the bars meet (twist pi), where the path ends, and base strings where they unload (twist
-2 pi/n), beyond which the cross strings hang upright and pull alone.  Source: seeds/000, part III,
-"Numerical approach".
+Members have no thickness.  With elastic bases or bars the path is followed by arc-length
+continuation (`elastic_path`); with both rigid it is a closed form (`rigid_path`).  Strings carry
+tension only: cross strings go slack where the bars meet (twist pi), where the path ends; base
+strings go slack where they unload (twist 2 pi/n), beyond which the cross strings stand upright
+and alone carry the load.  Source: seeds/000, part III, "Numerical approach".
 """
 
 from __future__ import annotations
@@ -31,32 +31,33 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from typing import Any
 
-    from tensegrity.prisms.closed import Columns, Found
+    from tensegrity.prisms.closed import Columns, LocatedEvent
     from tensegrity.structures.structure_path import StructurePath
     from tensegrity.structures.supports import Supports
     from tensegrity.typing import Array, Flags
 
-PART = 16  # paths in a task of a worker
+PART = 16  # paths per task of a worker
 COLUMNS = ("height", "twist", "base", "load", "shortening")
 UNITS = {"height": "m", "twist": "rad", "base": "m", "load": "N", "shortening": "m"}
 ENDS = {
     "contact": "the bars meet on the axis (twist pi)",
     "flat": "the prism is flat (height 0)",
-    "height": "the height asked for",
-    "load": "the load asked for",
+    "height": "the requested height is reached",
+    "load": "the requested load is reached",
 }
-UPRIGHT = "the bars stand upright: no equilibrium is higher"
+UPRIGHT = "the bars stand upright: no equilibrium has a larger height"
 CONTACT = "the bars meet; cross strings go slack"
 PASSED = "the bars pass through each other; beyond, cross strings carry compression"
-SLACK = "base strings and bars unload; beyond, upright cross strings pull alone"
+SLACK = "base strings and bars unload; beyond, upright cross strings alone carry the load"
 UNLOADED = "base strings and bars unload; beyond, base strings carry compression"
-UNSTRESSED = "without prestrain all members are unloaded here"
+UNSTRESSED = "without prestrain no member is stressed here"
 
 
 class EquilibriumPath(Table):
     """Equilibria of a prism as a table, from the reference state into compression.
 
-    Tension states, where asked for, come before the reference, the highest first.
+    If the tension side was requested, its states precede the reference, the largest height first.
+    Columns are attributes; `path[3]` is a row as a dict, `path[:10]` a path of the first ten rows.
 
     Attributes
     ----------
@@ -67,14 +68,27 @@ class EquilibriumPath(Table):
     shortening : ndarray, (rows,)
         Reference height less height [m].
     stable_load, stable_height : ndarray of bool, (rows,)
-        Stability under given (dead) load and under given height, between flat plates and in the
-        threefold symmetric motions only.
+        Whether the equilibrium is stable under given (dead) load, and under given height, between
+        flat plates, against motions with the symmetry of the polygons only.
     events : tuple of Event
-        Each with `kind` ("fold": dF = 0, "turn": dh = 0, "slack", "contact", "flat",
-        "bifurcation"), `height`, `twist`, `base`, `load`, `shortening`, `row`.
+        Located points, each with `kind`, `row` and the columns as attributes.  The kinds are
+        "fold" (limit point in load, dF = 0), "turn" (limit point in displacement, dh = 0),
+        "slack", "contact", "flat" and "bifurcation".
     prism : Prism
     end, begin : str
-        Why the path ends there; why its tension side is shorter than asked for, if it is.
+        Why the path ends; why the tension side is shorter than requested, empty if it is not.
+
+    Examples
+    --------
+    >>> from tensegrity import Prism, equilibrium_path
+    >>> path = equilibrium_path(Prism(1.0, 0.7, 0.1, 1.0, k_base=20.0, k_bar=20.0))
+    >>> fold, contact = path.events
+    >>> fold.kind, round(fold.load, 5), round(fold.height, 5)
+    ('fold', 1.23989, 0.35545)
+    >>> bool(path[0]["stable_load"]), bool(path[-1]["stable_load"])
+    (True, False)
+    >>> len(path[: fold.row + 1].events)
+    1
     """
 
     height: Array
@@ -145,56 +159,83 @@ def equilibrium_path(
     loads: Mapping[int, Sequence[float]] | None = None,
     max_shortening: float = math.inf,
 ) -> EquilibriumPath | StructurePath:
-    """Equilibria of a prism from its self-stressed state into compression, and into tension; or
-    of a structure between plates, or under loads that grow.
+    """Equilibrium path of a prism under axial load, or of a structure under growing loads.
+
+    The path of a prism leads from the self-stressed state into compression and, on request, into
+    tension.  A structure is compressed between plates or loaded at its nodes.
 
     Parameters
     ----------
     prism : Prism or Structure
     min_height : float, optional
-        Of a prism: height at which to end [m], >= 0.
+        For a prism: height at which the path ends [m], >= 0.
     max_load : float, optional
-        Load at which to end [N], compression > 0.
+        Load at which the path ends [N], compression > 0.
     max_height : float, optional
-        Of a prism: with it the tension side up to this height [m] comes first.
+        For a prism: height up to which the tension side is included [m]; by default it is not.
     past_contact : bool, optional
-        Of a prism: continue the smooth energy where the bars meet, so that bars pass through each
-        other and strings carry compression (also where base strings unload).  For comparison with
-        other codes.
+        For a prism: whether to continue on the smooth energy where the bars meet and where base
+        strings unload, so that bars pass through each other and strings carry compression.  It
+        serves comparisons with other codes.
     supports : Supports
-        Of a structure, for which it is required: `plates(lower, upper)`, of which the upper one
-        comes down, or any with `loads`.
+        For a structure, where it is required: `plates(lower, upper)`, the upper of which is pressed
+        down, or any supports together with `loads`.
     branch : {"stable", "symmetric"}, optional
-        Of a structure: the branch that is followed where strings go slack together, and where the
-        path loses stability at given shortening: that of least energy, or that on which all of
-        them do the same.
-        "stable" ends with "the structure snaps" where a search finds no stable branch: not along
-        any lost mode, nor among minima of the energy within 0.1 of the size of the structure at
-        shortenings 1e-7, 1e-5 and 1e-3 of it beyond, from starts along all directions without
-        stiffness, whichever strings at natural length are slack.  Jumps below 1e-4 are followed.
+        For a structure: the branch to follow where several strings go slack at once, or where the
+        path loses stability at given shortening.  "stable" is the branch of least energy,
+        "symmetric" the one on which all of these strings are in the same state.
+        "stable" ends with "the structure snaps" if a search finds no stable branch.  It searches
+        along each mode whose stiffness vanishes, then for minima of the energy within 0.1 of the
+        size of the structure, at shortenings larger by 1e-7, 1e-5 and 1e-3 of that size, starting
+        along all directions without stiffness for every choice of slack strings among those at
+        their natural length.  Jumps smaller than 1e-4 of the size are followed.
     loads : dict, optional
-        Of a structure: {node: force (dim,)}, the directions and ratios of the forces; load and
-        shortening belong to the sum of their sizes.
+        For a structure: {node: force (dim,)}, directions and ratios of the forces.  Load and
+        shortening of the path are conjugate: the load is the sum of the magnitudes.
     max_shortening : float, optional
-        Of a structure: shortening at which to end [m]; in the other sense too, where a path turns
-        back.
+        For a structure: shortening at which the path ends [m], in either sense.
 
     Returns
     -------
     EquilibriumPath or StructurePath
-        That of a prism ends at contact, flat, or at the bounds given.  The rows of a prism with
-        rigid bases and bars stay finite; its contact event carries load = inf.  Threads may trace
-        paths at once, and processes send them.
+        The path of a prism ends where the bars meet, where it is flat, or at a given bound.  Rows
+        of a prism with rigid bases and bars are finite; its contact event has load = inf.
+        Several threads may trace paths at once, and paths can be pickled.
 
     Raises
     ------
     TensegrityError
-        If an argument does not belong to what is given, or is outside its bounds:
+        If an argument does not belong to a prism, or to a structure, or is outside its bounds:
         0 <= min_height < height < max_height, max_load > 0.
+
+    Examples
+    --------
+    >>> from tensegrity import Prism, equilibrium_path
+    >>> path = equilibrium_path(Prism(1.0, 0.7, 0.1, 1.0, k_base=20.0, k_bar=20.0))
+    >>> [(event.kind, round(event.load, 4)) for event in path.events]
+    [('fold', 1.2399), ('contact', 1.2384)]
+    >>> print(path.end)
+    the bars meet on the axis (twist pi)
+
+    A cross of two bars in a frame of four strings, pressed between plates:
+
+    >>> from tensegrity import Structure, plates
+    >>> corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
+    >>> sides = [(0, 1), (1, 2), (2, 3), (3, 0)]
+    >>> cross = Structure(corners, bars=[(0, 2), (1, 3)], strings=sides)
+    >>> stressed = cross.prestressed(prestrain={2: 0.05})
+    >>> press = plates([0, 1], [2, 3])
+    >>> path = equilibrium_path(stressed, supports=press, max_shortening=0.1)
+    >>> [(event.kind, round(event.shortening, 4)) for event in path.events]
+    [('slack', 0.0476)]
     """
     if isinstance(prism, Structure):
-        bounds = {"min_height": (min_height, 0.0), "max_height": (max_height, None)}
-        _refuse(prism, **bounds, past_contact=(past_contact, False))
+        _refuse(
+            prism,
+            min_height=(min_height, 0.0),
+            max_height=(max_height, None),
+            past_contact=(past_contact, False),
+        )
         if supports is None:
             raise TensegrityError("a path of a structure needs supports: held(...) or plates(...)")
         return structure_path(
@@ -206,20 +247,21 @@ def equilibrium_path(
             max_shortening=max_shortening,
         )
     check.kind("prism", prism, Prism)
-    of_structures = {
-        "supports": (supports, None),
-        "branch": (branch, "stable"),
-        "loads": (loads, None),
-        "max_shortening": (max_shortening, math.inf),
-    }
-    _refuse(prism, **of_structures)
+    _refuse(
+        prism,
+        supports=(supports, None),
+        branch=(branch, "stable"),
+        loads=(loads, None),
+        max_shortening=(max_shortening, math.inf),
+    )
     return _followed(*_bounds(prism, min_height, max_load, max_height, past_contact))
 
 
-def _refuse(of: object, **given: tuple[object, object]) -> None:
-    """Refuse values, each beside its default, that do not belong to a path of this kind."""
+def _refuse(of: object, **given: tuple[Any, Any]) -> None:
+    """Refuse arguments (value, default) that do not belong to a path of this kind."""
     for name, (value, default) in given.items():
-        if value is not default and not (type(value) is type(default) and value == default):
+        plain = isinstance(value, (int, float, str)) and not isinstance(default, bool)
+        if not (value is default or (plain and value == default)):
             raise TensegrityError(f"{name} does not belong to a path of a {type(of).__name__}")
 
 
@@ -238,22 +280,22 @@ def equilibrium_paths(
     ----------
     prisms : iterable of Prism
     min_height, max_load, max_height, past_contact : optional
-        As in `equilibrium_path`, the same for all prisms.
+        Bounds of the paths, as for `equilibrium_path`, the same for all prisms.
     executor : concurrent.futures.Executor, optional
-        Whose workers follow the paths, some at a time: a pool of processes, or others as of
-        `sweep`.  By default they are followed here: a path takes a quarter of a millisecond, most
-        of it where Python lets one thread work alone.
+        Pool of workers that follow the paths in groups: a process pool, or any executor that
+        `sweep` takes.  By default the paths are followed in the calling thread; a path takes a
+        quarter of a millisecond, most of it under Python's global interpreter lock.
 
     Returns
     -------
     list of EquilibriumPath
-        In the order of the prisms, each as `equilibrium_path` gives it.
+        One path per prism, in their order, each equal to that of `equilibrium_path`.
 
     Raises
     ------
     TensegrityError
-        As `equilibrium_path`, before any path is followed: if one of `prisms` is no Prism, or a
-        bound is outside its range for one of them; or if `executor` is none.
+        If one of `prisms` is no Prism, a bound is outside its range for one of them, or
+        `executor` is no executor; in each case before any path is followed.
 
     Examples
     --------
@@ -269,7 +311,7 @@ def equilibrium_paths(
     bounds = [_bounds(x, min_height, max_load, max_height, past_contact) for x in given]
     if executor is not None:
         check.kind("executor", executor, Executor)
-    found = [_followed(*one) for one in bounds[:1]]  # what all of them need is made here
+    found = [_followed(*one) for one in bounds[:1]]  # compiles what all of them need
     parts = [bounds[k : k + PART] for k in range(1, len(bounds), PART)]
     with progress(len(given), "path") as bar:
         for part in (map if executor is None else executor.map)(_all_followed, parts):
@@ -289,7 +331,7 @@ def _bounds(
     max_height: float | None,
     past_contact: bool,
 ) -> tuple[Prism, float, float, float | None, bool]:
-    """What `equilibrium_path` was given, checked."""
+    """The checked arguments of `equilibrium_path`."""
     check.kind("prism", prism, Prism)
     past_contact = check.truth("past_contact", past_contact)
     min_height = check.number("min_height", min_height, least=0, unit="m")
@@ -320,12 +362,12 @@ def _followed(
 def _path(
     prism: Prism,
     parts: Sequence[Columns],
-    events: Iterable[Found],
+    events: Iterable[LocatedEvent],
     end: str,
     upright: bool,
     past_contact: bool,
 ) -> EquilibriumPath:
-    """Parts (columns without shortening) one after another; events are (kind, row, numbers)."""
+    """Join parts, columns without shortening, into a path; events are (kind, row, numbers)."""
 
     def note(kind: str, at: dict[str, float]) -> str:
         if kind == "contact":

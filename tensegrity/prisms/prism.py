@@ -1,8 +1,9 @@
-"""The regular tensegrity prism a user describes, and what follows from it in closed form.
+"""The regular tensegrity prism: its description, and the quantities known in closed form.
 
-Two regular polygons of strings, as many bars and cross strings, three by default; members without
-thickness.  The reference is the self-stressed state at twist pi/2 + pi/n, 5 pi/6 for triangles.
-Source: seeds/000, part III; the forms for any n are those of `derivations.polygon`.
+A prism consists of two regular polygons of strings with n sides, joined by n bars and n cross
+strings; n is 3 by default, and members have no thickness.  The reference is the self-stressed
+state at twist pi/2 + pi/n, which is 5 pi/6 for triangles.  Source: seeds/000, part III; the forms
+for any n are those of `derivations.polygon`.
 """
 
 from __future__ import annotations
@@ -23,8 +24,8 @@ from tensegrity.prisms.closed import assembled, exact, rigid_potential
 from tensegrity.springs.potential import Potential, call
 from tensegrity.structures.structure import Structure
 
-SHOWN = 0.95  # of the way to the end of the domain in a notebook's picture
-STIFF = 100.0  # constants over k_cross for the drawing of rigid members
+DRAWN = 0.95  # fraction of the compressive domain that a notebook's picture shows
+STIFF = 100.0  # spring constant over k_cross by which rigid members are drawn
 
 
 class NaturalLengths(NamedTuple):
@@ -37,7 +38,7 @@ class NaturalLengths(NamedTuple):
 
 @dataclass(frozen=True)
 class Prism:
-    """A regular tensegrity prism, triangular unless told otherwise.
+    """A regular tensegrity prism, triangular by default.
 
     Parameters
     ----------
@@ -46,7 +47,8 @@ class Prism:
     height : float
         Height of the self-stressed state [m].
     prestrain : float
-        (s0 - sN)/sN of the cross strings, >= 0.
+        Strain (s0 - sN)/sN of the cross strings in the self-stressed state, >= 0; s0 is their
+        length there and sN their natural length.
     k_cross : float
         Spring constant of a cross string [N/m].
     k_base, k_bar : float, optional
@@ -58,7 +60,18 @@ class Prism:
     ------
     TensegrityError
         If a value is outside its bounds, or the bases are so soft that their natural length
-        would not be positive (k_base <= k_cross p0/((1 + p0) 2 sin(pi/n))).
+        would not be positive (k_base <= k_cross p0/((1 + p0) 2 sin(pi/n)), p0 the prestrain).
+
+    Examples
+    --------
+    >>> from tensegrity import Prism
+    >>> prism = Prism(base=1.0, height=0.7, prestrain=0.1, k_cross=1.0)
+    >>> prism
+    Prism(base=1, height=0.7, prestrain=0.1, k_cross=1)
+    >>> round(prism.natural_lengths().cross, 6), round(prism.locking_height(), 6)
+    (0.691935, 0.632996)
+    >>> round(prism.axial_stiffness(), 6)
+    2.77758
     """
 
     base: float
@@ -94,15 +107,17 @@ class Prism:
         k_bar: float = math.inf,
         sides: int = 3,
     ) -> Prism:
-        """The prism that members of given natural lengths make.
+        """The self-stressed prism assembled from members of given natural lengths.
 
         Parameters
         ----------
         cross, base, bar : float
             Natural lengths of cross strings, base strings and bars [m].
         k_cross, k_base, k_bar : float
-            EA over natural length [N/m], see `member_stiffness`; inf is rigid.
+            Spring constants, EA over natural length [N/m]; see `member_stiffness`.  Infinite
+            `k_base` or `k_bar` (the default) is rigid.
         sides : int, optional
+            Sides of the polygons, at least 3.
 
         Returns
         -------
@@ -110,9 +125,11 @@ class Prism:
 
         Raises
         ------
+        TensegrityError
+            If a value is outside its bounds.
         EquilibriumError
-            If the bars are too short to stress the strings, or so short in comparison with the
-            base that there is no height.
+            If the bars are too short to stress the strings, or the cross strings too short for
+            the base, so that the self-stressed height would not be positive.
         """
         given = {"cross": cross, "base": base, "bar": bar}
         lengths = [check.number(name, x, above=0, unit="m") for name, x in given.items()]
@@ -126,19 +143,19 @@ class Prism:
         return cls(found[0], found[1], found[2], k_cross, stiff[0], stiff[1], sides)
 
     def structure(self, mass: ArrayLike = 1.0) -> Structure:
-        """The prism in all coordinates of its nodes.
+        """The prism as a structure, with all coordinates of its nodes free.
 
         Parameters
         ----------
         mass : float or array_like, (2 sides,), optional
-            Of each node [kg].
+            Mass of each node [kg].
 
         Returns
         -------
         Structure
-            Lower nodes 0 to n - 1 on the plane z = 0, node 0 on the x axis; upper node n + j is
-            joined to lower node j by bar j.  Strings: n cross ones, n of the lower base, n of the
-            upper.
+            In the self-stressed state.  The lower nodes 0 to n - 1 lie in the plane z = 0, node 0
+            on the x axis; bar j joins lower node j to upper node n + j.  The strings are the n
+            cross strings, then the n of the lower base, then the n of the upper one.
 
         Raises
         ------
@@ -152,23 +169,36 @@ class Prism:
     def column(
         self, count: int = 5, chirality: str = "alternate", plates: bool = False
     ) -> Structure:
-        """Copies of this prism on one another, along the last axis; `k_base` and `k_bar` finite.
+        """A column of prisms equal to this one, one above the other along the z axis.
 
         Parameters
         ----------
         count : int, optional
             Number of units.
         chirality : {"alternate", "same"}, optional
-            Whether neighbours turn against one another or alike.
+            Whether neighbouring units twist in opposite senses or in the same one.
         plates : bool, optional
-            Between units a rigid plate, smooth and guided along the column, on which both have
-            polygons of their own; else they share the polygon, its strings twice as stiff.
+            If true, a rigid smooth plate, guided along the column, lies between neighbouring units,
+            each of which has its own polygon on it.  If false (the default), neighbours have one
+            polygon in common, whose strings are twice as stiff.
 
         Returns
         -------
         Structure
-            Polygon after polygon from below; bars unit by unit, then cross strings unit by unit,
-            then base strings polygon by polygon.  Without load it is in equilibrium.
+            In equilibrium without load.  Nodes are numbered polygon by polygon from below; members
+            are the bars unit by unit, then the cross strings unit by unit, then the base strings
+            polygon by polygon.
+
+        Raises
+        ------
+        TensegrityError
+            If bases or bars are rigid, or another argument is outside its bounds.
+
+        Examples
+        --------
+        >>> from tensegrity import Prism
+        >>> Prism(1.0, 0.7, 0.1, 1.0, k_base=20.0, k_bar=20.0).column(count=2)
+        Structure(9 nodes in 3 dimensions, 6 bars, 15 strings, 0 of them slack)
         """
         from tensegrity.prisms.stack import stacked
 
@@ -205,22 +235,22 @@ class Prism:
         return page(title, rows, self._draw, size=(6.4, 2.8))
 
     def _draw(self, figure: Any) -> None:
-        """The prism at rest, and its load against shortening."""
+        """Draw the prism at rest, and its load against shortening."""
         shape = figure.add_subplot(1, 2, 1, projection="3d")
         curve = figure.add_subplot(1, 2, 2)
         rigid = [name for name in ("k_base", "k_bar") if math.isinf(getattr(self, name))]
         finite: dict[str, Any] = dict.fromkeys(rigid, STIFF * self.k_cross)
-        # the shape at rest is that of any constants
+        # the shape at rest does not depend on the spring constants
         replace(self, **finite).structure().plot(shape)
         potential = self.potential()
         low, high = potential.reach
-        r = np.linspace(SHOWN * low, min(high, -low) / 2, 200)
+        r = np.linspace(DRAWN * low, min(high, -low) / 2, 200)
         curve.plot(-r, -potential.tension(r))
         curve.set(xlabel="shortening [m]", ylabel="axial load [N]")
 
     @property
     def is_rigid(self) -> bool:
-        """Whether bases and bars are rigid, so that the height alone describes the prism."""
+        """Whether bases and bars are rigid, so that the prism has one degree of freedom."""
         return math.isinf(self.k_base) and math.isinf(self.k_bar)
 
     @property
@@ -230,7 +260,7 @@ class Prism:
 
     @property
     def circumradius(self) -> float:
-        """Of the polygons in the self-stressed state [m]."""
+        """Circumradius of the polygons in the self-stressed state [m]."""
         return self.base / (2 * math.sin(math.pi / self.sides))
 
     def natural_lengths(self) -> NaturalLengths:
@@ -243,7 +273,7 @@ class Prism:
         Raises
         ------
         NoLocking
-            If the prism is so thick that it collapses flat (height 0) before that.
+            If the prism is so thick that it is flat (height 0) before the bars meet.
         """
         (squared,) = exact("locking height squared", self)
         if squared <= 0:
@@ -255,16 +285,17 @@ class Prism:
         return float(squared**0.5)
 
     def axial_stiffness(self) -> float:
-        """Stiffness K_h0 of the total axial force at the reference state [N/m], > 0.
+        """Axial stiffness K_h0 of the whole prism at the reference state [N/m], >= 0.
 
-        Zero where the prestrain is zero: the reference is then a sonic vacuum.  Closed form,
-        with rigid members as those of no compliance (seeds/000, part III, "Axial stiffness").
+        It vanishes with the prestrain, where the reference becomes a sonic vacuum.  The closed
+        form contains the compliances of the members, which are zero for rigid ones (seeds/000,
+        part III, "Axial stiffness").
         """
         (stiffness,) = exact("axial stiffness", self)
         return float(stiffness)
 
     def potential(self, preload: float = 0.0) -> Potential:
-        """Potential of the prism as a spring of a chain.
+        """Axial potential of the prism, for use as a spring of a chain.
 
         Parameters
         ----------
@@ -275,14 +306,23 @@ class Prism:
         -------
         Potential
             V(r) = U(h1 + r) - U(h1) + F0 r about the loaded height h1, which is its `length`.
-            Its domain ends where the bars meet (twist pi) or the prism is flat (height 0), and
-            where it is stretched to twist 0; with elastic members see `ElasticPotential`.
-            Threads may ask for potentials, and of them, at once.
+            The domain ends in compression where the bars meet (twist pi) or the prism is flat
+            (height 0), and in extension at twist 0; for elastic members see `ElasticPotential`.
+            The method and its results may be used from several threads at once.
 
         Raises
         ------
         EquilibriumError
             If no equilibrium on the branch of the reference state carries the preload.
+
+        Examples
+        --------
+        >>> from tensegrity import Prism
+        >>> spring = Prism(1.0, 0.7, 0.1, 1.0).potential()
+        >>> [round(end, 6) for end in spring.domain]
+        [-0.067004, 0.616821]
+        >>> round(float(spring.tension(-0.01)), 6)
+        -0.030852
         """
         preload = check.number("preload", preload, least=0, unit="N")
         if not self.is_rigid:

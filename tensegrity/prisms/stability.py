@@ -1,9 +1,10 @@
-"""Where a prism loses the symmetric path: the prism in all coordinates of its nodes.
+"""Stability of the symmetric path of a prism against all motions of its nodes.
 
-The symmetric equilibria of `tensegrity.prisms.path` are equilibria of `Prism.structure` too; there
-its tangent decides whether they are stable against motions that base, twist and height cannot
-describe.  The load is dead (axial, shared by the upper nodes).  The lower nodes lie on a smooth
-plate; how the upper ones are held is a matter of `SUPPORTS`.  Source: seeds/000, part III.
+The symmetric equilibria of `tensegrity.prisms.path` are equilibria of `Prism.structure` as well.
+The tangent stiffness of that structure decides on their stability against motions that base, twist
+and height do not describe.  The axial load is dead and equal on the upper nodes.  The lower nodes
+lie on a smooth plate; `SUPPORTS` lists the supports of the upper ones.  Source: seeds/000, part
+III.
 """
 
 from __future__ import annotations
@@ -23,19 +24,19 @@ from tensegrity.structures.supports import Supports, plates
 from tensegrity.typing import Array, Flags
 
 SUPPORTS = ("plates", "tilting")
-"""Upper nodes at one height (a guided plate), or each at its own (free to tilt)."""
+"""Upper nodes on a guided plate, at a common height; or free to tilt, each at its own height."""
 
 
 @dataclass(frozen=True)
-class Loss:
-    """Where the symmetric path first loses stability under dead load, for a support.
+class StabilityLoss:
+    """The point where the symmetric path first loses stability under dead load.
 
     Attributes
     ----------
     height, load : float
-        [m], [N]; nan where it keeps stability up to the end of the path.
+        Height [m] and axial load [N], compression > 0; nan if the whole path is stable.
     symmetric : bool
-        Whether it is lost at a fold: the mode keeps the symmetry of the polygons.
+        Whether the point is a limit point, whose mode has the symmetry of the polygons.
     """
 
     height: float
@@ -46,23 +47,29 @@ class Loss:
 def lowest(
     prism: Prism, path: Table, support: str = "plates", count: int = 4
 ) -> tuple[Array, Flags]:
-    """Lowest eigenvalues of the tangent over the motions that a support leaves free.
+    """Lowest eigenvalues of the tangent stiffness along a symmetric path.
 
     Parameters
     ----------
     prism : Prism
-        With finite `k_base` and `k_bar`.
-    path : table with base, twist and height, (rows,)
-        For instance an `EquilibriumPath`.
-    support : str
+        `k_base` and `k_bar` must be finite.
+    path : Table
+        With columns base, twist and height, (rows,); for instance an `EquilibriumPath`.
+    support : str, optional
         One of `SUPPORTS`.
-    count : int
+    count : int, optional
+        Number of eigenvalues.
 
     Returns
     -------
     tuple of two ndarrays, (rows, count)
-        Eigenvalues in ascending order [N/m], and whether each mode keeps the symmetry of the
-        polygons.  Slack strings are absent; where bars meet, those at their natural length count.
+        Eigenvalues in ascending order [N/m], and whether each mode has the symmetry of the
+        polygons.  Slack strings contribute nothing, strings at their natural length do.
+
+    Raises
+    ------
+    TensegrityError
+        If an argument is outside its bounds, or the prism has rigid members.
     """
     check.kind("prism", prism, Prism)
     supports = _held(support, prism.sides)
@@ -79,7 +86,7 @@ def lowest(
     )
 
 
-def first_loss(prism: Prism, support: str = "plates") -> Loss:
+def first_loss(prism: Prism, support: str = "plates") -> StabilityLoss:
     """First loss of stability under dead load along the compressive path.
 
     Parameters
@@ -96,7 +103,7 @@ def first_loss(prism: Prism, support: str = "plates") -> Loss:
     Raises
     ------
     EquilibriumError
-        If the prism has no prestrain: at rest some motion is without stiffness then.
+        If the prism has no prestrain, so that a motion has no stiffness at rest.
     """
     check.kind("prism", prism, Prism)
     n, supports = prism.sides, _held(support, prism.sides)
@@ -104,8 +111,8 @@ def first_loss(prism: Prism, support: str = "plates") -> Loss:
     path = structure_path(prism.structure(), supports=supports, loads=loads, branch="symmetric")
     for event in path.events:
         if event.kind in ("fold", "bifurcation"):
-            return Loss(prism.height - event.shortening, event.load, event.kind == "fold")
-    return Loss(math.nan, math.nan, False)
+            return StabilityLoss(prism.height - event.shortening, event.load, event.kind == "fold")
+    return StabilityLoss(math.nan, math.nan, False)
 
 
 def _held(support: str, sides: int) -> Supports:
@@ -117,11 +124,11 @@ def _held(support: str, sides: int) -> Supports:
 
 
 def _keeps_symmetry(shape: Array) -> bool:
-    """Whether a motion is its own image when all turns by one corner."""
+    """Whether a motion is invariant under the rotation by one side of the polygons."""
     sides = len(shape) // 2
-    turn = 2 * math.pi / sides
+    angle = 2 * math.pi / sides
     rotation = np.array(
-        [[math.cos(turn), -math.sin(turn), 0], [math.sin(turn), math.cos(turn), 0], [0, 0, 1]]
+        [[math.cos(angle), -math.sin(angle), 0], [math.sin(angle), math.cos(angle), 0], [0, 0, 1]]
     )
     turned = np.roll(shape.reshape(2, sides, 3), 1, axis=1).reshape(-1, 3) @ rotation.T
     return bool(np.sum(turned * shape) > 0.9 * np.sum(shape * shape))

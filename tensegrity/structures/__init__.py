@@ -1,5 +1,5 @@
-"""Structures of any bars and strings: self-stress, stiffness, equilibria with slack strings, paths.
+"""Structures of bars and strings: self-stress, stiffness, equilibria with slack strings, paths.
 
-Members are straight and elastic, joined at nodes without friction; strings pull only, bars pull
-and push and do not bend; no member has thickness.
+Members are straight and elastic and joined by frictionless hinges; strings carry tension only,
+bars tension and compression without bending; no member has thickness.
 """

@@ -1,16 +1,17 @@
-"""Which branch of a structure's path goes on where strings go slack or taut, or a mode is lost.
+"""Branches of an equilibrium path beyond a change of active set, and beyond a bifurcation.
 
-At a corner some strings are at their natural length.  For small steps the energy is piecewise
-quadratic, so each branch is a ray, along which each of these strings either lengthens (and is
-taut) or shortens (and is slack): a linear solve for each choice, and a check of its signs.
+Where strings are at their natural length (the critical strings) the set of taut strings may
+change.  The energy is piecewise quadratic for small steps, so that each branch leaves the point
+along a ray, on which each critical string either lengthens and is taut, or shortens and is slack.
+Each choice takes one linear solve and a check of these signs.
 
-Beyond a bifurcation, or a corner that no stable ray leaves, the branch of the one mode that is lost
-is looked for at a given amplitude (Keller 1977): so is found what lasts for less than any step.
-Else, a little beyond the point, the energy is minimised at a given value of the last unknown, from
-starts along every direction without stiffness, of every set of the strings at natural length there
-that may be taut.  A minimum belongs to a branch that leaves the point only if it comes nearer as
-the step beyond it shrinks; where there is none, the structure snaps.  Minima that are not isolated
-to round-off (as on a ring of eight equal bars) are not found.
+Beyond a bifurcation, or where no stable ray leaves a change of active set, the branch along a
+single critical mode is computed at a given amplitude (Keller 1977), which also finds branches
+shorter than any step.  Otherwise the energy is minimised at a last unknown slightly beyond the
+point, starting along every direction without stiffness, for every admissible set of taut strings.
+A minimum belongs to a branch from the point only if it approaches the point as that step shrinks;
+if there is none, the structure snaps.  Minima that are not isolated to round-off, as on a ring of
+eight equal bars, are not found.
 """
 
 from __future__ import annotations
@@ -25,42 +26,42 @@ import numpy as np
 from tensegrity.branches.continuation import Settings
 from tensegrity.branches.many import ManyProblem
 from tensegrity.minimum import least_part
-from tensegrity.structures.equations import Loading, Piece
+from tensegrity.structures.equations import Loading, SmoothPiece
 from tensegrity.structures.members import Members
-from tensegrity.structures.supports import NOTHING
+from tensegrity.structures.supports import NEGLIGIBLE
 from tensegrity.typing import Array, Flags, Indices
 
-ALL = 10  # strings at a corner up to which all choices are tried
-TRIES = 200  # choices to start from where there are more
-SAME = 1e-9  # rates and energies that differ by less, relative to their size, are equal
-NEAR = 1e-4  # of the size of the structure: a branch is looked for here, a jump is none below
+ALL = 10  # number of critical strings up to which all choices are tried
+TRIES = 200  # random initial choices for larger numbers
+SAME = 1e-9  # relative difference below which rates and energies are equal
+NEAR = 1e-4  # amplitude of the search for a branch, over the size; smaller jumps are followed
 BEYOND = (1e-7, 1e-5, 1e-3)  # steps beyond the point, over the size of the structure
-SOFT = 1e-6  # stiffness of a direction that counts as lost, over the largest
-DIRECTIONS = 6  # of starts for each direction without stiffness, where there are several
-AMPLITUDES = (0.1, 1.0)  # of starts, over the root of the step: a pitchfork opens as that does
-ALIKE = 1e-3  # directions whose cosine is nearer to 1 are one
-OTHER = 4.0  # times as far as the nearest: minima of branches that leave with it
-SHRUNK = 0.8  # of the distance after a step of a quarter: 1/2 at a pitchfork, 1/4 elsewhere
+SOFT = 1e-6  # stiffness, over the largest, below which a direction counts as critical
+DIRECTIONS = 6  # starts per critical direction, if there are several
+AMPLITUDES = (0.1, 1.0)  # of starts, over the square root of the step as at a pitchfork
+ALIKE = 1e-3  # distance of a cosine from 1 below which two directions are one
+OTHER = 4.0  # distance over that of the nearest minimum, up to which minima are compared
+SHRUNK = 0.8  # largest ratio of distances when the step is quartered: 1/2 at a pitchfork
 ITERATIONS = 200
-SETTLED, CALM = (0.1, 1e-2, 1e-3), 3  # last moves there over the distance, and how many
+SETTLED, CALM = (0.1, 1e-2, 1e-3), 3  # final moves over the distance, and their number
 ROUND_OFF = 1e-14  # of the largest eigenvalue
-FAR = 0.1  # of the size of the structure: a minimum farther away is no branch from here
+FAR = 0.1  # of the size of the structure: largest distance of a minimum from the point
 NONE = np.zeros(0, dtype=np.int64)
 
 
 @dataclass(frozen=True)
-class Ray:
-    """A branch that leaves a corner.
+class OutgoingBranch:
+    """A branch that leaves a change of active set.
 
     Attributes
     ----------
     taut : ndarray of bool, (members,)
     sense : int
-        1 where the last unknown grows along it, else -1.
+        1 if the last unknown grows along it, else -1.
     slope : float
-        Second derivative of the energy in the last unknown: smaller is lower.
+        Second derivative of the energy in the last unknown; the smallest gives the least energy.
     stable : bool
-        Whether it is a minimum of the energy where the last unknown is given.
+        Whether the energy has a minimum there for a given last unknown.
     """
 
     taut: Flags
@@ -69,74 +70,109 @@ class Ray:
     stable: bool
 
 
-def rays(loading: Loading, u: Array, taut: Flags, corner: Indices, arrived: int = 0) -> list[Ray]:
-    """Branches that leave a point at which the strings of `corner` are at natural length.
+def outgoing(
+    loading: Loading, u: Array, taut: Flags, critical: Indices, incoming: int = 0
+) -> list[OutgoingBranch]:
+    """Branches that leave a point where the strings of `critical` are at their natural length.
 
     Parameters
     ----------
     loading : Loading
     u : ndarray
-        Unknowns there.
+        Unknowns at the point.
     taut : ndarray of bool, (members,)
-        Before it.
-    corner : ndarray of int
-    arrived : int, optional
+        Which members are taut before it.
+    critical : ndarray of int
+    incoming : int, optional
         Sense in which the last unknown changed before it; 0 at the start of a path.
 
     Returns
     -------
-    list of Ray
-        Those on which it goes on in that sense; if there are none, those on which it turns back,
-        other than the one that led here.
+    list of OutgoingBranch
+        The branches on which the last unknown continues in that sense; if there are none, those
+        on which it reverses, except the incoming one.
     """
-    found: list[Ray] = []
-    for sense in (-1, 1) if arrived < 0 else (1, -1):
-        for choice in choices(loading, u, taut, corner, sense):
-            if sense == -arrived and (choice == taut).all():
+    found: list[OutgoingBranch] = []
+    for sense in (-1, 1) if incoming < 0 else (1, -1):
+        for choice in taut_sets(loading, u, taut, critical, sense):
+            if sense == -incoming and (choice == taut).all():
                 continue
-            ray = _ray(loading, u, choice, corner, sense)
-            if ray is not None:
-                found.append(ray[0])
+            leaving = _outgoing_branch(loading, u, choice, critical, sense)
+            if leaving is not None:
+                found.append(leaving[0])
         if found:
             break
     return found
 
 
-def chosen(found: list[Ray], branch: str, corner: Indices) -> Ray | None:
-    """The ray that a path follows; None where none leaves the corner."""
+def selected(found: list[OutgoingBranch], branch: str, critical: Indices) -> OutgoingBranch | None:
+    """The branch that a path follows.
+
+    Parameters
+    ----------
+    found : list of OutgoingBranch
+    branch : {"stable", "symmetric"}
+    critical : ndarray of int
+        Strings at their natural length.
+
+    Returns
+    -------
+    OutgoingBranch or None
+        "symmetric": one on which all critical strings are in the same state, if there is one.
+        Otherwise the stable one of least energy; None if no branch leaves.
+    """
     if not found:
         return None
     if branch == "symmetric":
         for state in (False, True):
-            for ray in found:
-                if (ray.taut[corner] == state).all():
-                    return ray
+            for leaving in found:
+                if (leaving.taut[critical] == state).all():
+                    return leaving
     lowest = [r for r in found if r.stable] or found
     least = min(r.slope for r in lowest)
     return next(r for r in lowest if r.slope <= least + SAME * max(abs(least), 1e-300))
 
 
-def choices(
-    loading: Loading, u: Array, taut: Flags, corner: Indices, sense: int
+def taut_sets(
+    loading: Loading, u: Array, taut: Flags, critical: Indices, sense: int
 ) -> Iterator[Flags]:
-    """Which strings may be taut; where they are too many, those that iteration settles on."""
-    if len(corner) <= ALL:
-        for states in product((False, True), repeat=len(corner)):
+    """The candidate sets of taut members.
+
+    Parameters
+    ----------
+    loading : Loading
+    u : ndarray
+        Unknowns at the point.
+    taut : ndarray of bool, (members,)
+        Which members are taut before it.
+    critical : ndarray of int
+        Strings at their natural length.
+    sense : int
+        Sense of the last unknown, 1 or -1.
+
+    Yields
+    ------
+    ndarray of bool, (members,)
+        Every choice for the critical strings; if they are more than `ALL`, the fixed points of
+        an iteration on the signs of their rates.
+    """
+    if len(critical) <= ALL:
+        for states in product((False, True), repeat=len(critical)):
             choice = taut.copy()
-            choice[corner] = states
+            choice[critical] = states
             yield choice
         return
     rng, seen = np.random.default_rng(0), set()
-    starts = [np.zeros(len(corner), bool), np.ones(len(corner), bool)]
-    starts += [rng.random(len(corner)) < 0.5 for _ in range(TRIES)]
+    starts = [np.zeros(len(critical), bool), np.ones(len(critical), bool)]
+    starts += [rng.random(len(critical)) < 0.5 for _ in range(TRIES)]
     for states in starts:
         for _ in range(30):
             choice = taut.copy()
-            choice[corner] = states
-            ray = _ray(loading, u, choice, corner, sense, check=False)
-            if ray is None:
+            choice[critical] = states
+            leaving = _outgoing_branch(loading, u, choice, critical, sense, check=False)
+            if leaving is None:
                 break
-            new = ray[1] > 0
+            new = leaving[1] > 0
             if (new == states).all():
                 if states.tobytes() not in seen:
                     seen.add(states.tobytes())
@@ -145,11 +181,11 @@ def choices(
             states = new
 
 
-def _ray(
-    loading: Loading, u: Array, choice: Flags, corner: Indices, sense: int, check: bool = True
-) -> tuple[Ray, Array] | None:
-    """The ray of a choice and the rates of its strings; None where signs do not fit."""
-    piece = Piece(loading, choice, corner, piece_stretch(loading, u, choice))
+def _outgoing_branch(
+    loading: Loading, u: Array, choice: Flags, critical: Indices, sense: int, check: bool = True
+) -> tuple[OutgoingBranch, Array] | None:
+    """The branch of a choice, and the rates of its critical strings; None if signs disagree."""
+    piece = SmoothPiece(loading, choice, critical, strains_at(loading, u, choice))
     _, jacobian = piece.linearised(u)
     try:
         rate = np.append(np.linalg.solve(jacobian[:, :-1], -jacobian[:, -1]), 1.0) * sense
@@ -160,67 +196,86 @@ def _ray(
     numbers = piece.leaving
     longer = np.array([piece.test_gradient(u, n) @ rate for n in numbers])
     size = SAME * (np.abs(longer).max(initial=0.0) + 1e-300)
-    wanted = np.where(choice[corner], longer >= -size, longer <= size)
+    wanted = np.where(choice[critical], longer >= -size, longer <= size)
     if check and not wanted.all():
         return None
-    if not least_part(jacobian[:, :-1] * piece.scale[:-1]) > NOTHING:
-        return None  # a motion has no stiffness beyond: any ray would do
+    if not least_part(jacobian[:, :-1] * piece.scale[:-1]) > NEGLIGIBLE:
+        return None  # a motion has no stiffness beyond: the branch is not unique
     stiff = piece.tangent(u)
     if loading.pattern is None:
         step = 1e-6
-        scattered_forces = piece.tensions(u + step * rate * sense) - piece.tensions(
+        tension_change = piece.tensions(u + step * rate * sense) - piece.tensions(
             u - step * rate * sense
         )
-        slope = float(-loading.change @ scattered_forces) / (2 * step)
+        slope = float(-loading.change @ tension_change) / (2 * step)
         inner = stiff
     else:
         slope = float(rate[-2] * sense)
         inner = stiff[:-1, :-1]
     stable = bool(np.linalg.eigvalsh(inner)[0] > 0) if len(inner) else True
-    return Ray(choice, sense, slope, stable), longer
+    return OutgoingBranch(choice, sense, slope, stable), longer
 
 
-def piece_stretch(loading: Loading, u: Array, taut: Flags) -> Array:
-    """Stretch of the members at a point, (members,)."""
-    return Piece(loading, taut, NONE, np.zeros(len(taut))).stretch(u)
-
-
-def branches_off(piece: Piece, u: Array, corner: Indices = NONE) -> Array | None:
-    """A point of the stable branch a little beyond u, or None.
+def strains_at(loading: Loading, u: Array, taut: Flags) -> Array:
+    """Strains of the members at a point.
 
     Parameters
     ----------
-    piece : Piece
-        That led there.
+    loading : Loading
     u : ndarray
-        A bifurcation or a corner.
-    corner : ndarray of int, optional
-        Strings at natural length there.
+        Unknowns.
+    taut : ndarray of bool, (members,)
+
+    Returns
+    -------
+    ndarray, (members,)
     """
-    of, count = piece.of, piece.of.free - (piece.of.pattern is not None)
-    starts = _directions(piece, u, corner, count)
-    if len(starts) == 3 and not len(corner):
+    return SmoothPiece(loading, taut, NONE, np.zeros(len(taut))).strains(u)
+
+
+def stable_branch_beyond(piece: SmoothPiece, u: Array, critical: Indices = NONE) -> Array | None:
+    """A point of the stable branch slightly beyond a bifurcation or a change of active set.
+
+    Parameters
+    ----------
+    piece : SmoothPiece
+        The piece that leads to the point.
+    u : ndarray
+        Unknowns at the point.
+    critical : ndarray of int, optional
+        Strings at their natural length there.
+
+    Returns
+    -------
+    ndarray or None
+        Unknowns, or None if no stable branch is found.
+    """
+    loading, count = piece.loading, piece.loading.free - (piece.loading.pattern is not None)
+    starts = _soft_directions(piece, u, critical, count)
+    if len(starts) == 3 and not len(critical):
         for start in starts[1:]:
-            x = _opened(piece, u, start)
+            x = _branch_along_mode(piece, u, start)
             if x is not None:
                 return x
-    across = (of.motions @ of.basis)[:, :count]
+    across = (loading.motions @ loading.basis)[:, :count]
     for step, least in zip(BEYOND, SETTLED, strict=True):
-        x, nearer = (_lowest(of, u, starts, across, part * step, least) for part in (1.0, 0.25))
+        x, nearer = (
+            _lowest_minimum(loading, u, starts, across, part * step, least) for part in (1.0, 0.25)
+        )
         if x is None or nearer is None:
             continue
         far, close = (np.linalg.norm((at - u)[:count]) for at in (x, nearer))
-        return x if close < SHRUNK * far or far <= NEAR * of.span else None
+        return x if close < SHRUNK * far or far <= NEAR * loading.span else None
     return None
 
 
-def _directions(piece: Piece, u: Array, corner: Indices, count: int) -> Array:
-    """Unit directions without stiffness in both senses, (starts, count); the first is zero."""
+def _soft_directions(piece: SmoothPiece, u: Array, critical: Indices, count: int) -> Array:
+    """Zero, then the unit directions without stiffness in both senses, (starts, count)."""
     rng, found = np.random.default_rng(0), [np.zeros(count)]
-    for taut in choices(piece.of, u, piece.taut, corner, 1):
-        tangent = Piece(piece.of, taut, NONE, np.zeros(0)).tangent(u)[:count, :count]
+    for taut in taut_sets(piece.loading, u, piece.taut, critical, 1):
+        tangent = SmoothPiece(piece.loading, taut, NONE, np.zeros(0)).tangent(u)[:count, :count]
         values, modes = np.linalg.eigh(tangent)
-        number = int(np.sum(values <= SOFT * piece.of.members.stiffness.max()))
+        number = int(np.sum(values <= SOFT * piece.loading.members.stiffness.max()))
         number = max(number, int((taut == piece.taut).all()))
         parts = rng.standard_normal((DIRECTIONS * number, number)) if number > 1 else np.eye(number)
         for one in parts / np.linalg.norm(parts, axis=1, keepdims=True) @ modes[:, :number].T:
@@ -229,36 +284,39 @@ def _directions(piece: Piece, u: Array, corner: Indices, count: int) -> Array:
     return np.array(found)
 
 
-def _opened(piece: Piece, u: Array, start: Array) -> Array | None:
-    """The point of the branch that leaves u along one mode, at the amplitude `NEAR`; None where
-    there is none, or none that is stable and beyond u."""
-    machine = ManyProblem(piece)
-    z, count = np.arcsinh(u / machine.scale), len(start)
-    normal = np.zeros(machine.m)
-    normal[:count] = start / (np.cosh(z) * machine.scale)[:count]
+def _branch_along_mode(piece: SmoothPiece, u: Array, start: Array) -> Array | None:
+    """The point at amplitude `NEAR` of the branch that leaves u along one mode; None if there is
+    none, or it is unstable or not beyond u."""
+    stepper = ManyProblem(piece)
+    z, count = np.arcsinh(u / stepper.scale), len(start)
+    normal = np.zeros(stepper.m)
+    normal[:count] = start / (np.cosh(z) * stepper.scale)[:count]
     normal /= np.linalg.norm(normal)
-    point = machine.at(z + NEAR * normal, normal, None)
-    x = machine.unknowns(point[: machine.m])
-    if not (point[machine.residual] <= Settings.residual and x[-1] > u[-1]):
+    point = stepper.corrected(z + NEAR * normal, normal, None)
+    x = stepper.unknowns(point[: stepper.m])
+    if not (point[stepper.residual] <= Settings.residual and x[-1] > u[-1]):
         return None
-    same = (~piece.of.members.pulls_only | (piece.stretch(x) >= 0)) == piece.taut
+    same = (~piece.loading.members.tension_only | (piece.strains(x) >= 0)) == piece.taut
     values = np.linalg.eigvalsh(piece.tangent(x)[:count, :count])
     return x if same.all() and values[0] > ROUND_OFF * values[-1] else None
 
 
-def _lowest(
-    of: Loading, u: Array, starts: Array, across: Array, part: float, least: float
+def _lowest_minimum(
+    loading: Loading, u: Array, starts: Array, across: Array, part: float, least: float
 ) -> Array | None:
-    """The lowest of the nearest minima from the starts, a part of its size beyond u."""
+    """The lowest of the nearest minima, for a last unknown that exceeds that of u by a fraction
+    `part` of the size; None if there is none."""
     beyond = u.copy()
-    beyond[-1] += part * (1.0 if of.pattern is None else of.span)
-    members = replace(of.members, natural=of.members.natural + beyond[-1] * of.change)
-    begin, found = of.at(beyond), []
+    beyond[-1] += part * (1.0 if loading.pattern is None else loading.span)
+    members = replace(
+        loading.members, natural=loading.members.natural + beyond[-1] * loading.change
+    )
+    begin, found = loading.positions_at(beyond), []
     for amplitude in AMPLITUDES:
         for start in starts:
-            moved = across @ (amplitude * np.sqrt(part) * of.span * start)
+            moved = across @ (amplitude * np.sqrt(part) * loading.span * start)
             from_here = begin + moved.reshape(begin.shape)
-            settled = _settled(of, members, across, begin, from_here, least)
+            settled = _minimum_from(loading, members, across, begin, from_here, least)
             found += [(np.linalg.norm(settled[0] - begin), *settled)] if settled else []
     if not found:
         return None
@@ -268,37 +326,39 @@ def _lowest(
     )
     for moved in (away / 4 * softest, -away / 4 * softest):
         from_here = x + (across @ moved).reshape(x.shape)
-        again = _settled(of, members, across, begin, from_here, least)
+        again = _minimum_from(loading, members, across, begin, from_here, least)
         if again is None or np.linalg.norm(again[0] - x) > away / 10:
-            return None  # slack strings leave a set of equilibria: none is determined
-    beyond[: across.shape[1]] = across.T @ (x - of.positions).ravel()
-    if of.pattern is not None:
-        beyond[-2] = (of.motions @ of.basis[:, -1]) @ (members.gradient(x) - of.dead).ravel()
+            return None  # with slack strings equilibria form a continuum
+    beyond[: across.shape[1]] = across.T @ (x - loading.positions).ravel()
+    if loading.pattern is not None:
+        beyond[-2] = (loading.motions @ loading.basis[:, -1]) @ (
+            members.gradient(x) - loading.dead
+        ).ravel()
     return beyond
 
 
-def _settled(
-    of: Loading, members: Members, across: Array, begin: Array, x: Array, settled: float
+def _minimum_from(
+    loading: Loading, members: Members, across: Array, begin: Array, x: Array, settled: float
 ) -> tuple[Array, float, Array] | None:
-    """The minimum of the energy next to x over the motions `across`, that energy and softest mode.
+    """The minimum of the energy near x over the motions `across`, its energy and softest mode.
 
-    Newton's method, mode by mode of the tangent, within a region that grows and shrinks; strings
-    are slack or taut as they are.
+    Newton's method in the eigenmodes of the tangent, within a trust region; strings go slack and
+    taut on the way.
     """
-    small = BEYOND[0] * of.span
+    small = BEYOND[0] * loading.span
     radius = max(np.abs(x - begin).max(), small)
-    energy, calm = _energy(of, members, x), 0
+    energy, calm = _energy(loading, members, x), 0
     for _ in range(ITERATIONS):
         values, modes = np.linalg.eigh(across.T @ (members.tangent(x) @ across))
-        slope = modes.T @ (across.T @ (members.gradient(x) - of.dead).ravel())
+        slope = modes.T @ (across.T @ (members.gradient(x) - loading.dead).ravel())
         least = ROUND_OFF * np.abs(values).max()
         if not least > 0:
             return None
         step = -slope / np.maximum(np.abs(values), least)
         move = np.clip(step, -radius, radius)
         new = x + (across @ (modes @ move)).reshape(x.shape)
-        after, away = _energy(of, members, new), np.abs(new - begin).max()
-        if away > FAR * of.span:
+        after, away = _energy(loading, members, new), np.abs(new - begin).max()
+        if away > FAR * loading.span:
             return None
         if after > energy + ROUND_OFF * abs(energy):
             radius = np.abs(move).max() / 4
@@ -310,5 +370,5 @@ def _settled(
     return None
 
 
-def _energy(of: Loading, members: Members, x: Array) -> float:
-    return members.energy(x) - float(np.sum(of.dead * x))
+def _energy(loading: Loading, members: Members, x: Array) -> float:
+    return members.energy(x) - float(np.sum(loading.dead * x))

@@ -1,9 +1,9 @@
-"""Equilibria of a structure as the equations of a branch, with given strings taut.
+"""The equilibrium equations of a structure with a fixed set of taut strings.
 
-Unknowns are the motions that supports leave (rigid ones out), then either the load and the
-shortening that belongs to it, or a control from 0 to 1 along which natural lengths change.  A
-string that is slack has no force, and one that is taut pulls or pushes: the branch ends where
-that becomes wrong.
+The unknowns are the motions that the supports permit, without rigid ones, followed by the load
+and the conjugate shortening, or by a control from 0 to 1 along which natural lengths change.
+Slack strings carry no force; taut ones obey their linear law also in compression, and the branch
+ends where the length of a string contradicts its state.
 """
 
 from __future__ import annotations
@@ -23,33 +23,33 @@ if TYPE_CHECKING:
 
     Plates = tuple[Array, tuple[int, ...], tuple[int, ...]]
 
-ROUND_OFF = 1e-3  # of stiffness times length beside tension: what residuals are measured by
-BACK = -0.01  # control at which a path that has turned back ends
-INSIDE = 1e-9  # part of a bar at its ends within which a crossing is none
-PLANE = 1e-9  # volume over lengths below which two bars lie in a plane
+ROUND_OFF = 1e-3  # weight of stiffness times length in the scale of residuals
+BACK = -0.01  # control at which a path that has reversed ends
+INSIDE = 1e-9  # fraction of a bar next to its ends within which it is not crossed
+PLANE = 1e-9  # volume over lengths below which two bars are coplanar
 
 
 @dataclass(frozen=True, eq=False)
 class Loading:
-    """What changes along a path, and what a structure may do.
+    """The load or control of a path, and the motions of the structure.
 
     Attributes
     ----------
     members : Members
     positions : ndarray, (nodes, dim)
-        At the start.
+        Positions at the start [m].
     motions : ndarray, (nodes dim, free)
-        Orthonormal.
+        Orthonormal basis of the permitted motions.
     pattern : ndarray, (nodes, dim), optional
-        Forces of the load 1 N; None in a path of control.
+        Nodal forces per unit load; None if natural lengths are controlled.
     change : ndarray, (members,)
-        Change of natural lengths over the whole control [m].
+        Change of the natural lengths from control 0 to 1 [m].
     plate : tuple, optional
         Unit normal, nodes of the lower and the upper plate.
     limits : tuple of two float
-        Load [N] at which to end, and shortening [m] (or control) in either sense.
+        Load [N] at which the path ends, and shortening [m] (or control) in either sense.
     dead : ndarray, (nodes, dim)
-        Loads that stay [N].
+        Constant loads [N].
     """
 
     members: Members
@@ -68,15 +68,15 @@ class Loading:
 
     @cached_property
     def along(self) -> Array:
-        """Work of the load 1 N in each motion, (free,)."""
+        """Work of the unit load on each motion, (free,)."""
         if self.pattern is None:
             return np.zeros(self.free)
         return np.asarray(self.motions.T @ self.pattern.ravel())
 
     @cached_property
     def basis(self) -> Array:
-        """Motions as (across the load, along it), (free, free): the last column is of shortening
-        1 m; in a path of control the identity."""
+        """Basis of the motions, (free, free): those on which the load does no work, then that of
+        unit shortening; the identity if natural lengths are controlled."""
         if self.pattern is None:
             return np.eye(self.free)
         size = float(self.along @ self.along)
@@ -85,7 +85,7 @@ class Loading:
 
     @cached_property
     def weight(self) -> Array:
-        """Work of the loads that stay in each motion of the basis, (free,)."""
+        """Work of the constant loads on each motion of the basis, (free,)."""
         return np.asarray(self.basis.T @ (self.motions.T @ self.dead.ravel()))
 
     @cached_property
@@ -111,14 +111,14 @@ class Loading:
 
     @cached_property
     def force(self) -> float:
-        """Size of loads [N]."""
+        """Scale of loads [N]."""
         return float(np.median(self.members.stiffness)) * self.span
 
     @cached_property
     def pairs(self) -> Indices:
-        """Pairs of bars that may meet, (pairs, 2): without a common node, and not in one plane
-        from the start, as parallel ones; none where the structure is plane."""
-        bars = np.flatnonzero(~self.members.pulls_only)
+        """Pairs of bars that may come into contact, (pairs, 2): without a common node, and not
+        coplanar at the start; none if the structure is planar."""
+        bars = np.flatnonzero(~self.members.tension_only)
         ends = self.members.ends
         found = [
             (a, b)
@@ -130,19 +130,20 @@ class Loading:
         pairs = np.array(found, dtype=np.int64).reshape(-1, 2)
         return pairs[np.abs(self.crossing(self.positions, pairs)[0]) > PLANE]
 
-    def at(self, u: Array) -> Array:
-        """Positions, (nodes, dim)."""
+    def positions_at(self, u: Array) -> Array:
+        """Positions at unknowns u [m], (nodes, dim)."""
         motion = self.motions @ (self.basis @ self.coordinates(u))
         return self.positions + motion.reshape(self.positions.shape)
 
     def coordinates(self, u: Array) -> Array:
-        """Motions of the basis, (free,)."""
+        """Coefficients of the motions of the basis, (free,)."""
         if self.pattern is None:
             return u[:-1]
         return np.concatenate([u[:-2], u[-1:]])
 
     def crossing(self, x: Array, pairs: Indices | None = None) -> tuple[Array, Flags]:
-        """Signed volume over lengths that two bars span, and whether they pass within both."""
+        """Signed volume spanned by pairs of bars over the product of lengths and the size, and
+        whether the common perpendicular meets both bars between their ends; (pairs,) each."""
         ends = self.members.ends
         pairs = self.pairs if pairs is None else pairs
         if not len(pairs):
@@ -160,25 +161,26 @@ class Loading:
         return volume / (lengths * self.span), within
 
 
-class Piece:
-    """The smooth piece of a path with given strings taut: `branches.many.Equations`.
+class SmoothPiece:
+    """The equations of a smooth piece of a path, as `branches.many.Equations`.
 
     Parameters
     ----------
     loading : Loading
     taut : ndarray of bool, (members,)
-    corner : ndarray of int
+        Which members are taut; bars always are.
+    critical : ndarray of int
         Strings at their natural length where the piece starts.
-    stretch : ndarray, (members,)
-        Stretch of the strings there, which is round-off for these.
+    strains : ndarray, (members,)
+        Strains there, which for these strings are round-off.
     """
 
-    def __init__(self, loading: Loading, taut: Flags, corner: Indices, stretch: Array) -> None:
-        self.of, self.taut = loading, taut
-        self.strings = np.flatnonzero(loading.members.pulls_only)
+    def __init__(self, loading: Loading, taut: Flags, critical: Indices, strains: Array) -> None:
+        self.loading, self.taut = loading, taut
+        self.strings = np.flatnonzero(loading.members.tension_only)
         self.offset = np.zeros(len(taut))
-        self.offset[corner] = stretch[corner]
-        self.leaving = np.searchsorted(self.strings, corner)
+        self.offset[critical] = strains[critical]
+        self.leaving = np.searchsorted(self.strings, critical)
         loaded = loading.pattern is not None
         names = [f"w{i}" for i in range(loading.free - loaded)]
         self.names = (*names, *(("load", "shortening") if loaded else ("control",)))
@@ -203,131 +205,142 @@ class Piece:
 
     def natural(self, u: Array) -> Array:
         """Natural lengths of the members [m]."""
-        members = self.of.members
-        return members.natural if self.of.pattern is not None else (
-            members.natural + u[-1] * self.of.change
+        members = self.loading.members
+        return members.natural if self.loading.pattern is not None else (
+            members.natural + u[-1] * self.loading.change
         )  # fmt: skip
 
     def separations(self, u: Array) -> tuple[Array, Array]:
-        """Separations and lengths."""
-        moved = self.of.gain @ self.of.coordinates(u)
-        d = self.of.start + moved.reshape(self.of.start.shape)
+        """Separations (members, dim) and lengths (members,) of the ends of members [m]."""
+        moved = self.loading.gain @ self.loading.coordinates(u)
+        d = self.loading.start + moved.reshape(self.loading.start.shape)
         return d, np.sqrt(np.einsum("ij,ij->i", d, d))
 
     def tensions(self, u: Array) -> Array:
-        """[N], (members,)."""
-        return self._nodal_forces(u, self.separations(u)[1])
+        """Tensions of the members [N], (members,)."""
+        return self._tensions_at(u, self.separations(u)[1])
 
-    def _nodal_forces(self, u: Array, lengths: Array) -> Array:
-        """Tensions at known lengths of the members."""
-        scattered_forces = self.of.members.stiffness * (lengths - self.natural(u))
-        return np.where(self.taut, scattered_forces, 0.0)
+    def _tensions_at(self, u: Array, lengths: Array) -> Array:
+        """Tensions at given lengths of the members [N], (members,)."""
+        tensions = self.loading.members.stiffness * (lengths - self.natural(u))
+        return np.where(self.taut, tensions, 0.0)
 
-    def stretch(self, u: Array) -> Array:
-        """Length over natural length, less 1, (members,)."""
+    def strains(self, u: Array) -> Array:
+        """Strains of the members, length over natural length minus 1, (members,)."""
         return self.separations(u)[1] / self.natural(u) - 1
 
     def linearised(self, u: Array) -> tuple[Array, Array]:
-        """Forces left in the motions over their size, and the Jacobian of that."""
-        of, members = self.of, self.of.members
+        """Unbalanced forces on the motions over their scale, and the Jacobian of this residual."""
+        loading, members = self.loading, self.loading.members
         d, lengths = self.separations(u)
-        scattered_forces = self._nodal_forces(u, lengths)
-        density = scattered_forces / lengths
-        along = of.basis.T @ of.along
-        left = of.gain.T @ (density[:, None] * d).ravel() - of.weight
-        size = np.abs(scattered_forces).max() + ROUND_OFF * float(
-            np.max(members.stiffness * lengths)
-        )
+        tensions = self._tensions_at(u, lengths)
+        density = tensions / lengths
+        along = loading.basis.T @ loading.along
+        left = loading.gain.T @ (density[:, None] * d).ravel() - loading.weight
+        size = np.abs(tensions).max() + ROUND_OFF * float(np.max(members.stiffness * lengths))
         stiff = self.tangent_of(d, lengths, density)
-        if of.pattern is None:
-            rate = np.where(self.taut, -members.stiffness * of.change / lengths, 0.0)
-            last = of.gain.T @ (rate[:, None] * d).ravel()
+        if loading.pattern is None:
+            rate = np.where(self.taut, -members.stiffness * loading.change / lengths, 0.0)
+            last = loading.gain.T @ (rate[:, None] * d).ravel()
             return left / size, np.column_stack([stiff, last]) / size
         g = left - u[-2] * along
         return g / size, np.column_stack([stiff[:, :-1], -along, stiff[:, -1]]) / size
 
     def tangent_of(self, d: Array, lengths: Array, density: Array) -> Array:
-        """Tangent over the motions of the basis, (free, free)."""
-        stiffness = np.where(self.taut, self.of.members.stiffness, 0.0)
+        """Tangent stiffness over the motions of the basis.
+
+        Parameters
+        ----------
+        d : ndarray, (members, dim)
+            Separations of the ends of members [m].
+        lengths, density : ndarray, (members,)
+            Lengths [m] and force densities, tension over length [N/m].
+
+        Returns
+        -------
+        ndarray, (free, free)
+            [N/m].
+        """
+        stiffness = np.where(self.taut, self.loading.members.stiffness, 0.0)
         blocks = forces.tangents(d / lengths[:, None], stiffness, density)
-        turned = np.matmul(blocks, self.of.gain.reshape(*d.shape, -1))
-        return np.asarray(self.of.gain.T @ turned.reshape(self.of.gain.shape))
+        turned = np.matmul(blocks, self.loading.gain.reshape(*d.shape, -1))
+        return np.asarray(self.loading.gain.T @ turned.reshape(self.loading.gain.shape))
 
     def tangent(self, u: Array) -> Array:
-        """The same at a point."""
+        """Tangent stiffness over the motions of the basis at unknowns u, (free, free)."""
         d, lengths = self.separations(u)
-        return self.tangent_of(d, lengths, self._nodal_forces(u, lengths) / lengths)
+        return self.tangent_of(d, lengths, self._tensions_at(u, lengths) / lengths)
 
     def tests(self, u: Array) -> Array:
-        """Functions that vanish at events, (roots,)."""
-        of = self.of
-        x = of.at(u)
-        parts = [(self.stretch(u) - self.offset)[self.strings], of.crossing(x)[0]]
-        if of.plate:
-            normal, low, up = of.plate
+        """Event functions, each of which vanishes at its events, (roots,)."""
+        loading = self.loading
+        x = loading.positions_at(u)
+        parts = [(self.strains(u) - self.offset)[self.strings], loading.crossing(x)[0]]
+        if loading.plate:
+            normal, low, up = loading.plate
             heights = x @ normal
             inner = heights[self.plate_nodes]
-            parts.append((inner - heights[low[0]]) / of.span if low else np.ones(len(inner)))
+            parts.append((inner - heights[low[0]]) / loading.span if low else np.ones(len(inner)))
             if up:
-                parts.append((heights[up[0]] - inner) / of.span)
+                parts.append((heights[up[0]] - inner) / loading.span)
                 bottom = heights[low[0]] if low else -np.inf
-                parts.append(np.array([(heights[up[0]] - bottom) / of.span]))
-        ends = (u[-2] - of.limits[0]) / of.force, (u[-1] / of.limits[1]) ** 2 - 1
+                parts.append(np.array([(heights[up[0]] - bottom) / loading.span]))
+        ends = (u[-2] - loading.limits[0]) / loading.force, (u[-1] / loading.limits[1]) ** 2 - 1
         parts.append(np.array([ends[k] for k in self.limits]))
-        parts.append(np.array([u[-1] - BACK] if of.pattern is None else []))
+        parts.append(np.array([u[-1] - BACK] if loading.pattern is None else []))
         return np.concatenate(parts)
 
     def test_gradient(self, u: Array, number: int) -> Array:
-        """Gradient of one test where it vanishes, (m,)."""
-        of, strings = self.of, len(self.strings)
+        """Gradient of one event function where it vanishes, (m,)."""
+        loading, strings = self.loading, len(self.strings)
         row = np.zeros(len(u))
         if number < strings:
             member = self.strings[number]
             d, lengths = self.separations(u)
             natural, dim = self.natural(u)[member], d.shape[1]
-            gain = of.gain[dim * member : dim * (member + 1)]
+            gain = loading.gain[dim * member : dim * (member + 1)]
             self._place(row, (d[member] / lengths[member]) @ gain / natural)
-            if of.pattern is None:
-                row[-1] = -lengths[member] * of.change[member] / natural**2
+            if loading.pattern is None:
+                row[-1] = -lengths[member] * loading.change[member] / natural**2
             return row
         name, *rest = self.roots[number].split()
         if name == "load":
-            row[-2] = 1 / of.force
+            row[-2] = 1 / loading.force
         elif name == "height":
-            row[-1] = 2 * u[-1] / of.limits[1] ** 2
+            row[-1] = 2 * u[-1] / loading.limits[1] ** 2
         elif name == "back":
             row[-1] = 1.0
         elif name == "contact":
-            self._place(row, self._volume_gradient(of.at(u), *map(int, rest)))
+            self._place(row, self._volume_gradient(loading.positions_at(u), *map(int, rest)))
         else:
-            normal, low, up = of.plate  # type: ignore[misc]
-            rise = np.einsum("i,nif->nf", normal, of.by_node)
+            normal, low, up = loading.plate  # type: ignore[misc]
+            rise = np.einsum("i,nif->nf", normal, loading.by_node)
             bottom = rise[low[0]] if low else 0.0
             if name == "flat":
                 change = rise[up[0]] - bottom
             else:
                 node = rise[int(rest[0])]
                 change = node - bottom if rest[1] == "lower" else rise[up[0]] - node
-            self._place(row, change / of.span)
+            self._place(row, change / loading.span)
         return row
 
     def _place(self, row: Array, by_motion: Array) -> None:
-        """Rates by the motions of the basis, at the unknowns that they are."""
-        if self.of.pattern is None:
+        """Write derivatives in the motions of the basis to their places in a row."""
+        if self.loading.pattern is None:
             row[:-1] = by_motion
         else:
             row[:-2], row[-1] = by_motion[:-1], by_motion[-1]
 
     def _volume_gradient(self, x: Array, one: int, other: int) -> Array:
-        """Of the volume that two bars span, over the lengths it is measured by."""
-        of, ends = self.of, self.of.members.ends
+        """Gradient of the scaled volume of `Loading.crossing` in these motions, (free,)."""
+        loading, ends = self.loading, self.loading.members.ends
         (a, b), (c, d) = ends[one], ends[other]
         first, second, separations = x[b] - x[a], x[d] - x[c], x[c] - x[a]
-        rows = of.by_node
+        rows = loading.by_node
         change = (
             np.cross(first, second) @ (rows[c] - rows[a])
             + np.cross(second, separations) @ (rows[b] - rows[a])
             + np.cross(separations, first) @ (rows[d] - rows[c])
         )
-        size = np.linalg.norm(first) * np.linalg.norm(second) * of.span
+        size = np.linalg.norm(first) * np.linalg.norm(second) * loading.span
         return np.asarray(change / size)

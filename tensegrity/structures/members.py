@@ -1,9 +1,9 @@
-"""All members of a structure at once: as given, their tensions, energy, tangent, and equilibria.
+"""The members of a structure as arrays: tensions, energy, tangent stiffness and equilibria.
 
-The forms are those of `derivations.member`.  Members are rows.  A string pulls where it is longer
-than its natural length, to the last bit; its stiffness jumps there, so that round-off would decide
-on it: one that is shorter by less than `TAUT` of its natural length counts as taut, with the
-stiffness that it has as soon as it lengthens.
+The forms are those of `derivations.member`; arrays have one row per member.  A string has tension
+where it is longer than its natural length, without any margin.  Its stiffness jumps there, and
+would depend on round-off: a string that is shorter by less than the fraction `TAUT` of its natural
+length therefore counts as taut, with the stiffness that it has when lengthened.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from tensegrity.springs.kinks import TAUT
 from tensegrity.structures.supports import Freedom
 from tensegrity.typing import Array, Flags, Indices
 
-SETTLED = 1e-10  # forces left, over the forces there are
-STEP, FARTHEST = 0.2, 100.0  # sizes of the structure: of one step, and that it may grow to
+SETTLED = 1e-10  # unbalanced force of an equilibrium, over the forces of members and loads
+STEP, FARTHEST = 0.2, 100.0  # largest step and largest size, over the structure's own size
 
 
 @dataclass(frozen=True)
@@ -36,15 +36,15 @@ class Members:
     ----------
     ends : ndarray of int, (members, 2)
     stiffness, natural : ndarray, (members,)
-        [N/m], [m].
-    pulls_only : ndarray of bool, (members,)
-        Strings.
+        Spring constants [N/m] and natural lengths [m].
+    tension_only : ndarray of bool, (members,)
+        Which members are strings.
     """
 
     ends: Indices
     stiffness: Array
     natural: Array
-    pulls_only: Flags
+    tension_only: Flags
 
     def separations(self, positions: Array) -> tuple[Array, Array]:
         """Vectors (members, dim) from first to second ends, and their lengths."""
@@ -52,34 +52,34 @@ class Members:
         return d, np.sqrt(np.einsum("ij,ij->i", d, d))
 
     def taut(self, lengths: Array, within: float = TAUT) -> Flags:
-        """Which members count with their stiffness: bars, and strings not shorter than their
-        natural length by more than a part of it."""
-        return ~self.pulls_only | (lengths >= (1 - within) * self.natural)
+        """Which members contribute stiffness, (members,): bars, and strings shorter than their
+        natural length by at most a fraction `within` of it."""
+        return ~self.tension_only | (lengths >= (1 - within) * self.natural)
 
     def elongations(self, lengths: Array) -> Array:
-        """By which members have a force [m], (members,); 0 of strings not beyond their natural
-        length."""
-        return np.maximum(lengths - self.natural, np.where(self.pulls_only, 0.0, -np.inf))
+        """Elongations that carry force [m], (members,); 0 for strings not longer than their
+        natural length."""
+        return np.maximum(lengths - self.natural, np.where(self.tension_only, 0.0, -np.inf))
 
     def tensions(self, positions: Array) -> Array:
-        """[N], (members,); 0 of slack strings."""
+        """Tensions [N], (members,); 0 for slack strings."""
         return self.stiffness * self.elongations(self.separations(positions)[1])
 
     def energy(self, positions: Array) -> float:
-        """Stored in all [J]."""
+        """Elastic energy of all members [J]."""
         elongations = self.elongations(self.separations(positions)[1])
         return float(0.5 * np.sum(self.stiffness * elongations**2))
 
     def gradient(self, positions: Array) -> Array:
-        """Of the energy in the positions [N], (nodes, dim): minus the force on the nodes."""
+        """Gradient of the energy in the positions [N], (nodes, dim): minus the nodal forces."""
         d, lengths = self.separations(positions)
-        pull = (self.stiffness * self.elongations(lengths) / lengths)[:, None] * d
+        force = (self.stiffness * self.elongations(lengths) / lengths)[:, None] * d
         first, second = self.ends.T
-        result: Array = -forces.scattered(first, second, pull, len(positions))
+        result: Array = -forces.scattered(first, second, force, len(positions))
         return result
 
     def tangent(self, positions: Array, within: float = TAUT) -> Any:
-        """Hessian of the energy [N/m], sparse (nodes dim, nodes dim); `within` as of `taut`."""
+        """Hessian of the energy [N/m], sparse (nodes dim, nodes dim); `within` as for `taut`."""
         d, lengths = self.separations(positions)
         density = self.stiffness * self.elongations(lengths) / lengths
         stiffness = np.where(self.taut(lengths, within), self.stiffness, 0.0)
@@ -89,8 +89,8 @@ class Members:
 
 
 @dataclass(frozen=True)
-class _Loaded:
-    """Members under constant loads, over the motions that are left: a `minimum.Energy`."""
+class _LoadedMembers:
+    """Members under constant loads, over the permitted motions: a `minimum.Energy`."""
 
     members: Members
     freedom: Freedom
@@ -121,7 +121,7 @@ class _Loaded:
     def newton(self, x: Array, f: Array) -> Callable[[float], Array | None]:
         from scipy.sparse import eye_array
 
-        # from rest the same way in any frame, then what the energy has: else it converges slowly
+        # the margin makes the first step frame-independent; later it would slow convergence down
         within = TAUT if x is self.start else 0.0
         freedom = self.freedom.at(x)
         force = freedom.motions.T @ f.ravel()
@@ -142,27 +142,46 @@ class _Loaded:
             )
 
 
-def settle(members: Members, freedom: Freedom, positions: Array, loads: Array) -> Array:
-    """Positions of an equilibrium under constant loads, downhill in energy from given ones.
+def equilibrium_positions(
+    members: Members, freedom: Freedom, positions: Array, loads: Array
+) -> Array:
+    """Equilibrium positions under constant loads, by minimising the energy from given positions.
+
+    Parameters
+    ----------
+    members : Members
+    freedom : Freedom
+        The permitted motions.
+    positions : ndarray, (nodes, dim)
+        Initial positions [m].
+    loads : ndarray, (nodes, dim)
+        Forces on the nodes [N].
+
+    Returns
+    -------
+    ndarray, (nodes, dim)
+        Positions [m].
 
     Raises
     ------
     EquilibriumError
-        If there is none nearby: loads drive a rigid motion, or the energy falls without end.
+        If there is no equilibrium nearby: the loads do work on a rigid motion, or the energy has
+        no lower bound.
     """
-    freedom.refuse_driven(positions, loads)
-    of = _Loaded(members, freedom, positions, loads)
+    freedom.refuse_unbalanced(positions, loads)
+    of = _LoadedMembers(members, freedom, positions, loads)
     x, f = minimised(of, positions)
     left, size = np.abs(f).max(initial=0.0), of.largest(x)
     if not left <= max(SETTLED * size, ROUND_OFF * members.stiffness.max() * of.span):
         raise EquilibriumError(
-            f"no equilibrium found: {left:.3g} N are left of {size:.3g} N after {STEPS} iterations"
+            f"no equilibrium found: {left:.3g} N of {size:.3g} N are unbalanced after {STEPS} "
+            "iterations"
         )
     return x
 
 
 def rigid_plates(given: Any, nodes: int) -> tuple[tuple[int, ...], ...]:
-    """Nodes of each rigid plate, none on two."""
+    """The nodes of each rigid plate, checked that none is on two."""
     try:
         groups = tuple(tuple(group) for group in given)
     except TypeError:
@@ -178,8 +197,26 @@ def rigid_plates(given: Any, nodes: int) -> tuple[tuple[int, ...], ...]:
     return groups
 
 
-def ends_of(name: str, given: Any, nodes: int) -> Indices:
-    """The two different nodes of each bar or string; (members, 2)."""
+def member_ends(name: str, given: Any, nodes: int) -> Indices:
+    """The nodes of each bar or string as an array, checked to exist and to differ.
+
+    Parameters
+    ----------
+    name : str
+        "bar" or "string", for messages.
+    given : sequence of (int, int)
+    nodes : int
+        Number of nodes.
+
+    Returns
+    -------
+    ndarray of int, (members, 2)
+
+    Raises
+    ------
+    TensegrityError
+        If an entry is no pair of two different nodes.
+    """
     try:
         listed = [tuple(pair) for pair in given]
     except TypeError:
@@ -195,8 +232,8 @@ def ends_of(name: str, given: Any, nodes: int) -> Indices:
     return np.array(listed, dtype=np.int64).reshape(-1, 2)
 
 
-def refuse_double(ends: Indices, bars: int) -> None:
-    """Refuse two members between the same nodes; the first ones are bars."""
+def refuse_duplicates(ends: Indices, bars: int) -> None:
+    """Refuse two members between the same nodes; the first `bars` members are bars."""
     first: dict[tuple[int, int], int] = {}
     for number, (i, j) in enumerate(np.sort(ends, axis=1).tolist()):
         if (i, j) in first:
@@ -205,8 +242,25 @@ def refuse_double(ends: Indices, bars: int) -> None:
         first[i, j] = number
 
 
-def each(name: str, given: ArrayLike, count: int, unit: str) -> Array:
-    """One positive number for each, from one for all or one for each; (count,)."""
+def positive_for_each(name: str, given: ArrayLike, count: int, unit: str) -> Array:
+    """Positive numbers, one per item, from one number for all or an array.
+
+    Parameters
+    ----------
+    name, unit : str
+        Quantity and unit, for messages.
+    given : array_like, () or (count,)
+    count : int
+
+    Returns
+    -------
+    ndarray, (count,)
+
+    Raises
+    ------
+    TensegrityError
+        If a number is not finite and positive, or the shape does not fit.
+    """
     values = check.floats(name, given)
     if values.shape not in ((), (count,)):
         raise TensegrityError(f"{name} has shape {values.shape}, must be one or ({count},)")

@@ -1,6 +1,6 @@
-"""Equilibria of structures: under given loads, under loads that grow, and as lengths change.
+"""Equilibria of structures under given loads, under growing loads, and as natural lengths change.
 
-Model: as `Structure`; bars and strings are lines.
+The model is that of `Structure`; bars and strings have no thickness.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from tensegrity.errors import EquilibriumError, TensegrityError
 from tensegrity.printing import filled, listed, span
 from tensegrity.readonly import fixed
 from tensegrity.structures.equations import Loading
-from tensegrity.structures.members import settle
+from tensegrity.structures.members import equilibrium_positions
 from tensegrity.structures.path_follower import PathFollower
 from tensegrity.structures.structure import Structure
 from tensegrity.structures.structure_path import StructurePath
@@ -38,9 +38,9 @@ class Equilibrium:
     Attributes
     ----------
     structure : Structure
-        At the new positions.
+        The structure at the equilibrium positions.
     loads : ndarray, (nodes, dim)
-        [N].
+        Loads on the nodes [N].
     supports : Supports or None
     start : Structure
         From which it was found, without the loads.
@@ -71,12 +71,12 @@ class Equilibrium:
 
     @property
     def positions(self) -> Array:
-        """[m], (nodes, dim)."""
+        """Positions of the nodes [m], (nodes, dim)."""
         return self.structure.positions
 
     @property
     def tensions(self) -> Array:
-        """Of the members [N], (members,)."""
+        """Tensions of the members [N], (members,)."""
         return self.structure.tensions
 
     @property
@@ -86,12 +86,12 @@ class Equilibrium:
 
     @cached_property
     def stable(self) -> bool:
-        """Whether it is a minimum of the energy under these loads and supports."""
+        """Whether the energy has a strict minimum there under these loads and supports."""
         return self.structure.is_stable(self.supports)
 
     @cached_property
     def reactions(self) -> Array:
-        """Forces that supports exert on the nodes [N], (nodes, dim)."""
+        """Reaction forces of the supports on the nodes [N], (nodes, dim)."""
         return self.structure.members.gradient(self.positions) - self.loads
 
 
@@ -100,15 +100,15 @@ def equilibrium(
     loads: Mapping[int, Sequence[float]] | None = None,
     supports: Supports | None = None,
 ) -> Equilibrium:
-    """The equilibrium under constant loads, found downhill in energy from the positions.
+    """The equilibrium under constant loads, by minimising the energy from the given positions.
 
     Parameters
     ----------
     structure : Structure
     loads : dict, optional
-        {node: force (dim,) [N]}.
+        {node: force (dim,) [N]}; by default none.
     supports : Supports, optional
-        By default none: the loads must then be in equilibrium themselves.
+        By default none, in which case the loads must balance each other.
 
     Returns
     -------
@@ -116,18 +116,37 @@ def equilibrium(
 
     Raises
     ------
+    TensegrityError
+        If a load or support names no node, or is outside its bounds.
     EquilibriumError
-        If the supports leave rigid motions on which the loads do work, or nothing carries them.
+        If the loads do work on a rigid motion that the supports permit, or the structure cannot
+        carry them.
+
+    Examples
+    --------
+    >>> from tensegrity import Structure, equilibrium, held
+    >>> corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
+    >>> sides = [(0, 1), (1, 2), (2, 3), (3, 0)]
+    >>> cross = Structure(corners, bars=[(0, 2), (1, 3)], strings=sides)
+    >>> stressed = cross.prestressed(prestrain={2: 0.05})
+    >>> foot = held([0]) + held([1], axes=[1])
+    >>> loaded = equilibrium(stressed, {2: (0.0, -0.05), 3: (0.0, -0.05)}, foot)
+    >>> loaded.tensions.round(4).tolist()
+    [-0.1019, -0.1019, 0.074, 0.0201, 0.074, 0.0201]
+    >>> round(float(loaded.positions[2, 1]), 4), loaded.stable
+    (0.9725, True)
+    >>> loaded.reactions[:2, 1].round(4).tolist()
+    [0.05, 0.05]
     """
     check.kind("structure", structure, Structure)
     forces = nodal(structure, loads)
     freedom = structure.freedom(supports)
-    x = settle(structure.members, freedom, structure.positions, forces)
+    x = equilibrium_positions(structure.members, freedom, structure.positions, forces)
     return Equilibrium(structure.at(x), fixed(forces), supports, structure)
 
 
 def nodal(structure: Structure, loads: Any) -> Array:
-    """Loads as an array (nodes, dim)."""
+    """Loads {node: force} as an array (nodes, dim) [N]."""
     result = np.zeros(structure.positions.shape)
     if loads is None:
         return result
@@ -148,7 +167,29 @@ def structure_path(
     loads: Mapping[int, Sequence[float]] | None = None,
     max_shortening: float = math.inf,
 ) -> StructurePath:
-    """See `tensegrity.equilibrium_path`: the part of it for structures."""
+    """Equilibrium path of a structure; `tensegrity.equilibrium_path` documents the arguments.
+
+    Parameters
+    ----------
+    structure : Structure
+    supports : Supports
+    max_load, max_shortening : float, optional
+        Load [N] and shortening [m] at which the path ends.
+    branch : {"stable", "symmetric"}, optional
+    loads : dict, optional
+        {node: force (dim,)}.
+
+    Returns
+    -------
+    StructurePath
+
+    Raises
+    ------
+    TensegrityError
+        If an argument is outside its bounds, or there are neither loads nor an upper plate.
+    EquilibriumError
+        If the loads do no work, do work on a rigid motion, or determine no path at the start.
+    """
     check.kind("structure", structure, Structure)
     check.kind("supports", supports, Supports, ": made by held(...) or plates(...)")
     max_load = check.number("max_load", max_load, above=0, finite=False, unit="N")
@@ -162,12 +203,12 @@ def structure_path(
         pattern[list(supports.upper)] = -normal / len(supports.upper)
     size = np.linalg.norm(pattern, axis=1).sum()
     if not size > 0:
-        raise TensegrityError("loads of 0 N are no direction to follow")
+        raise TensegrityError("loads of 0 N give no direction to follow")
     pattern = pattern / size
     motions = _motions(structure, supports, pattern)
     work = float(np.abs(motions.T @ pattern.ravel()).max(initial=0.0))
     if not work > 1e-12:
-        raise EquilibriumError("the loads do no work in any motion that the supports leave")
+        raise EquilibriumError("the loads do no work in any motion that the supports permit")
     loading = Loading(
         structure.members, structure.positions, motions, pattern, 0 * structure.lengths,
         _plate(structure, supports), (max_load, max_shortening), 0 * pattern,
@@ -182,30 +223,44 @@ def control_path(
     branch: str = "stable",
     loads: Mapping[int, Sequence[float]] | None = None,
 ) -> StructurePath:
-    """Equilibria as natural lengths of some members go from theirs to given values.
+    """Equilibrium path as the natural lengths of some members change to given values.
 
     Parameters
     ----------
     structure : Structure
-        In equilibrium under the loads: see `equilibrium` and `Structure.relaxed`.
+        A structure in equilibrium under the loads; see `equilibrium` and `Structure.relaxed`.
     natural_lengths : dict
-        {member: natural length at the end [m]}; all change in proportion.
+        {member: final natural length [m]}; all of them change in proportion.
     supports : Supports, optional
+        By default none.
     branch : {"stable", "symmetric"}, optional
-        As of `equilibrium_path`.
+        The branch to follow where several are possible, as for `equilibrium_path`.
     loads : dict, optional
-        {node: force (dim,) [N]}, held while lengths change.
+        {node: force (dim,) [N]}, constant along the path.
 
     Returns
     -------
     StructurePath
-        With a column `control` from 0 to 1, and "work" [J] that the change has done: the gain of
-        stored energy, less the work of the loads.  A fold is where the structure snaps.
+        Its column `control` grows from 0 to 1; "work" [J] is the work done by the change, that
+        is, the gain of stored energy minus the work of the loads.  The structure snaps at a fold.
 
     Raises
     ------
+    TensegrityError
+        If an argument is outside its bounds, or no natural length changes.
     EquilibriumError
         If the structure is not in equilibrium, or a motion has no stiffness there.
+
+    Examples
+    --------
+    >>> from tensegrity import Structure, control_path
+    >>> corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
+    >>> sides = [(0, 1), (1, 2), (2, 3), (3, 0)]
+    >>> cross = Structure(corners, bars=[(0, 2), (1, 3)], strings=sides)
+    >>> stressed = cross.prestressed(prestrain={2: 0.05})
+    >>> path = control_path(stressed, {2: 0.8})
+    >>> round(float(path.work[-1]), 6), bool(path.slack.any())
+    (0.010316, False)
     """
     check.kind("structure", structure, Structure)
     _refuse_unknown(branch)
@@ -219,11 +274,11 @@ def control_path(
         length = check.number(f"natural length of member {number}", value, above=0, unit="m")
         change[number] = length - structure.natural_lengths[number]
     if not change.any():
-        raise TensegrityError("natural_lengths are those that the structure has: no path")
+        raise TensegrityError("natural_lengths equal those of the structure: there is no path")
     dead = nodal(structure, loads)
     motions = _motions(structure, supports, dead)
     if not motions.shape[1]:
-        raise EquilibriumError("the supports leave no motion that could follow natural lengths")
+        raise EquilibriumError("the supports permit no motion: natural lengths cannot change")
     loading = Loading(
         structure.members, structure.positions, motions, None, change,
         _plate(structure, supports), (math.inf, 1.0), dead,
@@ -235,7 +290,8 @@ def control_path(
     )
     if left > 1e-6 * size:
         raise EquilibriumError(
-            f"the structure is not in equilibrium: {left:.3g} N are left, beside {size:.3g} N; "
+            f"the structure is not in equilibrium: {left:.3g} N are unbalanced, forces are "
+            f"{size:.3g} N; "
             "see equilibrium and Structure.relaxed"
         )
     return PathFollower(structure, supports, loading, branch).path()
@@ -254,5 +310,5 @@ def _plate(structure: Structure, supports: Supports | None) -> Plates | None:
 
 def _motions(structure: Structure, supports: Supports | None, pattern: Array) -> Array:
     freedom = structure.freedom(supports)
-    freedom.refuse_driven(structure.positions, pattern)
+    freedom.refuse_unbalanced(structure.positions, pattern)
     return np.asarray(freedom.motions @ freedom.complement())

@@ -1,8 +1,9 @@
-"""A path of a structure while it is followed: piece by piece, from corner to corner.
+"""Path following for structures: smooth pieces, joined where strings go slack or taut.
 
-A path is made of smooth pieces, each with given strings taut, followed by arc length; where a
-string goes slack or taut a new piece begins, and where a path loses stability the stable branch may
-be taken.  Stability is counted in eigenvalues of the tangent below 0.
+A path consists of smooth pieces, each with a fixed set of taut strings, which are followed by
+arc-length continuation.  A new piece begins where a string goes slack or taut, or where the path
+loses stability and the stable branch is followed.  An equilibrium is stable if no eigenvalue of
+the tangent is negative.
 """
 
 from __future__ import annotations
@@ -20,10 +21,16 @@ from tensegrity.errors import EquilibriumError
 from tensegrity.minimum import least_part
 from tensegrity.readonly import fixed
 from tensegrity.springs.kinks import TAUT
-from tensegrity.structures.active_set import NONE, branches_off, chosen, piece_stretch, rays
-from tensegrity.structures.equations import Loading, Piece
+from tensegrity.structures.active_set import (
+    NONE,
+    outgoing,
+    selected,
+    stable_branch_beyond,
+    strains_at,
+)
+from tensegrity.structures.equations import Loading, SmoothPiece
 from tensegrity.structures.structure_path import StructurePath
-from tensegrity.structures.supports import NOTHING
+from tensegrity.structures.supports import NEGLIGIBLE
 
 if TYPE_CHECKING:
     from typing import Any
@@ -33,106 +40,117 @@ if TYPE_CHECKING:
     from tensegrity.structures.supports import Supports
     from tensegrity.typing import Array, Flags, Indices
 
-    _Found = tuple[str, int, Array]  # kind, the row before it, unknowns
+    _Located = tuple[str, int, Array]  # kind, the row before it, unknowns
 
 SETTINGS = Settings(tolerance=1e-8, largest=0.05, points=4000)
-FIRST = 300  # rows of a piece that are followed before it is looked whether the path leaves it
-NEUTRAL = 1e-10  # eigenvalues below this part of the stiffness are zero
-CORNER = TAUT  # stretch below which a string is at its natural length where a piece ends
+FIRST_ROWS = 300  # rows of a piece before the first check whether the path leaves it
+NEUTRAL = 1e-10  # eigenvalues below this fraction of the stiffness are zero
+AT_NATURAL = TAUT  # strain below which a string is at its natural length where a piece ends
 PIECES = 100
-ROUND_OFF = 1e-13  # eigenvalues above minus this part of the stiffness are not negative
-WIDE = 1e-3  # steps on which a bifurcation is located twice
-NEARER = 0.1  # part of the interval between two rows that is interpolated again
-AROUND, DEGREE = 12, 5  # points around a bifurcation, and polynomial through them
-NOW = 1e-9  # of the size of the structure: bars that are nearer meet
+ROUND_OFF = 1e-13  # eigenvalues above minus this fraction of the stiffness are not negative
+WIDE = 1e-3  # step above which the location of a bifurcation is refined once
+NEARER = 0.1  # fraction of the interval between two rows that the refinement interpolates
+AROUND, DEGREE = 12, 5  # points around a bifurcation, and degree of the polynomial through them
+TOUCHING = 1e-9  # of the size of the structure: distance below which bars are in contact
 ENDS = {
     "contact": "two bars meet",
     "plate": "a node reaches a plate",
     "flat": "the plates meet",
-    "load": "the load asked for",
-    "height": "the shortening asked for",
-    "other": "the shortening asked for, in the other sense",
-    "control": "the natural lengths asked for",
+    "load": "the requested load is reached",
+    "height": "the requested shortening is reached",
+    "other": "the requested shortening is reached in the opposite sense",
+    "control": "the requested natural lengths are reached",
     "back": "back at the natural lengths of the start",
-    "nothing": "no equilibrium, or none that is determined, leaves this corner",
+    "nothing": "no equilibrium, or no unique one, leaves this change of active set",
     "snap": "no stable branch leaves this {}: the structure snaps",
-    "pieces": f"{PIECES} pieces do not reach an end",
+    "pieces": f"no end is reached within {PIECES} smooth pieces",
 }
 
 
 @dataclass
-class _Part:
-    """A traced piece, cut where the path leaves it."""
+class _TracedPiece:
+    """A traced piece, up to the point where the path leaves it."""
 
-    piece: Piece
+    piece: SmoothPiece
     u: Array
-    negative: Array  # numbers of negative eigenvalues, (rows, 2): given load, given shortening
+    negative: Array  # counts of negative eigenvalues, (rows, 2): given load, given shortening
 
 
 class PathFollower:
-    """A path while it is followed."""
+    """A path while it is being followed."""
 
     def __init__(
         self, structure: Structure, supports: Supports | None, loading: Loading, branch: str
     ) -> None:
-        self.structure, self.supports, self.of, self.branch = structure, supports, loading, branch
-        self.turn = "fold" if loading.pattern is None else "turn"  # of the last unknown
-        self.parts: list[_Part] = []
-        self.events: list[tuple[str, int, Array, Piece, str]] = []  # kind, row, u, piece, note
+        self.structure, self.supports, self.loading, self.branch = (
+            structure,
+            supports,
+            loading,
+            branch,
+        )
+        self.limit_kind = "fold" if loading.pattern is None else "turn"  # of the last unknown
+        self.parts: list[_TracedPiece] = []
+        self.events: list[
+            tuple[str, int, Array, SmoothPiece, str]
+        ] = []  # kind, row, u, piece, note
         self.rows = 0
         self.end = ""
 
     def path(self) -> StructurePath:
-        """Follow it from the start to its end."""
-        u = np.zeros(self.of.free + 1)
+        """Follow the path from the start to its end."""
+        u = np.zeros(self.loading.free + 1)
         none = np.zeros(len(self.structure.ends), bool)
-        stretch = piece_stretch(self.of, u, none)
-        corner = self._at_corner(stretch)
-        taut = ~self.of.members.pulls_only | (stretch > 0)
+        strains = strains_at(self.loading, u, none)
+        critical = self._critical_strings(strains)
+        taut = ~self.loading.members.tension_only | (strains > 0)
         sense = 1
-        if len(corner):
+        if len(critical):
             whole = np.ones(len(taut), bool)
-            softest = np.linalg.eigvalsh(Piece(self.of, whole, corner, stretch).tangent(u))[0]
-            if not softest > NEUTRAL * float(self.of.members.stiffness.max()):
+            softest = np.linalg.eigvalsh(
+                SmoothPiece(self.loading, whole, critical, strains).tangent(u)
+            )[0]
+            if not softest > NEUTRAL * float(self.loading.members.stiffness.max()):
                 raise EquilibriumError(
-                    f"{len(corner)} strings are without tension at the start and a motion is "
+                    f"{len(critical)} strings are without tension at the start and a motion is "
                     f"without stiffness (smallest eigenvalue {softest:.3g} N/m): no branch is "
-                    "determined; give it some prestress"
+                    "determined; prestress the structure"
                 )
-            ray = chosen(rays(self.of, u, taut, corner), self.branch, corner)
-            if ray is None:
+            chosen = selected(outgoing(self.loading, u, taut, critical), self.branch, critical)
+            if chosen is None:
                 raise EquilibriumError(
-                    f"{len(corner)} strings are at their natural length at the start and no "
-                    "equilibrium leads away from it"
+                    f"{len(critical)} strings are at their natural length at the start and no "
+                    "equilibrium path leads away from it"
                 )
-            taut, sense = ray.taut, ray.sense
-        self._refuse_loose(Piece(self.of, taut, corner, stretch), u)
+            taut, sense = chosen.taut, chosen.sense
+        self._refuse_undetermined(SmoothPiece(self.loading, taut, critical, strains), u)
         for _ in range(PIECES):
-            piece = Piece(self.of, taut, corner, stretch)
-            found = self._piece(piece, u, sense)
+            piece = SmoothPiece(self.loading, taut, critical, strains)
+            found = self._follow_piece(piece, u, sense)
             if found is None:
                 break
-            u, taut, corner, sense = found
-            stretch = piece_stretch(self.of, u, taut)
+            u, taut, critical, sense = found
+            strains = strains_at(self.loading, u, taut)
         else:
             self.end = ENDS["pieces"]
-        return self._made()
+        return self._table()
 
-    def _refuse_loose(self, piece: Piece, u: Array) -> None:
-        """Refuse a start from which more than one branch leaves: equations of too low a rank."""
+    def _refuse_undetermined(self, piece: SmoothPiece, u: Array) -> None:
+        """Refuse a start at which the equations are rank deficient: several branches leave it."""
         left = least_part(piece.linearised(u)[1] * piece.scale)
-        if left <= NOTHING:
+        if left <= NEGLIGIBLE:
             raise EquilibriumError(
                 "a motion is without stiffness at the start and not driven (smallest singular "
-                f"value {left:.3g} of the largest): no branch is determined; give it some prestress"
+                f"value {left:.3g} of the largest): no branch is determined; prestress it"
             )
 
-    def _at_corner(self, stretch: Array) -> Indices:
-        return np.flatnonzero(self.of.members.pulls_only & (np.abs(stretch) <= CORNER))
+    def _critical_strings(self, strains: Array) -> Indices:
+        return np.flatnonzero(self.loading.members.tension_only & (np.abs(strains) <= AT_NATURAL))
 
-    def _piece(self, piece: Piece, u: Array, sense: int, points: int = FIRST) -> Any:
-        """Follow one piece; where and how the next begins, or None at the end of the path."""
-        traced, reason = self._traced(piece, u, sense, points)
+    def _follow_piece(
+        self, piece: SmoothPiece, u: Array, sense: int, points: int = FIRST_ROWS
+    ) -> Any:
+        """Follow one piece; the start of the next one, or None at the end of the path."""
+        traced, reason = self._trace_piece(piece, u, sense, points)
         if traced is None:
             self.end = f"the path could not be followed: {reason}"
             if not self.parts:
@@ -140,66 +158,68 @@ class PathFollower:
             return None
         rows, negative = traced.z, np.array([self._negative(piece, x) for x in traced.z])
         events = self._events(piece, traced, negative)
-        cut = self._cut(events, negative)
-        if cut is None and len(traced) >= points < SETTINGS.points:
-            return self._piece(piece, u, sense, SETTINGS.points)
-        if cut is not None:
-            reason, row, point = cut
+        departure = self._departure(events, negative)
+        if departure is None and len(traced) >= points < SETTINGS.points:
+            return self._follow_piece(piece, u, sense, SETTINGS.points)
+        if departure is not None:
+            reason, row, point = departure
             rows = np.vstack([rows[: row + 1], point])
             negative = np.vstack([negative[: row + 1], negative[row]])
         for event in sorted(events, key=itemgetter(1)):
             kind, row, point = event
             name = kind.split()[0]
-            before = name != "contact" and (cut is None or row < cut[1])
-            if (before or event is cut) and name not in ("string", "load", "height", "back"):
+            before = name != "contact" and (departure is None or row < departure[1])
+            if (before or event is departure) and name not in ("string", "load", "height", "back"):
                 self.events.append((name, self.rows + row, point, piece, _note(kind)))
         skip = 1 if self.parts else 0
-        self.parts.append(_Part(piece, rows[skip:], negative[skip:]))
+        self.parts.append(_TracedPiece(piece, rows[skip:], negative[skip:]))
         self.rows += len(rows) - skip
-        return self._ended(piece, rows[-1], reason, -1 if traced.tangent[-1, -1] < 0 else 1)
+        return self._after_piece(piece, rows[-1], reason, -1 if traced.tangent[-1, -1] < 0 else 1)
 
-    def _ended(self, piece: Piece, u: Array, reason: str, arrived: int) -> Any:
-        """What follows a piece that ended at u, as of `_piece`."""
+    def _after_piece(self, piece: SmoothPiece, u: Array, reason: str, incoming: int) -> Any:
+        """The start of the next piece after one that ended at u, as `_follow_piece` returns it."""
         word, *numbers = reason.split()
         if word == "bifurcation":
-            return self._switched(piece, u)
+            return self._switch_branch(piece, u)
         if word == "string":
-            return self._turned(piece, u, int(numbers[0]), arrived)
-        if word == "height" and self.of.pattern is None:
+            return self._change_active_set(piece, u, int(numbers[0]), incoming)
+        if word == "height" and self.loading.pattern is None:
             word = "control"
         elif word == "height" and not u[-1] > 0:
             word = "other"
         self.end = ENDS.get(word, reason)
         return None
 
-    def _events(self, piece: Piece, traced: Branch, negative: Array) -> list[_Found]:
-        """What was met on a piece, and where it loses stability."""
+    def _events(self, piece: SmoothPiece, traced: Branch, negative: Array) -> list[_Located]:
+        """The located events of a piece, and the bifurcations where it loses stability."""
         events = [
             (e.kind, e.row, np.array([e.at[name] for name in piece.names]))
             for e in traced.events
             if e.kind != "bifurcation"
         ]
         found = self._bifurcations(piece, traced, negative, events)
-        found += self._joins(piece, traced, negative, events)
+        found += self._bifurcations_at_limit_points(piece, traced, negative, events)
         return events + sorted(found, key=itemgetter(1))
 
-    def _cut(self, events: list[_Found], negative: Array) -> _Found | None:
-        """Where a path leaves a piece before its end: on a stable branch, or as bars meet."""
-        pairs, found = [tuple(pair) for pair in self.of.pairs.tolist()], []
+    def _departure(self, events: list[_Located], negative: Array) -> _Located | None:
+        """The event at which the path leaves a piece early: a bifurcation, or contact of bars."""
+        pairs, found = [tuple(pair) for pair in self.loading.pairs.tolist()], []
         for event in events:
             kind, row, u = event
             word, *numbers = kind.split()
             if word == "bifurcation" and self.branch == "stable" and negative[row, 1] == 0:
                 found.append((row, 0, event))
             if word == "contact" and row > 0:
-                within = self.of.crossing(self.of.at(u))[1]
+                within = self.loading.crossing(self.loading.positions_at(u))[1]
                 if within[pairs.index(tuple(map(int, numbers)))]:
                     found.append((row, 1, event))
         return min(found, key=itemgetter(0, 1))[2] if found else None
 
-    def _traced(self, piece: Piece, u: Array, sense: int, points: int) -> tuple[Branch | None, str]:
-        """The piece from u, and why it ends: in a first step so short that strings that leave
-        their natural length there have not come back to it."""
+    def _trace_piece(
+        self, piece: SmoothPiece, u: Array, sense: int, points: int
+    ) -> tuple[Branch | None, str]:
+        """The piece from u, and why it ends; its first step is so short that strings which leave
+        their natural length there do not return to it within the step."""
         problem, first = ManyProblem(piece), SETTINGS.first
         stop = [name for name in piece.roots if not name.startswith("contact")]
         while True:
@@ -217,127 +237,149 @@ class PathFollower:
             if not back.any() or first < SETTINGS.smallest:
                 return traced, reason
 
-    def _turned(self, piece: Piece, u: Array, met: int, arrived: int) -> Any:
-        """The piece that begins where strings are at natural length, of which the path met one."""
-        stretch = piece.stretch(u)
-        corner = np.union1d(self._at_corner(stretch), [met])  # its own may be round-off above
+    def _change_active_set(self, piece: SmoothPiece, u: Array, reached: int, incoming: int) -> Any:
+        """The next piece where strings, `reached` among them, are at their natural length."""
+        strains = piece.strains(u)
+        critical = np.union1d(
+            self._critical_strings(strains), [reached]
+        )  # its own may be round-off above
         row = self.rows - 1
-        met_by = piece.taut.copy()
-        met_by[corner] ^= True
-        words = [_changed(piece.taut, met_by)]
-        x = self.of.at(u)
-        volume, within = self.of.crossing(x)
-        if ((np.abs(volume) <= NOW) & within & (np.abs(piece.volume) > NOW)).any():
+        switched = piece.taut.copy()
+        switched[critical] ^= True
+        words = [_changed(piece.taut, switched)]
+        x = self.loading.positions_at(u)
+        volume, within = self.loading.crossing(x)
+        if ((np.abs(volume) <= TOUCHING) & within & (np.abs(piece.volume) > TOUCHING)).any():
             self.events.append(("slack", row, u, piece, ", ".join(words)))
             self.events.append(("contact", row, u, piece, "bars meet"))
             self.end = ENDS["contact"]
             return None
-        found = rays(self.of, u, piece.taut, corner, arrived)
-        ray = chosen(found, self.branch, corner)
-        lost = ray is None or (ray.sense == arrived and not ray.stable)
-        if lost and arrived > 0 and self.branch == "stable" and self.parts[-1].negative[-1, 1] == 0:
-            beyond = branches_off(piece, u, corner)
+        found = outgoing(self.loading, u, piece.taut, critical, incoming)
+        chosen = selected(found, self.branch, critical)
+        lost = chosen is None or (chosen.sense == incoming and not chosen.stable)
+        if (
+            lost
+            and incoming > 0
+            and self.branch == "stable"
+            and self.parts[-1].negative[-1, 1] == 0
+        ):
+            beyond = stable_branch_beyond(piece, u, critical)
             if beyond is not None:
-                return self._beyond(piece, u, beyond)
-            if ray is not None:
+                return self._start_beyond(piece, u, beyond)
+            if chosen is not None:
                 self.events.append(("slack", row, u, piece, words[0]))
-                self.end = ENDS["snap"].format("corner")
+                self.end = ENDS["snap"].format("change of active set")
                 return None
-        if ray is not None and len(corner) > 1:
-            kept = int(ray.taut[corner].sum())
-            words.append(f"{kept} of {len(corner)} at the corner taut beyond it")
-        if ray is not None and ray.sense != arrived:
-            words.append("the path turns back")
+        if chosen is not None and len(critical) > 1:
+            count = int(chosen.taut[critical].sum())
+            words.append(f"{count} of {len(critical)} strings at natural length are taut beyond")
+        if chosen is not None and chosen.sense != incoming:
+            words.append("the path reverses its sense")
         self.events.append(("slack", row, u, piece, ", ".join(words)))
-        if ray is None:
+        if chosen is None:
             self.end = ENDS["nothing"]
             return None
-        return u, ray.taut, corner, ray.sense
+        return u, chosen.taut, critical, chosen.sense
 
-    def _switched(self, piece: Piece, u: Array) -> Any:
+    def _switch_branch(self, piece: SmoothPiece, u: Array) -> Any:
         """The stable branch that leaves a bifurcation."""
-        found = branches_off(piece, u)
+        found = stable_branch_beyond(piece, u)
         if found is None:
             self.end = ENDS["snap"].format("bifurcation")
             return None
-        return self._beyond(piece, u, found)
+        return self._start_beyond(piece, u, found)
 
-    def _beyond(self, piece: Piece, u: Array, found: Array) -> Any:
-        """The piece that begins at a point found beyond u."""
-        stretch = piece_stretch(self.of, found, piece.taut)
-        taut = ~self.of.members.pulls_only | (stretch >= 0)
+    def _start_beyond(self, piece: SmoothPiece, u: Array, found: Array) -> Any:
+        """The piece that begins at a point of a branch a little beyond u."""
+        strains = strains_at(self.loading, found, piece.taut)
+        taut = ~self.loading.members.tension_only | (strains >= 0)
         if (taut != piece.taut).any():
             self.events.append(("slack", self.rows - 1, u, piece, _changed(piece.taut, taut)))
         return found, taut, NONE, 1
 
     # stability
 
-    def _inner(self, piece: Piece, u: Array) -> Array:
-        """Tangent where the last unknown is given."""
+    def _constrained_tangent(self, piece: SmoothPiece, u: Array) -> Array:
+        """Tangent stiffness for a given last unknown (shortening or control)."""
         stiff = piece.tangent(u)
-        return stiff if self.of.pattern is None else stiff[:-1, :-1]
+        return stiff if self.loading.pattern is None else stiff[:-1, :-1]
 
-    def _negative(self, piece: Piece, u: Array) -> tuple[int, int]:
-        """Negative eigenvalues under given load, and where the last unknown is given."""
+    def _negative(self, piece: SmoothPiece, u: Array) -> tuple[int, int]:
+        """Counts of negative eigenvalues under given load, and for a given last unknown."""
         stiff = piece.tangent(u)
         scale = np.ones(len(stiff))
-        if self.of.pattern is not None:  # the last motion is of 1 m of shortening: as the others
-            scale[-1] = np.sqrt(self.of.along @ self.of.along)
-        whole, inner = stiff * scale[:, None] * scale, self._inner(piece, u)
-        bound = -ROUND_OFF * float(self.of.members.stiffness.max())
+        if (
+            self.loading.pattern is not None
+        ):  # the last motion is of 1 m of shortening: as the others
+            scale[-1] = np.sqrt(self.loading.along @ self.loading.along)
+        whole, inner = stiff * scale[:, None] * scale, self._constrained_tangent(piece, u)
+        bound = -ROUND_OFF * float(self.loading.members.stiffness.max())
         low, high = (int(np.sum(np.linalg.eigvalsh(k) < bound)) for k in (whole, inner))
         return low, high
 
     def _bifurcations(
-        self, piece: Piece, traced: Branch, negative: Array, events: list[_Found]
-    ) -> list[_Found]:
-        """Where eigenvalues change their sign other than by a turn; how many is in the kind."""
-        turns, machine = [row for kind, row, _ in events if kind == self.turn], ManyProblem(piece)
+        self, piece: SmoothPiece, traced: Branch, negative: Array, events: list[_Located]
+    ) -> list[_Located]:
+        """Points other than limit points where eigenvalues change sign, with their number."""
+        limit_rows, stepper = (
+            [row for kind, row, _ in events if kind == self.limit_kind],
+            ManyProblem(piece),
+        )
         found, scaled = [], np.arcsinh(traced.z / piece.scale)
         for row in np.flatnonzero(np.diff(negative[:, 1])).tolist():
             count = abs(int(negative[row + 1, 1] - negative[row, 1]))
-            count -= sum(t in (row, row + 1) for t in turns) if row in turns else 0
+            count -= sum(t in (row, row + 1) for t in limit_rows) if row in limit_rows else 0
             if count < 1:
                 continue
             length = traced.arc[row + 1] - traced.arc[row]
-            ends = [machine.row(scaled[i], traced.tangent[i], length) for i in (row, row + 1)]
-            point = self._located(machine, ends, int(negative[row, 1]))
+            ends = [stepper.row(scaled[i], traced.tangent[i], length) for i in (row, row + 1)]
+            point = self._locate_bifurcation(stepper, ends, int(negative[row, 1]))
             found.append((f"bifurcation {count}", row, point))
         return found
 
-    def _joins(
-        self, piece: Piece, traced: Branch, negative: Array, events: list[_Found]
-    ) -> list[_Found]:
-        """The first turn at which a stable branch does not end but joins another one."""
+    def _bifurcations_at_limit_points(
+        self, piece: SmoothPiece, traced: Branch, negative: Array, events: list[_Located]
+    ) -> list[_Located]:
+        """The first limit point at which a stable branch continues on another stable branch."""
         if self.branch != "stable":
             return []
         for kind, row, u in sorted(events, key=itemgetter(1)):
-            stable = kind == self.turn and traced.tangent[row, -1] > 0 and negative[row, 1] == 0
-            if stable and branches_off(piece, u) is not None:
+            stable = (
+                kind == self.limit_kind and traced.tangent[row, -1] > 0 and negative[row, 1] == 0
+            )
+            if stable and stable_branch_beyond(piece, u) is not None:
                 return [("bifurcation 1", row, u)]
         return []
 
-    def _located(self, machine: Any, ends: list[Array], below: int) -> Array:
-        """The point between two where the number of negative eigenvalues changes.
+    def _locate_bifurcation(self, stepper: Any, ends: list[Array], below: int) -> Array:
+        """The point between two others where the number of negative eigenvalues changes.
 
-        At the point itself the equations are singular, and round-off moves a solution along the
-        lost mode: so eigenvalue and unknowns are interpolated from points around it.
+        The equations are singular there, and round-off displaces a solution along the critical
+        mode.  Eigenvalue and unknowns are therefore interpolated from points around it.
         """
         from numpy.polynomial import chebyshev
 
-        after = self._negative(machine.of, machine.unknowns(ends[1][: machine.m]))[1]
+        after = self._negative(stepper.equations, stepper.unknowns(ends[1][: stepper.m]))[1]
         number = below if after > below else below - 1
-        m = machine.m
-        turns = ends[0][2 * m - 1] * ends[1][2 * m - 1] <= 0
+        m = stepper.m
+        passes_limit_point = ends[0][2 * m - 1] * ends[1][2 * m - 1] <= 0
         middle, half = 0.5, 0.5
         for _ in range(
-            1 + (ends[1][machine.length] > WIDE)
+            1 + (ends[1][stepper.length] > WIDE)
         ):  # then nearer: eigenvalues cross elsewhere
             parts = middle + half * chebyshev.chebpts1(AROUND)
-            z = [machine.at(*machine.between(*ends, part), None)[:m] for part in parts.tolist()]
-            us = np.array([machine.unknowns(one) for one in z])
-            values = [np.linalg.eigvalsh(self._inner(machine.of, u))[number] for u in us]
-            place = parts if turns else us[:, -1]  # round-off moves solutions along the path too
+            z = [
+                stepper.corrected(*stepper.interpolated(*ends, part), None)[:m]
+                for part in parts.tolist()
+            ]
+            us = np.array([stepper.unknowns(one) for one in z])
+            values = [
+                np.linalg.eigvalsh(self._constrained_tangent(stepper.equations, u))[number]
+                for u in us
+            ]
+            place = (
+                parts if passes_limit_point else us[:, -1]
+            )  # round-off moves solutions along the path too
             place = (place - place[0]) / (place[-1] - place[0]) * 2 - 1
             roots = chebyshev.chebroots(chebyshev.chebfit(place, values, DEGREE))
             real = roots.real[(np.abs(roots.imag) < 1e-6) & (np.abs(roots.real) <= 1 + NEARER)]
@@ -348,10 +390,10 @@ class PathFollower:
             half *= NEARER
         return np.array(found)
 
-    # what came out
+    # the result
 
-    def _made(self) -> StructurePath:
-        names, loaded = ["shortening", "load"], self.of.pattern is not None
+    def _table(self) -> StructurePath:
+        names, loaded = ["shortening", "load"], self.loading.pattern is not None
         us = [u for part in self.parts for u in part.u]
         pieces = [part.piece for part in self.parts for _ in part.u]
         negative = np.concatenate([part.negative for part in self.parts])
@@ -363,22 +405,22 @@ class PathFollower:
         for kind, row, u, piece, note in self.events:
             at = self._columns([u], [piece])
             events.append(Event(kind, row, {k: float(v[0]) for k, v in at.items()}, note))
-        positions = np.array([self.of.at(u) for u in us])
+        positions = np.array([self.loading.positions_at(u) for u in us])
         slack = np.array([~piece.taut for piece in pieces])
         return StructurePath(
             self.structure, columns, events, self.end, fixed(positions), fixed(slack),
             self.supports,
         )  # fmt: skip
 
-    def _columns(self, us: list[Array], pieces: list[Piece]) -> dict[str, Array]:
+    def _columns(self, us: list[Array], pieces: list[SmoothPiece]) -> dict[str, Array]:
         tensions = np.array([piece.tensions(u) for piece, u in zip(pieces, us, strict=True)])
-        if self.of.pattern is not None:
+        if self.loading.pattern is not None:
             columns = {"shortening": np.array([u[-1] for u in us]) + 0.0,
                        "load": np.array([u[-2] for u in us]) + 0.0}  # fmt: skip
         else:
-            stored = np.sum(tensions**2 / (2 * self.of.members.stiffness), axis=1)
+            stored = np.sum(tensions**2 / (2 * self.loading.members.stiffness), axis=1)
             start = self.structure.members.energy(self.structure.positions)
-            carried = np.array([self.of.weight @ self.of.coordinates(u) for u in us])
+            carried = np.array([self.loading.weight @ self.loading.coordinates(u) for u in us])
             columns = {"control": np.array([u[-1] for u in us]), "work": stored - start - carried}
         return columns | {f"tension {m}": t for m, t in enumerate(tensions.T)}
 

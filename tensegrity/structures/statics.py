@@ -1,10 +1,9 @@
-"""States of self-stress and mechanisms of a shape, from the singular values of its equilibrium.
+"""States of self-stress and mechanisms of a shape, by singular values of the equilibrium matrix.
 
-With force densities q (tension over length) the nodes are in equilibrium where A q = 0; A holds
-differences of coordinates only, no stiffness (Pellegrino & Calladine 1986).  How near to zero a
-singular value has to be is a matter of how well a shape is known: a measured one has no
-self-stress to round-off, and the gap says by how much it fails.  Which of these states a structure
-has is what a user asks for: force densities, or the prestrain of strings.
+With force densities q (tension over length) the nodes are in equilibrium where A q = 0; A contains
+differences of coordinates and no stiffness (Pellegrino & Calladine 1986).  A measured shape has no
+state of self-stress to round-off; `SelfStress.gap` says how far it is from one.  The user selects
+a state by force densities, or by the prestrains of strings.
 """
 
 from __future__ import annotations
@@ -23,11 +22,11 @@ from tensegrity.printing import filled, span
 from tensegrity.structures.supports import orthonormal, rigid_motions
 from tensegrity.typing import Array, Flags, Indices
 
-ZERO = 1e-11  # singular values below this part of the largest are round-off
-LEAST = 1e-9  # force density below which a member counts as without force, of their mean
+ZERO = 1e-11  # singular values below this fraction of the largest are round-off
+LEAST = 1e-9  # force density, over the mean one, below which a member is unstressed
 STEPS = 100
 SETTLED = 1e-14
-SAME = 1e-9  # force that is left on a node, over those of its members: no self-stress
+SAME = 1e-9  # largest residual force of a self-stress, over the forces of members
 
 
 @dataclass(frozen=True)
@@ -37,11 +36,11 @@ class SelfStress:
     Attributes
     ----------
     states : ndarray, (count, members)
-        Force densities [N/m], tension > 0: orthonormal rows, any combination is a state too.
+        Force densities [N/m], tension > 0; the rows are an orthonormal basis of all states.
     singular_values : ndarray, (members,)
-        Of the equilibrium matrix [m], the largest first.
+        Singular values of the equilibrium matrix in descending order [m].
     pulls_only : ndarray of bool, (members,)
-        Strings.
+        Which members are strings.
     """
 
     states: Array
@@ -66,24 +65,26 @@ class SelfStress:
 
     @property
     def gap(self) -> float:
-        """The smallest singular value that is not taken as zero, over the largest.
+        """The smallest singular value that does not count as zero, over the largest.
 
-        Where it is small the shape nearly has one state more: see `Structure.nearest_form`.
+        If it is small, the shape is close to one with a further state of self-stress; see
+        `Structure.nearest_form`.
         """
         values = self.singular_values
-        kept = values[values > ZERO * values[0]]
-        return float(kept[-1] / values[0])
+        nonzero = values[values > ZERO * values[0]]
+        return float(nonzero[-1] / values[0])
 
     @cached_property
     def feasible(self) -> Array:
-        """A state with bars <= 0 <= strings, (members,), of mean force density 1 N/m.
+        """A state with compressed bars and tensioned strings, (members,) [N/m].
 
-        Of all it is the one whose weakest member is strongest (linear programming).
+        The mean magnitude of the force densities is 1 N/m.  Among all such states the one with
+        the largest smallest magnitude is chosen, by linear programming.
 
         Raises
         ------
         EquilibriumError
-            If there is none.
+            If there is no such state.
         """
         from scipy.optimize import linprog
 
@@ -116,7 +117,7 @@ class SelfStress:
 
 
 def equilibrium_matrix(positions: Array, ends: Indices) -> Array:
-    """A [m], (nodes dim, members): A q are the forces that members exert, less their sign."""
+    """Equilibrium matrix A [m], (nodes dim, members): -A q are the member forces on the nodes."""
     nodes, dim = positions.shape
     matrix = np.zeros((nodes, dim, len(ends)))
     number = np.arange(len(ends))
@@ -127,7 +128,21 @@ def equilibrium_matrix(positions: Array, ends: Indices) -> Array:
 
 
 def self_stress(positions: Array, ends: Indices, pulls_only: Flags) -> SelfStress:
-    """See `Structure.self_stress`."""
+    """States of self-stress of a shape.
+
+    Parameters
+    ----------
+    positions : ndarray, (nodes, dim)
+        Positions of the nodes [m].
+    ends : ndarray of int, (members, 2)
+        The two nodes of each member.
+    pulls_only : ndarray of bool, (members,)
+        Which members are strings.
+
+    Returns
+    -------
+    SelfStress
+    """
     matrix = equilibrium_matrix(positions, ends)
     members = len(ends)
     _, sizes, right = np.linalg.svd(matrix)
@@ -136,7 +151,7 @@ def self_stress(positions: Array, ends: Indices, pulls_only: Flags) -> SelfStres
 
 
 def mechanisms(positions: Array, ends: Indices) -> Array:
-    """See `Structure.mechanisms`."""
+    """Inextensional mechanisms, (count, nodes, dim); see `Structure.mechanisms`."""
     nodes, dim = positions.shape
     left, sizes, _ = np.linalg.svd(equilibrium_matrix(positions, ends))
     rank = int(np.sum(sizes > ZERO * sizes[0]))
@@ -147,9 +162,9 @@ def mechanisms(positions: Array, ends: Indices) -> Array:
 
 
 def nearest_form(positions: Array, ends: Indices) -> Array:
-    """Positions next to these that have a state of self-stress, moved as little as possible.
+    """The nearest positions that admit a state of self-stress [m], (nodes, dim).
 
-    Newton's method on A(x) q = 0, |q| = 1, each step the least move from the given shape.
+    Newton's method on A(x) q = 0, |q| = 1; each step makes the distance from the given shape least.
     """
     dim, members = positions.shape[1], len(ends)
     start = equilibrium_matrix(positions, ends)
@@ -159,7 +174,7 @@ def nearest_form(positions: Array, ends: Indices) -> Array:
         matrix = equilibrium_matrix(x, ends)
         blocks = q[:, None, None] * np.eye(dim)
         slope = forces.assembled(ends[:, 0], ends[:, 1], blocks, len(x)).toarray()  # of A(x) q in x
-        # a change of q across itself makes up for all but this part of the residual
+        # a change of q orthogonal to q compensates all but this component of the residual
         out = np.linalg.svd(matrix)[0][:, members - 1 :]
         moved = (x - positions).ravel()
         residual = out.T @ (matrix @ q - slope @ moved)
@@ -171,27 +186,27 @@ def nearest_form(positions: Array, ends: Indices) -> Array:
         if change <= SETTLED * size:
             return x
     raise EquilibriumError(
-        f"no form with self-stress found near the given one: the last of {STEPS} steps moved "
+        f"no shape with self-stress found near the given one: the last of {STEPS} steps moved "
         f"{change:.3g} m"
     )
 
 
 def checked(structure: Any, force_densities: Any) -> Array:
-    """Force densities that are a self-stress, (members,)."""
+    """Force densities [N/m], (members,), checked to be a self-stress of the structure."""
     q = check.vector("force_densities", force_densities, (len(structure.ends),))
     matrix = equilibrium_matrix(structure.positions, structure.ends)
     left = np.abs(matrix @ q).max()
     size = (np.abs(matrix) @ np.abs(q)).max()
     if left > SAME * size:
         raise EquilibriumError(
-            f"these force densities are no self-stress: a force of {left:.3g} N is left, "
-            f"beside {size:.3g} N"
+            f"these force densities are no self-stress: a force of {left:.3g} N is unbalanced, "
+            f"forces are up to {size:.3g} N"
         )
     return q
 
 
 def refuse_pushing(structure: Any, q: Array) -> None:
-    """Refuse force densities that strings cannot have: slack, they would leave the rest alone."""
+    """Refuse compressive force densities of strings."""
     pushed = np.where(structure.is_string, q, 0.0)
     worst = int(pushed.argmin())
     if pushed[worst] < -SAME * np.abs(q).max():
@@ -202,14 +217,14 @@ def refuse_pushing(structure: Any, q: Array) -> None:
 
 
 def of_prestrain(structure: Any, prestrain: Any) -> Array:
-    """Force densities of which some strings have given prestrains."""
+    """The force densities [N/m], (members,), at which some strings have given prestrains."""
     if not isinstance(prestrain, Mapping) or not prestrain:
         raise TensegrityError(
             f"prestrain {check.shown(prestrain)} must be a dict {{string: value}}"
         )
     stress = structure.self_stress()
     if not len(stress.states):
-        return stress.feasible  # says why not
+        return stress.feasible  # which raises the reason
     numbers = [structure.member_number(m) for m in prestrain]
     for number in numbers:
         if not structure.is_string[number]:
@@ -219,8 +234,8 @@ def of_prestrain(structure: Any, prestrain: Any) -> Array:
             )
     if len(numbers) != len(stress.states):
         raise TensegrityError(
-            f"prestrain of {len(numbers)} strings, must be of {len(stress.states)}: that many "
-            "states of self-stress has this shape"
+            f"prestrain of {len(numbers)} strings, must be of {len(stress.states)}: the shape has "
+            "that many states of self-stress"
         )
     values = np.array(
         [check.number(f"prestrain of string {m}", x, above=-1) for m, x in prestrain.items()]

@@ -1,8 +1,8 @@
-"""A structure of bars and strings that a user describes, and what follows from its shape.
+"""A structure of bars and strings: description, prestress, stiffness and modes.
 
-Lumped masses at the nodes; members massless, straight and linear elastic in their elongation.
-Source: seeds/000, part III, "Elastic problem", for members; Pellegrino & Calladine 1986 for
-self-stress and mechanisms.
+Masses are lumped at the nodes; members are massless and straight, and their tension is
+proportional to their elongation.  Source: seeds/000, part III, "Elastic problem", for members;
+Pellegrino & Calladine 1986 for self-stress and mechanisms.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from tensegrity.scenes.network import Network
 from tensegrity.structures import statics
 from tensegrity.structures.members import (
     Members,
-    each,
-    ends_of,
-    refuse_double,
+    equilibrium_positions,
+    member_ends,
+    positive_for_each,
+    refuse_duplicates,
     rigid_plates,
-    settle,
 )
 from tensegrity.structures.modes import Modes
 from tensegrity.structures.statics import SelfStress
@@ -37,7 +37,7 @@ from tensegrity.typing import Array, Flags
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-SOFT = 1e-12  # of the largest stiffness: eigenvalues below it are round-off
+SOFT = 1e-12  # eigenvalues below this fraction of the largest stiffness are round-off
 
 
 class Structure(ReadOnly):
@@ -46,24 +46,27 @@ class Structure(ReadOnly):
     Parameters
     ----------
     positions : array_like, (nodes, dim)
-        [m], dim 2 or 3.
+        Positions of the nodes [m]; dim is 2 or 3.
     bars, strings : sequence of (int, int)
-        The two nodes of each.  All arrays of members hold bars first, then strings.
+        The two nodes that each member joins.  Arrays over members hold bars first, then strings.
     k_bar, k_string : float or array_like, (bars,) or (strings,)
-        EA over natural length [N/m], > 0.
+        Spring constants, EA over natural length [N/m], > 0.
     mass : float or array_like, (nodes,), optional
-        Of each node [kg], > 0.
+        Mass of each node [kg], > 0.
     natural_lengths : array_like, (members,), optional
-        Lengths without stress [m]; by default those of the positions.
+        Unstressed lengths [m]; by default the lengths at the positions.
     platforms : sequence of sequences of int, optional
-        Nodes on each of some rigid plates inside of the structure, smooth and guided along the
-        last axis: they move along it as one.  In statics only.
+        The nodes on each rigid plate inside the structure.  Platforms are smooth and guided along
+        the last axis, so that their nodes move along it together.  They exist in statics only.
 
     Attributes
     ----------
     positions, natural_lengths, stiffnesses, mass : ndarray
+        As given, (nodes, dim), (members,), (members,) and (nodes,).
     ends : ndarray of int, (members, 2)
+        The two nodes of each member.
     is_string : ndarray of bool, (members,)
+        Which members are strings.
 
     Raises
     ------
@@ -73,12 +76,30 @@ class Structure(ReadOnly):
 
     Notes
     -----
-    The stiffness of a string jumps at its natural length.  There, and up to 1e-10 of it below, a
-    string counts as taut, with the stiffness that it has as soon as it lengthens: in `slack`,
-    `stiffness`, `modes`, `is_stable` and modes of the `network`; paths go by how they leave.  So
-    round-off decides on nothing, also that of positions some 1e5 sizes from the origin.  A motion
-    that only shortens such strings may cost less than this stiffness says.  Forces and energies
-    know no such margin.
+    The stiffness of a string jumps at its natural length.  In `slack`, `stiffness`, `modes`,
+    `is_stable` and the modes of the `network` a string counts as taut down to 1e-10 below its
+    natural length, with the stiffness that it has when lengthened.  The result therefore does not
+    depend on round-off, even for positions 1e5 times the structure's size from the origin; but
+    for a motion that only shortens such strings the stiffness is an upper bound.  Equilibrium
+    paths decide on these strings by the direction in which the path leaves.  Forces and energies
+    contain no such margin.
+
+    Examples
+    --------
+    A cross of two bars in a square of four strings:
+
+    >>> from tensegrity import Structure
+    >>> corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
+    >>> sides = [(0, 1), (1, 2), (2, 3), (3, 0)]
+    >>> cross = Structure(corners, bars=[(0, 2), (1, 3)], strings=sides)
+    >>> stress = cross.self_stress().feasible
+    >>> stress.round(6).tolist()
+    [-1.0, -1.0, 1.0, 1.0, 1.0, 1.0]
+    >>> stressed = cross.prestressed(prestrain={2: 0.05})
+    >>> stressed.tensions.round(4).tolist()
+    [-0.0673, -0.0673, 0.0476, 0.0476, 0.0476, 0.0476]
+    >>> stressed.is_stable(), stressed.modes(2).eigenvalues.round(4).tolist()
+    (True, [1.9048, 2.0952])
     """
 
     def __init__(
@@ -97,22 +118,24 @@ class Structure(ReadOnly):
             raise TensegrityError(f"positions have shape {places.shape}, must be (nodes, 2) or 3")
         self.positions = check.vector("positions", places, places.shape)
         nodes = len(places)
-        pairs = [ends_of(name, ends, nodes) for name, ends in (("bar", bars), ("string", strings))]
+        pairs = [
+            member_ends(name, ends, nodes) for name, ends in (("bar", bars), ("string", strings))
+        ]
         self.ends = np.concatenate(pairs)
         self.is_string = np.arange(len(self.ends)) >= len(pairs[0])
         if not len(self.ends):
             raise TensegrityError("0 bars and strings, must be at least 1")
-        refuse_double(self.ends, len(pairs[0]))
+        refuse_duplicates(self.ends, len(pairs[0]))
         alone = sorted(set(range(nodes)) - set(self.ends.ravel().tolist()))
         if alone:
             raise TensegrityError(f"node {alone[0]} is in no member")
         self.stiffnesses = np.concatenate(
             [
-                each(name, k, len(of), "N/m")
-                for name, k, of in zip(("k_bar", "k_string"), (k_bar, k_string), pairs, strict=True)
+                positive_for_each("k_bar", k_bar, len(pairs[0]), "N/m"),
+                positive_for_each("k_string", k_string, len(pairs[1]), "N/m"),
             ]
         )
-        self.mass = each("mass", mass, nodes, "kg")
+        self.mass = positive_for_each("mass", mass, nodes, "kg")
         self.platforms = rigid_plates(platforms, nodes)
         lengths = self.lengths
         least = 1e-12 * np.ptp(places, axis=0).max()
@@ -126,10 +149,12 @@ class Structure(ReadOnly):
         if natural_lengths is None:
             self.natural_lengths = lengths
         else:
-            self.natural_lengths = each("natural length", natural_lengths, len(lengths), "m")
+            self.natural_lengths = positive_for_each(
+                "natural length", natural_lengths, len(lengths), "m"
+            )
 
     def name_of(self, member: int) -> str:
-        """A member in words."""
+        """The name of a member in messages, such as "string 4"."""
         bars = self.bars
         return f"string {member}" if member >= bars else f"bar {member}"
 
@@ -140,7 +165,7 @@ class Structure(ReadOnly):
 
     @property
     def dim(self) -> int:
-        """2 or 3."""
+        """Dimension of space, 2 or 3."""
         return int(self.positions.shape[1])
 
     @property
@@ -155,7 +180,7 @@ class Structure(ReadOnly):
 
     @cached_property
     def members(self) -> Members:
-        """What computes forces and energy."""
+        """The members as arrays, which compute forces and energy."""
         return Members(self.ends, self.stiffnesses, self.natural_lengths, self.is_string)
 
     @cached_property
@@ -166,7 +191,7 @@ class Structure(ReadOnly):
 
     @cached_property
     def tensions(self) -> Array:
-        """Of the members at the positions [N], (members,); 0 of slack strings."""
+        """Tensions of the members at the positions [N], (members,); 0 for slack strings."""
         return fixed(self.members.tensions(self.positions))
 
     @property
@@ -176,25 +201,31 @@ class Structure(ReadOnly):
 
     @property
     def slack(self) -> Flags:
-        """Which members are slack strings, shorter than their natural length by more than 1e-10
-        of it, (members,)."""
+        """Which members are slack strings, (members,): strings shorter than their natural length
+        by more than 1e-10 of it."""
         return ~self.members.taut(self.lengths)
 
     # the shape alone
 
     def self_stress(self) -> SelfStress:
-        """States of self-stress of the shape, whatever the stiffnesses."""
+        """States of self-stress of the shape; they do not depend on the stiffnesses."""
         return statics.self_stress(self.positions, self.ends, self.is_string)
 
     def mechanisms(self) -> Array:
-        """Motions that stretch no member, rigid ones out, (count, nodes, dim), orthonormal."""
+        """Inextensional mechanisms, (count, nodes, dim): orthonormal infinitesimal motions that
+        change no length, without rigid motions."""
         return statics.mechanisms(self.positions, self.ends)
 
     def nearest_form(self) -> Structure:
-        """The structure moved as little as possible to a shape that has a self-stress.
+        """The structure at the nearest positions that admit a state of self-stress.
 
-        For shapes that were measured: see `SelfStress.gap`.  Natural lengths become those of the
-        new shape.
+        It serves shapes known from measurement; see `SelfStress.gap`.  The natural lengths become
+        the lengths of the new shape.
+
+        Raises
+        ------
+        EquilibriumError
+            If Newton's method finds no such positions near the given ones.
         """
         if len(self.self_stress().states):
             return self
@@ -203,7 +234,7 @@ class Structure(ReadOnly):
     # structures made from this one
 
     def at(self, positions: ArrayLike, **other: Any) -> Structure:
-        """The same structure at other positions; other arguments of `Structure` by name."""
+        """A copy of the structure at other positions, with other arguments replaced by name."""
         own: dict[str, Any] = {
             "bars": self.ends[: self.bars],
             "strings": self.ends[self.bars :],
@@ -216,7 +247,7 @@ class Structure(ReadOnly):
         return Structure(positions, **(own | other))
 
     def at_mass(self, mass: ArrayLike) -> Structure:
-        """The same structure with other masses of its nodes [kg]."""
+        """A copy of the structure with other masses of its nodes [kg]."""
         return self.at(self.positions, mass=mass)
 
     def prestressed(
@@ -224,15 +255,15 @@ class Structure(ReadOnly):
         force_densities: ArrayLike | None = None,
         prestrain: Mapping[int, float] | None = None,
     ) -> Structure:
-        """Natural lengths that make this shape an equilibrium with given stress.
+        """The structure with natural lengths for which this shape is a prestressed equilibrium.
 
         Parameters
         ----------
         force_densities : array_like, (members,), optional
-            [N/m], tension > 0; a state of self-stress.
+            A state of self-stress, tension over length [N/m], tension > 0.
         prestrain : dict, optional
-            {member: (length - natural length)/natural length} of as many strings as there are
-            states of self-stress; members are numbered bars first.
+            {member: (length - natural length)/natural length} for as many strings as there are
+            independent states of self-stress; members are numbered bars first.
 
         Returns
         -------
@@ -240,8 +271,11 @@ class Structure(ReadOnly):
 
         Raises
         ------
+        TensegrityError
+            If not exactly one of the two is given, or a value is outside its bounds.
         EquilibriumError
-            If the shape has no self-stress, these force densities are none, or strings would push.
+            If the shape has no self-stress, the force densities are not in equilibrium, or a
+            string would be compressed.
         """
         if (force_densities is None) == (prestrain is None):
             raise TensegrityError("give force_densities or prestrain, one of them")
@@ -260,18 +294,20 @@ class Structure(ReadOnly):
         return self.at(self.positions, natural_lengths=natural)
 
     def member_number(self, member: object) -> int:
-        """The number of a member that a user names, checked."""
+        """The number of a member, checked to be one."""
         return check.whole("member", member, least=0, below=len(self.ends))
 
     def relaxed(self) -> Structure:
-        """The structure in the shape that its natural lengths give, found downhill from this one.
+        """The structure at the equilibrium of its natural lengths, by minimising the energy.
 
         Raises
         ------
         EquilibriumError
-            If all strings and bars end without stress.
+            If no member is stressed there.
         """
-        x = settle(self.members, self.freedom(None), self.positions, 0 * self.positions)
+        x = equilibrium_positions(
+            self.members, self.freedom(None), self.positions, 0 * self.positions
+        )
         found = self.at(x)
         if not (np.abs(found.tensions) > 1e-12 * self.stiffnesses * self.natural_lengths).any():
             longest = np.max(self.lengths / self.natural_lengths)
@@ -287,18 +323,20 @@ class Structure(ReadOnly):
     def stiffness(self) -> Any:
         """Tangent stiffness at the positions [N/m], SciPy sparse array (nodes dim, nodes dim).
 
-        Slack strings are absent; those at their natural length count as taut: see the notes of
-        the class.
+        Slack strings contribute nothing; strings at their natural length count as taut, see the
+        notes of the class.
         """
         return self.members.tangent(self.positions)
 
     def modes(self, count: int = 6, supports: Supports | None = None) -> Modes:
-        """The softest modes over the motions that supports leave, rigid motions out.
+        """The softest modes that the supports permit, without rigid motions.
 
         Parameters
         ----------
         count : int, optional
+            Number of modes.
         supports : Supports, optional
+            By default none.
 
         Returns
         -------
@@ -319,8 +357,8 @@ class Structure(ReadOnly):
         return Modes(values, frequencies, shapes / largest[:, None, None], self, total)
 
     def is_stable(self, supports: Supports | None = None) -> bool:
-        """Whether every motion that supports leave costs energy, rigid motions apart; one that
-        neither takes nor gives energy does not.  Strings at their natural length count as taut."""
+        """Whether the tangent stiffness is positive definite over the motions that the supports
+        permit, except rigid ones.  Strings at their natural length count as taut."""
         freedom = self.freedom(supports)
         if freedom.motions.shape[1] == freedom.rigid.shape[1]:
             return True  # nothing can move
@@ -328,14 +366,14 @@ class Structure(ReadOnly):
         return bool(values[0] > SOFT * self.stiffnesses.max())
 
     def freedom(self, supports: Supports | None) -> Freedom:
-        """Motions that supports and platforms leave."""
+        """The motions that supports and platforms permit."""
         if supports is not None:
             check.kind("supports", supports, Supports, ": made by held(...) or plates(...)")
         return Freedom.of(supports, self.positions, self.platforms, self.parts)
 
     @cached_property
     def parts(self) -> tuple[Any, ...]:
-        """Node numbers of each part that no member joins to another."""
+        """Node numbers of each connected component."""
         from scipy.sparse import coo_matrix
         from scipy.sparse.csgraph import connected_components
 
@@ -344,15 +382,15 @@ class Structure(ReadOnly):
         return tuple(np.flatnonzero(label == k) for k in range(count))
 
     def network(self) -> Network:
-        """The structure as a scene for `simulate`: strings pull only, bars pull and push.
+        """The structure as a network for `simulate`.
 
-        Lines without thickness: members pass through each other.  Displacements count from the
-        positions.
+        Strings carry tension only, bars tension and compression.  Members have no thickness and
+        pass through each other.  Displacements are measured from the positions.
 
         Raises
         ------
         TensegrityError
-            If there are platforms, which a scene does not have.
+            If there are platforms, which a network cannot have.
         """
         if self.platforms:
             raise TensegrityError(

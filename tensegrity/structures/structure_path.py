@@ -1,4 +1,4 @@
-"""Equilibria of a structure along a path, as a table."""
+"""The equilibrium path of a structure as a table."""
 
 from __future__ import annotations
 
@@ -24,24 +24,28 @@ class StructurePath(Table):
     Attributes
     ----------
     shortening, load : ndarray, (rows,)
-        Displacement in the direction of the load [m] and total load [N]; of a path of control
-        the column is `control`, from 0 to 1.
+        Displacement conjugate to the load [m] and total load [N], compression > 0.  Paths of
+        `control_path` have the column `control` from 0 to 1 instead.
     stable_load, stable_height : ndarray of bool, (rows,)
-        Whether none of the motions that the supports leave gives energy, under given (dead) load
-        and under given shortening; of a path of control both under given natural lengths.  One
-        that neither takes nor gives energy counts as stable here, not for `Structure.is_stable`.
+        Whether the tangent stiffness has no negative eigenvalue over the motions that the supports
+        permit: under given (dead) load, and under given shortening; on paths of `control_path`
+        both under given natural lengths.  A motion without stiffness counts as stable here, but
+        not for `Structure.is_stable`.
     tensions : ndarray, (rows, members)
-        [N]; columns "tension 0" and so on.
+        Tensions of the members [N]; as columns "tension 0" and so on.
     slack : ndarray of bool, (rows, members)
+        Which members are slack strings.
     positions : ndarray, (rows, nodes, dim)
-        [m].
+        Positions of the nodes [m].
     events : tuple of Event
-        Kinds "slack" (also where strings become taut again, see the note), "fold", "turn",
-        "bifurcation", "plate", "contact"; each has the columns as attributes.  Strings that
-        reach their natural length at one point are one event.
+        Located points, with the columns as attributes.  The kinds are "slack" (strings go slack,
+        or taut again, as the note says), "fold" (limit point in load), "turn" (limit point in
+        displacement), "bifurcation", "plate" and "contact".  Strings that reach their natural
+        length at the same point make one event.
     structure : Structure
-        Where the path starts.
+        The structure at the start of the path.
     end : str
+        Why the path ends.
     """
 
     load: Array
@@ -69,7 +73,7 @@ class StructurePath(Table):
 
     @property
     def tensions(self) -> Array:
-        """[N], (rows, members)."""
+        """Tensions of the members [N], (rows, members)."""
         count = len(self.structure.ends)
         return np.column_stack([self.columns[f"tension {m}"] for m in range(count)])
 

@@ -1,4 +1,4 @@
-"""What holds a structure: nodes held, or smooth plates; and the rigid motions that are left."""
+"""Supports of a structure, fixed nodes and smooth plates, and the motions that they permit."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from tensegrity.minimum import complement, lowest
 from tensegrity.printing import concise
 from tensegrity.typing import Array, Flags
 
-LEFT = 1e-9  # part of a rigid motion that supports may take and still leave it
-NOTHING = 1e-13  # of the largest stiffness: where bounds of eigenvalues below 0 start
-WORK = 1e-9  # of loads in rigid motions, over their size
+REMAINING = 1e-9  # largest constrained fraction of a rigid motion that counts as permitted
+NEGLIGIBLE = 1e-13  # of the largest stiffness or singular value: zero up to round-off
+WORK = 1e-9  # work of loads on rigid motions that counts as zero, over their magnitude
 
 
 @dataclass(frozen=True)
 class Supports:
-    """Nodes that are held, and plates; made by `held` and `plates`, put together by +.
+    """Fixed nodes and smooth plates, made by `held` and `plates` and combined by +.
 
     Attributes
     ----------
     holds : tuple of (node, axes)
-        Axes along which a node keeps its place; None for all.
+        The axes along which each of some nodes is fixed; None for all axes.
     lower, upper : tuple of int
-        Nodes on a smooth plate at rest, and on one that moves along the normal.
+        Nodes on a smooth plate at rest, and on one that is guided along the normal.
     normal : tuple of float, optional
-        Across the plates; None for the last axis.
+        Normal of the plates; None for the last axis.
     """
 
     holds: tuple[tuple[int, tuple[int, ...] | None], ...] = ()
@@ -55,25 +55,34 @@ class Supports:
         return normal / np.linalg.norm(normal)
 
     def motions(self, nodes: int, dim: int, platforms: Any = ()) -> Any:
-        """Orthonormal motions that are left, sparse (nodes dim, motions); that of the plate last.
+        """Orthonormal basis of the permitted motions; that of the upper plate comes last.
 
-        Each of `platforms` is a sequence of nodes that move along the last axis as one.
+        Parameters
+        ----------
+        nodes, dim : int
+            Number of nodes, and dimension of space.
+        platforms : sequence of sequences of int, optional
+            Groups of nodes that move along the last axis together.
+
+        Returns
+        -------
+        sparse array, (nodes dim, motions)
 
         Raises
         ------
         TensegrityError
-            If a node or an axis does not exist.
+            If a node or an axis does not exist, or a node is supported twice.
         """
         from scipy.sparse import csc_array
 
-        held, riding = self._held(nodes, dim), self._riding(platforms)
+        held, on_platforms = self._fixed_coordinates(nodes, dim), self._platform_nodes(platforms)
         on_plates, axes, normal = {*self.lower, *self.upper}, np.eye(dim), self.direction(dim)
         moving: list[tuple[Any, Array]] = []
         for node in range(nodes):
-            if node in riding:
+            if node in on_platforms:
                 own = axes[:-1]
             elif node in on_plates:
-                own = self._in_plate(node, held[node])
+                own = self._in_plane_directions(node, held[node])
             else:
                 own = axes[~held[node]]
             moving += [((node,), along) for along in own]
@@ -91,8 +100,8 @@ class Supports:
         matrix.eliminate_zeros()
         return matrix
 
-    def _held(self, nodes: int, dim: int) -> Flags:
-        """Which coordinates are kept, (nodes, dim); refuses nodes and axes that do not exist."""
+    def _fixed_coordinates(self, nodes: int, dim: int) -> Flags:
+        """Which coordinates are fixed, (nodes, dim); refuses nodes and axes that do not exist."""
         for node in (*(n for n, _ in self.holds), *self.lower, *self.upper):
             if node >= nodes:
                 raise TensegrityError(f"node {node} must be below {nodes}, the number of nodes")
@@ -104,20 +113,20 @@ class Supports:
                 found[node, axis] = True
         return found
 
-    def _riding(self, platforms: Any) -> set[int]:
-        """Nodes on platforms; refuses those that are supported too."""
+    def _platform_nodes(self, platforms: Any) -> set[int]:
+        """Nodes on platforms; refuses those that are supported as well."""
         found = {node for group in platforms for node in group}
         both = sorted(found & {*self.lower, *self.upper, *(node for node, _ in self.holds)})
         if both:
-            raise TensegrityError(f"node {both[0]} is on a platform and supported too")
+            raise TensegrityError(f"node {both[0]} is on a platform and supported as well")
         if found and self.normal is not None:
             raise TensegrityError(
-                "platforms move along the last axis: plates across another do not suit"
+                "platforms move along the last axis, which must be the normal of the plates too"
             )
         return found
 
-    def _in_plate(self, node: int, held: Flags) -> list[Array]:
-        """Directions in the plates along which a node is not held."""
+    def _in_plane_directions(self, node: int, held: Flags) -> list[Array]:
+        """Directions in the plane of the plates along which a node is free."""
         if self.normal is None:
             across = np.eye(len(held))[:-1]
         else:
@@ -136,40 +145,66 @@ class Supports:
 
 
 def held(nodes: Sequence[int], axes: Sequence[int] | None = None) -> Supports:
-    """Supports that keep nodes in their place.
+    """Supports that fix nodes, along all axes or some of them.
 
     Parameters
     ----------
     nodes : sequence of int
+        The nodes to fix.
     axes : sequence of int, optional
-        Coordinates that are kept; by default all.
+        The axes along which they are fixed; by default all.
 
     Returns
     -------
     Supports
+
+    Raises
+    ------
+    TensegrityError
+        If a node or an axis is no whole number, is negative or is given twice.
+
+    Examples
+    --------
+    >>> from tensegrity import held
+    >>> held([0]) + held([1], axes=[1])
+    held([0, 1])
     """
-    numbers = _numbers("held node", nodes)
-    kept = None if axes is None else _numbers("axis", axes)
-    return Supports(tuple((node, kept) for node in numbers))
+    numbers = _distinct_numbers("held node", nodes)
+    fixed_axes = None if axes is None else _distinct_numbers("axis", axes)
+    return Supports(tuple((node, fixed_axes) for node in numbers))
 
 
 def plates(
     lower: Sequence[int], upper: Sequence[int] = (), normal: Sequence[float] | None = None
 ) -> Supports:
-    """Two smooth parallel plates: the first at rest, the second guided along the normal.
+    """Two smooth parallel plates: the lower at rest, the upper guided along their normal.
 
     Parameters
     ----------
     lower, upper : sequence of int
-        Nodes on each; they slide in it and do not leave it.
-    normal : (dim,), optional
-        From the lower to the upper plate; by default the last axis.
+        The nodes on each plate; they slide on it and do not leave it.
+    normal : array_like, (dim,), optional
+        Direction from the lower to the upper plate; by default the last axis.
 
     Returns
     -------
     Supports
+
+    Raises
+    ------
+    TensegrityError
+        If a node is on both plates or given twice, or the normal is no vector other than 0.
+
+    Examples
+    --------
+    >>> from tensegrity import held, plates
+    >>> held([0]) + plates([0, 1, 2], [3, 4, 5])
+    held([0]) + plates([0, 1, 2], [3, 4, 5])
     """
-    low, up = _numbers("node of the lower plate", lower), _numbers("node of the upper plate", upper)
+    low, up = (
+        _distinct_numbers("node of the lower plate", lower),
+        _distinct_numbers("node of the upper plate", upper),
+    )
     both = sorted({*low} & {*up})
     if both:
         raise TensegrityError(f"node {both[0]} is on both plates")
@@ -181,7 +216,7 @@ def plates(
     return Supports((), low, up, tuple(across.tolist()))
 
 
-def _numbers(name: str, given: Sequence[int]) -> tuple[int, ...]:
+def _distinct_numbers(name: str, given: Sequence[int]) -> tuple[int, ...]:
     given = check.sequence(name, given, "whole numbers")
     numbers = [check.whole(name, node, least=0) for node in given]
     twice = [n for n in numbers if numbers.count(n) > 1]
@@ -204,19 +239,22 @@ def rigid_motions(positions: Array) -> Array:
     return np.column_stack([c.ravel() for c in columns])
 
 
-def left_over(motions: Any, positions: Array, parts: Any) -> Array:
-    """Orthonormal rigid motions of the parts among `motions`, in their coordinates.
+def remaining_rigid_motions(motions: Any, positions: Array, parts: Any) -> Array:
+    """Orthonormal basis of the rigid motions of the parts that lie in the span of `motions`.
 
     Parameters
     ----------
     motions : sparse, (nodes dim, free)
+        Orthonormal permitted motions.
     positions : ndarray, (nodes, dim)
+        Positions of the nodes [m].
     parts : sequence of ndarray of int
-        Nodes of each part.
+        Nodes of each connected component.
 
     Returns
     -------
     ndarray, (free, count)
+        Coefficients with respect to `motions`.
     """
     columns = []
     for nodes in parts:
@@ -227,27 +265,27 @@ def left_over(motions: Any, positions: Array, parts: Any) -> Array:
     rigid = np.concatenate(columns, axis=1)
     inside = motions.T @ rigid
     _, sizes, right = np.linalg.svd(rigid - motions @ inside, full_matrices=False)
-    return np.asarray(inside @ right[sizes < LEFT].T)
+    return np.asarray(inside @ right[sizes < REMAINING].T)
 
 
 def orthonormal(columns: Array) -> Array:
-    """A basis of what columns span."""
+    """An orthonormal basis of the span of the columns."""
     left, sizes, _ = np.linalg.svd(columns, full_matrices=False)
-    return left[:, sizes > LEFT * sizes[0]]
+    return left[:, sizes > REMAINING * sizes[0]]
 
 
 @dataclass(frozen=True)
 class Freedom:
-    """Motions that are left to a structure at given positions.
+    """The motions permitted to a structure at given positions.
 
     Attributes
     ----------
     motions : sparse array, (nodes dim, free)
-        Orthonormal.
+        Orthonormal basis of the permitted motions.
     rigid : ndarray, (free, count)
-        Rigid motions of the parts among them, in their coordinates.
+        Rigid motions of the parts among them, as coefficients with respect to `motions`.
     parts : sequence of ndarray of int
-        Nodes of each part that no member joins to another.
+        Nodes of each connected component.
     """
 
     motions: Any
@@ -256,33 +294,63 @@ class Freedom:
 
     @classmethod
     def of(cls, supports: Supports | None, positions: Array, platforms: Any, parts: Any) -> Freedom:
-        """Motions that supports and platforms leave."""
+        """The motions that supports and platforms permit.
+
+        Parameters
+        ----------
+        supports : Supports or None
+        positions : ndarray, (nodes, dim)
+            Positions of the nodes [m].
+        platforms : sequence of sequences of int
+            Nodes of each platform.
+        parts : sequence of ndarray of int
+            Nodes of each connected component.
+
+        Returns
+        -------
+        Freedom
+        """
         motions = (supports or Supports()).motions(len(positions), positions.shape[1], platforms)
-        return cls(motions, left_over(motions, positions, parts), parts)
+        return cls(motions, remaining_rigid_motions(motions, positions, parts), parts)
 
     def at(self, positions: Array) -> Freedom:
-        """The same at other positions."""
-        return Freedom(self.motions, left_over(self.motions, positions, self.parts), self.parts)
+        """The permitted motions at other positions, where other ones are rigid."""
+        return Freedom(
+            self.motions, remaining_rigid_motions(self.motions, positions, self.parts), self.parts
+        )
 
     def reduced(self, tangent: Any) -> Any:
-        """A tangent over these motions, (free, free)."""
+        """A tangent stiffness projected onto the permitted motions, (free, free)."""
         return self.motions.T @ tangent @ self.motions
 
     def complement(self) -> Array:
-        """Orthonormal motions without the rigid ones, (free, free - count)."""
+        """Orthonormal basis of the motions orthogonal to the rigid ones, (free, free - count)."""
         return complement(self.rigid)
 
     def lowest(self, tangent: Any, mass: Array, count: int) -> tuple[Array, Array]:
-        """The lowest eigenvalues of M^-1 K, rigid motions out, and vectors of unit modal mass,
-        (nodes dim, count), for a tangent (nodes dim, nodes dim) and masses (nodes dim,)."""
+        """The lowest eigenvalues of M^-1 K without rigid motions, and the modes.
+
+        Parameters
+        ----------
+        tangent : sparse array, (nodes dim, nodes dim)
+            Tangent stiffness K [N/m].
+        mass : ndarray, (nodes dim,)
+            Diagonal of M [kg].
+        count : int
+
+        Returns
+        -------
+        tuple of ndarray, (count,) and (nodes dim, count)
+            Eigenvalues in ascending order [1/s^2], and vectors of unit modal mass.
+        """
         from scipy.sparse import diags_array
 
         weights = self.reduced(diags_array(mass))
-        values, vectors = lowest(self.reduced(tangent), weights, self.rigid, count, NOTHING)
+        values, vectors = lowest(self.reduced(tangent), weights, self.rigid, count, NEGLIGIBLE)
         return values, self.motions @ vectors
 
-    def refuse_driven(self, positions: Array, loads: Array) -> None:
-        """Refuse loads that do work on rigid motions that supports leave."""
+    def refuse_unbalanced(self, positions: Array, loads: Array) -> None:
+        """Refuse loads that do work on rigid motions that the supports permit."""
         driven = self.rigid.T @ (self.motions.T @ loads.ravel())
         if np.linalg.norm(driven) <= WORK * np.abs(loads).sum():
             return
@@ -292,9 +360,9 @@ class Freedom:
         motion = (self.motions @ (self.rigid @ driven)).reshape(positions.shape)
         shift = motion.mean(axis=0)
         turning = np.linalg.norm(motion - shift) > np.linalg.norm(shift) * np.sqrt(len(motion))
-        word = "turning" if turning else "sliding"
+        word = "rotation" if turning else "translation"
         raise EquilibriumError(
-            f"the supports leave a rigid motion ({word}) on which the loads do work: net force "
+            f"the supports permit a rigid motion ({word}) on which the loads do work: net force "
             f"{_vector(loads.sum(axis=0))} N, net moment about the centre {_vector(moment)} N m"
         )
 

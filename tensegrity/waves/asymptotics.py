@@ -75,7 +75,7 @@ def forms() -> dict[str, tuple[Any, tuple[Any, ...]]]:
     from derivations import waves as derived
 
     ratio = sp.Symbol("ratio")
-    gamma_squared = derived.gamma_squared().subs(derived.speed, ratio * derived.sound)
+    gamma_squared = derived.gamma_squared().subs(derived.speed, ratio * derived.acoustic_speed)
     sech2 = (derived.sech_strain() * derived.spacing).subs(derived.spacing, 1)
     sech2 = sech2.subs(derived.gamma, sp.sqrt(sp.simplify(gamma_squared)))
     tent = (derived.tent() * derived.spacing).subs(derived.spacing, 1)
