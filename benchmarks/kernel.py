@@ -24,7 +24,7 @@ from tensegrity.engine.compiled import Compiled, evaluated, single
 from tensegrity.engine.kernel import bind
 from tensegrity.engine.law import functions
 from tensegrity.engine.methods import METHODS
-from tensegrity.engine.pieces import BoundPieces
+from tensegrity.engine.threaded import ThreadedChain
 from tensegrity.scenes.dynamics import dynamics
 
 SITES, STEPS, DT = 1000, 1000, 0.1
@@ -191,7 +191,7 @@ def long_chains():
         for threads in (0, 1, 2):
             u, v = 1e-3 * np.sin(np.arange(sites) % 1000.0), np.zeros(sites)
             parts = u, v, dynamics(chain).loop_bonds, METHODS["verlet"], DT
-            pieces = BoundPieces(engine, *parts, threads) if threads else None
+            pieces = ThreadedChain(engine, *parts, threads) if threads else None
             loop = pieces or Bound(engine, *parts)
             loops[threads] = lambda loop=loop, steps=steps: loop.advance(steps)
         times = best(loops)

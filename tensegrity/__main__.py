@@ -21,7 +21,7 @@ import numpy as np
 
 from tensegrity.engine.disk_cache import cache_folder, trim
 from tensegrity.engine.native import described, require
-from tensegrity.engine.pieces import threads
+from tensegrity.engine.threaded import threads
 from tensegrity.errors import CompilerError, TensegrityError
 from tensegrity.measure.observables import speed
 from tensegrity.prisms.path import equilibrium_path

@@ -217,9 +217,9 @@ class Hanging:
 
 @pytest.fixture
 def hanging(tmp_path, monkeypatch):
-    native.hung.clear()
+    native.timed_out.clear()
     yield Hanging(tmp_path, monkeypatch)
-    native.hung.clear()
+    native.timed_out.clear()
 
 
 def test_a_compiler_that_hangs_is_ended_with_all_it_started_and_not_asked_again(cache, hanging):

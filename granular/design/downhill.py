@@ -28,7 +28,7 @@ from granular.materials import Material
 from tensegrity import PowerLaw, TensegrityError, objective
 from tensegrity.engine.bonds import Bonds
 from tensegrity.engine.methods import METHODS, Splitting
-from tensegrity.gradients.adjoint import Repeated
+from tensegrity.gradients.adjoint import RepeatedRun
 from tensegrity.root import crest
 from tensegrity.typing import Array, Indices
 
@@ -66,7 +66,7 @@ class Pass:
         self._law = PowerLaw(1.0, EXPONENT).law
         contacts = np.arange(1.0, count + 1)  # such that each bond has a constant of its own
         bonds, method = self._bonds(contacts, np.zeros(count)), cast("Splitting", METHODS["verlet"])
-        self._repeated = Repeated(bonds, method, t_end / steps, steps, count - 1, (0,))
+        self._repeated = RepeatedRun(bonds, method, t_end / steps, steps, count - 1, (0,))
         self._v = np.zeros(count + 1)
         self._v[0] = striker.speed
 
@@ -104,7 +104,7 @@ class Pass:
             Derivatives of objectives by it.
         """
         stiff = EXPONENT * np.divide(force, self._moved, out=np.zeros_like(force), where=force > 0)
-        totals = self._repeated.back(by_force * stiff)
+        totals = self._repeated.pullback(by_force * stiff)
         by_constant = totals.p[:, 0].copy()
         by_constant[:, -1] += by_force @ force / self._constant
         moved: Any = self._sizes[None] * (1 + 1j * TINY)

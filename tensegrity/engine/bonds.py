@@ -70,7 +70,7 @@ class Bonds:
         return Runs(*(fixed(getattr(found, field.name)) for field in fields(Runs)))
 
     @cached_property
-    def laid(self):
+    def layouts(self):
         """What loops over them keep from one run to the next, by loop."""
         return {}
 

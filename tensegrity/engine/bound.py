@@ -56,20 +56,20 @@ class Bound:
         Numbers of u that sites have, and walls behind them.
     """
 
-    _dt = _alone = shown_sums = None
+    _dt = _alone = output_sums = None
 
     def __init__(self, loop, u, v, bonds, method, dt, pieces=1, runs=None, seen=None):
         self._loop, self._bonds, self.u, self.v = loop, bonds, u, v
-        self._laid = found = layout.laid(loop, bonds, pieces, runs)
+        self._layout = found = layout.loop_layout(loop, bonds, pieces, runs)
         self.sizes, self._travel = (u.size, 0), np.zeros(1, dtype=loop.dtype)
-        self._set_ranges(found.springs, found.fields["met_at"], seen)
+        self._set_ranges(found.springs, found.fields["range_at"], seen)
         fields = found.fields | stages(method, 1.0, loop.dtype)
         fields |= {"u": u, "v": v, "low": self._low, "high": self._high}
         if loop.dim:
             sites = fields["sites"]
             self.sizes = loop.dim * sites, loop.dim * (fields["rows"] - 1 - sites)
             fields |= self._room(pieces) | {"travel": self._travel}
-            cuts = enumerate(pairwise(found.slices.shares(pieces)))
+            cuts = enumerate(pairwise(found.slices.balanced_cuts(pieces)))
             self._pieces = [SCENE(**fields, **_piece(found, *ends, k, pieces)) for k, ends in cuts]
             fields |= _piece(found, 0, found.slices.tiles, 0, 1)
         else:  # what only networks have is left out
@@ -78,16 +78,16 @@ class Bound:
         self.set_step(dt)
         self.forget_range()
 
-    def _set_ranges(self, springs, met_at, seen=None):
+    def _set_ranges(self, springs, range_at, seen=None):
         """Room for the smallest and the largest elongation met, where the loop notes them."""
-        self._seen = slice(None) if seen is None else np.repeat(seen, np.diff(met_at))
-        self._springs = springs[self._seen]
-        self._each = np.array_equal(self._springs, np.arange(len(self._bonds.law)))
+        self._counted = slice(None) if seen is None else np.repeat(seen, np.diff(range_at))
+        self._springs = springs[self._counted]
+        self._one_to_one = np.array_equal(self._springs, np.arange(len(self._bonds.law)))
         self._low, self._high = np.empty((2, len(springs)), dtype=self._loop.dtype)
 
     def _room(self, pieces):
         """What a network's loop works in."""
-        fields, dtype, load = self._laid.fields, self._loop.dtype, self._bonds.contacts.load
+        fields, dtype, load = self._layout.fields, self._loop.dtype, self._bonds.contacts.load
         size = pieces * len(load) * ROW[self._loop.dim]
         room = np.zeros(size + CACHE, dtype=dtype)
         pull = room[-room.ctypes.data // room.itemsize % CACHE :][:size]  # no row in two lines
@@ -105,21 +105,30 @@ class Bound:
 
     def _bind(self, scene, method):
         """Prepare a method's steps, with what they take besides the scene."""
-        self._scene, self._of_step = scene, []
+        self._scene, self._scaled_fields = scene, []
         self._scale_with_step(scene, "kicks", "drifts")
         kind, self._second = self._steps(method)
-        self._advance, self._show = self._loop.steps(kind)
+        self._advance, self._postprocess = self._loop.steps(kind)
         self._addresses = [x and ctypes.addressof(x) for x in (scene, self._second)]
-        self.shown = np.empty_like(self.u), np.empty_like(self.v)
+        self.output = np.empty_like(self.u), np.empty_like(self.v)
         self._march = self._marched(self._advance)
 
     def _marched(self, advance):
         """What `march.c` takes of a loop that a function advances."""
         return march.LOOP(
-            advance=pointer(advance), show=self._show and pointer(self._show), scene=self._scene,
-            method=self._second, u=self.u, v=self.v, shown_u=self.shown[0], shown_v=self.shown[1],
-            sums=self.shown_sums, travel=self._travel, size=self.u.size, sum_count=2,
-        )  # fmt: skip
+            advance=pointer(advance),
+            postprocess=self._postprocess and pointer(self._postprocess),
+            scene=self._scene,
+            method=self._second,
+            u=self.u,
+            v=self.v,
+            output_u=self.output[0],
+            output_v=self.output[1],
+            sums=self.output_sums,
+            travel=self._travel,
+            size=self.u.size,
+            sum_count=2,
+        )
 
     def _steps(self, method):
         """The kind of a method's steps, and its structure."""
@@ -136,14 +145,14 @@ class Bound:
         """Let numbers of a structure, of a step of 1 s, go with the power of a step."""
         for name in names:
             array = structure.filled[name]
-            self._of_step.append((array, array.copy(), power))
+            self._scaled_fields.append((array, array.copy(), power))
 
     def set_step(self, dt):
         """Go on with steps of another length [s]."""
         if dt == self._dt:
             return
         self._dt = None  # until all are changed, whatever interrupts
-        for array, of_one, power in self._of_step:
+        for array, of_one, power in self._scaled_fields:
             np.multiply(of_one, array.dtype.type(dt) ** power, out=array)
         self._dt = dt
 
@@ -215,8 +224,8 @@ class Bound:
         that matters to a method."""
         corrects = self._alone is not None
         self.advance_open(steps, opened and corrects)
-        if self._show is not None and not corrects:
-            self._show(*self._addresses, self.u.ctypes.data, self.v.ctypes.data)
+        if self._postprocess is not None and not corrects:
+            self._postprocess(*self._addresses, self.u.ctypes.data, self.v.ctypes.data)
 
     def advance_open(self, steps, opened):
         """Steps without the closing kick of the last, which begin with that of the step before if
@@ -234,7 +243,7 @@ class Bound:
     def retune(self, bonds):
         """Go on with the masses and parameters of other bonds, of the same laws and in the same
         runs of a chain.  What it was made of changes with it."""
-        fields = parameters(bonds, self._laid.runs, self._loop.own, self._loop.lanes)
+        fields = parameters(bonds, self._layout.runs, self._loop.own, self._loop.lanes)
         for name, values in (fields | {"w": bonds.inverse_mass}).items():
             self._scene.filled[name][:] = values
 
@@ -246,8 +255,8 @@ class Bound:
     def range(self):
         """Smallest and largest elongation of each different spring since `forget_range`, (springs,
         2)."""
-        low, high = self._low[self._seen], self._high[self._seen]
-        if self._each:
+        low, high = self._low[self._counted], self._high[self._counted]
+        if self._one_to_one:
             return np.stack((low, high), axis=1)
         return by_spring(self._springs, len(self._bonds.law), low, high)
 

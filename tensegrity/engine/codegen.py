@@ -7,8 +7,8 @@ used as they are written, between `prelude.c` and the text of a loop.
 from __future__ import annotations
 
 from tensegrity.engine import geometry, simd
-from tensegrity.engine.law import DERIVATIVES, Change, applied, facts, functions, interpret
-from tensegrity.engine.native import joined
+from tensegrity.engine.law import DERIVATIVES, Change, applied, functions, interpret, law_properties
+from tensegrity.engine.native import concatenated
 from tensegrity.once import once
 
 LONG = 500  # instructions from which a law is compiled apart from the loop
@@ -50,15 +50,15 @@ def c_text(laws, own=None, dim=0, steps="", helpers=()):
     ]
     runs, parts, packed = [], ["scene.h"], geometry.side_by_side(dim) if dim else []
     for k, law in enumerate(laws[: len(laws) - (change is not None)]):
-        beside = bool(dim or change) or facts(law)["packed"]
+        in_simd = bool(dim or change) or law_properties(law)["packed"]
         for kind in kinds(law, own[k]):
             runs.append((k, kind))
-            count, text = _tensions(k, kind, law, own[k], change, dim) if beside else (0, "")
+            count, text = _tensions(k, kind, law, own[k], change, dim) if in_simd else (0, "")
             packed.append(text)
-            flags = {"K": k, "OWNED": kind, "IS_LONG": is_long(law), "BESIDE": beside}
+            flags = {"K": k, "OWNED": kind, "IS_LONG": is_long(law), "IN_SIMD": in_simd}
             flags["WAITING"] = max(1, count)
             parts += [*_defined(flags), f"{loop}_law.c", *(f"#undef {x}" for x in flags)]
-    in_packs = alone and facts(laws[0])["packed_energy"]
+    in_packs = alone and law_properties(laws[0])["packed_energy"]
     if in_packs:
         packed += ["#if WIDE == 8", _energies(laws[0]), "#endif"]
     evaluations = [(DERIVATIVES.index(name), name) for name in names]
@@ -89,7 +89,7 @@ def reverse_text(laws, own, wanted, dim, exact):
         function, count = law_function(law, wanted[number]), len(wanted[number])
         mine = [(number, kind) for kind in (0, 1)[: 1 + (own[number] is not None)]]
         runs += mine
-        if exact or not facts(law)["packed"]:
+        if exact or not law_properties(law)["packed"]:
             scalars += [(*run, count) for run in mine]
             hooks.append(scalar(number, "slopes", function))
             hooks += [scalar(number, "tension", functions(law)["tension"])] * exact
@@ -117,7 +117,7 @@ def whole(laws, own, hooks, dim, packed, lists, flags, parts):
     for name, rows in lists.items():
         defines[f"{name}(X)"] = " ".join(f"X({', '.join(map(str, row))})" for row in rows)
     begin = ["prelude.c", generator.dump(), *(hook for _, hook in hooks), *takes, "simd.c"]
-    return joined([*begin, *packed, *_defined(defines), *parts])
+    return concatenated([*begin, *packed, *_defined(defines), *parts])
 
 
 def _defined(values):
@@ -141,12 +141,12 @@ def scalar(number, name, function):
 
 def cost(law):
     """Seconds that a tension takes in a compiled loop, roughly: counted, not measured."""
-    return facts(law)["cost"]
+    return law_properties(law)["cost"]
 
 
 def is_long(law):
     """Whether a law is compiled apart from the loop, once."""
-    return facts(law)["instructions"] > LONG
+    return law_properties(law)["instructions"] > LONG
 
 
 def kinds(law, own):
@@ -179,7 +179,7 @@ def _tensions(number, kind, law, own, change, dim):
     given = [["r[g]"], p]
     if dim:
         return 0, simd.text(function, name, arguments, given, found)
-    return simd.halves(function, name, "", arguments, given, found)
+    return simd.two_functions(function, name, "", arguments, given, found)
 
 
 def _energies(law):

@@ -10,8 +10,8 @@ import numpy as np
 
 from tensegrity.engine.codegen import c_text
 from tensegrity.engine.disk_cache import cached
-from tensegrity.engine.law import DERIVATIVES, Change, evaluate, facts, named
-from tensegrity.engine.native import joined, library, pointer
+from tensegrity.engine.law import DERIVATIVES, Change, evaluate, law_properties, named
+from tensegrity.engine.native import concatenated, library, pointer
 from tensegrity.errors import CompilerError
 from tensegrity.once import once
 
@@ -40,15 +40,15 @@ class Compiled:
         self.dtype = np.dtype(np.longdouble if extended else np.float64)
         self._flags = ["-DEXTENDED"] * extended + [f"-DLANES={lanes}"] * (lanes > 1)
         self._flags += [f"-DDIM={dim}"] * (dim > 0)
-        self._opens = any(facts(law)["cut"] for law in laws if not isinstance(law, Change))
+        self._opens = any(law_properties(law)["cut"] for law in laws if not isinstance(law, Change))
         self._made = {}
 
     def steps(self, kind):
-        """Functions that advance by steps of a kind, and show what is looked at, or None where that
-        is what they advance."""
+        """Functions that advance by steps of one kind, and that turn copies of u and v into the
+        output state; None for the second where u and v are that state already."""
         made = self.library if kind in ("", "nystrom") else self._compiled(kind)
         ending = f"_{kind}" * bool(kind)
-        return [getattr(made, name + ending, None) for name in ("advance", "show")]
+        return [getattr(made, name + ending, None) for name in ("advance", "postprocess")]
 
     @cached_property
     def library(self):
@@ -142,7 +142,7 @@ class Functions:
         found = cached(parts, lambda: written(self.made()))
         self._sizes = found["sizes"]
         try:
-            self.library = library(joined([found["text"], "map.c", more]), flags)
+            self.library = library(concatenated([found["text"], "map.c", more]), flags)
         except CompilerError:
             self.library = None
 

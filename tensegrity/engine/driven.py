@@ -27,7 +27,7 @@ from tensegrity.engine.native import structure
 from tensegrity.typing import Array, Indices
 
 DRIVE = structure("driven.c", "drive")
-FREE, APART, JOINED, TURNING = range(4)  # as in driven.c
+UNDAMPED, DAMPED_SITES, DAMPED_CHAIN, DAMPED_NETWORK = range(4)  # as in driven.c
 LEAST_TERMS = 12  # of the series of a drift
 NODES = 8  # instants of a drift from which prescribed velocities are taken as polynomials
 SMALL = 1e-17  # first term of the series that is left out, relative
@@ -67,7 +67,7 @@ class Forcing:
     motion: Callable[[Array, int], Array]
     force: Callable[[Array, int], Array]
     mass: Array
-    heavy: Array
+    prescribed_mass: Array
     ground: Array
     bond: Array
     tuning: Any
@@ -76,26 +76,28 @@ class Forcing:
     def damped(self) -> int:
         """What dashpots there are, as `driven.c` counts."""
         if self.bond.any():
-            return JOINED if self.bonds.contacts is None else TURNING
-        return APART if self.ground.any() else FREE
+            return DAMPED_CHAIN if self.bonds.contacts is None else DAMPED_NETWORK
+        return DAMPED_SITES if self.ground.any() else UNDAMPED
 
     @property
-    def joined(self) -> Indices:
+    def damped_bonds(self) -> Indices:
         """Numbers of the bonds of a network that have dashpots."""
-        return np.flatnonzero(self.bond) if self.damped == TURNING else np.zeros(0, dtype=int)
+        return (
+            np.flatnonzero(self.bond) if self.damped == DAMPED_NETWORK else np.zeros(0, dtype=int)
+        )
 
     @property
     def decay(self) -> float:
         """Bound on the rates at which velocities decay by dashpots [1/s]."""
         total = self.ground.copy()
-        if self.damped == JOINED:
+        if self.damped == DAMPED_CHAIN:
             total[1:] += 2 * self.bond
             total[:-1] += 2 * self.bond
-        elif self.damped == TURNING:
+        elif self.damped == DAMPED_NETWORK:
             of: Any = self.bonds.contacts
             by_site = total.reshape(len(of.load), -1)  # a view
             for ends in (of.first, of.second):
-                np.add.at(by_site, ends[self.joined], 2 * self.bond[self.joined, None])
+                np.add.at(by_site, ends[self.damped_bonds], 2 * self.bond[self.damped_bonds, None])
         weights = np.divide(1, self.mass, out=np.zeros_like(total), where=self.mass > 0)
         return float(np.max(total * weights, initial=0.0))
 
@@ -122,7 +124,7 @@ class Schedule:
 
     def _terms(self) -> int:
         """Terms of the series of a drift that count."""
-        if self._forcing.damped != JOINED:
+        if self._forcing.damped != DAMPED_CHAIN:
             return LEAST_TERMS
         size, term, count = float(np.abs(self.drifts).max()) * self._forcing.decay, 1.0, 0
         while term > SMALL or count < LEAST_TERMS:
@@ -163,7 +165,7 @@ class Schedule:
         """Prescribed velocities within drifts: as polynomials, or what they lose by rubbing."""
         starts, lengths = at[:-1], np.tile(self.drifts, steps)
         moved, ground = self._forcing.moved, self._forcing.ground
-        if self._forcing.damped >= JOINED:
+        if self._forcing.damped >= DAMPED_CHAIN:
             nodes = starts[:, None] + lengths[:, None] * self._nodes
             values = self._forcing.motion(nodes.ravel(), 1).reshape(*nodes.shape, len(moved))
             series = np.zeros((len(starts), len(moved), self.degree))
@@ -171,7 +173,7 @@ class Schedule:
             return {"series": series}
         nodes = starts[:, None] + lengths[:, None] * (1 + self._gauss) / 2
         squares = self._forcing.motion(nodes.ravel(), 1).reshape(*nodes.shape, len(moved)) ** 2
-        return {"rubbed": lengths * ((squares @ ground[moved]) @ self._weights) / 2}
+        return {"dissipated": lengths * ((squares @ ground[moved]) @ self._weights) / 2}
 
 
 class Locked(Exception):  # no error of a user's: which stage it was
@@ -197,49 +199,54 @@ class BoundDriven(Bound):
     sums : ndarray, (4,)
         Work of drivers [J], without what their masses and forces store; loss in dashpots [J];
         smallest and largest elongation met, where springs change [m].
-    shown_sums : ndarray, (4,)
+    output_sums : ndarray, (4,)
         The same, of what is shown.
     """
 
-    shown_sums: Any
+    output_sums: Any
 
     def __init__(
         self, loop: Any, forcing: Forcing, u: Array, v: Array, method: Splitting, dt: float
     ) -> None:
         self._forcing, self.schedule = forcing, Schedule(forcing, method, dt)
-        self.sums, self.shown_sums = np.array([[0.0, 0.0, np.inf, -np.inf]] * 2)
+        self.sums, self.output_sums = np.array([[0.0, 0.0, np.inf, -np.inf]] * 2)
         super().__init__(loop, u, v, forcing.bonds, method, dt)
 
     def _steps(self, method: Splitting) -> Any:
         forcing, schedule, loop = self._forcing, self.schedule, self._loop
         drifts, weights = schedule.drifts, 1 / np.where(forcing.mass, forcing.mass, 1.0)
         rates = forcing.ground * weights * np.ones_like(drifts)[:, None]
-        glide = drifts[:, None] * np.ones_like(rates)
-        np.divide(-np.expm1(-drifts[:, None] * rates), rates, out=glide, where=rates != 0)
+        drift_factor = drifts[:, None] * np.ones_like(rates)
+        np.divide(-np.expm1(-drifts[:, None] * rates), rates, out=drift_factor, where=rates != 0)
         entries, moving, bonds = len(forcing.mass), len(forcing.moved), len(forcing.bonds.group)
-        sizes = {"term": entries, "next": entries, "pull": entries + 1, "stretch": bonds}
+        sizes = {"term": entries, "next": entries, "pull": entries + 1, "elongations": bonds}
         arrays = {name: np.zeros(size) for name, size in sizes.items()}
         arrays["given"] = np.zeros((moving + 1, schedule.degree))
-        arrays |= {name: getattr(forcing, name) for name in ("mass", "heavy", "ground", "bond")}
+        arrays |= {
+            name: getattr(forcing, name) for name in ("mass", "prescribed_mass", "ground", "bond")
+        }
         arrays |= {name: getattr(forcing, name).astype(np.int64) for name in ("moved", "forced")}
-        arrays |= {"decay": np.exp(-drifts[:, None] * forcing.ground * weights), "glide": glide}
-        if forcing.damped == TURNING:
-            of, joined = forcing.bonds.contacts, forcing.joined
-            ends = loop.dim * np.stack([of.first, of.second], axis=1)[joined]
+        arrays |= {
+            "decay": np.exp(-drifts[:, None] * forcing.ground * weights),
+            "drift_factor": drift_factor,
+        }
+        if forcing.damped == DAMPED_NETWORK:
+            of, damped_bonds = forcing.bonds.contacts, forcing.damped_bonds
+            ends = loop.dim * np.stack([of.first, of.second], axis=1)[damped_bonds]
             arrays |= {
-                "bond": forcing.bond[joined],
-                "apart": of.geometry[:, joined].T,
+                "bond": forcing.bond[damped_bonds],
+                "apart": of.geometry[:, damped_bonds].T,
                 "ends": ends.astype(np.int64),
                 "room": np.zeros((schedule.levels + 3, 2 * entries + 1)),
             }
-        arrays |= {"sums": self.sums, "shown": self.shown_sums}
+        arrays |= {"sums": self.sums, "output_sums": self.output_sums}
         numbers = {
             "entries": entries,
             "moving": moving,
             "forcing": len(forcing.forced),
             "damped": forcing.damped,
             "degree": schedule.degree,
-            "joined": len(forcing.joined),
+            "damped_bonds": len(forcing.damped_bonds),
             "levels": schedule.levels,
             "bonds": bonds,
         }
@@ -263,15 +270,15 @@ class BoundDriven(Bound):
         def step() -> int:
             u, v = (x.ctypes.data for x in (self.u, self.v))
             stopped: int = self._advance(*self._addresses, 1, False)
-            return stopped or self._show(*self._addresses, u, v)
+            return stopped or self._postprocess(*self._addresses, u, v)
 
         self._timed(0, 1, step, t)
-        self.sums[:] = self.shown_sums
+        self.sums[:] = self.output_sums
 
     def _timed(self, first: int, steps: int, do: Callable[[], int], origin: float = 0.0) -> int:
         """Do steps from number `first` after `origin` [s] on."""
         self._second.fill(**self.schedule.rows(first, max(steps, 1), origin))
-        self._second.stage, self.shown_sums[:] = 0, self.sums
+        self._second.stage, self.output_sums[:] = 0, self.sums
         found = do()
         if found == march.STOPPED:
             times = self.schedule.times(first, steps, origin)

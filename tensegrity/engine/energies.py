@@ -13,7 +13,7 @@ from tensegrity.engine import codegen
 from tensegrity.engine.bonds import KINDS, integers
 from tensegrity.engine.compiled import Compiled
 from tensegrity.engine.disk_cache import cached
-from tensegrity.engine.native import address, joined, library, pointer, structure
+from tensegrity.engine.native import address, concatenated, library, pointer, structure
 from tensegrity.once import once
 
 if TYPE_CHECKING:
@@ -28,15 +28,15 @@ if TYPE_CHECKING:
 PART = 1024  # contacts of a network in a set: what lies between stays in the nearest cache
 FINITE = 2  # what `largest` returns of finite numbers
 
-ALIKE = structure("energies.c", "alike")
+BOND_SET = structure("energies.c", "bond_set")
 SPRINGS = structure("energies.c", "springs")
-LOOKS = structure("energies.c", "looks")
+SEARCH_GRID = structure("energies.c", "search_grid")
 PLACES = structure("elongations.c", "places")
 
 
 @once
 def _compiled() -> Any:
-    return library(joined(["prelude.c", "energies.c"]), ["-ffp-contract=off"])
+    return library(concatenated(["prelude.c", "energies.c"]), ["-ffp-contract=off"])
 
 
 @once
@@ -65,8 +65,8 @@ class Energies:
     def __init__(self, mass: Array, sets: Sequence[Set], contacts: Contacts | None = None) -> None:
         self._shape, self._function = mass.shape, _compiled().energies
         parts = sets if contacts is None else _of_contacts(sets, contacts)
-        rows = [_alike(*part, contacts) for part in parts]
-        each, bonds = (ALIKE * len(rows))(*rows), sum(len(columns) for *_, columns in sets)
+        rows = [_bond_set(*part, contacts) for part in parts]
+        each, bonds = (BOND_SET * len(rows))(*rows), sum(len(columns) for *_, columns in sets)
         mass, loads = np.ascontiguousarray(mass), None
         if contacts is not None and contacts.load.any():
             loads = np.ascontiguousarray(contacts.load)
@@ -92,7 +92,7 @@ class Energies:
         return found.reshape(states).copy() if states else found[0]
 
 
-def _alike(
+def _bond_set(
     loop: Compiled, parameters: Array, domain: Array, columns: Indices, contacts: Contacts | None
 ) -> Any:
     """A set as C takes it."""
@@ -103,7 +103,7 @@ def _alike(
     if contacts is not None:
         elongations = _elongations(contacts.load.shape[1])[contacts.kind[columns][0]]
         places = _places(contacts, slice(first, last) if in_a_row else columns)
-    return ALIKE(
+    return BOND_SET(
         function=pointer(loop.library.values_own if own else loop.library.values),
         elongations=elongations,
         parameters=loop.numbers(parameters),
@@ -143,7 +143,7 @@ def _of_contacts(sets: Sequence[Set], contacts: Contacts) -> Iterator[Set]:
                 yield loop, *given, columns[part]
 
 
-class Ways:
+class SearchPoints:
     """Where a search looks: shares of ways from 0.
 
     Each look is on that part of the way on which the one before found what is searched.
@@ -160,14 +160,14 @@ class Ways:
 
     def __init__(self, to_end: Sequence[Array], sizes: Array, to_size: Sequence[Array]) -> None:
         self.to_end, self.sizes, self.to_size = to_end, sizes, to_size
-        self._each = [_looks(looks) for looks in (to_end, [sizes], to_size)]
-        self._looks = (LOOKS * 3)(*self._each)
-        self.address = ctypes.addressof(self._looks)
+        self._each = [_fraction_table(looks) for looks in (to_end, [sizes], to_size)]
+        self._fraction_table = (SEARCH_GRID * 3)(*self._each)
+        self.address = ctypes.addressof(self._fraction_table)
 
 
-def _looks(shares: Sequence[Array]) -> Any:
-    begins = np.cumsum([0, *map(len, shares)], dtype=np.int64)
-    return LOOKS(shares=np.concatenate(shares), begins=begins, count=len(shares))
+def _fraction_table(fractions: Sequence[Array]) -> Any:
+    begins = np.cumsum([0, *map(len, fractions)], dtype=np.int64)
+    return SEARCH_GRID(fractions=np.concatenate(fractions), begins=begins, count=len(fractions))
 
 
 class Search:
@@ -194,7 +194,7 @@ class Search:
         self._address = ctypes.addressof(self._springs)
         self._library = _compiled()
 
-    def reachable(self, energy: float, ways: Ways) -> tuple[Array, Flags]:
+    def reachable(self, energy: float, ways: SearchPoints) -> tuple[Array, Flags]:
         """Elongations that each spring reaches with an energy [J], (springs, 2) [m], and whether
         that is an end of its domain."""
         count = len(self._springs.filled["functions"])
@@ -204,7 +204,7 @@ class Search:
         return ranges, locks
 
     def largest(
-        self, order: int, ranges: Array, numbers: Indices | None, shares: Array
+        self, order: int, ranges: Array, numbers: Indices | None, fractions: Array
     ) -> tuple[Array, bool] | None:
         """Largest size of the tension (1) [N], or largest stiffness (2) [N/m], of springs, of all
         by default, at shares of their ranges (numbers, 2) [m], at least 0, NaN where one is NaN;
@@ -213,6 +213,6 @@ class Search:
         if numbers is not None:
             numbers = np.ascontiguousarray(numbers, dtype=np.int64)
             which = address(numbers)
-        given = which, address(ranges), address(shares), len(shares), address(out)
+        given = which, address(ranges), address(fractions), len(fractions), address(out)
         found = self._library.largest(self._address, order, len(ranges), *given)
         return (out, found == FINITE) if found else None

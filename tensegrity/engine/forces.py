@@ -15,7 +15,7 @@ from tensegrity.engine.programs import derived, run
 PART = 2**15  # contacts that are done together: what lies between takes ten times their memory
 
 
-def joined(bonds):
+def connectivity(bonds):
     """What bonds join: rows of the first and second site or wall, whether a bond is between two
     sites, (bonds,), and `Contacts.geometry`, (dim + 2, bonds); a line has dim 1."""
     contacts, count = bonds.contacts, len(bonds.group)
@@ -30,21 +30,21 @@ def elongations(bonds, u):
 
     `u` has the shape (..., rows, dim), on a line (..., sites).
     """
-    first, second, pair, geometry = joined(bonds)
+    first, second, pair, geometry = connectivity(bonds)
     w = _between(u if bonds.dim else u[..., None], first, second, pair)
-    return _stretch(geometry, pair, w), _along(geometry, pair, w)
+    return _elongations_at(geometry, pair, w), _along(geometry, pair, w)
 
 
-def stretch(bonds, u):
+def bond_elongations(bonds, u):
     """The elongations alone."""
     if bonds.contacts is None:
         return np.diff(u, axis=-1)
-    first, second, pair, geometry = joined(bonds)
+    first, second, pair, geometry = connectivity(bonds)
     parts = []
     for k in range(0, max(len(pair), 1), PART):
         some = slice(k, k + PART)
         w = _between(u, first[some], second[some], pair[some])
-        parts.append(_stretch(geometry[:, some], pair[some], w))
+        parts.append(_elongations_at(geometry[:, some], pair[some], w))
     return np.concatenate(parts, axis=-1)
 
 
@@ -53,7 +53,7 @@ def _between(u, first, second, pair):
     return u[..., second, :] - np.where(pair[:, None], u[..., np.where(pair, first, 0), :], 0)
 
 
-def _stretch(geometry, pair, w):
+def _elongations_at(geometry, pair, w):
     """Elongations where the ends are displaced by w, (..., bonds, dim), from one another."""
     reference, gap, length = geometry[:-2], geometry[-2], geometry[-1]
     r = gap + np.sum(reference.T * w, axis=-1)  # walls, and on a line
@@ -89,7 +89,7 @@ def _rows(bonds):
 
 def scattered_forces(bonds, tension, along):
     """What bonds pull at the rows [N], (..., rows, dim)."""
-    return scattered(*joined(bonds)[:2], tension[..., None] * along, _rows(bonds))
+    return scattered(*connectivity(bonds)[:2], tension[..., None] * along, _rows(bonds))
 
 
 def scattered(first, second, each, rows):
@@ -116,7 +116,7 @@ def tangent(bonds, r, along, tension, stiffness):
     scipy.sparse.coo_array, (rows dim, rows dim)
         [N/m]; a wall has columns of zeros, as its row does not move it.
     """
-    first, second, pair, geometry = joined(bonds)
+    first, second, pair, geometry = connectivity(bonds)
     blocks = tangents(along, stiffness, _density(geometry, pair, r, tension))
     return assembled(first, second, blocks, _rows(bonds), pair)
 
@@ -183,10 +183,10 @@ class BondForces:
         place[rows] = np.arange(len(rows))
         self.members, self._rows = members, len(rows)
         self._first, self._second = (place[x[members]] for x in layout.ends)
-        _, _, pair, geometry = joined(layout.bonds)
+        _, _, pair, geometry = connectivity(layout.bonds)
         pair, geometry = pair[members], geometry[:, members]
         w = _between(u, self._first, self._second, pair)
-        self.r, self._along = _stretch(geometry, pair, w), _along(geometry, pair, w)
+        self.r, self._along = _elongations_at(geometry, pair, w), _along(geometry, pair, w)
         self.f, self.k, self._d = layout.laws_at(self.r, members)
         self._density = _density(geometry, pair, self.r, self.f)
 
@@ -197,7 +197,7 @@ class BondForces:
     def _scattered(self, each):
         return scattered(self._first, self._second, each, self._rows)
 
-    def back(self, by_force=None, by_tension=0.0, by_elongation=0.0):
+    def pullback(self, by_force=None, by_tension=0.0, by_elongation=0.0):
         """From derivatives by forces on rows, tensions and elongations of bonds to those by u.
 
         Each has the shape of what it belongs to.

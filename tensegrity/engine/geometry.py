@@ -42,7 +42,7 @@ def helpers(dim):
 
 
 def side_by_side(dim):
-    """C of the same for several contacts at once; see `simd.halves`."""
+    """C of the same for several contacts at once; see `simd.two_functions`."""
     axes = [[f"{name}[{k}]" for k in range(dim)] for name in ("d", "w")]
     along = [f"along[{k}][g]" for k in range(dim)]
     each = [["load(gap + g * each_gap)"], ["load(length + g * each_length)"]]
@@ -51,7 +51,7 @@ def side_by_side(dim):
         "pack (*along)[ROOM]"
     )
     found = [
-        simd.halves(
+        simd.two_functions(
             function, kind, "const pack *d, const pack *w, ", arguments, [*axes, *each],
             [["r[g]"], along],
         )

@@ -80,13 +80,13 @@ static int linearised(const scene *c, const implicit *m)
                     }
             }
     }
-    int sound = 1;
+    int is_valid = 1;
     for (integer i = 0; i < n; i++) {
         const real off = m->moved[i] + m->update[i] - m->straight[i] - h * h * c->w[i] * m->force[i];
         m->right[m->at[i]] = -off / (m->root[i] ? m->root[i] : 1);
-        sound &= isfinite(off) != 0;
+        is_valid &= isfinite(off) != 0;
     }
-    return sound;
+    return is_valid;
 }
 
 /* Solve by L D L': `right` becomes the solution, the matrix L D. */

@@ -11,7 +11,7 @@ ITERATIONS = 60  # of Newton's method, in one step
 
 def fields(loop, u, bonds):
     """Arrays and counts of the structure, by their names; what `Bound` has is not among them."""
-    contacts, (first, second, _, geometry) = bonds.contacts, forces.joined(bonds)
+    contacts, (first, second, _, geometry) = bonds.contacts, forces.connectivity(bonds)
     dim = bonds.dim or 1
     load = np.zeros(u.size) if contacts is None else contacts.load
     entries = load.size

@@ -22,7 +22,7 @@ time of one where their sites stand side by side; contacts of a network fill it 
 
 from __future__ import annotations
 
-from tensegrity.engine import pieces
+from tensegrity.engine import threaded
 from tensegrity.engine.bound import Bound
 from tensegrity.engine.compiled import compiled
 from tensegrity.engine.methods import Splitting
@@ -51,9 +51,9 @@ def bind(u, v, bonds, method, dt, loop=None, divided=True):
     lanes = 1 if bonds.dim or u.ndim == 1 else u.shape[1]
     if loop is None:
         loop = compiled(bonds.laws, bonds.own, bonds.dim, lanes)
-    large = len(bonds.group) > pieces.MANY if bonds.dim else u.size > pieces.LONG and lanes == 1
-    count = pieces.threads() if divided and large and isinstance(method, Splitting) else 1
+    large = len(bonds.group) > threaded.MANY if bonds.dim else u.size > threaded.LONG and lanes == 1
+    count = threaded.threads() if divided and large and isinstance(method, Splitting) else 1
     if count > 1:
-        kind = pieces.BoundParts if bonds.dim else pieces.BoundPieces
+        kind = threaded.ThreadedNetwork if bonds.dim else threaded.ThreadedChain
         return kind(loop, u, v, bonds, method, dt, count)
     return Bound(loop, u, v, bonds, method, dt)

@@ -124,13 +124,13 @@ def _derived(law):
     return law.make(*law.arguments)
 
 
-def _ask(name):
+def _derived_property(name):
     return property(lambda self: getattr(_derived(self), name))
 
 
 for _field in fields(Law):
-    setattr(DerivedLaw, _field.name, _ask(_field.name))
-DerivedLaw.parameters = property(lambda self: tuple(facts(self)["parameters"]))  # type: ignore
+    setattr(DerivedLaw, _field.name, _derived_property(_field.name))
+DerivedLaw.parameters = property(lambda self: tuple(law_properties(self)["parameters"]))  # type: ignore
 
 
 def named(what: str, laws: Sequence[Any], *more: Any) -> tuple[Any, ...] | None:
@@ -216,7 +216,7 @@ def check_law(law: Law) -> None:
         raise TensegrityError(f"energy {law.energy} cannot be translated: {error}") from error
 
 
-def in_pieces(expression: Any) -> bool:
+def is_piecewise(expression: Any) -> bool:
     """Whether a SymPy expression is made of pieces, where derivatives may jump."""
     import sympy as sp
 
@@ -256,32 +256,41 @@ def evaluate(law, order, parameters, r):
 
 
 @once
-def facts(law: Any) -> dict[str, Any]:
+def law_properties(law: Any) -> dict[str, Any]:
     """What is asked of a law besides its functions: names of its parameters, seconds that a
     tension takes in a compiled loop, roughly: counted, not measured, its instructions, whether any
     of them makes pieces of it, and whether packs of numbers gain by it, and by the energy."""
-    return cached(named("facts", (law,)), lambda: _facts(law))
+    return cached(named("facts", (law,)), lambda: _law_properties(law))
 
 
-def _facts(law):
+def _law_properties(law):
     import casadi as ca
 
     slow = {ca.OP_SQRT: 16, ca.OP_DIV: 8, ca.OP_INV: 8}
     slow |= dict.fromkeys((ca.OP_EXP, ca.OP_LOG, ca.OP_POW, ca.OP_SIN, ca.OP_COS), 150)
-    cuts = {ca.OP_FMAX, ca.OP_FMIN, ca.OP_FABS, ca.OP_SIGN, ca.OP_LT, ca.OP_LE, ca.OP_IF_ELSE_ZERO}
+    kinked = {
+        ca.OP_FMAX,
+        ca.OP_FMIN,
+        ca.OP_FABS,
+        ca.OP_SIGN,
+        ca.OP_LT,
+        ca.OP_LE,
+        ca.OP_IF_ELSE_ZERO,
+    }
     tension = functions(law)["tension"]
     done = [tension.instruction_id(k) for k in range(tension.n_instructions())]
     return {
-        "parameters": [str(parameter) for parameter in _given(law).parameters],
+        "parameters": [str(parameter) for parameter in _resolved(law).parameters],
         "cost": 4e-11 * sum(slow.get(one, 1) for one in done),
-        "cut": any(one in cuts for one in done),
+        "cut": any(one in kinked for one in done),
         "instructions": tension.n_instructions(),
-        "packed": simd.gains(tension),
-        "packed_energy": "energy" in law.compiled and simd.gains(functions(law)["energy"]),
+        "packed": simd.benefits_from_simd(tension),
+        "packed_energy": "energy" in law.compiled
+        and simd.benefits_from_simd(functions(law)["energy"]),
     }
 
 
-def _given(law):
+def _resolved(law):
     return _derived(law) if isinstance(law, DerivedLaw) else law
 
 

@@ -25,7 +25,7 @@ TILE = 256  # sites, as in scene.h
 GUESSES = 3
 
 
-class Laid(NamedTuple):
+class LoopLayout(NamedTuple):
     """What a loop takes that depends neither on the motion nor on the method.
 
     Attributes
@@ -46,15 +46,15 @@ class Laid(NamedTuple):
     slices: Any = None
 
 
-def laid(loop, bonds, pieces=1, runs=None):
+def loop_layout(loop, bonds, pieces=1, runs=None):
     """Bonds as a loop takes them, on some threads, or some runs of a chain: made once, if not of
     other runs than theirs."""
     if runs is not None:
         return _line(loop, bonds, runs)
-    if (loop, pieces) not in bonds.laid:
+    if (loop, pieces) not in bonds.layouts:
         found = _net(loop, bonds, pieces) if loop.dim else _line(loop, bonds, bonds.runs)
-        bonds.laid[loop, pieces] = found
-    return bonds.laid[loop, pieces]
+        bonds.layouts[loop, pieces] = found
+    return bonds.layouts[loop, pieces]
 
 
 def _line(loop, bonds, runs):
@@ -62,17 +62,17 @@ def _line(loop, bonds, runs):
     if loop.lanes > 1 and weights.ndim == 1:
         weights = np.repeat(weights, loop.lanes)
     where = {"first": runs.first - runs.first[0], "law": 2 * runs.law + runs.own}
-    return _laid(loop, bonds, runs, {"w": weights} | where)
+    return _with_parameters(loop, bonds, runs, {"w": weights} | where)
 
 
-def _laid(loop, bonds, runs, fields, pieces=1, slices=None, **more):
+def _with_parameters(loop, bonds, runs, fields, pieces=1, slices=None, **more):
     """With parameters of the places of runs, and where elongations are noted."""
-    met_at, springs = elongations(bonds, runs, loop.lanes, pieces)
-    fields |= parameters(bonds, runs, loop.own, loop.lanes) | {"met_at": met_at}
+    range_at, springs = elongations(bonds, runs, loop.lanes, pieces)
+    fields |= parameters(bonds, runs, loop.own, loop.lanes) | {"range_at": range_at}
     for name, values in fields.items():
         is_real = np.asarray(values).dtype.kind == "f"
         more[name] = loop.numbers(values) if is_real else integers(values)
-    return Laid(runs, springs, more | {"runs": len(runs.law)}, slices)
+    return LoopLayout(runs, springs, more | {"runs": len(runs.law)}, slices)
 
 
 def elongations(bonds, runs, lanes=1, pieces=1):
@@ -83,7 +83,7 @@ def elongations(bonds, runs, lanes=1, pieces=1):
 
     Returns
     -------
-    met_at : ndarray of int64, (runs + 1,)
+    range_at : ndarray of int64, (runs + 1,)
         Where those of a run begin.
     springs : ndarray of int, (places,)
         The spring of each.
@@ -134,7 +134,7 @@ def _net(loop, bonds, pieces):
         "tiles": found.tiles,
         "loaded": bool(contacts.load.any()),
     }
-    return _laid(loop, bonds, entries, fields, pieces, found, **more)
+    return _with_parameters(loop, bonds, entries, fields, pieces, found, **more)
 
 
 def _by_wall(bonds, found, normal):
@@ -212,7 +212,7 @@ class Slices:
     def tiles(self):
         return len(self.needed) - 1
 
-    def shares(self, pieces):
+    def balanced_cuts(self, pieces):
         """Tiles at which so many pieces of about equal work begin and end; (pieces + 1,)."""
         groups = np.append(0, np.cumsum(np.diff(self.begin[self.slice], axis=1).sum(axis=0)))
         done = groups + TILE / GROUP * np.arange(self.tiles + 1)

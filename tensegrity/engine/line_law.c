@@ -10,25 +10,25 @@
 #if CHANGES
 /* Where springs change, rates of their energies come in packs behind tensions, and are summed for
    each place of a block; how far springs come was looked at before. */
-#define SEEN(q)
+#define NOTE_RANGE(q)
 #define RATES(n) EACH(n) part[BLOCK - (n) + i] += f[LANES + BLOCK + i];
 #else
 #define RATES(n)
-#define SEEN(q)                                                                             \
+#define NOTE_RANGE(q)                                                                             \
     low[PLACE(q)] = r[i] < low[PLACE(q)] ? r[i] : low[PLACE(q)];                            \
     high[PLACE(q)] = r[i] > high[PLACE(q)] ? r[i] : high[PLACE(q)];
 #endif
 
-#define STRETCH(j)                                                                          \
+#define ELONGATION(j)                                                                          \
     r[i] = u[(j) + i + LANES] - u[(j) + i];                                                 \
-    SEEN((j) - start + i)
+    NOTE_RANGE((j) - start + i)
 
 #define UPDATE(j)                                                                           \
     v[(j) + i] += a * w[(j) + i] * (f[i + LANES] - f[i]);                                   \
     u[(j) + i] += b * v[(j) + i];
 
 /* The same for a pack. */
-#define STRETCH_PACK(j)                                                                     \
+#define ELONGATION_PACK(j)                                                                     \
     INTO(r + i) = INTO(u + (j) + i + LANES) - INTO(u + (j) + i);                            \
     INTO(low + PLACE((j) - start + i)) =                                                    \
         smaller_of(INTO(r + i), INTO(low + PLACE((j) - start + i)));                        \
@@ -39,7 +39,7 @@
     INTO(v + (j) + i) += a * INTO(w + (j) + i) * (INTO(f + i + LANES) - INTO(f + i));       \
     INTO(u + (j) + i) += b * INTO(v + (j) + i);
 
-#if BESIDE
+#if IN_SIMD
 /* The first pass for the pack with bond i of those from j on. */
 #define FIRST(j)                                                                            \
     OF(first_tension_lanes)                                                                 \
@@ -62,7 +62,7 @@ static inline
 void OF(tensions)(integer n, integer q, real *restrict r, const real *restrict shared,
                   const real *restrict own, integer all, real *restrict f, pack (*kept)[ROOM])
 {
-#if BESIDE
+#if IN_SIMD
     n = (n + WIDE - 1) / WIDE;
     OF(rest_tension_lanes)(n, (const pack *)r, shared, own + q, all, (pack *)f, kept);
 #elif OWNED
@@ -93,14 +93,14 @@ __attribute__((flatten)) static void OF(stage)(
     const integer start = LANES * c->first[s], last = LANES * c->first[s + 1];
     const integer all = last - start;
     const real *restrict shared = c->shared + s * PARAMETERS, *restrict own = c->own + c->own_at[s];
-    real *restrict low = c->low + c->met_at[s], *restrict high = c->high + c->met_at[s];
+    real *restrict low = c->low + c->range_at[s], *restrict high = c->high + c->range_at[s];
     real p[PARAMETERS + 1]; /* which is there: the compiler need not look whether it is */
     for (int i = 0; i < PARAMETERS; i++) p[i] = shared[i];
     integer j = start;
     for (int l = 0; l < LANES; l++) f[l] = left[l];
     integer odd = all % BLOCK;
     if (odd) {
-        EACH(odd) { STRETCH(j) }
+        EACH(odd) { ELONGATION(j) }
         FIRSTS(j, odd)
         PULL(j, odd)
         EACH(odd) { UPDATE(j) }
@@ -108,19 +108,19 @@ __attribute__((flatten)) static void OF(stage)(
         j += odd;
     }
     if (j < last) {
-        EACH(BLOCK) { STRETCH(j) }
+        EACH(BLOCK) { ELONGATION(j) }
         FIRSTS(j, BLOCK)
         for (; j + BLOCK < last; j += BLOCK) {
             PULL(j, BLOCK)
-#if BESIDE && !CHANGES
+#if IN_SIMD && !CHANGES
             for (integer i = 0; i < BLOCK; i += WIDE) {
-                STRETCH_PACK(j + BLOCK)
+                ELONGATION_PACK(j + BLOCK)
                 UPDATE_PACK(j)
                 FIRST(j + BLOCK)
             }
             CARRY(BLOCK)
 #else
-            EACH(BLOCK) { STRETCH(j + BLOCK) UPDATE(j) }
+            EACH(BLOCK) { ELONGATION(j + BLOCK) UPDATE(j) }
             CARRY(BLOCK)
             FIRSTS(j + BLOCK, BLOCK)
 #endif
@@ -136,11 +136,11 @@ __attribute__((flatten)) static void OF(stage)(
 }
 
 #undef PLACE
-#undef SEEN
+#undef NOTE_RANGE
 #undef RATES
-#undef STRETCH
+#undef ELONGATION
 #undef UPDATE
-#undef STRETCH_PACK
+#undef ELONGATION_PACK
 #undef UPDATE_PACK
 #undef FIRST
 #undef FIRSTS

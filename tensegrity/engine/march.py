@@ -8,12 +8,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tensegrity.engine.native import address, joined, library, structure
+from tensegrity.engine.native import address, concatenated, library, structure
 from tensegrity.once import once
 from tensegrity.typing import Array, Indices
 
 _ADDRESS, _NUMBER = ctypes.c_void_p, ctypes.c_longlong
-STOPPED, ENDLESS = 1, 2  # what `go` returns, if not 0
+STOPPED, NOT_FINITE = 1, 2  # what `go` returns, if not 0
 STEPS = ctypes.CFUNCTYPE(_NUMBER, _ADDRESS, _ADDRESS, _NUMBER, _NUMBER)  # as `advance` there
 
 
@@ -39,7 +39,7 @@ class Wanted(NamedTuple):
     raw : bool
         Whether states are wanted as the loop has them, before the closing kick.
     places : ndarray of int64, or None
-        If given: which entries of u, `of_u` of them, and then of v are wanted, as the loop has
+        If given: which entries of u, `u_count` of them, and then of v are wanted, as the loop has
         them, in the rows of `u` alone, (count, places).
     of_u : int
     """
@@ -52,7 +52,7 @@ class Wanted(NamedTuple):
     travel: Any = None
     raw: bool = False
     places: Any = None
-    of_u: int = 0
+    u_count: int = 0
 
     @property
     def rows(self) -> list[Array]:
@@ -77,7 +77,7 @@ class Wanted(NamedTuple):
 
 @once
 def _compiled() -> Any:
-    return library(joined(["prelude.c", "march.c"])).go
+    return library(concatenated(["prelude.c", "march.c"])).go
 
 
 def go(loop: Any, done: int, end: int, wanted: Sequence[Wanted], sites: int, walls: int) -> int:
@@ -95,7 +95,7 @@ def go(loop: Any, done: int, end: int, wanted: Sequence[Wanted], sites: int, wal
     Returns
     -------
     int
-        0, or `STOPPED` where the loop had to stop before, `ENDLESS` where it is not finite.
+        0, or `STOPPED` where the loop had to stop before, `NOT_FINITE` where it is not finite.
     """
     each = (_WANTED * len(wanted))(*(_output_buffers(one, sites, walls) for one in wanted))
     return _compiled()(
@@ -105,13 +105,13 @@ def go(loop: Any, done: int, end: int, wanted: Sequence[Wanted], sites: int, wal
 
 def _output_buffers(one: Wanted, sites: int, walls: int) -> Any:
     """As `march.c` takes it."""
-    at, u, v, impulse, sums, travel, raw, places, of_u = one
+    at, u, v, impulse, sums, travel, raw, places, u_count = one
     filled = _WANTED.of(at=address(at), u=address(u), count=len(at), raw=raw, size=u[:1].size)
     if places is not None:
-        filled.places, filled.entries, filled.of_u, filled.raw = (
+        filled.places, filled.entries, filled.u_count, filled.raw = (
             address(places),
             len(places),
-            of_u,
+            u_count,
             1,
         )
         return filled

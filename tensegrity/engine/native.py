@@ -52,7 +52,7 @@ LIMIT = 120.0  # s: a compiler that takes longer hangs, or would slow down all t
 LIBRARY, DIGEST, SOURCE = "kernel.so", "kernel.sha256", "kernel.c"
 
 
-hung = set()  # compilers that took longer than LIMIT: not asked again by this process
+timed_out = set()  # compilers that took longer than LIMIT: not asked again by this process
 
 
 def address(array):
@@ -107,7 +107,7 @@ def described():
     """The compiler that kernels are made with: its command, and its first line on itself."""
     for command in compilers():
         identity = _identity(command)
-        if identity is not None and command not in hung:
+        if identity is not None and command not in timed_out:
             return f"{shlex.join(command)}: {identity.splitlines()[0] if identity else ''}"
     raise CompilerError("no C compiler found, or none that can be run")
 
@@ -137,10 +137,10 @@ def _identity(command):
 
 def _output_of(command):
     try:
-        code, said = _call((*command, "--version"), subprocess.DEVNULL)
+        code, output = _call((*command, "--version"), subprocess.DEVNULL)
     except (OSError, subprocess.TimeoutExpired):
         return None
-    return None if code else said
+    return None if code else output
 
 
 def _call(command, errors=subprocess.STDOUT):
@@ -148,17 +148,17 @@ def _call(command, errors=subprocess.STDOUT):
 
     The output goes to a file: of a pipe, what outlives the command could keep the end open.
     """
-    with tempfile.TemporaryFile() as said:
+    with tempfile.TemporaryFile() as output:
         process = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=said, stderr=errors, start_new_session=True
+            command, stdin=subprocess.DEVNULL, stdout=output, stderr=errors, start_new_session=True
         )
         try:
             code = process.wait(LIMIT)
         except BaseException:  # also Ctrl-C, which a group of its own does not hear
             _end(process)
             raise
-        said.seek(0)
-        return code, said.read().decode(errors="replace")
+        output.seek(0)
+        return code, output.read().decode(errors="replace")
 
 
 def _end(process):
@@ -203,7 +203,7 @@ def library(text, extra_flags=()):
     """
     complaints = []
     for command in compilers():
-        if command in hung:
+        if command in timed_out:
             complaints.append(f"{shlex.join(command)} was ended after {LIMIT:g} s")
             continue
         identity = _identity(command)
@@ -215,7 +215,7 @@ def library(text, extra_flags=()):
                 return _declared(_load(text, command, identity, (*flags, *extra_flags)), text)
             except CompilerError as error:
                 complaint = str(error)
-                if command in hung:
+                if command in timed_out:
                     break
         complaints.append(complaint)
     raise CompilerError("; ".join(complaints) or "no C compiler found")
@@ -226,7 +226,7 @@ DECLARED = re.compile(
 )
 
 
-def joined(parts):
+def concatenated(parts):
     """C of parts, each a text or the name of a file of the engine, whose lines messages name."""
     folder = files(__package__)
     return "\n".join(
@@ -286,12 +286,12 @@ def build(text, command, flags, entry):
         source, made = beside / SOURCE, beside / LIBRARY
         source.write_text(text)
         try:
-            code, said = _call((*command, *flags, str(source), "-o", str(made), "-lm"))
+            code, output = _call((*command, *flags, str(source), "-o", str(made), "-lm"))
         except subprocess.TimeoutExpired:
-            hung.add(command)
+            timed_out.add(command)
             raise CompilerError(f"{shlex.join(command)} was ended after {LIMIT:g} s") from None
         if code or not made.is_file():
-            last = "\n".join(said.strip().splitlines()[-5:])
+            last = "\n".join(output.strip().splitlines()[-5:])
             raise CompilerError(f"{shlex.join(command)} failed ({code}): {last}")
         (beside / DIGEST).write_text(hashlib.sha256(made.read_bytes()).hexdigest())
         for _ in range(RENAMES):

@@ -14,7 +14,7 @@
 #define PATIENCE 2000 /* looks at the gate before others get the processor */
 
 /* Wait until all threads are here. */
-static void meet(const scene *c)
+static void barrier(const scene *c)
 {
     if (c->pieces == 1) return;
     integer *here = c->gate, *turn = c->gate + 8;
@@ -139,7 +139,7 @@ static void stage(const scene *c, real a, real b)
         clear(c, t, pull);
     }
     c->farthest[c->piece] = largest;
-    meet(c);
+    barrier(c);
     if (!c->piece) {
         for (integer k = 1; k < c->pieces; k++) largest = larger(largest, c->farthest[k]);
         *c->travel += largest;
@@ -149,7 +149,7 @@ static void stage(const scene *c, real a, real b)
             c->u[q] += b * c->v[q];
         }
     }
-    meet(c);
+    barrier(c);
 }
 
 integer advance(const scene *c, const void *none, integer steps, integer opened); /* in steps.c */
@@ -158,7 +158,7 @@ integer advance(const scene *c, const void *none, integer steps, integer opened)
 void advance_together(const scene *c, integer steps, integer opened)
 {
     copy(c, c->u, common(c, 1));
-    meet(c), meet(c);
+    barrier(c), barrier(c);
     advance(c, 0, steps, opened);
     copy(c, common(c, 0), c->u);
 }

@@ -11,7 +11,7 @@ __attribute__((always_inline)) static inline void OF(run)(
     const integer each_gap = c->gap_each[s] * GROUP, each_length = c->length_each[s] * GROUP;
     const real *restrict shared = c->shared + s * PARAMETERS, *restrict own = c->own + c->own_at[s];
     const real *restrict places = c->places;
-    real *restrict low = c->low + c->met_at[s], *restrict high = c->high + c->met_at[s];
+    real *restrict low = c->low + c->range_at[s], *restrict high = c->high + c->range_at[s];
     for (int k = 0; k < PARAMETERS; k++) p[k] = wide(shared[k]);
 #if !OWNED
     low += c->piece * GROUP, high += c->piece * GROUP;

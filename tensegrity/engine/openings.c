@@ -2,9 +2,9 @@
 
    Behind `steps.c` and what the scene's own text says: overlaps(c, o, u, v, w, d), the overlap of
    each contact and its change in a step; may_pass(c, o), whether any can have passed zero, by
-   the elongations met; remember(c, o), the motion at the end of a step; mobility(c, o, b, x),
+   the elongations met; keep_end(c, o), the motion at the end of a step; mobility(c, o, b, x),
    the change of an overlap's rate by an impulse of its contact; swing(c, o, b, x), the part of that
-   change which the turn of its line makes; give(c, o, b, w, x, total,
+   change which the turn of its line makes; apply_impulse(c, o, b, w, x, total,
    moment, turning), which hands impulse and moment to the two rows of a contact. */
 
 #define SCAN 64
@@ -88,9 +88,9 @@ static crossing crossing_at(const scene *c, const openings *o, integer b, const 
     return (crossing){fabs(incline(p, x)), curvature, curvature - swing(c, o, b, x)};
 }
 
-/* The quadrature's error of a force (distance from the root)^alpha on one side of it, taken off;
+/* The quadrature's error of a force (distance from the root)^alpha on one side of it, exterior_error off;
    over the strength of the contact. */
-static real taken(const openings *o, integer b, crossing at, real x, int opens, real *moment)
+static real exterior_error(const openings *o, integer b, crossing at, real x, int opens, real *moment)
 {
     const real alpha = o->exponents[o->row[b]], size = raised(at.rate, alpha - 1);
     real sums[3] = {0};
@@ -129,15 +129,15 @@ static void event(const scene *c, const openings *o, integer b, real w, const re
 {
     real moment, before;
     const crossing at = crossing_at(c, o, b, p, x);
-    const int own = at.rate > 0 && (o->alone || (opens && o->begins)); /* no kicks beside these */
+    const int own = at.rate > 0 && (o->alone || (opens && o->begins)); /* no kicks event_outside these */
     real total = own ? -between(o, b, at, x, opens, 0, &moment)
-                     : taken(o, b, at, x, opens, &moment);
+                     : exterior_error(o, b, at, x, opens, &moment);
     if (!own && x < 0 && at.rate > 0) { /* there are no kicks before a run begins */
         total += between(o, b, at, x, opens, -1, &before);
         moment -= before;
     }
     const real strength = o->strength[b];
-    give(c, o, b, w, x, strength * total, strength * moment, -strength * moment);
+    apply_impulse(c, o, b, w, x, strength * total, strength * moment, -strength * moment);
 }
 
 /* A contact that closed and opened again within the step: all its kicks are in there. */
@@ -155,7 +155,7 @@ static void touch(const scene *c, const openings *o, integer b, real w, const re
         total -= force;
         moment += (node - middle) * force;
     }
-    give(c, o, b, w, middle, o->strength[b] * total, o->strength[b] * moment, 0);
+    apply_impulse(c, o, b, w, middle, o->strength[b] * total, o->strength[b] * moment, 0);
 }
 
 /* Whether an overlap that came back to its side was beyond zero, and at a kick too: what no kick
@@ -181,7 +181,7 @@ static void path_of(const openings *o, integer b, real *p)
 
 /* An event up to NEAR steps before a step that stands alone, or is the first, or behind one that
    stands alone, with contact between. */
-static void beside(const scene *c, const openings *o, integer b, int behind)
+static void event_outside(const scene *c, const openings *o, integer b, int behind)
 {
     real p[4];
     path_of(o, b, p);
@@ -192,7 +192,7 @@ static void beside(const scene *c, const openings *o, integer b, int behind)
 }
 
 /* Sum over the kicks of a step of an overlap, where it is positive, and that times the time left:
-   of a linear contact that pulls with `own`, beside forces g + slope t and the turn of its line. */
+   of a linear contact that pulls with `own`, event_outside forces g + slope t and the turn of its line. */
 static void kicked(const openings *o, real own, real w, real rate, real g, real slope, real turn,
                    real *sums)
 {
@@ -219,7 +219,7 @@ static void moved(real own, real rate, real g, real slope, real far, real *sums)
 }
 
 /* A contact of exponent 1 that opened or closed: its kicks and its motion are those of a linear
-   spring beside forces that grow linearly, which the ends of the step tell. */
+   spring event_outside forces that grow linearly, which the ends of the step tell. */
 static void linear(const scene *c, const openings *o, integer b, const real *p)
 {
     const real w0 = o->before[b], w1 = o->after[b], d0 = p[1], d1 = o->rate_after[b];
@@ -248,7 +248,7 @@ static void linear(const scene *c, const openings *o, integer b, const real *p)
     if (opens) x = 1 - x, motion[1] = motion[0] - motion[1];
     const real total = o->strength[b] * (motion[0] - kicks[0]);
     const real moment = o->strength[b] * (motion[1] - kicks[1]) - (1 - x) * total;
-    give(c, o, b, w1, x, total, moment, -moment);
+    apply_impulse(c, o, b, w1, x, total, moment, -moment);
 }
 
 /* What a step in which contact b opened or closed, if it did, is corrected by. */
@@ -290,12 +290,12 @@ static void pass_all(const scene *c, const openings *o)
         integer any = o->alone | o->begins;
         EACH(n) any |= suspect(w0[start + i], d0[start + i], w1[start + i], d1[start + i]);
         if (!any) continue;
-        if (!met) remember(c, o);
+        if (!met) keep_end(c, o);
         met = 1;
         for (integer i = start; i < start + n; i++)
             if (suspect(w0[i], d0[i], w1[i], d1[i])) pass(c, o, i);
         for (integer i = start; i < start + n && (o->alone | o->begins); i++)
-            for (int behind = 0; behind <= (o->alone != 0); behind++) beside(c, o, i, behind);
+            for (int behind = 0; behind <= (o->alone != 0); behind++) event_outside(c, o, i, behind);
     }
     if (met) overlaps(c, o, c->u, c->v, o->after, o->rate_after);
 }
@@ -329,7 +329,7 @@ integer advance_openings(const scene *c, openings *o, integer steps, integer ope
 
 /* What the velocities at the end of a step have too much because contact b just closed, or lack
    because it will open soon: an event is corrected for all kicks before and behind it at once. */
-static void show_event(const scene *c, const openings *o, integer b)
+static void postprocess_event(const scene *c, const openings *o, integer b)
 {
     const real w0 = o->after[b], w1 = o->before[b], d0 = o->rate_after[b], d1 = o->rate_before[b];
     const real p[4] = {w0, d0, 3 * (w1 - w0) - 2 * d0 - d1, 2 * (w0 - w1) + d0 + d1};
@@ -339,19 +339,19 @@ static void show_event(const scene *c, const openings *o, integer b)
     const crossing at = crossing_at(c, o, b, p, x);
     if (!(at.rate > 0)) return;
     real moment;
-    const real all = taken(o, b, at, x, opens, &moment);
+    const real all = exterior_error(o, b, at, x, opens, &moment);
     const real total = all + between(o, b, at, x, opens, opens, &moment);
-    give(c, o, b, w1, 1, (opens ? 1 : -1) * o->strength[b] * total, 0, 0);
+    apply_impulse(c, o, b, w1, 1, (opens ? 1 : -1) * o->strength[b] * total, 0, 0);
 }
 
 /* Closed, and just so, or soon no more. */
-static inline integer is_shown(real w0, real w1, real d1)
+static inline integer needs_postprocessing(real w0, real w1, real d1)
 {
     return (w1 > 0) & ((w0 <= 0) | (w1 < -2 * d1));
 }
 
 /* Copies of u and v after the last step of `advance_openings`, as they are looked at. */
-integer show_openings(const scene *given, openings *o, real *u, real *v)
+integer postprocess_openings(const scene *given, openings *o, real *u, real *v)
 {
     FLUSH
     scene copy = *given;
@@ -368,12 +368,12 @@ integer show_openings(const scene *given, openings *o, real *u, real *v)
     for (integer start = 0; start < o->count; start += SCAN) {
         const integer left = o->count - start, n = left < SCAN ? left : SCAN;
         integer any = 0;
-        EACH(n) any |= is_shown(w0[start + i], w1[start + i], d1[start + i]);
+        EACH(n) any |= needs_postprocessing(w0[start + i], w1[start + i], d1[start + i]);
         if (!any) continue;
-        if (!met) remember(c, o);
+        if (!met) keep_end(c, o);
         met = 1;
         for (integer i = start; i < start + n; i++)
-            if (is_shown(w0[i], w1[i], d1[i])) show_event(c, o, i);
+            if (needs_postprocessing(w0[i], w1[i], d1[i])) postprocess_event(c, o, i);
     }
     return 0;
 }

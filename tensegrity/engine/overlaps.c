@@ -42,8 +42,8 @@ static int may_pass(const scene *c, const openings *o)
 {
     for (integer s = 0; s < c->runs; s++) {
         const integer start = LANES * c->first[s];
-        const integer ranges = c->met_at[s + 1] - c->met_at[s];
-        const real *low = c->low + c->met_at[s], *high = c->high + c->met_at[s];
+        const integer ranges = c->range_at[s + 1] - c->range_at[s];
+        const real *low = c->low + c->range_at[s], *high = c->high + c->range_at[s];
         integer any = 0;
         for (integer k = 0; k < o->count; k += o->bonds) {
             const real *place = o->place + k + start; /* those of one spring are the same */
@@ -55,7 +55,7 @@ static int may_pass(const scene *c, const openings *o)
     return 0;
 }
 
-static void remember(const scene *c, const openings *o) {}
+static void keep_end(const scene *c, const openings *o) {}
 
 static real line_at(const scene *c, const openings *o, integer contact, real x, real *line,
                     real *turn)
@@ -63,7 +63,7 @@ static real line_at(const scene *c, const openings *o, integer contact, real x, 
     return *line = 1, *turn = 0;
 }
 
-static void give(const scene *c, const openings *o, integer b, real w, real x, real total,
+static void apply_impulse(const scene *c, const openings *o, integer b, real w, real x, real total,
                  real moment, real turning)
 {
     const integer from = FROM(b), to = TO(b);
@@ -124,9 +124,9 @@ static int may_pass(const scene *c, const openings *o)
 {
     integer any = 0;
     for (integer s = 0; s < c->runs; s++) {
-        const real *low = c->low + c->met_at[s], *high = c->high + c->met_at[s];
+        const real *low = c->low + c->range_at[s], *high = c->high + c->range_at[s];
         const integer start = c->first[s], count = c->first[s + 1] - start;
-        const integer met = c->met_at[s + 1] - c->met_at[s];
+        const integer met = c->range_at[s + 1] - c->range_at[s];
         real least = low[0], most = high[0];
         EACH(met) least = smaller(low[i], least), most = larger(high[i], most);
         for (integer k = start; k < o->count; k += o->bonds)
@@ -135,7 +135,7 @@ static int may_pass(const scene *c, const openings *o)
     return any != 0;
 }
 
-static void remember(const scene *c, const openings *o)
+static void keep_end(const scene *c, const openings *o)
 {
     acceleration(c, c->u, o->end_a, o->entries);
     EACH(o->entries) o->end_u[i] = c->u[i], o->end_v[i] = c->v[i];
@@ -179,7 +179,7 @@ static void add(real *to, real part)
     *to += part;
 }
 
-static void give(const scene *c, const openings *o, integer b, real w, real x, real total,
+static void apply_impulse(const scene *c, const openings *o, integer b, real w, real x, real total,
                  real moment, real turning)
 {
     const integer from = FROM(b), to = TO(b);

@@ -34,11 +34,11 @@ typedef struct {
 } scene;
 
 /* What each objective adds to the derivatives after steps number `begin` to `end`: of the entries
-   of u at the first `of_u` places, then of v. */
+   of u at the first `u_count` places, then of v. */
 typedef struct {
     const real *rows;                /* (objectives, steps, places) */
     const integer *places;
-    integer count, of_u, begin, end;
+    integer count, u_count, begin, end;
 } cotangents;
 
 /* Packs of bonds of one law: tensions, stiffnesses and derivatives by the parameters wanted. */
@@ -296,8 +296,8 @@ void add_cotangents(const scene *c, const cotangents *s, integer k)
     if (k < s->begin || k > s->end) return;
     for (integer o = 0; o < c->objectives; o++) {
         const real *row = s->rows + (o * (s->end - s->begin + 1) + k - s->begin) * s->count;
-        for (integer j = 0; j < s->of_u; j++) c->ub[o * c->entries + s->places[j]] += row[j];
-        for (integer j = s->of_u; j < s->count; j++)
+        for (integer j = 0; j < s->u_count; j++) c->ub[o * c->entries + s->places[j]] += row[j];
+        for (integer j = s->u_count; j < s->count; j++)
             c->vb[o * c->entries + s->places[j]] += row[j];
     }
 }

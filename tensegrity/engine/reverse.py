@@ -116,7 +116,7 @@ class Layout:
         return f, k, d
 
 
-class Back:
+class ReverseLoop:
     """Derivatives of objectives, carried backwards through a run.
 
     Parameters
@@ -209,7 +209,7 @@ class Back:
         ----------
         steps, last : int
             How many, and the number of the last of them.
-        seeds : Seeds, optional
+        cotangents : OutputCotangents, optional
             What objectives have to do with the states between, that before the steps included.
         opened : bool, optional
             Whether the first of them has the closing kick of the step before in it; the last
@@ -239,22 +239,22 @@ class OnGrid(Bound):
     """
 
     def __init__(self, layout, u, v, method, dt, grid):
-        back = Back(layout, method, dt, Totals(layout, 0), grid)
+        back = ReverseLoop(layout, method, dt, Totals(layout, 0), grid)
         self._bonds, self._scene, self._second = layout.bonds, back.scene, None
         self._low, self._high, self._travel = (
             back.scene.filled[name] for name in ("low", "high", "travel")
         )
-        self._seen, self._springs, self._each = layout.place, layout.bonds.group, False
+        self._counted, self._springs, self._one_to_one = layout.place, layout.bonds.group, False
         self._sites, self.sizes = layout.sites, (layout.sites * max(layout.dim, 1), 0)
-        self._advance, self._show = layout.library.advance, layout.library.show
-        self.u, self.v, self.shown = back.u, back.v, (back.u.copy(), back.v.copy())
-        self._march, self._inner = self._marched(self._advance), (back.u, back.v, *self.shown)
-        self.u, self.v, self.shown = u, v, (u.copy(), v.copy())
+        self._advance, self._postprocess = layout.library.advance, layout.library.postprocess
+        self.u, self.v, self.output = back.u, back.v, (back.u.copy(), back.v.copy())
+        self._march, self._inner = self._marched(self._advance), (back.u, back.v, *self.output)
+        self.u, self.v, self.output = u, v, (u.copy(), v.copy())
         self.forget_range()
 
     def go(self, done, end, wanted=()):
         """As `Bound.go`."""
-        outer, sites = (self.u, self.v, *self.shown), self._sites
+        outer, sites = (self.u, self.v, *self.output), self._sites
         for mine, given in zip(self._inner[:2], outer, strict=False):
             mine[:sites] = given[:sites]
         stopped = super().go(done, end, wanted)
@@ -314,12 +314,12 @@ class OutputCotangents:
         The step of the first row.
     """
 
-    def __init__(self, rows, places, of_u, begin):
+    def __init__(self, rows, places, u_count, begin):
         self._structure = COTANGENTS(
             rows=np.ascontiguousarray(rows, dtype=float),
             places=integers(places),
             count=len(places),
-            of_u=of_u,
+            u_count=u_count,
             begin=begin,
             end=begin + rows.shape[1] - 1,
         )

@@ -39,7 +39,7 @@ typedef struct {
     const integer *law;              /* (runs) twice the law, and 1 more with own parameters; of a
                                         network 4 times the law, 2 more for walls, 1 for own */
     const integer *own_at;           /* (runs) where its own parameters begin */
-    const integer *met_at;           /* (runs + 1) where its elongations begin */
+    const integer *range_at;           /* (runs + 1) where its elongations begin */
     integer runs, stages, closing;   /* closing: the method ends with a kick */
 
     /* The rest is of networks. */

@@ -57,7 +57,7 @@ def text(function, name, arguments, inputs, outputs):
     return _noinline(name, arguments, room + _loops(passes))
 
 
-def halves(function, name, given, arguments, inputs, outputs):
+def two_functions(function, name, given, arguments, inputs, outputs):
     """The same in two functions, for what begins with numbers that are in no array.
 
     `first_<name>` does the first pass for pack number g of what is `given`, `rest_<name>` the
@@ -82,7 +82,7 @@ def _loops(passes):
     return "".join(f"    for (integer g = 0; g < n; g++) {{\n{x}    }}\n" for x in passes)
 
 
-def gains(function):
+def benefits_from_simd(function):
     """Whether a function takes roots or quotients, and nothing that is done one by one."""
     import casadi as ca
 

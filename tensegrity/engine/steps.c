@@ -17,7 +17,7 @@ integer advance(const scene *c, const void *none, integer steps, integer opened)
     return 0;
 }
 
-integer show(const scene *c, const void *none, real *u, real *v)
+integer postprocess(const scene *c, const void *none, real *u, real *v)
 {
     FLUSH
     scene copy = *c;

@@ -17,7 +17,7 @@ import numpy as np
 
 from tensegrity.engine import kernel
 from tensegrity.engine.march import Wanted
-from tensegrity.engine.reverse import Back, Layout, OutputCotangents, Totals
+from tensegrity.engine.reverse import Layout, OutputCotangents, ReverseLoop, Totals
 from tensegrity.notebook import progress
 from tensegrity.runs.march import march
 from tensegrity.scenes.scene import State
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from tensegrity.engine.bonds import Bonds
     from tensegrity.engine.methods import Splitting
-    from tensegrity.gradients.samples import Samples
+    from tensegrity.gradients.samples import TraceSamples
     from tensegrity.runs.problem import Problem
     from tensegrity.runs.run import Run
     from tensegrity.typing import Array
@@ -47,7 +47,7 @@ class Forward:
     problem : Problem
         If it binds a loop of its own, then one whose moves are rounded to a grid.
     steps : int
-    samples : Samples
+    samples : TraceSamples
         What is sampled.
     window : (int, int)
         After which steps, from and to.
@@ -64,7 +64,12 @@ class Forward:
     """
 
     def __init__(
-        self, problem: Problem, steps: int, samples: Samples, window: tuple[int, int], stride: int
+        self,
+        problem: Problem,
+        steps: int,
+        samples: TraceSamples,
+        window: tuple[int, int],
+        stride: int,
     ) -> None:
         method: Any = problem.method
         self._problem, self._steps, self._dt = problem, steps, problem.t_end / max(steps, 1)
@@ -74,7 +79,7 @@ class Forward:
         stops = np.unique(np.append(np.arange(0, steps + 1, stride), steps))
         u, v = np.empty((2, len(stops), *problem.scene.shape))
         self.states = {k: (u[i], v[i]) for i, k in enumerate(stops.tolist())}
-        sampled = Wanted(at, self.rows, places=samples.places, of_u=samples.of_u)
+        sampled = Wanted(at, self.rows, places=samples.places, u_count=samples.u_count)
         self._wanted = sampled, Wanted(stops, u, v, raw=True)
         self._begun = self._ended = [0, 0]
 
@@ -84,7 +89,7 @@ class Forward:
         return run if self._problem.bind is None else replace(run, impulse=None)
 
     def wanted(self, end: int) -> list[Wanted]:
-        """Samples of the window and states, as the loop has them; see `runs.record.Samples`."""
+        """Samples within the window and stored states, before the closing kick; an `Observer`."""
         self._ended = [int(one.at.searchsorted(end, side="right")) for one in self._wanted]
         parts = zip(self._wanted, map(slice, self._begun, self._ended), strict=True)
         each = (
@@ -97,7 +102,7 @@ class Forward:
         """Count what was got."""
         self._begun = self._ended
 
-    def again(self, k: int, steps: int) -> Pair:
+    def recompute(self, k: int, steps: int) -> Pair:
         """u and v of the sites some steps after a state that was kept, by the same loop."""
         of, bind = self._problem.dynamics, self._problem.bind
         u, v = of.arrays(State(*self.states[k]))
@@ -139,20 +144,20 @@ class Backward:
     ) -> None:
         self.totals = totals = Totals(layout, objectives)
         self.reversal, self._exact = 0.0, grid is not None
-        self._main = Back(layout, method, dt, totals, grid or (0.0, 0.0))
+        self._main = ReverseLoop(layout, method, dt, totals, grid or (0.0, 0.0))
         self._sums = [self._main.ub, self._main.vb, *totals.arrays]
         self._most = max(1, WORK // (max(1, len(layout.bonds.group)) * method.stages))
         self.u, self.v = (x[:, : layout.sites] for x in (self._main.ub, self._main.vb))
 
     def retune(self, bonds: Bonds) -> None:
-        """Begin anew for a run with other masses and parameters; see `engine.reverse.Back`."""
+        """Restart for a run with other masses and parameters; see `ReverseLoop.retune`."""
         self._main.retune(bonds)
 
     def go(
         self,
         states: dict[int, Pair],
         cotangents: OutputCotangents,
-        again: Any = None,
+        recompute: Any = None,
         stride: int | None = None,
     ) -> None:
         """Carry derivatives to the start.
@@ -161,7 +166,7 @@ class Backward:
         ----------
         states : dict of int to (ndarray, ndarray)
             Known of the run, by numbers of steps: the last, and those that it returns to.
-        cotangents : Seeds
+        cotangents : OutputCotangents
             What objectives have to do with states.
         again : callable (k, steps) -> (u, v), optional
             Computes the state some steps after one that is known; needed where others are known
@@ -169,7 +174,7 @@ class Backward:
         stride : int, optional
             Most steps between two states that are returned to.
         """
-        self._states, self._cotangents, self._again = states, cotangents, again
+        self._states, self._cotangents, self._recompute = states, cotangents, recompute
         u, v = (max(float(np.abs(x[k]).max()) for x in states.values()) for k in (0, 1))
         self.largest = u, v
         stops = sorted(states)
@@ -178,18 +183,18 @@ class Backward:
         main.add_cotangents(cotangents, last)
         with progress(last, "step") if last > self._most else nullcontext() as self._bar:
             for a, b in [*pairwise(stops)][::-1]:
-                self._through([*range(a, b, stride or b - a), b])
-            self._undo(0, stops[0])  # to nothing that is known
+                self._reverse_between([*range(a, b, stride or b - a), b])
+            self._reverse_steps(0, stops[0])  # to nothing that is known
 
-    def _through(self, stops: list[int]) -> None:
+    def _reverse_between(self, stops: list[int]) -> None:
         """From the state after the last of these steps to that after the first, both known; a part
         where it strays is gone through again in two."""
         parts = list(pairwise(stops))
         for a, b in parts[:-1]:
-            self._states[b] = self._again(a, b - a)
+            self._states[b] = self._recompute(a, b - a)
         for a, b in parts[::-1]:
             before = [x.copy() for x in self._sums]
-            self._undo(a, b)
+            self._reverse_steps(a, b)
             states = zip(self._main.state(), self._states[a], strict=True)
             off = [float(np.abs(x - y).max()) for x, y in states]
             is_near = np.max(np.divide(off, [x or 1.0 for x in self.largest])) <= LIMIT
@@ -200,11 +205,11 @@ class Backward:
             for array, values in zip(self._sums, before, strict=True):
                 array[:] = values
             self._main.set(*self._states[b])
-            self._through([a, (a + b) // 2, b])
+            self._reverse_between([a, (a + b) // 2, b])
         for stop in stops[1:-1]:
             del self._states[stop]
 
-    def _undo(self, a: int, b: int) -> None:
+    def _reverse_steps(self, a: int, b: int) -> None:
         """The steps from b to a."""
         while b > a:
             many = min(b - a, self._most)
@@ -214,7 +219,7 @@ class Backward:
                 self._bar.update(min(many, self._bar.total - self._bar.n))
 
 
-class Repeated:
+class RepeatedRun:
     """A run of a line of one law that is done over and over, with other masses and parameters, and
     its passes backwards: all is bound once, and nothing is looked after.
 
@@ -239,7 +244,7 @@ class Repeated:
         self._u, self._v = np.zeros((2, len(bonds.inverse_mass)))
         self._loop = kernel.bind(self._u, self._v, bonds, method, dt)
         self._rows = np.empty((steps, 1))
-        self._samples = Wanted(np.arange(1, steps + 1), self._rows, places=self._places, of_u=1)
+        self._samples = Wanted(np.arange(1, steps + 1), self._rows, places=self._places, u_count=1)
         layout = Layout(bonds, (wanted,))
         self._backward = cache(partial(Backward, layout, method, dt, grid=None))
 
@@ -251,7 +256,7 @@ class Repeated:
         self._loop.go(0, self._steps, [self._samples])
         return self._rows[:, 0]
 
-    def back(self, by_rows: Array) -> Totals:
+    def pullback(self, by_rows: Array) -> Totals:
         """Derivatives of objectives by what the last run depends on, until the next; of those by
         the displacements that `run` gave, (objectives, steps)."""
         found = self._backward(objectives=len(by_rows))

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from tensegrity import check
-from tensegrity.engine import methods, native, pieces
+from tensegrity.engine import methods, native, threaded
 from tensegrity.engine.codegen import depends_on
 from tensegrity.engine.reverse import Layout, OnGrid, OutputCotangents
 from tensegrity.errors import TensegrityError
@@ -27,9 +27,9 @@ from tensegrity.gradients import result
 from tensegrity.gradients.adjoint import Backward, Forward
 from tensegrity.gradients.objective import Objective, Trace, objective_of
 from tensegrity.gradients.result import Gradient, digits
-from tensegrity.gradients.samples import Samples
+from tensegrity.gradients.samples import TraceSamples
 from tensegrity.readonly import fixed
-from tensegrity.runs.problem import Problem, count
+from tensegrity.runs.problem import Problem, step_count
 from tensegrity.runs.record import Record
 from tensegrity.scenes.dynamics import HasDynamics, dynamics
 from tensegrity.scenes.ensemble import Ensemble
@@ -154,7 +154,7 @@ def _of_batch(task: _Task, scene: Any, state: Any) -> Any:
         return _of_scene(task, scene.scenes[lane], scene.lane(state, lane))
 
     first = one(0)  # compiles what all need
-    with ThreadPoolExecutor(pieces.threads()) as pool:
+    with ThreadPoolExecutor(threaded.threads()) as pool:
         each = [first, *pool.map(one, range(1, scene.lanes))]
     return [_stacked(lanes) for lanes in zip(*each, strict=True)]
 
@@ -195,10 +195,10 @@ def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
     for spring in of.springs.different:
         result.refuse(spring)
     traces = tuple(dict.fromkeys(trace for one in task.objectives for trace in one.traces))
-    names, numbers = _wanted(scene, task.wanted, any(trace.kind == "energy" for trace in traces))
+    names, numbers = _requested(scene, task.wanted, any(trace.kind == "energy" for trace in traces))
     layout = Layout(of.loop_bonds, numbers, task.exact)
-    samples = Samples(scene, layout, traces)
-    steps = count(task, task.dt)
+    samples = TraceSamples(scene, layout, traces)
+    steps = step_count(task, task.dt)
     dt = task.t_end / steps if steps else task.dt
     windows = [_window(one, steps, dt) for one in task.objectives]
     first, last = min(w[0] for w in windows), max(w[1] for w in windows)
@@ -228,11 +228,11 @@ def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
         slopes = np.zeros(y.shape)
         np.add.at(slopes[:, inside], mine, slope)
         values.append(float(value))
-        each.append(samples.back(slopes, *sampled))
+        each.append(samples.pullback(slopes, *sampled))
     by_rows, p, g, m, w = map(np.array, zip(*each, strict=True))
     back = Backward(layout, task.method, dt, len(windows), grid)
-    cotangents = OutputCotangents(by_rows, samples.places, samples.of_u, first)
-    back.go(forward.states, cotangents, forward.again, every)
+    cotangents = OutputCotangents(by_rows, samples.places, samples.u_count, first)
+    back.go(forward.states, cotangents, forward.recompute, every)
     p += back.totals.p
     g += back.totals.g
     w += back.totals.w.reshape(*w.shape, -1).sum(axis=-1)
@@ -248,7 +248,7 @@ def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
     ]  # fmt: skip
 
 
-def _wanted(
+def _requested(
     scene: Any, wanted: Any, stored: bool
 ) -> tuple[tuple[str, ...], tuple[tuple[int, ...], ...]]:
     """What `by` will know, and for each law the numbers of the parameters that these names move.

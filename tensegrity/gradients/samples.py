@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 AT_ONCE = 4_000_000  # numbers that a trace is computed from at once
 
 
-class Samples:
+class TraceSamples:
     """What traces of a scene are made of: bonds, sites, and entries of u and v that are sampled.
 
     Parameters
@@ -50,17 +50,17 @@ class Samples:
         self.scene, self.layout = scene, layout
         self.axes = max(layout.dim, 1)
         self.parts = {trace: self._parts(trace) for trace in traces}
-        of_u: set[int] = set()
+        u_count: set[int] = set()
         of_v: set[int] = set()
         for trace, (bonds, sites) in self.parts.items():
-            of_u.update(sites.tolist(), *(end[bonds].tolist() for end in layout.ends))
+            u_count.update(sites.tolist(), *(end[bonds].tolist() for end in layout.ends))
             of_v.update(sites.tolist() if trace.kind in ("velocity", "energy") else ())
-        self.walls = int(layout.dim > 0 and layout.sites in of_u)
-        self.rows_u, self.rows_v = np.array(sorted(of_u), dtype=int), sorted(of_v)
-        moving = [*self.rows_u[: len(of_u) - self.walls], *self.rows_v]
+        self.walls = int(layout.dim > 0 and layout.sites in u_count)
+        self.rows_u, self.rows_v = np.array(sorted(u_count), dtype=int), sorted(of_v)
+        moving = [*self.rows_u[: len(u_count) - self.walls], *self.rows_v]
         axes = np.arange(self.axes)
         self.places = np.add.outer(np.array(moving, dtype=int) * self.axes, axes).ravel()
-        self.of_u = len(self.places) - len(of_v) * self.axes
+        self.u_count = len(self.places) - len(of_v) * self.axes
         self._most = max(1, AT_ONCE // max(1, len(self.places) * (4 + layout.most)))
 
     def _parts(self, trace: Trace) -> tuple[Indices, Indices]:
@@ -109,9 +109,9 @@ class Samples:
             Times that velocities in them lack a kick for [s].
         """
         parts = (slice(k, k + self._most) for k in range(0, len(rows), self._most))
-        return np.concatenate([_Part(self, rows[x], closing[x]).values() for x in parts], axis=1)
+        return np.concatenate([_Block(self, rows[x], closing[x]).values() for x in parts], axis=1)
 
-    def back(self, slopes: Array, rows: Array, closing: Array) -> tuple[Array, ...]:
+    def pullback(self, slopes: Array, rows: Array, closing: Array) -> tuple[Array, ...]:
         """Derivatives by the samples and by what traces depend on besides, from those by traces.
 
         Only steps that count are looked at: of a peak there are three.
@@ -135,16 +135,16 @@ class Samples:
         used = np.flatnonzero(slopes.any(axis=0))
         for k in range(0, len(used), self._most):
             x = used[k : k + self._most]
-            by_rows[x] = _Part(self, rows[x], closing[x]).back(slopes[:, x], totals)
+            by_rows[x] = _Block(self, rows[x], closing[x]).pullback(slopes[:, x], totals)
         return by_rows, *totals
 
 
-class _Part:
+class _Block:
     """Some steps of a run, from their samples."""
 
-    def __init__(self, of: Samples, rows: Array, closing: Array) -> None:
+    def __init__(self, of: TraceSamples, rows: Array, closing: Array) -> None:
         self._of, self._closing, count = of, closing[:, None, None], len(rows)
-        u, self._v = (x.reshape(count, -1, of.axes) for x in np.split(rows, [of.of_u], axis=1))
+        u, self._v = (x.reshape(count, -1, of.axes) for x in np.split(rows, [of.u_count], axis=1))
         self._u = np.append(u, np.zeros((count, of.walls, of.axes)), axis=1)  # walls stand still
         self._forces: dict[bytes, BondForces] = {}
 
@@ -163,10 +163,10 @@ class _Part:
         if trace.kind == "velocity":
             return v[:, 0, trace.axis]
         kinetic = 0.5 * np.sum(self._of.scene.mass[sites] * np.sum(v**2, axis=-1), axis=-1)
-        stored = self._stored(bonds)[0] @ self._shares(bonds, sites)
+        stored = self._stored(bonds)[0] @ self._energy_fractions(bonds, sites)
         return kinetic + stored - np.sum(self._loads(sites) * u, axis=(1, 2))
 
-    def back(self, slopes: Array, totals: tuple[Array, ...]) -> Array:
+    def pullback(self, slopes: Array, totals: tuple[Array, ...]) -> Array:
         """Derivatives (steps, places) by the samples, from those by all traces; adds to totals
         what these depend on besides."""
         self._ub, self._vb = np.zeros(self._u.shape), np.zeros(self._v.shape)
@@ -192,7 +192,10 @@ class _Part:
             self._add_velocity(bonds, sites, slope * self._of.scene.mass[sites, None] * v)
             self._m[sites] += 0.5 * slope[:, 0, 0] @ np.sum(v**2, axis=-1)
             self._ub[:, self._rows(sites)] -= slope * self._loads(sites)
-            stored, weight = self._stored(bonds), slope[..., 0] * self._shares(bonds, sites)
+            stored, weight = (
+                self._stored(bonds),
+                slope[..., 0] * self._energy_fractions(bonds, sites),
+            )
             self._add_bond_forces(bonds, by_elongation=weight * stored[1])
             self._p[:, bonds] += np.sum(weight * stored[2:], axis=1)
 
@@ -204,7 +207,7 @@ class _Part:
         scene = self._of.scene
         return np.broadcast_to(scene.loads, scene.shape).reshape(scene.sites, -1)[sites]
 
-    def _shares(self, bonds: Indices, sites: Indices) -> Array:
+    def _energy_fractions(self, bonds: Indices, sites: Indices) -> Array:
         """Of the energy of each bond: half for each end, all of a wall contact."""
         layout = self._of.layout
         first, second = (np.isin(end[bonds], sites) for end in layout.ends)
@@ -229,8 +232,8 @@ class _Part:
         return self._forces[key]
 
     def _add_bond_forces(self, bonds: Indices, **slopes: Array) -> None:
-        """Derivatives by forces, tensions or elongations of bonds; see `BondForces.back`."""
-        by_u, by_p, by_g = self._bond_forces(bonds).back(**slopes)
+        """Derivatives by forces, tensions or elongations of bonds; see `BondForces.pullback`."""
+        by_u, by_p, by_g = self._bond_forces(bonds).pullback(**slopes)
         self._ub += by_u
         self._p[:, bonds] += by_p.sum(axis=1)
         self._g[bonds] += by_g.sum(axis=0)

@@ -13,9 +13,9 @@ from tensegrity.engine import methods, native
 from tensegrity.errors import TensegrityError
 from tensegrity.runs import archive
 from tensegrity.runs.march import Start
-from tensegrity.runs.motion import Point
+from tensegrity.runs.motion import MotionState
 from tensegrity.runs.problem import AprioriBounds, Problem
-from tensegrity.runs.record import Record, beside, watching
+from tensegrity.runs.record import Record, checkpoint_path, user_observers
 from tensegrity.runs.run import Run, unchecked, unchecked_replace
 from tensegrity.runs.step import default_step, fixed_step, resumed
 from tensegrity.runs.tolerance import ROUND_OFF, to_tolerance
@@ -135,22 +135,22 @@ def simulate(
     started = time.perf_counter()
     if not isinstance(scene, HasDynamics):
         raise TensegrityError(f"scene {scene!r} is not a scene, such as a Chain")
-    of = dynamics(scene)
-    energy = of.checked(state)
+    dyn = dynamics(scene)
+    energy = dyn.checked(state)
     t_end = check.number("t_end", t_end, least=0, unit="s")
     dt = None if dt is None else check.number("dt", dt, above=0, unit="s")
     tol = None if tol is None else check.number("tol", tol, least=ROUND_OFF)
     if dt is not None and tol is not None:
         raise TensegrityError(f"dt {dt!r} s and tol {tol!r} exclude each other: give one")
     if method is None:
-        method = methods.default(dt, tol, not of.is_driven and of.opens)
+        method = methods.default(dt, tol, not dyn.is_driven and dyn.opens)
     method = methods.find(method)
     record = Record() if record is None else record
     check.kind("record", record, Record)
     record.check(scene.sites, t_end)
     native.require()
     choice = "dt" if dt is not None else "default" if tol is None else "tol"
-    a_priori = AprioriBounds(of, state, energy)
+    a_priori = AprioriBounds(dyn, state, energy)
     problem = unchecked(
         Problem,
         scene=scene,
@@ -158,7 +158,7 @@ def simulate(
         t_end=t_end,
         method=method,
         record=record,
-        observe=tuple(watching(observe, record, scene, t_end)),
+        observe=tuple(user_observers(observe, record, scene, t_end)),
         choice=choice,
         a_priori=a_priori,
         given=dt,
@@ -223,12 +223,14 @@ def resume(path: str | os.PathLike[str], scene: Scene | Ensemble | None = None) 
     """
     started = time.perf_counter()
     path = check.path("path", path)
-    whole = archive.read(beside(path), "state", lambda data: Broken(**data))
-    scene = _same(whole.scene, scene, path)
+    whole = archive.read(checkpoint_path(path), "state", lambda data: CheckpointData(**data))
+    scene = _same_scene(whole.scene, scene, path)
     try:
         start = whole.start(scene)
     except TensegrityError as error:
-        raise TensegrityError(f"{beside(path)} holds no state, or is damaged: {error}") from error
+        raise TensegrityError(
+            f"{checkpoint_path(path)} holds no state, or is damaged: {error}"
+        ) from error
     problem = Problem(
         scene, whole.state, whole.t_end, methods.find(whole.method),
         replace(whole.record, path=path), choice=whole.choice,
@@ -238,7 +240,7 @@ def resume(path: str | os.PathLike[str], scene: Scene | Ensemble | None = None) 
     return replace(run, wall_time=time.perf_counter() - started)
 
 
-class Broken(NamedTuple):
+class CheckpointData(NamedTuple):
     """The contents of a checkpoint file."""
 
     scene: Any
@@ -265,8 +267,8 @@ class Broken(NamedTuple):
             An entry has the wrong type, shape or range.
         """
         check.kind("scene", scene, HasDynamics)
-        of = dynamics(scene)
-        of.checked(self.state)
+        dyn = dynamics(scene)
+        dyn.checked(self.state)
         check.number("t_end", self.t_end, least=0, unit="s")
         methods.find(self.method)
         check.kind("record", self.record, Record)
@@ -276,33 +278,35 @@ class Broken(NamedTuple):
         check.number("allowed", self.allowed, above=0)
         check.whole("done", self.done, least=0, below=self.steps + 1)
         check.whole("count", self.count, least=0)
-        shape = of.arrays(self.state)[0].shape
-        count, springs = (4, len(of.springs)) if of.is_driven else (2, None)
+        shape = dyn.arrays(self.state)[0].shape
+        count, springs = (4, len(dyn.springs)) if dyn.is_driven else (2, None)
         if len(check.sequence("seen", self.seen, "arrays")) != count:
             raise TensegrityError(f"seen has {len(self.seen)} arrays, must have {count}")
         for x in (self.u, self.v, *self.seen[:2]):
             archive.array("u or v", x, shape)
-        if of.is_driven:
-            archive.array("work and loss", self.seen[2], (2, *of.batch))
-            work = archive.array("sums", self.seen[3], (4, *of.batch), are_finite=False)[:2]
+        if dyn.is_driven:
+            archive.array("work and loss", self.seen[2], (2, *dyn.batch))
+            work = archive.array("sums", self.seen[3], (4, *dyn.batch), are_finite=False)[:2]
             check.finite("sums", work)  # behind them elongations, inf at first
         archive.array("elongation_range", self.elongation_range, (springs, 2))
-        seen, sums = (self.seen[:3], self.seen[3]) if of.is_driven else (self.seen, None)
+        seen, sums = (self.seen[:3], self.seen[3]) if dyn.is_driven else (self.seen, None)
         return Start(
-            Point(self.done, self.u, self.v, seen, self.elongation_range, sums), self.count
+            MotionState(self.done, self.u, self.v, seen, self.elongation_range, sums), self.count
         )
 
 
-def _same(kept: Any, given: Any, path: Path) -> Any:
+def _same_scene(kept: Any, given: Any, path: Path) -> Any:
     """The scene read from a file, or the one that the user gave, if they are the same."""
-    if given is None and isinstance(kept, archive.Printed):
+    if given is None and isinstance(kept, archive.PrintedScene):
         raise TensegrityError(
             f"the scene of {path} cannot be built from a file: give it as `scene`; it printed "
             f"{kept}"
         )
     if given is None:
         return kept
-    saved = kept.fingerprint if isinstance(kept, archive.Printed) else archive.fingerprint(kept)
+    saved = (
+        kept.fingerprint if isinstance(kept, archive.PrintedScene) else archive.fingerprint(kept)
+    )
     if archive.fingerprint(given) != saved:
         raise TensegrityError(
             f"scene {check.shown(given)} is not that of {path}, which printed {kept!r}: sites, "

@@ -214,7 +214,7 @@ class Run:
         """This run, once its parts are found consistent with each other."""
         check.kind("final", self.final, State)
         shape = self.final.u.shape
-        if not isinstance(self.scene, archive.Printed):
+        if not isinstance(self.scene, archive.PrintedScene):
             check.kind("scene", self.scene, Ensemble if self._batch else Scene)
             if self.scene.shape != shape:
                 raise TensegrityError(f"final has shape {shape}, the scene {self.scene.shape}")

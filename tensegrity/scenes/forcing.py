@@ -273,7 +273,7 @@ def forcing_of(scene: Any, t_end: float, tuning: Any = None) -> Forcing:
         return values
 
     bonds, mass = dynamics(scene).loop_bonds, np.repeat(scene.mass, scene.dim)
-    heavy = mass[moved]
+    prescribed_mass = mass[moved]
     mass[moved] = 0.0
     damping = scene.damping or Damping()
     ground = np.repeat(damping.each("ground", scene.sites), scene.dim)
@@ -293,7 +293,7 @@ def forcing_of(scene: Any, t_end: float, tuning: Any = None) -> Forcing:
         together(motions),
         together(scattered_forces),
         mass,
-        heavy,
+        prescribed_mass,
         ground,
         bond,
         tuning,

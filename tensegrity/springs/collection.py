@@ -13,7 +13,7 @@ import numpy as np
 
 from tensegrity.engine.bonds import Contacts
 from tensegrity.engine.compiled import evaluated, single
-from tensegrity.engine.energies import Energies, Search, Ways
+from tensegrity.engine.energies import Energies, Search, SearchPoints
 from tensegrity.errors import StabilityError, TensegrityError
 from tensegrity.readonly import fixed
 from tensegrity.springs.potential import Potential
@@ -23,7 +23,7 @@ ORDERS = ("energy", "tension", "stiffness")
 CLOSE = np.logspace(-16, 0, 321)  # shares of a range at which a search looks
 EVERY = np.concatenate([CLOSE, np.linspace(0, 1, 201)])
 FINER = [np.arange(1, 65) / 64] * 4
-WAYS = Ways(
+WAYS = SearchPoints(
     [np.sort(np.concatenate([CLOSE, 1 - CLOSE[:-1]])), *FINER],
     np.ldexp(1.0, np.arange(-1000, 1001, 4)),  # where the range has no end
     [2.0 ** (np.arange(-324, 1) / 6), *FINER],  # a narrow barrier may stand before it

@@ -68,14 +68,14 @@ def _pool(count):
     return ThreadPoolExecutor(count, thread_name_prefix="tensegrity")
 
 
-_alone = Lock()  # who has it has all threads at once
+_pool_lock = Lock()  # who has it has all threads at once
 
 
 def _forget_threads():
     """Threads do not come along into a forked process, nor do those that hold a lock."""
-    global _alone
+    global _pool_lock
     _pool.cache_clear()
-    _alone = Lock()
+    _pool_lock = Lock()
 
 
 if hasattr(os, "register_at_fork"):
@@ -119,7 +119,7 @@ class Threaded(Bound):
         return 0
 
 
-class BoundPieces(Threaded):
+class ThreadedChain(Threaded):
     """A chain advanced in place, piece by piece.
 
     Parameters
@@ -140,7 +140,7 @@ class BoundPieces(Threaded):
         pieces = count * -(-total // (count * PIECE))
         ends = [start_of_block(bonds.runs.first, total * k // pieces) for k in range(pieces)]
         self._parts = [
-            _Piece(loop, u, v, bonds, method, dt, start, stop)
+            _Subdomain(loop, u, v, bonds, method, dt, start, stop)
             for start, stop in zip(ends, [*ends[1:], total], strict=True)
         ]
         super().__init__(loop, u, v, bonds, method, dt)
@@ -169,13 +169,13 @@ class BoundPieces(Threaded):
         done = 0
         while done < steps:
             part = min(self._together, steps - done)
-            advance = partial(_Piece.advance, steps=part, opened=done > 0 or opened)
-            for work in (advance, _Piece.give):  # all take before any gives
+            advance = partial(_Subdomain.advance, steps=part, opened=done > 0 or opened)
+            for work in (advance, _Subdomain.give):  # all take before any gives
                 list(self._pool.map(work, self._parts))
             done += part
 
 
-class BoundParts(Threaded):
+class ThreadedNetwork(Threaded):
     """A network advanced in place, a piece on each thread.
 
     The threads wait for each other in every stage, so all must run at once: one network has the
@@ -188,7 +188,7 @@ class BoundParts(Threaded):
 
     def advance_open(self, steps, opened):
         """As `Bound.advance_open`."""
-        if not _alone.acquire(blocking=False):
+        if not _pool_lock.acquire(blocking=False):
             super().advance_open(steps, opened)
             return
         begin, turns, complete = Event(), [], []
@@ -205,12 +205,12 @@ class BoundParts(Threaded):
         finally:
             begin.set()
             wait(turns)
-            _alone.release()
+            _pool_lock.release()
         for one in turns:
             one.result()
 
 
-class _Piece:
+class _Subdomain:
     """Bonds from `start` to `stop` of a chain, with a halo on either side."""
 
     def __init__(self, loop, u, v, bonds, method, dt, start, stop) -> None:
