@@ -64,7 +64,7 @@ class AprioriBounds:
     @cached_property
     def near(self) -> tuple[Indices, Indices]:
         """Pairs of sites that are close at the start, whose separation has to be monitored."""
-        return self._dynamics.clearance.watched(self._state.u)
+        return self._dynamics.clearance.near_contacts(self._state.u)
 
 
 class StiffnessBounds(NamedTuple):
@@ -89,8 +89,8 @@ def reach(dyn: Dynamics, energy: float) -> StiffnessBounds:
     found = known.get(energy)
     if found is None:
         ranges = reachable_ranges(dyn, energy)
-        stiffness = dyn.stiffness_within(ranges)
-        found = StiffnessBounds(ranges, stiffness, dyn.fastest(stiffness))
+        stiffness = dyn.stiffness_bounds(ranges)
+        found = StiffnessBounds(ranges, stiffness, dyn.spring_frequency_bound(stiffness))
         if len(known) * len(ranges) > CACHED:
             known.clear()
         known[energy] = found
@@ -114,7 +114,7 @@ def reachable_ranges(dyn: Dynamics, energy: float) -> Array:
         half = springs.domains[locks] / 2
         ranges[locks, 0] = np.maximum(ranges[locks, 0], half[:, 0])
         ranges[locks, 1] = np.minimum(ranges[locks, 1], half[:, 1])
-    np.maximum(ranges[:, 0], dyn.closing / 2, out=ranges[:, 0])
+    np.maximum(ranges[:, 0], dyn.zero_length_elongation / 2, out=ranges[:, 0])
     return ranges
 
 
@@ -178,9 +178,9 @@ class Problem:
         return self.dynamics.is_driven
 
     @property
-    def force(self):
+    def force_model(self):
         """How the tensions of the springs are computed."""
-        return self.loop_dynamics.springs.force
+        return self.loop_dynamics.springs.force_model
 
     def largest_step(self, omega):
         """Stability limit [s] at an angular frequency [rad/s]; inf where it is 0."""
@@ -257,7 +257,7 @@ class StabilityGuard:
         if self._stiffness is None:
             if self._adopts_a_priori():
                 return self.allows(elongation_range)
-            self._stiffness = self._dynamics.stiffness_within(self._admissible)
+            self._stiffness = self._dynamics.stiffness_bounds(self._admissible)
         below, above = (
             elongation_range[:, 0] < self._admissible[:, 0],
             elongation_range[:, 1] > self._admissible[:, 1],
@@ -268,8 +268,8 @@ class StabilityGuard:
             wider[below, 0] = _towards(low[below], elongation_range[below, 0], margin)
             wider[above, 1] = _towards(high[above], elongation_range[above, 1], margin)
             stiffness = self._stiffness.copy()
-            stiffness[grown] = self._dynamics.stiffness_within(wider, grown)
-            omega = self._dynamics.fastest(stiffness)
+            stiffness[grown] = self._dynamics.stiffness_bounds(wider, grown)
+            omega = self._dynamics.spring_frequency_bound(stiffness)
             self.limit = self._problem.largest_step(omega)
             if self._dt <= self._allowed * self.limit:
                 self._admissible, self._stiffness = wider, stiffness

@@ -22,8 +22,8 @@ from tensegrity.errors import (
 from tensegrity.runs.march import march
 from tensegrity.runs.problem import step_count
 from tensegrity.runs.run import unchecked_replace
-from tensegrity.scenes.forcing import functions_of_time
-from tensegrity.scenes.signals import quickest
+from tensegrity.scenes.forcing import time_signals
+from tensegrity.scenes.signals import largest_frequency
 from tensegrity.springs.kinks import TAUT
 from tensegrity.springs.potential import Potential, PowerLaw
 
@@ -155,8 +155,8 @@ def attainable_order(problem, elongation_range):
     method corrects it.
     """
     dyn = problem.dynamics
-    driven = functions_of_time(problem.scene) if dyn.is_driven else ()
-    order = min((signal.leaves for signal in driven), default=math.inf)
+    driven = time_signals(problem.scene) if dyn.is_driven else ()
+    order = min((signal.order_limit for signal in driven), default=math.inf)
     corrects = isinstance(problem.method, Corrected)
     for exponent in exponents_within(dyn, elongation_range):
         treated = corrects and is_treated(exponent)
@@ -237,7 +237,7 @@ def default_step(problem):
     Only the run itself shows whether contacts were lost and how far loads drove the springs.  Where
     this requires a finer step, the run is repeated.
     """
-    fraction = _fraction(problem, problem.dynamics.present_ranges(problem.state.u))
+    fraction = _fraction(problem, problem.dynamics.ranges_at(problem.state.u))
     alone = unchecked_replace(problem, observe=(), rows=not problem.observe)
     found = with_adequate_step(
         alone, refined(alone, expected_steps(problem, fraction), MARGIN * fraction)
@@ -290,7 +290,7 @@ def steps_at(problem, fraction, omega, least):
     int
     """
     if problem.dynamics.is_driven:
-        omega = max(omega, quickest(functions_of_time(problem.scene), problem.t_end))
+        omega = max(omega, largest_frequency(time_signals(problem.scene), problem.t_end))
     return max(step_count(problem, fraction * problem.natural_step(omega)), least)
 
 
@@ -385,7 +385,7 @@ def length_at_rest(problem, seen):
     length = min((x for x in lengths if x), default=0.0)
     if np.max(np.abs(seen[1] - u)) > FAINT * length:
         return None
-    stiffness = dyn.stiffness_within(dyn.present_ranges(u))
+    stiffness = dyn.stiffness_bounds(dyn.ranges_at(u))
     largest_force = np.max(np.abs(dyn.forces(u)), initial=0.0)
     return length if largest_force <= REST * np.max(stiffness, initial=0.0) * length else None
 
