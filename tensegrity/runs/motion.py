@@ -21,7 +21,7 @@ from tensegrity.scenes.clearance import SAFETY_FACTOR
 from tensegrity.typing import Array
 
 SPARE = 4  # prepared loops cached with a scene for each method: one for each thread
-CONTACT_SAMPLES = 16  # states of an attempt in which contacts are searched
+SAMPLES = 16  # states of an attempt in which contacts are searched
 ROOM = 1_000_000  # most numbers in u of these
 MOST_RESAMPLED = 4_000_000  # most numbers in u of an attempt whose every step is examined
 LARGEST = 200_000  # most numbers in u of a scene whose loops are cached
@@ -79,7 +79,7 @@ class Motion:
         self.problem, self.dt, self.allowed = problem, dt, allowed
         self.dynamics, self._fastest, self._most = problem.dynamics, 0.0, MOST_STEPS
         self._loop_status = 0  # returned by the loop in the last attempt
-        self._unchecked_steps = 0  # steps since contacts were searched
+        self._unchecked = 0  # steps since contacts were searched
         self._sites = problem.dynamics.sites
         u = problem.state.u if start is None else start.output[0][: self._sites]
         self._listed, self._guard, self._bound = self._prepared(problem.loop_dynamics.listed(u))
@@ -193,19 +193,15 @@ class Motion:
 
     def accept(self) -> None:
         """Accept the result of the last attempt."""
-        self._unchecked_steps = self.reached.done - self.point.done
+        self._unchecked = self.reached.done - self.point.done
         self.point = self.reached
 
     @property
     def most(self) -> int:
         """Largest number of steps of the next attempt."""
-        if self._monitor is not None and self._unchecked_steps:
-            steps, travel, u = (
-                self._unchecked_steps,
-                self._bound.travel,
-                self.point.u[: self._sites],
-            )
-            self._unchecked_steps = 0
+        if self._monitor is not None and self._unchecked:
+            steps, travel, u = self._unchecked, self._bound.travel, self.point.u[: self._sites]
+            self._unchecked = 0
             if self._monitor.fraction_used(travel) < 1:
                 self._monitor.accept(u, travel)
             elif steps > 1:
@@ -250,14 +246,12 @@ class Motion:
         if steps == 1:
             self._monitor.verify(self._bound.u[: self._sites], end * self.dt)
             return True
-        if self._samples_do and (
-            self._samples_exclude_contact(end, wanted) or self._every_step_excludes_contact(end)
-        ):
+        if self._samples_do and (self._samples_clear(end, wanted) or self._each_step_clear(end)):
             return True
         self._most = max(1, min(steps // 2, int(SAFETY_FACTOR * steps / share)))
         return False
 
-    def _samples_exclude_contact(self, end: int, wanted: Any, each: bool = False) -> bool:
+    def _samples_clear(self, end: int, wanted: Any, each: bool = False) -> bool:
         """Whether the longest list of sampled states excludes contacts outside the list."""
         found = max(
             (one for one in wanted if one.travel is not None),
@@ -277,18 +271,14 @@ class Motion:
     def _with_contact_samples(self, end: int, wanted: Any) -> Any:
         """The requested states, and samples to search for contacts unless as many are requested."""
         done, states = self.point.done, [len(one.at) for one in wanted if one.v is not None]
-        large = CONTACT_SAMPLES * math.prod(self._listed.shape) > ROOM
-        if (
-            large
-            or not self._samples_do
-            or end - done <= CONTACT_SAMPLES
-            or max(states, default=0) >= CONTACT_SAMPLES
-        ):
+        large = SAMPLES * math.prod(self._listed.shape) > ROOM
+        enough = end - done <= SAMPLES or max(states, default=0) >= SAMPLES
+        if large or enough or not self._samples_do:
             return wanted
-        at = done + (end - done) * np.arange(1, CONTACT_SAMPLES + 1) // CONTACT_SAMPLES
-        return [*wanted, Wanted(at, *np.empty((2, CONTACT_SAMPLES, *self._listed.shape)))]
+        at = done + (end - done) * np.arange(1, SAMPLES + 1) // SAMPLES
+        return [*wanted, Wanted(at, *np.empty((2, SAMPLES, *self._listed.shape)))]
 
-    def _every_step_excludes_contact(self, end: int) -> bool:
+    def _each_step_clear(self, end: int) -> bool:
         """The same by the states after every step, for which the attempt is repeated."""
         done, shape = self.point.done, self._listed.shape
         if (end - done) * math.prod(shape) > MOST_RESAMPLED:
@@ -298,7 +288,7 @@ class Motion:
         self.restore()
         self._bound.forget_range()
         self._go(end, [every])
-        return self._samples_exclude_contact(end, [every], each=True)
+        return self._samples_clear(end, [every], each=True)
 
     def _list_anew(self) -> None:
         """Renew the list of contacts that may form."""
