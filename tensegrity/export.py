@@ -1,7 +1,7 @@
-"""Springs for other programs: `to_c` writes a potential as C that stands alone.
+"""Springs for other programs: `to_c` writes a potential as a self-contained C file.
 
-The text is what CasADi generates from the law, the same that runs here are compiled from, with the
-numbers of one spring beside it.  It is plain C99 that needs the C library's mathematics only.
+The text is what CasADi generates from the law, as for the compiled loops of this package, with the
+parameters of one spring.  It is C99 and needs only the mathematical functions of the C library.
 """
 
 from __future__ import annotations
@@ -54,46 +54,54 @@ int main(int count, char **given)
 
 
 def to_c(potential: Potential, path: str | PathLike[str]) -> Path:
-    """Write a potential as a C file that needs nothing of this package.
+    """Write a potential as a C file that is independent of this package.
 
     Parameters
     ----------
     potential : Potential
-        Of a prism, a power law, an energy of one's own, or a polynomial.
+        Of a prism, a power law, a user's own energy, or a polynomial.
     path : str or path
-        Of the file, which is written beside and renamed.  The name without its ending begins the
-        names in it: `spring.c` defines
+        The file, replaced as a whole if it exists.  Its name without the ending is the prefix of
+        the names in it: `spring.c` defines
 
         - ``double spring_energy(double r)``, V [J], ``spring_tension``, dV/dr [N], tension > 0, and
           ``spring_stiffness``, d2V/dr2 [N/m], of an elongation r [m], extension > 0;
-        - ``spring_lowest`` and ``spring_highest``: only between these are they defined.
+        - ``spring_lowest`` and ``spring_highest``, the ends of their domain.
 
-        Compiled with ``-DDRIVER`` it is a program that prints a table, at the elongations that are
+        Compiled with ``-DDRIVER`` it is a program that prints a table at the elongations given as
         its arguments.
 
     Returns
     -------
     Path
-        Of the file.
+        Path of the file.
 
     Raises
     ------
     TensegrityError
-        If `potential` is none, `path` names no file, or the file cannot be written.
+        Not a potential, a path that names no file, or a file that cannot be written.
     EquilibriumError
-        A prism with elastic members whose inner unknowns few iterations do not find: they are
-        far too stiff.  With others the file holds for all elongations that runs can follow,
+        A prism with elastic members so stiff that a few iterations do not find its inner unknowns.
+        For all others the file is valid at all elongations that runs can follow,
         `potential.reach`.
 
     Notes
     -----
-    Values agree with those in Python to round-off; those of an elastic prism as well as its few
-    iterations of Newton's method settle, to 1e-14 of the unknowns.
+    Values agree with those in Python to round-off; for an elastic prism they are as accurate as
+    its few iterations of Newton's method, 1e-14 of the unknowns.
 
     Examples
     --------
+    >>> import tempfile
+    >>> from pathlib import Path
     >>> from tensegrity import PowerLaw
-    >>> path = to_c(PowerLaw(1.0, 1.5), "contact.c")  # doctest: +SKIP
+    >>> from tensegrity.export import to_c
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     text = to_c(PowerLaw(1.0, 1.5), Path(folder) / "contact.c").read_text()
+    >>> print(*(line for line in text.splitlines() if line.startswith("double")), sep="\\n")
+    double contact_energy(double r)
+    double contact_tension(double r)
+    double contact_stiffness(double r)
     """
     check.kind("potential", potential, Potential)
     path = check.path("path", path)
@@ -107,7 +115,7 @@ def to_c(potential: Potential, path: str | PathLike[str]) -> Path:
 
 
 def _text(potential: Potential, name: str) -> str:
-    """What `to_c` writes, with names that begin with `name`."""
+    """The C text that `to_c` writes, with names that begin with `name`."""
     import casadi as ca
 
     law, (low, high) = potential.law, potential.reach
@@ -143,7 +151,7 @@ def _text(potential: Potential, name: str) -> str:
 
 
 def _identifier(stem: str) -> str:
-    """A file's name as the beginning of names in C."""
+    """The stem of a file's name as a prefix of names in C."""
     words = re.sub(r"[^0-9A-Za-z]+", "_", stem).strip("_")  # CasADi refuses two _ in a row
     return words if words[:1].isalpha() else f"spring_{words}".rstrip("_")
 
@@ -155,5 +163,5 @@ def _number(value: float) -> str:
 
 
 def _comment(text: str) -> str:
-    """Text that neither ends a comment of C nor begins another."""
+    """Text without the marks that end or begin a comment in C."""
     return " ".join(text.split()).replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?")

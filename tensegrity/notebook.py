@@ -1,8 +1,8 @@
-"""What is seen at work: progress bars, and what objects look like in a notebook.
+"""Progress bars, and the display of objects in a notebook.
 
-An object is a small table and a picture, as HTML that stands alone: `_repr_html_` of runs, paths,
-waves, prisms, structures and networks call `page`.  Matplotlib is imported when a picture is drawn
-and tqdm when a bar is, and not before.
+An object is displayed as a small table and a picture in self-contained HTML: `_repr_html_` of runs,
+paths, waves, prisms, structures and networks call `page`.  Matplotlib and tqdm are imported only
+when a picture or a bar is drawn.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 DOTS = 110  # per inch
-VIEW = 0.5, 0.3  # rad: about the vertical, and from above
+VIEW = 0.5, 0.3  # direction of view [rad]: azimuth and elevation
 
 
 def page(
@@ -38,7 +38,7 @@ def page(
     draw: Callable[[Figure], object] | None = None,
     size: tuple[float, float] = (4.6, 3.0),
 ) -> str:
-    """A title, a table of names and values, and beside them a picture.
+    """A title, a table of names and values, and a picture next to them.
 
     Parameters
     ----------
@@ -46,9 +46,9 @@ def page(
     rows : mapping of str
         Values are shown as text; all text is escaped.
     draw : callable (figure) -> None, optional
-        Where it raises a TensegrityError there is nothing to see, and no picture.
+        Draws the picture; there is none where it raises a TensegrityError.
     size : (float, float), optional
-        Of the picture [inches].
+        Width and height of the picture [inches].
 
     Returns
     -------
@@ -84,7 +84,7 @@ def _picture(draw: Callable[[Figure], object], size: tuple[float, float], title:
 
 
 def wires(axes: Axes, positions: ArrayLike, ends: ArrayLike, bars: int = 0) -> None:
-    """Draw members as lines, seen from aside and a little above.
+    """Draw members as lines, seen obliquely from above.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def wires(axes: Axes, positions: ArrayLike, ends: ArrayLike, bars: int = 0) -> N
         [m].
     ends : array_like, (members, 2)
     bars : int, optional
-        The first so many members are drawn thick.
+        Number of members, the first ones, that are drawn thick.
     """
     places, pairs = np.asarray(positions, dtype=float), np.asarray(ends, dtype=int).reshape(-1, 2)
     if places.shape[1] == 1:
@@ -114,25 +114,30 @@ def wires(axes: Axes, positions: ArrayLike, ends: ArrayLike, bars: int = 0) -> N
 
 
 def progress(total: int, unit: str, done: int = 0) -> Any:
-    """A bar of tqdm as a context, from the first second on, in a terminal or a notebook; anywhere
-    else one that is still.
+    """A progress bar as a context; it is drawn after one second in a terminal or a notebook, and
+    nowhere else.
 
     Parameters
     ----------
     total, done : int
-        Units in all, and those that were there before.
+        Number of units in all, and of those done before.
     unit : str
+
+    Returns
+    -------
+    context manager
+        Its value has `n`, `total` and `update(more)`.
 
     Notes
     -----
-    To import tqdm takes as long as all of a short run.
+    tqdm is imported only where a bar is drawn, as its import takes as long as a short run.
     """
     notebook = in_notebook()
     if not notebook and (sys.stderr is None or not sys.stderr.isatty()):
         return nullcontext(SimpleNamespace(n=done, total=total, update=lambda more=1: None))
     if notebook:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # no widgets: a bar of text then
+            warnings.simplefilter("ignore")  # without widgets the bar is text
             from tqdm.auto import tqdm
     else:
         from tqdm import tqdm
