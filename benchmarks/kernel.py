@@ -20,7 +20,7 @@ from benchmarks._timing import best, table
 from benchmarks.chain import UNITS, machine_bound, unit_calls
 from tensegrity import Chain, Polynomial, Potential, PowerLaw, Prism, ResolutionError, simulate
 from tensegrity.engine.bound import Bound
-from tensegrity.engine.compiled import Compiled, evaluated, single
+from tensegrity.engine.compiled import Compiled, evaluated, loop_of_law
 from tensegrity.engine.kernel import bind
 from tensegrity.engine.law import functions
 from tensegrity.engine.methods import METHODS
@@ -84,9 +84,9 @@ def bound_loop(engine, chain, u, v):
 def motion(spring, speed, extended=False):
     """Displacements after the run."""
     chain = Chain(spring, SITES)
-    engine = (
-        Compiled.of(dynamics(chain).loop_bonds, extended=True) if extended else single(spring.law)
-    )
+    engine = loop_of_law(spring.law)
+    if extended:
+        engine = Compiled.of(dynamics(chain).loop_bonds, extended=True)
     dtype = np.longdouble if extended else float
     state = blow(chain, speed)
     u, v = state.u.astype(dtype), state.v.astype(dtype)
@@ -109,7 +109,7 @@ def measure(families=FAMILIES):
             moved = np.abs(motion(spring, speed) - reference).max() / np.abs(reference).max()
             chain = Chain(spring, SITES)
             u, v = 1e-3 * np.sin(np.arange(SITES) ** 2), np.zeros(SITES)
-            loop = bound_loop(single(spring.law), chain, u, v)
+            loop = bound_loop(loop_of_law(spring.law), chain, u, v)
             loops[family, name] = lambda loop=loop: loop.advance(TIMED)
             rows.append((family, name, float(gap), float(moved)))
     times = best(loops)
@@ -157,7 +157,7 @@ def forms():
     for name, spring in springs.items():
         chain = Chain(spring, SITES)
         u, v = 1e-3 * np.sin(np.arange(SITES) ** 2), np.zeros(SITES)
-        loop = bound_loop(single(spring.law), chain, u, v)
+        loop = bound_loop(loop_of_law(spring.law), chain, u, v)
         calls[name] = lambda loop=loop: loop.advance(TIMED)
     times, scale = best(calls), 1e9 / (TIMED + 1) / (SITES - 1)
     found = {}

@@ -73,7 +73,7 @@ def root(
     raise ValueError(f"no root found between {low:g} and {high:g}")
 
 
-def crest(y: Array, at: Any) -> Array:
+def peak_weights(y: Array, at: Any) -> Array:
     """Weights of samples `at` - 1, `at` and `at` + 1 in the vertex of the parabola through them.
 
     These are also the derivatives of the vertex with respect to the samples, as a shift of its

@@ -29,7 +29,7 @@ from tensegrity import PowerLaw, TensegrityError, objective
 from tensegrity.engine.bonds import Bonds
 from tensegrity.engine.methods import METHODS, Splitting
 from tensegrity.gradients.adjoint import RepeatedRun
-from tensegrity.root import crest
+from tensegrity.root import peak_weights
 from tensegrity.typing import Array, Indices
 
 PARTS = 12  # steps of velocity Verlet in one of a search's
@@ -140,7 +140,7 @@ def _maxima(force: Array) -> tuple[Array, Indices, Array]:
     """Height of each maximum, by a parabola, three steps around it, and the weights of their forces
     in it.  A force that still rises at the end has its maximum there."""
     top = np.flatnonzero((force[1:-1] > force[:-2]) & (force[1:-1] >= force[2:])) + 1
-    weights = crest(force, top)
+    weights = peak_weights(force, top)
     if force[-1] > force[-2]:
         top, weights = np.append(top, len(force) - 2), np.append(weights, [[0.0, 0.0, 1.0]], axis=0)
     steps = top[:, None] + np.arange(-1, 2)

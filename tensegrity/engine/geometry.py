@@ -31,7 +31,7 @@ def functions(dim):
 
 
 def helpers(dim):
-    """What `codegen.whole` takes for a network."""
+    """Functions of contacts, and the C by which they are called, for `codegen.whole`."""
     for kind, function in functions(dim).items():
         yield (
             function,
@@ -42,7 +42,7 @@ def helpers(dim):
 
 
 def side_by_side(dim):
-    """C of the same for several contacts at once; see `simd.two_functions`."""
+    """C text of the same for several contacts in SIMD registers; see `simd.two_functions`."""
     axes = [[f"{name}[{k}]" for k in range(dim)] for name in ("d", "w")]
     along = [f"along[{k}][g]" for k in range(dim)]
     each = [["load(gap + g * each_gap)"], ["load(length + g * each_length)"]]

@@ -11,7 +11,7 @@
 /* Where springs change, rates of their energies come in packs behind tensions, and are summed for
    each place of a block; how far springs come was looked at before. */
 #define NOTE_RANGE(q)
-#define RATES(n) EACH(n) part[BLOCK - (n) + i] += f[LANES + BLOCK + i];
+#define RATES(n) EACH(n) part[BLOCK - (n) + i] += f[BATCH + BLOCK + i];
 #else
 #define RATES(n)
 #define NOTE_RANGE(q)                                                                             \
@@ -20,30 +20,30 @@
 #endif
 
 #define ELONGATION(j)                                                                          \
-    r[i] = u[(j) + i + LANES] - u[(j) + i];                                                 \
+    r[i] = u[(j) + i + BATCH] - u[(j) + i];                                                 \
     NOTE_RANGE((j) - start + i)
 
 #define UPDATE(j)                                                                           \
-    v[(j) + i] += a * w[(j) + i] * (f[i + LANES] - f[i]);                                   \
+    v[(j) + i] += a * w[(j) + i] * (f[i + BATCH] - f[i]);                                   \
     u[(j) + i] += b * v[(j) + i];
 
 /* The same for a pack. */
 #define ELONGATION_PACK(j)                                                                     \
-    INTO(r + i) = INTO(u + (j) + i + LANES) - INTO(u + (j) + i);                            \
+    INTO(r + i) = INTO(u + (j) + i + BATCH) - INTO(u + (j) + i);                            \
     INTO(low + PLACE((j) - start + i)) =                                                    \
         smaller_of(INTO(r + i), INTO(low + PLACE((j) - start + i)));                        \
     INTO(high + PLACE((j) - start + i)) =                                                   \
         larger_of(INTO(r + i), INTO(high + PLACE((j) - start + i)));
 
 #define UPDATE_PACK(j)                                                                      \
-    INTO(v + (j) + i) += a * INTO(w + (j) + i) * (INTO(f + i + LANES) - INTO(f + i));       \
+    INTO(v + (j) + i) += a * INTO(w + (j) + i) * (INTO(f + i + BATCH) - INTO(f + i));       \
     INTO(u + (j) + i) += b * INTO(v + (j) + i);
 
 #if IN_SIMD
 /* The first pass for the pack with bond i of those from j on. */
 #define FIRST(j)                                                                            \
     OF(first_tension_lanes)                                                                 \
-    (i / WIDE, (const pack *)r, p, own + (j) - start, all, (pack *)(f + LANES), kept);
+    (i / WIDE, (const pack *)r, p, own + (j) - start, all, (pack *)(f + BATCH), kept);
 /* A last pack that is not full repeats a bond. */
 #define FIRSTS(j, n)                                                                        \
     for (integer i = n; i % WIDE; i++) r[i] = r[(n) - 1];                                   \
@@ -76,28 +76,28 @@ void OF(tensions)(integer n, integer q, real *restrict r, const real *restrict s
 #endif
 }
 
-#define CARRY(n) for (int l = 0; l < LANES; l++) f[l] = f[(n) + l];
+#define CARRY(n) for (int l = 0; l < BATCH; l++) f[l] = f[(n) + l];
 #define PULL(j, n)                                                                          \
-    OF(tensions)(n, (j) - start, r, p, own, all, f + LANES, kept);                          \
+    OF(tensions)(n, (j) - start, r, p, own, all, f + BATCH, kept);                          \
     RATES(n)
 
 __attribute__((flatten)) static void OF(stage)(
     const scene *c, integer s, real a, real b, real *left)
 {
-    __attribute__((aligned(64))) real r[BLOCK], room[(1 + CHANGES) * BLOCK + LANES + WIDE];
+    __attribute__((aligned(64))) real r[BLOCK], room[(1 + CHANGES) * BLOCK + BATCH + WIDE];
     real part[BLOCK] = {0};
     pack kept[WAITING][ROOM];
-    real *const f = room + (WIDE - LANES % WIDE) % WIDE; /* tensions of a block begin with a pack */
+    real *const f = room + (WIDE - BATCH % WIDE) % WIDE; /* tensions of a block begin with a pack */
     real *restrict u = c->u, *restrict v = c->v;
     const real *restrict w = c->w;
-    const integer start = LANES * c->first[s], last = LANES * c->first[s + 1];
+    const integer start = BATCH * c->first[s], last = BATCH * c->first[s + 1];
     const integer all = last - start;
     const real *restrict shared = c->shared + s * PARAMETERS, *restrict own = c->own + c->own_at[s];
     real *restrict low = c->low + c->range_at[s], *restrict high = c->high + c->range_at[s];
     real p[PARAMETERS + 1]; /* which is there: the compiler need not look whether it is */
     for (int i = 0; i < PARAMETERS; i++) p[i] = shared[i];
     integer j = start;
-    for (int l = 0; l < LANES; l++) f[l] = left[l];
+    for (int l = 0; l < BATCH; l++) f[l] = left[l];
     integer odd = all % BLOCK;
     if (odd) {
         EACH(odd) { ELONGATION(j) }
@@ -129,9 +129,9 @@ __attribute__((flatten)) static void OF(stage)(
         EACH(BLOCK) { UPDATE(j) }
         CARRY(BLOCK)
     }
-    for (int l = 0; l < LANES; l++) left[l] = f[l];
+    for (int l = 0; l < BATCH; l++) left[l] = f[l];
 #if CHANGES
-    for (int i = 0; i < BLOCK; i++) left[LANES] += part[(BLOCK - odd + i) % BLOCK];
+    for (int i = 0; i < BLOCK; i++) left[BATCH] += part[(BLOCK - odd + i) % BLOCK];
 #endif
 }
 

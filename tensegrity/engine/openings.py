@@ -59,7 +59,7 @@ def is_treated(exponent):
     return (exponent >= LOWEST) & (exponent <= HIGHEST)
 
 
-def contacts(bonds, lanes=1):
+def contacts(bonds, batch=1):
     """Contacts that can be lost, at the places of a loop.
 
     Returns
@@ -76,8 +76,8 @@ def contacts(bonds, lanes=1):
     within, springs = is_treated(exponent), bonds.group
     if bonds.contacts is not None:
         springs = springs[bonds.runs.source]
-    elif lanes > 1 and springs.ndim == 1:
-        springs = np.repeat(springs[:, None], lanes, axis=1)
+    elif batch > 1 and springs.ndim == 1:
+        springs = np.repeat(springs[:, None], batch, axis=1)
     exponents = np.unique(exponent[within])
     rows = np.searchsorted(exponents, np.where(within, exponent, 0.0))
     found = {"place": place, "side": side, "strength": strength}

@@ -23,7 +23,7 @@ typedef struct {
 #define DIM 1
 #define AXES(k) for (int k = 0; k < DIM; k++)
 #define FROM(b) ((b) % o->bonds)
-#define TO(b) ((b) % o->bonds + LANES)
+#define TO(b) ((b) % o->bonds + BATCH)
 
 static void overlaps(const scene *c, const openings *o, const real *restrict u,
                      const real *restrict v, real *restrict w, real *restrict d)
@@ -32,8 +32,8 @@ static void overlaps(const scene *c, const openings *o, const real *restrict u,
     for (integer start = 0; start < o->count; start += o->bonds) {
         const real *restrict place = o->place + start, *restrict side = o->side + start;
         EACH(o->bonds) {
-            w[start + i] = side[i] * ((u[i + LANES] - u[i]) - place[i]);
-            d[start + i] = side[i] * dt * (v[i + LANES] - v[i]);
+            w[start + i] = side[i] * ((u[i + BATCH] - u[i]) - place[i]);
+            d[start + i] = side[i] * dt * (v[i + BATCH] - v[i]);
         }
     }
 }
@@ -41,7 +41,7 @@ static void overlaps(const scene *c, const openings *o, const real *restrict u,
 static int may_pass(const scene *c, const openings *o)
 {
     for (integer s = 0; s < c->runs; s++) {
-        const integer start = LANES * c->first[s];
+        const integer start = BATCH * c->first[s];
         const integer ranges = c->range_at[s + 1] - c->range_at[s];
         const real *low = c->low + c->range_at[s], *high = c->high + c->range_at[s];
         integer any = 0;

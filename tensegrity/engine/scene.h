@@ -4,7 +4,7 @@
    come in runs of one law, whose bonds share all parameters and one range, or have some parameters
    of their own and a range each: `line_law.c`, included once for each.  Several chains run at once
    as lanes of the last axis: all entries of site j, one per lane, stand together, and the
-   neighbour of an entry is LANES further.
+   neighbour of an entry is BATCH further.
 
    Rows of a network's u and v: the sites, the walls, one more that takes what is left over.  A
    wall's row collects its impulse in v.  The list of contacts comes in runs of one kind and one
@@ -17,23 +17,23 @@
    sites: no sum depends on the number of threads. */
 
 #define TILE 256
-#ifndef LANES
-#define LANES 1
+#ifndef BATCH
+#define BATCH 1
 #endif
 #ifdef DIM
 #define AXES(k) for (int k = 0; k < DIM; k++)
 #endif
 
 typedef struct {
-    real *u, *v;                     /* displacement, velocity (sites, LANES), (rows, DIM) */
+    real *u, *v;                     /* displacement, velocity (sites, BATCH), (rows, DIM) */
     const real *w;                   /* like these, inverse mass; 0 holds a site */
     const real *shared;              /* (runs, PARAMETERS), what bonds of a run have in common */
-    const real *own;                 /* for each run (own parameters of its law, bonds, LANES), of a
+    const real *own;                 /* for each run (own parameters of its law, bonds, BATCH), of a
                                         network (those, entries) */
     const real *kicks, *drifts;      /* dt times the coefficients (stages + 1), (stages) */
     real *low, *high;                /* smallest and largest elongation met: for each run those at
                                         each place of a block, BLOCK or less, in a network GROUP of
-                                        each piece, or where it has own parameters (bonds, LANES),
+                                        each piece, or where it has own parameters (bonds, BATCH),
                                         (entries) */
     const integer *first;            /* (runs + 1) first bond of each run */
     const integer *law;              /* (runs) twice the law, and 1 more with own parameters; of a

@@ -17,7 +17,7 @@ import numpy as np
 
 from tensegrity import check
 from tensegrity.errors import TensegrityError
-from tensegrity.root import crest, root
+from tensegrity.root import peak_weights, root
 
 if TYPE_CHECKING:
     from typing import Any
@@ -349,7 +349,7 @@ def _peak(t: Array, y: Array) -> tuple[float, Array]:
     k = int(np.argmax(trace))
     near = slice(k - 1, k + 2)
     if 0 < k < len(trace) - 1 and trace[near].min() < trace[k]:
-        slope[0, near] = crest(trace, k)
+        slope[0, near] = peak_weights(trace, k)
         return float(slope[0, near] @ trace[near]), slope
     slope[0, k] = 1
     return float(trace[k]), slope

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from tensegrity.engine.bonds import Contacts
-from tensegrity.engine.compiled import evaluated, single
+from tensegrity.engine.compiled import evaluated, loop_of_law
 from tensegrity.engine.energies import Energies, Search, SearchPoints
 from tensegrity.errors import StabilityError, TensegrityError
 from tensegrity.readonly import fixed
@@ -189,7 +189,7 @@ class Springs:
         """
         found = []
         for one, columns in self._groups:
-            loop = single(one.law)
+            loop = loop_of_law(one.law)
             if loop is None or "energy" not in one.law.compiled:
                 return None
             found.append((loop, one.values, self.reach[one.rows].T, columns))
@@ -293,7 +293,7 @@ class Springs:
         if not self.different or not np.array_equal(self.reach, self.domains):
             return {}
         laws, law, parameters = self.table
-        loops, kinds = [single(one) for one in laws], {type(one) for one in self.different}
+        loops, kinds = [loop_of_law(one) for one in laws], {type(one) for one in self.different}
         names = [
             name
             for name in ORDERS
