@@ -1,32 +1,33 @@
-/* Steps of a splitting in which time counts, behind `steps.c`: prescribed motions and forces of
-   some sites, dashpots, springs that change.
+/* Steps of a splitting with explicit time, included after `steps.c`: prescribed motions and
+   forces of some sites, dashpots, springs that change.
 
-   What depends on time only was computed before, for the kicks and drifts of all steps of a call.
-   A kick leaves in `v` of a prescribed site the impulse of its springs over its mass: the driver
-   pays for it with the velocity that it gives.  Drifts with dashpots solve
-   u' = v, m v' = -G v: without dashpots in bonds site by site, with those of a chain by the series
-   of the exponential function, in which prescribed velocities stand as polynomials.  In a network
-   G turns with the bonds: such a drift is an extrapolated midpoint rule, of the method's order. */
+   Numbers that depend on time only are computed before, for the kicks and drifts of all steps of
+   a call.  A kick leaves in `v` of a prescribed site the impulse of its springs over its mass,
+   which times the prescribed velocity is the work of the drive.  Drifts with dashpots solve u' =
+   v, m v' = -G v: site by site without dashpots in bonds; with those of a chain by the series of
+   the exponential function, in which prescribed velocities are polynomials.  In a network G
+   depends on the directions of bonds: the drift is an extrapolated midpoint rule of the method's
+   order. */
 
-#define PARTS 8 /* sums at a time, so that additions do not wait for each other */
+#define PARTS 8 /* independent sums, which a processor adds at the same time */
 
 typedef struct {
     const real *moved_u, *moved_v;   /* (drifts, moved) after each; (kicks, moved) */
     const real *force, *force_rate;  /* (kicks, forced) */
     const real *shared;              /* (kicks, PARAMETERS): of the law, and their rates */
     const real *domain;              /* (kicks, 2) elongations that springs may have */
-    const real *prescribed_mass;               /* (moved) their masses */
+    const real *prescribed_mass;     /* (moved) their masses */
     const real *series;              /* (drifts, moved, degree) of prescribed velocities */
-    const real *dissipated;              /* (drifts) loss in dashpots from the ground to those */
-    const real *decay, *drift_factor;       /* (stages, entries) of v, and of u for v, in a drift */
+    const real *dissipated;          /* (drifts) loss in dashpots from the ground to those */
+    const real *decay, *drift_factor; /* (stages, entries) of v, and of u for v, in a drift */
     const real *mass, *ground, *bond; /* (entries), 0 where prescribed; (entries); (bonds) */
     const integer *moved, *forced;   /* entries of u */
     real *term, *next, *pull, *given; /* scratch: (entries) twice, (entries + 1), (moved, degree) */
-    real *sums, *output_sums;              /* work, loss, elongations met, (2): so far, of what is shown */
-    const integer *ends;             /* (damped_bonds, 2) where the rows of bonds with dashpots begin */
+    real *sums, *output_sums;        /* work, loss, elongation range (2): so far, and in the output */
+    const integer *ends;             /* (damped_bonds, 2) first entries of their ends */
     const real *apart;               /* (damped_bonds, DIM + 2) their geometry D, g, L */
     real *room;                      /* scratch: (levels + 3, 2 entries + 1) */
-    real *elongations;                   /* scratch: (bonds) elongations, in the order of the loop */
+    real *elongations;               /* scratch: (bonds) elongations, in the order of the loop */
     integer entries, moving, forcing, damped, degree, damped_bonds, levels, bonds, stage;
 } drive;
 
@@ -36,7 +37,7 @@ enum { UNDAMPED, DAMPED_SITES, DAMPED_CHAIN, DAMPED_NETWORK };
 #if CHANGES
 #ifdef DIM
 #define ELONGATION(i) d->elongations[i]
-/* Elongations of the bonds of a network, for what follows. */
+/* Elongations of the bonds of a network. */
 static void find_elongations(const scene *c, const drive *d)
 {
     const integer n = c->contacts;
@@ -50,7 +51,8 @@ static void find_elongations(const scene *c, const drive *d)
     }
 }
 
-/* Rate of the energy of all bonds at given elongations: law number 1 is that of law number 0. */
+/* Rate of the energy of all bonds at given elongations: law number 1 is the rate of law number
+   0. */
 __attribute__((flatten)) static real power_of(const scene *c, const drive *d)
 {
     const integer bonds = d->bonds;
@@ -58,7 +60,8 @@ __attribute__((flatten)) static real power_of(const scene *c, const drive *d)
     real p[PARAMETERS + 1], part[BLOCK] = {0}, sum = 0;
     for (int i = 0; i < PARAMETERS; i++) p[i] = shared[i];
     integer j = 0;
-    for (; j + BLOCK <= bonds; j += BLOCK) EACH(BLOCK) part[i] += energy_1(d->elongations[j + i], p);
+    for (; j + BLOCK <= bonds; j += BLOCK)
+        EACH(BLOCK) part[i] += energy_1(d->elongations[j + i], p);
     EACH(bonds - j) part[i] += energy_1(d->elongations[j + i], p);
     for (int i = 0; i < BLOCK; i++) sum += part[i];
     return sum;
@@ -111,7 +114,8 @@ static real energy_of(const drive *d, const real *restrict v)
 static void drift_damped_sites(const scene *c, const drive *d, integer s, integer i0)
 {
     const integer n = d->entries;
-    const real *restrict decay = d->decay + i0 * n, *restrict drift_factor = d->drift_factor + i0 * n;
+    const real *restrict decay = d->decay + i0 * n;
+    const real *restrict drift_factor = d->drift_factor + i0 * n;
     real *restrict u = c->u, *restrict v = c->v;
     const real before = energy_of(d, v);
     EACH(n) u[i] += drift_factor[i] * v[i], v[i] *= decay[i];
@@ -152,7 +156,7 @@ static void drift_damped_chain(const scene *c, const drive *d, integer s, real b
         real *swap = y;
         y = next, next = swap;
     }
-    real paid = 0; /* by who moves sites against dashpots */
+    real paid = 0; /* work of drives against dashpots */
     for (integer e = 0; e < d->moving; e++)
         for (integer k = 0; k < count; k++)
             for (integer l = 0; l < count; l++)
@@ -163,8 +167,8 @@ static void drift_damped_chain(const scene *c, const drive *d, integer s, real b
 #endif
 
 #ifdef DIM
-/* Rates of displacements and velocities in a drift of which the share `tau` is over, and behind them
-   of the work of who moves sites against dashpots. */
+/* Rates of displacements and velocities after a fraction `tau` of a drift, then that of the work of
+   drives against dashpots. */
 static void resisted(const scene *c, const drive *d, integer s, real tau, real *y, real *rate)
 {
     const integer n = d->entries, count = d->degree;
@@ -287,8 +291,8 @@ static int driven_stage(scene *c, const drive *d, integer s, integer i, real a, 
     return 0;
 }
 
-/* As the functions of `steps.c`, from kick number d->stage on, which is counted on; 1 where a spring
-   locked at it. */
+/* As the functions of `steps.c`, from kick number d->stage on, which is advanced; 1 where a spring
+   reached the end of its domain. */
 integer advance_driven(const scene *given, drive *d, integer steps, integer opened)
 {
     FLUSH
@@ -301,7 +305,7 @@ integer advance_driven(const scene *given, drive *d, integer steps, integer open
     return 0;
 }
 
-/* Sums of what is shown are apart; elongations that its kick meets count. */
+/* The output state has its own sums; elongations of its closing kick count. */
 integer postprocess_driven(const scene *given, drive *d, real *u, real *v)
 {
     FLUSH

@@ -1,24 +1,25 @@
-/* Energies of many states of a chain or a network; and how far springs come with an energy, and how
-   stiff or tense they get on the way.
+/* Energies of many states of a chain or a network; elongations that springs reach with an energy,
+   and their largest stiffness or tension up to there.
 
-   Compiled once for all scenes, without contraction of products and sums: kinetic and stored
-   energy are summed in the order of NumPy, by pairs, so that it makes no difference to a bit how
-   many states are asked for at once, or by whom; and what is looked at are the points of NumPy,
-   fractions of the way between two elongations. */
+   Compiled once for all scenes, without contraction of products and sums: kinetic and stored energy
+   are summed pairwise in the order of NumPy, so that results agree to the bit for any number of
+   states in a call; the sampling points are those of NumPy, fractions of the distance between two
+   elongations. */
 
-typedef void (*law)(integer order, integer n, const double *parameters, const double *r, double *out);
+typedef void (*law)(integer order, integer n, const double *parameters, const double *r,
+                    double *out);
 typedef void (*elongation_function)(const void *, integer, const double *, double *);
 
 enum { ENERGY, TENSION, STIFFNESS, BLOCK = 64 }; /* points that one call of a law evaluates */
 
-/* Bonds that one call evaluates: of one spring, or of one law with parameters of each. */
+/* Bonds that one call evaluates: of one spring, or of one law with different parameters. */
 typedef struct {
     void *function;             /* a `law`: `values` or `values_own` of evaluate.c */
     void *elongations;          /* of elongations.c; 0 for neighbours on a line */
     const double *parameters;   /* (parameters,), or (parameters, count) */
     const double *low, *high;   /* (count) ends of the domain, or one of each */
-    const integer *members;     /* (count) places of the bonds; 0 where they are in a row */
-    const void *places;         /* what `elongations` takes */
+    const integer *members;     /* (count) numbers of the bonds; 0 where they are consecutive */
+    const void *places;         /* argument of `elongations` */
     integer own, count, start;  /* start: place of the first */
 } bond_set;
 
@@ -44,7 +45,7 @@ static double pairwise_sum(const double *x, integer n)
     return sum;
 }
 
-/* Elongations of some bonds, side by side; whether all are in the domain, which NaN is not. */
+/* Elongations of the bonds of a set; returns whether all are in the domain, which NaN is not. */
 static integer elongations(const bond_set *s, const double *u, double *restrict r)
 {
     integer outside = 0;
@@ -66,9 +67,9 @@ static integer elongations(const bond_set *s, const double *u, double *restrict 
     return !outside;
 }
 
-/* Total energy of each of `rows` states of so many `entries`; 0 where an elongation is outside of
-   its domain.  `mass` is that of each entry; `loads` 0 where there are none.  `scratch` takes one
-   number for each of `all` bonds, and behind them as many as `entries` or one set has bonds. */
+/* Total energy of each of `rows` states with so many `entries`; returns 0 where an elongation is
+   outside its domain.  `mass` is that of each entry; `loads` is 0 without loads.  `scratch` has one
+   number for each of `all` bonds, then the larger of `entries` and the bonds of a set. */
 integer energies(const bond_set *sets, integer count, integer all, const double *mass,
                  const double *loads, integer entries, integer rows, const double *u,
                  const double *v, double *scratch, double *total)
@@ -100,14 +101,14 @@ typedef struct {
     integer width;
 } springs;
 
-/* Shares of a way at which to sample in turn, those of each sample from where it begins. */
+/* Fractions of a distance at which to sample, those of each pass from its entry of `begins` on. */
 typedef struct {
     const double *fractions;
     const integer *begins; /* (count + 1) */
     integer count;
 } search_grid;
 
-/* Points at fractions of the way from `a` to `b`, and what a spring has there. */
+/* Points at fractions of the distance from `a` to `b`, and the values of a spring there. */
 static void sample(const springs *s, integer spring, integer order, double a, double b,
                  const double *fractions, integer n, double *restrict r, double *restrict values)
 {
@@ -115,11 +116,11 @@ static void sample(const springs *s, integer spring, integer order, double a, do
     s->functions[spring](order, n, s->parameters + spring * s->width, r, values);
 }
 
-/* The first elongation with more than an energy on the way from 0 to an end, or else the last.
-   Each sample but the first is between what the one before it found and the last point, of any
-   sample, that is not so far.  `found` is whether the first sample found one. */
-static double first(const springs *s, double energy, integer spring, double end, const search_grid *of,
-                    integer *found)
+/* The first elongation between 0 and an end with more than an energy, or else the last one.  Each
+   pass after the first samples between the points that bracket it in the pass before.  `found`
+   tells whether the first pass found one. */
+static double first(const springs *s, double energy, integer spring, double end,
+                    const search_grid *of, integer *found)
 {
     double r[BLOCK], values[BLOCK], before = 0, beyond = end;
     for (integer m = 0; m < of->count; m++) {
@@ -142,9 +143,10 @@ static double first(const springs *s, double energy, integer spring, double end,
     return beyond;
 }
 
-/* The first of some sizes with more than an energy, to the side of a sign, or else the last; of
-   those in a row, from the first one, at which the stiffness is finite. */
-static double size(const springs *s, double energy, integer spring, double sign, const search_grid *of)
+/* The first of some sizes, times a sign, with more than an energy, or else the last one; only the
+   first consecutive sizes with a finite stiffness count. */
+static double size(const springs *s, double energy, integer spring, double sign,
+                   const search_grid *of)
 {
     double r[BLOCK], values[BLOCK], stiffness[BLOCK], last = 0;
     const integer stop = of->begins[1];
@@ -164,10 +166,11 @@ static double size(const springs *s, double energy, integer spring, double sign,
     return last;
 }
 
-/* What `count` springs reach with an energy, (count, 2), and whether that is an end of the domain.
-   `grids`: how to sample where the domain has an end; sizes, and up to one of them, where not. */
-void reachable(const springs *s, double energy, integer count, const search_grid *grids, double *ranges,
-               unsigned char *locks)
+/* Elongations that `count` springs reach with an energy, (count, 2), and whether they include an
+   end of the domain.  `grids`: up to an end of the domain; sizes where it is unbounded; up to
+   one. */
+void reachable(const springs *s, double energy, integer count, const search_grid *grids,
+               double *ranges, unsigned char *locks)
 {
     for (integer k = 0; k < count; k++) {
         locks[k] = 0;
@@ -182,10 +185,9 @@ void reachable(const springs *s, double energy, integer count, const search_grid
     }
 }
 
-/* Largest tension by size, or stiffness, at least 0, of springs of these numbers, or of the
-   first ones, at fractions of their ranges (count, 2); not a number where one of them is none.
-   Returns 0 where a range is not inside of the domain, 2 where all that was found is finite, else
-   1. */
+/* Largest absolute tension, or stiffness, at least 0, of springs of given numbers, or of the
+   first ones, at fractions of their ranges (count, 2); NaN where a sample is NaN. Returns 0
+   where a range is not inside the domain, 2 where all results are finite, otherwise 1. */
 integer largest(const springs *s, integer order, integer count, const integer *numbers,
                 const double *ranges, const double *fractions, integer every, double *out)
 {

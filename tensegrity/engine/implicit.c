@@ -43,8 +43,7 @@ static inline void couple(const implicit *m, integer i, integer j, real stiffnes
         m->band[column * m->width + row] += m->root[i] * m->root[j] * stiffness;
 }
 
-/* Forces and the matrix at u + d with the last update, and what the equations are off there;
-   whether that is finite. */
+/* Forces, matrix and residuals at u + d with the last update; returns whether these are finite. */
 static int linearised(const scene *c, const implicit *m)
 {
     const integer n = m->entries, bonds = m->bonds;
@@ -89,7 +88,7 @@ static int linearised(const scene *c, const implicit *m)
     return is_valid;
 }
 
-/* Solve by L D L': `right` becomes the solution, the matrix L D. */
+/* Solve by the factorisation L D L': overwrites `right` by the solution and the matrix by L D. */
 static void solve(const implicit *m)
 {
     const integer n = m->entries, width = m->width;
@@ -111,7 +110,8 @@ static void solve(const implicit *m)
     }
 }
 
-/* Displacements to the middle of a step, to round-off; whether they were found. */
+/* Displacements to the middle of a step, to round-off; returns whether Newton's method
+   converged. */
 static int solved(const scene *c, const implicit *m)
 {
     const integer n = m->entries;
@@ -146,7 +146,7 @@ integer advance_implicit(const scene *c, const implicit *m, integer steps, integ
     EACH(n) m->root[i] = sqrt(c->w[i]);
     for (integer k = 0; k < steps; k++) {
         if (!solved(c, m)) return 1;
-        acceleration(c, m->place, m->slope, m->count); /* of walls; and it notes elongations */
+        acceleration(c, m->place, m->slope, m->count); /* of walls; also notes elongations */
         real largest = 0;
         for (integer i = 0; i < n; i++) {
             largest = larger(largest, fabs(2 * m->moved[i]));
@@ -155,7 +155,7 @@ integer advance_implicit(const scene *c, const implicit *m, integer steps, integ
         }
         *m->travel += largest;
         for (integer i = n; i < m->count; i++) c->v[i] += dt * m->slope[i];
-        acceleration(c, c->u, m->slope, m->count); /* for the elongations where the step ends */
+        acceleration(c, c->u, m->slope, m->count); /* notes those at the end of the step */
     }
     return 0;
 }

@@ -1,15 +1,15 @@
 /* A stage over a run of bonds of law number K of a chain.
 
    A stage is a kick v += a w (tension right - tension left) followed by a drift u += b v, done
-   in one pass over the run in blocks that stay in the nearest cache.  A law with roots or quotients
-   is computed for several bonds side by side: `simd.c`.  Its first pass is done in the loop that
-   updates the block before, which by itself would leave idle what takes roots. */
+   in one pass over the run, in blocks that stay in the nearest cache.  A law with roots or
+   quotients is computed for several bonds in SIMD registers: `simd.c`.  Its first pass is part of
+   the loop that updates the block before, so that the units for roots are not idle meanwhile. */
 
-/* A bond with parameters of its own has a range too; of others each place of a block. */
+/* A bond with parameters of its own has its own range; of others each place of a block has one. */
 #define PLACE(q) (OWNED ? (q) : i)
 #if CHANGES
-/* Where springs change, rates of their energies come in packs behind tensions, and are summed for
-   each place of a block; how far springs come was looked at before. */
+/* Where springs change, the rates of their energies follow the tensions, and are summed for each
+   place of a block; their elongation range was computed before. */
 #define NOTE_RANGE(q)
 #define RATES(n) EACH(n) part[BLOCK - (n) + i] += f[BATCH + BLOCK + i];
 #else
@@ -27,7 +27,7 @@
     v[(j) + i] += a * w[(j) + i] * (f[i + BATCH] - f[i]);                                   \
     u[(j) + i] += b * v[(j) + i];
 
-/* The same for a pack. */
+/* The same for a SIMD vector. */
 #define ELONGATION_PACK(j)                                                                     \
     INTO(r + i) = INTO(u + (j) + i + BATCH) - INTO(u + (j) + i);                            \
     INTO(low + PLACE((j) - start + i)) =                                                    \
@@ -44,7 +44,7 @@
 #define FIRST(j)                                                                            \
     OF(first_tension_lanes)                                                                 \
     (i / WIDE, (const pack *)r, p, own + (j) - start, all, (pack *)(f + BATCH), kept);
-/* A last pack that is not full repeats a bond. */
+/* An incomplete last vector repeats a bond. */
 #define FIRSTS(j, n)                                                                        \
     for (integer i = n; i % WIDE; i++) r[i] = r[(n) - 1];                                   \
     for (integer i = 0; i < (n); i += WIDE) { FIRST(j) }
@@ -52,8 +52,7 @@
 #define FIRSTS(j, n)
 #endif
 
-/* Tensions of n bonds from bond q of the run on.  A long law is compiled once only, apart from
-   where it is called. */
+/* Tensions of n bonds from bond q of the run on.  A long law is compiled once, not inlined. */
 #if IS_LONG
 __attribute__((noinline, flatten)) static
 #else
@@ -87,14 +86,14 @@ __attribute__((flatten)) static void OF(stage)(
     __attribute__((aligned(64))) real r[BLOCK], room[(1 + CHANGES) * BLOCK + BATCH + WIDE];
     real part[BLOCK] = {0};
     pack kept[WAITING][ROOM];
-    real *const f = room + (WIDE - BATCH % WIDE) % WIDE; /* tensions of a block begin with a pack */
+    real *const f = room + (WIDE - BATCH % WIDE) % WIDE; /* aligns the tensions of a block */
     real *restrict u = c->u, *restrict v = c->v;
     const real *restrict w = c->w;
     const integer start = BATCH * c->first[s], last = BATCH * c->first[s + 1];
     const integer all = last - start;
     const real *restrict shared = c->shared + s * PARAMETERS, *restrict own = c->own + c->own_at[s];
     real *restrict low = c->low + c->range_at[s], *restrict high = c->high + c->range_at[s];
-    real p[PARAMETERS + 1]; /* which is there: the compiler need not look whether it is */
+    real p[PARAMETERS + 1]; /* a copy, which the compiler may assume to exist and not to alias */
     for (int i = 0; i < PARAMETERS; i++) p[i] = shared[i];
     integer j = start;
     for (int l = 0; l < BATCH; l++) f[l] = left[l];

@@ -19,7 +19,7 @@ __attribute__((always_inline)) static inline void OF(run)(
 #endif
     for (int part = 0; part < GROUP; part += WIDE)
         for (integer q = slice[0], at = c->begin[q]; q < slice[1];) {
-            /* Whole slices that find room, or a part of one that does not. */
+            /* Whole slices that fit into the work space, or a part of one that does not. */
             integer last = q;
             while (last < slice[1] && c->begin[last + 1] - at <= ROOM) last++;
             const integer stop = last > q ? c->begin[last] : at + ROOM, to = last + (last == q);
