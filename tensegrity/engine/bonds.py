@@ -166,11 +166,11 @@ def line_runs(bonds):
         if joins[mine].any() and is_long(bonds.laws[number]):
             joins |= mine  # so that the law is compiled once
     ends = np.flatnonzero((laws[1:] != laws[:-1]) | ~(joins[1:] & joins[:-1])) + 1
-    kept = np.concatenate([[0], ends]).astype(int)
-    own = joins[kept].astype(int)
+    begins = np.concatenate([[0], ends]).astype(int)
+    own = joins[begins].astype(int)
     return Runs(
-        np.arange(len(group)), np.append(first[kept], len(group)), laws[kept], own,
-        np.full(len(kept), PAIR),
+        np.arange(len(group)), np.append(first[begins], len(group)), laws[begins], own,
+        np.full(len(begins), PAIR),
     )  # fmt: skip
 
 

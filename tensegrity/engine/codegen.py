@@ -290,7 +290,7 @@ def _without_divisions(function, r, p):
     values = ca.vertcat(*interpret(function, inputs, apply))
     if chosen:
         return values, list(known.values())
-    kept = []
+    pairs = []
     for x, symbol in known.values():
         for whole, other in known.values():
             rest = None if whole is x else _rest(whole, x)
@@ -298,8 +298,8 @@ def _without_divisions(function, r, p):
                 values = ca.substitute(values, symbol, rest * other)
                 break
         else:
-            kept.append((x, symbol))
-    return values, kept
+            pairs.append((x, symbol))
+    return values, pairs
 
 
 def _rest(product, factor):

@@ -84,13 +84,13 @@ def _write(path, content):
     """Write a file completely, or not at all if this is not possible."""
     with contextlib.suppress(OSError):
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)  # it may have been deleted
-        handle, beside = tempfile.mkstemp(prefix="kept-", dir=path.parent)
+        handle, temporary = tempfile.mkstemp(prefix="kept-", dir=path.parent)
         try:
             with open(handle, "wb") as file:
                 file.write(hashlib.sha256(content).hexdigest().encode() + b"\n" + content)
-            os.replace(beside, path)
+            os.replace(temporary, path)
         except BaseException:
-            os.unlink(beside)
+            os.unlink(temporary)
             raise
 
 

@@ -57,4 +57,7 @@ def side_by_side(dim):
         )
         for kind, function in functions(dim).items()
     ]  # fmt: skip
-    return [f"#define KEPT {max(1, *(kept for kept, _ in found))}", *(text for _, text in found)]
+    return [
+        f"#define STORED {max(1, *(stored for stored, _ in found))}",
+        *(text for _, text in found),
+    ]

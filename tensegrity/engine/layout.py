@@ -167,34 +167,34 @@ def _by_wall(bonds, found, normal):
     among them, sorted by wall and then in the order of the list, and the first one of each wall.
     """
     runs, contacts = bonds.runs, bonds.contacts
-    dim, kept, at, places, walls = len(normal), [np.zeros(0)], [], [], []
+    dim, blocks, at, places, walls = len(normal), [np.zeros(0)], [], [], []
     for k, kind in enumerate(runs.kind):
-        at.append(sum(map(len, kept)))
+        at.append(sum(map(len, blocks)))
         if kind == WALL:
             part = slice(*found.first[k : k + 2])
             entries, counting = found.contact[part], np.flatnonzero(found.counts[part])
             groups = normal[:, entries].reshape(dim, -1, GROUP)
-            kept.append(groups.swapaxes(0, 1).ravel())
+            blocks.append(groups.swapaxes(0, 1).ravel())
             order = counting[np.argsort(entries[counting])]
             places.append(at[-1] + order // GROUP * GROUP * dim + order % GROUP)
             walls.append(found.other[part][order])
     places, walls = (np.concatenate([np.zeros(0, dtype=int), *x]) for x in (places, walls))
     order = np.argsort(walls, kind="stable")
     begin = np.searchsorted(walls[order], np.arange(len(contacts.load), contacts.rows + 1))
-    normal = {"normal": np.concatenate(kept), "normal_at": np.array(at, dtype=int)}
+    normal = {"normal": np.concatenate(blocks), "normal_at": np.array(at, dtype=int)}
     return normal | {"pressing": places[order], "pressed": begin}
 
 
 def _varying(name, values, first):
     """Values of the entries of each run, or `GROUP` equal ones; where these begin, and which of
     the two they are."""
-    kept, at, each = [np.zeros(0)], [], []
+    blocks, at, each = [np.zeros(0)], [], []
     for start, stop in pairwise(first):
         part = values[start:stop]
         each.append(bool(np.any(part != part[0])))
-        at.append(sum(map(len, kept)))
-        kept.append(part if each[-1] else part[:GROUP])
-    found = {"": np.concatenate(kept), "_at": np.array(at, int), "_each": np.array(each, int)}
+        at.append(sum(map(len, blocks)))
+        blocks.append(part if each[-1] else part[:GROUP])
+    found = {"": np.concatenate(blocks), "_at": np.array(at, int), "_each": np.array(each, int)}
     return {name + ending: x for ending, x in found.items()}
 
 

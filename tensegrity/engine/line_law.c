@@ -43,7 +43,7 @@
 /* The first pass for the pack with bond i of those from j on. */
 #define FIRST(j)                                                                            \
     OF(first_tension_lanes)                                                                 \
-    (i / WIDE, (const pack *)r, p, own + (j) - start, all, (pack *)(f + BATCH), kept);
+    (i / WIDE, (const pack *)r, p, own + (j) - start, all, (pack *)(f + BATCH), stored);
 /* An incomplete last vector repeats a bond. */
 #define FIRSTS(j, n)                                                                        \
     for (integer i = n; i % WIDE; i++) r[i] = r[(n) - 1];                                   \
@@ -59,11 +59,11 @@ __attribute__((noinline, flatten)) static
 static inline
 #endif
 void OF(tensions)(integer n, integer q, real *restrict r, const real *restrict shared,
-                  const real *restrict own, integer all, real *restrict f, pack (*kept)[ROOM])
+                  const real *restrict own, integer all, real *restrict f, pack (*stored)[ROOM])
 {
 #if IN_SIMD
     n = (n + WIDE - 1) / WIDE;
-    OF(rest_tension_lanes)(n, (const pack *)r, shared, own + q, all, (pack *)f, kept);
+    OF(rest_tension_lanes)(n, (const pack *)r, shared, own + q, all, (pack *)f, stored);
 #elif OWNED
     EACH(n) {
         real p[PARAMETERS + 1];
@@ -77,7 +77,7 @@ void OF(tensions)(integer n, integer q, real *restrict r, const real *restrict s
 
 #define CARRY(n) for (int l = 0; l < BATCH; l++) f[l] = f[(n) + l];
 #define PULL(j, n)                                                                          \
-    OF(tensions)(n, (j) - start, r, p, own, all, f + BATCH, kept);                          \
+    OF(tensions)(n, (j) - start, r, p, own, all, f + BATCH, stored);                          \
     RATES(n)
 
 __attribute__((flatten)) static void OF(stage)(
@@ -85,7 +85,7 @@ __attribute__((flatten)) static void OF(stage)(
 {
     __attribute__((aligned(64))) real r[BLOCK], room[(1 + CHANGES) * BLOCK + BATCH + WIDE];
     real part[BLOCK] = {0};
-    pack kept[WAITING][ROOM];
+    pack stored[WAITING][ROOM];
     real *const f = room + (WIDE - BATCH % WIDE) % WIDE; /* aligns the tensions of a block */
     real *restrict u = c->u, *restrict v = c->v;
     const real *restrict w = c->w;

@@ -261,12 +261,16 @@ def _load(text, command, identity, flags):
         try:
             build(text, command, flags, entry)
         except OSError as error:
-            raise CompilerError(f"{entry.parent} takes no kernel: {error.strerror}") from error
+            raise CompilerError(
+                f"a kernel cannot be stored in {entry.parent}: {error.strerror}"
+            ) from error
         trim(most)
     try:
         return ctypes.CDLL(str(entry / LIBRARY))
     except OSError as error:
-        raise CompilerError(f"{shlex.join(command)} made what cannot be loaded: {error}") from error
+        raise CompilerError(
+            f"the library made by {shlex.join(command)} cannot be loaded: {error}"
+        ) from error
 
 
 def _intact(entry):
@@ -295,9 +299,9 @@ def build(text, command, flags, entry):
         The compiler rejects the text or times out, or the entry cannot be put in place.
     """
     entry.parent.mkdir(mode=0o700, parents=True, exist_ok=True)  # it may have been deleted
-    beside = Path(tempfile.mkdtemp(prefix="build-", dir=entry.parent))
+    temporary = Path(tempfile.mkdtemp(prefix="build-", dir=entry.parent))
     try:
-        source, made = beside / SOURCE, beside / LIBRARY
+        source, made = temporary / SOURCE, temporary / LIBRARY
         source.write_text(text)
         try:
             code, output = _call((*command, *flags, str(source), "-o", str(made), "-lm"))
@@ -307,16 +311,16 @@ def build(text, command, flags, entry):
         if code or not made.is_file():
             last = "\n".join(output.strip().splitlines()[-5:])
             raise CompilerError(f"{shlex.join(command)} failed ({code}): {last}")
-        (beside / DIGEST).write_text(hashlib.sha256(made.read_bytes()).hexdigest())
+        (temporary / DIGEST).write_text(hashlib.sha256(made.read_bytes()).hexdigest())
         for _ in range(RENAMES):
             if _intact(entry):  # here, or in another process that finished first
                 return
             _discard(entry)
             with contextlib.suppress(OSError):  # another process made it: check again
-                os.rename(beside, entry)
+                os.rename(temporary, entry)
         raise CompilerError(f"{entry} could not be put in place in {RENAMES} attempts")
     finally:
-        shutil.rmtree(beside, ignore_errors=True)
+        shutil.rmtree(temporary, ignore_errors=True)
 
 
 def _discard(entry):

@@ -5,7 +5,7 @@ __attribute__((always_inline)) static inline void OF(run)(
     const scene *c, const real *restrict u, integer s, integer t, real *restrict pull,
     const int wall)
 {
-    pack kept[KEPT][ROOM], along[DIM][ROOM], r[ROOM], f[ROOM], p[PARAMETERS + 1], sum[DIM];
+    pack stored[STORED][ROOM], along[DIM][ROOM], r[ROOM], f[ROOM], p[PARAMETERS + 1], sum[DIM];
     const integer start = c->entry[s], all = c->entry[s + 1] - start;
     const integer *slice = c->slice + s * (c->tiles + 1) + t;
     const integer each_gap = c->gap_each[s] * GROUP, each_length = c->length_each[s] * GROUP;
@@ -39,7 +39,7 @@ __attribute__((always_inline)) static inline void OF(run)(
                 columns(u, site, moved);
                 for (; g < end; g++) {
                     pack x[DIM], y[DIM];
-#define CONTACT gaps, each_gap, lengths, each_length, r, along, kept
+#define CONTACT gaps, each_gap, lengths, each_length, r, along, stored
                     if (wall) {
                         AXES(k) x[k] = load(normals + (g * DIM + k) * GROUP);
                         first_wall(g, x, moved, CONTACT);

@@ -56,8 +56,8 @@ def text(function, name, arguments, inputs, outputs):
     """
     import casadi as ca
 
-    kept, passes = _Body(ca, inputs, outputs).of(function)
-    room = f"    pack kept[{kept}][ROOM];\n" * (kept > 0)
+    stored, passes = _Body(ca, inputs, outputs).of(function)
+    room = f"    pack stored[{stored}][ROOM];\n" * (stored > 0)
     return _noinline(name, arguments, room + _loops(passes))
 
 
@@ -66,7 +66,7 @@ def two_functions(function, name, given, arguments, inputs, outputs):
 
     `first_<name>` does the first pass for vector number g of the `given` arguments, `rest_<name>`
     the others for the vectors number 0 to n - 1, without these arguments.  Intermediate values are
-    in the last argument, `kept`.  If no arguments are given and there is only one pass, it is in
+    in the last argument, `stored`.  If no arguments are given and there is only one pass, it is in
     the second function, as the first one writes no results.
 
     Parameters
@@ -83,11 +83,11 @@ def two_functions(function, name, given, arguments, inputs, outputs):
     """
     import casadi as ca
 
-    kept, passes = _Body(ca, inputs, outputs).of(function, short=not given)
+    stored, passes = _Body(ca, inputs, outputs).of(function, short=not given)
     first, *rest = passes if given or len(passes) > 1 else ("", *passes)
-    arguments += ", pack (*restrict kept)[ROOM]"
+    arguments += ", pack (*restrict stored)[ROOM]"
     begin = f"PACKED void first_{name}(integer g, {given}{arguments})\n{{\n{first}}}\n"
-    return kept, begin + _noinline(f"rest_{name}", arguments, _loops(rest))
+    return stored, begin + _noinline(f"rest_{name}", arguments, _loops(rest))
 
 
 def _noinline(name, arguments, body):
@@ -261,18 +261,18 @@ class _Body:
         for level, _, line in lines:
             names = level_of.keys() & re.findall(r"\bx\d+\b", line)
             later[level] |= {name for name in names if level_of[name] < level}
-        needed, kept = set().union(*later), {}
+        needed, stored = set().union(*later), {}
         for level, sets, line in lines:
             levels[level].append(f"pack {', '.join(sets)}; {line}" if sets else line)
             for name in sets:
                 if name in needed:
-                    kept[name] = f"kept[{len(kept)}][g]"
-                    levels[level].append(f"{kept[name]} = {name};")
+                    stored[name] = f"stored[{len(stored)}][g]"
+                    levels[level].append(f"{stored[name]} = {name};")
         passes = []
         for lines, names in zip(levels, later, strict=True):
-            loads = [f"const pack {name} = {kept[name]};" for name in sorted(names)]
+            loads = [f"const pack {name} = {stored[name]};" for name in sorted(names)]
             passes.append("".join(f"        {line}\n" for line in loads + lines))
-        return len(kept), passes
+        return len(stored), passes
 
 
 def _inverse(value):

@@ -198,7 +198,7 @@ def gradient(
 def _splitting(method: str | methods.Method) -> methods.Splitting:
     found: Any = methods.find(method)
     if type(found) is not methods.Splitting:
-        reason = "its stages are none that can be undone one by one"
+        reason = "its stages cannot be inverted one by one"
         if isinstance(found, (methods.Splitting, methods.Corrected)):
             reason = "it has more than kicks and drifts, whose adjoint alone is derived here"
         raise TensegrityError(
@@ -210,8 +210,8 @@ def _splitting(method: str | methods.Method) -> methods.Splitting:
 def _of_batch(task: _Task, scene: Any, state: Any) -> Any:
     """Gradients of all scenes of an ensemble, on threads, as the loops release the interpreter."""
 
-    def one(lane: int) -> Any:
-        return _of_scene(task, scene.scenes[lane], scene.lane(state, lane))
+    def one(number: int) -> Any:
+        return _of_scene(task, scene.scenes[number], scene.lane(state, number))
 
     first = one(0)  # compiles the loops for all
     with ThreadPoolExecutor(threaded.threads()) as pool:
@@ -250,7 +250,7 @@ def _of_scene(task: _Task, scene: Any, state: Any) -> list[Gradient]:
     of = dynamics(scene)
     if of.follows:
         raise TensegrityError(
-            "contacts that come and go have no gradient here: give the scene those that act, with "
+            "contacts that are detected during a run have no gradient: list those that act, with "
             "contacts='fixed'"
         )
     for spring in of.springs.different:
@@ -339,7 +339,7 @@ def _checked(wanted: Any, known: Any, laws: Any) -> tuple[str, ...]:
         raise TensegrityError(f"wanted {check.shown(wanted)} must be a sequence of names")
     symbols = {str(s) for law in laws for s in law.parameters}
     for name in wanted:
-        check.kind("name that is wanted", name, str)
+        check.kind("name in wanted", name, str)
         if name not in known and name not in symbols:
             raise TensegrityError(f"wanted {check.shown(name)} is not one of {', '.join(known)}")
     return tuple(dict.fromkeys(wanted))

@@ -138,7 +138,7 @@ def energy(sites: Sequence[int] | None = None) -> Trace:
     numbers = check.sequence("sites", sites, "site numbers")
     found = tuple(check.whole("site", s, least=0) for s in numbers)
     if not found or len(set(found)) < len(found):
-        raise TensegrityError(f"sites {check.shown(found)} must be some, each once")
+        raise TensegrityError(f"sites {check.shown(found)} must be different, and at least one")
     return Trace("energy", found)
 
 
@@ -395,7 +395,9 @@ def _arrival(t: Array, y: Array, level: float, who: str) -> tuple[float, Array]:
     x = root(lambda x: float(_weights(x, count) @ above[here]), k - first, k - first + 1)
     rate = float((_weights(x + 1j * TINY, count) @ above[here]).imag / TINY)
     if rate == 0:
-        raise TensegrityError(f"{who} touches {level:g} m at {t[first] + x * dt:.6g} s, no passage")
+        raise TensegrityError(
+            f"{who} touches {level:g} m at {t[first] + x * dt:.6g} s without passing it"
+        )
     slope = np.zeros_like(y)
     slope[0, here] = -dt * _weights(x, count) / rate
     return float(t[first] + x * dt), slope

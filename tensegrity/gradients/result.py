@@ -165,7 +165,7 @@ def refuse(spring: Potential) -> None:
     """Refuse a spring without derivatives, saying why."""
     if isinstance(spring, Polynomial):
         raise TensegrityError(
-            f"{spring!r} stands for another spring: a gradient would be that of the fit, give the "
+            f"{spring!r} is a fit of another spring, of which it has no derivatives: give that "
             "spring itself"
         )
     if isinstance(spring, ElasticPotential):
@@ -176,10 +176,12 @@ def refuse(spring: Potential) -> None:
     if isinstance(spring, PowerLaw) and spring.exponent < 1:
         raise TensegrityError(
             f"exponent {spring.exponent:g} of {spring!r} is below 1: its stiffness has no bound "
-            "where the contact opens, and no derivative passes there"
+            "where the contact opens, and no derivative exists there"
         )
     if not isinstance(spring.law, Law):
-        raise TensegrityError(f"{spring!r} is no law whose parameters have a meaning")
+        raise TensegrityError(
+            f"{spring!r} has no parameters with respect to which to differentiate"
+        )
 
 
 def names(spring: Potential) -> tuple[str, ...]:

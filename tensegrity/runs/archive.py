@@ -62,7 +62,7 @@ class PrintedScene:
             raise AttributeError(name)
         raise SceneMissing(
             f"{name} of the scene {self.__dict__.get('text', '')} is not in the file, which has "
-            "its print-out only: build it again"
+            "its printed form only: build the scene again"
         )
 
     def __repr__(self) -> str:
@@ -198,7 +198,7 @@ def array(
     """
     is_one = isinstance(value, np.ndarray) and value.dtype == float and value.ndim == len(shape)
     if not is_one or any(n not in (None, m) for n, m in zip(shape, value.shape, strict=True)):
-        raise TensegrityError(f"{name} {check.shown(value)} is no array of floats {shape}")
+        raise TensegrityError(f"{name} {check.shown(value)} is not an array of floats {shape}")
     return check.finite(name, value) if are_finite else value
 
 
@@ -266,7 +266,7 @@ class _Reader:
             return {key: self.value(one) for key, one in x["dict"]}
         if "printed" in x:
             for text in (x["printed"], x["fingerprint"]):
-                check.kind("print-out", text, str)
+                check.kind("printed form", text, str)
             return PrintedScene(x["printed"], x["fingerprint"])
         return self._object(x["object"])
 
@@ -275,8 +275,8 @@ class _Reader:
             package, name, parts = self._objects[number]
             if name not in KINDS:
                 raise UnknownKind(
-                    f"nothing here knows a {name}: import {package} first, or take the version "
-                    "that wrote it"
+                    f"class {name} is not registered: import {package} first, or use the version "
+                    "that wrote the file"
                 )
             values = {key: self.value(one) for key, one in parts.items()}
             self._made[number] = KINDS[name].make(**values)

@@ -295,21 +295,24 @@ class CheckpointData(NamedTuple):
         )
 
 
-def _same_scene(kept: Any, given: Any, path: Path) -> Any:
+def _same_scene(stored: Any, given: Any, path: Path) -> Any:
     """The scene read from a file, or the one that the user gave, if they are the same."""
-    if given is None and isinstance(kept, archive.PrintedScene):
+    is_printed = isinstance(stored, archive.PrintedScene)
+    if given is None and is_printed:
         raise TensegrityError(
             f"the scene of {path} cannot be built from a file: give it as `scene`; it printed "
-            f"{kept}"
+            f"{stored}"
         )
     if given is None:
-        return kept
+        return stored
     saved = (
-        kept.fingerprint if isinstance(kept, archive.PrintedScene) else archive.fingerprint(kept)
+        stored.fingerprint
+        if isinstance(stored, archive.PrintedScene)
+        else archive.fingerprint(stored)
     )
     if archive.fingerprint(given) != saved:
         raise TensegrityError(
-            f"scene {check.shown(given)} is not that of {path}, which printed {kept!r}: sites, "
+            f"scene {check.shown(given)} is not that of {path}, which printed {stored!r}: sites, "
             "masses, springs, drives or their numbers differ"
         )
     return given

@@ -110,10 +110,10 @@ class Record:
             object.__setattr__(self, "interval", interval)
         if self.sites is not None:
             sites = check.sequence("sites", self.sites, "site numbers")
-            kept = tuple(check.whole("site", s, least=0) for s in sites)
-            if not kept:
+            numbers = tuple(check.whole("site", s, least=0) for s in sites)
+            if not numbers:
                 raise TensegrityError("sites is empty: nothing to record")
-            object.__setattr__(self, "sites", kept)
+            object.__setattr__(self, "sites", numbers)
         if self.path is not None:
             object.__setattr__(self, "path", check.path("path", self.path))
         if self.checkpoint is not None:
@@ -442,7 +442,7 @@ def user_observers(observe: Any, record: Record, scene: Any, t_end: float) -> li
             for name in ("sites", "path", "checkpoint"):
                 if getattr(when, name) is not None:
                     raise TensegrityError(
-                        f"{name} of an observer's record: it says when, every site is observed"
+                        f"{name} in an observer's record: it gives instants only, of all sites"
                     )
             when.check(scene.sites, t_end)
         found.append((function, record.instants if when is None else when))

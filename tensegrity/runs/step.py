@@ -211,10 +211,10 @@ def refuse_jumps(problem, elongation_range, tol):
             continue
         strain = f" (strain {place / spring.length:g})" if spring.length else ""
         what = f"tension of {check.shown(spring)} jumps by {jump:g} N"
-        why = "the error of fixed steps falls like the step there: give dt=, or a law that rises"
+        why = "the error of fixed steps is of first order there: give dt=, or a law that rises"
         if exponent < 0:
             what = f"energy of {check.shown(spring)} jumps by {jump:g} J"
-            why = "no step meets a force without a bound: give a law that rises"
+            why = "steps cannot resolve an unbounded force: give a law that rises"
         raise TensegrityError(
             f"tol {tol:g}: the {what} at the elongation {place:g} m{strain}; {why} over a range"
         )
@@ -413,7 +413,7 @@ def run_at_rest(problem, length, tol):
     moved = float(np.max(np.abs(run.u - run.u[0]))) / length
     if moved > tol:
         raise TensegrityError(
-            f"tol {tol:g}: the scene is at rest, and leaves it by round-off alone, as far as "
-            f"{moved:.1e} of its shortest bond"
+            f"tol {tol:g}: the scene is at rest and moves by round-off alone, by {moved:.1e} of "
+            "its shortest bond"
         )
     return unchecked_replace(run, error_estimate=moved if run.complete else None)

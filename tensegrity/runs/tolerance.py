@@ -304,8 +304,8 @@ def converged(problem, first, error, tol):
         smallest = min(smallest, gaps[-1][1])
         if stagnant == STAGNANT:
             raise TensegrityError(
-                f"tol {tol:g} is below {max(smallest, tol):.1e}, the difference of two runs that "
-                f"{trials[-1].steps} steps, and fewer, do not make smaller"
+                f"tol {tol:g} is below {max(smallest, tol):.1e}: up to {trials[-1].steps} steps do "
+                "not make smaller the difference of two runs, which is round-off"
             )
         factor = estimator.factor(gaps)
         factor = min(factor, 2.0) if stagnant else factor
