@@ -322,7 +322,7 @@ def test_a_full_disk_is_told_as_what_the_compiler_lacks(cache, monkeypatch):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(Path, "write_text", full)
-    with pytest.raises(native.CompilerError, match="cannot be stored in .*: No space left"):
+    with pytest.raises(native.CompilerError, match=r"cannot be stored in .*: No space left"):
         native.library(TEXT)
     assert not list(cache.glob("build-*"))
 

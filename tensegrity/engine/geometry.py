@@ -57,7 +57,5 @@ def side_by_side(dim):
         )
         for kind, function in functions(dim).items()
     ]  # fmt: skip
-    return [
-        f"#define STORED {max(1, *(stored for stored, _ in found))}",
-        *(text for _, text in found),
-    ]
+    stored = max(1, *(count for count, _ in found))
+    return [f"#define STORED {stored}", *(text for _, text in found)]

@@ -305,12 +305,8 @@ def _same_scene(stored: Any, given: Any, path: Path) -> Any:
         )
     if given is None:
         return stored
-    saved = (
-        stored.fingerprint
-        if isinstance(stored, archive.PrintedScene)
-        else archive.fingerprint(stored)
-    )
-    if archive.fingerprint(given) != saved:
+    digest = stored.fingerprint if is_printed else archive.fingerprint(stored)
+    if archive.fingerprint(given) != digest:
         raise TensegrityError(
             f"scene {check.shown(given)} is not that of {path}, which printed {stored!r}: sites, "
             "masses, springs, drives or their numbers differ"

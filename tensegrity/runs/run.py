@@ -162,11 +162,11 @@ class Run:
         """
         if not len(self.energy):
             return 0.0
-        kept, size = self.energy, abs(self.energy[0])
+        conserved, size = self.energy, abs(self.energy[0])
         if self.work is not None and self.loss is not None:
-            kept = self.energy - self.work + self.loss
+            conserved = self.energy - self.work + self.loss
             size = max(np.max(np.abs(x)) for x in (self.energy, self.work, self.loss))
-        deviation = np.max(np.abs(kept - kept[0]))
+        deviation = np.max(np.abs(conserved - conserved[0]))
         return float(deviation / size) if size else float(deviation)
 
     def save(self, path: str | PathLike[str]) -> None:
