@@ -224,7 +224,7 @@ def check_law(law: Law) -> None:
             raise TensegrityError(f"energy {law.energy} contains {constant}")
     try:
         functions(law)
-    except Exception as error:  # whatever SymPy's printer or CasADi raises at what it cannot do
+    except Exception as error:  # SymPy's printer and CasADi raise many kinds of errors
         raise TensegrityError(f"energy {law.energy} cannot be translated: {error}") from error
 
 

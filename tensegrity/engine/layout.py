@@ -240,7 +240,7 @@ class Slices:
         groups = np.append(0, np.cumsum(np.diff(self.begin[self.slice], axis=1).sum(axis=0)))
         done = groups + TILE / GROUP * np.arange(self.tiles + 1)
         cuts = np.zeros(pieces, dtype=int)
-        for _ in range(GUESSES):  # of what is done twice
+        for _ in range(GUESSES):  # of the work that two parts do
             twice = np.cumsum(groups[cuts] - groups[self.needed[cuts]])
             share = (done[-1] + twice[-1]) * np.arange(pieces) / pieces
             wanted = np.maximum.accumulate(share[1:] - twice[:-1])

@@ -238,7 +238,7 @@ class Corrected(Method):
         check.kind(f"base of {self.name!r}", self.base, Splitting)
 
     def check(self) -> None:
-        """Refuse what the base refuses."""
+        """Refuse an invalid base."""
         self.base.check()
 
     def _kinked(self, exponent: float) -> float:

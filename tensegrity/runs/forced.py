@@ -167,7 +167,7 @@ class ForcedMotion(Motion):
         r = self.dynamics.elongations(self.point.output[0][: self._sites])
         return self._omega(float(r.min()), float(r.max()), self.point.done)
 
-    # what was reached
+    # accepted state
 
     def energies(self, t: Array, u: Array, v: Array) -> Array:
         """Total energies of states, with the springs at their instants; see `Motion.energies`.
@@ -228,7 +228,7 @@ class ForcedMotion(Motion):
         sums[:] = bound.sums[:2]
         self._add_prescribed(np.array([t + part]), u[None], v[None], sums[None])
 
-    # what went wrong
+    # errors
 
     def error(self) -> LockingError | StabilityError:
         """The error by which an attempt of a single step failed."""

@@ -306,7 +306,7 @@ class Motion:
         self._short = None
         self.restore()
 
-    # what was reached
+    # accepted state
 
     @property
     def fastest(self) -> float:
@@ -384,7 +384,7 @@ class Motion:
         self._short.set_step(part)
         return self._short
 
-    # what went wrong
+    # errors
 
     def error(self) -> LockingError | StabilityError:
         """The error by which an attempt of a single step failed."""
