@@ -445,11 +445,11 @@ def test_fields_are_where_the_compiler_has_them(file, name):
 
 
 def test_every_field_is_given_by_its_name_and_no_other():
-    looks, begins = native.structure("energies.c", "looks"), np.arange(2)
-    made = looks(count=1, begins=begins, shares=None)
-    assert (made.begins, made.shares, made.count) == (begins.ctypes.data, None, 1)
+    grid, begins = native.structure("energies.c", "search_grid"), np.arange(2)
+    made = grid(count=1, begins=begins, fractions=None)
+    assert (made.begins, made.fractions, made.count) == (begins.ctypes.data, None, 1)
     for wrong in ({"count": 1, "begins": begins}, {**made.filled, "end": 1}):
-        with pytest.raises(TypeError, match=r"shares|end"):
-            looks(**wrong)
+        with pytest.raises(TypeError, match=r"fractions|end"):
+            grid(**wrong)
     with pytest.raises(AttributeError):
         made.fill(end=1)

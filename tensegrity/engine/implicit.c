@@ -1,6 +1,6 @@
 /* Steps of the implicit midpoint rule, one text for every scene.
 
-   Included behind `steps.c`, of which it takes acceleration(scene, u, a, n).  With h = dt/2 a step
+   Included after `steps.c`, of which it takes acceleration(scene, u, a, n).  With h = dt/2 a step
    solves d = h v + h^2 w F(u + d) for the displacements d to its middle by Newton's method; then
    u += 2 d and v += 2/h (d - h v).  Divided by sqrt(w) the tangent is symmetric: the matrix
    1 + h^2 sqrt(w) K sqrt(w), in whose rows and columns of held sites, w = 0, there is but the 1. */

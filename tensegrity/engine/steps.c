@@ -1,6 +1,6 @@
 /* Steps of every method, one text for every scene.
 
-   Included behind a loop that defines `scene` and stage(scene, a, b): a kick by a, a drift by b. */
+   Included after a loop that defines `scene` and stage(scene, a, b): a kick by a, a drift by b. */
 
 /* Every method has a function that advances a scene by whole steps, and one that turns copies of u
    and v into the output state; both return whether they had to stop, which only some methods do.
