@@ -207,22 +207,22 @@ class ThreadedNetwork(Threaded):
         if not _pool_lock.acquire(blocking=False):
             super().advance_open(steps, opened)
             return
-        begin, turns, complete = Event(), [], []
+        begin, jobs, complete = Event(), [], []
 
-        def turn(number):
+        def advance_part(number):
             begin.wait()
             if complete:  # otherwise other threads are missing
                 piece = ctypes.addressof(self._pieces[number])
                 self._loop.library.advance_together(piece, steps, opened)
 
         try:
-            turns += [self._pool.submit(turn, k) for k in range(self._count)]
+            jobs += [self._pool.submit(advance_part, k) for k in range(self._count)]
             complete.append(True)
         finally:
             begin.set()
-            wait(turns)
+            wait(jobs)
             _pool_lock.release()
-        for one in turns:
+        for one in jobs:
             one.result()
 
 

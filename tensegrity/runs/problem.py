@@ -53,13 +53,13 @@ class AprioriBounds:
     @cached_property
     def expected(self) -> StiffnessBounds:
         """Bounds if a spring receives all the energy."""
-        return reach(*self._nearest())  # not rounded, which would depend on the units
+        return bounds_at_energy(*self._nearest())  # not rounded, which would depend on the units
 
     @cached_property
     def first_frequency(self) -> float:
         """Bound on the angular frequency [rad/s] if one bond receives half of the energy."""
         found, energy = self._nearest()
-        return reach(found, rounded(ENERGY_FRACTION * energy)).frequency
+        return bounds_at_energy(found, rounded(ENERGY_FRACTION * energy)).frequency
 
     @cached_property
     def near(self) -> tuple[Indices, Indices]:
@@ -83,7 +83,7 @@ def rounded(energy: float) -> float:
     return 2.0 ** (math.ceil(ENERGIES * math.log2(energy)) / ENERGIES)
 
 
-def reach(dyn: Dynamics, energy: float) -> StiffnessBounds:
+def bounds_at_energy(dyn: Dynamics, energy: float) -> StiffnessBounds:
     """Bounds if each spring receives an energy [J]; cached with the dynamics."""
     known = dyn.reached
     found = known.get(energy)

@@ -167,7 +167,7 @@ def attainable_order(problem, elongation_range):
 def exponents_within(dyn, elongation_range):
     """Exponents of the kinks of forces within a range of elongations, widened by round-off."""
     if dyn.follows:
-        return {corner[2] for _, corner in kinks_met(dyn, elongation_range)}
+        return {kink[2] for _, kink in kinks_in(dyn, elongation_range)}
     near = [TAUT * (spring.length or 0.0) for spring in dyn.springs.different]
     return dyn.springs.exponents_within(elongation_range + np.multiply.outer(near, (-1.0, 1.0)))
 
@@ -182,13 +182,13 @@ def may_jump(dyn):
     return dyn.follows or dyn.springs.jumps
 
 
-def kinks_met(dyn, elongation_range):
+def kinks_in(dyn, elongation_range):
     """Pairs of a spring and a kink of its force within a range of elongations."""
     if not dyn.follows:
         return dyn.springs.kinks_within(elongation_range)
     given = dyn.law.given
     spring = given if isinstance(given, Potential) else PowerLaw(1.0, 1.0)
-    return [(spring, corner) for corner in spring.openings]
+    return [(spring, kink) for kink in spring.openings]
 
 
 def refuse_jumps(problem, elongation_range, tol):
@@ -205,8 +205,8 @@ def refuse_jumps(problem, elongation_range, tol):
     ------
     TensegrityError
     """
-    corners = kinks_met(problem.dynamics, elongation_range) if may_jump(problem.dynamics) else ()
-    for spring, (place, jump, exponent, _) in corners:
+    kinks = kinks_in(problem.dynamics, elongation_range) if may_jump(problem.dynamics) else ()
+    for spring, (place, jump, exponent, _) in kinks:
         if exponent > 0:
             continue
         strain = f" (strain {place / spring.length:g})" if spring.length else ""
